@@ -1,0 +1,1 @@
+"""The words every room speaks: frozen values over numpy, no input or output."""

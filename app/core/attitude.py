@@ -1,0 +1,95 @@
+"""Where the camera points: a rotation from ICRS to camera axes, in every form people use."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """``matrix`` (3, 3) takes ICRS unit vectors to camera axes (x right, y down, z boresight).
+
+    ``covariance`` (3, 3), rad^2, is of a small rotation about the camera axes x, y, z.
+    """
+
+    matrix: Floats
+    covariance: Floats | None = None
+
+    @property
+    def boresight(self) -> Floats:
+        """ICRS unit vector (3,) of the camera's z axis."""
+        return self.matrix[2]
+
+    @property
+    def ra_dec_deg(self) -> tuple[float, float]:
+        """Boresight in ICRS degrees."""
+        return radec_deg(self.matrix[2])
+
+    @property
+    def roll_deg(self) -> float:
+        """Position angle of the camera's up (-y), degrees east of north, in (-180, 180]."""
+        return roll_at(self.matrix, self.matrix[2])
+
+    @property
+    def sigma_arcsec(self) -> tuple[float, float, float]:
+        """One-sigma errors along x, along y, and of roll.
+
+        Turning about the y axis moves the boresight along x, and the reverse.
+        """
+        if self.covariance is None:
+            return (float("nan"),) * 3
+        s = np.degrees(np.sqrt(np.diag(self.covariance))) * 3600.0
+        return float(s[1]), float(s[0]), float(s[2])
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """(w, x, y, z), scalar first and not negative, of the same rotation as ``matrix``.
+
+        ``v_camera = matrix @ v_icrs = q* v_icrs q`` read as a passive rotation: rotating the
+        axes by q, which is scipy's ``Rotation.from_matrix(matrix)`` as an active one.
+        """
+        from scipy.spatial.transform import Rotation
+
+        x, y, z, w = Rotation.from_matrix(self.matrix).as_quat()
+        s = -1.0 if w < 0 else 1.0
+        return float(s * w), float(s * x), float(s * y), float(s * z)
+
+    @property
+    def euler_deg(self) -> tuple[float, float, float]:
+        """(RA, Dec, roll) as the 3-2-1 angles that astronomers use, degrees."""
+        return (*self.ra_dec_deg, self.roll_deg)
+
+
+def unit_vectors(ra_deg: Floats | float, dec_deg: Floats | float) -> Floats:
+    """Unit vectors (..., 3) of ICRS degrees."""
+    ra, dec = np.radians(ra_deg), np.radians(dec_deg)
+    return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+
+
+def radec_deg(vector: Floats) -> tuple[float, float]:
+    """RA in [0, 360) and Dec, degrees, of one vector (3,)."""
+    x, y, z = (float(c) for c in vector)
+    return float(np.degrees(np.arctan2(y, x)) % 360.0), float(np.degrees(np.arctan2(z, np.hypot(x, y))))
+
+
+def roll_at(matrix: Floats, direction: Floats) -> float:
+    """Position angle (deg east of north) of the camera's up, seen at an ICRS direction (3,)."""
+    x, y, z = direction
+    east = np.array([-y, x, 0.0])
+    north = np.cross(direction, east)
+    up = -matrix[1]
+    return float(np.degrees(np.arctan2(up @ east, up @ north)))
+
+
+def attitude_from(ra_deg: float, dec_deg: float, roll_deg: float) -> Attitude:
+    """The attitude whose boresight and roll are given, ICRS degrees."""
+    ra, dec, roll = np.radians([ra_deg, dec_deg, roll_deg])
+    z = unit_vectors(ra_deg, dec_deg)
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
+    up = np.cos(roll) * north + np.sin(roll) * east
+    y = -up
+    return Attitude(np.stack([np.cross(y, z), y, z]))
