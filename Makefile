@@ -1,0 +1,67 @@
+# Kochab's commands. `make run` and `make test` need Python 3.11+ and make, nothing else.
+#
+#   make run      open the window           (make run ARGS="solve picture.jpg" for anything else)
+#   make test     every check, then the tests
+#   make lint     the checks alone          make format   put the source in order
+#   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
+#   make system   install Qt's system libraries           make clean    remove what was made
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+BENCH_STAMP := $(VENV)/.bench-installed
+ARGS ?=
+TESTS ?= tests
+BENCH ?= identify --quick
+
+.DEFAULT_GOAL := run
+.PHONY: run test lint format bench system clean qt
+
+run: $(STAMP) qt
+	@$(BIN)/python -m app $(ARGS)
+
+# Quick checks first, so that a slip is told within seconds.
+test: lint qt
+	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest $(TESTS)
+
+lint: $(STAMP)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
+	@$(BIN)/mypy
+
+format: $(STAMP)
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+bench: $(BENCH_STAMP)
+	@$(BIN)/python -m app bench $(BENCH)
+
+qt: $(STAMP)
+	@.ci/qt_libraries.sh $(VENV)
+
+system: $(STAMP)
+	@.ci/qt_libraries.sh $(VENV) --install
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find app catalogs resources tests -type d -name __pycache__ -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "Kochab needs Python 3.11 or newer; name one with: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "Kochab needs Python's venv module; install it with: sudo apt-get install python3-venv" >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV)
+
+# Made again whenever the requirements change.
+$(STAMP): pyproject.toml | $(BIN)/python
+	@echo "Installing Kochab into $(VENV) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@
+
+$(BENCH_STAMP): $(STAMP)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev,bench]"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps "cedar-solve>=0.5,<1"
+	@touch $@
