@@ -1,0 +1,1 @@
+"""From matched stars to the camera's attitude and optics."""

@@ -1,0 +1,36 @@
+"""What a person may choose about a solve."""
+
+from dataclasses import dataclass
+
+from app.core.hint import Hint
+
+UNKNOWN_YEAR = 2016.0
+"""The date stars are placed at when a frame does not say when it was taken (Julian year)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolveOptions:
+    """Choices for one solve; the defaults solve blind.
+
+    ``method`` and ``detector`` are names of the registries. ``hint`` is what the person says;
+    where it is silent the frame's own header speaks, unless ``use_header`` is off. Hints are tried
+    first and never trusted: when they lead nowhere the search is repeated without them, unless
+    ``blind_after_hint`` is off. ``fov_deg`` is the frame's width as the person believes it, good
+    to a tenth, and stands in for the hint's scale. ``timeout_s`` bounds the search, None means for ever.
+    ``distortion`` lets the camera model grow beyond rotation and focal length when the matches
+    support it. ``aberration`` takes the annual aberration of starlight (up to 20.5 arcsec) out of
+    the attitude; without it the answer is where the stars are seen in ICRS, which is what a
+    plate solution means, and the differential part (under 0.2 arcsec across 1 deg) goes into the
+    focal length.
+    """
+
+    method: str = "patterns"
+    detector: str = "auto"
+    hint: Hint | None = None
+    fov_deg: float | None = None
+    use_header: bool = True
+    blind_after_hint: bool = True
+    timeout_s: float | None = 30.0
+    distortion: bool = True
+    aberration: bool = False
+    max_stars: int = 600

@@ -1,0 +1,157 @@
+"""One frame, or one list of stars, to a ``Solution`` or a ``NoSolution``."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime
+
+from app.core.detections import Detections
+from app.core.frame import Frame
+from app.core.hint import Hint
+from app.core.progress import Progress, Task
+from app.core.solution import Identification, NoSolution, Solution
+from app.solve.diagnose import Evidence, diagnose, timed_out
+from app.solve.options import UNKNOWN_YEAR, SolveOptions
+from app.solve.pick import pick
+from app.solve.stopwatch import Stopwatch, TimedOut
+
+__all__ = ["Examined", "SolveOptions", "examine_frame", "solve_detections", "solve_frame"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Examined:
+    """The answer together with the detections it was made from."""
+
+    detections: Detections
+    result: Solution | NoSolution
+
+
+def solve_frame(
+    frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0
+) -> Task[Solution | NoSolution]:
+    """Detect the stars of ``frame``, identify them and refine the pointing.
+
+    Raises
+    ------
+    UsageError
+        The options name a method or detector that does not exist.
+    """
+    return (yield from examine_frame(frame, options, read_ms=read_ms)).result
+
+
+def examine_frame(
+    frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0
+) -> Task[Examined]:
+    """As :func:`solve_frame`, and also hand back the detections, for who wants to draw them."""
+    from app.detect import DETECTORS
+
+    options = options or SolveOptions()
+    clock = Stopwatch(options.timeout_s, read_ms)
+    detector = pick(DETECTORS, options.detector, "detector")
+    yield Progress("detect", 0.1)
+    with clock.stage("detect"):
+        detections = detector.detect(frame)
+    said = _with_field(options, frame.width)
+    hint = merged_hint(said, frame.hint if options.use_header else None)
+    result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
+    return Examined(detections, result)
+
+
+def solve_detections(
+    detections: Detections, options: SolveOptions | None = None
+) -> Task[Solution | NoSolution]:
+    """Identify a list of stars and refine the pointing; there is no frame to look at.
+
+    Raises
+    ------
+    UsageError
+        The options name a method that does not exist.
+    """
+    options = options or SolveOptions()
+    options = replace(options, hint=_with_field(options, detections.width))
+    return (yield from _solve(detections, options, Stopwatch(options.timeout_s), None))
+
+
+def merged_hint(said: Hint | None, header: Hint | None) -> Hint | None:
+    """What the person says, and where they are silent what the header says."""
+    if said is None or header is None:
+        return said or header
+    silent = Hint()
+    told = {f.name: getattr(said, f.name) for f in fields(said)}
+    return replace(header, **{k: v for k, v in told.items() if v != getattr(silent, k)})
+
+
+def _with_field(options: SolveOptions, width: int) -> Hint | None:
+    """The person's hint, its scale from the field's width where that is what they gave."""
+    if options.fov_deg is None:
+        return options.hint
+    focal_px = width / 2.0 / math.tan(math.radians(options.fov_deg) / 2.0)
+    scale = math.degrees(1.0 / focal_px) * 3600.0
+    return replace(
+        options.hint or Hint(source="person"), scale_arcsec_px=(scale / 1.1, scale * 1.1)
+    )
+
+
+def year_of(moment: datetime | None) -> float:
+    """Julian year of an aware time; a middling recent year when unknown."""
+    if moment is None:
+        return UNKNOWN_YEAR
+    return 2000.0 + (moment - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 31557600.0
+
+
+def _solve(
+    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None
+) -> Task[Solution | NoSolution]:
+    from app.identify import IDENTIFIERS
+
+    pick(IDENTIFIERS, options.method, "method")  # a wrong name is told before any work
+    year = year_of(options.hint.time_utc if options.hint else None)
+    evidence = Evidence(detections, options.hint, frame)
+    refusal: NoSolution | None = None
+    try:
+        for hint in _attempts(options):
+            found = yield from _identify(detections, options.method, hint, year, clock)
+            if isinstance(found, Identification):
+                yield Progress("attitude", 0.8)
+                with clock.stage("attitude"):
+                    solution = _conclude(detections, found, year, options)
+                return replace(solution, elapsed_ms=clock.elapsed_ms())
+            refusal = found
+    except TimedOut:
+        return timed_out(evidence, options.timeout_s or 0.0, clock.elapsed_ms())
+    return diagnose(evidence, refusal, clock.elapsed_ms())
+
+
+def _attempts(options: SolveOptions) -> Iterator[Hint | None]:
+    """Hints to try in order: with the belief first, blind after."""
+    hint = options.hint
+    if hint is not None and hint.helps:
+        yield hint
+        if not options.blind_after_hint:
+            return
+    yield None
+
+
+def _identify(
+    detections: Detections, method: str, hint: Hint | None, year: float, clock: Stopwatch
+) -> Task[Identification | NoSolution]:
+    from app.identify import IDENTIFIERS
+
+    yield Progress("identify", 0.3, "with a hint" if hint else "blind")
+    with clock.stage("identify"):
+        identifier = pick(IDENTIFIERS, method, "method")
+        return (yield from clock.watch(identifier.identify(detections, hint, year)))
+
+
+def _conclude(
+    detections: Detections, found: Identification, year: float, options: SolveOptions
+) -> Solution:
+    from app.sky import open_catalogue
+    from app.solve.build import build_solution
+    from app.solve.extend import extend
+
+    catalogue = open_catalogue()
+    usable = detections.take(slice(0, options.max_stars))
+    matches, fit = extend(usable, found, catalogue, year, distortion=options.distortion)
+    solution = build_solution(usable, matches, fit, found, catalogue, year)
+    return replace(solution, detections=len(detections))

@@ -1,0 +1,58 @@
+"""Stage times and the limit of a search."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+from typing import TypeVar
+
+from app.core.progress import Task
+
+T = TypeVar("T")
+
+STAGES = ("read", "detect", "identify", "attitude")
+
+
+class TimedOut(Exception):  # noqa: N818 (a signal inside this room, not an error)
+    """The search went past its limit."""
+
+
+class Stopwatch:
+    """Milliseconds a stage, and the moment the search must be over."""
+
+    def __init__(self, timeout_s: float | None = None, read_ms: float = 0.0) -> None:
+        self._start = perf_counter()
+        self._limit = None if timeout_s is None else self._start + timeout_s
+        self._ms = dict.fromkeys(STAGES, 0.0)
+        self._ms["read"] = read_ms
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time of the block to stage ``name``."""
+        start = perf_counter()
+        try:
+            yield
+        finally:
+            self._ms[name] += (perf_counter() - start) * 1e3
+
+    def elapsed_ms(self) -> dict[str, float]:
+        """Stage times and their ``total``, reading included."""
+        total = self._ms["read"] + (perf_counter() - self._start) * 1e3
+        return {**{k: round(v, 3) for k, v in self._ms.items()}, "total": round(total, 3)}
+
+    def check(self) -> None:
+        """Raise :class:`TimedOut` when the limit has passed."""
+        if self._limit is not None and perf_counter() > self._limit:
+            raise TimedOut
+
+    def watch(self, task: Task[T]) -> Task[T]:
+        """The same task, which ends with :class:`TimedOut` at the first yield past the limit."""
+        try:
+            while True:
+                self.check()
+                try:
+                    progress = next(task)
+                except StopIteration as end:
+                    return end.value  # type: ignore[no-any-return]
+                yield progress
+        finally:
+            task.close()
