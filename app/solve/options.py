@@ -16,7 +16,8 @@ class SolveOptions:
     where it is silent the frame's own header speaks, unless ``use_header`` is off. Hints are tried
     first and never trusted: when they lead nowhere the search is repeated without them, unless
     ``blind_after_hint`` is off. ``fov_deg`` is the frame's width as the person believes it, good
-    to a tenth, and stands in for the hint's scale. ``timeout_s`` bounds the search, None means for ever.
+    to a tenth, and stands in for the hint's scale. ``timeout_s`` bounds the search, None means
+    for ever.
     ``distortion`` lets the camera model grow beyond rotation and focal length when the matches
     support it. ``aberration`` takes the annual aberration of starlight (up to 20.5 arcsec) out of
     the attitude; without it the answer is where the stars are seen in ICRS, which is what a

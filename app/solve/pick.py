@@ -14,6 +14,7 @@ def pick(registry: Mapping[str, str], name: str, kind: str) -> Any:
     ------
     UsageError
         No such name; the sentence lists the names there are.
+
     """
     if name not in registry:
         raise UsageError(f"There is no {kind} '{name}'; choose one of {', '.join(registry)}.")

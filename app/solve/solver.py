@@ -35,6 +35,7 @@ def solve_frame(
     ------
     UsageError
         The options name a method or detector that does not exist.
+
     """
     return (yield from examine_frame(frame, options, read_ms=read_ms)).result
 
@@ -58,7 +59,7 @@ def examine_frame(
 
 
 def solve_detections(
-    detections: Detections, options: SolveOptions | None = None
+    detections: Detections, options: SolveOptions | None = None, *, read_ms: float = 0.0
 ) -> Task[Solution | NoSolution]:
     """Identify a list of stars and refine the pointing; there is no frame to look at.
 
@@ -66,10 +67,11 @@ def solve_detections(
     ------
     UsageError
         The options name a method that does not exist.
+
     """
     options = options or SolveOptions()
     options = replace(options, hint=_with_field(options, detections.width))
-    return (yield from _solve(detections, options, Stopwatch(options.timeout_s), None))
+    return (yield from _solve(detections, options, Stopwatch(options.timeout_s, read_ms), None))
 
 
 def merged_hint(said: Hint | None, header: Hint | None) -> Hint | None:

@@ -34,6 +34,7 @@ def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[So
         The file cannot be read as a picture; one sentence.
     app.core.errors.UsageError
         The options name a method or detector that does not exist.
+
     """
     from app.frames import read_frame
 

@@ -1,0 +1,83 @@
+"""Several files, one after another or in several processes, each printed as soon as it is done."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from app.cli.output import Json, ProgressLine, card, to_line
+from app.core.errors import KochabError
+from app.core.progress import Task, run
+
+Item = TypeVar("Item")
+
+
+def run_batch(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json: bool, workers: int = 1
+) -> int:
+    """Print the outcome of ``work(item)`` for every item, in order, and return the exit code.
+
+    ``work`` is a task that returns the outcome; with several ``workers`` it and the items must
+    be picklable.
+    """
+    many = workers > 1 and len(items) > 1
+    outcomes = _in_processes(work, items, workers) if many else _one_by_one(work, items)
+    code = 0
+    for outcome in outcomes:
+        print(to_line(outcome) if as_json else card(outcome), flush=True)
+        code = max(code, _code(outcome))
+    return code
+
+
+def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) -> Json:
+    """The outcome of one item; what a person can act on becomes ``{"file", "error"}``."""
+    try:
+        return run(work(item), report)
+    except KochabError as error:
+        return {"file": str(getattr(item, "file", item)), "error": str(error)}
+
+
+def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> Iterator[Json]:
+    for item in items:
+        line = ProgressLine(str(getattr(item, "file", item)))
+        try:
+            outcome = attempt(work, item, line)
+        finally:
+            line.clear()
+        yield outcome
+
+
+def _in_processes(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int
+) -> Iterator[Json]:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    pool = ProcessPoolExecutor(
+        min(workers, len(items)), get_context("spawn"), initializer=_leave_interrupts
+    )
+    try:
+        jobs = [pool.submit(attempt, work, item) for item in items]
+        for job in jobs:
+            yield job.result()
+    except KeyboardInterrupt:
+        for process in list(pool._processes.values()):
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C is the parent's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _code(outcome: Json) -> int:
+    if "error" in outcome:
+        return 2
+    for text in outcome.get("failures", ()):
+        print(f"kochab: {text}", file=sys.stderr)
+    if outcome.get("failures"):
+        return 2
+    return 0 if outcome["solved"] else 1

@@ -1,0 +1,82 @@
+"""The options that ``solve`` and ``identify`` share."""
+
+import argparse
+import math
+
+from app.core.hint import Hint
+from app.solve.options import SolveOptions
+
+
+def add_choices(parser: argparse.ArgumentParser) -> None:
+    """Add the options that steer a search and its output."""
+    parser.add_argument("--json", action="store_true", help="one JSON object a line a file")
+    parser.add_argument(
+        "--fov", type=_fov, metavar="DEG", help="the frame's width, as you believe it"
+    )
+    parser.add_argument(
+        "--scale", type=_positive, metavar="ARCSEC_PX", help="the pixel scale, as you believe it"
+    )
+    parser.add_argument(
+        "--near", type=_near, metavar="RA,DEC,RADIUS", help="where it points, in degrees"
+    )
+    parser.add_argument("--method", default="patterns", metavar="NAME", help="identifier")
+    parser.add_argument(
+        "--timeout", type=_positive, default=30.0, metavar="S", help="limit a file, seconds"
+    )
+    parser.add_argument(
+        "--workers", type=_count, default=1, metavar="N", help="files at the same time"
+    )
+    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each file")
+
+
+def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions:
+    """The options a person asked for; what they said of the sky is a hint and no more."""
+    scale = None if args.scale is None else (args.scale / 1.1, args.scale * 1.1)
+    hint = Hint(scale_arcsec_px=scale, centre_deg=args.near, source="command line")
+    return SolveOptions(
+        method=args.method,
+        detector=detector,
+        hint=hint if hint.helps else None,
+        fov_deg=args.fov,
+        timeout_s=args.timeout,
+    )
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not more than zero")
+    return value
+
+
+def _fov(text: str) -> float:
+    value = _positive(text)
+    if value >= 175:
+        raise argparse.ArgumentTypeError(f"{text} deg is too wide for a flat picture")
+    return value
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or not 1 <= int(text) <= 256:
+        raise argparse.ArgumentTypeError(f"{text} is not a count from 1 to 256")
+    return int(text)
+
+
+def _near(text: str) -> tuple[float, float, float]:
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text} is not RA,DEC,RADIUS in degrees")
+    ra, dec, radius = (_number(part) for part in parts)
+    if not -360 <= ra <= 360 or not -90 <= dec <= 90 or not 0 < radius <= 180:
+        raise argparse.ArgumentTypeError(f"{text} is not a place on the sky and a radius, degrees")
+    return ra % 360.0, dec, radius
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a number")
+    return value

@@ -1,0 +1,111 @@
+"""``kochab solve FILE...``: where frames point."""
+
+import argparse
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from app.cli.batch import run_batch
+from app.cli.choices import add_choices, options_of
+from app.cli.output import Json, as_json
+from app.core.errors import UsageError
+from app.core.progress import Task
+from app.core.solution import Solution
+from app.solve.options import SolveOptions
+from app.workflows.solve_frame import SolvedFrame, solve_file
+
+PICTURES = frozenset(
+    f".{suffix}"
+    for line in (
+        "fit fits fts fz xisf tif tiff png jpg jpeg bmp heic heif",
+        "cr2 cr3 crw nef arw dng orf raf rw2 pef srw",
+    )
+    for suffix in line.split()
+)
+"""What ``solve`` takes from a folder; a file named by itself is always tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One file and what is to be written from it."""
+
+    file: str
+    wcs: bool = False
+    annotate: str | None = None
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``solve`` to the command line."""
+    parser = subparsers.add_parser(
+        "solve",
+        help="name the stars of frames and say where they point",
+        description="Exit code: 0 all solved, 1 one has no solution, 2 unusable input.",
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
+    add_choices(parser)
+    parser.add_argument("--detector", default="auto", metavar="NAME", help="how stars are found")
+    parser.add_argument(
+        "--annotate", metavar="PNG", help="write the picture with its stars named (or a folder)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve every file, print as they are done."""
+    wishes = _wishes(args)
+    options = options_of(args, args.detector)
+    return run_batch(partial(solve_one, options=options), wishes, args.json, args.workers)
+
+
+def solve_one(wish: Wish, options: SolveOptions) -> Task[Json]:
+    """The outcome of one file, and what was asked to be written from it."""
+    solved = yield from solve_file(wish.file, options)
+    outcome = as_json(wish.file, solved.result)
+    if isinstance(solved.result, Solution):
+        failures = _write(wish, solved, solved.result)
+        if failures:
+            outcome["failures"] = failures
+    return outcome
+
+
+def _wishes(args: argparse.Namespace) -> list[Wish]:
+    files = [name for given in args.files for name in _expand(given)]
+    target = None if args.annotate is None else Path(args.annotate)
+    if target is None:
+        return [Wish(file, args.wcs) for file in files]
+    if target.is_dir():
+        return [Wish(f, args.wcs, str(target / f"{Path(f).name}.png")) for f in files]
+    if len(files) > 1:
+        raise UsageError(f"--annotate {target} names one picture for {len(files)} frames.")
+    return [Wish(file, args.wcs, str(target)) for file in files]
+
+
+def _expand(given: str) -> list[str]:
+    path = Path(given)
+    if not path.is_dir():
+        return [given]
+    found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in PICTURES)
+    if not found:
+        raise UsageError(f"The folder {given} holds no pictures.")
+    return found
+
+
+def _write(wish: Wish, solved: SolvedFrame, solution: Solution) -> list[str]:
+    """Write what was asked; sentences about what could not be written."""
+    failures = []
+    if wish.wcs:
+        from app.solve.wcs import write_wcs
+
+        try:
+            write_wcs(solution, Path(wish.file + ".wcs"))
+        except OSError as error:
+            failures.append(f"{wish.file}.wcs could not be written: {error.strerror}.")
+    if wish.annotate is not None:
+        from app.frames.export import annotate
+
+        try:
+            annotate(solved.frame, solution, Path(wish.annotate))
+        except OSError as error:
+            failures.append(f"{wish.annotate} could not be written: {error.strerror}.")
+    return failures
