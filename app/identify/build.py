@@ -1,0 +1,129 @@
+"""Making the pattern index from a list of stars."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.progress import Progress, Task
+from app.identify.codes import canonical, planar
+from app.identify.index import Grid, size_code
+from app.identify.levels import LEVEL_FIELDS_DEG, all_levels
+from app.identify.zones import zone_keys
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+CHUNK = 1 << 18
+
+
+def _combinations(neighbours: int) -> Ints:
+    from itertools import combinations
+
+    return np.array(list(combinations(range(1, neighbours + 1), 3)))
+
+
+def level_quads(vectors: Floats, neighbours: int) -> Ints:
+    """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once."""
+    from scipy.spatial import cKDTree
+
+    k = min(neighbours, len(vectors) - 1)
+    _, near = cKDTree(vectors).query(vectors, k=k + 1, workers=-1)
+    near = near.astype(np.int64)
+    combos = _combinations(k)
+    quad = np.concatenate(
+        [
+            np.broadcast_to(near[:, :1, None], (len(near), len(combos), 1)),
+            near[:, combos],
+        ],
+        axis=2,
+    ).reshape(-1, 4)
+    quad.sort(axis=1)
+    with np.errstate(over="ignore"):
+        q = quad.astype(np.uint64)
+        mark = ((q[:, 0] * np.uint64(0x9E3779B97F4A7C15) + q[:, 1]) * np.uint64(0xC2B2AE3D27D4EB4F)
+                + q[:, 2]) * np.uint64(0x165667B19E3779F9) + q[:, 3]  # fmt: skip
+    _, first = np.unique(mark, return_index=True)
+    return np.asarray(quad[np.sort(first)])
+
+
+def build_volume(
+    folder: Path,
+    vectors: Floats,
+    rows: Ints,
+    levels: Sequence[int],
+    *,
+    neighbours: Sequence[int],
+    steps: int,
+    mark: str = "",
+) -> Task[None]:
+    """Write the volume of the chosen ``levels`` of a sky into ``folder``.
+
+    ``vectors`` (N, 3) ICRS unit vectors, brightest first, with their catalogue ``rows`` (N,).
+    ``neighbours`` per chosen level: how many nearest stars each star forms quads with.
+    ``mark`` is kept in the index so that a later catalogue is noticed.
+    """
+    yield Progress("patterns", 0.0, "sorting the stars by field size")
+    ra = np.arctan2(vectors[:, 1], vectors[:, 0]) % (2 * np.pi)
+    dec = np.arcsin(np.clip(vectors[:, 2], -1.0, 1.0))
+    chosen = all_levels(ra, dec)
+    stars, kept, keys, offsets, zones = [], [], [], [0], []
+    for k in levels:
+        count = int(min(4095, max(8, round(540.0 / LEVEL_FIELDS_DEG[k]))))
+        key = zone_keys(vectors[chosen[k]], count)
+        order = np.argsort(key, kind="stable")
+        member = chosen[k][order]
+        stars.append(vectors[member].astype(np.float32))
+        kept.append(rows[member].astype(np.uint32))
+        keys.append(key[order])
+        zones.append(count)
+        offsets.append(offsets[-1] + len(member))
+    grid = Grid(steps)
+    cells, codes, quads = [], [], []
+    for i, xyz in enumerate(stars):
+        yield Progress("patterns", 0.1 + 0.7 * i / len(stars), f"level {i + 1} of {len(stars)}")
+        found = level_quads(xyz.astype(np.float64), neighbours[i])
+        for at in range(0, len(found), CHUNK):
+            part = found[at : at + CHUNK]
+            c, code, order = _encode(grid, xyz.astype(np.float64)[part], part)
+            cells.append(c)
+            codes.append(code)
+            quads.append(_pack(order + offsets[i]))
+            yield Progress("patterns", 0.1 + 0.7 * (i + at / len(found)) / len(stars))
+    yield Progress("patterns", 0.85, "sorting the patterns by shape")
+    cell = np.concatenate(cells)
+    order = np.argsort(cell, kind="stable")
+    start = np.zeros(grid.cells + 1, dtype=np.uint32)
+    np.cumsum(np.bincount(cell, minlength=grid.cells), out=start[1:])
+    facts = {
+        "steps": steps, "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],
+        "offsets": offsets, "zones": zones, "quads": len(cell), "mark": mark,
+    }  # fmt: skip
+    yield Progress("patterns", 0.95, "writing")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, array in (
+        ("stars", np.concatenate(stars)), ("rows", np.concatenate(kept)),
+        ("keys", np.concatenate(keys)), ("cells", start),
+        ("codes", np.concatenate(codes)[order]), ("quads", np.concatenate(quads)[order]),
+    ):  # fmt: skip
+        np.save(folder / f"{name}.npy", array)
+    (folder / "index.json").write_text(json.dumps(facts) + "\n", "utf-8")
+
+
+def _encode(
+    grid: Grid, xyz: Floats, members: Ints
+) -> tuple[NDArray[np.int64], NDArray[np.uint8], Ints]:
+    """Cells (Q,), stored codes (Q, 5) and members in canonical order (Q, 4) of one chunk."""
+    c = canonical(planar(xyz))
+    place = grid.scaled(c.code)
+    cell = np.floor(place).astype(np.int64)
+    inside = np.clip(np.floor((place - cell) * 256.0), 0, 255).astype(np.uint8)
+    code = np.concatenate([inside, size_code(c.base)[:, None]], axis=1)
+    return grid.number(cell), code, np.take_along_axis(members, c.order, axis=1)
+
+
+def _pack(members: Ints) -> NDArray[np.uint8]:
+    """Star numbers (Q, 4) below 2^24 as (Q, 12) bytes, low byte first."""
+    raw = members.astype("<u4").view(np.uint8).reshape(-1, 4, 4)
+    return np.ascontiguousarray(raw[:, :, :3].reshape(-1, 12))

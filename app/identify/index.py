@@ -1,0 +1,154 @@
+"""The pattern index: quads of catalogue stars, found by their shape, in memory-mapped arrays.
+
+A volume is a folder of plain ``.npy`` files that covers several levels of field size:
+
+``stars`` (n, 3) float32 ICRS unit vectors, level after level, each level sorted by zone key ·
+``rows`` (n,) uint32 catalogue rows · ``keys`` (n,) uint32 zone keys · ``cells`` (c + 1,) uint32
+first quad of each code cell · ``codes`` (Q, 5) uint8 place of the code within its cell (1/256 of a
+cell, four numbers) and the base's length · ``quads`` (Q, 12) uint8: four star numbers of 24 bits,
+in the order A, B, C, D. Parity is not stored: it is seen from the stars themselves.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.errors import CatalogueError
+from app.identify.zones import cone_rows, ranges
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ARRAYS = ("stars", "rows", "keys", "cells", "codes", "quads")
+BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
+IM_REACH = 0.875  # |Im z| never exceeds sqrt(3)/2 while the base is the longest side
+SIZE_MIN_RAD, SIZE_STEPS = 1e-4, 127.0  # base length from 20 arcsec to pi rad in 127 steps
+SIZE_LOG = float(np.log(np.pi / SIZE_MIN_RAD))
+
+
+def size_code(base_rad: Floats) -> NDArray[np.uint8]:
+    """Base lengths (rad) in logarithmic steps of 8.5 %, 7 bits."""
+    s = np.log(np.maximum(base_rad, SIZE_MIN_RAD) / SIZE_MIN_RAD) / SIZE_LOG * SIZE_STEPS
+    return np.clip(np.floor(s), 0, SIZE_STEPS).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """How code space is cut: ``steps`` cells over [0, 1] of the real parts."""
+
+    steps: int
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Cells of Re zc (which stays below 1/2), Re zd, Im zc, Im zd."""
+        imag = int(np.ceil(2 * IM_REACH * self.steps))
+        return self.steps // 2 + 1, self.steps + 1, imag, imag
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return int(np.prod(self.shape))
+
+    def scaled(self, code: Floats) -> Floats:
+        """Codes (Q, 4) in units of a cell, from the grid's corner."""
+        return np.asarray((code + np.array([0.0, 0.0, IM_REACH, IM_REACH])) * self.steps)
+
+    def number(self, cell: Ints) -> Ints:
+        """Flat cell numbers of integer cells (Q, 4), which are clipped into the grid."""
+        s = self.shape
+        c = np.clip(cell, 0, np.array(s) - 1)
+        return np.asarray(((c[:, 0] * s[1] + c[:, 1]) * s[2] + c[:, 2]) * s[3] + c[:, 3])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Volume:
+    """One opened index; see the module's text for the arrays."""
+
+    grid: Grid
+    fields_deg: Floats
+    offsets: Ints
+    zones: Ints
+    stars: NDArray[np.float32]
+    rows: NDArray[np.uint32]
+    keys: NDArray[np.uint32]
+    cells: NDArray[np.uint32]
+    codes: NDArray[np.uint8]
+    quads: NDArray[np.uint8]
+
+    def lookup(self, code: Floats, tolerance: Floats, size: Floats | None) -> tuple[Ints, Ints]:
+        """Quads whose code lies within ``tolerance`` (Q,) of ``code`` (Q, 4) in every number.
+
+        ``size`` (Q, 2) limits the base's length in rad. Returns (query, quad) row pairs.
+        """
+        place = self.grid.scaled(code)
+        reach = np.minimum(tolerance * self.grid.steps, 0.499)
+        low = np.floor(place - reach[:, None]).astype(np.int64)
+        high = np.floor(place + reach[:, None]).astype(np.int64)
+        query, cell = _corners(low, high)
+        number = self.grid.number(cell)
+        start = self.cells[number].astype(np.int64)
+        count = self.cells[number + 1].astype(np.int64) - start
+        kept = count > 0
+        query, cell, start, count = query[kept], cell[kept], start[kept], count[kept]
+        entry = ranges(start, count)
+        found = self.codes[entry]
+        # compare in 1/256 of a cell, where the stored numbers live
+        target = np.floor((place[query] - cell) * 256.0).astype(np.int16)
+        margin = np.ceil(reach[query] * 256.0).astype(np.int16)
+        target, margin = np.repeat(target, count, axis=0), np.repeat(margin, count)
+        query = np.repeat(query, count)
+        good = (np.abs(found[:, :4].astype(np.int16) - target) <= margin[:, None]).all(axis=1)
+        if size is not None:
+            lo, hi = size_code(size[:, 0]), size_code(size[:, 1])
+            good &= (found[:, 4] >= lo[query]) & (found[:, 4] <= hi[query])
+        return query[good], entry[good]
+
+    def members(self, quad: Ints) -> Ints:
+        """Star numbers (Q, 4) of quads, as A, B, C, D."""
+        raw = self.quads[quad].reshape(-1, 4, 3).astype(np.int64)
+        return np.asarray(raw @ BYTES24)
+
+    def level_of(self, star: Ints) -> Ints:
+        """Levels of star numbers."""
+        return np.asarray(np.searchsorted(self.offsets, star, side="right") - 1)
+
+    def near(self, level: int, centre: Floats, radius: float) -> Ints:
+        """Star numbers of one level within ``radius`` rad of the unit vector ``centre``."""
+        a, b = int(self.offsets[level]), int(self.offsets[level + 1])
+        number = cone_rows(self.keys[a:b], int(self.zones[level]), centre, radius) + a
+        dot = self.stars[number] @ centre.astype(np.float32)
+        return np.asarray(number[dot >= np.cos(radius)])
+
+
+def _corners(low: Ints, high: Ints) -> tuple[Ints, Ints]:
+    """All cells between ``low`` and ``high`` (Q, 4), which differ by at most one."""
+    queries, cells = [], []
+    index = np.arange(len(low))
+    differs = high > low
+    for corner in range(16):
+        take = np.array([(corner >> k) & 1 for k in range(4)], dtype=bool)
+        valid = (differs | ~take).all(axis=1)
+        queries.append(index[valid])
+        cells.append(np.where(take, high[valid], low[valid]))
+    return np.concatenate(queries), np.concatenate(cells)
+
+
+def open_volume(folder: Path) -> Volume:
+    """Open a volume, memory mapped; raises CatalogueError when it is absent or damaged."""
+    try:
+        facts: dict[str, Any] = json.loads((folder / "index.json").read_text("utf-8"))
+        arrays = {n: np.load(folder / f"{n}.npy", mmap_mode="r") for n in ARRAYS}
+    except (OSError, ValueError, EOFError) as error:
+        raise CatalogueError(f"The pattern index in {folder} cannot be opened: {error}") from error
+    plain = {n: a.view(np.ndarray) for n, a in arrays.items()}
+    return Volume(
+        Grid(int(facts["steps"])),
+        np.array(facts["fields_deg"]),
+        np.array(facts["offsets"]),
+        np.array(facts["zones"]),
+        **plain,
+    )

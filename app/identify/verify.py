@@ -1,0 +1,160 @@
+"""Does a supposed pointing hold for the other stars of the frame?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.identify.chance import log10_false_alarm
+from app.identify.hypotheses import View
+from app.identify.index import Volume
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+RADII = 8  # agreement is judged at so many radii, each sqrt 2 apart, the best counts
+
+
+@dataclass(slots=True, eq=False)
+class Pointing:
+    """A pointing while it is being improved: ``matrix`` ICRS to camera, focal length in px, k1."""
+
+    matrix: Floats
+    focal: float
+    mirrored: bool
+    k1: float = 0.0
+
+    def project(self, sky: Floats) -> tuple[Floats, Floats]:
+        """Pixels (N, 2) from the frame's middle, and tangent-plane points (N, 2)."""
+        c = sky @ self.matrix.T
+        uv = c[:, :2] / np.maximum(c[:, 2:], 1e-3)
+        r2 = (uv * uv).sum(axis=1, keepdims=True)
+        # beyond the turning point of a barrel lens the polynomial folds back: keep it monotonic
+        bend = np.maximum(1.0 + self.k1 * r2, 0.6)
+        xy = self.focal * uv * bend
+        xy[c[:, 2] <= 0.05] = 1e9
+        if self.mirrored:
+            xy[:, 0] = -xy[:, 0]
+        return xy, uv
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What verification found: matched detections and stars (M,), and how likely chance is."""
+
+    pointing: Pointing
+    detections: Ints
+    stars: Ints
+    log10_tail: float
+    rms_px: float
+    level: int
+
+
+def pair(seen: Floats, expected: Floats, radius: float) -> tuple[Ints, Ints, Floats]:
+    """Mutual nearest pairs within ``radius``: indices into both lists and the distances squared."""
+    if len(seen) == 0 or len(expected) == 0:
+        none = np.zeros(0, dtype=np.int64)
+        return none, none, np.zeros(0)
+    dx = seen[:, 0, None] - expected[None, :, 0]
+    dy = seen[:, 1, None] - expected[None, :, 1]
+    d2 = dx * dx + dy * dy
+    j = d2.argmin(axis=1)
+    i = np.arange(len(seen))
+    best = d2[i, j]
+    good = (best < radius * radius) & (d2.argmin(axis=0)[j] == i)
+    return i[good], j[good], best[good]
+
+
+def refit(pointing: Pointing, seen: Floats, sky: Floats, bend: bool) -> Pointing:
+    """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion."""
+    xy, uv = pointing.project(sky)
+    sign = -1.0 if pointing.mirrored else 1.0
+    res = (seen - xy) / pointing.focal
+    du, dv = sign * res[:, 0], res[:, 1]
+    u, v = uv[:, 0], uv[:, 1]
+    n = len(u)
+    one = np.zeros((2 * n, 5 if bend else 4))
+    one[:n, 0], one[n:, 0] = -u * v, -(1 + v * v)
+    one[:n, 1], one[n:, 1] = 1 + u * u, u * v
+    one[:n, 2], one[n:, 2] = -v, u
+    one[:n, 3], one[n:, 3] = u, v
+    if bend:
+        r2 = u * u + v * v
+        one[:n, 4], one[n:, 4] = u * r2, v * r2
+    normal = one.T @ one
+    normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
+    try:
+        step = np.linalg.solve(normal, one.T @ np.concatenate([du, dv]))
+    except np.linalg.LinAlgError:
+        return pointing
+    w = np.clip(step[:3], -0.2, 0.2)
+    k1 = float(np.clip(pointing.k1 + step[4], -0.6, 0.6)) if bend else pointing.k1
+    focal = pointing.focal * float(np.exp(np.clip(step[3], -0.2, 0.2)))
+    return Pointing(_turn(w) @ pointing.matrix, focal, pointing.mirrored, k1)
+
+
+def _turn(w: Floats) -> Floats:
+    """Rotation matrix (3, 3) of a small rotation vector, by Rodrigues' formula."""
+    angle = float(np.sqrt(w @ w))
+    k = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    if angle < 1e-12:
+        return np.eye(3) + k
+    a, b = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2
+    return np.asarray(np.eye(3) + a * k + b * (k @ k))
+
+
+def verify(
+    volume: Volume, level: int, view: View, start: Pointing, proposers: Ints, reach_px: float, use: int
+) -> Verdict | None:
+    """Check one pointing against the brightest ``use`` detections; None when hopeless.
+
+    ``proposers`` (4,) are the detections that suggested it: they are matched and refitted like the
+    others but do not count as evidence. ``reach_px`` is the first, widest radius.
+    """
+    seen = view.xy[:use]
+    corner = float(np.hypot(*view.half)) + reach_px
+    radius = float(np.arctan(corner * 1.05 / start.focal))
+    number = volume.near(level, start.matrix[2], min(radius, 1.4))
+    sky = volume.stars[number].astype(np.float64)
+    pointing = start
+    shrink = reach_px
+    for step in range(6):
+        xy, _ = pointing.project(sky)
+        if step == 0:
+            near = (np.abs(xy) < view.half + 3 * reach_px).all(axis=1)
+            sky, number, xy = sky[near], number[near], xy[near]
+            if len(sky) < 4:
+                return None
+        i, j, d2 = pair(seen, xy, shrink)
+        if len(i) < 5:
+            return None
+        pointing = refit(pointing, seen[i], sky[j], bend=len(i) >= 10)
+        if step >= 1:
+            shrink = max(shrink * 0.6, min(shrink, 3.0 * float(np.sqrt(np.median(d2)))))
+    return _judge(view, pointing, sky, number, seen, proposers, reach_px, level)
+
+
+def _judge(
+    view: View, pointing: Pointing, sky: Floats, number: Ints, seen: Floats, proposers: Ints,
+    reach_px: float, level: int,
+) -> Verdict | None:  # fmt: skip
+    xy, _ = pointing.project(sky)
+    inside = int((np.abs(xy) < view.half).all(axis=1).sum())
+    i, j, d2 = pair(seen, xy, reach_px)
+    evidence = ~np.isin(i, proposers)
+    others = len(seen) - int((proposers < len(seen)).sum())
+    area = float(4.0 * view.half[0] * view.half[1])
+    best, radius = 0.0, 0.0
+    for k in range(RADII):
+        r = reach_px / 2 ** (k / 2.0)
+        m = int((evidence & (d2 < r * r)).sum())
+        value = log10_false_alarm(
+            m, others, inside, r, area, reach_px=reach_px, radii=RADII, candidates=1
+        )
+        if value < best:
+            best, radius = value, r
+    kept = d2 < radius * radius
+    if kept.sum() < 6:
+        return None
+    rms = float(np.sqrt(d2[kept].mean()))
+    return Verdict(pointing, i[kept], number[j[kept]], best, rms, level)
