@@ -1,0 +1,269 @@
+"""Matches to attitude and camera: a robust fit that adds a term only when the stars ask for it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.attitude.projection import PARAMETERS, moved, project_with_jacobian, sane
+from app.core.attitude import Attitude
+from app.core.camera import Camera
+from app.core.solution import Matches
+
+Floats = NDArray[np.float64]
+
+FEWEST_FOR_FOCAL = 4
+LADDER: tuple[tuple[tuple[str, ...], int], ...] = (
+    (("k1",), 8),
+    (("k2",), 14),
+    (("cx", "cy"), 14),
+    (("p1", "p2"), 18),
+)
+"""Terms tried one after the other, each with the fewest stars that may speak for it."""
+
+ENOUGH_TO_START_PLAIN = 18
+"""From so many stars on, every term of the distortion has to earn its place anew."""
+
+LARGEST_CHANCE = 1e-4
+"""A term stays when chance alone would improve the fit as much with less than this probability."""
+
+CLIP_SIGMA = 3.7
+FLOOR_PX = 0.02
+"""No set of centroids is believed to be better than this, whatever the residuals say."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A camera and an attitude that agree with ``M`` matches.
+
+    ``residuals_px`` (M, 2) are recorded minus computed pixels, of all matches; ``inliers`` (M,)
+    tells which took part; ``rms_px`` is the root mean square length of their residuals. ``terms``
+    are the parameters that were fitted. The attitude's covariance is that of the rotation as seen
+    in the middle of the frame, where a shift of the principal point and a turn are one thing.
+    """
+
+    camera: Camera
+    attitude: Attitude
+    residuals_px: Floats
+    rms_px: float
+    inliers: NDArray[np.bool_]
+    terms: tuple[str, ...]
+
+
+def refine(
+    matches: Matches,
+    camera: Camera,
+    attitude: Attitude,
+    sigma_px: Floats | float | None = None,
+    *,
+    distortion: bool = True,
+) -> Fit:
+    """Fit rotation, focal length and whatever else the matches support.
+
+    Parameters
+    ----------
+    matches : Matches
+        M >= 2 pairs; wrong ones are left out as long as they are the minority.
+    camera, attitude
+        A first guess, good to a few pixels.
+    sigma_px : (M,) or float, optional
+        Centroid errors a coordinate; only their ratios matter, the level comes from the residuals.
+    distortion : bool
+        Whether terms beyond rotation and focal length may be tried at all.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    ValueError
+        Fewer than two matches.
+
+    Notes
+    -----
+    Levenberg-Marquardt steps. A term, or pair of terms, is added when the sum of squares falls
+    from R0 to R1 with ``(R1 / R0)^(dof / 2) < 1e-4``: for two terms this is exactly the tail of
+    the F distribution, for one an upper bound of it.
+
+    """
+    if len(matches) < 2:
+        raise ValueError("A fit needs two matches or more.")
+    count = len(matches)
+    sigma = np.broadcast_to(1.0 if sigma_px is None else sigma_px, count)
+    if distortion and count >= ENOUGH_TO_START_PLAIN:
+        camera = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+    everyone = np.ones(count, dtype=np.bool_)
+    state = _State(camera, attitude.matrix, matches, np.median(sigma) / sigma, everyone, camera)
+    base = _columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
+    free = base
+    state = state.descend(base)
+    for _ in range(4):
+        if distortion:
+            free = state.supported(base)
+            state = state.plain_but(free).descend(free)
+        keep = state.agreeing(len(free))
+        if np.array_equal(keep, state.inliers):
+            break
+        state = replace(state, inliers=keep).descend(free)
+    return state.conclude(free)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """One point of the descent."""
+
+    camera: Camera
+    matrix: Floats
+    matches: Matches
+    weight: Floats
+    inliers: NDArray[np.bool_]
+    plain: Camera
+
+    def linear(self, every: bool = False) -> tuple[Floats, Floats]:
+        """Residuals (M, 2) px and Jacobian (M, 2, 10), of the inliers or of every match."""
+        chosen = slice(None) if every else self.inliers
+        vectors = self.matches.vectors[chosen] @ self.matrix.T
+        vectors[:, 2] = np.maximum(vectors[:, 2], 1e-3)  # behind the camera: far outside, finite
+        pixels, jacobian = project_with_jacobian(self.camera, vectors)
+        return self.matches.xy[chosen] - pixels, jacobian
+
+    def weighted(self) -> tuple[Floats, Floats]:
+        """The same of the inliers, (2 M,) and (2 M, 10), each over its sigma."""
+        residual, jacobian = self.linear()
+        w = self.weight[self.inliers]
+        flat = (jacobian * w[:, None, None]).reshape(-1, len(PARAMETERS))
+        return (residual * w[:, None]).ravel(), flat
+
+    def descend(self, free: NDArray[np.intp], steps: int = 8) -> "_State":
+        """The state at the least squares over the ``free`` parameters."""
+        state, damping = self, 0.0
+        residual, jacobian = state.weighted()
+        cost = float(residual @ residual)
+        for _ in range(steps):
+            step = np.zeros(len(PARAMETERS))
+            step[free] = _solve(jacobian[:, free], residual, damping)
+            camera, matrix = moved(state.camera, state.matrix, step)
+            tried = replace(state, camera=camera, matrix=matrix)
+            residual_tried, jacobian_tried = tried.weighted()
+            cost_tried = float(residual_tried @ residual_tried)
+            if not cost_tried <= cost * (1.0 + 1e-9):
+                damping = max(10.0 * damping, 1e-3)
+                continue
+            gain, state, damping = cost - cost_tried, tried, damping / 10.0
+            residual, jacobian, cost = residual_tried, jacobian_tried, cost_tried
+            if gain <= 1e-6 * cost + 1e-18 * len(residual):
+                break
+        return state
+
+    def supported(self, base: NDArray[np.intp]) -> NDArray[np.intp]:
+        """``base`` and the terms of the ladder that the inliers ask for, judged to first order."""
+        residual, jacobian = self.weighted()
+        offset = np.array(
+            [getattr(self.camera, t) - getattr(self.plain, t) for t in PARAMETERS[4:]]
+        )
+        residual = residual + jacobian[:, 4:] @ offset  # as if no term of the ladder were set
+        free, count = base, len(residual) // 2
+        now = _remainder(jacobian[:, free], residual)
+        for names, fewest in LADDER:
+            if count < fewest or (names == ("k2",) and PARAMETERS.index("k1") not in free):
+                continue
+            columns = np.union1d(free, _columns(names))
+            then = _remainder(jacobian[:, columns], residual)
+            if _chance(now, then, len(residual) - len(columns)) < LARGEST_CHANCE:
+                tried = self.plain_but(columns).descend(columns, 3)
+                if sane(tried.camera) and tried.centre_plausible():
+                    free, now = columns, then
+        return free
+
+    def plain_but(self, free: NDArray[np.intp]) -> "_State":
+        """The state with the terms of the ladder that are not ``free`` as they were given."""
+        names = [t for t in PARAMETERS[4:] if PARAMETERS.index(t) not in free]
+        given = {name: getattr(self.plain, name) for name in names}
+        return replace(self, camera=replace(self.camera, **given))
+
+    def centre_plausible(self) -> bool:
+        """Whether the principal point is inside the frame's middle half."""
+        c = self.camera
+        middle_x, middle_y = (c.width - 1) / 2, (c.height - 1) / 2
+        return abs(c.cx - middle_x) < c.width / 4 and abs(c.cy - middle_y) < c.height / 4
+
+    def agreeing(self, parameters: int) -> NDArray[np.bool_]:
+        """Which matches are within the clip, seen from the spread of all of them."""
+        residual, _ = self.linear(every=True)
+        if len(residual) < 6:
+            return np.ones(len(residual), dtype=np.bool_)
+        scaled = np.abs(residual * self.weight[:, None])
+        freedom = max(2 * len(residual) - parameters, 1) / (2 * len(residual))
+        spread = 1.4826 * float(np.median(scaled)) / np.sqrt(freedom)
+        keep = np.hypot(*scaled.T) <= CLIP_SIGMA * max(spread, FLOOR_PX)
+        return keep if keep.sum() > len(keep) / 2 else self.inliers
+
+    def conclude(self, free: NDArray[np.intp]) -> Fit:
+        """The fit with its covariance."""
+        flat, jacobian = self.weighted()
+        freedom = len(flat) - len(free)
+        variance = float(flat @ flat) / freedom if freedom > 0 else 1.0
+        inverse = _inverse(jacobian[:, free]) * max(variance, FLOOR_PX**2)
+        to_rotation = _as_rotation(self.camera)[:, free]
+        covariance = to_rotation @ inverse @ to_rotation.T
+        residual, _ = self.linear(every=True)
+        length2 = np.sum(np.square(residual[self.inliers]), axis=1)
+        return Fit(
+            self.camera,
+            Attitude(self.matrix, covariance),
+            residual,
+            float(np.sqrt(np.mean(length2))),
+            self.inliers,
+            tuple(PARAMETERS[i] for i in free),
+        )
+
+
+def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
+    return np.array([PARAMETERS.index(name) for name in names], dtype=np.intp)
+
+
+def _normal(jacobian: Floats) -> tuple[Floats, Floats]:
+    """Scales of the columns and their scaled normal matrix."""
+    scale = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
+    scale = np.where(scale > 0, scale, 1.0)
+    scaled = jacobian / scale
+    return scale, scaled.T @ scaled
+
+
+def _solve(jacobian: Floats, residual: Floats, damping: float = 0.0) -> Floats:
+    scale, normal = _normal(jacobian)
+    normal[np.diag_indices_from(normal)] += damping + 1e-13
+    return np.asarray(np.linalg.solve(normal, (residual @ jacobian) / scale) / scale)
+
+
+def _remainder(jacobian: Floats, residual: Floats) -> float:
+    """Sum of squares left after a linear step."""
+    left = residual - jacobian @ _solve(jacobian, residual)
+    return float(left @ left)
+
+
+def _inverse(jacobian: Floats) -> Floats:
+    scale, normal = _normal(jacobian)
+    normal[np.diag_indices_from(normal)] += 1e-13
+    return np.asarray(np.linalg.inv(normal) / np.outer(scale, scale))
+
+
+def _chance(before: float, after: float, freedom: int) -> float:
+    """Probability, at most, that a useless term lowers the sum of squares this much."""
+    if freedom <= 0 or before <= 0:
+        return 1.0
+    ratio = max(after / before, 1e-30)
+    return float(min(ratio, 1.0) ** (freedom / 2.0))
+
+
+def _as_rotation(camera: Camera) -> Floats:
+    """(3, 10): the rotation that moves the middle of the frame as each parameter does."""
+    middle = np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]])
+    _, jacobian = project_with_jacobian(camera, camera.unproject(middle))
+    shift = jacobian[0].copy()
+    shift[:, 2] = 0.0
+    turn = np.zeros((3, len(PARAMETERS)))
+    turn[:2] = np.linalg.solve(jacobian[0][:, :2], shift)
+    turn[2, 2] = 1.0
+    return turn
