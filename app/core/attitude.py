@@ -21,7 +21,7 @@ class Attitude:
     @property
     def boresight(self) -> Floats:
         """ICRS unit vector (3,) of the camera's z axis."""
-        return self.matrix[2]
+        return np.asarray(self.matrix[2])
 
     @property
     def ra_dec_deg(self) -> tuple[float, float]:
@@ -48,8 +48,8 @@ class Attitude:
     def quaternion(self) -> tuple[float, float, float, float]:
         """(w, x, y, z), scalar first and not negative, of the same rotation as ``matrix``.
 
-        ``v_camera = matrix @ v_icrs = q* v_icrs q`` read as a passive rotation: rotating the
-        axes by q, which is scipy's ``Rotation.from_matrix(matrix)`` as an active one.
+        ``v_camera = matrix @ v_icrs = q v_icrs q*`` with Hamilton's product, so it is scipy's
+        ``Rotation.from_matrix(matrix)`` with the scalar moved to the front.
         """
         from scipy.spatial.transform import Rotation
 
@@ -59,7 +59,10 @@ class Attitude:
 
     @property
     def euler_deg(self) -> tuple[float, float, float]:
-        """(RA, Dec, roll) as the 3-2-1 angles that astronomers use, degrees."""
+        """(RA, Dec, roll), degrees: turns about z by RA, then y by -Dec, then x by -roll.
+
+        They take the ICRS axes to (boresight, camera's left, camera's up).
+        """
         return (*self.ra_dec_deg, self.roll_deg)
 
 
@@ -72,16 +75,19 @@ def unit_vectors(ra_deg: Floats | float, dec_deg: Floats | float) -> Floats:
 def radec_deg(vector: Floats) -> tuple[float, float]:
     """RA in [0, 360) and Dec, degrees, of one vector (3,)."""
     x, y, z = (float(c) for c in vector)
-    return float(np.degrees(np.arctan2(y, x)) % 360.0), float(np.degrees(np.arctan2(z, np.hypot(x, y))))
+    ra, dec = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, np.hypot(x, y)))
+    ra = float(ra % 360.0)
+    return (ra if ra < 360.0 else 0.0), float(dec)  # -1e-20 % 360 rounds up to 360
 
 
 def roll_at(matrix: Floats, direction: Floats) -> float:
     """Position angle (deg east of north) of the camera's up, seen at an ICRS direction (3,)."""
-    x, y, z = direction
+    x, y, _ = direction
     east = np.array([-y, x, 0.0])
     north = np.cross(direction, east)
     up = -matrix[1]
-    return float(np.degrees(np.arctan2(up @ east, up @ north)))
+    roll = float(np.degrees(np.arctan2(up @ east, up @ north)))
+    return roll if roll > -180.0 else 180.0
 
 
 def attitude_from(ra_deg: float, dec_deg: float, roll_deg: float) -> Attitude:

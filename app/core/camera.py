@@ -36,9 +36,7 @@ class Camera:
     mirrored: bool = False
 
     @classmethod
-    def centred(
-        cls, width: int, height: int, focal_px: float, mirrored: bool = False
-    ) -> "Camera":
+    def centred(cls, width: int, height: int, focal_px: float, mirrored: bool = False) -> "Camera":
         """A camera without distortion whose principal point is the frame's centre."""
         return cls(width, height, focal_px, (width - 1) / 2, (height - 1) / 2, mirrored=mirrored)
 
@@ -68,10 +66,7 @@ class Camera:
         uvd = np.stack(
             [sign * (p[..., 0] - self.cx), p[..., 1] - self.cy], axis=-1
         ) / self.focal_px  # fmt: skip
-        uv = uvd.copy()
-        if self.distorted:
-            for _ in range(12):  # fixed point: converges by |distortion| a step
-                uv = uv + (uvd - self._distort(uv))
+        uv = self._straighten(uvd) if self.distorted else uvd
         out = np.concatenate([uv, np.ones_like(uv[..., :1])], axis=-1)
         return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))
 
@@ -89,6 +84,23 @@ class Camera:
         ud = u * radial + 2.0 * self.p1 * u * v + self.p2 * (r2 + 2.0 * u * u)
         vd = v * radial + self.p1 * (r2 + 2.0 * v * v) + 2.0 * self.p2 * u * v
         return np.stack([ud, vd], axis=-1)
+
+    def _straighten(self, uvd: Floats) -> Floats:
+        """The ideal (u, v) of recorded ones, by Newton's steps: the error squares at each."""
+        uv = uvd.copy()
+        for _ in range(6):
+            u, v = uv[..., 0], uv[..., 1]
+            r2 = u * u + v * v
+            radial = 1.0 + r2 * (self.k1 + self.k2 * r2)
+            slope = 2.0 * (self.k1 + 2.0 * self.k2 * r2)  # of radial, over u or v
+            uu = radial + u * u * slope + 2.0 * self.p1 * v + 6.0 * self.p2 * u
+            vv = radial + v * v * slope + 6.0 * self.p1 * v + 2.0 * self.p2 * u
+            uv_ = u * v * slope + 2.0 * self.p1 * u + 2.0 * self.p2 * v
+            du, dv = np.moveaxis(uvd - self._distort(uv), -1, 0)
+            det = uu * vv - uv_ * uv_
+            step = np.stack([vv * du - uv_ * dv, uu * dv - uv_ * du], axis=-1)
+            uv = uv + step / np.where(np.abs(det) > 0.01, det, 1.0)[..., None]
+        return uv
 
     def _pixels(self, uvd: Floats) -> Floats:
         sign = -1.0 if self.mirrored else 1.0

@@ -49,7 +49,7 @@ class Detections:
     def from_list(
         cls, xy: Floats, width: int, height: int, flux: Floats | None = None
     ) -> "Detections":
-        """Detections from bare positions (N, 2) px; without ``flux`` the list is brightest first."""
+        """Detections from bare positions (N, 2) px; brightest first unless ``flux`` says."""
         xy = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         n = len(xy)
         if flux is None:

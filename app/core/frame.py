@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from app.core.hint import Hint
@@ -26,7 +25,7 @@ class Frame:
     bayer: str | None = None
     saturation: float | None = None
     path: str = ""
-    hint: Hint = Hint()
+    hint: Hint = field(default_factory=Hint)
     warnings: tuple[str, ...] = ()
     header: Mapping[str, Any] = field(default_factory=dict)
 
