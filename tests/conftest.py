@@ -1,0 +1,38 @@
+"""What every test may lean on: a screenless Qt, settings of its own, and the real frames."""
+
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# Before anything imports Qt or asks where settings live.
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+_home = tempfile.TemporaryDirectory(prefix="kochab-tests-")
+for _name in ("CONFIG", "CACHE", "DATA", "STATE"):
+    _folder = Path(_home.name, _name.lower())
+    _folder.mkdir()
+    os.environ[f"XDG_{_name}_HOME"] = str(_folder)
+
+# A machine that is busy must not fail a test; the machine that judges repeats its examples.
+settings.register_profile("house", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "house")
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The checkout these tests belong to."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def shared_frames() -> Path:
+    """Real photographs with their truth, beside the checkout; the test is skipped without."""
+    folder = REPOSITORY.parent / "shared" / "frames"
+    if not folder.is_dir():
+        pytest.skip("the real frames (../shared/frames) are not beside this checkout")
+    return folder

@@ -1,0 +1,100 @@
+"""The camera: a direction becomes a pixel and the same direction again."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.core.camera import Camera
+
+small = st.floats(-0.01, 0.01)
+
+
+@st.composite
+def cameras(draw, distorted=True):
+    """From 1 to 70 degrees wide, off-centre, either parity, distortion up to a few percent."""
+    width, height = draw(st.integers(64, 9000)), draw(st.integers(64, 9000))
+    fov = np.radians(draw(st.floats(1.0, 70.0)))
+    focal = max(width, height) / (2 * np.tan(fov / 2))
+    corner2 = (width**2 + height**2) / (4 * focal**2)  # the corner's u^2 + v^2
+    k1, k2 = draw(st.floats(-0.08, 0.08)) / corner2, draw(st.floats(-0.02, 0.02)) / corner2**2
+    p1, p2 = draw(small) / corner2**0.5, draw(small) / corner2**0.5
+    terms = (k1, k2, p1, p2) if distorted else (0.0, 0.0, 0.0, 0.0)
+    cx, cy = (width - 1) * draw(st.floats(0.45, 0.55)), (height - 1) * draw(st.floats(0.45, 0.55))
+    return Camera(width, height, focal, cx, cy, *terms, mirrored=draw(st.booleans()))
+
+
+def grid(camera):
+    x, y = np.meshgrid(
+        np.linspace(-0.5, camera.width - 0.5, 9), np.linspace(-0.5, camera.height - 0.5, 7)
+    )
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+@given(cameras())
+def test_pixels_come_back(camera):
+    pixels = grid(camera)
+    vectors = camera.unproject(pixels)
+    assert np.allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=1e-12)
+    assert np.abs(camera.project(vectors) - pixels).max() < 1e-5
+
+
+@pytest.mark.parametrize("k1", [-0.12, 0.15])
+def test_strong_distortion_is_undone_to_the_corner(k1):
+    corner2 = (3000**2 + 2000**2) / 9000**2
+    camera = Camera(6000, 4000, 9000.0, 3000.0, 2000.0, k1 / corner2, p1=0.02)
+    pixels = grid(camera)
+    assert np.abs(camera.project(camera.unproject(pixels)) - pixels).max() < 1e-6
+
+
+@given(cameras(distorted=False))
+def test_without_distortion_it_is_a_tangent_plane(camera):
+    """Straight from the definition, with an angle measured off the axis."""
+    assert not camera.distorted
+    angle = np.radians(0.3)
+    right, down = [np.sin(angle), 0, np.cos(angle)], [0, np.sin(angle), np.cos(angle)]
+    reach = camera.focal_px * np.tan(angle)
+    sign = -1 if camera.mirrored else 1
+    expected = [[camera.cx + sign * reach, camera.cy], [camera.cx, camera.cy + reach]]
+    assert np.allclose(camera.project(np.array([right, down])), expected, rtol=0, atol=1e-7)
+
+
+@given(cameras())
+def test_mirroring_flips_x_about_the_principal_point(camera):
+    from dataclasses import replace
+
+    vectors = camera.unproject(grid(camera))
+    here, there = camera.project(vectors), replace(camera, mirrored=not camera.mirrored)
+    flipped = there.project(vectors)
+    assert np.allclose(flipped[:, 0] + here[:, 0], 2 * camera.cx, atol=1e-6)
+    assert np.allclose(flipped[:, 1], here[:, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("term", ["k1", "k2", "p1", "p2"])
+def test_each_distortion_term_follows_brown_and_conrady(term):
+    u, v, amount, focal = 0.3, -0.2, 0.01, 1000.0
+    r2 = u * u + v * v
+    shift = {
+        "k1": (u * r2, v * r2),
+        "k2": (u * r2**2, v * r2**2),
+        "p1": (2 * u * v, r2 + 2 * v * v),
+        "p2": (r2 + 2 * u * u, 2 * u * v),
+    }[term]
+    camera = Camera(1000, 800, focal, 500.0, 400.0, **{term: amount})
+    found = camera.project(np.array([[u, v, 1.0]]))[0]
+    expected = np.array([500, 400]) + focal * (np.array([u, v]) + amount * np.array(shift))
+    assert np.allclose(found, expected, atol=1e-9)
+
+
+def test_behind_the_camera_there_is_no_pixel():
+    camera = Camera.centred(100, 100, 100.0)
+    found = camera.project(np.array([[0, 0, -1.0], [1, 0, 0], [0, 0, 1]]))
+    assert np.isnan(found[:2]).all()
+    assert np.allclose(found[2], [49.5, 49.5])
+
+
+def test_field_and_scale():
+    camera = Camera.centred(2000, 1000, 1000.0)
+    assert camera.fov_deg == pytest.approx((90.0, np.degrees(2 * np.arctan(0.5))))
+    assert camera.scale_arcsec_px == pytest.approx(206.264806)
+    assert camera.unproject(np.empty((0, 2))).shape == (0, 3)
