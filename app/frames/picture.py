@@ -1,0 +1,76 @@
+"""PNG, JPEG, BMP, GIF and WebP, through Pillow; PNG of 16 bits through libpng."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from app.core.errors import FrameError
+from app.core.frame import Frame
+from app.frames.exif_hint import hint_from_exif
+from app.frames.planes import check_size, finite, split
+
+Image.MAX_IMAGE_PIXELS = None  # check_size refuses first, with a sentence
+
+_FORMATS = ("PNG", "JPEG", "BMP", "DIB", "GIF", "WEBP", "MPO")
+
+
+def read_picture(path: Path) -> Frame:
+    """Read a picture of everyday kind, turned upright as its EXIF orientation says.
+
+    Raises
+    ------
+    FrameError
+        When it is cut short, damaged or too large.
+    """
+    try:
+        with Image.open(path, formats=_FORMATS) as image:
+            check_size(*image.size)
+            notes = _frames_note(image)
+            exif = image.getexif()
+            size = image.size
+            samples = _samples(image, path)
+    except FrameError:
+        raise
+    except MemoryError:
+        raise
+    except Exception as error:  # decoders raise whatever they like for damaged files
+        raise FrameError(_sentence(error)) from None
+    pixels, colour, saturation = split(samples)
+    pixels, gaps = finite(pixels)
+    hint, header, doubts = hint_from_exif(exif, size)
+    return Frame(
+        pixels, colour, None, saturation, str(path), hint, (*notes, *gaps, *doubts), header
+    )
+
+
+def _samples(image: Image.Image, path: Path) -> NDArray[Any]:
+    if image.format == "PNG" and _png_depth(path) == 16:
+        import imagecodecs
+
+        return np.asarray(imagecodecs.png_decode(path.read_bytes()))
+    image.load()
+    upright = ImageOps.exif_transpose(image)
+    mode = upright.mode
+    if mode in ("1", "L", "LA", "La", "I;16", "I;16B", "I;16L", "I", "F", "RGB", "RGBA", "RGBX"):
+        return np.asarray(upright)
+    return np.asarray(upright.convert("L" if mode == "1" else "RGB"))
+
+
+def _png_depth(path: Path) -> int:
+    with path.open("rb") as file:
+        head = file.read(25)
+    return head[24] if len(head) == 25 else 8
+
+
+def _frames_note(image: Image.Image) -> tuple[str, ...]:
+    count = getattr(image, "n_frames", 1)
+    return (f"Of {count} pictures only the first is read.",) if count > 1 else ()
+
+
+def _sentence(error: Exception) -> str:
+    if "truncated" in str(error).lower() or isinstance(error, EOFError):
+        return "is cut short."
+    return "is damaged: it does not decode as a picture."
