@@ -1,0 +1,192 @@
+"""The house itself: who may import whom, what lies at the top, and that every name resolves."""
+
+import ast
+import importlib
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import app
+
+TOP_LEVEL = {
+    ".ci", ".gitignore", ".pre-commit-config.yaml", "CHANGELOG.md", "LICENSE", "Makefile",
+    "README.md", "app", "catalogs", "pyproject.toml", "resources", "tests",
+}  # fmt: skip
+LONGEST_FILE = 500
+
+
+def python(code, cwd, *arguments):
+    """A fresh interpreter, so that nothing already imported can help or harm."""
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], cwd=cwd, capture_output=True, text=True, timeout=110
+    )  # fmt: skip
+
+
+def check_imports(folder):
+    """Run the import contract of ``folder/pyproject.toml`` on ``folder/app``."""
+    code = (
+        "import sys; sys.path.insert(0, '.')\n"
+        "from importlinter.cli import lint_imports\n"
+        "sys.exit(lint_imports(no_cache=True, no_logo=True))"
+    )
+    return python(code, folder)
+
+
+def test_a_room_imports_only_from_floors_below(repository):
+    found = check_imports(repository)
+    assert found.returncode == 0, found.stdout + found.stderr
+
+
+@pytest.fixture(scope="module")
+def empty_house(repository, tmp_path_factory):
+    """The same rooms under the same contract, with nothing in them."""
+    folder = tmp_path_factory.mktemp("house")
+    shutil.copy(repository / "pyproject.toml", folder)
+    settings = tomllib.loads((repository / "pyproject.toml").read_text("utf-8"))
+    floors = settings["tool"]["importlinter"]["contracts"][0]["layers"]
+    rooms = {room.strip() for floor in floors for room in floor.split("|")} - {"__main__"}
+    for room in rooms:
+        (folder / "app" / room).mkdir(parents=True)
+        (folder / "app" / room / "__init__.py").touch()
+    (folder / "app" / "__init__.py").touch()
+    (folder / "app" / "__main__.py").touch()
+    assert check_imports(folder).returncode == 0
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "broken"),
+    [
+        ("core/bad.py", "import app.sky", "The floors of the house"),
+        ("sky/bad.py", "import app.frames", "The floors of the house"),
+        ("ui/bad.py", "import app.cli", "The floors of the house"),
+        ("workflows/bad.py", "def f():\n    import app.simulate", "The window and the workflows"),
+        ("ui/bad.py", "import app.simulate", "The window and the workflows"),
+        ("solve/bad.py", "from PySide6.QtCore import QObject", "Qt lives in the window"),
+        ("cli/bad.py", "def f():\n    import pyqtgraph", "Qt lives in the window"),
+        ("cellar/__init__.py", "", "The floors of the house"),
+    ],
+)
+def test_the_contract_bites(empty_house, file, line, broken):
+    path = empty_house / "app" / file
+    path.parent.mkdir(exist_ok=True)
+    existed = path.exists()
+    path.write_text(line + "\n")
+    try:
+        found = check_imports(empty_house)
+    finally:
+        path.write_text("") if existed else path.unlink()
+        if not any(path.parent.glob("*.py")):
+            shutil.rmtree(path.parent)
+    assert found.returncode != 0
+    said = found.stdout + found.stderr
+    assert "cellar" in said if "cellar" in file else f"{broken}" in said.split("BROKEN")[0]
+
+
+def test_wiring_alone_knows_nothing_of_qt_itself(repository):
+    """``__main__`` is above the contract, so its own imports are read here."""
+    tree = ast.parse((repository / "app" / "__main__.py").read_text(encoding="utf-8"))
+    names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+    names |= {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    assert not {n for n in names if n.split(".")[0] in {"PySide6", "pyqtgraph", "shiboken6"}}
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"]])
+def test_asking_for_help_costs_no_heavy_import(repository, arguments):
+    code = (
+        f"import sys; sys.argv[1:] = {arguments}\n"
+        "from app.__main__ import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        "heavy = {'PySide6', 'pyqtgraph', 'photutils', 'astropy', 'rawpy', 'tifffile'}\n"
+        "print('LOADED', sorted(heavy & set(sys.modules)))"
+    )
+    found = python(code, repository)
+    assert found.stdout.strip().endswith("LOADED []"), found.stdout + found.stderr
+    assert "solve" in found.stdout
+
+
+def test_no_file_is_too_long(repository):
+    long = {
+        str(path.relative_to(repository)): count
+        for path in (repository / "app").rglob("*.py")
+        if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST_FILE
+    }
+    assert not long
+
+
+def test_the_top_level_holds_what_it_should(repository):
+    if not (repository / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=repository, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert {name.split("/")[0] for name in listed} == TOP_LEVEL
+
+
+def modules():
+    """Every module of ``app`` that can be imported without opening a window."""
+    root = Path(app.__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        parts = path.relative_to(root).with_suffix("").parts
+        if parts[-1] != "__main__":
+            yield ".".join(("app", *parts)).removesuffix(".__init__")
+
+
+def registries():
+    """The plain dicts ``NAME: name -> "module:thing"`` (or a module) at the top of a module."""
+    entry = re.compile(r"app(\.\w+)+(:\w+)?")
+    quoted = re.compile(rf'"{entry.pattern}"')
+    for name in modules():
+        source = Path(app.__file__).parent.joinpath(*name.split(".")[1:])
+        file = source / "__init__.py" if source.is_dir() else source.with_suffix(".py")
+        if not quoted.search(file.read_text(encoding="utf-8")):
+            continue
+        for key, value in vars(importlib.import_module(name)).items():
+            if key.isupper() and isinstance(value, dict):
+                for label, told in value.items():
+                    for part in told if isinstance(told, tuple) else (told,):
+                        if isinstance(part, str) and entry.fullmatch(part):
+                            yield f"{name}.{key}", label, part
+
+
+def test_every_name_in_a_registry_resolves():
+    entries = list(registries())
+    kinds = {registry for registry, _, _ in entries}
+    assert kinds >= {
+        "app.detect.DETECTORS",
+        "app.identify.IDENTIFIERS",
+        "app.bench.BENCHES",
+        "app.cli.main.COMMANDS",
+    }
+    broken = []
+    for registry, label, target in entries:
+        module, _, thing = target.partition(":")
+        try:
+            found = getattr(importlib.import_module(module), thing or "__name__")
+        except (ImportError, AttributeError) as error:
+            broken.append(f"{registry}[{label!r}]: {error}")
+        else:
+            if thing and not callable(found):
+                broken.append(f"{registry}[{label!r}]: not callable")
+    assert not broken, "\n".join(broken)
+
+
+def test_the_changelog_tells_of_this_version(repository):
+    told = re.findall(r"^## (\S+)", (repository / "CHANGELOG.md").read_text("utf-8"), re.M)
+    assert app.__version__ in told
+
+
+def test_the_makefile_and_the_hooks_run_the_same_checks(repository):
+    """A check that only one of them knows is a check that someone will miss."""
+    makefile = (repository / "Makefile").read_text("utf-8")
+    recipe = makefile.split("\nlint:")[1].split("\n\n")[0]
+    hooks = (repository / ".pre-commit-config.yaml").read_text("utf-8")
+    in_make = re.findall(r"\(BIN\)/([\w-]+)", recipe)
+    in_hooks = re.findall(r"entry: \.venv/bin/([\w-]+)", hooks)
+    assert in_make
+    assert sorted(in_make) == sorted(in_hooks)
