@@ -142,7 +142,8 @@ def _identify(
     yield Progress("identify", 0.3, "with a hint" if hint else "blind")
     with clock.stage("identify"):
         identifier = pick(IDENTIFIERS, method, "method")
-        return (yield from clock.watch(identifier.identify(detections, hint, year)))
+        task: Task[Identification | NoSolution] = identifier.identify(detections, hint, year)
+        return (yield from clock.watch(task))
 
 
 def _conclude(
@@ -155,5 +156,5 @@ def _conclude(
     catalogue = open_catalogue()
     usable = detections.take(slice(0, options.max_stars))
     matches, fit = extend(usable, found, catalogue, year, distortion=options.distortion)
-    solution = build_solution(usable, matches, fit, found, catalogue, year)
+    solution = build_solution(matches, fit, found, catalogue)
     return replace(solution, detections=len(detections))

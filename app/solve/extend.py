@@ -1,0 +1,141 @@
+"""From the few stars that were identified to every star of the frame that has a name."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.attitude.fit import Fit, refine
+from app.core.attitude import Attitude
+from app.core.camera import Camera
+from app.core.detections import Detections
+from app.core.solution import Identification, Matches
+from app.solve.pairing import mutual_nearest
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ROUNDS = 8
+REACH_GROWTH = 1.4
+SMALLEST_TOLERANCE_PX = 1.0
+LARGEST_TOLERANCE_PX = 8.0
+
+
+class Stars(Protocol):
+    """What is needed of a catalogue here."""
+
+    def vectors(self, rows: Ints, year: float) -> Floats:
+        """ICRS unit vectors (N, 3) at a Julian year."""
+        ...
+
+    def mag(self, rows: Ints) -> NDArray[np.floating]:
+        """V magnitudes (N,)."""
+        ...
+
+    def cone(self, vector: Floats, radius_rad: float, mag_limit: float) -> Ints:
+        """Rows within a radius of an ICRS unit vector."""
+        ...
+
+    def label(self, row: int) -> tuple[str, str]:
+        """Identifier and name."""
+        ...
+
+
+def extend(
+    detections: Detections,
+    found: Identification,
+    catalogue: Stars,
+    year: float,
+    *,
+    distortion: bool = True,
+) -> tuple[Matches, Fit]:
+    """Match every detection it can against the catalogue, refitting as the set grows.
+
+    The search starts where the identified stars are and works outward, so that a strong
+    distortion is learnt ring by ring. Returns the matches that agree, M of them, and their fit.
+    """
+    matches = found.matches
+    fit = refine(matches, found.camera, found.attitude, distortion=distortion)
+    rows = _pool(detections, found, fit, catalogue)
+    vectors = catalogue.vectors(rows, year)
+    sigma = centroid_sigma(detections)
+    origin = matches.xy.mean(axis=0)
+    distance = np.hypot(*(detections.xy - origin).T)
+    reach = float(np.hypot(*(matches.xy - origin).T).max())
+    spacing = np.sqrt(detections.width * detections.height / max(len(rows), 1))
+    for _ in range(ROUNDS):
+        before, reach = len(matches), reach * REACH_GROWTH
+        tolerance = float(np.clip(4.0 * fit.rms_px, SMALLEST_TOLERANCE_PX, LARGEST_TOLERANCE_PX))
+        tolerance = min(tolerance, max(0.2 * spacing, SMALLEST_TOLERANCE_PX))
+        grown = _paired(detections, distance <= reach, fit, rows, vectors, tolerance)
+        if len(grown) < max(4, len(found.matches) // 2):
+            break
+        grown_fit = refine(
+            grown, fit.camera, fit.attitude, sigma[grown.detection], distortion=distortion
+        )
+        matches, fit = grown, grown_fit
+        if reach >= distance.max() and len(matches) <= before:
+            break
+    return _agreeing(matches, fit)
+
+
+def centroid_sigma(detections: Detections) -> Floats:
+    """Relative centroid errors (N,), px: a floor, and the star's width over its SNR."""
+    photon = 0.5 * detections.fwhm_px / np.maximum(detections.snr, 1.0)
+    sigma = np.hypot(0.15, np.where(np.isfinite(photon), photon, 0.0))
+    return np.where(detections.saturated | detections.blended, 2.0 * sigma, sigma)
+
+
+def field_centre(camera: Camera, attitude: Attitude) -> tuple[Floats, float]:
+    """ICRS unit vector (3,) of the frame's middle, and the radius (rad) that holds its corners."""
+    w, h = camera.width - 1.0, camera.height - 1.0
+    places = np.array([[w / 2, h / 2], [0, 0], [w, 0], [0, h], [w, h]])
+    seen = camera.unproject(places) @ attitude.matrix
+    cosine = float(np.min(seen[1:] @ seen[0]))
+    return np.asarray(seen[0]), float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _pool(detections: Detections, found: Identification, fit: Fit, catalogue: Stars) -> Ints:
+    """Rows of the field's brightest stars, about twice as many as there are detections."""
+    wanted = 2 * len(detections) + 50
+    centre, radius = field_centre(fit.camera, fit.attitude)
+    radius = min(1.08 * radius, np.pi / 2)
+    area_share = _share_of_circle(fit.camera)
+    limit = float(np.median(catalogue.mag(found.matches.star)))
+    rows = catalogue.cone(centre, radius, limit)
+    while len(rows) * area_share < wanted and limit < 20.0:
+        limit += 0.7
+        rows = catalogue.cone(centre, radius, limit)
+    order = np.argsort(catalogue.mag(rows), kind="stable")
+    kept = rows[order[: int(wanted / area_share)]]
+    return np.union1d(kept, found.matches.star).astype(np.int64)
+
+
+def _share_of_circle(camera: Camera) -> float:
+    w, h = camera.width, camera.height
+    return float(w * h / (np.pi / 4.0 * (w * w + h * h)))
+
+
+def _paired(
+    detections: Detections,
+    inside: NDArray[np.bool_],
+    fit: Fit,
+    rows: Ints,
+    vectors: Floats,
+    tolerance_px: float,
+) -> Matches:
+    seen = fit.camera.project(vectors @ fit.attitude.matrix.T)
+    candidates = np.flatnonzero(inside)
+    i, j = mutual_nearest(detections.xy[candidates], seen, tolerance_px)
+    detection = candidates[i].astype(np.int64)
+    return Matches(detection, rows[j], detections.xy[detection], vectors[j])
+
+
+def _agreeing(matches: Matches, fit: Fit) -> tuple[Matches, Fit]:
+    keep = fit.inliers
+    kept = Matches(
+        matches.detection[keep], matches.star[keep], matches.xy[keep], matches.vectors[keep]
+    )
+    residuals = fit.residuals_px[keep]
+    whole = np.ones(len(kept), dtype=np.bool_)
+    return kept, Fit(fit.camera, fit.attitude, residuals, fit.rms_px, whole, fit.terms)
