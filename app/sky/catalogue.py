@@ -1,0 +1,174 @@
+"""The deep list of stars: opened in a millisecond, read only where a question reaches."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from app.core.errors import CatalogueError
+from app.sky.container import Container
+from app.sky.cone import candidates
+from app.sky.layout import (
+    BV_LOWEST,
+    BV_STEP,
+    BV_UNKNOWN,
+    EPOCH,
+    HIPPARCOS,
+    TIER_EDGES_MMAG,
+    TURN,
+)
+from app.sky.names import Names, position_name
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
+MAS = np.radians(1.0 / 3.6e6)
+
+
+def open_catalogue(path: str | Path | None = None) -> "Catalogue":
+    """The shipped catalogue, or the one at ``path``; memory mapped, so it costs about 1 ms.
+
+    Raises `CatalogueError` with one sentence when the file is missing or damaged.
+    """
+    return Catalogue(shipped_folder() / "deep.kcat" if path is None else Path(path))
+
+
+def shipped_folder() -> Path:
+    """The folder of the shipped catalogue files."""
+    import catalogs
+
+    return Path(catalogs.__path__[0])
+
+
+class Catalogue:
+    """Stars by row number, 0 to ``len - 1``, sorted by tier of magnitude, zone and RA."""
+
+    def __init__(self, path: Path) -> None:
+        self.container = Container(path)
+        self._ra = self.container.column("ra")
+        self._dec = self.container.column("dec")
+        self._pm_ra = self.container.column("pm_ra")
+        self._pm_dec = self.container.column("pm_dec")
+        self._mag = self.container.column("mag")
+        self._bv = self.container.column("bv")
+        self._flag = self.container.column("flag")
+        self._zones = self.container.column("zones")
+        self.max_pm_arcsec = float(self.container.facts["max_pm_arcsec"])
+        if int(self._zones[-1]) != len(self._ra):
+            raise CatalogueError(f"{path} is damaged: its index does not fit its stars.")
+
+    def __len__(self) -> int:
+        return len(self._ra)
+
+    def vectors(self, rows: ArrayLike, year: float = EPOCH) -> Floats:
+        """ICRS unit vectors (N, 3) of ``rows`` (N,) with proper motion applied to ``year``."""
+        rows = np.asarray(rows, dtype=np.int64)
+        ra = self._ra[rows] * (2 * np.pi / TURN)
+        dec = self._dec[rows] * (2 * np.pi / TURN)
+        sin_ra, cos_ra, sin_dec, cos_dec = np.sin(ra), np.cos(ra), np.sin(dec), np.cos(dec)
+        place = np.stack([cos_dec * cos_ra, cos_dec * sin_ra, sin_dec], axis=-1)
+        span = (year - EPOCH) * MAS
+        if span == 0.0:
+            return place
+        east, north = self._pm_ra[rows] * span, self._pm_dec[rows] * span
+        place[..., 0] -= east * sin_ra + north * sin_dec * cos_ra
+        place[..., 1] += east * cos_ra - north * sin_dec * sin_ra
+        place[..., 2] += north * cos_dec
+        # Motion runs along the tangent, so the length has grown by at most (motion)^2 / 2.
+        place /= np.sqrt(1.0 + east * east + north * north)[..., None]
+        return place
+
+    def mag(self, rows: ArrayLike) -> Floats:
+        """V magnitudes (N,) of ``rows`` (N,)."""
+        return np.asarray(self._mag[np.asarray(rows, dtype=np.int64)] * 1e-3)
+
+    def bv(self, rows: ArrayLike) -> Floats:
+        """Colours B-V (N,) of ``rows`` (N,), NaN where unknown."""
+        step = self._bv[np.asarray(rows, dtype=np.int64)]
+        return np.where(step == BV_UNKNOWN, np.nan, step * BV_STEP + BV_LOWEST)
+
+    def flags(self, rows: ArrayLike) -> NDArray[np.uint8]:
+        """Flags (N,) of ``rows``, the bits named in `app.sky.layout`."""
+        return np.asarray(self._flag[np.asarray(rows, dtype=np.int64)])
+
+    def cone(
+        self,
+        vector: ArrayLike,
+        radius_rad: float,
+        mag_limit: float | None = None,
+        year: float = EPOCH,
+    ) -> Rows:
+        """Rows within ``radius_rad`` of an ICRS unit vector (3,) at ``year``, brightest first.
+
+        ``mag_limit`` keeps V <= limit, and then leaves the tiers of fainter stars unread.
+        """
+        tiers = range(len(TIER_EDGES_MMAG) + 1)
+        if mag_limit is not None:
+            tiers = range(int(np.searchsorted(TIER_EDGES_MMAG, mag_limit * 1e3, "right")) + 1)
+        centre = np.asarray(vector, dtype=np.float64)
+        return self._sorted(self._inside(centre, radius_rad, tiers, mag_limit, year))
+
+    def brightest(
+        self, vector: ArrayLike, radius_rad: float, n: int, year: float = EPOCH
+    ) -> Rows:
+        """The ``n`` brightest rows of a cone, brightest first; fewer when it holds fewer."""
+        centre = np.asarray(vector, dtype=np.float64)
+        found: list[Rows] = []
+        have = 0
+        for tier in range(len(TIER_EDGES_MMAG) + 1):
+            found.append(self._inside(centre, radius_rad, range(tier, tier + 1), None, year))
+            have += len(found[-1])
+            if have >= n:
+                break
+        return self._sorted(np.concatenate(found))[:n]
+
+    def _sorted(self, rows: Rows) -> Rows:
+        return rows[np.argsort(self._mag[rows], kind="stable")]
+
+    def _inside(
+        self, centre: Floats, radius: float, tiers: range, limit: float | None, year: float
+    ) -> Rows:
+        pad = abs(year - EPOCH) * np.radians(self.max_pm_arcsec / 3600.0)
+        rows = candidates(self._ra, self._zones, centre, radius + pad, tiers)
+        if limit is not None:
+            rows = rows[self._mag[rows] <= round(limit * 1e3)]
+        # Chord rather than cosine: exact for small cones too.
+        gap = self.vectors(rows, year) - centre
+        chord = 2.0 * np.sin(min(radius, np.pi) / 2.0)
+        return rows[np.einsum("ij,ij->i", gap, gap) <= chord * chord * (1 + 1e-12) + 1e-24]
+
+    def label(self, row: int) -> tuple[str, str]:
+        """Identifier and name of a star: ``("HIP 91262", "Vega")``.
+
+        A star that Hipparcos lacks is named by its position, ``("J183656.3+384701", "")``.
+        """
+        bright = self.bright_row(row)
+        if bright is not None:
+            return self.names.label(bright)
+        return position_name(self.vectors(np.array([row]))[0]), ""
+
+    def bright_row(self, row: int) -> int | None:
+        """The row of the bright list that ``row`` leads to (its brightest part), or None."""
+        if not int(self._flag[row]) & HIPPARCOS:
+            return None
+        deep = self.container.column("link_deep")
+        return int(self.container.column("link_bright")[np.searchsorted(deep, row)])
+
+    def deep_row(self, bright_row: int) -> int:
+        """The row of this list that holds a row of the bright list."""
+        at = np.flatnonzero(self.container.column("link_bright") == bright_row)
+        return int(self.container.column("link_deep")[at[0]])
+
+    def find(self, name: str) -> int | Floats:
+        """The row of a star, or the ICRS vector (3,) of an NGC, IC or Messier object.
+
+        Knows HIP, HD, HR and SAO numbers, star names, Bayer and Flamsteed designations. Raises
+        `UsageError` when nothing is called so.
+        """
+        found = self.names.find(name)
+        return self.deep_row(found) if isinstance(found, int) else found
+
+    @cached_property
+    def names(self) -> Names:
+        """The bright list and the tables of names, opened when first asked for."""
+        return Names(shipped_folder())
