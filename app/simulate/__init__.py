@@ -1,0 +1,1 @@
+"""The rendered sky: frames as a camera would make them."""
