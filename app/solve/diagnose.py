@@ -1,12 +1,30 @@
 """The solve doctor: why there is no answer, what was measured, and one thing to do next."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from app.core.detections import Detections
 from app.core.frame import Frame
 from app.core.hint import Hint
 from app.core.solution import NoSolution, Reason
+from app.solve.measure import Light, Trails, half_flux_diameter_px, measure_light, measure_trails
+
+FEWEST_STARS = 6
+"""Fewer cannot prove a pointing: the method wants six agreeing stars to be sure."""
+FEWEST_CATALOGUE_STARS = 10
+TRAILED_ASPECT = 2.2
+TRAILED_ELONGATION = 1.8
+DAY_SHARE = 0.45
+WHITE_SHARE = 0.8
+FLAT_CONTRAST = 4.0
+GLARE_SHARE = 0.002
+OUT_OF_FOCUS_PX = 12.0
+FISHEYE_DEG = 100.0
+
+Finding = tuple[Reason, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,26 +36,52 @@ class Evidence:
     frame: Frame | None = None
 
 
+@dataclass(slots=True, eq=False)
+class _Case:
+    """The evidence and what was measured of it so far."""
+
+    evidence: Evidence
+    measured: dict[str, float] = field(default_factory=dict)
+    light: Light | None = None
+    trails: Trails | None = None
+
+    @property
+    def count(self) -> int:
+        return len(self.evidence.detections)
+
+
 def diagnose(
     evidence: Evidence, refusal: NoSolution | None, elapsed_ms: Mapping[str, float]
 ) -> NoSolution:
-    """Why the search ended without an answer."""
+    """Why the search ended without an answer: the first finding that the numbers support.
+
+    ``refusal`` is what the identifier itself said; it is believed when the frame looks healthy.
+    """
+    case = _examine(evidence)
+    said = (refusal.reason, refusal.advice) if refusal else (Reason.NO_PATTERN_AGREED, "")
+    reason, advice = next(_findings(case), _healthy(case, said))
+    frame = evidence.frame
     return NoSolution(
-        refusal.reason if refusal else Reason.NO_PATTERN_AGREED,
-        "Check the frame.",
-        detections=len(evidence.detections),
+        reason,
+        advice,
+        tried=refusal.tried if refusal else "",
+        detections=case.count,
         elapsed_ms=elapsed_ms,
+        measured=case.measured,
+        warnings=frame.warnings if frame else (),
     )
 
 
 def timed_out(evidence: Evidence, timeout_s: float, elapsed_ms: Mapping[str, float]) -> NoSolution:
     """The search went past its limit."""
+    case = _examine(evidence)
     return NoSolution(
         Reason.TIMED_OUT,
         "Give the field of view or the scale as a hint, or a longer time limit.",
         tried=f"searched for {timeout_s:g} s",
-        detections=len(evidence.detections),
+        detections=case.count,
         elapsed_ms=elapsed_ms,
+        measured=case.measured,
     )
 
 
@@ -46,3 +90,181 @@ def cancelled(detections: int = 0, elapsed_ms: Mapping[str, float] | None = None
     return NoSolution(
         Reason.CANCELLED, "Solve again when ready.", "", detections, dict(elapsed_ms or {})
     )
+
+
+def _examine(evidence: Evidence) -> _Case:
+    """Measure everything that can be measured."""
+    case, d = _Case(evidence), evidence.detections
+    out = case.measured
+    out["stars_found"] = float(len(d))
+    _note(out, "fwhm_px", _median(d.fwhm_px))
+    _note(out, "elongation", _median(d.elongation))
+    if len(d):
+        out["saturated_stars"] = float(np.count_nonzero(d.saturated))
+    if evidence.frame is not None:
+        case.light = measure_light(evidence.frame)
+        case.trails = measure_trails(evidence.frame)
+        _note(out, "half_flux_diameter_px", half_flux_diameter_px(evidence.frame, d))
+        out["background_share"] = case.light.background_share
+        out["saturated_share"] = case.light.saturated_share
+        out["contrast_sigma"] = case.light.contrast
+    field_deg = implied_field_deg(evidence)
+    if field_deg is not None:
+        out["field_deg"] = field_deg
+        out["stars_expected"] = _expected(evidence, field_deg)
+    return case
+
+
+def _findings(case: _Case) -> Iterator[Finding]:
+    """Every finding the numbers support, the most telling first."""
+    yield from _emptiness(case)
+    yield from _glare(case)
+    yield from _trailing(case)
+    yield from _daylight(case)
+    yield from _focus(case)
+    yield from _field(case)
+    if case.count < FEWEST_STARS:
+        yield (
+            Reason.TOO_FEW_STARS,
+            f"Only {case.count} stars: expose longer, or use a wider field; "
+            f"{FEWEST_STARS} are the fewest that can be sure.",
+        )
+
+
+def _emptiness(case: _Case) -> Iterator[Finding]:
+    light = case.light
+    if light is None:
+        return
+    if light.background_share > WHITE_SHARE:
+        yield from _daylight(case)
+    if case.count < 3 and light.contrast < FLAT_CONTRAST:
+        yield (
+            Reason.CLOUDED_OR_DARK,
+            "Nothing stands out of the background: look for clouds, a closed cover or dew, then "
+            "expose longer.",
+        )
+
+
+def _daylight(case: _Case) -> Iterator[Finding]:
+    light = case.light
+    if light is not None and light.background_share > DAY_SHARE:
+        yield (
+            Reason.CLOUDED_OR_DARK,
+            f"The background is at {100 * light.background_share:.0f} % of full scale: day, cloud "
+            "or a long exposure; wait for a dark sky or expose much shorter.",
+        )
+
+
+def _trailing(case: _Case) -> Iterator[Finding]:
+    trails, d = case.trails, case.evidence.detections
+    if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT:
+        case.measured["trail_px"] = trails.length_px
+        _note(case.measured, "trail_angle_deg", trails.angle_deg)
+        at = f" at {trails.angle_deg:.0f} deg" if math.isfinite(trails.angle_deg) else " in arcs"
+        yield Reason.TRAILED, f"Stars trail {trails.length_px:.0f} px{at}: {_cure(case)}"
+    bright = d.take(slice(0, 50))
+    if len(d) >= FEWEST_STARS and _median(bright.elongation) > TRAILED_ELONGATION:
+        length = _median(bright.fwhm_px) * math.sqrt(_median(bright.elongation) ** 2 - 1.0)
+        spin = np.mean(np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)]))
+        if abs(spin) > 0.6:
+            angle = float(np.degrees(np.angle(spin)) / 2 % 180.0)
+            case.measured.update(trail_px=length, trail_angle_deg=angle)
+            yield (
+                Reason.TRAILED,
+                f"Stars trail {length:.0f} px at {angle:.0f} deg: {_cure(case)}",
+            )
+
+
+def _cure(case: _Case) -> str:
+    exposure = case.evidence.hint.exposure_s if case.evidence.hint else None
+    if exposure is not None and exposure > 20.0:
+        return f"track the sky, or expose shorter than {exposure:g} s."
+    return "wait 5 s after the slew, then expose again, shorter if the mount does not track."
+
+
+def _focus(case: _Case) -> Iterator[Finding]:
+    fwhm = case.measured.get("fwhm_px", 0.0)
+    width = min(case.measured.get("half_flux_diameter_px", fwhm), fwhm)
+    if case.count >= 3 and width > OUT_OF_FOCUS_PX:
+        yield (
+            Reason.OUT_OF_FOCUS,
+            f"Stars are {width:.0f} px wide: focus until they are under 5 px, then expose again.",
+        )
+
+
+def _field(case: _Case) -> Iterator[Finding]:
+    deg = case.measured.get("field_deg")
+    if deg is None:
+        return
+    expected = case.measured["stars_expected"]
+    if expected < FEWEST_CATALOGUE_STARS and deg < 2.0:
+        yield (
+            Reason.FIELD_TOO_SMALL,
+            f"The field is {deg:.2f} deg wide and the catalogue holds about {expected:.0f} stars "
+            "there: use a shorter focal length or import a deeper catalogue.",
+        )
+    if deg > FISHEYE_DEG and case.count >= 20:
+        yield (
+            Reason.DISTORTION_TOO_STRONG,
+            f"A field of {deg:.0f} deg bends too much: crop the middle 60 deg and solve that.",
+        )
+
+
+def _glare(case: _Case) -> Iterator[Finding]:
+    light = case.light
+    if light is None or light.background_share > DAY_SHARE:
+        return
+    if GLARE_SHARE < light.glare_share < 0.4 and light.glare_aspect < 2.0:
+        case.measured["glare_share"] = light.glare_share
+        yield (
+            Reason.TOO_FEW_STARS,
+            f"A bright patch, the Moon perhaps, covers {100 * light.glare_share:.1f} % of the "
+            "frame and drowns the stars: point away from it.",
+        )
+
+
+def _healthy(case: _Case, said: Finding) -> Finding:
+    """Nothing is visibly wrong with the frame."""
+    reason, advice = said
+    if reason is not Reason.NO_PATTERN_AGREED:
+        return said
+    if case.evidence.frame is None:
+        return (
+            reason,
+            "Check that y runs down, that the size is the frame's, and the brightness order.",
+        )
+    scale = case.evidence.hint is not None and case.evidence.hint.scale_arcsec_px is not None
+    if not scale:
+        return (
+            reason,
+            "Give the field of view (--fov) if you know it, and check that these are stars.",
+        )
+    return reason, advice or "Check that the frame shows stars and not lights or noise."
+
+
+def implied_field_deg(evidence: Evidence) -> float | None:
+    """Width of the frame that a hinted scale implies, degrees; None without a hint."""
+    if evidence.hint is None or evidence.hint.scale_arcsec_px is None:
+        return None
+    low, high = evidence.hint.scale_arcsec_px
+    pixel = math.radians(math.sqrt(low * high) / 3600.0)
+    return math.degrees(2.0 * math.atan(evidence.detections.width / 2.0 * pixel))
+
+
+def _expected(evidence: Evidence, field_deg: float) -> float:
+    """Catalogue stars in a field so wide: at the hinted place, else the mean over the sky."""
+    from app.sky import open_catalogue
+
+    d = evidence.detections
+    area_deg2 = min(field_deg**2 * d.height / max(d.width, 1), 41253.0)
+    return float(len(open_catalogue()) * area_deg2 / 41253.0)
+
+
+def _median(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else math.nan
+
+
+def _note(measured: dict[str, float], name: str, value: float) -> None:
+    if math.isfinite(value):
+        measured[name] = value
