@@ -45,11 +45,20 @@ def planar(vectors: Floats) -> NDArray[np.complex128]:
     flat = vectors / np.einsum("qij,qj->qi", vectors, centre)[:, :, None]
     e1 = flat[:, 1] - flat[:, 0]
     e1 /= np.maximum(np.linalg.norm(e1, axis=1, keepdims=True), 1e-30)
-    e2 = np.cross(centre, e1)
+    e2 = cross(centre, e1)
     rel = flat - flat[:, :1]
     out: NDArray[np.complex128] = np.einsum("qij,qj->qi", rel, e1) + 1j * np.einsum(
         "qij,qj->qi", rel, e2
     )
+    return out
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross products of vectors (N, 3); numpy's own costs six times as much for few rows."""
+    out = np.empty_like(a)
+    out[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    out[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    out[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return out
 
 

@@ -17,38 +17,60 @@ from app.core.detections import Detections
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Reason
-from app.identify.hypotheses import Hypotheses, View, agreement, propose
+from app.identify.hypotheses import (
+    SUPPOSED,
+    Hypotheses,
+    Question,
+    View,
+    agreement,
+    crowding,
+    propose,
+)
 from app.identify.imagequads import image_quads, quad_marks
 from app.identify.index import Volume
+from app.identify.support import support
 from app.identify.verify import Pointing, Verdict, verify
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ACCEPT_LOG10 = -6.0
+CROWD = 600  # more pointings than this are thinned to those in company
 MAX_CANDIDATES = 40  # pointings verified in one stage and volume
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """How deep one round of the search goes; see :func:`app.identify.hypotheses.propose`."""
+    """How deep one round of the search goes; see :func:`app.identify.hypotheses.propose`.
+
+    ``noise`` is the allowed error of a position in thousandths of the frame's larger side.
+    ``focal`` are supposed focal lengths in units of the larger side: 0 supposes none.
+    ``fine`` is whether the volume of small fields is asked too.
+    """
 
     stars: int
     neighbours: int
-    noise: float  # allowed error of a position, in thousandths of the frame's larger side
+    noise: float
     slack: float
     use: int
-    focal: tuple[float, ...] = (0.0,)  # supposed focal lengths in units of the larger side; 0: none
-    k1: float = 0.0
+    focal: tuple[float, ...] = ()
+    volume: int = 0
+    spread: float = 2.0
+    alone: int = 60
 
 
+WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)
 STAGES = (
-    Stage(10, 5, 0.9, 0.003, 30),
-    Stage(18, 6, 0.9, 0.003, 40),
-    Stage(30, 6, 1.0, 0.004, 50),
-    Stage(16, 6, 1.5, 0.004, 40, focal=(1.45, 0.95, 0.65)),
-    Stage(44, 7, 1.5, 0.006, 60),
-    Stage(24, 6, 1.5, 0.006, 50, focal=(2.2, 1.2, 0.75, 0.5)),
+    Stage(10, 6, 0.9, 0.003, 30, volume=1, alone=10, spread=1.6),
+    Stage(10, 6, 0.9, 0.003, 30, volume=2, alone=10, spread=1.6),
+    Stage(14, 5, 0.9, 0.010, 40, focal=WIDE, alone=20),
+    Stage(18, 6, 0.9, 0.003, 40, volume=1, alone=20),
+    Stage(18, 6, 0.9, 0.003, 40, volume=2, alone=20),
+    Stage(30, 6, 1.0, 0.003, 50, volume=1),
+    Stage(24, 6, 1.0, 0.012, 50, focal=WIDE, spread=3.0),
+    Stage(30, 6, 1.0, 0.003, 50, volume=2),
+    Stage(40, 6, 1.0, 0.004, 60, volume=1, spread=3.0),
+    Stage(40, 6, 1.0, 0.004, 60, volume=2, spread=3.0),
 )
 
 
@@ -66,7 +88,7 @@ class Patterns:
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`app.identify.Identifier`."""
-        search = Search(detections, hint)
+        search = Search(detections, hint); self.s=search
         if len(search.xy) < 5:
             return NoSolution(
                 Reason.TOO_FEW_STARS,
@@ -74,11 +96,12 @@ class Patterns:
                 f"{len(search.xy)} stars",
                 len(detections),
             )
-        for k, stage in enumerate(self.stages):
-            for volume in self.volumes:
-                yield Progress("identify", k / len(self.stages), f"{stage.stars} brightest stars")
-                for verdict in search.round(volume, stage):
-                    return self._answer(volume, search, verdict, detections)
+        stages = search.plan(self.stages, self.volumes)
+        for k, stage in enumerate(stages):
+            yield Progress("identify", k / len(stages), f"{stage.stars} brightest stars")
+            volume = self.volumes[stage.volume]
+            for verdict in search.round(volume, stage):
+                return self._answer(volume, search, verdict, detections)
         return NoSolution(
             Reason.NO_PATTERN_AGREED,
             "Check that the frame shows stars in focus.",
@@ -114,8 +137,9 @@ class Search:
         self.half = np.array([detections.width / 2, detections.height / 2])
         self.side = float(max(detections.width, detections.height))
         self.tried = 0
+        self.log = []
         self.seen: set[tuple[int, float]] = set()
-        self.done: dict[tuple[int, float, float], Ints] = {}
+        self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
         lo, hi = 0.25 * self.side, 180.0 * self.side
         if hint is not None and hint.scale_arcsec_px is not None:
             a, b = (206264.806 / s for s in hint.scale_arcsec_px)
@@ -128,6 +152,28 @@ class Search:
             ra, dec, radius = hint.centre_deg
             self.centre = (unit_vectors(ra, dec), float(np.radians(radius)))
 
+    def plan(self, stages: tuple[Stage, ...], volumes: tuple[Volume, ...]) -> list[Stage]:
+        """The stages that the scale allows; of equal depth, the likeliest volume first."""
+        kept = []
+        for stage in stages:
+            if stage.volume >= len(volumes):
+                continue
+            narrow, wide = self.scale[1] / self.side, self.scale[0] / self.side
+            if (narrow < 1.8 and not stage.focal) or (wide > 3.0 and stage.focal):
+                continue
+            fields = volumes[stage.volume].fields_deg
+            density = np.sqrt(30.0 / min(stage.stars, len(self.xy)))
+            want = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / np.array(self.scale)))
+            want = want * density * np.array([stage.spread, 1 / stage.spread])
+            if want[0] < fields[0] and stage.volume != len(volumes) - 1:
+                continue
+            if want[1] > fields[-1]:
+                continue
+            middle = np.sqrt(want[0] * want[1])
+            miss = max(0.0, np.log(fields[0] / middle), np.log(middle / fields[-1]))
+            kept.append((stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage))
+        return [s for _, _, s in sorted(kept, key=lambda k: k[:2])]
+
     def alarm(self, verdict: Verdict) -> float:
         """The verdict's false-alarm bound after counting all pointings tried."""
         return min(0.0, verdict.log10_tail + float(np.log10(max(1, self.tried))))
@@ -135,46 +181,52 @@ class Search:
     def round(self, volume: Volume, stage: Stage) -> Iterator[Verdict]:
         """Accepted verdicts of one stage in one volume, best first."""
         noise = stage.noise * self.side / 1000.0
-        for focal in stage.focal:
-            quads = self._new_quads(volume, stage, focal, noise)
-            if len(quads) == 0:
-                continue
-            f = focal * self.side if focal else None
-            if f is not None and not (self.scale[0] / 1.25 <= f <= self.scale[1] * 1.25):
-                continue
-            view = View(self.xy, self.half, self.scale, f, stage.k1)
-            found = propose(volume, view, quads, noise, stage.slack, (0.35, 3.0))
-            if self.centre is not None:
-                dot = found.matrix[:, 2] @ self.centre[0]
-                wide = np.arctan(np.hypot(*self.half) / found.focal)
-                found = found.take(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
-            self.tried += len(found)
-            yield from self._check(volume, view, stage, found)
+        quads = self._new_quads(stage, noise)
+        focal = None
+        if stage.focal:
+            supposed = np.array(stage.focal) * self.side
+            supposed = supposed[
+                (supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])
+            ]
+            focal = np.repeat(supposed, len(quads))
+            quads = np.tile(quads, (len(supposed), 1))
+        if len(quads) == 0:
+            return
+        view = View(self.xy, self.half, self.scale)
+        density = float(np.sqrt(30.0 / min(stage.stars, len(self.xy))))
+        per_field = (density / stage.spread, density * stage.spread)
+        found = propose(volume, view, Question(quads, focal, noise, stage.slack, per_field))
+        if self.centre is not None:
+            dot = found.matrix[:, 2] @ self.centre[0]
+            wide = np.arctan(np.hypot(*self.half) / found.focal)
+            found = found.take(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
+        self.tried += len(found)
+        self.log.append((stage.stars, bool(stage.focal), stage.volume, len(quads), len(found)))
+        yield from self._check(volume, view, stage, found)
 
-    def _new_quads(self, volume: Volume, stage: Stage, focal: float, noise: float) -> Ints:
+    def _new_quads(self, stage: Stage, noise: float) -> Ints:
         quads = image_quads(self.xy[: stage.stars], stage.neighbours, 12.0 * noise)
         marks = quad_marks(quads)
-        key = (id(volume), focal, stage.k1)
-        old = self.done.get(key)
-        if old is not None:
-            new = ~np.isin(marks, old)
-            quads, marks = quads[new], marks[new]
-            marks = np.concatenate([old, marks])
-        self.done[key] = marks
-        return quads
+        key = (stage.volume, stage.focal)
+        old = self.done.get(key, np.zeros(0, dtype=np.int64))
+        new = ~np.isin(marks, old)
+        self.done[key] = np.concatenate([old, marks[new]])
+        return quads[new]
 
     def _check(
         self, volume: Volume, view: View, stage: Stage, found: Hypotheses
     ) -> Iterator[Verdict]:
-        if len(found) == 0:
-            return
-        field = np.arctan(self.side / 2 / found.focal)
-        votes = agreement(found, 0.015 + 0.03 * field)
-        order = np.argsort(-votes, kind="stable")[: MAX_CANDIDATES]
         reach = 0.010 * self.side
+        looks = 8 if len(found) > 400 else 14
+        extra = support(volume, self.xy[:looks], found, reach)
+        votes = extra
+        found, votes = found.take(extra > 0), extra[extra > 0]
+        if looks == 8 and len(found):
+            votes = support(volume, self.xy[:16], found, reach)
+        order = np.argsort(-votes, kind="stable")[: stage.alone]
         for h in order:
             start = Pointing(
-                found.matrix[h], float(found.focal[h]), bool(found.mirrored[h]), view.k1
+                found.matrix[h], float(found.focal[h]), bool(found.mirrored[h])
             )
             verdict = verify(
                 volume, int(found.level[h]), view, start, found.detections[h], reach, stage.use

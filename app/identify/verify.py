@@ -116,22 +116,31 @@ def verify(
     radius = float(np.arctan(corner * 1.05 / start.focal))
     number = volume.near(level, start.matrix[2], min(radius, 1.4))
     sky = volume.stars[number].astype(np.float64)
-    pointing = start
-    shrink = reach_px
-    for step in range(6):
-        xy, _ = pointing.project(sky)
-        if step == 0:
-            near = (np.abs(xy) < view.half + 3 * reach_px).all(axis=1)
-            sky, number, xy = sky[near], number[near], xy[near]
-            if len(sky) < 4:
-                return None
-        i, j, d2 = pair(seen, xy, shrink)
+    xy, _ = start.project(sky)
+    near = (np.abs(xy) < view.half + 3 * reach_px).all(axis=1)
+    sky, number = sky[near], number[near]
+    i, j, _ = pair(seen, xy[near], reach_px)
+    if len(i) < 6:  # the four proposers and two more
+        return None
+    pointing = improve(start, seen, sky, reach_px, 5)
+    if pointing is None:
+        return None
+    return _judge(view, pointing, sky, number, seen, proposers, reach_px, level)
+
+
+def improve(
+    pointing: Pointing, seen: Floats, sky: Floats, radius: float, steps: int
+) -> Pointing | None:
+    """Pair and refit ``steps`` times, the radius shrinking with the residuals; None when it fails."""
+    for step in range(steps):
+        i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
         if len(i) < 5:
             return None
         pointing = refit(pointing, seen[i], sky[j], bend=len(i) >= 10)
-        if step >= 1:
-            shrink = max(shrink * 0.6, min(shrink, 3.0 * float(np.sqrt(np.median(d2)))))
-    return _judge(view, pointing, sky, number, seen, proposers, reach_px, level)
+        if step:
+            typical = 3.0 * float(np.sqrt(np.median(d2)))
+            radius = max(0.5 * radius, min(radius, typical))
+    return pointing
 
 
 def _judge(
