@@ -1,0 +1,150 @@
+"""The fit recovers what was put in, knows how well, and adds no term without need."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.attitude.fit import refine
+from app.core.solution import Matches
+
+from .fields import Field, centre_error_px, simulate
+
+LENS_TERMS = {"cx", "cy", "k1", "k2", "p1", "p2"}
+
+
+def fitted(field: Field, **kwargs):  # type: ignore[no-untyped-def]
+    return refine(field.matches, field.first_camera, field.first_attitude, **kwargs)
+
+
+@settings(max_examples=40)
+@given(
+    st.integers(0, 10_000),
+    st.integers(5, 60),
+    st.sampled_from([0.8, 5.0, 30.0, 60.0]),
+    st.booleans(),
+)
+def test_exact_stars_give_the_exact_camera(
+    seed: int, stars: int, fov_deg: float, mirrored: bool
+) -> None:
+    field = simulate(seed, stars, fov_deg, sigma_px=0.0, mirrored=mirrored)
+    fit = fitted(field, distortion=False)
+    assert fit.rms_px < 1e-5
+    assert fit.camera.mirrored is mirrored
+    assert fit.camera.focal_px == pytest.approx(field.camera.focal_px, rel=1e-6)
+    np.testing.assert_allclose(fit.attitude.matrix, field.attitude.matrix, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("stars", "fov_deg", "corner"),
+    [(8, 10.0, 0.0), (60, 1.0, 0.0), (60, 60.0, 0.0), (80, 40.0, 0.03), (80, 40.0, -0.03)],
+)
+def test_covariance_is_calibrated(stars: int, fov_deg: float, corner: float) -> None:
+    """The squared error over the claimed covariance averages to its three dimensions."""
+    chi2 = []
+    for seed in range(150):
+        field = simulate(seed, stars, fov_deg, 0.3, corner)
+        fit = fitted(field)
+        dx, dy = centre_error_px(field, fit.camera, fit.attitude) / fit.camera.focal_px
+        turn = fit.attitude.matrix @ field.attitude.matrix.T
+        error = np.array([-dy, dx, (turn[1, 0] - turn[0, 1]) / 2])
+        chi2.append(error @ np.linalg.solve(fit.attitude.covariance, error))
+    # The mean of 150 draws of chi-square(3) has a deviation of 0.2; few stars have wider tails.
+    assert 2.4 < np.mean(chi2) < (4.6 if stars < 10 else 3.7)
+
+
+def test_sigma_scales_with_the_noise() -> None:
+    quiet, loud = (fitted(simulate(4, 100, sigma_px=s)).attitude for s in (0.1, 1.0))
+    np.testing.assert_allclose(loud.sigma_arcsec, 10 * np.array(quiet.sigma_arcsec), rtol=0.01)
+
+
+def test_perfect_agreement_is_not_believed_beyond_the_floor() -> None:
+    fit = fitted(simulate(4, 5, sigma_px=0.0))
+    assert min(fit.attitude.sigma_arcsec) > 1e-3 * fit.camera.scale_arcsec_px
+
+
+@pytest.mark.parametrize("corner", [0.03, -0.03])
+@pytest.mark.parametrize("fov_deg", [2.0, 20.0, 60.0])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_real_distortion_is_found(corner: float, fov_deg: float, mirrored: bool) -> None:
+    field = simulate(11, 80, fov_deg, 0.3, corner, mirrored)
+    fit = fitted(field)
+    assert "k1" in fit.terms
+    assert fit.camera.k1 == pytest.approx(field.camera.k1, rel=0.05)
+    assert fit.rms_px < 0.6
+    corners = np.array([[0.0, 0.0], [2999.0, 1999.0]])
+    seen = field.camera.unproject(corners) @ field.attitude.matrix
+    again = fit.camera.project(seen @ fit.attitude.matrix.T)
+    np.testing.assert_allclose(again, corners, atol=3.0)  # 54 px were bent there
+
+
+@pytest.mark.parametrize("fov_deg", [1.0, 10.0, 60.0])
+@pytest.mark.parametrize("stars", [9, 20, 200])
+def test_absent_distortion_is_refused(fov_deg: float, stars: int) -> None:
+    accepted = sum(
+        bool(LENS_TERMS & set(fitted(simulate(seed, stars, fov_deg)).terms)) for seed in range(60)
+    )
+    assert accepted <= 1  # four tests a fit at 1e-4 each
+
+
+def test_too_few_stars_may_not_speak_for_distortion() -> None:
+    fit = fitted(simulate(3, 7, 40.0, 0.1, 0.03))
+    assert not LENS_TERMS & set(fit.terms)
+
+
+def test_a_shifted_principal_point_is_found_in_a_wide_field_and_not_in_a_narrow_one() -> None:
+    wide = fitted(simulate(5, 150, 60.0, 0.2, off_centre_px=(40.0, -25.0)))
+    assert {"cx", "cy"} <= set(wide.terms)
+    assert wide.camera.cx == pytest.approx(1499.5 + 40.0, abs=4.0)
+    assert wide.camera.cy == pytest.approx(999.5 - 25.0, abs=4.0)
+    narrow = fitted(simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)))
+    assert "cx" not in narrow.terms
+    assert np.hypot(*centre_error_px(simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)),
+                                     narrow.camera, narrow.attitude)) < 0.3  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", [5, 20])
+@pytest.mark.parametrize("corner", [0.0, 0.03])
+def test_wrong_matches_are_left_out(wrong: int, corner: float) -> None:
+    field = simulate(17, 80, 30.0, 0.3, corner, wrong=wrong)
+    fit = fitted(field)
+    assert not fit.inliers[:wrong].any()
+    assert fit.inliers[wrong:].mean() > 0.97
+    assert np.hypot(*centre_error_px(field, fit.camera, fit.attitude)) < 0.3
+
+
+def test_noisy_stars_weigh_less() -> None:
+    errors = {True: [], False: []}  # type: ignore[var-annotated]
+    for seed in range(40):
+        field = simulate(seed, 40, sigma_px=0.1)
+        noise = np.random.default_rng(seed + 1).normal(0, 2.0, (20, 2))
+        xy = field.matches.xy.copy()
+        xy[:20] += noise
+        field = replace(field, matches=replace(field.matches, xy=xy))
+        sigma = np.where(np.arange(40) < 20, 2.0, 0.1)
+        for weighted in (True, False):
+            fit = fitted(field, sigma_px=sigma if weighted else None)
+            errors[weighted].append(np.hypot(*centre_error_px(field, fit.camera, fit.attitude)))
+    assert np.median(errors[True]) < 0.5 * np.median(errors[False])
+
+
+def test_two_stars_fix_the_rotation_alone_and_one_does_not() -> None:
+    field = simulate(1, 2, sigma_px=0.0, guess_px=0.0)
+    fit = fitted(field)
+    assert fit.terms == ("rx", "ry", "rz")
+    np.testing.assert_allclose(fit.attitude.matrix, field.attitude.matrix, atol=1e-8)
+    one = Matches(*(getattr(field.matches, n)[:1] for n in ("detection", "star", "xy", "vectors")))
+    with pytest.raises(ValueError, match="two matches"):
+        refine(one, field.first_camera, field.first_attitude)
+
+
+def test_a_star_behind_the_camera_is_an_outlier_and_not_a_crash() -> None:
+    field = simulate(1, 30, 30.0)
+    vectors = field.matches.vectors.copy()
+    vectors[0] *= -1.0
+    fit = fitted(replace(field, matches=replace(field.matches, vectors=vectors)))
+    assert not fit.inliers[0]
+    assert np.isfinite(fit.residuals_px).all()
+    assert np.hypot(*centre_error_px(field, fit.camera, fit.attitude)) < 0.5
