@@ -8,6 +8,7 @@ import gzip
 import io
 import math
 import os
+import sys
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,10 +65,7 @@ def _read(file: BinaryIO, path: Path) -> Frame:
     image = _find_image(file)
     header = image.header
     wanted, notes = _choose(image.shape)
-    if image.compressed:
-        samples = _decompress(file, image)
-    else:
-        samples = _read_plain(file, image, wanted)
+    samples = _decompress(file, image) if image.compressed else _read_plain(file, image, wanted)
     samples = samples.reshape(wanted)
     if len(wanted) == 3 and wanted[0] in (3, 4) and wanted[2] > 4:
         samples = np.moveaxis(samples, 0, -1)
@@ -147,7 +145,7 @@ def _choose(shape: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[str, ...]]:
     if len(shape) > 3:
         shape, notes = shape[-3:], (f"Of {shape[:-3]} sub-cubes only the first is read.",)
     if len(shape) == 3:
-        if shape[0] in (3, 4) and shape[2] > 4 or shape[2] in (3, 4):
+        if (shape[0] in (3, 4) and shape[2] > 4) or shape[2] in (3, 4):
             height, width = shape[1:] if shape[2] > 4 else shape[:2]
             check_size(width, height)
             return shape, notes
@@ -174,21 +172,34 @@ def _read_plain(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Pixel
         part = out[start : start + step]
         if file.readinto(part.view(np.uint8).data) != part.nbytes:  # type: ignore[attr-defined]
             raise FrameError("is cut short.")
-        if stored.itemsize > 1:
-            part.byteswap(inplace=True)
+        _swap(part)
         if flip is not None:
             part ^= flip
     if offset_type is None and (zero != 0.0 or scale != 1.0):
         return _scaled(out, image.header, zero, scale)
-    return _blanked(out, image.header)
+    return out
 
 
-def _unsigned(bitpix: int, zero: float, scale: float) -> type[np.generic] | None:
+def _swap(part: Pixels) -> None:
+    """Turn big-endian numbers into native ones, in place; shifts outrun numpy's byteswap."""
+    if part.itemsize == 1 or sys.byteorder == "big":
+        return
+    if part.itemsize != 2:
+        part.byteswap(inplace=True)
+        return
+    words = part.view(np.uint16)
+    high = words << 8
+    words >>= 8
+    words |= high
+
+
+def _unsigned(bitpix: int, zero: float, scale: float) -> np.dtype[Any] | None:
     """The type meant by the standard's offset for the other signedness, if this is one."""
     if scale != 1.0:
         return None
-    kinds = {(8, -128.0): np.int8, (16, 32768.0): np.uint16, (32, 2147483648.0): np.uint32}
-    return kinds.get((bitpix, zero))
+    kinds = {(8, -128.0): "i1", (16, 32768.0): "u2", (32, 2147483648.0): "u4"}
+    kind = kinds.get((bitpix, zero))
+    return np.dtype(kind) if kind else None
 
 
 def _scaled(stored: Pixels, header: Header, zero: float, scale: float) -> Pixels:
@@ -198,10 +209,6 @@ def _scaled(stored: Pixels, header: Header, zero: float, scale: float) -> Pixels
     if stored.dtype.kind in "iu" and isinstance(blank, int) and not isinstance(blank, bool):
         values[stored == blank] = np.nan
     return values
-
-
-def _blanked(stored: Pixels, header: Header) -> Pixels:
-    return stored
 
 
 def _decompress(file: BinaryIO, image: _Image) -> Pixels:

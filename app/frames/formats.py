@@ -18,7 +18,7 @@ FORMATS: dict[str, str] = {
     "raw": "app.frames.raw:read_raw",
 }
 
-_RAW = (
+_RAW = (  # noqa: SIM905
     ".cr2 .cr3 .crw .nef .nrw .arw .srf .sr2 .dng .raf .orf .rw2 .raw .pef .srw .3fr .iiq .x3f"
 ).split()
 

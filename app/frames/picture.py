@@ -9,7 +9,7 @@ from PIL import Image, ImageOps
 
 from app.core.errors import FrameError
 from app.core.frame import Frame
-from app.frames.exif_hint import hint_from_exif
+from app.frames.exif_hint import exif_of, hint_from_exif
 from app.frames.planes import check_size, finite, split
 
 Image.MAX_IMAGE_PIXELS = None  # check_size refuses first, with a sentence
@@ -29,7 +29,7 @@ def read_picture(path: Path) -> Frame:
         with Image.open(path, formats=_FORMATS) as image:
             check_size(*image.size)
             notes = _frames_note(image)
-            exif = image.getexif()
+            exif = exif_of(image.getexif())
             size = image.size
             samples = _samples(image, path)
     except FrameError:

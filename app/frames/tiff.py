@@ -32,7 +32,7 @@ def read_tiff(path: Path) -> Frame:
                 from app.frames.raw import read_raw
 
                 return read_raw(path)
-            page = file.pages[0]
+            page: Any = file.pages[0]
             check_size(int(page.imagewidth), int(page.imagelength))
             samples, inverted = _samples(page)
             count = len(file.pages)

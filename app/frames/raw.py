@@ -1,0 +1,122 @@
+"""A camera's raw file, through LibRaw: the mosaic as the sensor gave it, nothing interpolated."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.errors import FrameError
+from app.core.frame import Frame
+from app.frames.exif_hint import Exif, exif_from_bytes, hint_from_exif
+from app.frames.planes import check_size, split
+
+_EXIF_SEARCH_BYTES = 1 << 20
+
+
+def read_raw(path: Path) -> Frame:
+    """Read the visible part of the sensor, unturned; ``bayer`` is read from its pixel (0, 0).
+
+    Levels stay the sensor's own, black level included (``header["BLACK"]``), unless the four
+    colours have different black levels, which are then brought to the lowest. Sensors that are
+    not Bayer mosaics (X-Trans, layered, already linear) are interpolated by LibRaw instead.
+
+    Raises
+    ------
+    FrameError
+        When LibRaw does not know the file or it is damaged.
+
+    """
+    import rawpy
+
+    try:
+        with rawpy.RawPy() as raw:
+            raw.open_file(str(path))
+            check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height))
+            raw.unpack()
+            frame = _from_raw(raw)
+    except (FrameError, MemoryError):
+        raise
+    except Exception as error:  # LibRawError and what its bindings add
+        raise FrameError(f"is a raw file that LibRaw does not read: {_words(error)}.") from None
+    pixels, colour, bayer, saturation, header = frame
+    height, width = pixels.shape
+    check_size(width, height)
+    hint, said, doubts = hint_from_exif(_exif(path), (width, height))
+    return Frame(pixels, colour, bayer, saturation, str(path), hint, doubts, {**said, **header})
+
+
+def _from_raw(
+    raw: Any,
+) -> tuple[NDArray[Any], NDArray[Any] | None, str | None, float | None, dict[str, Any]]:
+    import rawpy
+
+    mosaic = raw.raw_image_visible if raw.raw_type == rawpy.RawType.Flat else None
+    if mosaic is None or mosaic.ndim != 2 or raw.raw_pattern is None:
+        return (*_developed(raw), {})
+    if raw.raw_pattern.shape != (2, 2):
+        return (*_developed(raw), {})
+    letters = raw.color_desc.decode("ascii", "replace")
+    colours = np.asarray(raw.raw_colors_visible[:2, :2])
+    bayer = "".join(letters[int(i)] for i in colours.ravel())
+    if sorted(bayer) != ["B", "G", "G", "R"]:
+        return (*_developed(raw), {})
+    pixels = np.array(mosaic, order="C")
+    black = [float(b) for b in raw.black_level_per_channel]
+    _even_out(pixels, colours, black)
+    white = float(raw.white_level) if raw.white_level else None
+    return pixels, None, bayer, white, {"BLACK": min(black, default=0.0)}
+
+
+def _even_out(pixels: NDArray[Any], colours: NDArray[Any], black: list[float]) -> None:
+    lowest = min(black, default=0.0)
+    for row in (0, 1):
+        for column in (0, 1):
+            excess = int(black[int(colours[row, column])] - lowest)
+            if excess > 0:
+                part = pixels[row::2, column::2]
+                np.subtract(np.maximum(part, excess), excess, out=part, casting="unsafe")
+
+
+def _developed(raw: Any) -> tuple[NDArray[Any], NDArray[Any] | None, None, float | None]:
+    import rawpy
+
+    rgb = raw.postprocess(
+        demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
+        user_flip=0,
+        gamma=(1, 1),
+        no_auto_bright=True,
+        use_camera_wb=True,
+        output_bps=16,
+    )
+    pixels, colour, saturation = split(rgb)
+    return pixels, colour, None, saturation
+
+
+def _exif(path: Path) -> Exif:
+    """The EXIF block, wherever the maker put it: TIFF at the start, CR3 boxes, a RAF's JPEG."""
+    with path.open("rb") as file:
+        head = file.read(_EXIF_SEARCH_BYTES)
+    if head[4:8] == b"ftyp":
+        merged = exif_from_bytes(None)
+        for box in (b"CMT1", b"CMT2", b"CMT4"):
+            at = head.find(box)
+            if at > 4:
+                (size,) = struct.unpack(">I", head[at - 4 : at])
+                block = exif_from_bytes(head[at + 4 : at - 4 + size])
+                if box == b"CMT4":
+                    merged.gps.update(block.main)
+                else:
+                    (merged.main if box == b"CMT1" else merged.photo).update(block.main)
+        return merged
+    at = head.find(b"Exif\x00\x00") if head.startswith(b"FUJIFILM") else 0
+    if at < 0:
+        return exif_from_bytes(None)
+    return exif_from_bytes(head[at + 6 :] if at else path)
+
+
+def _words(error: Exception) -> str:
+    text = error.args[0] if error.args else type(error).__name__
+    text = text.decode("ascii", "replace") if isinstance(text, bytes) else str(text)
+    return " ".join(text.split())[:120].rstrip(".") or type(error).__name__

@@ -1,0 +1,89 @@
+"""XISF, PixInsight's format, through the ``xisf`` package."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.core.errors import FrameError
+from app.core.frame import Frame
+from app.frames.bayer import bayer_pattern
+from app.frames.fits_header import parse_value
+from app.frames.header_hint import hint_from_keywords
+from app.frames.planes import check_size, clipping_level, finite, split
+
+
+def read_xisf(path: Path) -> Frame:
+    """Read the first image of a monolithic XISF file; floats run from 0 to 1 there.
+
+    Raises
+    ------
+    FrameError
+        When it is cut short, damaged or too large.
+
+    """
+    from xisf import XISF
+
+    try:
+        file = XISF(str(path))
+        metas = file.get_images_metadata()
+        if not metas:
+            raise FrameError("holds no image.")
+        samples = _samples(file, metas[0])
+    except (FrameError, MemoryError):
+        raise
+    except Exception as error:  # its XML and codecs fail in many ways when damaged
+        raise FrameError(f"is a damaged or cut short XISF ({type(error).__name__}).") from None
+    values = _keywords(metas[0])
+    pixels, colour, _ = split(samples)
+    pixels, gaps = finite(pixels)
+    notes = (f"Of {len(metas)} images only the first is read.",) if len(metas) > 1 else ()
+    hint, doubts = hint_from_keywords(values, {}, pixels.shape)
+    return Frame(
+        pixels,
+        colour,
+        (_pattern(file) or bayer_pattern(values, len(pixels))) if colour is None else None,
+        clipping_level(pixels.dtype) or 1.0,
+        str(path),
+        hint,
+        (*notes, *gaps, *doubts),
+        values,
+    )
+
+
+def _samples(file: Any, meta: Mapping[str, Any]) -> Any:
+    width, height, channels = (int(n) for n in meta["geometry"])
+    check_size(width, height)
+    dtype = np.dtype(meta["dtype"])
+    count = width * height * channels
+    if not 1 <= channels <= 16:
+        raise FrameError(f"claims {channels} colour channels.")
+    if "compression" in meta and int(meta["compression"][1]) != count * dtype.itemsize:
+        raise FrameError("is a damaged XISF: its sizes do not agree.")
+    samples = file.read_image(0, data_format="channels_first")
+    if str(meta.get("pixelStorage", "planar")).lower() == "normal":
+        samples = samples.reshape(height, width, channels)
+    else:
+        samples = np.moveaxis(samples, 0, -1)
+    if meta.get("byteOrder") == "big":
+        samples = samples.view(dtype.newbyteorder(">"))
+    return samples
+
+
+def _keywords(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """FITS keywords kept in the file, as numbers where they are numbers."""
+    values = {}
+    for name, entries in meta.get("FITSKeywords", {}).items():
+        text = str(entries[0]["value"])
+        value, _, ok = parse_value(text)
+        values[str(name)] = value if ok else text
+    return values
+
+
+def _pattern(file: Any) -> str | None:
+    for element in file.get_metadata_xml().iter():
+        if str(element.tag).endswith("ColorFilterArray"):
+            named = str(element.attrib.get("pattern", "")).upper()
+            return named if named in ("RGGB", "BGGR", "GRBG", "GBRG") else None
+    return None
