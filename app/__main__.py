@@ -1,0 +1,68 @@
+"""``kochab`` and ``python -m app``: the window, or the command that was named."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+COMMANDS_MODULE = "app.cli.main"
+SYSTEM_LIBRARIES = "libegl1 libgl1 libxkbcommon-x11-0 libxcb-cursor0 libdbus-1-3 libfontconfig1"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Open the window for nothing or for a file; leave all else to the command line.
+
+    Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or _is_file(arguments):
+        return _window(arguments)
+    from app.cli.main import main as cli_main
+
+    return cli_main(arguments)
+
+
+def _is_file(arguments: list[str]) -> bool:
+    """Whether the one argument is a file to open rather than a command of the same name."""
+    if len(arguments) != 1 or arguments[0].startswith("-"):
+        return False
+    from app.cli.main import COMMANDS
+
+    name = arguments[0]
+    return name not in COMMANDS and (Path(name).exists() or bool(Path(name).suffix))
+
+
+def _window(paths: list[str]) -> int:
+    trouble = _no_display()
+    if trouble is None:
+        try:
+            from app.ui.application import run
+        except ImportError as error:
+            trouble = _missing(error)
+    if trouble is not None:
+        print(f"kochab: {trouble}", file=sys.stderr)
+        return 2
+    return run(paths)
+
+
+def _no_display() -> str | None:
+    """Qt aborts the process without a display; say it instead."""
+    chosen = os.environ.get("QT_QPA_PLATFORM", "")
+    if not sys.platform.startswith("linux") or chosen not in ("", "xcb", "wayland"):
+        return None
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        return None
+    return ("There is no display to open a window on; run it in a desktop session, "
+            "or use “kochab solve FILE”.")  # fmt: skip
+
+
+def _missing(error: ImportError) -> str:
+    text = str(error)
+    if ".so" in text and sys.platform.startswith("linux"):
+        return (f"A system library of the window is missing ({text.split(':')[0]}); install it "
+                f"with “sudo apt install {SYSTEM_LIBRARIES}”.")  # fmt: skip
+    return f"The window cannot start: {text}."
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""Angles as people type them."""
+
+import re
+
+from app.core.errors import UsageError
+
+
+def parse_ra_deg(text: str) -> float:
+    """Right ascension in degrees from ``83.8``, ``83.8d``, ``5h35m17s`` or ``5:35:17``.
+
+    A bare number is degrees; three numbers, or an ``h``, are hours. UsageError when it is neither
+    or out of range.
+    """
+    numbers, negative = _numbers(text, "right ascension")
+    hours = "h" in text.lower() or (len(numbers) > 1 and not re.search(r"[d°]", text.lower()))
+    value = _sexagesimal(numbers) * (15.0 if hours else 1.0)
+    if negative or not 0.0 <= value <= 360.0:
+        raise UsageError(f"{text.strip()} is not a right ascension; give 0 to 360° or 0h to 24h.")
+    return value % 360.0
+
+
+def parse_dec_deg(text: str) -> float:
+    """Declination in degrees from ``-5.4``, ``-5 23 28`` or ``-5d23m28s``."""
+    numbers, negative = _numbers(text, "declination")
+    value = _sexagesimal(numbers) * (-1.0 if negative else 1.0)
+    if not -90.0 <= value <= 90.0 or "h" in text.lower():
+        raise UsageError(f"{text.strip()} is not a declination; give −90° to +90°.")
+    return value
+
+
+def parse_positive(text: str, what: str, most: float) -> float:
+    """A number above 0 and at most ``most``; a decimal comma is understood."""
+    try:
+        value = float(text.strip().rstrip("°\"'″′").replace(",", "."))
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value <= most:
+        raise UsageError(f"{what} must be a number above 0 and at most {most:g}.")
+    return value
+
+
+def _numbers(text: str, what: str) -> tuple[list[float], bool]:
+    clean = text.strip().replace("−", "-").replace(",", ".")
+    pattern = r"[+-]?\d+(\.\d+)?([\s:hmsd°'\"′″]+\d+(\.\d+)?){0,2}[\s:hmsd°'\"′″]*"
+    if not re.fullmatch(pattern, clean, re.IGNORECASE):
+        raise UsageError(f"“{text.strip()}” is not a {what}.")
+    return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", clean)], clean.startswith("-")
+
+
+def _sexagesimal(numbers: list[float]) -> float:
+    if any(n >= 60.0 for n in numbers[1:]):
+        raise UsageError("Minutes and seconds must be below 60.")
+    return sum(n / 60.0**i for i, n in enumerate(numbers))

@@ -1,0 +1,47 @@
+"""Starts Qt, makes one window, and runs it to its end."""
+
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QApplication
+
+from app.detect import DETECTORS
+from app.identify import IDENTIFIERS
+from app.ui.commands import Commands
+from app.ui.engine import Engine, WorkflowEngine
+from app.ui.main_window import MainWindow
+from app.ui.presenter import Presenter
+from app.ui.samples import Sample, samples
+from app.ui.session import Session
+from app.ui.settings import Settings
+
+
+def build(
+    engine: Engine, settings: Settings, sample_frames: list[Sample] | None = None
+) -> tuple[MainWindow, Commands]:
+    """A window wired to ``engine``; it is not shown yet."""
+    offered = samples() if sample_frames is None else sample_frames
+    window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)
+    presenter = Presenter(window, Session(engine, window), settings)
+    return window, Commands(presenter, offered)
+
+
+def run(paths: Sequence[str | Path] = (), engine: Engine | None = None) -> int:
+    """Open the window, with the first of ``paths`` when there is one; the exit code."""
+    app = QApplication.instance() or QApplication(sys.argv[:1])
+    assert isinstance(app, QApplication)
+    app.setApplicationName("Kochab")
+    app.setDesktopFileName("kochab")
+    window, commands = build(engine or WorkflowEngine(), Settings())
+    window.show()
+    if paths:
+        commands.open(Path(paths[0]))
+    # Python handles Ctrl+C only when it runs, so the event loop lets it now and then.
+    signal.signal(signal.SIGINT, lambda *_: window.close())
+    pulse = QTimer()
+    pulse.start(300)
+    pulse.timeout.connect(lambda: None)
+    return app.exec()

@@ -1,0 +1,56 @@
+"""The arrows that point north and east."""
+
+import math
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
+
+from app.core.solution import Solution
+from app.ui.palette import Colours
+from app.ui.viewport import Viewport
+
+LENGTH_PX = 44.0
+MARGIN_PX = 66.0
+
+
+def directions(solution: Solution) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Unit vectors on the screen (x right, y down) towards north and east at the frame's centre."""
+    centre = solution.centre_vector
+    east = np.array([-centre[1], centre[0], 0.0])
+    east = east / max(float(np.linalg.norm(east)), 1e-12)
+    north = np.cross(centre, east)
+    step = 1.0 / solution.camera.focal_px
+    here, there_n, there_e = solution.pixels_of(
+        np.stack([centre, centre + step * north, centre + step * east])
+    )
+    return _unit(there_n - here), _unit(there_e - here)
+
+
+def _unit(v: np.ndarray) -> tuple[float, float]:
+    length = math.hypot(v[0], v[1]) or 1.0
+    return float(v[0] / length), float(v[1] / length)
+
+
+def paint_compass(painter: QPainter, view: Viewport, solution: Solution, colours: Colours) -> None:
+    """Arrows in the top right corner, on a disc that keeps them readable."""
+    north, east = directions(solution)
+    at = QPointF(view.width - MARGIN_PX - 8, MARGIN_PX + 8)
+    disc = QColor(colours.halo)
+    disc.setAlpha(150)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(disc)
+    painter.drawEllipse(at, MARGIN_PX, MARGIN_PX)
+    colour = QColor(colours.identified)
+    for (dx, dy), letter, width in ((north, "N", 2.4), (east, "E", 1.6)):
+        tip = at + QPointF(dx, dy) * LENGTH_PX
+        painter.setPen(QPen(colour, width))
+        painter.drawLine(at, tip)
+        side = QPointF(-dy, dx) * 4.5
+        back = at + QPointF(dx, dy) * (LENGTH_PX - 10)
+        painter.setBrush(colour)
+        painter.drawPolygon(QPolygonF([tip, back + side, back - side]))
+        spot = at + QPointF(dx, dy) * (LENGTH_PX + 12)
+        box = QRectF(spot.x() - 10, spot.y() - 10, 20, 20)
+        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, letter)
+    painter.setBrush(Qt.BrushStyle.NoBrush)

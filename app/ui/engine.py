@@ -1,0 +1,51 @@
+"""What the window needs from below, and the real thing, imported when first used."""
+
+from pathlib import Path
+from typing import Protocol
+
+from app.core.detections import Detections
+from app.core.frame import Frame
+from app.core.progress import Progress, Task
+from app.core.solution import NoSolution, Solution
+from app.solve.options import SolveOptions
+
+
+class Solved(Protocol):
+    """A frame's answer with what was detected on the way."""
+
+    @property
+    def frame(self) -> Frame: ...
+    @property
+    def detections(self) -> Detections: ...
+    @property
+    def result(self) -> Solution | NoSolution: ...
+
+
+class Engine(Protocol):
+    """Reads and solves, as tasks."""
+
+    def read(self, path: Path) -> Task[Frame]:
+        """The frame in a file; raises :class:`app.core.errors.FrameError`."""
+        ...
+
+    def solve(self, frame: Frame, options: SolveOptions, read_ms: float) -> Task[Solved]:
+        """Where the frame points, or why that is not known."""
+        ...
+
+
+class WorkflowEngine:
+    """The engine of the workflows."""
+
+    def read(self, path: Path) -> Task[Frame]:
+        """Read a file; the heavy imports happen here, in the job's thread."""
+        yield Progress("read", None, f"reading {path.name}")
+        from app.frames import read_frame
+
+        return read_frame(path)
+
+    def solve(self, frame: Frame, options: SolveOptions, read_ms: float) -> Task[Solved]:
+        """Solve a frame that has been read."""
+        yield Progress("detect", None, "looking for stars")
+        from app.workflows.solve_frame import solve_open_frame
+
+        return (yield from solve_open_frame(frame, options, read_ms=read_ms))

@@ -1,0 +1,100 @@
+"""Small drawings, made from paths in whatever colour the theme asks for."""
+
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QIcon, QPainter, QPainterPath, QPen, QPixmap
+
+# Each glyph on a 24 x 24 grid: "M x y" and "L x y" strokes, "O x y r" circles, "." is a dot.
+GLYPHS: dict[str, str] = {
+    "open": "M3 19 L3 6 L9 6 L11 8 L20 8 L20 19 L3 19 M3 12 L20 12",
+    "solve": "O12 12 7 M12 2 L12 8 M12 16 L12 22 M2 12 L8 12 M16 12 L22 12",
+    "cancel": "M5 5 L19 19 M19 5 L5 19",
+    "fit": "M3 9 L3 3 L9 3 M15 3 L21 3 L21 9 M21 15 L21 21 L15 21 M9 21 L3 21 L3 15",
+    "one": "M4 8 L7 5 L7 19 M16 8 L19 5 L19 19 .12 9 .12 15",
+    "in": "O10 10 6 M15 15 L21 21 M10 7 L10 13 M7 10 L13 10",
+    "out": "O10 10 6 M15 15 L21 21 M7 10 L13 10",
+    "stretch": "M3 20 L6 18 L9 6 L11 4 L13 10 L16 17 L21 20 M3 21 L21 21",
+    "colour": "O9 9 5.5 O15 9 5.5 O12 15 5.5",
+    "detected": "O8 8 4 O17 16 3 O18 6 2 .8 8 .17 16 .6 18",
+    "identified": "O12 12 6 M12 2 L12 6 M12 18 L12 22 M2 12 L6 12 M18 12 L22 12 .12 12",
+    "names": "M4 19 L9 5 L14 19 M6 14 L12 14 M16 19 L20 19 M16 15 L21 15",
+    "grid": "M3 8 L21 6 M3 14 L21 12 M3 20 L21 18 M8 3 L6 21 M14 3 L13 21 M20 3 L20 21",
+    "centre": "M12 3 L12 10 M12 14 L12 21 M3 12 L10 12 M14 12 L21 12",
+    "compass": "M12 21 L12 4 M8 8 L12 3 L16 8 M12 21 L20 21",
+    "night": "M14 3 L10 5 L7 9 L7 14 L10 18 L14 20 L18 19 L20 17 L16 16 L13 13 L12 8 L14 3",
+    "copy": "M9 9 L20 9 L20 20 L9 20 L9 9 M6 15 L4 15 L4 4 L15 4 L15 6",
+    "check": "M4 12 L10 18 L20 6",
+    "tick": "M5 12 L10 17 L19 7",
+    "right": "M8 4 L16 12 L8 20",
+    "down": "M4 8 L12 16 L20 8",
+    "up": "M4 16 L12 8 L20 16",
+    "close": "M6 6 L18 18 M18 6 L6 18",
+    "float": "M5 9 L5 19 L15 19 L15 9 L5 9 M9 9 L9 5 L19 5 L19 15 L15 15",
+}
+BOLD = {"check", "tick", "right", "down", "up"}
+
+
+def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
+    """One glyph, ``size`` logical px."""
+    picture = QPixmap(round(size * ratio), round(size * ratio))
+    picture.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(picture)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.scale(picture.width() / 24.0, picture.height() / 24.0)
+    pen = QPen(QColor(colour), 3.2 if name in BOLD else 1.7)
+    pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+    pen.setJoinStyle(Qt.PenJoinStyle.RoundJoin)
+    painter.setPen(pen)
+    path, dots = _parse(GLYPHS[name])
+    painter.drawPath(path)
+    painter.setBrush(QColor(colour))
+    for dot in dots:
+        painter.drawEllipse(dot, 0.7, 0.7)
+    painter.end()
+    picture.setDevicePixelRatio(ratio)
+    return picture
+
+
+def icon(name: str, colour: str, faint: str) -> QIcon:
+    """A toolbar icon with its disabled form."""
+    made = QIcon()
+    for ratio in (1.0, 2.0):
+        made.addPixmap(pixmap(name, colour, 22, ratio), QIcon.Mode.Normal)
+        made.addPixmap(pixmap(name, faint, 22, ratio), QIcon.Mode.Disabled)
+    return made
+
+
+@cache
+def write_glyphs(theme: str, text: str, muted: str, on_accent: str) -> str:
+    """Files the style sheet refers to; returns their folder, with forward slashes."""
+    folder = Path(_folder().name) / theme
+    folder.mkdir(exist_ok=True)
+    for name in ("check", "tick", "right", "down", "up", "close", "float"):
+        colour = on_accent if name == "tick" else text
+        pixmap(name, colour, 16).save(str(folder / f"{name}.png"))
+        pixmap(name, colour, 16, 2.0).save(str(folder / f"{name}@2x.png"))
+    return folder.as_posix()
+
+
+@cache
+def _folder() -> "tempfile.TemporaryDirectory[str]":
+    return tempfile.TemporaryDirectory(prefix="kochab-glyphs-")
+
+
+def _parse(text: str) -> tuple[QPainterPath, list[QPointF]]:
+    path, dots, words = QPainterPath(), [], text.split()
+    for i, word in enumerate(words):
+        kind, first = word[0], word[1:]
+        if kind == "M":
+            path.moveTo(float(first), float(words[i + 1]))
+        elif kind == "L":
+            path.lineTo(float(first), float(words[i + 1]))
+        elif kind == "O":
+            x, y, r = float(first), float(words[i + 1]), float(words[i + 2])
+            path.addEllipse(QRectF(x - r, y - r, 2 * r, 2 * r))
+        elif kind == ".":
+            dots.append(QPointF(float(first), float(words[i + 1])))
+    return path, dots

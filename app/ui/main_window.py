@@ -1,0 +1,67 @@
+"""The window: it lays out its panes, takes files that are dropped, and closes cleanly."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QMainWindow, QStackedWidget
+
+from app.ui.actions import make_actions
+from app.ui.log_panel import LogPanel
+from app.ui.menus import Menus, make_toolbar
+from app.ui.samples import Sample
+from app.ui.status import Status
+from app.ui.welcome import Welcome
+from app.ui.workspace import Workspace
+
+
+class MainWindow(QMainWindow):
+    """Views only; :class:`app.ui.presenter.Presenter` brings them to life."""
+
+    files_dropped = Signal(object)  # list[Path]
+    closing = Signal()
+
+    def __init__(self, methods: list[str], detectors: list[str], samples: list[Sample]) -> None:
+        super().__init__()
+        self.setWindowTitle("Kochab")
+        self.setAcceptDrops(True)
+        self.resize(1360, 860)
+        self.actions_by_name = make_actions(self)
+        self.menus = Menus(self, self.actions_by_name)
+        self.tools = make_toolbar(self, self.actions_by_name)
+        self.welcome = Welcome(samples)
+        self.workspace = Workspace(methods, detectors)
+        self.pages = QStackedWidget()
+        self.pages.addWidget(self.welcome)
+        self.pages.addWidget(self.workspace)
+        self.setCentralWidget(self.pages)
+        self.log = LogPanel(self)
+        self.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, self.log)
+        self.log.hide()
+        self.status = Status()
+        self.setStatusBar(self.status)
+
+    def show_frame_page(self) -> None:
+        """Leave the welcome page."""
+        self.pages.setCurrentWidget(self.workspace)
+        self.workspace.view.setFocus()
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        if _files(event):
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        paths = _files(event)
+        if paths:
+            event.acceptProposedAction()
+            self.files_dropped.emit(paths)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        self.closing.emit()
+        self.log.detach()
+        super().closeEvent(event)
+
+
+def _files(event: QDragEnterEvent | QDropEvent) -> list[Path]:
+    urls = event.mimeData().urls() if event.mimeData().hasUrls() else []
+    return [Path(u.toLocalFile()) for u in urls if u.isLocalFile()]

@@ -1,0 +1,136 @@
+"""A frame made ready for the screen: a pyramid of binned copies, and its statistics."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.frame import Frame
+from app.core.progress import Progress, Task
+from app.ui.stretch import Stretch, automatic
+
+Array = NDArray[Any]
+SAMPLE = 400_000
+BINS = 256
+STRIP_ROWS = 512  # a strip at a time, so that a task can be cancelled and memory stays low
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """What the view draws. ``mono[k]`` and ``colour[k]`` are binned by ``2**k``, uint8 or uint16.
+
+    ``low`` and ``high`` are the stored values that the stretch calls 0 and 1; ``histogram``
+    (BINS,) counts a sample between them over the
+    cube root of that range, which spreads the dark end. ``colour`` is empty for a mono frame.
+    """
+
+    width: int
+    height: int
+    mono: tuple[Array, ...]
+    colour: tuple[Array, ...]
+    low: float
+    high: float
+    histogram: NDArray[np.float64]
+    auto: Stretch
+
+    def level_for(self, scale: float) -> int:
+        """The pyramid level whose pixels are nearest to, and not below, one screen pixel."""
+        k = int(np.floor(np.log2(1.0 / scale))) if scale < 1.0 else 0
+        return min(max(k, 0), len(self.mono) - 1)
+
+    def table(self, stretch: Stretch) -> NDArray[np.uint8]:
+        """Look-up table from stored values to brightness."""
+        levels = 256 if self.mono[0].dtype == np.uint8 else 65536
+        return stretch.table(levels, self.low, self.high)
+
+
+def prepare(frame: Frame) -> Task[Picture]:
+    """Build the :class:`Picture` of a frame; a few hundred ms for 61 MP."""
+    yield Progress("display", None, "preparing the picture")
+    base = yield from _storable(frame.pixels)
+    mono = yield from _pyramid(base)
+    colour: tuple[Array, ...] = ()
+    if frame.colour is not None:
+        colour = yield from _pyramid((yield from _storable(frame.colour)))
+    elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
+        colour = yield from _from_mosaic(base, frame.bayer)
+    step = max(1, int(np.sqrt(base.size / SAMPLE)))
+    sample = np.asarray(base[::step, ::step], dtype=np.float64).ravel()
+    low, high = float(sample.min()), float(max(sample.max(), _peak(mono)))
+    if high <= low:
+        high = low + 1.0
+    unit = (sample - low) / (high - low)
+    histogram, _ = np.histogram(np.cbrt(unit), bins=BINS, range=(0.0, 1.0))
+    yield Progress("display", 1.0)
+    return Picture(
+        frame.width, frame.height, mono, colour, low, high,
+        histogram.astype(np.float64), automatic(unit),
+    )  # fmt: skip
+
+
+def _peak(levels: tuple[Array, ...]) -> float:
+    return float(levels[0].max())
+
+
+def _storable(pixels: Array) -> Task[Array]:
+    """The same picture as uint8 or uint16; other types are scaled around the sky level."""
+    if pixels.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        return pixels
+    step = max(1, int(np.sqrt(pixels.shape[0] * pixels.shape[1] / SAMPLE)))
+    sample = np.asarray(pixels[::step, ::step], dtype=np.float64)
+    sample = sample[np.isfinite(sample)]
+    if not sample.size:
+        sample = np.zeros(1)
+    median = float(np.median(sample))
+    sigma = 1.4826 * float(np.median(np.abs(sample - median))) or float(sample.std()) or 1.0
+    low = max(float(sample.min()), median - 20.0 * sigma)
+    high = min(float(sample.max()), median + 2000.0 * sigma)
+    factor = 65535.0 / max(high - low, 1e-30)
+    out = np.empty(pixels.shape, dtype=np.uint16)
+    for y in range(0, len(pixels), STRIP_ROWS):
+        strip = (np.asarray(pixels[y : y + STRIP_ROWS], dtype=np.float32) - low) * factor
+        out[y : y + STRIP_ROWS] = np.clip(np.nan_to_num(strip, nan=0.0), 0.0, 65535.0)
+        yield Progress("display", y / len(pixels))
+    return out
+
+
+def _pyramid(base: Array) -> Task[tuple[Array, ...]]:
+    levels = [base]
+    while max(levels[-1].shape[:2]) > 700 and min(levels[-1].shape[:2]) >= 4:
+        levels.append((yield from _halve(levels[-1])))
+    return tuple(levels)
+
+
+def _halve(a: Array) -> Task[Array]:
+    """Means of 2 x 2 pixels; a last odd row or column is dropped."""
+    h, w = a.shape[0] // 2 * 2, a.shape[1] // 2 * 2
+    out = np.empty((h // 2, w // 2, *a.shape[2:]), dtype=a.dtype)
+    for y in range(0, h, STRIP_ROWS):
+        s = a[y : min(y + STRIP_ROWS, h), :w]
+        total = s[0::2, 0::2].astype(np.uint32)
+        for part in (s[1::2, 0::2], s[0::2, 1::2], s[1::2, 1::2]):
+            total += part
+        out[y // 2 : y // 2 + len(total)] = total >> 2
+        yield Progress("display", y / h)
+    return out
+
+
+def _from_mosaic(base: Array, pattern: str) -> Task[tuple[Array, ...]]:
+    """Colour at half size from the four pixels of each Bayer cell; level 0 repeats it."""
+    h, w = base.shape[0] // 2 * 2, base.shape[1] // 2 * 2
+    planes: dict[str, list[Array]] = {"R": [], "G": [], "B": []}
+    for index, letter in enumerate(pattern.upper()):
+        if letter not in planes:
+            return ()
+        planes[letter].append(base[index // 2 : h : 2, index % 2 : w : 2])
+    half = np.empty((h // 2, w // 2, 3), dtype=base.dtype)
+    for channel, letter in enumerate("RGB"):
+        parts = planes[letter]
+        if not parts:
+            return ()
+        half[..., channel] = parts[0] if len(parts) == 1 else (parts[0] >> 1) + (parts[1] >> 1)
+        yield Progress("display", channel / 3)
+    full = np.repeat(np.repeat(half, 2, axis=0), 2, axis=1)
+    rest = yield from _pyramid(half)
+    return (full, *rest)

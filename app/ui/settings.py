@@ -1,0 +1,76 @@
+"""What the window remembers between starts."""
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QByteArray, QSettings
+
+from app.ui.formats import AngleStyle
+from app.ui.overlay import Switches
+
+MOST_RECENT = 10
+
+
+class Settings:
+    """Typed access to one :class:`QSettings`; damaged values read as their defaults."""
+
+    def __init__(self, store: QSettings | None = None) -> None:
+        self._store = store or QSettings(
+            QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window"
+        )
+
+    def flag(self, name: str, default: bool) -> bool:
+        """A yes or no."""
+        value = self._store.value(name, default)
+        return value if isinstance(value, bool) else str(value).lower() in ("true", "1", "yes")
+
+    def text(self, name: str, default: str) -> str:
+        """A word."""
+        value = self._store.value(name, default)
+        return value if isinstance(value, str) else default
+
+    def data(self, name: str) -> QByteArray | None:
+        """Bytes, such as a window's geometry."""
+        value = self._store.value(name)
+        return value if isinstance(value, QByteArray) else None
+
+    def keep(self, name: str, value: Any) -> None:
+        """Remember a value."""
+        self._store.setValue(name, value)
+
+    def write(self) -> None:
+        """Put everything on disk now."""
+        self._store.sync()
+
+    @property
+    def angle_style(self) -> AngleStyle:
+        """How angles are written."""
+        value = self.text("angles", AngleStyle.SEXAGESIMAL.value)
+        return AngleStyle(value) if value in list(AngleStyle) else AngleStyle.SEXAGESIMAL
+
+    def switches(self) -> Switches:
+        """Which marks are painted."""
+        return Switches(**{f.name: self.flag(f"marks/{f.name}", True) for f in fields(Switches)})
+
+    def keep_switches(self, switches: Switches) -> None:
+        """Remember which marks are painted."""
+        for f in fields(Switches):
+            self.keep(f"marks/{f.name}", getattr(switches, f.name))
+
+    @property
+    def recent(self) -> list[Path]:
+        """Files opened of late, newest first."""
+        value = self._store.value("recent", [])
+        names = [value] if isinstance(value, str) else value
+        return [Path(n) for n in names or [] if isinstance(n, str) and n][:MOST_RECENT]
+
+    def add_recent(self, path: Path) -> None:
+        """Put a file first among the recent ones."""
+        path = path.absolute()
+        names = [str(path)] + [str(p) for p in self.recent if p != path]
+        self.keep("recent", names[:MOST_RECENT])
+
+    def clear_recent(self) -> None:
+        """Forget the recent files."""
+        self.keep("recent", [])

@@ -1,0 +1,119 @@
+"""Lines of right ascension and declination across a solved frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.attitude import unit_vectors
+from app.core.solution import Solution
+
+Floats = NDArray[np.float64]
+DEC_STEPS_DEG = (
+    30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 360,
+)  # fmt: skip
+RA_STEPS_DEG = (
+    90.0, 45.0, 30.0, 15.0, 7.5, 5.0, 2.5, 1.25, 0.5, 0.25, 1 / 8, 1 / 12, 1 / 24, 1 / 48, 1 / 120,
+    1 / 240,
+)  # fmt: skip
+POINTS = 65
+WANTED = 6  # lines across the shorter side, more or less
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridLine:
+    """One line: ``xy`` (N, 2) image px with NaN where it is out of sight, and its value."""
+
+    kind: str  # "ra" or "dec"
+    value_deg: float
+    step_deg: float
+    xy: Floats
+
+
+def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -> list[GridLine]:
+    """The lines that cross the part (x0, y0)..(x1, y1) of the frame, image px."""
+    camera = solution.camera
+    x0, y0 = max(x0, -0.5), max(y0, -0.5)
+    x1, y1 = min(x1, camera.width - 0.5), min(y1, camera.height - 0.5)
+    if x1 <= x0 or y1 <= y0:
+        return []
+    gx, gy = np.meshgrid(np.linspace(x0, x1, 17), np.linspace(y0, y1, 17))
+    sky = solution.sky_at(np.column_stack([gx.ravel(), gy.ravel()]))
+    middle = sky[len(sky) // 2]
+    reach = float(np.arccos(np.clip((sky @ middle).min(), -1.0, 1.0)))
+    dec0, dec1, ra0, ra1 = _bounds(sky, middle, reach)
+    size = min(np.degrees(reach) * 1.4, 180.0)
+    dec_step = _step(DEC_STEPS_DEG, size / WANTED)
+    nearest_pole = min(max(abs(dec0), abs(dec1)), 88.0)
+    shrink = max(np.cos(np.radians(nearest_pole if ra1 - ra0 >= 360.0 else _mid(dec0, dec1))), 0.05)
+    ra_step = _step(RA_STEPS_DEG, min(size / WANTED / shrink, 45.0))
+    near = np.cos(min(reach * 1.15 + 1e-6, np.pi))
+    lines = []
+    for value in _multiples(dec0, dec1, dec_step):
+        ra = np.linspace(ra0, ra1, POINTS if ra1 - ra0 < 180 else 4 * POINTS)
+        lines.append(_line(solution, "dec", value, dec_step, ra, value, middle, near))
+    for value in _multiples(ra0, ra1, ra_step):
+        if ra1 - ra0 >= 360.0 and value >= ra0 + 360.0 - 1e-9:
+            continue
+        top = min(90.0 - dec_step / 2, dec1) if dec1 > 90.0 - 1e-6 else dec1
+        low = max(-90.0 + dec_step / 2, dec0) if dec0 < -90.0 + 1e-6 else dec0
+        dec = np.linspace(low, top, POINTS)
+        lines.append(_line(solution, "ra", value % 360.0, ra_step, value, dec, middle, near))
+    return [line for line in lines if np.isfinite(line.xy).all(axis=1).sum() > 1]
+
+
+def _mid(dec0: float, dec1: float) -> float:
+    return min(abs(dec0 + dec1) / 2, 88.0)
+
+
+def _bounds(sky: Floats, middle: Floats, reach: float) -> tuple[float, float, float, float]:
+    """(dec0, dec1, ra0, ra1), degrees, that hold the view; all RA when a pole is in it."""
+    dec = np.degrees(np.arcsin(np.clip(sky[:, 2], -1, 1)))
+    dec0, dec1 = float(dec.min()), float(dec.max())
+    middle_dec = float(np.arcsin(np.clip(middle[2], -1, 1)))
+    if abs(middle_dec) + reach >= np.pi / 2:
+        if middle_dec > 0:
+            dec1 = 90.0
+        else:
+            dec0 = -90.0
+        return dec0, dec1, 0.0, 360.0
+    ra_mid = np.degrees(np.arctan2(middle[1], middle[0]))
+    ra = np.degrees(np.arctan2(sky[:, 1], sky[:, 0]))
+    away = (ra - ra_mid + 180.0) % 360.0 - 180.0
+    return dec0, dec1, float(ra_mid + away.min()), float(ra_mid + away.max())
+
+
+def _step(steps: tuple[float, ...], wanted: float) -> float:
+    return min(steps, key=lambda s: abs(np.log(s / max(wanted, 1e-6))))
+
+
+def _multiples(low: float, high: float, step: float) -> list[float]:
+    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    return [i * step for i in range(first, min(last, first + 200) + 1) if abs(i * step) <= 720.0]
+
+
+def _line(
+    solution: Solution, kind: str, value: float, step: float, ra: Floats | float,
+    dec: Floats | float, middle: Floats, near: float,
+) -> GridLine:  # fmt: skip
+    ra, dec = np.broadcast_arrays(ra, dec)
+    vectors = unit_vectors(np.asarray(ra, dtype=np.float64), np.asarray(dec, dtype=np.float64))
+    xy = solution.pixels_of(vectors)
+    xy[vectors @ middle < near] = np.nan  # a distortion polynomial folds far outside the frame
+    return GridLine(kind, value, step, xy)
+
+
+def label(line: GridLine) -> str:
+    """The line's value, as fine as its step needs."""
+    if line.kind == "ra":
+        seconds = round(line.value_deg * 240.0) % 86400
+        h, m, s = seconds // 3600, seconds // 60 % 60, seconds % 60
+        if line.step_deg >= 15.0 and not m and not s:
+            return f"{h}h"
+        return f"{h}h {m:02d}m" if line.step_deg >= 0.25 and not s else f"{h}h {m:02d}m {s:02d}s"
+    sign = "−" if line.value_deg < 0 else "+"
+    seconds = round(abs(line.value_deg) * 3600.0)
+    d, m, s = seconds // 3600, seconds // 60 % 60, seconds % 60
+    if line.step_deg >= 1.0:
+        return f"{sign}{d}°"
+    return f"{sign}{d}° {m:02d}′" if not s else f"{sign}{d}° {m:02d}′ {s:02d}″"

@@ -1,0 +1,108 @@
+"""A solution as lines of text: what the panel shows and what is copied."""
+
+import json
+
+from app.core.solution import NoSolution, Solution
+from app.ui.formats import (
+    AngleStyle,
+    angle_text,
+    arcsec_text,
+    false_alarm_text,
+    milliseconds_text,
+    radec_plain,
+)
+
+STAGES = ("read", "detect", "identify", "attitude", "total")
+
+
+def rows(s: Solution) -> list[tuple[str, str, str]]:
+    """(title, value, explanation) of everything but the position."""
+    w, h = s.camera.fov_deg
+    x, y, roll = s.attitude.sigma_arcsec
+    return [
+        ("Roll", f"{s.roll_deg:+.3f}°".replace("-", "−") + (", mirrored" if s.camera.mirrored else ""),
+         "Position angle of the frame's up, degrees east of north"),
+        ("Field", f"{angle_text(w)} × {angle_text(h)}", "Width and height of the frame on the sky"),
+        ("Scale", f"{s.camera.scale_arcsec_px:.4f} ″/px", "Size of one pixel at the centre"),
+        ("Matches", f"{len(s.stars)} of {s.detections} detected stars",
+         "Detected stars that agree with the catalogue"),
+        ("RMS", f"{s.rms_px:.2f} px ({arcsec_text(s.rms_arcsec)})",
+         "How far the stars lie from where the catalogue puts them"),
+        ("Sigma", f"{arcsec_text(x)} × {arcsec_text(y)}, roll {arcsec_text(roll)}",
+         "One-sigma error of the pointing along the frame's x and y, and of roll"),
+        ("False alarm", f"{false_alarm_text(s.log10_false_alarm)}",
+         f"Chance that random stars agree this well (log10 {s.log10_false_alarm:.1f})"),
+        ("Camera", camera_text(s), "Focal length in pixels, and distortion when it was fitted"),
+        ("Method", s.method, "How the stars were identified"),
+        ("Time", times_text(s.elapsed_ms), "How long each stage took"),
+    ]  # fmt: skip
+
+
+def camera_text(s: Solution) -> str:
+    """Focal length and whether distortion was fitted."""
+    c = s.camera
+    text = f"f = {c.focal_px:.1f} px"
+    return text + (f", k1 = {c.k1:+.4g}" if c.distorted else ", no distortion fitted")
+
+
+def times_text(elapsed_ms: "dict[str, float] | object") -> str:
+    """Stage times, total last."""
+    times = dict(elapsed_ms)  # type: ignore[call-overload]
+    known = [k for k in STAGES if k in times] + [k for k in times if k not in STAGES]
+    return ", ".join(f"{k} {milliseconds_text(times[k])}" for k in known) or "not measured"
+
+
+def attitude_forms(s: Solution) -> list[tuple[str, str]]:
+    """The attitude as (name, text): quaternion, matrix, Euler angles."""
+    q = "  ".join(f"{v:+.8f}" for v in s.attitude.quaternion)
+    m = "\n".join("  ".join(f"{v:+.8f}" for v in row) for row in s.attitude.matrix)
+    e = "  ".join(f"{v:+.6f}" for v in s.attitude.euler_deg)
+    return [
+        ("Quaternion (w x y z)", q),
+        ("Matrix, ICRS to camera", m),
+        ("RA, Dec, roll (boresight, °)", e),
+    ]
+
+
+def attitude_plain(s: Solution) -> str:
+    """All forms for the clipboard."""
+    return "\n".join(f"{name}:\n{text}" for name, text in attitude_forms(s))
+
+
+def summary(s: Solution, style: AngleStyle, source: str = "") -> str:
+    """Everything for the clipboard."""
+    ra, dec = s.ra_dec_deg
+    lines = [f"File: {source}"] if source else []
+    lines.append(f"RA/Dec (ICRS): {radec_plain(ra, dec, style)}")
+    lines += [f"{title}: {value}" for title, value, _ in rows(s)]
+    return "\n".join([*lines, attitude_plain(s)])
+
+
+def measured_rows(n: NoSolution) -> list[tuple[str, str]]:
+    """(what, how much) that was measured on a frame without a solution."""
+    out = [("stars detected", f"{n.detections}")]
+    for key, value in n.measured.items():
+        name = key
+        unit = ""
+        for suffix, mark in (("_px", " px"), ("_deg", "°"), ("_arcsec", "″"), ("_ms", " ms")):
+            if name.endswith(suffix):
+                name, unit = name.removesuffix(suffix), mark
+        if name in ("detections", "detected"):
+            continue
+        out.append((name.replace("_", " "), f"{value:.4g}{unit}"))
+    return out
+
+
+def failure_plain(n: NoSolution, source: str = "") -> str:
+    """A failed solve for the clipboard."""
+    lines = [f"File: {source}"] if source else []
+    lines += [f"No solution: {n.reason}", f"Advice: {n.advice}"]
+    if n.tried:
+        lines.append(f"Tried: {n.tried}")
+    lines += [f"{name}: {value}" for name, value in measured_rows(n)]
+    return "\n".join([*lines, f"Time: {times_text(n.elapsed_ms)}"])
+
+
+def as_json_text(value: object) -> str:
+    """Pretty JSON."""
+    return json.dumps(value, indent=2, ensure_ascii=False)

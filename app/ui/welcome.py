@@ -1,0 +1,78 @@
+"""What is seen before a frame is open."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+
+from app.ui.samples import Sample
+from app.ui.widgets import button, label, rule
+
+MOST_SHOWN = 5
+
+
+class Welcome(QWidget):
+    """Open a frame, try a sample, or take up a recent file."""
+
+    open_wanted = Signal()
+    file_wanted = Signal(Path)
+
+    def __init__(self, samples: list[Sample]) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._recent = QVBoxLayout()
+        self._recent_title = label("Recent", "heading")
+        inside = QWidget()
+        inside.setObjectName("page")
+        inside.setMaximumWidth(640)
+        column = QVBoxLayout(inside)
+        column.setSpacing(10)
+        column.addWidget(label("Kochab", "title"))
+        column.addWidget(label("Open a picture of the night sky and see where it points, which stars "
+                               "are in it, and how sure that is.", wrap=True))  # fmt: skip
+        column.addSpacing(8)
+        self.first = button("&Open a frame…", self.open_wanted.emit, "main")
+        line = QHBoxLayout()
+        line.addWidget(self.first)
+        line.addWidget(label("or drop a file anywhere on this window", "muted"))
+        line.addStretch(1)
+        column.addLayout(line)
+        column.addWidget(label("FITS, XISF, TIFF, PNG, JPEG, HEIC and camera RAW. Nothing has to be "
+                               "known about the frame.", "muted", wrap=True))  # fmt: skip
+        if samples:
+            column.addSpacing(8)
+            column.addWidget(rule())
+            column.addWidget(label("Try a sample", "heading"))
+            column.addWidget(label("Made by Kochab’s own sky renderer.", "muted"))
+            self.samples = [self._sample(s, i) for i, s in enumerate(samples[:MOST_SHOWN])]
+            for made in self.samples:
+                column.addWidget(made)
+        column.addSpacing(8)
+        column.addWidget(self._recent_title)
+        column.addLayout(self._recent)
+        outer = QHBoxLayout(self)
+        outer.setContentsMargins(32, 32, 32, 32)
+        outer.addStretch(1)
+        outer.addWidget(inside, 4, Qt.AlignmentFlag.AlignVCenter)
+        outer.addStretch(1)
+        self.show_recent([])
+
+    def _sample(self, sample: Sample, index: int) -> QWidget:
+        text = f"&{index + 1}  {sample.title}"
+        made = button(f"{text}\n     {sample.text}" if sample.text else text,
+                      lambda: self.file_wanted.emit(sample.path), "sample")  # fmt: skip
+        made.setAccessibleName(sample.title)
+        return made
+
+    def show_recent(self, paths: list[Path]) -> None:
+        """The recent files, newest first."""
+        while (item := self._recent.takeAt(0)) is not None:
+            if (old := item.widget()) is not None:
+                old.hide()
+                old.deleteLater()
+        shown = [p for p in paths if p.exists()][:MOST_SHOWN]
+        self._recent_title.setVisible(bool(shown))
+        for path in shown:
+            made = button(path.name.replace("&", "&&"),
+                          lambda p=path: self.file_wanted.emit(p), "link", str(path))  # fmt: skip
+            self._recent.addWidget(made)
