@@ -135,7 +135,7 @@ def _emptiness(case: _Case) -> Iterator[Finding]:
     light = case.light
     if light is None:
         return
-    if light.background_share > WHITE_SHARE:
+    if light.background_share > (DAY_SHARE if case.count < 3 else WHITE_SHARE):
         yield from _daylight(case)
     if case.count < 3 and light.contrast < FLAT_CONTRAST:
         yield (

@@ -10,7 +10,7 @@ from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.solution import Identification, Matches
-from app.solve.pairing import mutual_nearest
+from app.solve.pairing import mutual_nearest, without_companions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,8 +32,8 @@ class Stars(Protocol):
         """V magnitudes (N,)."""
         ...
 
-    def cone(self, vector: Floats, radius_rad: float, mag_limit: float) -> Ints:
-        """Rows within a radius of an ICRS unit vector."""
+    def brightest(self, vector: Floats, radius_rad: float, n: int, year: float) -> Ints:
+        """The brightest rows of a cone around an ICRS unit vector."""
         ...
 
     def label(self, row: int) -> tuple[str, str]:
@@ -56,7 +56,7 @@ def extend(
     """
     matches = found.matches
     fit = refine(matches, found.camera, found.attitude, distortion=distortion)
-    rows = _pool(detections, found, fit, catalogue)
+    rows = _pool(detections, found, fit, catalogue, year)
     vectors = catalogue.vectors(rows, year)
     sigma = centroid_sigma(detections)
     origin = matches.xy.mean(axis=0)
@@ -95,20 +95,24 @@ def field_centre(camera: Camera, attitude: Attitude) -> tuple[Floats, float]:
     return np.asarray(seen[0]), float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _pool(detections: Detections, found: Identification, fit: Fit, catalogue: Stars) -> Ints:
+def _pool(
+    detections: Detections, found: Identification, fit: Fit, catalogue: Stars, year: float
+) -> Ints:
     """Rows of the field's brightest stars, about twice as many as there are detections."""
     wanted = 2 * len(detections) + 50
     centre, radius = field_centre(fit.camera, fit.attitude)
     radius = min(1.08 * radius, np.pi / 2)
-    area_share = _share_of_circle(fit.camera)
-    limit = float(np.median(catalogue.mag(found.matches.star)))
-    rows = catalogue.cone(centre, radius, limit)
-    while len(rows) * area_share < wanted and limit < 20.0:
-        limit += 0.7
-        rows = catalogue.cone(centre, radius, limit)
-    order = np.argsort(catalogue.mag(rows), kind="stable")
-    kept = rows[order[: int(wanted / area_share)]]
-    return np.union1d(kept, found.matches.star).astype(np.int64)
+    count = int(wanted / _share_of_circle(fit.camera))
+    rows = np.union1d(catalogue.brightest(centre, radius, count, year), found.matches.star)
+    rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
+    seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
+    return rows[without_companions(seen, _resolution_px(detections))]
+
+
+def _resolution_px(detections: Detections) -> float:
+    """How far apart two stars must be to leave two images."""
+    widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
+    return float(np.clip(np.median(widths), 2.0, 10.0)) if len(widths) else 2.0
 
 
 def _share_of_circle(camera: Camera) -> float:

@@ -25,6 +25,17 @@ def mutual_nearest(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Int
     return i[chosen], j[chosen]
 
 
+def without_companions(places: Floats, resolution_px: float) -> NDArray[np.bool_]:
+    """Which of the places (N, 2), brightest first, a camera sees as stars of their own.
+
+    A star closer than ``resolution_px`` to a brighter one is part of that one's image.
+    """
+    i, j, _ = _close(places, places, resolution_px)
+    alone = np.ones(len(places), dtype=np.bool_)
+    alone[j[i < j]] = False
+    return alone
+
+
 def _close(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Ints, Floats]:
     """All pairs within the tolerance: b sorted by x, and for each of a the slice of b near it."""
     finite = np.flatnonzero(np.isfinite(b).all(axis=1))
