@@ -13,57 +13,143 @@ from numpy.typing import NDArray
 from app.detect.stamps import Stamp, Stamps
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.bool_] | NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fits:
-    """``dx``, ``dy`` (N,) px from the stamps' middles, ``flux`` (N,), and two significances (N,).
+    """``dx``, ``dy`` (N,) px from the stamps' middles, ``flux`` (N,) and its ``snr`` (N,).
 
-    ``snr`` is that of the fitted flux, ``snr_pixel`` that of the brightest single pixel, both for
-    a noise of 1 a pixel. ``moments`` (N, 3) are xx, yy, xy weighted by the star image, px^2.
+    ``snr`` is for a noise of 1 a pixel. ``moments`` (N, 3) are xx, yy, xy weighted by the star
+    image, px^2.
     """
 
     dx: Floats
     dy: Floats
     flux: Floats
     snr: Floats
-    snr_pixel: Floats
     moments: Floats
+
+    @classmethod
+    def empty(cls, n: int) -> "Fits":
+        """Room for ``n`` fits."""
+        return cls(np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty((n, 3)))
+
+    def take(self, index: Index) -> "Fits":
+        """Only the fits that ``index`` selects."""
+        return Fits(*(getattr(self, name)[index] for name in _FIELDS))
+
+    def put(self, index: Index, fits: "Fits") -> None:
+        """Set those that ``index`` selects."""
+        for name in _FIELDS:
+            getattr(self, name)[index] = getattr(fits, name)
+
+
+_FIELDS = ("dx", "dy", "flux", "snr", "moments")
 
 
 def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 4) -> Fits:
     """Fit stamps with the star image whose second moments (2, 2) px^2 are ``covariance``."""
-    n = len(stamps.value)
+    if abs(covariance[0, 1]) > 1e-3:
+        return _fit(stamps, covariance, steps)
+    whole = np.asarray(stamps.weight.all(axis=(1, 2)))
+    if whole.all():
+        return _fit_whole(stamps, covariance, steps)
+    out = Fits.empty(len(whole))
+    for chosen, fit in ((whole, _fit_whole), (~whole, _fit)):
+        if chosen.any():
+            out.put(chosen, fit(stamps.take(chosen), covariance, steps))
+    return out
+
+
+def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) -> None:
+    """Fit bright stars again, in place, giving each pixel the weight its own light leaves it.
+
+    ``light`` (N,) is the background above zero, whose noise is that of the stamps: a pixel with
+    as much star light as that is half as certain. A fit with equal weights would lose up to a
+    third of the precision where the star's own photons make the noise.
+    """
+    top = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
+    bright = np.flatnonzero(fits.flux * top > 0.3 * light)
+    if not len(bright):
+        return
+    some, start = stamps.take(bright), fits.take(bright)
+    x, y = start.dx.astype(np.float32), start.dy.astype(np.float32)
+    image, _, _ = _star_image(stamps.offsets, x, y, covariance)
+    share = (start.flux / light[bright]).astype(np.float32)
+    certain = some.weight / (1.0 + np.maximum(image, 0.0) * share[:, None, None])
+    better = _fit(Stamps(some.value, certain, some.x, some.y), covariance, 3, start)
+    settled = (better.flux > 0) & (np.hypot(better.dx - start.dx, better.dy - start.dy) < 0.5)
+    bright = bright[settled]
+    fits.dx[bright], fits.dy[bright] = better.dx[settled], better.dy[settled]
+    fits.flux[bright] = better.flux[settled]
+
+
+def _fit(stamps: Stamps, covariance: Floats, steps: int, start: Fits | None = None) -> Fits:
+    """Any star image, any pixels missing."""
+    n, u = len(stamps.value), stamps.offsets
     x, y = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+    if start is not None:
+        x, y = start.dx.astype(np.float32), start.dy.astype(np.float32)
     limit = np.float32(stamps.value.shape[1] / 2.0 - 1.0)
     for _ in range(steps):
-        image, gx, gy = _star_image(stamps.offsets, x, y, covariance)
+        image, gx, gy = _star_image(u, x, y, covariance)
         flux, mx, my = _solve(image, gx, gy, stamps)
         safe = np.where(flux > 0, flux, np.inf)
         x = np.clip(x + np.clip(mx / safe, -1, 1), -limit, limit).astype(np.float32)
         y = np.clip(y + np.clip(my / safe, -1, 1), -limit, limit).astype(np.float32)
-    image, _, _ = _star_image(stamps.offsets, x, y, covariance)
-    image *= stamps.weight
-    power = np.einsum("nij,nij->n", image, image)
-    product = image * stamps.value
-    flux = product.sum(axis=(1, 2)) / np.maximum(power, 1e-12)
-    u = stamps.offsets
+    image, _, _ = _star_image(u, x, y, covariance)
+    seen = image * stamps.weight
+    power = np.maximum((seen * image).sum(axis=(1, 2)), 1e-12)
+    product = seen * stamps.value
     px, py = u - x[:, None], u - y[:, None]
     cols, rows = product.sum(axis=1), product.sum(axis=2)
-    total = np.where(flux > 0, cols.sum(axis=1), np.inf)
-    moments = np.stack(
-        [
-            (cols * px * px).sum(axis=1) / total,
-            (rows * py * py).sum(axis=1) / total,
-            np.einsum("nij,nj,ni->n", product, px, py) / total,
-        ],
-        axis=1,
-    )
-    return Fits(
-        x.astype(np.float64), y.astype(np.float64), flux.astype(np.float64),
-        (flux * np.sqrt(power)).astype(np.float64),
-        stamps.value.max(axis=(1, 2)).astype(np.float64), moments.astype(np.float64),
+    light = cols.sum(axis=1)
+    cross = ((product @ px[:, :, None])[:, :, 0] * py).sum(axis=1)
+    squares = (cols * px * px).sum(axis=1), (rows * py * py).sum(axis=1), cross
+    return _fits(x, y, light, power, np.stack(squares, axis=1))
+
+
+def _fit_whole(stamps: Stamps, covariance: Floats, steps: int) -> Fits:
+    """The same for a star image with axes along the pixels' and all pixels there.
+
+    Sums over a stamp are then products of sums along its sides.
+    """
+    n, u, value = len(stamps.value), stamps.offsets, stamps.value
+    sigma_x, sigma_y = (float(np.sqrt(covariance[k, k])) for k in (0, 1))
+    x, y = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+    limit = np.float32(value.shape[1] / 2.0 - 1.0)
+    for _ in range(steps):
+        (ax, dx), (ay, dy) = _profile(u - x[:, None], sigma_x), _profile(u - y[:, None], sigma_y)
+        lines = value @ np.stack([ax, dx], axis=2)
+        sx, sy, ux, uy = _dot(ax, ax), _dot(ay, ay), _dot(ax, dx), _dot(ay, dy)
+        flux = _dot(ay, lines[:, :, 0]) / (sx * sy)
+        safe = np.where(flux > 0, flux, np.inf)
+        mx = (_dot(ay, lines[:, :, 1]) / sy - flux * ux) / (safe * _dot(dx, dx))
+        my = (_dot(dy, lines[:, :, 0]) / sx - flux * uy) / (safe * _dot(dy, dy))
+        x, y = (
+            np.clip(x + np.clip(mx, -1, 1), -limit, limit),
+            np.clip(y + np.clip(my, -1, 1), -limit, limit),
+        )
+    px, py = u - x[:, None], u - y[:, None]
+    (ax, _), (ay, _) = _profile(px, sigma_x), _profile(py, sigma_y)
+    lines = value @ np.stack([ax, ax * px, ax * px * px], axis=2)
+    power = np.maximum(_dot(ax, ax) * _dot(ay, ay), 1e-12)
+    squares = (
+        _dot(ay, lines[:, :, 2]), _dot(ay * py * py, lines[:, :, 0]), _dot(ay * py, lines[:, :, 1])
     )  # fmt: skip
+    return _fits(x, y, _dot(ay, lines[:, :, 0]), power, np.stack(squares, axis=1))
+
+
+def _fits(x: Stamp, y: Stamp, light: Stamp, power: Stamp, squares: Stamp) -> Fits:
+    """Fits of the light seen through the star image and the image's own power."""
+    moments = squares / np.where(light > 0, light, np.inf)[:, None]
+    parts = (x, y, light / power, light / np.sqrt(power), moments)
+    return Fits(*(np.asarray(part, dtype=np.float64) for part in parts))
+
+
+def _dot(a: Stamp, b: Stamp) -> Stamp:
+    return np.asarray(np.einsum("nk,nk->n", a, b))
 
 
 def _star_image(u: Stamp, x: Stamp, y: Stamp, covariance: Floats) -> tuple[Stamp, Stamp, Stamp]:
@@ -108,5 +194,5 @@ def _solve(image: Stamp, gx: Stamp, gy: Stamp, stamps: Stamps) -> tuple[Floats, 
     normal = (weighted @ base.transpose(0, 2, 1)).astype(np.float64)
     right = (weighted @ stamps.value.reshape(len(image), -1, 1)).astype(np.float64)
     normal += 1e-9 * np.eye(3) * (np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-30)
-    out = np.linalg.solve(normal, right)[:, :, 0]
-    return out[:, 0], out[:, 1], out[:, 2]
+    flux, along_x, along_y = np.linalg.solve(normal, right)[:, :, 0].T
+    return flux, along_x, along_y

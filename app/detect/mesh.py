@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.detect.strips import Halving, Pixels, as_summable, smooth
+from app.detect.strips import Halving, Pixels, Smoother
 
 Floats = NDArray[np.float64]
 QUARTILE = 0.6745  # of a unit normal
@@ -42,24 +42,16 @@ class Mesh:
         )
         return np.asarray(level), np.asarray(noise)
 
-    def line(self, y: float, sigmas: float, x: Floats) -> Floats:
-        """Level plus ``sigmas`` times noise along row ``y`` at columns ``x``, px."""
-        r = float(_between(np.array([y]), self.rows)[0])
-        i = int(r)
-        grid = self.level[i : i + 2] + sigmas * self.noise[i : i + 2]
-        row = grid[0] if len(grid) == 1 else grid[0] + (r - i) * (grid[1] - grid[0])
-        return np.asarray(np.interp(x, self.columns, row))
-
 
 def measure_mesh(pixels: Pixels, how: Halving, step: float) -> Mesh:
     """The mesh of a frame (H, W), both at least 8; ``step`` is the quantum of its pixels or 0."""
     height, width = pixels.shape
     tile = 64 if height * width < 4_000_000 else 128
     fill = _any_level(pixels)
-    every = tile // 4
+    every = tile // (4 if tile < 128 else 2)
     tops = np.arange(0, height - 5, every) if height >= 6 else np.array([0])
-    lines = [smooth(how.sums(as_summable(pixels[t : t + 6], fill)))[0] for t in tops]
-    samples = np.stack(lines)
+    smoother = Smoother(how, fill)
+    samples = np.stack([smoother(pixels[t : t + 6], (0, 0, 0))[0].copy() for t in tops])
     across, down = max(1, round(width / tile)), max(1, round(height / tile))
     columns = np.linspace(0, samples.shape[1], across + 1).round().astype(int)
     rows = np.linspace(0, len(samples), down + 1).round().astype(int)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.detect.mesh import Mesh
-from app.detect.strips import Halving, Pixels, as_summable, smooth
+from app.detect.strips import Halving, Pixels, Smoother
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.intp]
 STRIP = 64  # rows of the frame; what a strip needs fits the cache
 
 
@@ -19,68 +20,82 @@ def find_peaks(
 
     At most ``limit`` are returned; a position is the middle of 2 x 2 pixels.
     """
-    height = pixels.shape[0] // 2 * 2
-    tops = range(0, height, STRIP)
+    pixels = pixels[: pixels.shape[0] // 2 * 2]
+    tops = np.arange(0, len(pixels), STRIP)
+    rise = sigmas * how.noise_gain / how.gain
+    floors = _floors(mesh, tops, rise)
+    columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
 
-    def strip(top: int) -> tuple[Floats, Floats]:
-        return _strip_peaks(pixels[:height], how, mesh, sigmas, top)
+    def some(first: int, step: int) -> list[tuple[Floats, Floats]]:
+        smoother = Smoother(how, float(mesh.level.mean()))
+        found = []
+        for k in range(first, len(tops), step):
+            floor = np.interp(columns, mesh.columns, floors[k]) * how.gain
+            found.append(_strip_peaks(pixels, smoother, floor, int(tops[k])))
+        return found
 
-    if threads > 1 and len(tops) > 8:
+    if threads > 1 and len(tops) > 16:
         with ThreadPoolExecutor(threads) as pool:
-            found = list(pool.map(strip, tops))
+            parts = list(pool.map(some, range(threads), [threads] * threads))
+        found = [strip for part in parts for strip in part]
     else:
-        found = [strip(top) for top in tops]
-    xy = np.concatenate([f[0] for f in found])
-    heights = np.concatenate([f[1] for f in found])
-    order = np.argsort(-heights, kind="stable")[:limit]
+        found = some(0, 1)
+    xy, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
+    level, noise = mesh.at(xy[:, 0], xy[:, 1])
+    heights = (value / how.gain - level) / (noise * (how.noise_gain / how.gain))
+    high = np.flatnonzero(heights > sigmas)
+    order = high[np.lexsort((xy[high, 0], xy[high, 1], -heights[high]))][:limit]
     return xy[order], heights[order]
 
 
+def _floors(mesh: Mesh, tops: Index, rise: float) -> Floats:
+    """The lowest threshold (S, C) in each strip at the mesh's columns."""
+    grid = mesh.level + rise * mesh.noise
+    knots = np.arange(len(mesh.rows))
+    ends = np.interp(np.stack([tops, tops + STRIP]), mesh.rows, knots)
+    lowest = np.full((len(tops), grid.shape[1]), np.inf)
+    for at in (ends[0], ends[1], ends.mean(axis=0)):
+        i = np.minimum(at.astype(np.intp), max(0, len(grid) - 2))
+        j, part = np.minimum(i + 1, len(grid) - 1), (at - i)[:, None]
+        lowest = np.minimum(lowest, grid[i] * (1.0 - part) + grid[j] * part)
+    return lowest
+
+
 def _strip_peaks(
-    pixels: Pixels, how: Halving, mesh: Mesh, sigmas: float, top: int
+    pixels: Pixels, smoother: Smoother, floor: Floats, top: int
 ) -> tuple[Floats, Floats]:
-    """Peaks whose rows begin at ``top``; two halved rows of each neighbour are looked at too."""
+    """Places and values of maxima in the rows from ``top``; neighbours' rows are looked at too."""
     height = pixels.shape[0]
     first, last = max(0, top - 4), min(height, top + STRIP + 4)
-    sums = how.sums(as_summable(pixels[first:last], float(mesh.level.mean())))
-    above, below = top - first == 0, last == top + STRIP or last == height
-    sums = np.pad(sums, ((2 if above else 0, 2 if below else 0), (2, 2)), mode="edge")
-    field = smooth(sums)  # one halved row and column more than the strip on every side
-    columns = 2.0 * np.arange(field.shape[1]) - 1.5
-    rise = sigmas * how.noise_gain / how.gain
-    ends = [mesh.line(float(y), rise, columns) for y in (top, (top + last) / 2, last)]
-    floor = np.minimum(np.minimum(*ends[:2]), ends[2]) * how.gain
+    above, below = 2 * (first == top), 2 * (last == height)
+    field = smoother(pixels[first:last], (above, below, 2))
+    # one halved row and column more than the strip on every side
     hit = _where(field, _as_threshold(floor, field))
     y, x = np.divmod(hit, field.shape[1])
     inside = (y > 0) & (y < field.shape[0] - 1) & (x > 0) & (x < field.shape[1] - 1)
-    inside &= y <= STRIP // 2
-    hit, y, x = hit[inside], y[inside], x[inside]
-    keep = _is_maximum(field, hit)
-    hit, y, x = hit[keep], y[keep], x[keep]
-    xy = np.stack([2.0 * x - 1.5, top + 2.0 * y - 1.5], axis=1)
-    level, noise = mesh.at(xy[:, 0], xy[:, 1])
-    heights = (field.ravel()[hit] / how.gain - level) / (noise * (how.noise_gain / how.gain))
-    keep = heights > sigmas
-    return xy[keep], heights[keep]
+    hit = hit[inside & (y <= STRIP // 2)]
+    hit = hit[_is_maximum(field, hit)]
+    y, x = np.divmod(hit, field.shape[1])
+    return np.stack([2.0 * x - 1.5, top + 2.0 * y - 1.5], axis=1), field.ravel()[hit].astype(float)
 
 
-def _where(field: Pixels, floor: Pixels) -> NDArray[np.intp]:
+def _where(field: Pixels, floor: Pixels) -> Index:
     """Flat indices above ``floor``, looking at eight at a time because few are."""
     above = (field > floor).ravel()
     whole = len(above) // 8 * 8
     words = np.flatnonzero(above[:whole].view(np.uint64))
     near = (words[:, None] * 8 + np.arange(8)).ravel()
     near = np.concatenate([near, np.arange(whole, len(above))])
-    return near[above[near]]
+    return np.asarray(near[above[near]])
 
 
-def _is_maximum(field: Pixels, hit: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether each is above its eight neighbours; of equals the first counts."""
+def _is_maximum(field: Pixels, hit: Index) -> NDArray[np.bool_]:
+    """Whether each is above its eight neighbours; of equals the last counts."""
     flat, row = field.ravel(), field.shape[1]
     value = flat[hit]
     keep = np.ones(len(hit), dtype=np.bool_)
     for step in (1, row - 1, row, row + 1):
-        keep &= (value > flat[hit - step]) & (value >= flat[hit + step])
+        keep &= (value >= flat[hit - step]) & (value > flat[hit + step])
     return keep
 
 

@@ -29,6 +29,16 @@ class Stamps:
         half = self.value.shape[1] // 2
         return np.arange(-half, half + 1, dtype=np.float32)
 
+    def take(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> "Stamps":
+        """Only the stamps that ``index`` selects."""
+        return Stamps(self.value[index], self.weight[index], self.x[index], self.y[index])
+
+    def core(self, reach: int) -> Stamp:
+        """The middle (N, 2 reach + 1, 2 reach + 1) of the values."""
+        half = self.value.shape[1] // 2
+        middle = slice(half - reach, half + reach + 1)
+        return self.value[:, middle, middle]
+
 
 def cut(
     pixels: Pixels, how: Halving, xy: Floats, level: Floats, half: int,

@@ -2,17 +2,19 @@
 
 Pixels are summed 2 x 2 (of a Bayer mosaic only the two greens) and smoothed by a 3 x 3 binomial
 kernel. Whole numbers stay whole: unsigned pixels are summed by viewing neighbours as one word of
-twice the width. The result is ``GAIN`` times the mean level of the pixels under the kernel, and
-white noise of RMS s a pixel becomes ``NOISE_GAIN * s``.
+twice the width. The result is ``gain`` times the mean level of the pixels under the kernel, and
+white noise of RMS s a pixel becomes ``noise_gain * s``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Pixels = NDArray[Any]
+WIDTH: dict[int, type[np.unsignedinteger[Any]]] = {8: np.uint8, 16: np.uint16}
+WORD: dict[int, type[np.unsignedinteger[Any]]] = {1: np.uint16, 2: np.uint32}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,33 +33,46 @@ class Halving:
         """RMS of the smoothed value for white noise of RMS 1 a pixel."""
         return 6.0 * float(np.sqrt(4.0 if self.greens is None else 2.0))
 
-    def sums(self, rows: Pixels) -> Pixels:
-        """Sums (n, W // 2) of an even number of rows (2 n, W), W even or odd."""
+    def sums(self, rows: Pixels, out: Pixels, spare: Pixels) -> None:
+        """Sums of rows (2 n, W), W even or odd, into ``out`` (n, W // 2); ``spare`` is as large."""
         rows = rows[:, : rows.shape[1] // 2 * 2]
-        word = {1: np.uint16, 2: np.uint32}.get(rows.dtype.itemsize)
-        if rows.dtype.kind != "u" or word is None:
-            return self._plain(rows)
-        if rows.strides[0] % (2 * rows.dtype.itemsize) or rows.strides[1] != rows.dtype.itemsize:
-            return self._plain(rows.astype(word))
-        pairs = rows.view(word)
-        bits = 8 * rows.dtype.itemsize
-        low, high = word((1 << bits) - 1), word(bits)
-        if self.greens is not None:
-            upper, lower = (pairs[0::2], pairs[1::2])[:: 1 if self.greens else -1]
-            out = upper >> high
-            out += lower & low
-            return out
-        out = pairs[0::2] & low
-        out += pairs[0::2] >> high
-        out += pairs[1::2] & low
-        out += pairs[1::2] >> high
-        return out
+        size = rows.dtype.itemsize
+        if rows.dtype.kind != "u":
+            self._plain(rows, out)
+        elif rows.strides[0] % (2 * size) or rows.strides[1] != size:
+            self._plain(rows.astype(out.dtype), out)
+        else:
+            self._words(rows.view(WORD[size]), out, spare, 8 * size)
 
-    def _plain(self, rows: Pixels) -> Pixels:
+    def _words(self, pairs: Pixels, out: Pixels, spare: Pixels, bits: int) -> None:
+        """The low and the high half of every word are neighbouring pixels."""
+        low, high = pairs.dtype.type((1 << bits) - 1), pairs.dtype.type(bits)
+        even, odd = pairs[0::2], pairs[1::2]
+        if self.greens is not None:
+            np.right_shift(even if self.greens else odd, high, out=out)
+            np.bitwise_and(odd if self.greens else even, low, out=spare)
+            np.add(out, spare, out=out)
+            return
+        if int(pairs.view(WIDTH[bits]).max()) < 1 << (bits - 1):  # two rows at once do not overflow
+            np.add(even, odd, out=spare)
+            np.bitwise_and(spare, low, out=out)
+            np.right_shift(spare, high, out=spare)
+            np.add(out, spare, out=out)
+            return
+        np.bitwise_and(even, low, out=out)
+        np.right_shift(even, high, out=spare)
+        np.add(out, spare, out=out)
+        np.bitwise_and(odd, low, out=spare)
+        np.add(out, spare, out=out)
+        np.right_shift(odd, high, out=spare)
+        np.add(out, spare, out=out)
+
+    def _plain(self, rows: Pixels, out: Pixels) -> None:
         if self.greens is None:
             both = rows[0::2] + rows[1::2]
-            return np.asarray(both[:, 0::2] + both[:, 1::2])
-        return np.asarray(rows[0::2, self.greens :: 2] + rows[1::2, 1 - self.greens :: 2])
+            np.add(both[:, 0::2], both[:, 1::2], out=out)
+        else:
+            np.add(rows[0::2, self.greens :: 2], rows[1::2, 1 - self.greens :: 2], out=out)
 
 
 def halving(bayer: str | None) -> Halving:
@@ -72,24 +87,64 @@ def halving(bayer: str | None) -> Halving:
 
 def as_summable(rows: Pixels, fill: float) -> Pixels:
     """Rows as uint8, uint16 or float32, with what is not finite replaced by ``fill``."""
-    if rows.dtype in (np.uint8, np.uint16, np.float32):
-        out = rows
-    elif rows.dtype == np.bool_:
+    if rows.dtype in (np.uint8, np.uint16):
+        return rows
+    if rows.dtype == np.bool_:
         return rows.view(np.uint8)
-    else:
-        with np.errstate(over="ignore"):
-            out = rows.astype(np.float32)
-    if out.dtype.kind == "f":
-        with np.errstate(invalid="ignore", over="ignore"):
-            total = out.sum(dtype=np.float64)
-        if not np.isfinite(total) or abs(total) > 1e30:
-            out = np.where(np.abs(out) < 1e30, out, np.float32(fill))
+    with np.errstate(over="ignore"):
+        out = rows.astype(np.float32, copy=False)
+    with np.errstate(invalid="ignore", over="ignore"):
+        total = float(np.dot(out.ravel(), out.ravel())) if out.size else 0.0
+    if not total < 1e30:
+        out = np.where(np.abs(out) < 1e15, out, np.float32(fill))
     return out
 
 
-def smooth(sums: Pixels) -> Pixels:
-    """Binomial smoothing of (n, m) into (n - 2, m - 2): the weights of 1 2 1 along each axis."""
-    wide = sums[:, :-1] + sums[:, 1:]
-    wide = wide[:, :-1] + wide[:, 1:]
-    tall = wide[:-1] + wide[1:]
-    return np.asarray(tall[:-1] + tall[1:])
+@dataclass(slots=True)
+class Smoother:
+    """Halves and smooths rows again and again in the same memory."""
+
+    how: Halving
+    fill: float = 0.0
+    _kept: dict[str, Pixels] = field(default_factory=dict)
+
+    def __call__(self, rows: Pixels, pad: tuple[int, int, int]) -> Pixels:
+        """Smoothed (n + above + below - 2, m + 2 sides - 2) of rows (2 n, 2 m or 2 m + 1).
+
+        ``pad`` = (above, below, sides) halved pixels repeat the edges. The result is overwritten
+        by the next call.
+        """
+        rows = as_summable(rows, self.fill)
+        above, below, sides = pad
+        n, m = len(rows) // 2, rows.shape[1] // 2
+        dtype = WORD.get(rows.dtype.itemsize if rows.dtype.kind == "u" else 0, np.float32)
+        sums = self._memory("sums", (n + above + below, m + 2 * sides), dtype)
+        spare = self._memory("wide", (n + above + below, m + 2 * sides), dtype)
+        inner = sums[above : above + n, sides : sides + m]
+        self.how.sums(rows, inner, spare[above : above + n, sides : sides + m])
+        if sides:
+            sums[:, :sides] = sums[:, sides : sides + 1]
+            sums[:, -sides:] = sums[:, -sides - 1 : -sides]
+        if above:
+            sums[:above] = sums[above]
+        if below:
+            sums[-below:] = sums[-below - 1]
+        return self._binomial(sums, spare)
+
+    def _binomial(self, sums: Pixels, wide: Pixels) -> Pixels:
+        """Weights 1 2 1 along each axis."""
+        n, m = sums.shape
+        np.add(sums[:, :-1], sums[:, 1:], out=wide[:, :-1])
+        np.add(wide[:, : m - 2], wide[:, 1 : m - 1], out=sums[:, : m - 2])
+        across = sums[:, : m - 2]
+        np.add(across[:-1], across[1:], out=wide[: n - 1, : m - 2])
+        out = self._memory("out", (n - 2, m - 2), sums.dtype.type)
+        np.add(wide[: n - 2, : m - 2], wide[1 : n - 1, : m - 2], out=out)
+        return out
+
+    def _memory(self, name: str, shape: tuple[int, int], dtype: type[np.number[Any]]) -> Pixels:
+        size = shape[0] * shape[1]
+        kept = self._kept.get(name)
+        if kept is None or len(kept) < size or kept.dtype != dtype:
+            kept = self._kept[name] = np.empty(size, dtype=dtype)
+        return kept[:size].reshape(shape)

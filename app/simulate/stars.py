@@ -180,7 +180,7 @@ def _add_hot_pixels(
 ) -> None:
     count = round(sky.hot_per_mp * out.size / 1e6)
     y, x = rng.integers(0, out.shape[0], count), rng.integers(0, out.shape[1], count)
-    extra = np.exp(rng.uniform(*np.log(sky.hot_e), count)) / sensor.gain_e
+    extra = np.exp(rng.uniform(np.log(sky.hot_e[0]), np.log(sky.hot_e[1]), count)) / sensor.gain_e
     out[y, x] = np.minimum(out[y, x] + extra, sensor.saturation).astype(np.uint16)
 
 

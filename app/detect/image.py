@@ -1,0 +1,95 @@
+"""What a star looks like in this frame: its size and shape, and where pixels clip."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.detect.mesh import Mesh
+from app.detect.moments import PIXEL_VARIANCE, adaptive_moments, principal_axes
+from app.detect.stamps import cut
+from app.detect.strips import Halving, Pixels
+
+Floats = NDArray[np.float64]
+TYPICAL = np.eye(2) * 1.2**2  # px^2: a FWHM of 2.8 px, when the frame does not tell
+SHARPEST = 0.6  # px: a narrower star image is not told from a hot pixel
+ROUND = 1.4  # the elongation up to which stars are fitted as round
+
+
+def clip_level(pixels: Pixels, how: Halving, xy: Floats, told: float | None) -> float:
+    """The level at which pixels count as saturated, guessed from flat tops when not ``told``."""
+    if told is not None and np.isfinite(told):
+        return 0.98 * float(told)
+    values = cut(pixels, how, xy[:300], np.zeros(min(len(xy), 300)), 2).value
+    top = float(values.max())
+    flat = (values >= 0.98 * top).sum(axis=(1, 2)) >= 5
+    return 0.98 * top if flat.any() else float(np.inf)
+
+
+def star_image(
+    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, clip: float, count: int = 60
+) -> Floats:
+    """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px."""
+    xy = xy[:2000]
+    xy = xy[_bright_stars(pixels, how, mesh, xy, clip)[:count]]
+    if len(xy) < 3:
+        return TYPICAL
+    for half in (8, 20):
+        found = _usual_moments(pixels, how, mesh, xy, half)
+        if found is not None and np.linalg.eigvalsh(found)[-1] < (half / 3.0) ** 2:
+            break
+    return TYPICAL if found is None else _held(found)
+
+
+def is_round(covariance: Floats) -> bool:
+    """Whether the star image's axes need no turning."""
+    return bool(abs(covariance[0, 1]) < 1e-3)
+
+
+def unweighted(moments: Floats, covariance: Floats) -> Floats:
+    """Second moments (N, 3) of the light itself from those weighted by the star image.
+
+    Through a Gaussian weight W a Gaussian of moments C has M = (C^-1 + W^-1)^-1.
+    """
+    weight = np.linalg.inv(covariance + PIXEL_VARIANCE * np.eye(2))
+    m = np.empty((len(moments), 2, 2))
+    m[:, 0, 0], m[:, 1, 1] = np.maximum(moments[:, 0], 0.02), np.maximum(moments[:, 1], 0.02)
+    most = 0.98 * np.sqrt(m[:, 0, 0] * m[:, 1, 1])
+    m[:, 0, 1] = m[:, 1, 0] = np.clip(moments[:, 2], -most, most)
+    values, vectors = np.linalg.eigh(np.linalg.inv(m) - weight)
+    values = 1.0 / np.maximum(values, 1.0 / (100.0 * covariance.trace()))
+    full = (vectors * values[:, None, :]) @ vectors.transpose(0, 2, 1)
+    return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)
+
+
+def _bright_stars(
+    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, clip: float
+) -> NDArray[np.intp]:
+    """Indices of peaks that are neither clipped nor a single pixel."""
+    level, _ = mesh.at(xy[:, 0], xy[:, 1])
+    core = cut(pixels, how, xy, level, 2).value
+    peak = core.max(axis=(1, 2))
+    return np.flatnonzero((core.sum(axis=(1, 2)) > 1.8 * peak) & (peak + level < clip))
+
+
+def _usual_moments(
+    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, half: int
+) -> Floats | None:
+    """Medians of the moments over those stars whose size is usual; None when none settles."""
+    level, _ = mesh.at(xy[:, 0], xy[:, 1])
+    shapes = adaptive_moments(cut(pixels, how, xy, level, half), 1.5, 8 if half < 12 else 14)
+    good = shapes.good & (np.hypot(shapes.dx, shapes.dy) < 0.3 * half)
+    if good.sum() < 3:
+        return None
+    area = np.sqrt(np.maximum(shapes.xx * shapes.yy - shapes.xy**2, 1e-6))
+    usual = np.percentile(area[good], 40)
+    near = good & (area > usual / 1.6) & (area < usual * 1.6)
+    xx, yy, xy_ = (float(np.median(m[near])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    return np.array([[xx, xy_], [xy_, yy]])
+
+
+def _held(found: Floats) -> Floats:
+    """Round when nearly so, never sharper than can be told, and without the pixel's own width."""
+    major, minor, _ = principal_axes(found[:1, 0], found[1:, 1], found[:1, 1])
+    if major[0] < ROUND * minor[0]:
+        found = np.eye(2) * float(major[0] * minor[0])
+    scale = max(1.0, (SHARPEST**2 + PIXEL_VARIANCE) / float(minor[0] ** 2))
+    return np.asarray(scale * found - PIXEL_VARIANCE * np.eye(2))
