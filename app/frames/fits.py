@@ -166,15 +166,15 @@ def _read_plain(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Pixel
     zero, scale = image.header.number("BZERO", 0.0), image.header.number("BSCALE", 1.0)
     offset_type = _unsigned(image.bitpix, zero, scale)
     out = np.empty(count, stored.newbyteorder("=") if offset_type is None else offset_type)
-    flip = np.array(1 << (8 * stored.itemsize - 1)).astype(out.dtype) if offset_type else None
+    half = np.array(1 << (8 * stored.itemsize - 1)).astype(out.dtype)
     step = _CHUNK_BYTES // stored.itemsize
     for start in range(0, count, step):
         part = out[start : start + step]
         if file.readinto(part.view(np.uint8).data) != part.nbytes:  # type: ignore[attr-defined]
             raise FrameError("is cut short.")
         _swap(part)
-        if flip is not None:
-            part ^= flip
+        if offset_type is not None:
+            part ^= half
     if offset_type is None and (zero != 0.0 or scale != 1.0):
         return _scaled(out, image.header, zero, scale)
     return out

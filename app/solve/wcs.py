@@ -1,0 +1,226 @@
+"""A solution as a FITS world coordinate system: TAN, with SIP where the lens distorts.
+
+After Calabretta and Greisen 2002 (FITS paper II, gnomonic projection) and Shupe et al. 2005 (the
+SIP convention). FITS counts pixels from 1 and so do ``CRPIX1`` and ``CRPIX2`` here; its rows are
+the array's, so that a frame read from FITS and its file share their pixels.
+"""
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.camera import Camera
+from app.core.errors import FrameError
+from app.core.solution import Solution
+
+if TYPE_CHECKING:
+    from astropy.io.fits import Header
+
+Floats = NDArray[np.float64]
+Term = tuple[int, int]
+
+_GOOD_PX = 0.005
+_ORDERS = range(3, 10)  # SIP allows 2 to 9
+_GRID = 41
+_OLD = re.compile(
+    r"(WCSAXES|CTYPE\d|CUNIT\d|CRVAL\d|CRPIX\d|CDELT\d|CROTA\d|CD\d_\d|PC\d_\d|PV\d_\d+"
+    r"|LONPOLE|LATPOLE|RADESYS|RADECSYS|EQUINOX|(A|B|AP|BP)_(ORDER|DMAX|\d_\d)|PLTSOLVD)$"
+)
+
+
+def wcs_cards(solution: Solution) -> list[tuple[str, Any, str]]:
+    """The solution as FITS cards (keyword, value, comment), in the order they are written.
+
+    The reference point is the principal point. Distortion becomes ``A``, ``B`` (pixel to sky)
+    and ``AP``, ``BP`` (sky to pixel) of the lowest order that is good to 0.005 px on the whole
+    frame, or of order 9.
+    """
+    camera = solution.camera
+    ra, dec = solution.attitude.ra_dec_deg
+    cd = _cd_matrix(solution)
+    sip = "-SIP" if camera.distorted else ""
+    cards: list[tuple[str, Any, str]] = [
+        ("WCSAXES", 2, "celestial axes"),
+        ("CTYPE1", f"RA---TAN{sip}", "gnomonic projection"),
+        ("CTYPE2", f"DEC--TAN{sip}", "gnomonic projection"),
+        ("CUNIT1", "deg", ""),
+        ("CUNIT2", "deg", ""),
+        ("RADESYS", "ICRS", ""),
+        ("EQUINOX", 2000.0, ""),
+        ("CRPIX1", camera.cx + 1.0, "principal point, first pixel is 1"),
+        ("CRPIX2", camera.cy + 1.0, ""),
+        ("CRVAL1", ra, "[deg] right ascension there"),
+        ("CRVAL2", dec, "[deg] declination there"),
+        ("CD1_1", cd[0, 0], "[deg/px]"),
+        ("CD1_2", cd[0, 1], "[deg/px]"),
+        ("CD2_1", cd[1, 0], "[deg/px]"),
+        ("CD2_2", cd[1, 1], "[deg/px]"),
+        ("LONPOLE", 180.0, "[deg]"),
+        ("LATPOLE", dec, "[deg]"),
+    ]
+    if camera.distorted:
+        cards += _sip_cards(camera)
+    return [*cards, ("PLTSOLVD", True, "solved by Kochab")]
+
+
+def wcs_header(solution: Solution) -> "Header":
+    """The same cards as an `astropy.io.fits.Header`, for `astropy.wcs.WCS`."""
+    from astropy.io.fits import Header
+
+    header = Header()
+    for card in wcs_cards(solution):
+        header.append(card)
+    return header
+
+
+def wcs_text(solution: Solution) -> str:
+    """A ``.wcs`` file's text: one 80-character card a line, END last.
+
+    It begins like an image header without an image, as other solvers write it.
+    """
+    from astropy.io.fits import Card
+
+    camera = solution.camera
+    start: list[tuple[str, Any, str]] = [
+        ("SIMPLE", True, "header only"),
+        ("BITPIX", 8, ""),
+        ("NAXIS", 0, "no image"),
+        ("IMAGEW", camera.width, "[px] width of the solved frame"),
+        ("IMAGEH", camera.height, "[px] height of the solved frame"),
+    ]
+    cards = [str(Card(*card)).ljust(80)[:80] for card in start + wcs_cards(solution)]
+    return "\n".join([*cards, "END".ljust(80)]) + "\n"
+
+
+def write_wcs(path: str | os.PathLike[str], solution: Solution) -> None:
+    """Write the ``.wcs`` file.
+
+    Raises
+    ------
+    FrameError
+        When it cannot be written.
+
+    """
+    try:
+        Path(path).write_text(wcs_text(solution), encoding="ascii", newline="\n")
+    except OSError as error:
+        raise FrameError(f"{path} cannot be written: {error.strerror or error}.") from None
+
+
+def write_solved_copy(
+    source: str | os.PathLike[str], target: str | os.PathLike[str], solution: Solution
+) -> None:
+    """Copy a FITS file, its first image's old WCS replaced by this one, its data untouched.
+
+    The target appears whole or not at all, and may be the source itself.
+
+    Raises
+    ------
+    FrameError
+        When the source is not FITS with an image, or the target cannot be written.
+
+    """
+    import warnings
+
+    from astropy.io import fits
+
+    target = Path(target)
+    part = target.with_name(f".{target.name}.part")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with fits.open(
+                source,
+                memmap=False,
+                do_not_scale_image_data=True,
+                disable_image_compression=True,
+                ignore_missing_simple=True,
+            ) as hdus:
+                _replace_wcs(_first_image(hdus).header, solution)
+                hdus.writeto(part, overwrite=True, output_verify="silentfix+ignore")
+        part.replace(target)
+    except FrameError:
+        raise
+    except Exception as error:  # astropy raises many kinds for damaged headers
+        text = " ".join(str(getattr(error, "strerror", None) or error).split())[:150]
+        raise FrameError(f"{target} cannot be written: {text.rstrip('.')}.") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _first_image(hdus: Any) -> Any:
+    for hdu in hdus:
+        prefix = "Z" if hdu.header.get("ZIMAGE") is True else ""
+        if prefix or hdu.header.get("XTENSION", "IMAGE") == "IMAGE":
+            axes = hdu.header.get(f"{prefix}NAXIS", 0)
+            sizes = [hdu.header.get(f"{prefix}NAXIS{i + 1}", 0) for i in range(axes)]
+            if sum(size > 1 for size in sizes) >= 2:
+                return hdu
+    raise FrameError("The FITS file holds no image to write a solution to.")
+
+
+def _replace_wcs(header: "Header", solution: Solution) -> None:
+    for keyword in {str(k) for k in header if _OLD.match(str(k))}:
+        header.remove(keyword, ignore_missing=True, remove_all=True)
+    for keyword, value, comment in wcs_cards(solution):
+        header[keyword] = (value, comment)
+
+
+def _cd_matrix(solution: Solution) -> Floats:
+    """Degrees of (east, north) on the tangent plane a pixel of (x, y)."""
+    matrix, camera = solution.attitude.matrix, solution.camera
+    ra, dec = np.radians(solution.attitude.ra_dec_deg)
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
+    axes = matrix[:2] * np.array([[-1.0 if camera.mirrored else 1.0], [1.0]])
+    return np.asarray(np.degrees(np.stack([axes @ east, axes @ north]) / camera.focal_px))
+
+
+def _sip_cards(camera: Camera) -> list[tuple[str, Any, str]]:
+    recorded, ideal = _grids(camera)
+    cards: list[tuple[str, Any, str]] = []
+    for names, start, end in ((("A", "B"), recorded, ideal), (("AP", "BP"), ideal, recorded)):
+        order, terms, values, error_px = _fit(start, end - start)
+        for column, name in enumerate(names):
+            cards.append((f"{name}_ORDER", order, f"good to {error_px:.1g} px"))
+            cards += [
+                (f"{name}_{p}_{q}", float(values[i, column]), "") for i, (p, q) in enumerate(terms)
+            ]
+    return cards
+
+
+def _grids(camera: Camera) -> tuple[Floats, Floats]:
+    """Offsets (N, 2) px from the principal point over the frame: recorded, and without distortion.
+
+    Points crowd towards the edges, where polynomials go astray.
+    """
+    place = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, _GRID))
+    x, y = np.meshgrid(place * camera.width - 0.5, place * camera.height - 0.5)
+    pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
+    rays = camera.unproject(pixels)
+    sign = np.array([-1.0 if camera.mirrored else 1.0, 1.0])
+    ideal = sign * camera.focal_px * rays[:, :2] / rays[:, 2:]
+    return pixels - np.array([camera.cx, camera.cy]), ideal
+
+
+def _fit(at: Floats, shift: Floats) -> tuple[int, list[Term], Floats, float]:
+    """The polynomials (order, terms (p, q), coefficients (T, 2), worst error px) of a shift."""
+    size = float(np.abs(at).max())
+    x, y = (at / size).T
+    best: tuple[int, list[Term], Floats, float] | None = None
+    for order in _ORDERS:
+        terms = [(p, q) for p in range(order + 1) for q in range(order + 1 - p) if p + q >= 2]
+        design = np.stack([x**p * y**q for p, q in terms], axis=-1)
+        scaled = np.linalg.lstsq(design, shift, rcond=None)[0]
+        error = float(np.abs(design @ scaled - shift).max())
+        powers = np.array([[size ** (p + q)] for p, q in terms])
+        if best is None or error < best[3]:
+            best = order, terms, scaled / powers, error
+        if error < _GOOD_PX:
+            break
+    assert best is not None
+    return best

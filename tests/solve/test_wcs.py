@@ -1,0 +1,144 @@
+"""The WCS that astropy reads back is our own projection, wherever the camera points."""
+
+import warnings
+
+import numpy as np
+import pytest
+from astropy.io import fits
+from astropy.wcs import WCS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.core.attitude import attitude_from, unit_vectors
+from app.core.camera import Camera
+from app.core.errors import FrameError
+from app.core.solution import Solution
+from app.solve.wcs import wcs_header, wcs_text, write_solved_copy, write_wcs
+
+WIDTH, HEIGHT = 1200, 800
+
+
+def solution(ra, dec, roll, fov_deg, mirrored=False, offset=(0.0, 0.0), **lens):
+    focal = WIDTH / (2 * np.tan(np.radians(fov_deg) / 2))
+    camera = Camera(
+        WIDTH, HEIGHT, focal, (WIDTH - 1) / 2 + offset[0], (HEIGHT - 1) / 2 + offset[1],
+        mirrored=mirrored, **lens,
+    )  # fmt: skip
+    return Solution(camera, attitude_from(ra, dec, roll), (), 0.3, -30.0, "test")
+
+
+def grid():
+    x, y = np.meshgrid(np.linspace(-0.5, WIDTH - 0.5, 13), np.linspace(-0.5, HEIGHT - 0.5, 11))
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def disagreement_px(answer, header):
+    """Worst distance, on the sky in pixels at the centre, between astropy's and our directions."""
+    pixels = grid()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ra, dec = WCS(header).all_pix2world(pixels[:, 0], pixels[:, 1], 0)
+    theirs, ours = unit_vectors(ra, dec), answer.sky_at(pixels)
+    return float(np.linalg.norm(theirs - ours, axis=1).max() * answer.camera.focal_px)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    ra=st.floats(0, 360),
+    dec=st.one_of(st.floats(-90, 90), st.sampled_from([90.0, -90.0, 89.9999, -89.99])),
+    roll=st.floats(-180, 180),
+    fov=st.floats(0.3, 60),
+    mirrored=st.booleans(),
+    offset=st.tuples(st.floats(-60, 60), st.floats(-60, 60)),
+    corner_shift=st.floats(-0.04, 0.04),
+    p1=st.floats(-0.002, 0.002),
+    p2=st.floats(-0.002, 0.002),
+)
+def test_astropy_agrees_with_our_projection(
+    ra, dec, roll, fov, mirrored, offset, corner_shift, p1, p2
+):
+    # k1 is chosen by what it does at the edge, so that narrow fields are distorted as well
+    k1 = corner_shift / np.tan(np.radians(fov) / 2) ** 2
+    answer = solution(ra, dec, roll, fov, mirrored, offset, k1=k1, p1=p1, p2=p2)
+    assert disagreement_px(answer, wcs_header(answer)) < 0.1
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_sky_to_pixels_inverts_distortion(mirrored):
+    answer = solution(83.8, -5.4, 33.0, 40.0, mirrored, (12.0, -7.0), k1=-0.2, k2=0.05, p1=1e-3)
+    pixels = grid()
+    header = WCS(wcs_header(answer))
+    ra, dec = header.all_pix2world(pixels[:, 0], pixels[:, 1], 0)
+    foc = header.wcs_world2pix(ra, dec, 0)
+    # the polynomials take offsets from the reference point
+    offsets = np.array(foc) + 1.0 - header.wcs.crpix[:, None]
+    back = header.sip_foc2pix(*offsets, 1)
+    np.testing.assert_allclose(np.transpose(back) - 1.0, pixels, atol=0.1)
+
+
+def test_an_ideal_lens_needs_no_sip():
+    header = wcs_header(solution(10, 20, 30, 5))
+    assert header["CTYPE1"] == "RA---TAN"
+    assert not [k for k in header if k.startswith(("A_", "AP_"))]
+
+
+def test_north_is_up_and_east_left_at_roll_zero():
+    header = wcs_header(solution(100, 20, 0, 5))
+    assert header["CD1_1"] < 0
+    assert header["CD2_2"] < 0  # rows grow downwards
+    assert abs(header["CD1_2"]) < 1e-12
+    assert wcs_header(solution(100, 20, 0, 5, mirrored=True))["CD1_1"] > 0
+
+
+def test_wcs_file_holds_one_card_a_line(tmp_path):
+    answer = solution(310.36, 45.28, -71, 12, True, k1=0.05)
+    path = tmp_path / "deneb.wcs"
+    write_wcs(path, answer)
+    lines = path.read_text("ascii").splitlines()
+    assert {len(line) for line in lines} == {80}
+    assert lines[-1].strip() == "END"
+    header = fits.Header.fromtextfile(path)
+    assert header["IMAGEW"] == WIDTH
+    assert disagreement_px(answer, header) < 0.1
+    assert wcs_text(answer) == path.read_text("ascii")
+
+
+def test_wcs_file_that_cannot_be_written_is_said_in_a_sentence(tmp_path):
+    with pytest.raises(FrameError, match="cannot be written"):
+        write_wcs(tmp_path / "absent" / "a.wcs", solution(1, 2, 3, 4))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_solved_copy_keeps_data_and_replaces_the_old_wcs(tmp_path, compressed):
+    data = np.arange(WIDTH * HEIGHT, dtype=np.uint16).reshape(HEIGHT, WIDTH)
+    old = {"CTYPE1": "RA---TAN", "CTYPE2": "DEC--TAN", "CDELT1": 1.0, "CROTA2": 12.0, "A_ORDER": 2,
+           "A_2_0": 0.5, "OBJECT": "Deneb"}  # fmt: skip
+    hdu = fits.CompImageHDU(data) if compressed else fits.PrimaryHDU(data)
+    hdu.header.update(old)
+    hdus = fits.HDUList([fits.PrimaryHDU(), hdu]) if compressed else fits.HDUList([hdu])
+    source, target = tmp_path / "in.fits", tmp_path / "out.fits"
+    hdus.writeto(source)
+    before = source.read_bytes()
+    answer = solution(310.36, 45.28, -71, 12)
+    write_solved_copy(source, target, answer)
+    assert source.read_bytes() == before
+    with fits.open(target) as copy:
+        image = copy[1 if compressed else 0]
+        np.testing.assert_array_equal(image.data, data)
+        assert image.header["OBJECT"] == "Deneb"
+        assert not {"CDELT1", "CROTA2", "A_ORDER", "A_2_0"} & set(image.header)
+        assert disagreement_px(answer, image.header) < 0.1
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in.fits", "out.fits"]
+
+
+def test_solved_copy_may_replace_its_source_and_refuses_what_is_not_fits(tmp_path):
+    answer = solution(310.36, 45.28, -71, 12)
+    path = tmp_path / "a.fits"
+    fits.PrimaryHDU(np.zeros((HEIGHT, WIDTH), np.float32)).writeto(path)
+    write_solved_copy(path, path, answer)
+    assert fits.getheader(path)["PLTSOLVD"] is True
+    text = tmp_path / "text.fits"
+    text.write_text("not a picture")
+    with pytest.raises(FrameError):
+        write_solved_copy(text, tmp_path / "b.fits", answer)
+    assert not (tmp_path / "b.fits").exists()
