@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from app.core.detections import Detections
 from app.core.frame import Frame
 from app.detect.fit import fit_stars, refit_bright
-from app.detect.image import clip_level, is_round, star_image, unweighted
+from app.detect.hot import behind, leave_out, sort_out
+from app.detect.image import clip_level, star_image, unweighted
 from app.detect.mesh import Mesh, measure_mesh
 from app.detect.moments import FWHM_PER_SIGMA, adaptive_moments, principal_axes
 from app.detect.peaks import find_peaks
@@ -54,11 +55,14 @@ _STARS = ("xy", "flux", "snr", "moments", "peak", "noise", "saturated")
 
 @dataclass(frozen=True, slots=True)
 class AutoDetector:
-    """Finds stars above ``snr``; at most ``max_stars``; ``threads`` share the pass over pixels."""
+    """Finds stars above ``snr`` (a little more in large frames) and returns ``max_stars`` at most.
+
+    Noise makes about ten times as many peaks in ten times as many pixels; the limit rises so that
+    it makes less than one star a frame.
+    """
 
     snr: float = 5.0
     max_stars: int = 6000
-    threads: int = 2
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""
@@ -67,12 +71,13 @@ class AutoDetector:
             return nothing(frame)
         how = halving(frame.bayer)
         mesh = measure_mesh(pixels, how, quantum(pixels))
-        xy, _ = find_peaks(pixels, how, mesh, 0.9 * self.snr, MAX_PEAKS, self.threads)
+        snr = self.snr + 0.4 * float(np.log10(max(1.0, pixels.size / 1e6)))
+        xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
         if not len(xy):
             return nothing(frame, mesh)
         clip = clip_level(pixels, how, xy, frame.saturation)
         covariance = star_image(pixels, how, mesh, xy, clip)
-        stars = measure(pixels, how, mesh, xy, covariance, clip, self.snr)
+        stars = measure(pixels, how, mesh, xy, covariance, clip, snr)
         stars = weeded(pixels, stars, covariance)
         return _detections(frame, mesh, stars, covariance).take(slice(self.max_stars))
 
@@ -82,7 +87,8 @@ def measure(
     snr: float,
 ) -> Stars:  # fmt: skip
     """Stars among the peaks at ``xy`` (N, 2) px, brightest first, hot pixels refused."""
-    xy = xy[_plausible(pixels, how, mesh, xy, covariance, snr)]
+    likely, hot = sort_out(pixels, how, mesh, xy, covariance, snr)
+    xy = np.concatenate([xy[likely], behind(pixels, how, mesh, hot, snr)])
     major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     half = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
     parts = []
@@ -90,6 +96,7 @@ def measure(
         at = xy[k : k + BATCH]
         level, noise = mesh.at(at[:, 0], at[:, 1])
         stamps = cut(pixels, how, at, level, half)
+        leave_out(stamps, hot)
         fit = fit_stars(stamps, covariance)
         refit_bright(stamps, fit, covariance, np.maximum(level, 10.0 * noise))
         places = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
@@ -99,7 +106,7 @@ def measure(
             peak, noise, peak + level >= clip,
         )  # fmt: skip
         keep = np.hypot(*(places - at).T) < max(3.0, 2.0 * major)
-        keep &= (stars.snr > snr) & (stars.snr > peak / noise)
+        keep &= (stars.snr > snr) & (stars.snr > peak / noise) & _wide_enough(stars, covariance)
         keep &= (places > -0.5).all(axis=1)
         keep &= (places < np.array(pixels.shape[::-1]) - 0.5).all(axis=1)
         parts.append(stars.take(keep))
@@ -108,16 +115,10 @@ def measure(
     return stars.take(np.argsort(-stars.flux, kind="stable"))
 
 
-def _plausible(
-    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, covariance: Floats, snr: float
-) -> Bools:
-    """Which peaks a quick look at 5 x 5 pixels does not show to be a hot pixel or nothing."""
-    level, noise = mesh.at(xy[:, 0], xy[:, 1])
-    stamps = cut(pixels, how, xy, level, 2)
-    image = covariance if is_round(covariance) else np.eye(2) * np.sqrt(np.linalg.det(covariance))
-    fit = fit_stars(stamps, image, 2)
-    peak = stamps.value.max(axis=(1, 2))
-    return np.asarray((fit.snr > 0.4 * snr * noise) & (fit.snr > 0.8 * peak))
+def _wide_enough(stars: Stars, covariance: Floats) -> Bools:
+    """Which are not, beyond doubt, much narrower than the star image: the track of a cosmic ray."""
+    narrowest = np.linalg.eigvalsh(covariance)[0] * (0.4 - 1.5 / np.maximum(stars.snr, 4.0))
+    return np.asarray(stars.axes()[1] ** 2 > narrowest)
 
 
 def _measure_saturated(stars: Stars, pixels: Pixels, how: Halving, mesh: Mesh) -> None:

@@ -1,7 +1,5 @@
 """Local maxima of the smoothed frame above the mesh, strip by strip."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +12,7 @@ STRIP = 64  # rows of the frame; what a strip needs fits the cache
 
 
 def find_peaks(
-    pixels: Pixels, how: Halving, mesh: Mesh, sigmas: float, limit: int, threads: int = 1
+    pixels: Pixels, how: Halving, mesh: Mesh, sigmas: float, limit: int
 ) -> tuple[Floats, Floats]:
     """Positions (N, 2) px and heights (N,) in noise of maxima above ``sigmas``, highest first.
 
@@ -26,20 +24,11 @@ def find_peaks(
     floors = _floors(mesh, tops, rise)
     columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
 
-    def some(first: int, step: int) -> list[tuple[Floats, Floats]]:
-        smoother = Smoother(how, float(mesh.level.mean()))
-        found = []
-        for k in range(first, len(tops), step):
-            floor = np.interp(columns, mesh.columns, floors[k]) * how.gain
-            found.append(_strip_peaks(pixels, smoother, floor, int(tops[k])))
-        return found
-
-    if threads > 1 and len(tops) > 16:
-        with ThreadPoolExecutor(threads) as pool:
-            parts = list(pool.map(some, range(threads), [threads] * threads))
-        found = [strip for part in parts for strip in part]
-    else:
-        found = some(0, 1)
+    smoother = Smoother(how, float(mesh.level.mean()))
+    found = []
+    for top, floor in zip(tops, floors, strict=True):
+        line = np.interp(columns, mesh.columns, floor) * how.gain
+        found.append(_strip_peaks(pixels, smoother, line, int(top)))
     xy, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
     level, noise = mesh.at(xy[:, 0], xy[:, 1])
     heights = (value / how.gain - level) / (noise * (how.noise_gain / how.gain))
