@@ -96,23 +96,13 @@ def wcs_text(solution: Solution) -> str:
     return "\n".join([*cards, "END".ljust(80)]) + "\n"
 
 
-def write_wcs(path: str | os.PathLike[str], solution: Solution) -> None:
-    """Write the ``.wcs`` file.
-
-    Raises
-    ------
-    FrameError
-        When it cannot be written.
-
-    """
-    try:
-        Path(path).write_text(wcs_text(solution), encoding="ascii", newline="\n")
-    except OSError as error:
-        raise FrameError(f"{path} cannot be written: {error.strerror or error}.") from None
+def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write the ``.wcs`` file; raises OSError when that is not possible."""
+    Path(path).write_text(wcs_text(solution), encoding="ascii", newline="\n")
 
 
 def write_solved_copy(
-    source: str | os.PathLike[str], target: str | os.PathLike[str], solution: Solution
+    solution: Solution, source: str | os.PathLike[str], target: str | os.PathLike[str]
 ) -> None:
     """Copy a FITS file, its first image's old WCS replaced by this one, its data untouched.
 

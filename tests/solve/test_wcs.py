@@ -93,7 +93,7 @@ def test_north_is_up_and_east_left_at_roll_zero():
 def test_wcs_file_holds_one_card_a_line(tmp_path):
     answer = solution(310.36, 45.28, -71, 12, True, k1=0.05)
     path = tmp_path / "deneb.wcs"
-    write_wcs(path, answer)
+    write_wcs(answer, path)
     lines = path.read_text("ascii").splitlines()
     assert {len(line) for line in lines} == {80}
     assert lines[-1].strip() == "END"
@@ -103,9 +103,9 @@ def test_wcs_file_holds_one_card_a_line(tmp_path):
     assert wcs_text(answer) == path.read_text("ascii")
 
 
-def test_wcs_file_that_cannot_be_written_is_said_in_a_sentence(tmp_path):
-    with pytest.raises(FrameError, match="cannot be written"):
-        write_wcs(tmp_path / "absent" / "a.wcs", solution(1, 2, 3, 4))
+def test_wcs_file_that_cannot_be_written_raises(tmp_path):
+    with pytest.raises(OSError, match="No such file"):
+        write_wcs(solution(1, 2, 3, 4), tmp_path / "absent" / "a.wcs")
 
 
 @pytest.mark.parametrize("compressed", [False, True])
@@ -120,7 +120,7 @@ def test_solved_copy_keeps_data_and_replaces_the_old_wcs(tmp_path, compressed):
     hdus.writeto(source)
     before = source.read_bytes()
     answer = solution(310.36, 45.28, -71, 12)
-    write_solved_copy(source, target, answer)
+    write_solved_copy(answer, source, target)
     assert source.read_bytes() == before
     with fits.open(target) as copy:
         image = copy[1 if compressed else 0]
@@ -135,10 +135,10 @@ def test_solved_copy_may_replace_its_source_and_refuses_what_is_not_fits(tmp_pat
     answer = solution(310.36, 45.28, -71, 12)
     path = tmp_path / "a.fits"
     fits.PrimaryHDU(np.zeros((HEIGHT, WIDTH), np.float32)).writeto(path)
-    write_solved_copy(path, path, answer)
+    write_solved_copy(answer, path, path)
     assert fits.getheader(path)["PLTSOLVD"] is True
     text = tmp_path / "text.fits"
     text.write_text("not a picture")
     with pytest.raises(FrameError):
-        write_solved_copy(text, tmp_path / "b.fits", answer)
+        write_solved_copy(answer, text, tmp_path / "b.fits")
     assert not (tmp_path / "b.fits").exists()
