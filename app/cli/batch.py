@@ -18,14 +18,22 @@ def run_batch(
     """Print the outcome of ``work(item)`` for every item, in order, and return the exit code.
 
     ``work`` is a task that returns the outcome; with several ``workers`` it and the items must
-    be picklable.
+    be picklable. An outcome's ``failures`` are sentences about files that could not be written.
     """
     many = workers > 1 and len(items) > 1
     outcomes = _in_processes(work, items, workers) if many else _one_by_one(work, items)
     code = 0
     for outcome in outcomes:
-        print(to_line(outcome) if as_json else card(outcome), flush=True)
-        code = max(code, _code(outcome))
+        failures = outcome.pop("failures", [])
+        if as_json:
+            print(to_line(outcome), flush=True)
+        elif "error" in outcome:
+            failures = [f"{outcome['file']}: {outcome['error']}"]
+        else:
+            print(card(outcome), flush=True)
+        for sentence in failures:
+            print(f"kochab: {sentence}", file=sys.stderr)
+        code = max(code, 2 if failures else _code(outcome))
     return code
 
 
@@ -75,9 +83,5 @@ def _leave_interrupts() -> None:
 
 def _code(outcome: Json) -> int:
     if "error" in outcome:
-        return 2
-    for text in outcome.get("failures", ()):
-        print(f"kochab: {text}", file=sys.stderr)
-    if outcome.get("failures"):
         return 2
     return 0 if outcome["solved"] else 1

@@ -5,6 +5,7 @@ import math
 
 from app.core.hint import Hint
 from app.solve.options import SolveOptions
+from app.solve.pick import known
 
 
 def add_choices(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +31,19 @@ def add_choices(parser: argparse.ArgumentParser) -> None:
 
 
 def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions:
-    """The options a person asked for; what they said of the sky is a hint and no more."""
+    """The options a person asked for; what they said of the sky is a hint and no more.
+
+    Raises
+    ------
+    UsageError
+        There is no such method or detector.
+
+    """
+    from app.detect import DETECTORS
+    from app.identify import IDENTIFIERS
+
+    known(IDENTIFIERS, args.method, "method")
+    known(DETECTORS, detector, "detector")
     scale = None if args.scale is None else (args.scale / 1.1, args.scale * 1.1)
     hint = Hint(scale_arcsec_px=scale, centre_deg=args.near, source="command line")
     return SolveOptions(

@@ -3,12 +3,12 @@
 import argparse
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from app.cli.batch import run_batch
 from app.cli.choices import add_choices, options_of
 from app.cli.output import Json, as_json
+from app.cli.written import write_wcs_beside
 from app.core.progress import Task
 from app.core.solution import Solution
 from app.solve.options import SolveOptions
@@ -54,12 +54,7 @@ def identify_one(wish: Wish, options: SolveOptions) -> Task[Json]:
     result = yield from solve_star_list(wish.file, wish.width, wish.height, options)
     outcome = as_json(wish.file, result)
     if wish.wcs and isinstance(result, Solution):
-        from app.solve.wcs import write_wcs
-
-        try:
-            write_wcs(result, Path(wish.file + ".wcs"))
-        except OSError as error:
-            outcome["failures"] = [f"{wish.file}.wcs could not be written: {error.strerror}."]
+        outcome["failures"] = write_wcs_beside(wish.file, result)
     return outcome
 
 

@@ -81,8 +81,6 @@ def _unsolved(file: str, n: NoSolution) -> Json:
 
 def card(outcome: Json) -> str:
     """The same for people, a few lines."""
-    if "error" in outcome:
-        return f"{outcome['file']}\n  {outcome['error']}"
     lines = _solved_lines(outcome) if outcome["solved"] else _unsolved_lines(outcome)
     lines += [f"note     {text}" for text in outcome["warnings"]]
     return "\n  ".join([outcome["file"], *lines])

@@ -9,6 +9,7 @@ from typing import Any
 from app.cli.batch import run_batch
 from app.cli.choices import add_choices, options_of
 from app.cli.output import Json, as_json
+from app.cli.written import write_picture, write_wcs_beside
 from app.core.errors import UsageError
 from app.core.progress import Task
 from app.core.solution import Solution
@@ -93,19 +94,7 @@ def _expand(given: str) -> list[str]:
 
 def _write(wish: Wish, solved: SolvedFrame, solution: Solution) -> list[str]:
     """Write what was asked; sentences about what could not be written."""
-    failures = []
-    if wish.wcs:
-        from app.solve.wcs import write_wcs
-
-        try:
-            write_wcs(solution, Path(wish.file + ".wcs"))
-        except OSError as error:
-            failures.append(f"{wish.file}.wcs could not be written: {error.strerror}.")
+    failures = write_wcs_beside(wish.file, solution) if wish.wcs else []
     if wish.annotate is not None:
-        from app.frames.export import annotate
-
-        try:
-            annotate(solved.frame, solution, Path(wish.annotate))
-        except OSError as error:
-            failures.append(f"{wish.annotate} could not be written: {error.strerror}.")
+        failures += write_picture(wish.annotate, solved.frame, solution)
     return failures

@@ -7,6 +7,12 @@ from typing import Any
 from app.core.errors import UsageError
 
 
+def known(registry: Mapping[str, str], name: str, kind: str) -> None:
+    """Raise :class:`UsageError`, which lists the names there are, when ``name`` is none of them."""
+    if name not in registry:
+        raise UsageError(f"There is no {kind} '{name}'; choose one of {', '.join(registry)}.")
+
+
 def pick(registry: Mapping[str, str], name: str, kind: str) -> Any:
     """An instance of what ``registry`` holds under ``name``.
 
@@ -16,7 +22,6 @@ def pick(registry: Mapping[str, str], name: str, kind: str) -> Any:
         No such name; the sentence lists the names there are.
 
     """
-    if name not in registry:
-        raise UsageError(f"There is no {kind} '{name}'; choose one of {', '.join(registry)}.")
+    known(registry, name, kind)
     module, _, attribute = registry[name].partition(":")
     return getattr(import_module(module), attribute)()

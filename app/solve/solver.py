@@ -12,8 +12,11 @@ from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution, Solution
 from app.solve.diagnose import Evidence, diagnose, timed_out
 from app.solve.options import UNKNOWN_YEAR, SolveOptions
-from app.solve.pick import pick
+from app.solve.pick import known, pick
 from app.solve.stopwatch import Stopwatch, TimedOut
+
+FEWEST_TO_TRY = 3
+"""With fewer stars than a triangle no method has anything to look for."""
 
 __all__ = ["Examined", "SolveOptions", "examine_frame", "solve_detections", "solve_frame"]
 
@@ -106,12 +109,13 @@ def _solve(
 ) -> Task[Solution | NoSolution]:
     from app.identify import IDENTIFIERS
 
-    pick(IDENTIFIERS, options.method, "method")  # a wrong name is told before any work
+    known(IDENTIFIERS, options.method, "method")
     year = year_of(options.hint.time_utc if options.hint else None)
     evidence = Evidence(detections, options.hint, frame)
     refusal: NoSolution | None = None
+    attempts = _attempts(options) if len(detections) >= FEWEST_TO_TRY else ()
     try:
-        for hint in _attempts(options):
+        for hint in attempts:
             found = yield from _identify(detections, options.method, hint, year, clock)
             if isinstance(found, Identification):
                 yield Progress("attitude", 0.8)

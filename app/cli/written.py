@@ -1,0 +1,31 @@
+"""Files that are written beside an answer; each returns sentences about what could not be."""
+
+from app.core.frame import Frame
+from app.core.solution import Solution
+
+
+def write_wcs_beside(file: str, solution: Solution) -> list[str]:
+    """Write ``FILE.wcs``."""
+    from app.solve.wcs import write_wcs
+
+    target = f"{file}.wcs"
+    try:
+        write_wcs(solution, target)
+    except OSError as error:
+        return [_sentence(target, error)]
+    return []
+
+
+def write_picture(target: str, frame: Frame, solution: Solution) -> list[str]:
+    """Write the picture with its stars named, a PNG."""
+    from app.frames.export import annotate
+
+    try:
+        annotate(frame, solution, target)
+    except OSError as error:
+        return [_sentence(target, error)]
+    return []
+
+
+def _sentence(target: str, error: OSError) -> str:
+    return f"{target} cannot be written: {error.strerror or error}."

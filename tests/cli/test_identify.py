@@ -1,0 +1,103 @@
+"""``kochab identify``: lists in, JSON lines out, exit codes."""
+
+import json
+
+import pytest
+
+from app.cli.main import main
+from app.identify import IDENTIFIERS
+
+from .stars import Knowing, orion_places
+
+
+@pytest.fixture(autouse=True)
+def knowing(monkeypatch):
+    monkeypatch.setitem(IDENTIFIERS, "knowing", f"{Knowing.__module__}:Knowing")
+
+
+@pytest.fixture
+def good(tmp_path):
+    path = tmp_path / "orion.csv"
+    path.write_text("x,y\n" + "\n".join(f"{x:.4f},{y:.4f}" for x, y in orion_places()))
+    return str(path)
+
+
+@pytest.fixture
+def bad(tmp_path):
+    path = tmp_path / "noise.csv"
+    path.write_text("\n".join(f"{x},{y}" for x, y in [(5, 5), (80, 9), (300, 44), (90, 900)]))
+    return str(path)
+
+
+def identify(*arguments: str) -> int:
+    return main(
+        ["identify", "--width", "1600", "--height", "1000", "--method", "knowing", *arguments]
+    )
+
+
+def lines(capsys) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_a_solved_list(good, capsys) -> None:
+    assert identify(good, "--json") == 0
+    (out,) = lines(capsys)
+    assert out["file"] == good
+    assert out["solved"] is True
+    assert (out["ra_deg"], out["dec_deg"]) == pytest.approx((84.0, -2.0), abs=1e-4)
+    assert out["roll_deg"] == pytest.approx(25.0, abs=1e-3)
+    assert out["mirrored"] is False
+    assert out["matches"] > 30
+    assert out["rms_px"] < 0.01
+
+
+def test_one_without_solution_makes_it_1_and_one_unusable_2(good, bad, tmp_path, capsys) -> None:
+    assert identify(good, bad, "--json") == 1
+    first, second = lines(capsys)
+    assert (first["solved"], second["solved"]) == (True, False)
+    assert second["reason"] == "too few stars"
+    missing = str(tmp_path / "missing.csv")
+    assert identify(good, missing, bad, "--json") == 2
+    out = lines(capsys)
+    assert [o["file"] for o in out] == [good, missing, bad]
+    assert out[1] == {
+        "file": missing,
+        "error": f"{missing} cannot be read: No such file or directory.",
+    }
+
+
+def test_people_get_a_card(good, bad, capsys) -> None:
+    assert identify(good, bad) == 1
+    text = capsys.readouterr().out
+    assert "Alnilam" in text
+    assert "no solution: too few stars" in text
+
+
+def test_an_unknown_method_is_told_before_any_work(good, capsys) -> None:
+    assert main(["identify", "--width", "9", "--height", "9", "--method", "guess", good]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("kochab: There is no method 'guess'; choose one of patterns")
+
+
+def test_the_wcs_is_written_and_astropy_reads_it(good, capsys) -> None:
+    from astropy.io import fits
+    from astropy.wcs import WCS
+
+    assert identify(good, "--json", "--wcs") == 0
+    (out,) = lines(capsys)
+    header = fits.Header.fromtextfile(good + ".wcs")
+    ra, dec = WCS(header).all_pix2world([[799.5, 499.5]], 0)[0]
+    assert (ra, dec) == pytest.approx((out["ra_deg"], out["dec_deg"]), abs=1e-5)
+
+
+def test_a_wcs_that_cannot_be_written_is_2_with_the_answer_still_there(
+    good, capsys, tmp_path
+) -> None:
+    (tmp_path / "orion.csv.wcs").mkdir()
+    assert identify(good, "--json", "--wcs") == 2
+    out, err = capsys.readouterr()
+    assert json.loads(out)["solved"] is True
+    assert "failures" not in json.loads(out)
+    assert "cannot be written" in err
+    assert err.count("\n") == 1

@@ -1,0 +1,93 @@
+"""The command line as a whole: help, versions, and every bad end."""
+
+import subprocess
+import sys
+
+import pytest
+
+from app import __version__
+from app.cli import main as cli
+from app.cli.main import COMMANDS, main
+
+
+def test_help_names_every_command_and_imports_none(capsys, repository) -> None:
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    for name in COMMANDS:
+        assert f"\n    {name} " in text
+    probe = (
+        "import sys; from app.cli.main import main; main(['--help']); "
+        "print(sorted({'numpy', 'scipy', 'astropy', 'PySide6'} & set(sys.modules)))"
+    )
+    out = subprocess.run(
+        [sys.executable, "-c", probe], cwd=repository, capture_output=True, text=True, check=True
+    )
+    assert out.stdout.splitlines()[-1] == "[]"
+
+
+def test_version(capsys) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"kochab {__version__}\n"
+
+
+@pytest.mark.parametrize("name", ["solve", "identify", "detect", "bench"])
+def test_every_command_has_help(name, capsys) -> None:
+    assert main([name, "--help"]) == 0
+    assert f"kochab {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["dance"],
+        ["solve"],
+        ["solve", "--fov", "wide", "a.fits"],
+        ["solve", "--fov", "0", "a.fits"],
+        ["solve", "--fov", "nan", "a.fits"],
+        ["solve", "--fov", "180", "a.fits"],
+        ["solve", "--scale", "-1", "a.fits"],
+        ["solve", "--near", "1,2", "a.fits"],
+        ["solve", "--near", "1,95,3", "a.fits"],
+        ["solve", "--near", "1,x,3", "a.fits"],
+        ["solve", "--timeout", "0", "a.fits"],
+        ["solve", "--workers", "0", "a.fits"],
+        ["solve", "--workers", "many", "a.fits"],
+        ["solve", "--nonsense", "a.fits"],
+        ["identify", "a.csv"],
+        ["identify", "a.csv", "--width", "0", "--height", "5"],
+        ["identify", "a.csv", "--width", "-3", "--height", "5"],
+    ],
+)
+def test_bad_arguments_are_one_sentence(arguments, capsys) -> None:
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("kochab")
+    assert err.count("\n") == 1
+    assert err.endswith(".\n")
+
+
+def test_an_interrupt_is_quiet(monkeypatch, capsys) -> None:
+    def interrupted(arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "build_parser", interrupted)
+    assert main(["solve", "x"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_reader_that_leaves_is_no_error(repository, tmp_path) -> None:
+    for n in range(40):
+        (tmp_path / f"{n}.csv").write_text("# nothing\n")
+    command = [sys.executable, "-m", "app", "identify", "--width", "9", "--height", "9", "--json"]
+    process = subprocess.Popen(
+        [*command, *sorted(str(p) for p in tmp_path.iterdir())],
+        cwd=repository, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    process.stdout.readline()
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=60) in (2, 141)
+    assert err == b""

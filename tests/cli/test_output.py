@@ -1,0 +1,106 @@
+"""What is printed: valid JSON always, and a card that people can read."""
+
+import json
+import math
+
+import pytest
+from astropy.coordinates import Angle
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.cli.output import as_json, card, dms, hms, to_line
+from app.core.attitude import Attitude, attitude_from
+from app.core.camera import Camera
+from app.core.solution import NamedStar, NoSolution, Reason, Solution
+
+STAR = NamedStar(10.0, 20.0, "HIP 91262", "Vega", 0.03, 279.23, 38.78, 0.2)
+SOLUTION = Solution(
+    Camera(4000, 3000, 9000.0, 1999.5, 1499.5, k1=-0.05),
+    attitude_from(279.0, 38.5, 12.0),
+    (STAR,),
+    0.31,
+    -42.0,
+    "patterns",
+    detections=7,
+    elapsed_ms={"read": 1.0, "detect": 2.0, "identify": 3.0, "attitude": 4.0, "total": 10.0},
+)
+SOLVED_KEYS = {
+    *("file", "solved", "ra_deg", "dec_deg", "roll_deg", "mirrored", "fov_deg", "scale_arcsec_px"),
+    *("camera", "matches", "rms_px", "rms_arcsec", "sigma_arcsec", "log10_false_alarm", "method"),
+    *("quaternion", "dcm", "euler_deg", "stars", "elapsed_ms"),
+}
+UNSOLVED = NoSolution(Reason.TRAILED, "Wait.", "tried", 5, {"total": 3.0}, {"trail_px": 12.0})
+
+
+def test_a_solution_has_the_keys_that_are_promised() -> None:
+    out = json.loads(to_line(as_json("a.fits", SOLUTION)))
+    assert set(out) >= SOLVED_KEYS
+    assert set(out["camera"]) == {"focal_px", "cx", "cy", "k1", "k2", "p1", "p2"}
+    assert set(out["elapsed_ms"]) == {"read", "detect", "identify", "attitude", "total"}
+    assert set(out["stars"][0]) == {
+        "x",
+        "y",
+        "id",
+        "name",
+        "mag",
+        "ra_deg",
+        "dec_deg",
+        "residual_px",
+    }
+    assert out["solved"] is True
+    assert out["matches"] == 1
+    assert out["ra_deg"] == pytest.approx(279.0)
+    assert out["roll_deg"] == pytest.approx(12.0)
+    assert len(out["dcm"]) == 3
+    assert len(out["quaternion"]) == 4
+    assert out["sigma_arcsec"] == [None, None, None]  # no covariance is null, never NaN
+
+
+def test_no_solution_has_the_keys_that_are_promised() -> None:
+    out = json.loads(to_line(as_json("a.fits", UNSOLVED)))
+    assert set(out) >= {"file", "solved", "reason", "advice", "detections", "elapsed_ms"}
+    assert (out["solved"], out["reason"], out["detections"]) == (False, "trailed", 5)
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(
+    st.recursive(
+        numbers | st.text() | st.none() | st.booleans(),
+        lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    )
+)
+def test_every_line_is_strict_json_on_one_line(value) -> None:
+    line = to_line({"value": value})
+    assert "\n" not in line
+
+    def refuse(text: str) -> None:
+        raise AssertionError(text)
+
+    json.loads(line, parse_constant=refuse)
+
+
+def test_the_cards() -> None:
+    text = card(as_json("a.fits", SOLUTION))
+    assert "18h36m00.00s +38d30'00.0\"" in text
+    assert "Vega" in text
+    assert "1 of 7 stars" in text
+    assert "mirrored" not in text
+    text = card(as_json("a.fits", UNSOLVED))
+    assert "trailed" in text
+    assert "Wait." in text
+    assert "trail px 12" in text
+
+
+@given(st.floats(-360, 720), st.floats(-90, 90))
+def test_sexagesimal_is_what_astropy_reads(ra: float, dec: float) -> None:
+    error = (Angle(hms(ra)).deg - ra + 180) % 360 - 180
+    assert abs(error) < 0.0051 * 15 / 3600
+    assert abs(Angle(dms(dec)).deg - dec) < 0.051 / 3600
+    assert Angle(hms(ra)).deg < 360
+
+
+def test_an_attitude_without_covariance_prints() -> None:
+    assert math.isnan(Attitude(SOLUTION.attitude.matrix).sigma_arcsec[0])
+    assert "nan" in card(as_json("a", SOLUTION))

@@ -1,0 +1,92 @@
+"""``kochab solve``: files and folders in, an outcome each, in order."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.cli.main import main
+from app.cli.solve import PICTURES
+
+
+@pytest.fixture
+def dark(tmp_path):
+    path = tmp_path / "dark.png"
+    Image.fromarray(np.zeros((60, 80), np.uint8)).save(path)
+    return str(path)
+
+
+@pytest.fixture
+def broken(tmp_path):
+    path = tmp_path / "broken.fits"
+    path.write_bytes(b"this is no picture")
+    return str(path)
+
+
+def lines(capsys) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_a_dark_frame_has_a_reason(dark, capsys) -> None:
+    assert main(["solve", "--json", dark]) == 1
+    (out,) = lines(capsys)
+    assert out["file"] == dark
+    assert (out["solved"], out["reason"]) == (False, "clouded or dark")
+    assert out["advice"]
+    assert out["elapsed_ms"]["total"] > 0
+
+
+def test_an_unreadable_file_is_one_line_and_the_rest_goes_on(dark, broken, capsys) -> None:
+    assert main(["solve", "--json", broken, dark, "nowhere.fits"]) == 2
+    first, second, third = lines(capsys)
+    assert set(first) == {"file", "error"}
+    assert "\n" not in first["error"]
+    assert second["solved"] is False
+    assert third["file"] == "nowhere.fits"
+
+
+def test_several_processes_print_the_same_in_the_same_order(dark, broken, capsys) -> None:
+    arguments = ["solve", "--json", dark, broken, dark]
+    assert main(arguments) == 2
+    alone = lines(capsys)
+    assert main([*arguments, "--workers", "2"]) == 2
+    together = lines(capsys)
+    for outcome in alone + together:
+        outcome.pop("elapsed_ms", None)
+    assert alone == together
+
+
+def test_a_folder_stands_for_its_pictures(dark, broken, tmp_path, capsys) -> None:
+    (tmp_path / "truth.json").write_text("{}")
+    assert main(["solve", "--json", str(tmp_path)]) == 2
+    assert [o["file"] for o in lines(capsys)] == [broken, dark]
+    assert ".json" not in PICTURES
+
+
+def test_an_empty_folder_is_one_sentence(tmp_path, capsys) -> None:
+    assert main(["solve", str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == f"kochab: The folder {tmp_path} holds no pictures.\n"
+
+
+def test_one_picture_for_two_frames_is_refused(dark, capsys) -> None:
+    assert main(["solve", dark, dark, "--annotate", "out.png"]) == 2
+    assert "one picture for 2 frames" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--method", "--detector"])
+def test_an_unknown_name_is_told_before_any_work(option, dark, capsys) -> None:
+    assert main(["solve", dark, option, "guess", "--json"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "'guess'; choose one of" in err
+
+
+def test_people_read_of_a_bad_file_on_stderr(broken, capsys) -> None:
+    assert main(["solve", broken]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "broken.fits" in err
