@@ -36,7 +36,7 @@ SPECS = (
     Spec("stretch", "Automatic &stretch", "T", "Make faint stars visible", True, "Stretch"),
     Spec("colour", "&Colour", "C", "Colour or mono", True, "Colour"),
     Spec("detected", "&Detected stars", "D", "Circle every detected star", True, "Detected"),
-    Spec("identified", "&Identified stars", "I", "Circle every identified star", True, "Identified"),
+    Spec("identified", "&Identified stars", "I", "Circle identified stars", True, "Identified"),
     Spec("names", "&Names", "N", "Name or number of identified stars", True, "Names"),
     Spec("grid", "RA/Dec &grid", "G", "Lines of right ascension and declination", True, "Grid"),
     Spec("centre", "&Centre cross", "X", "The middle of the frame", True, "Centre"),
@@ -76,7 +76,7 @@ def dress(actions: dict[str, QAction], colours: Colours) -> None:
     """Draw the icons in the theme's colours."""
     for name, action in actions.items():
         if name in GLYPHS:
-            action.setIcon(icon(name, colours.text, colours.line))
+            action.setIcon(icon(name, colours.text, colours.faint))
 
 
 def connect(actions: dict[str, QAction], slots: dict[str, Callable[..., object]]) -> None:

@@ -10,8 +10,8 @@ from app.core.solution import Solution
 from app.ui.palette import Colours
 from app.ui.viewport import Viewport
 
-LENGTH_PX = 44.0
-MARGIN_PX = 66.0
+LENGTH_PX = 32.0
+MARGIN_PX = 52.0
 
 
 def directions(solution: Solution) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -35,7 +35,7 @@ def _unit(v: np.ndarray) -> tuple[float, float]:
 def paint_compass(painter: QPainter, view: Viewport, solution: Solution, colours: Colours) -> None:
     """Arrows in the top right corner, on a disc that keeps them readable."""
     north, east = directions(solution)
-    at = QPointF(view.width - MARGIN_PX - 8, MARGIN_PX + 8)
+    at = QPointF(view.width - MARGIN_PX - 10, MARGIN_PX + 10)
     disc = QColor(colours.halo)
     disc.setAlpha(150)
     painter.setPen(Qt.PenStyle.NoPen)

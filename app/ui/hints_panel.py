@@ -22,6 +22,10 @@ from app.ui.widgets import button, label
 
 SPREAD = 0.2  # a typed field or scale is believed to within this much
 NEAR_RADIUS_DEG = 10.0
+ADVICE = (
+    "Nothing needs to be filled in. A hint makes a solve faster; a wrong one costs time, not the "
+    "answer."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +88,7 @@ class HintsPanel(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(12, 12, 12, 12)
         column.setSpacing(10)
-        column.addWidget(label("Nothing needs to be filled in. A hint makes a solve faster; a wrong "
-                               "one costs time, not the answer.", "muted", wrap=True))  # fmt: skip
+        column.addWidget(label(ADVICE, "muted", wrap=True))
         column.addLayout(form)
         column.addWidget(self.header)
         column.addWidget(self.wrong)

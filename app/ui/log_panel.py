@@ -2,7 +2,6 @@
 
 import logging
 import platform
-import sys
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QDockWidget, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
@@ -71,8 +70,10 @@ class LogPanel(QDockWidget):
         import numpy
         import PySide6
 
-        head = (f"Kochab {__version__}, Python {sys.version.split()[0]}, "
-                f"PySide6 {PySide6.__version__}, numpy {numpy.__version__}, {platform.platform()}")  # fmt: skip
+        head = (
+            f"Kochab {__version__}, Python {platform.python_version()}, "
+            f"PySide6 {PySide6.__version__}, numpy {numpy.__version__}, {platform.platform()}"
+        )
         return f"{head}\n{self.lines.toPlainText()}\n"
 
     def copy_report(self) -> None:

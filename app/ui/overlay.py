@@ -86,7 +86,7 @@ class Overlay:
         for line, xy in zip(self._lines, screens, strict=True):
             spot = _label_spot(xy, edges.adjusted(2, 2, -2, -2), line.kind)
             if spot is not None:
-                self._text(painter, space, spot, label(line), self.colours.grid)
+                self._text(painter, space, spot, label(line), self.colours.grid_text)
 
     def _detected(self, painter: QPainter, view: Viewport) -> None:
         xy = view.to_screen(self.detected[:MOST_CIRCLES])

@@ -157,7 +157,7 @@ class Presenter(QObject):
         if at is not None and known.frame is not None:
             solution = known.result if isinstance(known.result, Solution) else None
             text = readout(known.frame, solution, *at, style=self.style)
-        self.window.status.cursor.setText(text)
+        self.window.status.place.setText(text)
 
     def _clicked(self, x: float, y: float, reach: float) -> None:
         result = self.session.known.result

@@ -172,6 +172,8 @@ def _timed(task: Task[Frame]) -> Task[tuple[Frame, float]]:
 
 def _line(s: Solution) -> str:
     ra, dec = s.ra_dec_deg
-    return (f"RA {ra:.5f} Dec {dec:+.5f} roll {s.roll_deg:.3f} deg, "
-            f"{s.camera.scale_arcsec_px:.4f} arcsec/px, {len(s.stars)} stars, "
-            f"RMS {s.rms_px:.2f} px, {sum(v for k, v in s.elapsed_ms.items() if k == 'total') or 0:.0f} ms")  # fmt: skip
+    return (
+        f"RA {ra:.5f} Dec {dec:+.5f} roll {s.roll_deg:.3f} deg, "
+        f"{s.camera.scale_arcsec_px:.4f} arcsec/px, {len(s.stars)} stars, "
+        f"RMS {s.rms_px:.2f} px, {s.elapsed_ms.get('total', 0.0):.0f} ms"
+    )

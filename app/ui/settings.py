@@ -62,8 +62,8 @@ class Settings:
     def recent(self) -> list[Path]:
         """Files opened of late, newest first."""
         value = self._store.value("recent", [])
-        names = [value] if isinstance(value, str) else value
-        return [Path(n) for n in names or [] if isinstance(n, str) and n][:MOST_RECENT]
+        names = value if isinstance(value, list) else [value]
+        return [Path(n) for n in names if isinstance(n, str) and n][:MOST_RECENT]
 
     def add_recent(self, path: Path) -> None:
         """Put a file first among the recent ones."""

@@ -71,6 +71,7 @@ class SolutionPanel(QWidget):
             grid.addWidget(value, row, 1)
         grid.addWidget(label("ICRS (J2000), the middle of the frame", "muted"), 2, 0, 1, 2)
         line = QHBoxLayout()
+        line.setSpacing(8)
         line.addWidget(self.style_box, 1)
         line.addWidget(
             button("&Copy RA/Dec", self.copy_position, tip="As text, for other programs")
@@ -97,6 +98,7 @@ class SolutionPanel(QWidget):
             column.addWidget(value)
             self.forms.append((title, value))
         line = QHBoxLayout()
+        line.setSpacing(8)
         line.addWidget(button("Copy &attitude", self.copy_attitude))
         line.addWidget(button("Copy a&ll", self.copy_all, tip="Everything on this pane as text"))
         line.addStretch(1)

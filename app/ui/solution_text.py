@@ -1,6 +1,7 @@
 """A solution as lines of text: what the panel shows and what is copied."""
 
 import json
+from collections.abc import Mapping
 
 from app.core.solution import NoSolution, Solution
 from app.ui.formats import (
@@ -20,7 +21,7 @@ def rows(s: Solution) -> list[tuple[str, str, str]]:
     w, h = s.camera.fov_deg
     x, y, roll = s.attitude.sigma_arcsec
     return [
-        ("Roll", f"{s.roll_deg:+.3f}°".replace("-", "−") + (", mirrored" if s.camera.mirrored else ""),
+        ("Roll", f"{s.roll_deg:+.3f}°".replace("-", "−") + ", mirrored" * s.camera.mirrored,
          "Position angle of the frame's up, degrees east of north"),
         ("Field", f"{angle_text(w)} × {angle_text(h)}", "Width and height of the frame on the sky"),
         ("Scale", f"{s.camera.scale_arcsec_px:.4f} ″/px", "Size of one pixel at the centre"),
@@ -45,9 +46,9 @@ def camera_text(s: Solution) -> str:
     return text + (f", k1 = {c.k1:+.4g}" if c.distorted else ", no distortion fitted")
 
 
-def times_text(elapsed_ms: "dict[str, float] | object") -> str:
+def times_text(elapsed_ms: Mapping[str, float]) -> str:
     """Stage times, total last."""
-    times = dict(elapsed_ms)  # type: ignore[call-overload]
+    times = elapsed_ms
     known = [k for k in STAGES if k in times] + [k for k in times if k not in STAGES]
     return ", ".join(f"{k} {milliseconds_text(times[k])}" for k in known) or "not measured"
 

@@ -61,6 +61,7 @@ class StarTable(QWidget):
         table.setTabKeyNavigation(False)
         table.setWordWrap(False)
         table.verticalHeader().hide()
+        table.verticalHeader().setMinimumSectionSize(16)
         table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         table.horizontalHeader().setHighlightSections(False)
         table.selectionModel().selectionChanged.connect(self._selection)
@@ -74,11 +75,15 @@ class StarTable(QWidget):
             f"{len(stars)} stars identified, {named} of them have a name" if stars
             else "No stars identified"
         )  # fmt: skip
-        self.table.resizeColumnsToContents()
+        self._fit()
 
     def set_style(self, style: AngleStyle) -> None:
         """Write angles in another way."""
         self.model.set_style(style)
+        self._fit()
+
+    def _fit(self) -> None:
+        self.table.verticalHeader().setDefaultSectionSize(self.table.fontMetrics().height() + 8)
         self.table.resizeColumnsToContents()
 
     def select(self, star: int | None) -> None:

@@ -24,6 +24,7 @@ class Status(QStatusBar):
     def __init__(self) -> None:
         super().__init__()
         self.setSizeGripEnabled(False)
+        self.setContentsMargins(8, 2, 8, 2)
         self.doing = label("Ready")
         self.bar = QProgressBar()
         self.bar.setFixedWidth(150)
@@ -32,13 +33,13 @@ class Status(QStatusBar):
         self.cancel = button("Cancel", self.cancel_wanted.emit, "small", "Stop (Esc)")
         self.background = label("", "muted")
         self.frame = label("", "muted")
-        self.cursor = label("")
-        self.cursor.setAccessibleName("Under the cursor")
+        self.place = label("")
+        self.place.setAccessibleName("Under the cursor")
         self.zoom = label("", "muted")
         self.addWidget(self.doing)
         self.addWidget(self.bar)
         self.addWidget(self.cancel)
-        for widget in (self.background, self.cursor, self.frame, self.zoom):
+        for widget in (self.background, self.place, self.frame, self.zoom):
             self.addPermanentWidget(widget)
         self.show_idle("Ready")
 

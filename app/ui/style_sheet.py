@@ -28,7 +28,7 @@ QMenuBar::item:selected { background: $hover; }
 QMenu { background: $surface; border: 1px solid $line; padding: 4px; }
 QMenu::item { padding: 5px 28px 5px 26px; border-radius: 4px; background: transparent; }
 QMenu::item:selected { background: $hover; }
-QMenu::item:disabled { color: $line; }
+QMenu::item:disabled { color: $faint; }
 QMenu::separator { height: 1px; background: $line; margin: 4px 8px; }
 QMenu::indicator { width: 14px; height: 14px; left: 6px; }
 QMenu::indicator:checked { image: url($glyphs/check.png); }
@@ -41,10 +41,10 @@ QToolBar::separator { background: $line; width: 1px; margin: 6px 5px; }
 QToolButton { background: transparent; border: 1px solid transparent; border-radius: 6px;
     padding: 3px 6px; font-size: ${small}pt; }
 QToolButton:hover { background: $hover; }
-QToolButton:checked { background: $raised; border-color: $line; }
+QToolButton:checked { background: $raised; border-color: $faint; }
 QToolButton:pressed { background: $line; }
 QToolButton:focus { border-color: $accent; }
-QToolButton:disabled { color: $line; }
+QToolButton:disabled { color: $faint; }
 QToolBarExtension { background: $raised; qproperty-icon: url($glyphs/right.png); }
 
 QPushButton { background: $raised; border: 1px solid $line; border-radius: 6px;
@@ -52,7 +52,7 @@ QPushButton { background: $raised; border: 1px solid $line; border-radius: 6px;
 QPushButton:hover { background: $hover; }
 QPushButton:pressed { background: $line; }
 QPushButton:focus { border-color: $accent; }
-QPushButton:disabled { color: $line; background: $window; }
+QPushButton:disabled { color: $faint; background: $window; }
 QPushButton[role="main"] { background: $accent; color: $on_accent; border-color: $accent;
     font-weight: 600; }
 QPushButton[role="main"]:focus { border: 2px solid $text; padding: 4px 11px; }
@@ -66,18 +66,20 @@ QPushButton[role="small"] { padding: 2px 9px; font-size: ${small}pt; }
 
 QLineEdit, QPlainTextEdit, QTextEdit, QSpinBox, QDoubleSpinBox, QComboBox
     { background: $surface; border: 1px solid $line; border-radius: 5px; padding: 4px 6px; }
+QLineEdit { placeholder-text-color: $muted; }
 QLineEdit:focus, QPlainTextEdit:focus, QTextEdit:focus, QComboBox:focus, QSpinBox:focus,
 QDoubleSpinBox:focus { border-color: $accent; }
-QLineEdit:disabled, QComboBox:disabled { color: $line; }
+QLineEdit:disabled, QComboBox:disabled { color: $faint; }
 QLineEdit[wrong="true"] { border: 2px solid $bad; }
 QComboBox::drop-down { border: 0; width: 22px; }
 QComboBox::down-arrow { image: url($glyphs/down.png); width: 10px; height: 10px; }
+QComboBox { combobox-popup: 0; }
+QComboBoxPrivateContainer { background: $surface; border: 1px solid $line; }
 QComboBox QAbstractItemView { background: $surface; border: 1px solid $line;
     selection-background-color: $accent; selection-color: $on_accent; }
-QSpinBox::up-button, QDoubleSpinBox::up-button { border: 0; width: 16px; }
-QSpinBox::down-button, QDoubleSpinBox::down-button { border: 0; width: 16px; }
-QSpinBox::up-arrow, QDoubleSpinBox::up-arrow { image: url($glyphs/up.png); width: 9px; height: 9px; }
-QSpinBox::down-arrow, QDoubleSpinBox::down-arrow { image: url($glyphs/down.png); width: 9px; height: 9px; }
+QSpinBox::up-button, QSpinBox::down-button { border: 0; width: 16px; }
+QSpinBox::up-arrow { image: url($glyphs/up.png); width: 9px; height: 9px; }
+QSpinBox::down-arrow { image: url($glyphs/down.png); width: 9px; height: 9px; }
 
 QCheckBox, QRadioButton { background: transparent; spacing: 7px; padding: 2px; }
 QCheckBox::indicator, QRadioButton::indicator { width: 14px; height: 14px;
@@ -86,7 +88,7 @@ QRadioButton::indicator { border-radius: 8px; }
 QCheckBox::indicator:checked, QRadioButton::indicator:checked
     { background: $accent; border-color: $accent; image: url($glyphs/tick.png); }
 QCheckBox:focus, QRadioButton:focus { color: $accent; }
-QCheckBox:disabled { color: $line; }
+QCheckBox:disabled { color: $faint; }
 
 QSlider { background: transparent; min-height: 20px; }
 QSlider::groove:horizontal { height: 4px; background: $line; border-radius: 2px; }
@@ -103,13 +105,14 @@ QTabBar::tab:selected { color: $text; border-bottom-color: $accent; }
 QTabBar::tab:hover { color: $text; background: $hover; }
 QTabBar::tab:focus { color: $accent; }
 
-QDockWidget { titlebar-close-icon: url($glyphs/close.png); titlebar-normal-icon: url($glyphs/float.png); }
+QDockWidget { titlebar-close-icon: url($glyphs/close.png);
+    titlebar-normal-icon: url($glyphs/float.png); }
 QDockWidget::title { background: $raised; padding: 5px 8px; text-align: left; }
 QDockWidget::close-button, QDockWidget::float-button { background: transparent; border: 0; }
 QDockWidget::close-button:hover, QDockWidget::float-button:hover { background: $hover; }
 
 QTableView, QListView, QTreeView { background: $surface; alternate-background-color: $window;
-    border: 1px solid $line; gridline-color: $line; }
+    border: 1px solid $line; gridline-color: $faint; }
 QTableView:focus, QListView:focus, QTreeView:focus { border-color: $accent; }
 QTableView::item { padding: 1px 4px; }
 QTableView::item:selected, QListView::item:selected, QTreeView::item:selected

@@ -45,5 +45,5 @@ def _palette(c: Colours) -> QPalette:
     }.items():  # fmt: skip
         palette.setColor(target, QColor(colour))
     for target in (role.WindowText, role.Text, role.ButtonText):
-        palette.setColor(QPalette.ColorGroup.Disabled, target, QColor(c.line))
+        palette.setColor(QPalette.ColorGroup.Disabled, target, QColor(c.faint))
     return palette

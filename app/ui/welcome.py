@@ -9,6 +9,11 @@ from app.ui.samples import Sample
 from app.ui.widgets import button, label, rule
 
 MOST_SHOWN = 5
+INVITATION = (
+    "Open a picture of the night sky and see where it points, which stars are in it, and how sure "
+    "that is."
+)
+READS = "FITS, XISF, TIFF, PNG, JPEG, HEIC and camera RAW. Nothing has to be known about the frame."
 
 
 class Welcome(QWidget):
@@ -28,8 +33,7 @@ class Welcome(QWidget):
         column = QVBoxLayout(inside)
         column.setSpacing(10)
         column.addWidget(label("Kochab", "title"))
-        column.addWidget(label("Open a picture of the night sky and see where it points, which stars "
-                               "are in it, and how sure that is.", wrap=True))  # fmt: skip
+        column.addWidget(label(INVITATION, wrap=True))
         column.addSpacing(8)
         self.first = button("&Open a frame…", self.open_wanted.emit, "main")
         line = QHBoxLayout()
@@ -37,8 +41,7 @@ class Welcome(QWidget):
         line.addWidget(label("or drop a file anywhere on this window", "muted"))
         line.addStretch(1)
         column.addLayout(line)
-        column.addWidget(label("FITS, XISF, TIFF, PNG, JPEG, HEIC and camera RAW. Nothing has to be "
-                               "known about the frame.", "muted", wrap=True))  # fmt: skip
+        column.addWidget(label(READS, "muted", wrap=True))
         if samples:
             column.addSpacing(8)
             column.addWidget(rule())
@@ -73,6 +76,8 @@ class Welcome(QWidget):
         shown = [p for p in paths if p.exists()][:MOST_SHOWN]
         self._recent_title.setVisible(bool(shown))
         for path in shown:
-            made = button(path.name.replace("&", "&&"),
-                          lambda p=path: self.file_wanted.emit(p), "link", str(path))  # fmt: skip
-            self._recent.addWidget(made)
+            self._recent.addWidget(self._link(path))
+
+    def _link(self, path: Path) -> QWidget:
+        text = path.name.replace("&", "&&")
+        return button(text, lambda: self.file_wanted.emit(path), "link", str(path))
