@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from app.core.errors import CatalogueError
-from app.sky.container import Container
 from app.sky.cone import candidates
+from app.sky.container import Container
 from app.sky.layout import (
     BV_LOWEST,
     BV_STEP,
@@ -108,9 +108,7 @@ class Catalogue:
         centre = np.asarray(vector, dtype=np.float64)
         return self._sorted(self._inside(centre, radius_rad, tiers, mag_limit, year))
 
-    def brightest(
-        self, vector: ArrayLike, radius_rad: float, n: int, year: float = EPOCH
-    ) -> Rows:
+    def brightest(self, vector: ArrayLike, radius_rad: float, n: int, year: float = EPOCH) -> Rows:
         """The ``n`` brightest rows of a cone, brightest first; fewer when it holds fewer."""
         centre = np.asarray(vector, dtype=np.float64)
         found: list[Rows] = []
@@ -123,7 +121,7 @@ class Catalogue:
         return self._sorted(np.concatenate(found))[:n]
 
     def _sorted(self, rows: Rows) -> Rows:
-        return rows[np.argsort(self._mag[rows], kind="stable")]
+        return np.asarray(rows[np.argsort(self._mag[rows], kind="stable")])
 
     def _inside(
         self, centre: Floats, radius: float, tiers: range, limit: float | None, year: float
@@ -135,7 +133,8 @@ class Catalogue:
         # Chord rather than cosine: exact for small cones too.
         gap = self.vectors(rows, year) - centre
         chord = 2.0 * np.sin(min(radius, np.pi) / 2.0)
-        return rows[np.einsum("ij,ij->i", gap, gap) <= chord * chord * (1 + 1e-12) + 1e-24]
+        inside = np.einsum("ij,ij->i", gap, gap) <= chord * chord * (1 + 1e-12) + 1e-24
+        return np.asarray(rows[inside])
 
     def label(self, row: int) -> tuple[str, str]:
         """Identifier and name of a star: ``("HIP 91262", "Vega")``.

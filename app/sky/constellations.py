@@ -28,6 +28,11 @@ UMa Ursa_Major Ursae_Majoris|UMi Ursa_Minor Ursae_Minoris|Vel Vela Velorum
 Vir Virgo Virginis|Vol Volans Volantis|Vul Vulpecula Vulpeculae
 """
 
+_LETTERS = """
+Alpha Beta Gamma Delta Epsilon Zeta Eta Theta Iota Kappa Lambda Mu Nu Xi Omicron Pi Rho Sigma Tau
+Upsilon Phi Chi Psi Omega
+"""
+
 _ROWS = [
     [word.replace("_", " ") for word in entry.split(" ")]
     for entry in _TABLE.strip().replace("\n", "|").split("|")
@@ -37,19 +42,19 @@ GENITIVES: dict[str, str] = {short: genitive for short, _, genitive in _ROWS}
 GREEK: dict[str, str] = dict(
     zip(
         "αβγδεζηθικλμνξοπρστυφχψω",
-        "Alpha Beta Gamma Delta Epsilon Zeta Eta Theta Iota Kappa Lambda Mu Nu Xi Omicron Pi Rho "
-        "Sigma Tau Upsilon Phi Chi Psi Omega".split(),
+        _LETTERS.split(),
         strict=True,
     )
 )
 
 
 def spelled(designation: str) -> str:
-    """A designation in words: ``"α Lyr"`` is Alpha Lyrae, ``"γ1 And"`` Gamma-1 Andromedae."""
-    head, _, short = designation.rpartition(" ")
-    if not head or short not in GENITIVES:
+    """A designation in words: ``"α Lyr"`` is Alpha Lyrae, ``"61 Cyg A"`` 61 Cygni A."""
+    words = designation.split(" ")
+    if len(words) < 2 or words[1] not in GENITIVES:
         return designation
+    head, short, *component = words
     number = head[1:]
     if head[0] in GREEK:
         head = GREEK[head[0]] + (f"-{number}" if number else "")
-    return f"{head} {GENITIVES[short]}"
+    return " ".join([head, GENITIVES[short], *component])

@@ -1,8 +1,8 @@
-"""The file a catalogue lives in: a short header in JSON, then plain columns, memory mapped.
+r"""The file a catalogue lives in: a short header in JSON, then plain columns, memory mapped.
 
 ::
 
-    8 bytes   b"KOCHAB1\\n"
+    8 bytes   b"KOCHAB1\n"
     8 bytes   length and CRC-32 of the header, both u4 little endian
     ...       the header: JSON with ``sections`` {name: [offset, dtype, count]} and facts
     ...       the columns, each starting at a multiple of 64 bytes, little endian

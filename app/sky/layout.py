@@ -46,7 +46,7 @@ def deep_columns(
     dec = np.rint(dec_rad / (2 * np.pi) * TURN).astype(np.int64)
     mmag = np.rint(mag * 1e3).astype(np.int64)
     tier = np.searchsorted(TIER_EDGES_MMAG, mmag, side="right")
-    zone = zone_of(dec * (2 * np.pi / TURN))
+    zone = zone_of(np.asarray(dec * (2 * np.pi / TURN), dtype=np.float64))
     order = np.lexsort((dec, ra, zone, tier))
     step = np.rint((np.nan_to_num(bv, nan=0.0) - BV_LOWEST) / BV_STEP)
     colour = np.where(np.isnan(bv), BV_UNKNOWN, np.clip(step, 0, BV_UNKNOWN - 1))

@@ -1,5 +1,6 @@
 """What stars are called: the bright list, and finding a star by any of its names."""
 
+import re
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.core.attitude import radec_deg
-from app.core.errors import UsageError
+from app.core.errors import CatalogueError, UsageError
 from app.sky.constellations import GENITIVES, GREEK, spelled
 from app.sky.container import Container
 
@@ -27,32 +28,45 @@ class Names:
         return Container(self.folder / "bright.kcat")
 
     @cached_property
-    def table(self) -> dict[int, tuple[str, str]]:
-        """HIP number -> (star name, designation such as ``"α Lyr"``); either may be empty."""
-        text = (self.folder / "names.tsv").read_text(encoding="utf-8")
-        rows = (line.split("\t") for line in text.splitlines()[1:])
-        return {int(hip): (name, designation) for hip, name, designation in rows}
+    def table(self) -> dict[int, tuple[str, str, str]]:
+        """HIP number -> (star name, designation like ``"α Lyr"``, other names split by ";")."""
+        path = self.folder / "names.tsv"
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()[1:]
+            rows = (line.split("\t") for line in lines)
+            return {int(hip): (name, given, also) for hip, name, given, also in rows}
+        except (OSError, ValueError):
+            raise CatalogueError(f"The table of star names {path} is missing or damaged.") from None
 
     def label(self, row: int) -> tuple[str, str]:
-        """("HIP n", name) of a row of the bright list; the name may fall back to HD n or ""."""
-        hip = int(self.bright.column("hip")[row])
-        name, designation = self.table.get(hip, ("", ""))
-        if not name and designation:
-            name = spelled(designation)
-        if not name:
-            hd = int(self.bright.column("hd")[row])
-            name = f"HD {hd}" if hd else ""
-        return f"HIP {hip}", name
+        """("HIP n", name) of a row of the bright list; the name may fall back to HD n or "".
+
+        Fainter components of an entry carry their letter: "HIP n B".
+        """
+        numbers = self.bright.column("hip")
+        hip = int(numbers[row])
+        if row and int(numbers[row - 1]) == hip:
+            letter = COMPONENTS[int(self.bright.column("component")[row]) % len(COMPONENTS)]
+            return f"HIP {hip} {letter}".rstrip(), self._name(hip, row)
+        return f"HIP {hip}", self._name(hip, row)
+
+    def _name(self, hip: int, row: int) -> str:
+        name, designation, _ = self.table.get(hip, ("", "", ""))
+        if name or designation:
+            return name or spelled(designation)
+        hd = int(self.bright.column("hd")[row])
+        return f"HD {hd}" if hd else ""
 
     def details(self, row: int) -> dict[str, Any]:
         """What the bright list knows of a row: numbers, V, B-V, motion, parallax, names."""
         value = {k: int(self.bright.column(k)[row]) for k in ("hip", "hd", "hr", "sao")}
-        name, designation = self.table.get(value["hip"], ("", ""))
+        name, designation, also = self.table.get(value["hip"], ("", "", ""))
         bv = int(self.bright.column("bv")[row])
         return {
             **{k: v or None for k, v in value.items()},
             "name": name,
             "designation": designation,
+            "also": [n for n in also.split(";") if n],
             "v": int(self.bright.column("mag")[row]) / 1e3,
             "bv": None if bv == np.iinfo(np.int16).min else bv / 1e3,
             "pm_ra_mas": int(self.bright.column("pm_ra")[row]) / 1e2,
@@ -87,11 +101,23 @@ class Names:
 
     @cached_property
     def _by_name(self) -> dict[str, int]:
-        found: dict[str, int] = {}
-        for hip, (_, designation) in self.table.items():
-            found.setdefault(_plain(designation.casefold()), hip)
-        for hip, (name, _) in self.table.items():
-            found[_plain(name.casefold())] = hip
+        """Plain spelling -> HIP: proper names win over designations, and those over shortened."""
+        proper: dict[str, int] = {}
+        given: dict[str, int] = {}
+        short: dict[str, int] = {}
+        hips = np.array(sorted(self.table))
+        numbers = self.bright.column("hip")
+        mag = self.bright.column("mag")[np.searchsorted(numbers, hips)]
+        for hip in hips[np.argsort(mag, kind="stable")].tolist():  # the brightest bears the name
+            name, designation, also = self.table[hip]
+            for word in (name, designation, *also.split(";")):
+                key = _plain(word.casefold())
+                if (word + " ").split(" ")[1] in GENITIVES:
+                    given.setdefault(key, hip)
+                    short.setdefault(_shortened(word), hip)
+                else:
+                    proper.setdefault(key, hip)
+        found = {**short, **given, **proper}
         found.pop("", None)
         return found
 
@@ -108,21 +134,32 @@ class Names:
 
 _LETTERS = {name.casefold(): letter for letter, name in GREEK.items()}
 _SHORT = {
-    **{g.casefold(): s.casefold() for s, g in GENITIVES.items()},
-    **{g.casefold().replace("ö", "o"): s.casefold() for s, g in GENITIVES.items()},
+    spelling: short.casefold()
+    for short, genitive in GENITIVES.items()
+    for spelling in (genitive.casefold(), genitive.casefold().replace("ö", "o"))
 }
+COMPONENTS = ("", "A", "B", "C", "D", "E", "F", "G", "H", "K", "N", "P", "R", "S")
 
 
 def _plain(key: str) -> str:
-    """One spelling for each designation: ``alpha-1 lyrae`` and ``α1 lyr`` become ``α1lyr``."""
-    for genitive, short in _SHORT.items():
-        if key.endswith(" " + genitive):
-            key = key[: -len(genitive)] + short
-            break
-    head, _, rest = key.replace("-", " ").partition(" ")
-    if head in _LETTERS:
-        key = _LETTERS[head] + " " + rest
-    return key.replace(" ", "").replace("-", "").replace("'", "").replace("’", "")
+    """One spelling for each designation: ``alpha-1 lyrae a`` and ``α1 lyr a`` become ``α1lyra``."""
+    words = key.replace("-", " ").split(" ")
+    words[0] = _LETTERS.get(words[0], words[0])
+    for first in range(1, len(words)):
+        for last in range(first + 1, len(words) + 1):
+            short = _SHORT.get(" ".join(words[first:last]))
+            if short is not None:
+                words[first:last] = [short]
+                return re.sub(r"[ '’]", "", "".join(words))
+    return re.sub(r"[ '’]", "", "".join(words))
+
+
+def _shortened(designation: str) -> str:
+    """``γ1 And`` and ``61 Cyg A`` without index and component: ``γand``, ``61cyg``."""
+    head, constellation = designation.split(" ")[:2]
+    if head[0] in GREEK:
+        head = head[0]
+    return _plain(f"{head} {constellation}".casefold())
 
 
 def position_name(vector: Floats) -> str:

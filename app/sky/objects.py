@@ -51,5 +51,5 @@ def read_objects(path: Path) -> list[DeepSky]:
 
 
 def _parsed(cells: list[str]) -> DeepSky:
-    number = [float(c) if c else float("nan") for c in cells[2:6]]
-    return DeepSky(cells[0], cells[1], *number, cells[6], cells[7])
+    ra, dec, mag, size = (float(c) if c else float("nan") for c in cells[2:6])
+    return DeepSky(cells[0], cells[1], ra, dec, mag, size, cells[6], cells[7])

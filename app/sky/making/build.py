@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from app.core.progress import Progress, Task
 from app.sky import layout
 from app.sky.container import write_container
+from app.sky.making.check import compare
+from app.sky.making.fetch import DEBIAN, PYPI
 from app.sky.making.merge import Merged, Stars, merge
-from app.sky.making.sources import Sources, read_sources
+from app.sky.making.sources import Sources, find_file, read_sources, source_files
+from app.sky.making.tables import write_lines, write_objects
 
 
 def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
@@ -26,7 +29,13 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     yield Progress("Writing the bright list", 0.9)
     write_bright(out / "bright.kcat", merged, src)
     write_names(out / "names.tsv", src)
-    manifest = write_manifest(out, merged.counts)
+    counts = dict(merged.counts)
+    counts["deep-sky objects"] = write_objects(find_file(sources, "ongc.db"), out / "objects.tsv")
+    figures = find_file(sources, "western/constellationship.fab")
+    counts["constellation segments"] = write_lines(figures, out / "lines.tsv")
+    yield Progress("Checking against the independent list", 0.95)
+    check = compare(out / "deep.kcat", src.listed)
+    manifest = write_manifest(out, sources, counts, check)
     yield Progress("Done", 1.0)
     return manifest
 
@@ -84,17 +93,31 @@ def write_bright(path: Path, merged: Merged, src: Sources) -> None:
 def write_names(path: Path, src: Sources) -> None:
     """Write star names and designations by HIP number, of stars in the list."""
     known = set(src.stars.hip.tolist())
-    rows = [f"{h}\t{n}\t{d}" for h, (n, d) in sorted(src.names.items()) if h in known]
-    path.write_text("\n".join(["hip\tname\tdesignation", *rows]) + "\n", "utf-8", newline="\n")
+    rows = [
+        f"{hip}\t{name}\t{designation}\t{';'.join(also)}"
+        for hip, (name, designation, also) in sorted(src.names.items())
+        if hip in known
+    ]
+    text = "\n".join(["hip\tname\tdesignation\talso", *rows]) + "\n"
+    path.write_text(text, "utf-8", newline="\n")
 
 
-def write_manifest(out: Path, counts: dict[str, int]) -> dict[str, Any]:
-    """Write ``manifest.json``: size and SHA-256 of each file, and what the build counted."""
+def write_manifest(
+    out: Path, sources: Path, counts: dict[str, int], check: dict[str, float]
+) -> dict[str, Any]:
+    """Write ``manifest.json``: SHA-256 of what went in and came out, counts, the check."""
+    read = {p.name: sha256(p) for p in source_files(sources)}
     files = {
         p.name: {"bytes": p.stat().st_size, "sha256": sha256(p)}
         for p in sorted([*out.glob("*.kcat"), *out.glob("*.tsv")])
     }
-    manifest: dict[str, Any] = {"counts": counts, "files": files}
+    manifest: dict[str, Any] = {
+        "check_against_independent_list": check,
+        "counts": counts,
+        "files": files,
+        "packages": {**DEBIAN, **{name: version for name, (version, _) in PYPI.items()}},
+        "sources": read,
+    }
     text = json.dumps(manifest, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
     (out / "manifest.json").write_text(text, "utf-8", newline="\n")
     return manifest

@@ -16,30 +16,37 @@ ARCSEC = np.radians(1.0 / 3600.0)
 EARLY = 1991.65  # the median over the stars found so, with a spread of 0.15 yr
 SUPPLEMENT = 1991.25
 LIST_EPOCH = 2024.0
+TELLING = 0.15  # arcsec: a smaller shift can neither be told nor does it harm
 POLE_SIN = np.sin(np.radians(85.0))  # nearer the poles the independent list has no motion
 
 
 def tangent(vector: Floats) -> tuple[Floats, Floats]:
     """Unit vectors (N, 3) to the east and the north at ``vector`` (N, 3)."""
-    x, y, z = vector.T
+    x, y = vector[:, 0], vector[:, 1]
     flat = np.maximum(np.hypot(x, y), 1e-15)
     east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)
-    return east, np.cross(vector, east)
+    return east, np.asarray(np.cross(vector, east), dtype=np.float64)
 
 
 def moved(vector: Floats, pm_mas: Floats, years: Floats | float) -> Floats:
     """Vectors (N, 3) after ``years`` of the motion (N, 2) pmRA*, pmDE in mas/yr."""
     east, north = tangent(vector)
     step = pm_mas * 1e-3 * ARCSEC * np.reshape(years, (-1, 1))
-    out = vector + step[:, :1] * east + step[:, 1:] * north
-    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
+    out: Floats = vector + step[:, :1] * east + step[:, 1:] * north
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True), dtype=np.float64)
 
 
 def offsets(vector: Floats, other: Floats) -> Floats:
     """Where ``other`` (N, 3) lies as seen from ``vector``: (N, 2) arcsec east and north."""
     east, north = tangent(vector)
     gap = other - vector
-    return np.stack([np.sum(gap * east, axis=1), np.sum(gap * north, axis=1)], axis=1) / ARCSEC
+    along = [np.sum(gap * axis, axis=1) / ARCSEC for axis in (east, north)]
+    return np.stack(along, axis=1)
+
+
+def shift_arcsec(pm_mas: Floats) -> Floats:
+    """How far (N,) the motions (N, 2) in mas/yr carry a star from 1991.65 to J2000, arcsec."""
+    return np.asarray(np.hypot(*pm_mas.T) * 1e-3 * (2000.0 - EARLY))
 
 
 def early_by_list(vector: Floats, pm_mas: Floats, listed: Floats) -> Flags:
@@ -54,5 +61,5 @@ def early_by_list(vector: Floats, pm_mas: Floats, listed: Floats) -> Flags:
     motion = pm_mas * 1e-3
     now = np.hypot(*(seen - motion * (epoch - 2000.0)[:, None]).T)
     then = np.hypot(*(seen - motion * (epoch - EARLY)[:, None]).T)
-    shift = np.hypot(*motion.T) * (2000.0 - EARLY)
-    return np.asarray((shift > 0.15) & (then < 0.5 * now) & (then < 0.15 + 0.35 * shift))
+    shift = shift_arcsec(pm_mas)
+    return np.asarray((shift > TELLING) & (then < 0.5 * now) & (then < 0.15 + 0.35 * shift))

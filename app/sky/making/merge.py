@@ -1,6 +1,7 @@
 """One list out of two: epochs put right, artefacts dropped, partners found, components joined."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,10 @@ class Stars:
         return Stars(*(getattr(self, f.name)[index] for f in fields(self)))
 
 
+def _joined(a: Stars, b: Stars) -> Stars:
+    return Stars(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(a)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Merged:
     """``bright`` every Hipparcos star, unjoined, with ``source`` rows of Stellarium's list.
@@ -79,9 +84,7 @@ def merge(src: Sources) -> Task[Merged]:
     used[partner[partner >= 0]] = True
     rest = _tycho_only(src, ~used)
     counts["stars of Tycho-2 alone"] = len(rest)
-    both = Stars(*(np.concatenate([getattr(s.take(k), f.name) for s, k in
-                   ((stars, keep), (rest, np.ones(len(rest), bool)))])
-                   for f in fields(Stars)))  # fmt: skip
+    both = _joined(stars.take(keep), rest)
     yield Progress("Joining close components", 0.6)
     listed_hip = dict(zip(src.listed.hip.tolist(), src.listed.mag.tolist(), strict=True))
     deep, group = join(both, listed_hip)
@@ -118,46 +121,44 @@ def _brightest_of_hip(hip: Ints, mag: Floats) -> Flags:
 
 
 def _dated(
-    src: Sources, stars: Stars, listed: Floats, tree: "cKDTree"  # noqa: F821
+    src: Sources, stars: Stars, listed: Floats, tree: Any
 ) -> tuple[Ints, dict[str, int], Flags]:
     """Each star's Tycho-2 partner (or -1), counts, and which stars stand at 1991.65."""
-    hip = stars.hip > 0
-    here, same = _nearest(tree, stars.vector, PARTNER)
+    same = _nearest(tree, stars.vector, PARTNER)
     then = epochs.moved(stars.vector, stars.pm, epochs.SUPPLEMENT - 2000.0)
-    back, supplement = _nearest(tree, then, PARTNER)
+    supplement = _nearest(tree, then, PARTNER)
     later = epochs.moved(stars.vector, stars.pm, 2000.0 - epochs.EARLY)
-    ahead, after = _nearest(tree, later, PARTNER)
+    after = _nearest(tree, later, PARTNER)
+    lead = _brightest_of_hip(stars.hip, stars.mag)
     checked = np.isfinite(listed[:, 0])
-    early = hip & checked & epochs.early_by_list(stars.vector, stars.pm, listed)
+    early = lead & checked & epochs.early_by_list(stars.vector, stars.pm, listed)
     by_list = int(early.sum())
-    shift = np.hypot(*stars.pm.T) * 1e-3 * (2000.0 - epochs.EARLY)
-    told = hip & ~checked & (shift > 0.15)
-    # A partner where the star will be at J2000, and a worse one or none where it stands.
-    early |= told & (after >= 0) & (ahead < 0.3) & (here > np.maximum(0.3, 0.5 * shift))
-    by_tycho = int(early.sum()) - by_list
-    # Of Hipparcos stars without any partner all that could be checked stand at 1991.65, save
-    # where the index left faint stars out for room.
-    alone = told & (same < 0) & (supplement < 0) & (after < 0)
+    # Of single Hipparcos stars without any partner, 222 of the 236 that can be checked stand at
+    # 1991.65: so do the rest, save where the index left faint stars out for room.
+    alone = lead & ~checked & (epochs.shift_arcsec(stars.pm) > epochs.TELLING)
+    alone &= (same < 0) & (supplement < 0) & (after < 0)
     alone &= _crowd(stars, np.flatnonzero(alone), src, tree) < CELL_STARS
     early |= alone
-    partner = np.where(same >= 0, same, np.where(shift > 0.15, supplement, -1))
+    early = (stars.hip > 0) & np.isin(stars.hip, stars.hip[early])  # components follow
+    fast = epochs.shift_arcsec(stars.pm) > epochs.TELLING
+    partner = np.where(same >= 0, same, np.where(fast, supplement, -1))
     partner = np.where(early & (after >= 0), after, partner)
     counts = {
         "redated by the independent list": by_list,
-        "redated by Tycho-2": by_tycho,
         "redated for want of a Tycho-2 partner": int(alone.sum()),
+        "redated with their components": int(early.sum()),
         "Tycho-2 positions at 1991.25 set aside": int(((same < 0) & (partner >= 0)).sum()),
     }
     return partner, counts, early
 
 
-def _nearest(tree: "cKDTree", vector: Floats, limit: float) -> tuple[Floats, Ints]:  # noqa: F821
-    """Distance (arcsec, inf when beyond ``limit``) and row (or -1) of the nearest Tycho-2 star."""
+def _nearest(tree: Any, vector: Floats, limit: float) -> Ints:
+    """Row of the nearest Tycho-2 star within ``limit`` arcsec, or -1."""
     distance, row = tree.query(vector, distance_upper_bound=limit * epochs.ARCSEC)
-    return distance / epochs.ARCSEC, np.where(np.isfinite(distance), row, -1).astype(np.int64)
+    return np.where(np.isfinite(distance), row, -1).astype(np.int64)
 
 
-def _crowd(stars: Stars, rows: Ints, src: Sources, tree: "cKDTree") -> Ints:  # noqa: F821
+def _crowd(stars: Stars, rows: Ints, src: Sources, tree: Any) -> Ints:
     """For all stars (N,), stars of the index near it and as bright; 0 except at ``rows``."""
     count = np.zeros(len(stars), dtype=np.int64)
     near = tree.query_ball_point(stars.vector[rows], np.radians(CELL / 60.0))
@@ -166,9 +167,7 @@ def _crowd(stars: Stars, rows: Ints, src: Sources, tree: "cKDTree") -> Ints:  # 
     return count
 
 
-def _plausible(
-    stars: Stars, partner: Ints, src: Sources, tree: "cKDTree"  # noqa: F821
-) -> Flags:
+def _plausible(stars: Stars, partner: Ints, src: Sources, tree: Any) -> Flags:
     """Stars without partner that may be real: not bright, of a real colour, and crowded out."""
     real = (stars.bv > BV_REAL[0]) & (stars.bv < BV_REAL[1]) & (stars.mag > 8.0)
     rows = np.flatnonzero(real & (partner < 0) & (stars.hip == 0))

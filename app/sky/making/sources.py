@@ -31,7 +31,7 @@ class Sources:
 
     ``stars`` Stellarium's; ``hip_pm`` {HIP: (pmRA*, pmDE)} mas/yr as arrays ``pm_hip`` (K,) and
     ``pm`` (K, 2); ``tycho`` (T, 3) vectors with ``vt`` (T,); ``cross`` {HIP: (SAO, HD, HR)};
-    ``names`` {HIP: (name, designation)}.
+    ``names`` {HIP: (name, designation, other names)}.
     """
 
     stars: ZoneStars
@@ -41,7 +41,7 @@ class Sources:
     vt: Floats
     listed: Listed
     cross: dict[int, tuple[int, int, int]]
-    names: dict[int, tuple[str, str]]
+    names: dict[int, tuple[str, str, list[str]]]
 
 
 def find_file(folder: Path, pattern: str) -> Path:
@@ -50,6 +50,17 @@ def find_file(folder: Path, pattern: str) -> Path:
     if not found:
         raise CatalogueError(f"The sources in {folder} lack {pattern}.")
     return found[0]
+
+
+def source_files(folder: Path) -> list[Path]:
+    """The files below ``folder`` that the catalogue is made of."""
+    names = (
+        "index-tycho2-07.littleendian.fits", "hip_pm.dat", "cross-id.dat", "name.fab",
+        "gcvs_hip_part.dat", "default_database.npz", "ongc.db", "western/star_names.fab",
+        "western/constellationship.fab",
+    )  # fmt: skip
+    stars = sorted(folder.rglob("stars_[0-3]_*.cat"))
+    return stars + [find_file(folder, name) for name in names]
 
 
 def read_sources(folder: Path) -> Sources:
@@ -92,6 +103,7 @@ def _lines(path: Path) -> Iterator[str]:
 
 def _motions(path: Path) -> tuple[Ints, Floats]:
     rows = np.array([line.split()[:3] for line in _lines(path)], dtype=np.float64)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
     return rows[:, 0].astype(np.int64), rows[:, 1:]
 
 
@@ -109,22 +121,34 @@ def _cross(path: Path) -> dict[int, tuple[int, int, int]]:
     return table
 
 
-def _names(home: Path, western: Path) -> dict[int, tuple[str, str]]:
-    """HIP -> (star name, designation): the first name given, Bayer before Flamsteed."""
-    proper: dict[int, str] = {}
-    for line in _lines(western):
-        hip, _, rest = line.partition("|")
+def _names(home: Path, western: Path) -> dict[int, tuple[str, str, list[str]]]:
+    """HIP -> (star name, designation, other names): the first name given, Bayer before Flamsteed.
+
+    Names of variable stars come last, as "R And".
+    """
+    proper: dict[int, list[str]] = {}
+    for hip, rest in _named(western):
         found = re.search(r'_\("(.+?)"\)', rest)
-        if found and hip.strip().isdecimal():
-            proper.setdefault(int(hip), found[1].strip())
-    given: dict[int, str] = {}
-    for line in _lines(home / "name.fab"):
-        hip, _, rest = line.partition("|")
-        if hip.strip().isdecimal():
-            given.setdefault(int(hip), rest.strip().replace("_", " "))
+        if found:
+            proper.setdefault(hip, []).append(found[1].strip())
+    given: dict[int, list[str]] = {}
+    for hip, rest in _named(home / "name.fab"):
+        given.setdefault(hip, []).append(rest.replace("_", " "))
     for line in _lines(home / "gcvs_hip_part.dat"):
         cells = line.split("\t")
         if cells[0].isdecimal() and len(cells) > 1:
-            given.setdefault(int(cells[0]), cells[1].strip())
-    hips = sorted(proper.keys() | given.keys())
-    return {h: (proper.get(h, ""), given.get(h, "")) for h in hips}
+            given.setdefault(int(cells[0]), []).append(cells[1].strip())
+    table = {}
+    for hip in sorted(proper.keys() | given.keys()):
+        first, second = proper.get(hip, [""]), given.get(hip, [""])
+        also = dict.fromkeys([*first[1:], *second[1:]])
+        table[hip] = (first[0], second[0], [n for n in also if n not in (first[0], second[0])])
+    return table
+
+
+def _named(path: Path) -> Iterator[tuple[int, str]]:
+    """(HIP, text) of lines such as ``677|α_And``."""
+    for line in _lines(path):
+        hip, _, rest = line.partition("|")
+        if hip.strip().isdecimal() and rest.strip():
+            yield int(hip), rest.strip()

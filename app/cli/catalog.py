@@ -1,0 +1,157 @@
+"""``kochab catalog``: build the star catalogue, say what it holds and how far it reaches."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypeVar
+
+from app.cli.output import ProgressLine, to_line
+from app.core.errors import CatalogueError, KochabError
+from app.core.progress import Task
+from app.core.progress import run as drive
+
+T = TypeVar("T")
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the ``catalog`` command and its actions to the main parser."""
+    parser = subparsers.add_parser("catalog", help="build, inspect or import star catalogues")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+
+    build = actions.add_parser("build", help="make every catalogue file from registry packages")
+    build.add_argument("--sources", type=Path, metavar="DIR", help="already unpacked packages")
+    build.add_argument("--cache", type=Path, metavar="DIR", help="where packages are kept")
+    build.add_argument("--out", type=Path, metavar="DIR", help="default: the catalogs folder")
+
+    info = actions.add_parser("info", help="counts, epochs, checks and sizes")
+    info.add_argument("--catalog", type=Path, metavar="DIR", help="default: the shipped one")
+
+    reach = actions.add_parser("coverage", help="fewest and median stars that a field holds")
+    reach.add_argument("--fov", type=float, default=1.2, metavar="DEG", help="square, default 1.2")
+    reach.add_argument("--mag-limit", type=float, metavar="V", help="count no fainter stars")
+    reach.add_argument("--fields", type=int, metavar="N", help="places tried over the sky")
+    reach.add_argument("--catalog", type=Path, metavar="DIR", help="default: the shipped one")
+
+    bring = actions.add_parser("import", help="add a deeper catalogue that you already have")
+    bring.add_argument("path", type=Path, help="its folder or file")
+
+    for action in (build, info, reach, bring):
+        action.add_argument(
+            "--json", action="store_true", help="one JSON object on standard output"
+        )
+        action.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what ``args`` ask for; the exit code: 0 done, 1 a check failed, 2 unusable input."""
+    action = {"build": _build, "info": _info, "coverage": _coverage, "import": _import}
+    try:
+        return action[args.action](args)
+    except KochabError as error:
+        if not args.json:
+            raise
+        print(to_line({"error": str(error)}))
+        return 2
+
+
+def _build(args: argparse.Namespace) -> int:
+    from app.sky.catalogue import shipped_folder
+    from app.sky.making.build import build
+    from app.sky.making.fetch import fetch
+
+    if args.sources is not None and not args.sources.is_dir():
+        raise CatalogueError(f"{args.sources} is not a folder.")
+    sources = args.sources or _driven(fetch(args.cache or _cache()))
+    manifest = _driven(build(sources, args.out or shipped_folder()))
+    if args.json:
+        print(to_line(manifest))
+        return 0
+    for name, facts in manifest["files"].items():
+        print(f"{facts['sha256']}  {name}  {facts['bytes']:,} bytes")
+    for part in ("counts", "check_against_independent_list"):
+        _print_facts(manifest[part])
+    return 0
+
+
+def _cache() -> Path:
+    from platformdirs import user_cache_path
+
+    return user_cache_path("kochab") / "catalogue-sources"
+
+
+def _info(args: argparse.Namespace) -> int:
+    from app.sky.catalogue import shipped_folder
+    from app.sky.inventory import inventory
+
+    told = _driven(inventory(args.catalog or shipped_folder()))
+    if args.json:
+        print(to_line(told))
+    else:
+        _print_info(told)
+    return 0 if told["ok"] else 1
+
+
+def _print_info(told: dict[str, Any]) -> None:
+    print(f"{told['stars']:,} stars, {told['frame']}, positions at {told['epoch']}; {told['path']}")
+    print("V magnitude      stars")
+    for span, count in told["counts"]["per_magnitude"].items():
+        print(f"  {span:>9}  {count:>9,}")
+    _print_facts({k: v for k, v in told["counts"].items() if k != "per_magnitude"})
+    for title, key in (
+        ("The bright list", "bright"),
+        ("When it was built", "built"),
+        ("Against the independent list, 2024.0", "independent_check"),
+    ):
+        if told[key]:
+            print(title)
+            _print_facts(told[key])
+    print("Files")
+    for file in told["files"]:
+        print(f"  {file['name']:14} {file['bytes']:>12,}  {file['sha256'][:16]}  "
+              f"{'as built' if file['ok'] else 'ALTERED'}")  # fmt: skip
+    print(f"  {'together':14} {told['bytes']:>12,}")
+    print("Checks")
+    for check, ok in told["checks"].items():
+        print(f"  {'yes' if ok else 'NO':3} {check}")
+
+
+def _print_facts(facts: dict[str, Any]) -> None:
+    for name, value in facts.items():
+        print(f"  {name.replace('_', ' ')}: {value:,}")
+
+
+def _coverage(args: argparse.Namespace) -> int:
+    from app.sky.catalogue import open_catalogue
+    from app.sky.coverage import coverage
+
+    if args.fields is not None and args.fields < 1:
+        raise CatalogueError("--fields must be at least 1.")
+    catalogue = open_catalogue(args.catalog / "deep.kcat" if args.catalog else None)
+    told = _driven(coverage(catalogue, args.fov, args.mag_limit, args.fields))
+    if args.json:
+        print(to_line(asdict(told)))
+        return 0
+    print(
+        f"A square field of {told.fov_deg:g} deg, at {told.fields:,} places over the whole sky, "
+        f"holds {told.fewest:,} stars at the fewest, {told.median:,} in the median and "
+        f"{told.most:,} at the most."
+    )
+    print(
+        f"1 % of places have {told.percent_1:,} or fewer, 5 % have {told.percent_5:,} or fewer; "
+        f"{100 * told.share_with_10:.2f} % have 10 or more."
+    )
+    print(f"The poorest place: RA {told.poorest_ra_deg:.3f}, Dec {told.poorest_dec_deg:+.3f} deg.")
+    return 0
+
+
+def _import(args: argparse.Namespace) -> int:
+    raise CatalogueError(f"Importing a catalogue is not available yet, so {args.path} is not read.")
+
+
+def _driven(task: Task[T]) -> T:
+    """Drive a task, showing its progress on standard error."""
+    line = ProgressLine("catalog")
+    try:
+        return drive(task, line)
+    finally:
+        line.clear()
