@@ -32,10 +32,11 @@ def star_image(
     xy = xy[_bright_stars(pixels, how, mesh, xy, clip)[:count]]
     if len(xy) < 3:
         return TYPICAL
-    for half in (8, 20):
-        found = _usual_moments(pixels, how, mesh, xy, half)
-        if found is not None and np.linalg.eigvalsh(found)[-1] < (half / 3.0) ** 2:
-            break
+    found, settled = _usual_moments(pixels, how, mesh, xy, 8)
+    if settled < 0.5:  # large stars, or lines and edges instead of stars
+        larger, of_larger = _usual_moments(pixels, how, mesh, xy, 20)
+        if of_larger >= 0.5 or of_larger > 2.0 * settled:
+            found = larger
     return TYPICAL if found is None else _held(found)
 
 
@@ -72,18 +73,23 @@ def _bright_stars(
 
 def _usual_moments(
     pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, half: int
-) -> Floats | None:
-    """Medians of the moments over those stars whose size is usual; None when none settles."""
+) -> tuple[Floats | None, float]:
+    """Medians of the moments over those stars whose size is usual, and the share that settled.
+
+    A weight that has grown to fill the stamp has not found a star's edge. None when fewer than
+    three settle.
+    """
     level, _ = mesh.at(xy[:, 0], xy[:, 1])
     shapes = adaptive_moments(cut(pixels, how, xy, level, half), 1.5, 8 if half < 12 else 14)
     good = shapes.good & (np.hypot(shapes.dx, shapes.dy) < 0.3 * half)
+    good &= shapes.axes()[0] < 0.6 * half
     if good.sum() < 3:
-        return None
+        return None, 0.0
     area = np.sqrt(np.maximum(shapes.xx * shapes.yy - shapes.xy**2, 1e-6))
     usual = np.percentile(area[good], 40)
     near = good & (area > usual / 1.6) & (area < usual * 1.6)
     xx, yy, xy_ = (float(np.median(m[near])) for m in (shapes.xx, shapes.yy, shapes.xy))
-    return np.array([[xx, xy_], [xy_, yy]])
+    return np.array([[xx, xy_], [xy_, yy]]), float(good.mean())
 
 
 def _held(found: Floats) -> Floats:
