@@ -1,7 +1,7 @@
 """How the window and the frame look: theme, text size, stretch, colour, marks; all remembered."""
 
 from PySide6.QtCore import QObject, QSignalBlocker
-from PySide6.QtGui import QActionGroup
+from PySide6.QtGui import QActionGroup, QColor
 from PySide6.QtWidgets import QApplication
 
 from app.ui.actions import MARKS, dress
@@ -56,7 +56,7 @@ class Looks(QObject):
         self._overlay.colours, self._overlay.font = colours, app.font()
         self._panes.strip.histogram.colours = colours
         self._panes.strip.histogram.update()
-        self._panes.view.background.setNamedColor(colours.sky)
+        self._panes.view.background = QColor(colours.sky)
         _check(self._window.menus.themes, name)
         _check(self._window.menus.text_sizes, size)
         with QSignalBlocker(self._actions["night"]):

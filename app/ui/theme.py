@@ -17,7 +17,8 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> Colo
     """Dress ``app``; unknown names fall back to dark and normal. Returns the colours."""
     colours = THEMES.get(name, THEMES["dark"])
     point = BASE_POINT * TEXT_SIZES.get(text_size, 1.0)
-    app.setStyle("Fusion")
+    if app.style().name().lower() != "fusion":
+        app.setStyle("Fusion")
     font = QFont(app.font())
     font.setPointSizeF(point)
     # Coloured fringes around letters would put green and blue on a red screen.

@@ -1,0 +1,64 @@
+"""A window with an engine that answers at once, settings of its own, and no threads left behind."""
+
+import os
+import threading
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+import pytest
+from PySide6.QtCore import QSettings
+
+from app.ui.application import build
+from app.ui.samples import Sample
+from app.ui.settings import Settings
+from tests.ui.fakes import FakeEngine
+
+
+@pytest.fixture
+def settings(tmp_path):
+    return Settings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
+
+
+@pytest.fixture
+def a_file(tmp_path):
+    path = tmp_path / "orion.fits"
+    path.write_bytes(b"not read by the fake engine")
+    return path
+
+
+@pytest.fixture
+def engine():
+    return FakeEngine()
+
+
+@pytest.fixture
+def make_window(qtbot, settings, tmp_path):
+    """Windows on demand; each is closed and its threads are joined."""
+    made = []
+
+    def make(engine, sample_frames=None):
+        offered = [Sample(tmp_path / "sample.fits", "A sample", "To try")]
+        window, commands = build(
+            engine, settings, offered if sample_frames is None else sample_frames
+        )
+        qtbot.addWidget(window)
+        window.resize(1200, 800)
+        window.show()
+        made.append(commands)
+        return window, commands
+
+    yield make
+    for commands in made:
+        commands.window.close()
+        assert commands.session.close()
+    left = [t.name for t in threading.enumerate() if t.name.startswith("kochab-")]
+    assert not left, f"threads left behind: {left}"
+
+
+@pytest.fixture
+def opened(qtbot, make_window, engine, a_file):
+    """A window that has opened and solved a frame."""
+    window, commands = make_window(engine)
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    return window, commands

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.core.frame import Frame
+from app.core.progress import run
+from app.ui.picture import prepare
+from app.ui.stretch import TARGET, Stretch, automatic, midtones
+
+
+@given(st.floats(0.001, 0.999))
+def test_the_middle_is_shown_at_half_brightness(m):
+    x = np.array([0.0, m, 1.0])
+    assert midtones(x, m) == pytest.approx([0.0, 0.5, 1.0], abs=1e-9)
+
+
+@given(st.floats(0, 0.9), st.floats(0.0001, 0.9999))
+def test_a_stretch_never_reverses_brightness(black, mid):
+    table = Stretch(black, mid).table(4096, 0, 4095).astype(int)
+    assert (np.diff(table) >= 0).all()
+    assert (table[0], table[-1]) == (0, 255)
+
+
+def test_automatic_puts_the_sky_on_its_target():
+    sky = np.random.default_rng(0).normal(0.02, 0.001, 50_000)
+    shown = automatic(sky).apply(sky)
+    assert np.median(shown) == pytest.approx(TARGET, abs=0.01)
+    assert (shown > 0.01).mean() > 0.98
+
+
+def test_automatic_leaves_a_bright_picture_alone():
+    assert automatic(np.random.default_rng(0).uniform(0.4, 1.0, 1000)) == Stretch()
+
+
+def test_an_empty_sample_is_no_fault():
+    assert automatic(np.empty(0)) == Stretch()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.int32, np.float32, np.float64])
+def test_every_kind_of_pixel_becomes_a_picture(dtype):
+    pixels = np.random.default_rng(1).normal(100, 5, (301, 403)).astype(dtype)
+    picture = run(prepare(Frame(pixels)))
+    assert picture.mono[0].shape == (301, 403)
+    assert picture.mono[0].dtype in (np.uint8, np.uint16)
+    shown = picture.table(picture.auto)[picture.mono[0]]
+    assert 20 < np.median(shown) < 110
+
+
+def test_order_of_brightness_survives_scaling_from_floats():
+    pixels = np.linspace(-3.0, 9.0, 40_000, dtype=np.float32).reshape(200, 200)
+    stored = run(prepare(Frame(pixels))).mono[0].ravel().astype(int)
+    assert (np.diff(stored) >= 0).all()
+    assert stored[-1] > stored[0]
+
+
+def test_values_that_are_not_numbers_are_black():
+    pixels = np.full((50, 60), 10.0, dtype=np.float32)
+    pixels += np.random.default_rng(0).normal(0, 1, pixels.shape)
+    pixels[10, 10], pixels[20, 20] = np.nan, np.inf
+    assert run(prepare(Frame(pixels))).mono[0][10, 10] == 0
+
+
+@pytest.mark.parametrize("value", [0.0, 7.0, np.nan])
+def test_a_flat_frame_is_shown(value):
+    picture = run(prepare(Frame(np.full((40, 40), value, dtype=np.float32))))
+    assert np.isfinite(picture.table(picture.auto)).all()
+
+
+def test_the_pyramid_averages_four_pixels():
+    pixels = np.arange(1600 * 1200, dtype=np.uint32).reshape(1200, 1600).astype(np.uint16)
+    picture = run(prepare(Frame(pixels)))
+    mean = pixels[:2, 2:4].astype(int).sum() // 4
+    assert picture.mono[1][0, 1] == mean
+    assert max(picture.mono[-1].shape) <= 800
+    assert picture.mono[1].shape == (600, 800)
+
+
+def test_a_mosaic_is_shown_in_its_colours():
+    mosaic = np.zeros((8, 8), dtype=np.uint16)
+    mosaic[0::2, 0::2], mosaic[0::2, 1::2] = 900, 500
+    mosaic[1::2, 0::2], mosaic[1::2, 1::2] = 500, 100
+    picture = run(prepare(Frame(mosaic, bayer="RGGB")))
+    assert picture.colour[0].shape == (8, 8, 3)
+    assert picture.colour[0][3, 5].tolist() == [900, 500, 100]
+
+
+def test_level_for_never_draws_fewer_pixels_than_the_screen_has():
+    picture = run(prepare(Frame(np.zeros((3000, 4000), dtype=np.uint16))))
+    for scale in (2.0, 1.0, 0.6, 0.5, 0.3, 0.25, 0.13):
+        assert 2 ** picture.level_for(scale) * scale <= max(1.0, scale)
