@@ -5,11 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 
+from app.attitude.fit import Fit, refine
 from app.core.detections import Detections
 from app.core.frame import Frame
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
-from app.core.solution import Identification, NoSolution, Solution
+from app.core.solution import Identification, Matches, NoSolution, Solution
 from app.solve.diagnose import Evidence, diagnose, timed_out
 from app.solve.options import UNKNOWN_YEAR, SolveOptions
 from app.solve.pick import known, pick
@@ -121,7 +122,8 @@ def _solve(
                 yield Progress("attitude", 0.8)
                 with clock.stage("attitude"):
                     solution = _conclude(detections, found, year, options)
-                return replace(solution, elapsed_ms=clock.elapsed_ms())
+                warnings = (frame.warnings if frame else ()) + solution.warnings
+                return replace(solution, elapsed_ms=clock.elapsed_ms(), warnings=warnings)
             refusal = found
     except TimedOut:
         return timed_out(evidence, options.timeout_s or 0.0, clock.elapsed_ms())
@@ -160,5 +162,24 @@ def _conclude(
     catalogue = open_catalogue()
     usable = detections.take(slice(0, options.max_stars))
     matches, fit = extend(usable, found, catalogue, year, distortion=options.distortion)
+    warnings: tuple[str, ...] = ()
+    if options.aberration:
+        moment = options.hint.time_utc if options.hint else None
+        if moment is None:
+            warnings = ("Aberration is not corrected: the frame does not say when it was taken.",)
+        else:
+            fit = geometric_fit(matches, fit, moment)
     solution = build_solution(matches, fit, found, catalogue)
-    return replace(solution, detections=len(detections))
+    return replace(solution, detections=len(detections), warnings=warnings)
+
+
+def geometric_fit(matches: Matches, fit: Fit, moment: datetime) -> Fit:
+    """The same fit against where the moving Earth sees the stars at ``moment``.
+
+    Its attitude says where the camera points geometrically, up to 20.5 arcsec from where the
+    stars of the plate are in ICRS.
+    """
+    from app.sky.apparent import with_aberration
+
+    seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
+    return refine(seen, fit.camera, fit.attitude, distortion=bool(fit.terms[4:]))

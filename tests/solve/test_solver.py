@@ -174,3 +174,30 @@ def test_years() -> None:
     assert year_of(datetime(2000, 1, 1, 12, tzinfo=UTC)) == 2000.0
     assert year_of(datetime(2025, 1, 1, tzinfo=UTC)) == pytest.approx(2025.0, abs=0.01)
     assert 2010 < year_of(None) < 2030
+
+
+def test_aberration_is_taken_out_on_request(identifier) -> None:
+    from app.sky.apparent import with_aberration
+
+    options = replace(OPTIONS, hint=SCALE)
+    seen = run(solve_detections(identifier.field.detections, options))
+    geometric = run(
+        solve_detections(identifier.field.detections, replace(options, aberration=True))
+    )
+    moved = np.linalg.norm(seen.centre_vector - geometric.centre_vector) * 206264.8
+    expected = with_aberration(seen.centre_vector[None], SCALE.time_utc)[0]
+    assert 5 < moved < 21
+    assert np.linalg.norm(expected - geometric.centre_vector) * 206264.8 < 0.05
+    assert [s.ra_deg for s in seen.stars] == [s.ra_deg for s in geometric.stars]
+
+
+def test_aberration_without_a_time_is_a_warning(identifier) -> None:
+    options = replace(OPTIONS, aberration=True)
+    result = run(solve_detections(identifier.field.detections, options))
+    assert "does not say when" in result.warnings[0]
+
+
+def test_the_frames_warnings_stay_with_the_answer(identifier) -> None:
+    frame = replace(frame_like(identifier.field), warnings=("Odd header.",))
+    result = run(solve_frame(frame, replace(OPTIONS, detector="fixed")))
+    assert result.warnings == ("Odd header.",)
