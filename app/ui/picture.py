@@ -1,6 +1,6 @@
 """A frame made ready for the screen: a pyramid of binned copies, and its statistics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from app.core.frame import Frame
 from app.core.progress import Progress, Task
+from app.frames.stretch import debayer_preview
 from app.ui.stretch import Stretch, automatic
 
 Array = NDArray[Any]
@@ -21,8 +22,9 @@ class Picture:
     """What the view draws. ``mono[k]`` and ``colour[k]`` are binned by ``2**k``, uint8 or uint16.
 
     ``low`` and ``high`` are the stored values that the stretch calls 0 and 1; ``histogram``
-    (BINS,) counts a sample between them over the
-    cube root of that range, which spreads the dark end. ``colour`` is empty for a mono frame.
+    (BINS,) counts a sample between them over the cube root of that range, which spreads the dark
+    end. ``colour`` is empty for a mono frame; ``sky_shift`` is what its red, green and blue skies
+    stand above the mono one, in stored values.
     """
 
     width: int
@@ -33,16 +35,17 @@ class Picture:
     high: float
     histogram: NDArray[np.float64]
     auto: Stretch
+    sky_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def level_for(self, scale: float) -> int:
         """The pyramid level whose pixels are nearest to, and not below, one screen pixel."""
         k = int(np.floor(np.log2(1.0 / scale))) if scale < 1.0 else 0
         return min(max(k, 0), len(self.mono) - 1)
 
-    def table(self, stretch: Stretch) -> NDArray[np.uint8]:
-        """Look-up table from stored values to brightness."""
+    def table(self, stretch: Stretch, shift: float = 0.0) -> NDArray[np.uint8]:
+        """Look-up table from stored values, ``shift`` too high, to brightness."""
         levels = 256 if self.mono[0].dtype == np.uint8 else 65536
-        return stretch.table(levels, self.low, self.high)
+        return stretch.table(levels, self.low + shift, self.high + shift)
 
 
 def prepare(frame: Frame) -> Task[Picture]:
@@ -54,23 +57,28 @@ def prepare(frame: Frame) -> Task[Picture]:
     if frame.colour is not None:
         colour = yield from _pyramid((yield from _storable(frame.colour)))
     elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
-        colour = yield from _from_mosaic(base, frame.bayer)
-    step = max(1, int(np.sqrt(base.size / SAMPLE)))
-    sample = np.asarray(base[::step, ::step], dtype=np.float64).ravel()
-    low, high = float(sample.min()), float(max(sample.max(), _peak(mono)))
-    if high <= low:
-        high = low + 1.0
-    unit = (sample - low) / (high - low)
+        colour = yield from _from_mosaic(frame, base)
+    auto, low, high = automatic(mono[min(1, len(mono) - 1)] if frame.bayer else base)
+    yield Progress("display", 0.9)
+    smallest = np.asarray(mono[-1], dtype=np.float64)
+    sky = float(np.median(smallest))
+    unit = np.clip((_sample(base) - low) / (high - low), 0.0, 1.0)
     histogram, _ = np.histogram(np.cbrt(unit), bins=BINS, range=(0.0, 1.0))
+    shift = (0.0, 0.0, 0.0)
+    if colour and auto.mid < 0.5:
+        red, green, blue = (float(np.median(colour[-1][..., c])) - sky for c in range(3))
+        shift = (red, green, blue)
     yield Progress("display", 1.0)
     return Picture(
         frame.width, frame.height, mono, colour, low, high,
-        histogram.astype(np.float64), automatic(unit),
+        histogram.astype(np.float64), auto, shift,
     )  # fmt: skip
 
 
-def _peak(levels: tuple[Array, ...]) -> float:
-    return float(levels[0].max())
+def _sample(base: Array) -> NDArray[np.float64]:
+    step = max(1, int(np.sqrt(base.size / SAMPLE)))
+    step += 1 - step % 2  # an odd step sees all four colours of a mosaic
+    return np.asarray(base[::step, ::step], dtype=np.float64).ravel()
 
 
 def _storable(pixels: Array) -> Task[Array]:
@@ -116,21 +124,10 @@ def _halve(a: Array) -> Task[Array]:
     return out
 
 
-def _from_mosaic(base: Array, pattern: str) -> Task[tuple[Array, ...]]:
+def _from_mosaic(frame: Frame, base: Array) -> Task[tuple[Array, ...]]:
     """Colour at half size from the four pixels of each Bayer cell; level 0 repeats it."""
-    h, w = base.shape[0] // 2 * 2, base.shape[1] // 2 * 2
-    planes: dict[str, list[Array]] = {"R": [], "G": [], "B": []}
-    for index, letter in enumerate(pattern.upper()):
-        if letter not in planes:
-            return ()
-        planes[letter].append(base[index // 2 : h : 2, index % 2 : w : 2])
-    half = np.empty((h // 2, w // 2, 3), dtype=base.dtype)
-    for channel, letter in enumerate("RGB"):
-        parts = planes[letter]
-        if not parts:
-            return ()
-        half[..., channel] = parts[0] if len(parts) == 1 else (parts[0] >> 1) + (parts[1] >> 1)
-        yield Progress("display", channel / 3)
+    half = debayer_preview(replace(frame, pixels=base), 2)
+    yield Progress("display", 0.5)
     full = np.repeat(np.repeat(half, 2, axis=0), 2, axis=1)
     rest = yield from _pyramid(half)
     return (full, *rest)

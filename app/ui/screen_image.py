@@ -22,7 +22,7 @@ class ScreenImage:
         self._stretch = Stretch()
         self._colour = True
         self._red = False
-        self._table: NDArray[np.uint8] | None = None
+        self._tables: list[NDArray[np.uint8]] = []  # mono, or red, green, blue
         self._key: object = None
         self._made: tuple[QImage, QRectF] | None = None
         self._pixels: NDArray[np.uint8] | None = None  # QImage borrows this memory
@@ -30,12 +30,12 @@ class ScreenImage:
     def set_picture(self, picture: Picture | None) -> None:
         """Another picture."""
         self.picture = picture
-        self._table = self._made = self._key = None
+        self._tables, self._made, self._key = [], None, None
 
     def set_look(self, stretch: Stretch, colour: bool, red: bool) -> None:
         """Another stretch or colouring."""
         self._stretch, self._colour, self._red = stretch, colour, red
-        self._table = self._key = None
+        self._tables, self._key = [], None
 
     def render(self, viewport: Viewport, ratio: float) -> tuple[QImage, QRectF] | None:
         """The image and where it goes on the widget (logical px); None when none is in sight."""
@@ -69,9 +69,15 @@ class ScreenImage:
         return image, target
 
     def _to_image(self, picture: Picture, crop: NDArray[Any], in_colour: bool) -> QImage:
-        if self._table is None:
-            self._table = picture.table(self._stretch)
-        pixels = np.ascontiguousarray(self._table[crop])
+        if not self._tables:
+            shifts = picture.sky_shift if in_colour else (0.0,)
+            self._tables = [picture.table(self._stretch, shift) for shift in shifts]
+        pixels = np.empty(crop.shape, dtype=np.uint8)
+        if in_colour:
+            for c, table in enumerate(self._tables):
+                pixels[..., c] = table[crop[..., c]]
+        else:
+            np.take(self._tables[0], crop, out=pixels, mode="clip")
         self._pixels = pixels
         h, w = crop.shape[:2]
         if in_colour:

@@ -1,30 +1,30 @@
-"""How pixel values become brightness on the screen."""
+"""How stored pixel values become brightness on the screen."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-TARGET = 0.22  # where the sky background goes on the screen
-CLIP_SIGMA = 2.6  # the black point, below the median
+from app.frames.stretch import midtones, stretch_parameters
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Black, middle and white, each in 0..1 of the picture's range.
+    """Black and middle, each in 0..1 of the picture's range.
 
-    ``mid`` is the value between black (0) and white (1) that is shown at half brightness: 0.5 is
+    ``mid`` is the share of the way from black to white that is shown at half brightness: 0.5 is
     linear, less is brighter.
     """
 
     black: float = 0.0
     mid: float = 0.5
-    white: float = 1.0
 
-    def apply(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(self, x: Floats) -> Floats:
         """Brightness 0..1 of values ``x`` in 0..1 of the picture's range."""
-        span = max(self.white - self.black, 1e-6)
-        return midtones(np.clip((x - self.black) / span, 0.0, 1.0), self.mid)
+        share = np.clip((x - self.black) / max(1.0 - self.black, 1e-6), 0.0, 1.0)
+        return midtones(share, min(max(self.mid, 1e-6), 1.0 - 1e-6))
 
     def table(self, levels: int, low: float, high: float) -> NDArray[np.uint8]:
         """Look-up table (levels,) for integer values 0..levels-1, where low..high is the range."""
@@ -32,31 +32,15 @@ class Stretch:
         return np.asarray(np.rint(self.apply(x) * 255.0), dtype=np.uint8)
 
 
-def midtones(x: NDArray[np.float64], m: float) -> NDArray[np.float64]:
-    """The rational curve through (0, 0), (m, 1/2) and (1, 1)."""
-    m = min(max(m, 1e-5), 1.0 - 1e-5)
-    return np.asarray((m - 1.0) * x / ((2.0 * m - 1.0) * x - m))
-
-
-def automatic(sample: NDArray[np.float64]) -> Stretch:
+def automatic(stored: NDArray[np.generic]) -> tuple[Stretch, float, float]:
     """The stretch that shows the sky dark grey and faint stars clearly.
 
-    ``sample`` holds values in 0..1 of the picture's range. The black point goes
-    ``CLIP_SIGMA`` robust deviations below the median; the middle is chosen so that the median
-    lands on ``TARGET``.
+    Returns it with the range (low, high), in stored values, that it is a share of.
     """
-    if not len(sample):
-        return Stretch()
-    median = float(np.median(sample))
-    sigma = 1.4826 * float(np.median(np.abs(sample - median)))
-    black = max(0.0, median - CLIP_SIGMA * max(sigma, 1e-4))
-    sky = (median - black) / max(1.0 - black, 1e-6)
-    if sky >= 0.5:  # a daylight picture: leave it alone
-        return Stretch()
-    return Stretch(black, _middle_for(sky), 1.0)
-
-
-def _middle_for(sky: float) -> float:
-    """The ``m`` for which ``midtones(sky, m)`` is ``TARGET``."""
-    sky = max(sky, 1e-5)
-    return float(sky * (1.0 - TARGET) / (sky * (1.0 - 2.0 * TARGET) + TARGET))
+    chosen = stretch_parameters(stored)
+    low = float(min(chosen.black, stored.min()))
+    high = max(float(chosen.white), float(stored.max()), low + 1.0)
+    black = (chosen.black - low) / (high - low)
+    # The middle is a share of black..white; white is moved to the top of the range here.
+    span = (chosen.white - chosen.black) / max(high - chosen.black, 1e-9)
+    return Stretch(black, min(max(chosen.mid * span, 1e-6), 0.5)), low, high

@@ -240,7 +240,7 @@ def test_the_log_and_its_report(opened):
 
 
 def test_the_place_under_the_cursor(qtbot, opened):
-    window, commands = opened
+    window, _ = opened
     view = window.workspace.view
     qtbot.mouseMove(view, QPoint(view.width() // 2, view.height() // 2))
     qtbot.waitUntil(lambda: "value" in window.status.place.text(), timeout=2000)
