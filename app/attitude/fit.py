@@ -100,8 +100,7 @@ def refine(
     state = state.descend(base)
     for _ in range(4):
         if distortion:
-            free = state.supported(base)
-            state = state.plain_but(free).descend(free)
+            free, state = state.supported(base)
         keep = state.agreeing(len(free))
         if np.array_equal(keep, state.inliers):
             break
@@ -156,14 +155,15 @@ class _State:
                 break
         return state
 
-    def supported(self, base: NDArray[np.intp]) -> NDArray[np.intp]:
-        """``base`` and the terms of the ladder that the inliers ask for, judged to first order."""
+    def supported(self, base: NDArray[np.intp]) -> tuple[NDArray[np.intp], "_State"]:
+        """``base`` and the terms that the inliers ask for, and the state at their optimum.
+
+        Terms are judged to first order from where the state is, tried in earnest when they pass.
+        """
         residual, jacobian = self.weighted()
-        offset = np.array(
-            [getattr(self.camera, t) - getattr(self.plain, t) for t in PARAMETERS[4:]]
-        )
-        residual = residual + jacobian[:, 4:] @ offset  # as if no term of the ladder were set
-        free, count = base, len(residual) // 2
+        given = [getattr(self.camera, t) - getattr(self.plain, t) for t in PARAMETERS[4:]]
+        residual = residual + jacobian[:, 4:] @ np.array(given)  # as if no term were set
+        free, count, best = base, len(residual) // 2, None
         now = _remainder(jacobian[:, free], residual)
         for names, fewest in LADDER:
             if count < fewest or (names == ("k2",) and PARAMETERS.index("k1") not in free):
@@ -171,10 +171,12 @@ class _State:
             columns = np.union1d(free, _columns(names))
             then = _remainder(jacobian[:, columns], residual)
             if _chance(now, then, len(residual) - len(columns)) < LARGEST_CHANCE:
-                tried = self.plain_but(columns).descend(columns, 3)
+                tried = self.plain_but(columns).descend(columns)
                 if sane(tried.camera) and tried.centre_plausible():
-                    free, now = columns, then
-        return free
+                    free, now, best = columns, then, tried
+        if best is not None:
+            return free, best
+        return free, self if not any(given) else self.plain_but(free).descend(free)
 
     def plain_but(self, free: NDArray[np.intp]) -> "_State":
         """The state with the terms of the ladder that are not ``free`` as they were given."""

@@ -23,6 +23,9 @@ FLAT_CONTRAST = 4.0
 GLARE_SHARE = 0.002
 OUT_OF_FOCUS_PX = 12.0
 FISHEYE_DEG = 100.0
+SKY_DEG2 = 41253.0
+LARGE_DEG2 = 25.0
+"""Above this area the mean over the sky will do for the stars expected."""
 
 Finding = tuple[Reason, str]
 
@@ -253,11 +256,15 @@ def implied_field_deg(evidence: Evidence) -> float | None:
 
 def _expected(evidence: Evidence, field_deg: float) -> float:
     """Catalogue stars in a field so wide: at the hinted place, else the mean over the sky."""
+    from app.core.attitude import unit_vectors
     from app.sky import open_catalogue
 
-    d = evidence.detections
-    area_deg2 = min(field_deg**2 * d.height / max(d.width, 1), 41253.0)
-    return float(len(open_catalogue()) * area_deg2 / 41253.0)
+    d, hint, catalogue = evidence.detections, evidence.hint, open_catalogue()
+    area_deg2 = min(field_deg**2 * d.height / max(d.width, 1), SKY_DEG2)
+    if hint is None or hint.centre_deg is None or area_deg2 > LARGE_DEG2:
+        return float(len(catalogue) * area_deg2 / SKY_DEG2)
+    centre = unit_vectors(*hint.centre_deg[:2])
+    return float(len(catalogue.cone(centre, math.radians(math.sqrt(area_deg2 / math.pi)))))
 
 
 def _median(values: np.ndarray) -> float:

@@ -105,7 +105,7 @@ def test_the_moon() -> None:
 def test_too_few() -> None:
     found = examined(sky(3))
     assert found.reason is Reason.TOO_FEW_STARS
-    assert "3 stars" in found.advice
+    assert f"Only {found.detections} stars" in found.advice
 
 
 def test_a_field_too_small_is_told_from_the_scale() -> None:
@@ -113,6 +113,14 @@ def test_a_field_too_small_is_told_from_the_scale() -> None:
     assert found.reason is Reason.FIELD_TOO_SMALL
     assert found.measured["field_deg"] == pytest.approx(0.22, abs=0.01)
     assert found.measured["stars_expected"] < 5
+
+
+def test_the_stars_expected_are_those_of_the_place() -> None:
+    expected = {}
+    for name, place in (("milky way", (300.0, 35.0, 1.0)), ("pole of it", (192.86, 27.13, 1.0))):
+        hint = Hint(scale_arcsec_px=(9.0, 11.0), centre_deg=place)
+        expected[name] = examined(sky(30), hint).measured["stars_expected"]
+    assert expected["milky way"] > 2 * expected["pole of it"] > 20
 
 
 def test_a_fisheye_is_told_from_the_scale() -> None:
