@@ -38,11 +38,18 @@ def run_batch(
 
 
 def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) -> Json:
-    """The outcome of one item; what a person can act on becomes ``{"file", "error"}``."""
+    """The outcome of one item; what a person can act on becomes ``{"file", "error"}``.
+
+    A fault of our own becomes the same, named as one, so that it does not cost the other files.
+    """
+    file = str(getattr(item, "file", item))
     try:
         return run(work(item), report)
     except KochabError as error:
-        return {"file": str(getattr(item, "file", item)), "error": str(error)}
+        return {"file": file, "error": str(error)}
+    except Exception as error:
+        first = (str(error).splitlines() or [""])[0]
+        return {"file": file, "error": f"A fault in Kochab: {type(error).__name__}: {first}"}
 
 
 def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> Iterator[Json]:
@@ -58,7 +65,7 @@ def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> It
 def _in_processes(
     work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int
 ) -> Iterator[Json]:
-    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
     from multiprocessing import get_context
 
     pool = ProcessPoolExecutor(
@@ -66,8 +73,12 @@ def _in_processes(
     )
     try:
         jobs = [pool.submit(attempt, work, item) for item in items]
-        for job in jobs:
-            yield job.result()
+        for item, job in zip(items, jobs, strict=True):
+            try:
+                yield job.result()
+            except BrokenExecutor:  # killed from outside, out of memory most likely
+                file = str(getattr(item, "file", item))
+                yield {"file": file, "error": "Its process was ended from outside."}
     except KeyboardInterrupt:
         for process in list(pool._processes.values()):
             process.terminate()

@@ -1,0 +1,72 @@
+"""Batches: a fault costs one file, processes end quietly, progress keeps to stderr."""
+
+import os
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+from app.cli import output
+from app.cli.batch import attempt, run_batch
+from app.cli.output import ProgressLine
+from app.core.errors import UsageError
+from app.core.progress import Progress
+
+
+@dataclass(frozen=True)
+class Item:
+    file: str
+
+
+def work(item):
+    yield Progress("identify", None, "blind")
+    match item.file:
+        case "bad":
+            raise UsageError("It is bad.")
+        case "fault":
+            raise ZeroDivisionError("division by zero")
+        case "killed":
+            os._exit(9)
+    return {"file": item.file, "solved": True}
+
+
+def test_a_fault_of_our_own_costs_one_file() -> None:
+    assert attempt(work, Item("bad")) == {"file": "bad", "error": "It is bad."}
+    fault = attempt(work, Item("fault"))
+    assert fault["error"] == "A fault in Kochab: ZeroDivisionError: division by zero"
+
+
+def test_the_code_is_the_worst(capsys) -> None:
+    assert run_batch(work, [Item("a"), Item("b")], as_json=True) == 0
+    assert run_batch(work, [Item("a"), Item("fault"), Item("b")], as_json=True) == 2
+    assert len(capsys.readouterr().out.splitlines()) == 5
+
+
+def test_a_process_that_dies_is_told(capsys) -> None:
+    assert run_batch(work, [Item("killed"), Item("killed")], as_json=True, workers=2) == 2
+    assert capsys.readouterr().out.count("ended from outside") == 2
+
+
+def test_progress_rewrites_one_line_on_a_terminal(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    line = ProgressLine("a.fits")
+    line(Progress("detect"))
+    line(Progress("identify", None, "blind"))
+    line.clear()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "\n" not in err
+    assert err.split("\r\x1b[K") == ["", "a.fits: detect", "a.fits: identify blind", ""]
+
+
+@pytest.mark.parametrize(("seconds", "lines"), [(1.0, 0), (3.0, 1)])
+def test_elsewhere_one_line_is_said_when_it_takes_long(monkeypatch, capsys, seconds, lines) -> None:
+    now = [100.0]
+    monkeypatch.setattr(output, "perf_counter", lambda: now[0])
+    line = ProgressLine("a.fits")
+    line(Progress("detect"))
+    now[0] += seconds
+    line(Progress("identify"))
+    line(Progress("identify"))
+    line.clear()
+    assert capsys.readouterr().err.count("\n") == lines
