@@ -48,12 +48,19 @@ def _draw_stars(draw: "ImageDraw", stars: tuple[NamedStar, ...], scale: float, h
 
     radius = max(5.0, height / 120.0)
     font = ImageFont.load_default(max(10.0, height / 60.0))
-    for rank, star in enumerate(sorted(stars, key=lambda s: s.mag)):
+    taken: list[tuple[float, float, float, float]] = []
+    for star in sorted(stars, key=lambda s: s.mag):
         x, y = (star.x + 0.5) * scale - 0.5, (star.y + 0.5) * scale - 0.5
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=_STAR)
-        if rank < _NAMES:
-            at = (x + radius + 2.0, y)
-            draw.text(at, star.name or star.id, fill=_TEXT, font=font, anchor="lm")
+        at, text = (x + radius + 2.0, y), star.name or star.id
+        box = draw.textbbox(at, text, font=font, anchor="lm")
+        if len(taken) < _NAMES and not any(_overlap(box, other) for other in taken):
+            draw.text(at, text, fill=_TEXT, font=font, anchor="lm")
+            taken.append(box)
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _draw_grid(draw: "ImageDraw", solution: Solution, scale: float) -> None:

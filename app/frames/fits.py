@@ -107,6 +107,10 @@ def _find_image(file: BinaryIO) -> _Image:
     file.seek(0)
     primary: Header | None = None
     for index in range(_MAX_HDUS):
+        start = file.tell()
+        if index and file.read(8) != b"XTENSION":
+            break  # whatever follows is no part of the file the standard knows
+        file.seek(start)
         header = read_header(file)
         if header is None:
             break

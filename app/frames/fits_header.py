@@ -98,6 +98,8 @@ def parse_cards(cards: Iterable[str]) -> Header:
         body = card[10:]
         if name == "HIERARCH" and "=" in card:
             name, body = (part.strip() for part in card[9:].split("=", 1))
+        elif card[8:9] == "=" and card[9:10].strip():
+            body = card[9:]  # a value that lacks the space before it, as some programs write
         elif card[8:10].rstrip() != "=":
             if not _NAME.match(name):
                 header.unparsed.append(_printable(name))

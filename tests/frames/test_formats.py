@@ -1,0 +1,112 @@
+"""Which reader a file gets, and the one sentence for what is no picture."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.core.errors import FrameError
+from app.frames import FORMATS, SUFFIXES, read_frame
+from app.frames.formats import kind_of
+from tests.frames.files import colours, one_of_each, sky
+
+
+def sentence(path):
+    with pytest.raises(FrameError) as caught:
+        read_frame(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.endswith(".")
+    assert path.name in text
+    return text
+
+
+def test_every_format_opens_and_keeps_the_promises_of_a_frame(tmp_path):
+    paths = one_of_each(tmp_path)
+    assert len(paths) == 15
+    for path in paths:
+        frame = read_frame(path)
+        assert frame.pixels.shape == (48, 64), path
+        assert frame.pixels.flags.c_contiguous, path
+        assert frame.pixels.dtype.isnative, path
+        assert frame.path == str(path)
+        assert frame.saturation is not None
+        assert frame.colour is None or frame.colour.shape == (48, 64, 3)
+        assert np.isfinite(frame.pixels).all()
+
+
+def test_every_reader_can_be_imported():
+    import importlib
+
+    for target in FORMATS.values():
+        module, name = target.split(":")
+        assert callable(getattr(importlib.import_module(module), name))
+    assert set(SUFFIXES.values()) == set(FORMATS)
+
+
+def test_content_beats_suffix(tmp_path):
+    path = tmp_path / "really_a_png.fits"
+    Image.fromarray(colours()).save(path, format="PNG")
+    assert read_frame(path).colour is not None
+
+
+@pytest.mark.parametrize(
+    ("head", "suffix", "kind"),
+    [
+        (b"SIMPLE  =  ", ".txt", "FITS"),
+        (b"II*\x00\x10\x00\x00\x00CR\x02\x00", ".tif", "raw"),
+        (b"II*\x00\x08\x00\x00\x00\x00\x00\x00\x00", ".nef", "raw"),
+        (b"MM\x00*\x00\x00\x00\x08\x00\x00\x00\x00", ".TIF", "TIFF"),
+        (b"\x00\x00\x00\x18ftypcrx \x00", ".cr3", "raw"),
+        (b"\x00\x00\x00\x18ftypheic\x00", ".jpg", "HEIF"),
+        (b"FUJIFILMCCD-RAW 0201", ".raf", "raw"),
+        (b"IIU\x00\x18\x00", ".rw2", "raw"),
+        (b"RIFF\x00\x00\x00\x00WEBPVP8 ", ".webp", "picture"),
+        (b"RIFF\x00\x00\x00\x00WAVEfmt ", ".wav", None),
+        (b"hello", ".fits", None),
+    ],
+)
+def test_sniffing(head, suffix, kind):
+    assert kind_of(head, suffix) == kind
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "empty"),
+        (b"a list of things to buy\n" * 10, "not a picture"),
+        (b"\x00" * 5000, "not a picture"),
+        (b"SIMPLE  =", "cut short"),
+        (b"BM", "damaged|cut short"),
+        (b"\x1f\x8b\x08\x00junk", "unzip"),
+        (b"\x89PNG\r\n\x1a\n", "damaged|cut short"),
+        (b"II*\x00", "damaged|cut short"),
+        (b"XISF0100", "damaged|cut short"),
+    ],
+)
+def test_what_is_no_picture_is_said_in_one_sentence(tmp_path, content, said):
+    import re
+
+    path = tmp_path / "sky.fits"
+    path.write_bytes(content)
+    assert re.search(said, sentence(path))
+
+
+def test_folders_and_absent_files(tmp_path):
+    assert "folder" in sentence(tmp_path)
+    assert "does not exist" in sentence(tmp_path / "absent.fits")
+
+
+def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
+    path = tmp_path / "private.png"
+    Image.fromarray(sky()).save(path)
+
+    def refuse(self, *args, **kwargs):  # a test may run as a user who may read every file
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(type(path), "open", refuse)
+    assert "permission" in sentence(path)
+
+
+def test_a_path_that_is_no_path():
+    with pytest.raises(FrameError):
+        read_frame("bad\0name.fits")
