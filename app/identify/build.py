@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from app.core.progress import Progress, Task
 from app.identify.codes import canonical, planar
 from app.identify.index import Grid, size_code
-from app.identify.levels import LEVEL_FIELDS_DEG, all_levels
+from app.identify.levels import LEVEL_FIELDS_DEG, PER_FIELD, all_levels
 from app.identify.zones import zone_keys
 
 Floats = NDArray[np.float64]
@@ -18,28 +19,23 @@ Ints = NDArray[np.int64]
 CHUNK = 1 << 18
 
 
-def _combinations(neighbours: int) -> Ints:
-    from itertools import combinations
+def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Ints:
+    """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once.
 
-    return np.array(list(combinations(range(1, neighbours + 1), 3)))
-
-
-def level_quads(vectors: Floats, neighbours: int) -> Ints:
-    """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once."""
+    ``neighbours`` nearest are used where the level is as rich as a level should be, up to
+    ``poorest`` where it holds less than half of that: frames there show few stars, and a few
+    missing ones must not break every quad.
+    """
     from scipy.spatial import cKDTree
 
-    k = min(neighbours, len(vectors) - 1)
-    _, near = cKDTree(vectors).query(vectors, k=k + 1, workers=-1)
-    near = near.astype(np.int64)
-    combos = _combinations(k)
-    quad = np.concatenate(
-        [
-            np.broadcast_to(near[:, :1, None], (len(near), len(combos), 1)),
-            near[:, combos],
-        ],
-        axis=2,
-    ).reshape(-1, 4)
-    quad.sort(axis=1)
+    most = min(max(neighbours, poorest), len(vectors) - 1)
+    distance, near = cKDTree(vectors).query(vectors, k=most + 1, workers=-1)
+    fifth = distance[:, min(5, most)] / np.radians(field_deg)
+    stars_per_field = 5.0 / (np.pi * np.maximum(fifth, 1e-9) ** 2)
+    share = np.clip((0.8 * PER_FIELD - stars_per_field) / (0.3 * PER_FIELD), 0.0, 1.0)
+    wanted = np.minimum(neighbours + np.ceil(share * (poorest - neighbours)).astype(int), most)
+    parts = [_sets(near[wanted == k].astype(np.int64), k) for k in np.unique(wanted)]
+    quad = np.concatenate(parts)
     with np.errstate(over="ignore"):
         q = quad.astype(np.uint64)
         mark = ((q[:, 0] * np.uint64(0x9E3779B97F4A7C15) + q[:, 1]) * np.uint64(0xC2B2AE3D27D4EB4F)
@@ -48,20 +44,30 @@ def level_quads(vectors: Floats, neighbours: int) -> Ints:
     return np.asarray(quad[np.sort(first)])
 
 
+def _sets(near: Ints, neighbours: int) -> Ints:
+    """Every star (column 0) with three of its ``neighbours`` nearest, members sorted (Q, 4)."""
+    combos = np.array(list(combinations(range(1, neighbours + 1), 3)))
+    first = np.broadcast_to(near[:, :1, None], (len(near), len(combos), 1))
+    quad = np.concatenate([first, near[:, combos]], axis=2).reshape(-1, 4)
+    quad.sort(axis=1)
+    return quad
+
+
 def build_volume(
     folder: Path,
     vectors: Floats,
     rows: Ints,
     levels: Sequence[int],
     *,
-    neighbours: Sequence[int],
+    neighbours: Sequence[tuple[int, int]],
     steps: int,
     mark: str = "",
 ) -> Task[None]:
     """Write the volume of the chosen ``levels`` of a sky into ``folder``.
 
     ``vectors`` (N, 3) ICRS unit vectors, brightest first, with their catalogue ``rows`` (N,).
-    ``neighbours`` per chosen level: how many nearest stars each star forms quads with.
+    ``neighbours`` per chosen level: how many nearest stars each star forms quads with,
+    where the sky is rich and where it is poor (see :func:`level_quads`).
     ``mark`` is kept in the index so that a later catalogue is noticed.
     """
     yield Progress("patterns", 0.0, "sorting the stars by field size")
@@ -83,7 +89,7 @@ def build_volume(
     cells, codes, quads = [], [], []
     for i, xyz in enumerate(stars):
         yield Progress("patterns", 0.1 + 0.7 * i / len(stars), f"level {i + 1} of {len(stars)}")
-        found = level_quads(xyz.astype(np.float64), neighbours[i])
+        found = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
         for at in range(0, len(found), CHUNK):
             part = found[at : at + CHUNK]
             c, code, order = _encode(grid, xyz.astype(np.float64)[part], part)

@@ -28,13 +28,16 @@ from app.identify.hypotheses import (
 )
 from app.identify.imagequads import image_quads, quad_marks
 from app.identify.index import Volume
+from app.identify.levels import LEVEL_FIELDS_DEG, PER_FIELD
 from app.identify.support import support
 from app.identify.verify import Pointing, Verdict, verify
+from app.identify.volumes import fine, make_fine, shipped
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ACCEPT_LOG10 = -6.0
+FEWEST = 6  # four stars propose, at least two more must agree
 CROWD = 600  # more pointings than this are thinned to those in company
 MAX_CANDIDATES = 40  # pointings verified in one stage and volume
 
@@ -74,40 +77,68 @@ STAGES = (
 )
 
 
+FINE = 2  # the volume that may have to be made first
+
+
 class Patterns:
     """Lost in space by quads; see the module's text.
 
-    ``volumes`` are tried in order at every stage.
+    ``volumes`` are the shipped ones and, for tests, all there are; by default the installation's.
     """
 
-    def __init__(self, volumes: tuple[Volume, ...], stages: tuple[Stage, ...] = STAGES) -> None:
+    def __init__(
+        self, volumes: tuple[Volume, ...] | None = None, stages: tuple[Stage, ...] = STAGES
+    ) -> None:
         self.volumes = volumes
         self.stages = stages
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
-        """Name the stars of one frame; see :class:`app.identify.Identifier`."""
-        search = Search(detections, hint); self.s=search
-        if len(search.xy) < 5:
+        """Name the stars of one frame; see :class:`app.identify.Identifier`.
+
+        The first frame that only the patterns for small fields can answer waits while those are
+        made, and says so.
+        """
+        search = Search(detections, hint)
+        if len(search.xy) < FEWEST:
             return NoSolution(
                 Reason.TOO_FEW_STARS,
                 "Expose longer or point at a richer part of the sky.",
                 f"{len(search.xy)} stars",
                 len(detections),
             )
-        stages = search.plan(self.stages, self.volumes)
-        for k, stage in enumerate(stages):
-            yield Progress("identify", k / len(stages), f"{stage.stars} brightest stars")
-            volume = self.volumes[stage.volume]
-            for verdict in search.round(volume, stage):
-                return self._answer(volume, search, verdict, detections)
-        return NoSolution(
+        volumes = self.volumes
+        if volumes is None:
+            ready = fine()
+            volumes = (*shipped(), ready) if ready else shipped()
+        found = yield from self._search(search, volumes, self.stages, detections)
+        if found is None and self.volumes is None and len(volumes) == FINE:
+            late = tuple(s for s in self.stages if s.volume == FINE)
+            if search.wants_small_fields(late):
+                made = yield from make_fine()
+                found = yield from self._search(search, (*volumes, made), late, detections)
+        return found or NoSolution(
             Reason.NO_PATTERN_AGREED,
             "Check that the frame shows stars in focus.",
-            f"{search.tried} pointings from {len(search.seen)} star patterns",
+            f"{search.tried} pointings from {search.asked} star patterns",
             len(detections),
         )
+
+    def _search(
+        self,
+        search: "Search",
+        volumes: tuple[Volume, ...],
+        stages: tuple[Stage, ...],
+        detections: Detections,
+    ) -> Task[Identification | None]:
+        plan = search.plan(stages, volumes)
+        for k, stage in enumerate(plan):
+            yield Progress("identify", k / len(plan), f"{stage.stars} brightest stars")
+            volume = volumes[stage.volume]
+            for verdict in search.round(volume, stage):
+                return self._answer(volume, search, verdict, detections)
+        return None
 
     def _answer(
         self, volume: Volume, search: "Search", verdict: Verdict, detections: Detections
@@ -137,8 +168,7 @@ class Search:
         self.half = np.array([detections.width / 2, detections.height / 2])
         self.side = float(max(detections.width, detections.height))
         self.tried = 0
-        self.log = []
-        self.seen: set[tuple[int, float]] = set()
+        self.asked = 0
         self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
         lo, hi = 0.25 * self.side, 180.0 * self.side
         if hint is not None and hint.scale_arcsec_px is not None:
@@ -162,10 +192,9 @@ class Search:
             if (narrow < 1.8 and not stage.focal) or (wide > 3.0 and stage.focal):
                 continue
             fields = volumes[stage.volume].fields_deg
-            density = np.sqrt(30.0 / min(stage.stars, len(self.xy)))
             want = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / np.array(self.scale)))
-            want = want * density * np.array([stage.spread, 1 / stage.spread])
-            if want[0] < fields[0] and stage.volume != len(volumes) - 1:
+            want = want * self._per_field(stage)[::-1]
+            if want[0] < fields[0] and stage.volume != FINE:
                 continue
             if want[1] > fields[-1]:
                 continue
@@ -173,6 +202,11 @@ class Search:
             miss = max(0.0, np.log(fields[0] / middle), np.log(middle / fields[-1]))
             kept.append((stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage))
         return [s for _, _, s in sorted(kept, key=lambda k: k[:2])]
+
+    def wants_small_fields(self, stages: tuple[Stage, ...]) -> bool:
+        """Whether the allowed scales reach down to fields that only the fine volume serves."""
+        field = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / self.scale[1]))
+        return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[4] for s in stages)
 
     def alarm(self, verdict: Verdict) -> float:
         """The verdict's false-alarm bound after counting all pointings tried."""
@@ -193,16 +227,26 @@ class Search:
         if len(quads) == 0:
             return
         view = View(self.xy, self.half, self.scale)
-        density = float(np.sqrt(30.0 / min(stage.stars, len(self.xy))))
-        per_field = (density / stage.spread, density * stage.spread)
+        per_field = self._per_field(stage)
         found = propose(volume, view, Question(quads, focal, noise, stage.slack, per_field))
         if self.centre is not None:
             dot = found.matrix[:, 2] @ self.centre[0]
             wide = np.arctan(np.hypot(*self.half) / found.focal)
             found = found.take(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
         self.tried += len(found)
-        self.log.append((stage.stars, bool(stage.focal), stage.volume, len(quads), len(found)))
+        self.asked += len(quads)
         yield from self._check(volume, view, stage, found)
+
+    def _per_field(self, stage: Stage) -> tuple[float, float]:
+        """Lowest and highest ratio of a level's field to the frame's, for stars so bright.
+
+        A frame with fewer stars than the stage would take shows all the catalogue has there, so
+        that any finer level will do.
+        """
+        n = len(self.xy)
+        density = float(np.sqrt(PER_FIELD / min(stage.stars, n)))
+        low = density / stage.spread if n > stage.stars else 0.3
+        return low, density * stage.spread
 
     def _new_quads(self, stage: Stage, noise: float) -> Ints:
         quads = image_quads(self.xy[: stage.stars], stage.neighbours, 12.0 * noise)
@@ -229,7 +273,8 @@ class Search:
                 found.matrix[h], float(found.focal[h]), bool(found.mirrored[h])
             )
             verdict = verify(
-                volume, int(found.level[h]), view, start, found.detections[h], reach, stage.use
+                volume, int(found.level[h]), view, start, found.detections[h],
+                found.stars[h], reach, stage.use,
             )
             if verdict is not None and self.alarm(verdict) < ACCEPT_LOG10:
                 yield verdict

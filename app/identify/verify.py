@@ -12,6 +12,7 @@ from app.identify.index import Volume
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+LOG10_2 = 0.30103  # two ways of judging, the better counts
 RADII = 8  # agreement is judged at so many radii, each sqrt 2 apart, the best counts
 
 
@@ -104,11 +105,13 @@ def _turn(w: Floats) -> Floats:
 
 
 def verify(
-    volume: Volume, level: int, view: View, start: Pointing, proposers: Ints, reach_px: float, use: int
+    volume: Volume, level: int, view: View, start: Pointing, proposers: Ints,
+    proposing_stars: Ints, reach_px: float, use: int,
 ) -> Verdict | None:
     """Check one pointing against the brightest ``use`` detections; None when hopeless.
 
-    ``proposers`` (4,) are the detections that suggested it: they are matched and refitted like the
+    ``proposers`` (4,) are the detections that suggested it and ``proposing_stars`` (4,) the stars
+    they would be: they are matched and refitted like the
     others but do not count as evidence. ``reach_px`` is the first, widest radius.
     """
     seen = view.xy[:use]
@@ -122,10 +125,27 @@ def verify(
     i, j, _ = pair(seen, xy[near], reach_px)
     if len(i) < 6:  # the four proposers and two more
         return None
+    four = start
+    known = proposers < len(seen)
+    stars = volume.stars[proposing_stars].astype(np.float64)
+    for _ in range(2):
+        four = refit(four, view.xy[proposers], stars, bend=False)
     pointing = improve(start, seen, sky, reach_px, 5)
     if pointing is None:
         return None
-    return _judge(view, pointing, sky, number, seen, proposers, reach_px, level)
+    evidence = np.ones(len(seen), dtype=bool)
+    evidence[proposers[known]] = False
+    tail = min(
+        _tail(view, four, seen, sky, evidence, reach_px, free=0)[0],
+        _tail(view, pointing, seen, sky, evidence, reach_px, free=4)[0],
+    )
+    i, j, d2 = pair(seen, pointing.project(sky)[0], reach_px)
+    _, radius = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
+    kept = d2 < radius * radius
+    if kept.sum() < 6:
+        return None
+    rms = float(np.sqrt(d2[kept].mean()))
+    return Verdict(pointing, i[kept], number[j[kept]], min(0.0, tail + LOG10_2), rms, level)
 
 
 def improve(
@@ -143,27 +163,27 @@ def improve(
     return pointing
 
 
-def _judge(
-    view: View, pointing: Pointing, sky: Floats, number: Ints, seen: Floats, proposers: Ints,
-    reach_px: float, level: int,
-) -> Verdict | None:  # fmt: skip
+def _tail(
+    view: View, pointing: Pointing, seen: Floats, sky: Floats, evidence: NDArray[np.bool_],
+    reach_px: float, free: int,
+) -> tuple[float, float]:  # fmt: skip
+    """The least likely agreement over all radii, log10 for one candidate, and its radius in px.
+
+    ``free`` is how many numbers of the pointing were fitted to the evidence itself: none when only
+    the proposers were used.
+    """
     xy, _ = pointing.project(sky)
     inside = int((np.abs(xy) < view.half).all(axis=1).sum())
-    i, j, d2 = pair(seen, xy, reach_px)
-    evidence = ~np.isin(i, proposers)
-    others = len(seen) - int((proposers < len(seen)).sum())
+    i, _, d2 = pair(seen, xy, reach_px)
+    d2 = d2[evidence[i]]
     area = float(4.0 * view.half[0] * view.half[1])
     best, radius = 0.0, 0.0
     for k in range(RADII):
         r = reach_px / 2 ** (k / 2.0)
-        m = int((evidence & (d2 < r * r)).sum())
         value = log10_false_alarm(
-            m, others, inside, r, area, reach_px=reach_px, radii=RADII, candidates=1
-        )
+            int((d2 < r * r).sum()), int(evidence.sum()), inside, r, area,
+            reach_px=reach_px, radii=RADII, candidates=1, free=free,
+        )  # fmt: skip
         if value < best:
             best, radius = value, r
-    kept = d2 < radius * radius
-    if kept.sum() < 6:
-        return None
-    rms = float(np.sqrt(d2[kept].mean()))
-    return Verdict(pointing, i[kept], number[j[kept]], best, rms, level)
+    return best, radius

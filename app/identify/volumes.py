@@ -1,0 +1,153 @@
+"""The pattern volumes of this installation: two shipped, one made on the user's machine.
+
+``wide`` and ``coarse`` lie in ``catalogs/patterns`` and serve fields from about 2.5 degrees up.
+``fine`` serves smaller ones. It is several times as large, so it is made from the shipped catalogue
+where it is first needed, once, and kept in the user's cache folder.
+"""
+
+import json
+import os
+import shutil
+import time
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from app.core.errors import CatalogueError
+from app.core.progress import Progress, Task
+from app.identify.build import build_volume
+from app.identify.index import Volume, open_volume
+
+FORMAT = 1
+EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
+SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
+    # name: levels, nearest stars taken at each (rich, poor sky), cells of code space
+    "wide": (range(9, 15), ((6, 6),) * 6, 16),
+    "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
+}
+FINE = (range(5), ((4, 7), (4, 5), (4, 4), (4, 4), (4, 4)), 32)
+STALE_S = 900.0  # a lock older than this was left behind by something that died
+
+
+def shipped_folder() -> Path:
+    """Where the shipped volumes lie."""
+    from app.sky.catalogue import shipped_folder as catalogs
+
+    return catalogs() / "patterns"
+
+
+def fine_folder() -> Path:
+    """Where the volume of small fields lies, or will: ``KOCHAB_CACHE`` or the user's cache."""
+    from platformdirs import user_cache_path
+
+    base = os.environ.get("KOCHAB_CACHE")
+    root = Path(base) if base else user_cache_path("kochab", appauthor=False)
+    return root / f"patterns-{FORMAT}-{_mark()[:12]}"
+
+
+@lru_cache(maxsize=1)
+def shipped() -> tuple[Volume, ...]:
+    """The shipped volumes, ``wide`` first; raises CatalogueError when one is missing."""
+    return tuple(open_volume(shipped_folder() / name) for name in SHIPPED)
+
+
+def fine() -> Volume | None:
+    """The volume of small fields when it has been made, else None."""
+    folder = fine_folder()
+    return _opened(folder) if (folder / "index.json").exists() else None
+
+
+@lru_cache(maxsize=1)
+def _opened(folder: Path) -> Volume:
+    return open_volume(folder)
+
+
+@lru_cache(maxsize=1)
+def _mark() -> str:
+    """The catalogue the patterns must belong to: its SHA-256 from the manifest."""
+    from app.sky.catalogue import shipped_folder as catalogs
+
+    try:
+        manifest = json.loads((catalogs() / "manifest.json").read_text("utf-8"))
+        return str(manifest["files"]["deep.kcat"]["sha256"])
+    except (OSError, ValueError, KeyError) as error:
+        raise CatalogueError("The catalogue's manifest is missing or damaged.") from error
+
+
+def build_shipped(folder: Path | None = None) -> Task[None]:
+    """Make the shipped volumes from the shipped catalogue; the same input gives the same bytes."""
+    _mark.cache_clear()
+    for name, plan in SHIPPED.items():
+        yield from _build((folder or shipped_folder()) / name, *plan)
+    shipped.cache_clear()
+
+
+def make_fine() -> Task[Volume]:
+    """Return the volume of small fields, making it first if need be: half a minute, once.
+
+    Safe when several programs ask at once: one makes it, the others wait. Raises CatalogueError
+    when it cannot be written.
+    """
+    folder = fine_folder()
+    lock = folder.with_suffix(".lock")
+    while True:
+        ready = fine()
+        if ready is not None:
+            return ready
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            handle = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
+            break
+        except FileExistsError:
+            yield Progress("patterns", None, "another Kochab is making the patterns for small fields")
+            _drop_stale(lock)
+            time.sleep(0.2)
+        except OSError as error:
+            raise CatalogueError(
+                f"The patterns for small fields cannot be kept in {folder.parent}: {error.strerror}."
+            ) from error
+    scratch = folder.with_suffix(".part")
+    try:
+        shutil.rmtree(scratch, ignore_errors=True)
+        yield from _build(scratch, *FINE, lock=lock)
+        scratch.rename(folder)
+    except OSError as error:
+        raise CatalogueError(
+            f"The patterns for small fields cannot be written to {folder.parent}: {error.strerror}."
+        ) from error
+    finally:
+        os.close(handle)
+        shutil.rmtree(scratch, ignore_errors=True)
+        lock.unlink(missing_ok=True)
+    return open_volume(folder)
+
+
+def _drop_stale(lock: Path) -> None:
+    try:
+        if time.time() - lock.stat().st_mtime > STALE_S:
+            lock.unlink()
+    except OSError:
+        pass  # its owner has just finished
+
+
+def _build(
+    folder: Path,
+    levels: range,
+    neighbours: tuple[tuple[int, int], ...],
+    steps: int,
+    lock: Path | None = None,
+) -> Task[None]:
+    from app.sky import open_catalogue
+
+    yield Progress("patterns", 0.0, "reading the catalogue")
+    catalogue = open_catalogue()
+    rows = np.arange(len(catalogue))
+    rows = rows[np.argsort(catalogue.mag(rows), kind="stable")]
+    vectors = catalogue.vectors(rows, EPOCH)
+    for progress in build_volume(
+        folder, vectors, rows, levels, neighbours=neighbours, steps=steps, mark=_mark()
+    ):
+        if lock is not None:
+            lock.touch()
+        yield progress
