@@ -68,8 +68,11 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12) -> Shapes
         syy = (rows * py * py).sum(axis=1) / safe - my * my
         sxy = np.einsum("nij,nj,ni->n", light, px, py) / safe - mx * my
         flux = 2.0 * total
+        before = np.stack([x, y, xx, yy])
         x, y = np.clip(x + 2.0 * mx, -limit, limit), np.clip(y + 2.0 * my, -limit, limit)
         xx, yy, xy = _bounded(2.0 * sxx, 2.0 * syy, 2.0 * sxy, limit)
+        if np.all(np.abs(np.stack([x, y, xx, yy]) - before) < 2e-3):
+            break
     major, minor, _ = principal_axes(xx, yy, xy)
     good &= (np.hypot(x, y) < limit) & (major < 0.98 * limit) & (minor > 0.3)
     return Shapes(x, y, xx, yy, xy, flux, good)

@@ -8,7 +8,7 @@ from app.detect.strips import Halving, Pixels, Smoother
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
-STRIP = 64  # rows of the frame; what a strip needs fits the cache
+STRIP = 128  # rows of the frame; what a strip needs fits the cache
 
 
 def find_peaks(
@@ -59,7 +59,7 @@ def _strip_peaks(
     above, below = 2 * (first == top), 2 * (last == height)
     field = smoother(pixels[first:last], (above, below, 2))
     # one halved row and column more than the strip on every side
-    hit = _where(field, _as_threshold(floor, field))
+    hit = _where(smoother.above(field, _as_threshold(floor, field)))
     y, x = np.divmod(hit, field.shape[1])
     inside = (y > 0) & (y < field.shape[0] - 1) & (x > 0) & (x < field.shape[1] - 1)
     hit = hit[inside & (y <= STRIP // 2)]
@@ -68,9 +68,8 @@ def _strip_peaks(
     return np.stack([2.0 * x - 1.5, top + 2.0 * y - 1.5], axis=1), field.ravel()[hit].astype(float)
 
 
-def _where(field: Pixels, floor: Pixels) -> Index:
-    """Flat indices above ``floor``, looking at eight at a time because few are."""
-    above = (field > floor).ravel()
+def _where(above: NDArray[np.bool_]) -> Index:
+    """Indices of what is true in a flat mask, looking at eight at a time because little is."""
     whole = len(above) // 8 * 8
     words = np.flatnonzero(above[:whole].view(np.uint64))
     near = (words[:, None] * 8 + np.arange(8)).ravel()

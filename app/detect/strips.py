@@ -131,6 +131,11 @@ class Smoother:
             sums[-below:] = sums[-below - 1]
         return self._binomial(sums, spare)
 
+    def above(self, smoothed: Pixels, floor: Pixels) -> NDArray[np.bool_]:
+        """Flat mask of where ``smoothed`` (n, m) exceeds ``floor`` (m,); overwritten as well."""
+        out = self._memory("above", (smoothed.shape[0], smoothed.shape[1]), np.bool_)
+        return np.asarray(np.greater(smoothed, floor, out=out).ravel())
+
     def _binomial(self, sums: Pixels, wide: Pixels) -> Pixels:
         """Weights 1 2 1 along each axis."""
         n, m = sums.shape
@@ -142,7 +147,7 @@ class Smoother:
         np.add(wide[: n - 2, : m - 2], wide[1 : n - 1, : m - 2], out=out)
         return out
 
-    def _memory(self, name: str, shape: tuple[int, int], dtype: type[np.number[Any]]) -> Pixels:
+    def _memory(self, name: str, shape: tuple[int, int], dtype: type[np.generic]) -> Pixels:
         size = shape[0] * shape[1]
         kept = self._kept.get(name)
         if kept is None or len(kept) < size or kept.dtype != dtype:
