@@ -2,7 +2,9 @@
 
 Background and noise on a mesh, local maxima of the smoothed frame, the frame's own star image
 from the brightest of them, and a fit of that image to every one. What a single pixel explains
-better than the star image is a hot pixel.
+better than the star image is a hot pixel. When the stars are not small, the same is done on the
+frame made four times smaller, and the plainer answer is taken: far out of focus a star is a ring
+that at full scale looks like many.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +18,7 @@ from app.detect.fit import fit_stars, refit_bright
 from app.detect.hot import behind, leave_out, sort_out
 from app.detect.image import clip_level, star_image, unweighted
 from app.detect.mesh import Mesh, measure_mesh
-from app.detect.moments import FWHM_PER_SIGMA, adaptive_moments, principal_axes
+from app.detect.moments import FWHM_PER_SIGMA, PIXEL_VARIANCE, adaptive_moments, principal_axes
 from app.detect.peaks import find_peaks
 from app.detect.stamps import cut
 from app.detect.strips import Halving, Pixels, halving
@@ -26,6 +28,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 MIN_SIDE = 8  # px; smaller frames hold no star with a background around it
 MAX_PEAKS = 12_000
+MIN_COARSE = 128  # px; smaller frames are not made smaller still
+COARSE = 4
 BATCH = 1000  # stars whose stamps are held at once
 
 
@@ -69,17 +73,26 @@ class AutoDetector:
         pixels = frame.pixels
         if pixels.ndim != 2 or min(pixels.shape) < MIN_SIDE:
             return nothing(frame)
-        how = halving(frame.bayer)
+        found, small = self._at_full_scale(frame)
+        if small or min(pixels.shape) < MIN_COARSE:
+            return found
+        coarse, _ = self._at_full_scale(Frame(_shrunk(pixels)))
+        return _enlarged(coarse, frame) if _plainer(coarse, found) else found
+
+    def _at_full_scale(self, frame: Frame) -> tuple[Detections, bool]:
+        """Stars up to some 20 px wide or 30 px long, and whether most are small."""
+        pixels, how = frame.pixels, halving(frame.bayer)
         mesh = measure_mesh(pixels, how, quantum(pixels))
         snr = self.snr + 0.4 * float(np.log10(max(1.0, pixels.size / 1e6)))
         xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
         if not len(xy):
-            return nothing(frame, mesh)
+            return nothing(frame, mesh), True
         clip = clip_level(pixels, how, xy, frame.saturation)
-        covariance = star_image(pixels, how, mesh, xy, clip)
+        covariance, small = star_image(pixels, how, mesh, xy, clip)
         stars = measure(pixels, how, mesh, xy, covariance, clip, snr)
         stars = weeded(pixels, stars, covariance)
-        return _detections(frame, mesh, stars, covariance).take(slice(self.max_stars))
+        found = _detections(frame, mesh, stars, covariance)
+        return found.take(slice(self.max_stars)), small
 
 
 def measure(
@@ -148,7 +161,10 @@ def weeded(pixels: Pixels, stars: Stars, covariance: Floats) -> Stars:
 
 
 def _detections(frame: Frame, mesh: Mesh, stars: Stars, covariance: Floats) -> Detections:
-    major, minor, angle = stars.axes()
+    xx, yy, xy = stars.moments.T  # of the light on the sensor: a pixel's own width is taken off
+    major, minor, angle = principal_axes(xx - PIXEL_VARIANCE, yy - PIXEL_VARIANCE, xy)
+    minor = np.maximum(minor, 0.2)
+    major = np.maximum(major, minor)
     blended = np.zeros(len(major), dtype=np.bool_)
     longest = FWHM_PER_SIGMA * float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     for ends in close_pairs(stars.xy, 2.0 * longest):
@@ -168,6 +184,34 @@ def nothing(frame: Frame, mesh: Mesh | None = None) -> Detections:
     return replace(
         empty, background=float(np.median(mesh.level)), noise=float(np.median(mesh.noise))
     )
+
+
+def _shrunk(pixels: Pixels) -> NDArray[np.float32]:
+    """Sums of ``COARSE`` x ``COARSE`` pixels; what is left over at the edges is dropped."""
+    height, width = (side // COARSE for side in pixels.shape)
+    out = np.empty((height, width), dtype=np.float32)
+    for row in range(0, height, 64):
+        part = pixels[COARSE * row : COARSE * min(row + 64, height), : COARSE * width]
+        cells = part.astype(np.float32).reshape(-1, COARSE, width, COARSE)
+        out[row : row + 64] = cells.sum(axis=(1, 3))
+    return out
+
+
+def _plainer(coarse: Detections, fine: Detections) -> bool:
+    """Whether stars stand out much more when the frame is made smaller."""
+    top = min(20, len(coarse))
+    if top < 4:
+        return False
+    return not len(fine) or bool(np.median(coarse.snr[:top]) > 1.5 * np.median(fine.snr[:20]))
+
+
+def _enlarged(coarse: Detections, frame: Frame) -> Detections:
+    """Detections of the shrunk frame in pixels of the frame itself."""
+    return replace(
+        coarse, width=frame.width, height=frame.height,
+        xy=COARSE * coarse.xy + 0.5 * (COARSE - 1), fwhm_px=COARSE * coarse.fwhm_px,
+        background=coarse.background / COARSE**2, noise=coarse.noise / COARSE,
+    )  # fmt: skip
 
 
 def quantum(pixels: Pixels) -> float:

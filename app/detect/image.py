@@ -26,18 +26,22 @@ def clip_level(pixels: Pixels, how: Halving, xy: Floats, told: float | None) -> 
 
 def star_image(
     pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, clip: float, count: int = 60
-) -> Floats:
-    """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px."""
+) -> tuple[Floats, bool]:
+    """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px.
+
+    Also whether most of them are well inside a few pixels. When not, stars are large or trailed,
+    or are not stars.
+    """
     xy = xy[:2000]
     xy = xy[_bright_stars(pixels, how, mesh, xy, clip)[:count]]
     if len(xy) < 3:
-        return TYPICAL
+        return TYPICAL, True
     found, settled = _usual_moments(pixels, how, mesh, xy, 8)
     if settled < 0.5:  # large stars, or lines and edges instead of stars
         larger, of_larger = _usual_moments(pixels, how, mesh, xy, 20)
         if of_larger >= 0.5 or of_larger > 2.0 * settled:
             found = larger
-    return TYPICAL if found is None else _held(found)
+    return TYPICAL if found is None else _held(found), settled >= 0.5
 
 
 def is_round(covariance: Floats) -> bool:
