@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from app.core.errors import FrameError
 from app.core.frame import Frame
-from app.frames.planes import check_size, clipping_level, finite, split
+from app.frames.exif_hint import exif_from_bytes, hint_from_exif
+from app.frames.planes import check_size, finite, split
 
 _CFA = 32803
 
@@ -45,9 +46,9 @@ def read_tiff(path: Path) -> Frame:
     pixels, colour, saturation = split(samples)
     pixels, gaps = finite(pixels)
     notes = (f"Of {count} pages only the first is read.",) if count > 1 else ()
+    hint, header, doubts = hint_from_exif(exif_from_bytes(path), (pixels.shape[1], len(pixels)))
     return Frame(
-        pixels, colour, None, saturation or clipping_level(pixels.dtype), str(path),
-        warnings=(*notes, *gaps),
+        pixels, colour, None, saturation, str(path), hint, (*notes, *gaps, *doubts), header
     )  # fmt: skip
 
 

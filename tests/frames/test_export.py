@@ -1,0 +1,123 @@
+"""What is written of a solution can be read back."""
+
+import csv
+import io
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from app.core.attitude import attitude_from, radec_deg
+from app.core.camera import Camera
+from app.core.frame import Frame
+from app.core.solution import NamedStar, Solution
+from app.frames.annotated import annotated_picture, compass, grid_lines
+from app.frames.export import annotate, ds9_regions, stars_csv, write_csv, write_regions
+from tests.frames.files import sky
+
+
+def solution(ra=279.2, dec=38.8, roll=20.0, fov_deg=10.0, mirrored=False, size=(640, 480)):
+    focal = size[0] / 2 / np.tan(np.radians(fov_deg) / 2)
+    camera = Camera.centred(*size, focal, mirrored)
+    attitude = attitude_from(ra, dec, roll)
+    stars = []
+    for x, y, name, mag in ((100, 80, "Vega, the {bright}", 0.03), (400.5, 300.25, "", 4.0)):
+        ray = camera.unproject(np.array([[x, y]]))[0] @ attitude.matrix
+        stars.append(NamedStar(x, y, "HIP 91262", name, mag, *radec_deg(ray), 0.1))
+    return Solution(camera, attitude, tuple(reversed(stars)), 0.2, -30.0, "test")
+
+
+def test_csv_reads_back(tmp_path):
+    answer = solution()
+    rows = list(csv.DictReader(io.StringIO(stars_csv(answer))))
+    assert [r["name"] for r in rows] == ["Vega, the {bright}", ""]  # brightest first
+    assert float(rows[1]["x"]) == 400.5
+    assert float(rows[1]["ra_deg"]) == pytest.approx(answer.stars[0].ra_deg, abs=1e-6)
+    write_csv(answer, tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text("utf-8") == stars_csv(answer)
+
+
+def test_regions_mark_every_star(tmp_path):
+    answer = solution()
+    text = ds9_regions(answer)
+    circles = re.findall(
+        r'^circle\(([\d.]+),([-\d.]+),([\d.]+)"\) # text=\{([^{}]*)\}$', text, re.M
+    )
+    assert len(circles) == 2
+    assert float(circles[0][0]) == pytest.approx(answer.stars[0].ra_deg, abs=1e-6)
+    assert circles[0][3] == "HIP 91262"
+    write_regions(answer, tmp_path / "a.reg")
+    assert (tmp_path / "a.reg").read_text("utf-8") == text
+
+
+def test_what_cannot_be_written_raises(tmp_path):
+    with pytest.raises(OSError, match="No such file"):
+        write_csv(solution(), tmp_path / "absent" / "a.csv")
+
+
+@pytest.mark.parametrize("bayer", [None, "RGGB"])
+def test_the_annotated_picture_marks_its_stars(tmp_path, bayer):
+    frame = Frame(sky(480, 640), bayer=bayer)
+    annotate(frame, solution(), tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        marked = np.asarray(picture.convert("RGB")).astype(int)
+    scale = marked.shape[1] / 640
+    green = (marked[..., 1] > marked[..., 0] + 60) & (marked[..., 1] > marked[..., 2] + 60)
+    y, x = np.nonzero(green)
+    for star in solution().stars:
+        near = np.hypot(x - star.x * scale, y - star.y * scale) < 12
+        assert np.hypot(x[near].mean() - star.x * scale, y[near].mean() - star.y * scale) < 1.5
+
+
+def test_large_frames_are_thinned():
+    picture = annotated_picture(
+        Frame(np.zeros((2000, 5000), np.uint8)), solution(size=(5000, 2000))
+    )
+    assert max(picture.size) <= 2400
+
+
+@settings(max_examples=40)
+@given(
+    ra=st.floats(0, 360), dec=st.one_of(st.floats(-90, 90), st.sampled_from([90.0, -90.0, 88.0])),
+    roll=st.floats(-180, 180), fov=st.floats(0.5, 70), mirrored=st.booleans(),
+)  # fmt: skip
+def test_grid_lines_follow_the_sky(ra, dec, roll, fov, mirrored):
+    answer = solution(ra, dec, roll, fov, mirrored)
+    lines = grid_lines(answer)
+    assert 4 <= len(lines) <= 400
+    for line in lines:
+        assert ((line >= -1) & (line <= [640, 480])).all()
+        places = np.array([radec_deg(v) for v in answer.sky_at(line)])
+        same_dec = np.ptp(places[:, 1]) < 1e-6
+        ras = places[np.abs(places[:, 1]) < 89.99, 0]  # at the pole itself there is no RA
+        around = np.abs((ras - ras[:1] + 180) % 360 - 180)
+        assert same_dec or around.max(initial=0.0) < 1e-3
+
+
+@given(st.floats(0, 360), st.floats(-89, 89), st.floats(-180, 180), st.booleans())
+def test_compass(ra, dec, roll, mirrored):
+    answer = solution(ra, dec, roll, 5.0, mirrored)
+    north, east = compass(answer)
+    turned = north[0] * east[1] - north[1] * east[0]
+    assert turned == pytest.approx(1.0 if mirrored else -1.0, abs=1e-3)
+    # roll is the position angle of the screen's up, east of north
+    up = np.array([0.0, -1.0])
+    angle = np.degrees(np.arctan2(up @ east, up @ north))
+    assert (angle - answer.roll_deg + 180) % 360 - 180 == pytest.approx(0.0, abs=0.2)
+
+
+def test_compass_at_the_pole_points_somewhere():
+    for dec in (90.0, -90.0):
+        assert np.isfinite(compass(solution(0.0, dec, 10.0))).all()
+
+
+def test_grid_lines_are_round_numbers():
+    lines = grid_lines(solution(83.0, 0.0, 0.0, 10.0))
+    decs = [
+        radec_deg(v)[1]
+        for v in solution(83.0, 0.0, 0.0, 10.0).sky_at(np.array([ln[0] for ln in lines]))
+    ]
+    assert any(abs(d) < 1e-6 for d in decs)
