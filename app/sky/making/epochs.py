@@ -16,6 +16,11 @@ ARCSEC = np.radians(1.0 / 3600.0)
 EARLY = 1991.65  # the median over the stars found so, with a spread of 0.15 yr
 SUPPLEMENT = 1991.25
 LIST_EPOCH = 2024.0
+# Proxima: not in Tycho-2, in a full cell of the index, and too faint for the independent list.
+ALSO_EARLY = (70890,)
+# Where the table of motions is 80 mas/yr off: Barnard's and Kapteyn's stars, from Gaia DR3
+# (Gaia Collaboration 2023, A&A 674, A1), pmRA*, pmDE in mas/yr.
+MOTIONS = {87937: (-801.55, 10362.39), 24186: (6491.22, -5708.61)}
 TELLING = 0.15  # arcsec: a smaller shift can neither be told nor does it harm
 POLE_SIN = np.sin(np.radians(85.0))  # nearer the poles the independent list has no motion
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from app.core.progress import Progress, Task
 from app.sky import layout
 from app.sky.making import epochs
+from app.sky.making.cells import crowded_out
 from app.sky.making.sources import Sources
 
 Floats = NDArray[np.float64]
@@ -16,9 +17,9 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 PARTNER = 1.5  # arcsec within which a Tycho-2 star is the same star
+SAME_BRIGHT = 6.0  # arcsec, of a star without partner, if V agrees within
+SAME_MAG = 0.7
 JOIN = 1.5  # arcsec within which stars become one photocentre
-CELL = 13.0  # arcmin: a circle of the area of the cells in which the index keeps ten stars
-CELL_STARS = 8  # so many at least as bright, and a star may have been left out for room
 BV_REAL = (0.02, 2.4)  # artefacts have one band missing: their colour stands at a stop
 
 
@@ -70,19 +71,18 @@ def merge(src: Sources) -> Task[Merged]:
     yield Progress("Looking for partners in Tycho-2", 0.1)
     tree = cKDTree(src.tycho)
     stars, place_listed, mag_listed = _prepared(src)
-    partner, counts, early = _dated(src, stars, place_listed, tree)
+    left_out = crowded_out(stars.vector, stars.mag, src.tycho, src.vt)
+    partner, counts, early = _dated(stars, place_listed, tree, left_out)
     yield Progress("Putting epochs right", 0.3)
     years = np.where(early, 2000.0 - epochs.EARLY, 0.0)
     vector = epochs.moved(stars.vector, stars.pm, years)
     flag = stars.flag | np.where(early, layout.REDATED, 0).astype(np.uint8)
     stars = Stars(vector, stars.pm, stars.mag, stars.bv, stars.hip, flag)
     yield Progress("Dropping artefacts", 0.4)
-    keep = (stars.hip > 0) | (partner >= 0) | _plausible(stars, partner, src, tree)
+    keep = (stars.hip > 0) | (partner >= 0) | _plausible(stars, left_out)
     counts["artefacts dropped"] = int((~keep).sum())
     stars = _measured(stars, partner, src, mag_listed)
-    used = np.zeros(len(src.tycho), dtype=np.bool_)
-    used[partner[partner >= 0]] = True
-    rest = _tycho_only(src, ~used)
+    rest = _tycho_only(src, ~_accounted_for(src, stars, partner, tree))
     counts["stars of Tycho-2 alone"] = len(rest)
     both = _joined(stars.take(keep), rest)
     yield Progress("Joining close components", 0.6)
@@ -100,6 +100,8 @@ def _prepared(src: Sources) -> tuple[Stars, Floats, Floats]:
     at = np.minimum(np.searchsorted(src.pm_hip, raw.hip), len(src.pm_hip) - 1)
     known = (raw.hip > 0) & (src.pm_hip[at] == raw.hip)
     pm = np.where(known[:, None], src.pm[at], raw.pm)
+    for hip, motion in epochs.MOTIONS.items():
+        pm[raw.hip == hip] = motion
     order = np.argsort(src.listed.hip)
     ids = src.listed.hip[order]
     spot = np.minimum(np.searchsorted(ids, raw.hip), len(ids) - 1)
@@ -121,7 +123,7 @@ def _brightest_of_hip(hip: Ints, mag: Floats) -> Flags:
 
 
 def _dated(
-    src: Sources, stars: Stars, listed: Floats, tree: Any
+    stars: Stars, listed: Floats, tree: Any, left_out: Flags
 ) -> tuple[Ints, dict[str, int], Flags]:
     """Each star's Tycho-2 partner (or -1), counts, and which stars stand at 1991.65."""
     same = _nearest(tree, stars.vector, PARTNER)
@@ -134,10 +136,11 @@ def _dated(
     early = lead & checked & epochs.early_by_list(stars.vector, stars.pm, listed)
     by_list = int(early.sum())
     # Of single Hipparcos stars without any partner, 222 of the 236 that can be checked stand at
-    # 1991.65: so do the rest, save where the index left faint stars out for room.
+    # 1991.65: so do the rest, save where the index left faint stars out for room (of those most
+    # stand at J2000: at V 11 to 12 one in ten is not in Tycho-2, but half are not in the index).
     alone = lead & ~checked & (epochs.shift_arcsec(stars.pm) > epochs.TELLING)
     alone &= (same < 0) & (supplement < 0) & (after < 0)
-    alone &= _crowd(stars, np.flatnonzero(alone), src, tree) < CELL_STARS
+    alone &= ~left_out | np.isin(stars.hip, epochs.ALSO_EARLY)
     early |= alone
     early = (stars.hip > 0) & np.isin(stars.hip, stars.hip[early])  # components follow
     fast = epochs.shift_arcsec(stars.pm) > epochs.TELLING
@@ -158,20 +161,10 @@ def _nearest(tree: Any, vector: Floats, limit: float) -> Ints:
     return np.where(np.isfinite(distance), row, -1).astype(np.int64)
 
 
-def _crowd(stars: Stars, rows: Ints, src: Sources, tree: Any) -> Ints:
-    """For all stars (N,), stars of the index near it and as bright; 0 except at ``rows``."""
-    count = np.zeros(len(stars), dtype=np.int64)
-    near = tree.query_ball_point(stars.vector[rows], np.radians(CELL / 60.0))
-    for row, found in zip(rows, near, strict=True):
-        count[row] = int(np.sum(src.vt[found] < stars.mag[row] + 0.35))
-    return count
-
-
-def _plausible(stars: Stars, partner: Ints, src: Sources, tree: Any) -> Flags:
-    """Stars without partner that may be real: not bright, of a real colour, and crowded out."""
+def _plausible(stars: Stars, left_out: Flags) -> Flags:
+    """Stars without partner that may be real: not bright, of a real colour, and left out."""
     real = (stars.bv > BV_REAL[0]) & (stars.bv < BV_REAL[1]) & (stars.mag > 8.0)
-    rows = np.flatnonzero(real & (partner < 0) & (stars.hip == 0))
-    return np.asarray(_crowd(stars, rows, src, tree) >= CELL_STARS)
+    return np.asarray(real & left_out)
 
 
 def _measured(stars: Stars, partner: Ints, src: Sources, listed: Floats) -> Stars:
@@ -184,6 +177,23 @@ def _measured(stars: Stars, partner: Ints, src: Sources, listed: Floats) -> Star
     better = (stars.hip == 0) & (near < 0.5 * epochs.ARCSEC)
     vector = np.where(better[:, None], src.tycho[partner], stars.vector)
     return Stars(vector, stars.pm, mag, stars.bv, stars.hip, stars.flag)
+
+
+def _accounted_for(src: Sources, stars: Stars, partner: Ints, tree: Any) -> Flags:
+    """Tycho-2 stars (T,) that are in the other list, or are none.
+
+    Besides the partners: the one at RA 0, Dec 0 to the last digit, which is a star without a
+    place, and stars as bright as a Hipparcos star without partner so near that it must be it.
+    """
+    used = np.zeros(len(src.tycho), dtype=np.bool_)
+    used[partner[partner >= 0]] = True
+    used |= np.linalg.norm(src.tycho - [1.0, 0.0, 0.0], axis=1) < 1e-8
+    lonely = stars.take((stars.hip > 0) & (partner < 0))
+    for years in (0.0, epochs.SUPPLEMENT - 2000.0):
+        near = _nearest(tree, epochs.moved(lonely.vector, lonely.pm, years), SAME_BRIGHT)
+        alike = (near >= 0) & (np.abs(src.vt[near] - 0.10 - lonely.mag) < SAME_MAG)
+        used[near[alike]] = True
+    return used
 
 
 def _tycho_only(src: Sources, index: Flags) -> Stars:

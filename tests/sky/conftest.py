@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+
+from app.sky import open_catalogue
+from app.sky.catalogue import Catalogue
+from app.sky.making.build import write_deep
+from app.sky.making.merge import Stars
+
+
+@pytest.fixture(scope="session")
+def catalogue():
+    """The shipped catalogue."""
+    return open_catalogue()
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory):
+    """20,000 random stars in all tiers, some fast, some heaped at the poles and about RA 0."""
+    rng = np.random.default_rng(7)
+    vector = rng.normal(size=(20_000, 3))
+    vector[:600, :2] *= 0.02
+    vector[600:1200] = [1.0, 0.0, 0.0] + 0.03 * rng.normal(size=(600, 3))
+    vector /= np.linalg.norm(vector, axis=1, keepdims=True)
+    n = len(vector)
+    stars = Stars(
+        vector,
+        rng.normal(size=(n, 2)) * 3000.0,
+        rng.uniform(-1.0, 13.0, n),
+        np.where(rng.random(n) < 0.3, np.nan, rng.uniform(-0.3, 2.0, n)),
+        np.zeros(n, dtype=np.int64),
+        np.zeros(n, dtype=np.uint8),
+    )
+    path = tmp_path_factory.mktemp("small") / "deep.kcat"
+    write_deep(path, stars)
+    return Catalogue(path)

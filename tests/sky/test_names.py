@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+
+from app.core.attitude import unit_vectors
+from app.core.errors import UsageError
+from app.sky.constellations import GENITIVES, GREEK, NAMES, spelled
+from app.sky.names import position_name
+
+SPELLINGS = {
+    91262: ["Vega", "VEGA", "HIP 91262", "hip91262", "HD 172167", "HR 7001", "SAO 67174",
+            "alpha lyrae", "Alpha Lyr", "α Lyr", "3 Lyr"],
+    104214: ["61 Cyg", "61 Cygni A", "61 cyg a"],
+    104217: ["61 Cyg B"],
+    71683: ["Alpha Centauri", "alpha cen"],
+    63125: ["Cor Caroli", "alpha-2 Canum Venaticorum"],
+    67927: ["Eta Boötis", "eta bootis", "Muphrid"],
+    87937: ["Barnard's Star", "barnards star", "Barnard’s Star"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("hip", "name"), [(h, n) for h, names in SPELLINGS.items() for n in names])
+def test_a_star_is_found_by_any_of_its_names(catalogue, hip, name):
+    assert catalogue.label(catalogue.find(name))[0] == f"HIP {hip}"
+
+
+@pytest.mark.parametrize(
+    ("name", "ra", "dec"),
+    [("M31", 10.685, 41.269), ("NGC 224", 10.685, 41.269), ("messier 13", 250.42, 36.46),
+     ("ic434", 85.25, -2.45), ("Andromeda Galaxy", 10.685, 41.269), ("M 45", 56.87, 24.1)],
+)  # fmt: skip
+def test_deep_sky_objects_are_found_as_directions(catalogue, name, ra, dec):
+    vector = catalogue.find(name)
+    assert np.degrees(np.linalg.norm(vector - unit_vectors(ra, dec))) < 0.06
+
+
+@pytest.mark.parametrize("name", ["", "nope", "HIP 0", "HIP 999999", "HD 99999999", "M 999"])
+def test_what_nobody_is_called_is_said_in_a_sentence(catalogue, name):
+    with pytest.raises(UsageError, match=r"\.$"):
+        catalogue.find(name)
+
+
+def test_labels_say_what_people_say(catalogue):
+    assert catalogue.label(catalogue.find("HIP 91262")) == ("HIP 91262", "Vega")
+    assert catalogue.label(catalogue.find("HIP 1")) == ("HIP 1", "HD 224700")
+    identifier, name = catalogue.label(len(catalogue) - 1)
+    assert identifier[0] == "J"
+    assert name == ""
+
+
+def test_every_hipparcos_star_leads_to_a_deep_row_and_back(catalogue):
+    deep = catalogue.container.column("link_deep").astype(np.int64)
+    bright = catalogue.container.column("link_bright").astype(np.int64)
+    assert np.all(np.diff(deep) >= 0)
+    assert np.array_equal(np.sort(bright), np.arange(len(catalogue.names.bright.column("hip"))))
+    first = np.concatenate([[True], np.diff(deep) > 0])
+    flagged = np.flatnonzero(catalogue.flags(np.arange(len(catalogue))) & 1)
+    assert np.array_equal(deep[first], flagged)
+    some = np.random.default_rng(3).choice(bright, 200).tolist()
+    for row in some:
+        place = catalogue.vectors([catalogue.deep_row(row)])[0]
+        ra = catalogue.names.bright.column("ra")[row] * (360.0 / 2**32)
+        dec = catalogue.names.bright.column("dec")[row] * (360.0 / 2**32)
+        assert np.degrees(np.linalg.norm(place - unit_vectors(ra, dec))) * 3600 < 3.0
+
+
+def test_details_of_vega(catalogue):
+    told = catalogue.names.details(catalogue.bright_row(catalogue.find("Vega")))
+    assert (told["hip"], told["hd"], told["hr"], told["sao"]) == (91262, 172167, 7001, 67174)
+    assert told["parallax_mas"] == pytest.approx(130.23, abs=0.1)
+    assert told["pm_ra_mas"] == pytest.approx(200.94, abs=0.01)
+    assert told["v"] == pytest.approx(0.03)
+
+
+def test_fainter_components_carry_their_letter(catalogue):
+    hip = catalogue.names.bright.column("hip")
+    labels = [catalogue.names.label(row) for row in np.flatnonzero(hip == 60718).tolist()]
+    assert labels == [("HIP 60718", "Acrux"), ("HIP 60718 B", "Acrux")]
+
+
+def test_there_are_88_constellations_and_24_letters():
+    assert len(NAMES) == len(GENITIVES) == 88
+    assert len(GREEK) == 24
+    assert spelled("γ1 And") == "Gamma-1 Andromedae"
+    assert spelled("61 Cyg A") == "61 Cygni A"
+    assert spelled("α CVn") == "Alpha Canum Venaticorum"
+    assert spelled("Cyg X-1") == "Cyg X-1"
+
+
+@pytest.mark.parametrize(
+    ("ra", "dec", "name"),
+    [(279.234735, 38.783692, "J183656.3+384701"), (0.0, -0.001, "J000000.0-000003"),
+     (359.99999, 89.9999, "J235959.9+895959")],
+)  # fmt: skip
+def test_positions_make_names(ra, dec, name):
+    assert position_name(unit_vectors(ra, dec)) == name
