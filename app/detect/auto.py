@@ -198,11 +198,11 @@ def _shrunk(pixels: Pixels) -> NDArray[np.float32]:
 
 
 def _plainer(coarse: Detections, fine: Detections) -> bool:
-    """Whether stars stand out much more when the frame is made smaller."""
+    """Whether stars stand out more when the frame is made smaller; sharp ones never do."""
     top = min(20, len(coarse))
     if top < 4:
         return False
-    return not len(fine) or bool(np.median(coarse.snr[:top]) > 1.5 * np.median(fine.snr[:20]))
+    return not len(fine) or bool(np.median(coarse.snr[:top]) > 1.1 * np.median(fine.snr[:20]))
 
 
 def _enlarged(coarse: Detections, frame: Frame) -> Detections:

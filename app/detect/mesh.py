@@ -5,6 +5,7 @@ what compression, demosaicing or nebulosity have correlated.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,9 @@ QUARTILE = 0.6745  # of a unit normal
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Level and noise at tile centres, in units of one pixel of the frame.
+    """Level and noise at tile centres and around them, in units of one pixel of the frame.
 
-    ``level`` and ``noise`` (R, C); ``rows`` (R,) and ``columns`` (C,) are the tile centres, px.
+    ``level`` and ``noise`` (R, C); ``rows`` (R,) and ``columns`` (C,) are the places, px.
     ``noise`` is that RMS which as white noise would make the smoothed pixels as noisy as they are.
     """
 
@@ -42,35 +43,88 @@ class Mesh:
         )
         return np.asarray(level), np.asarray(noise)
 
+    def grid(self, x: Floats, y: Floats) -> Floats:
+        """Level (len(y), len(x)) at the crossings of columns ``x`` and rows ``y``."""
+        r, c = _between(y, self.rows), _between(x, self.columns)
+        i, j = r.astype(np.intp), c.astype(np.intp)
+        i1, j1 = np.minimum(i + 1, len(self.rows) - 1), np.minimum(j + 1, len(self.columns) - 1)
+        lines = self.level[i] + (r - i)[:, None] * (self.level[i1] - self.level[i])
+        return np.asarray(lines[:, j] + (c - j) * (lines[:, j1] - lines[:, j]))
+
 
 def measure_mesh(pixels: Pixels, how: Halving, step: float) -> Mesh:
     """The mesh of a frame (H, W), both at least 8; ``step`` is the quantum of its pixels or 0."""
     height, width = pixels.shape
     tile = 64 if height * width < 4_000_000 else 128
-    fill = _any_level(pixels)
     every = tile // (4 if tile < 128 else 2)
     tops = np.arange(0, height - 5, every)
-    samples = _sampled_rows(pixels, Smoother(how, fill), tops)
-    across, down = max(1, round(width / tile)), max(1, round(height / tile))
-    columns = np.linspace(0, samples.shape[1], across + 1).round().astype(int)
-    rows = np.linspace(0, len(samples), down + 1).round().astype(int)
-    n = int(np.diff(columns).min())
-    quartiles = np.empty((3, down, across))
-    for r in range(down):
-        band = samples[rows[r] : rows[r + 1]]
-        cells = np.stack([band[:, c : c + n] for c in columns[:-1]]).reshape(across, -1)
-        cells.sort(axis=1)
-        k = cells.shape[1]
-        quartiles[:, r] = cells[:, [k // 4, k // 2, (3 * k) // 4]].T
-    low, middle, high = quartiles
-    spread = np.where(middle > low, middle - low, high - middle) / QUARTILE
-    noise = _floored(spread / how.noise_gain, step)
-    return Mesh(
-        _median3(middle / how.gain),
-        _median3(noise),
-        tops[0] + 2.5 + every * ((rows[:-1] + rows[1:] - 1) / 2),
-        columns[:-1] * 2.0 + n + 1.5,
-    )
+    samples = _sampled_rows(pixels, Smoother(how, _any_level(pixels)), tops)
+    x = 2.0 * np.arange(samples.shape[1], dtype=np.float64) + 2.5  # of the samples, px
+    y = tops.astype(np.float64) + 2.5
+    cells = _Cells.of(samples.shape, round(width / tile), round(height / tile))
+    level, spread = cells.quartiles(samples)
+    mesh = cells.mesh(x, y, level / how.gain, spread / how.noise_gain, step)
+    steps = [np.abs(np.diff(mesh.level, axis=axis)).max(initial=0.0) for axis in (0, 1)]
+    if max(steps) > 0.5 * float(np.median(mesh.noise)):  # a slope would count as noise
+        flat = samples - mesh.grid(x, y).astype(np.float32) * np.float32(how.gain)
+        more, spread = cells.quartiles(flat)
+        level = cells.inner(mesh.level) + more / how.gain
+        mesh = cells.mesh(x, y, level, spread / how.noise_gain, step)
+    return mesh
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cells:
+    """Tiles of the samples: the first row and column of each, and how many columns one has."""
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    wide: int
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...], across: int, down: int) -> "_Cells":
+        down, across = (max(1, min(n, m)) for n, m in zip((down, across), shape, strict=True))
+        rows = np.linspace(0, shape[0], down + 1).round().astype(np.intp)
+        columns = np.linspace(0, shape[1], across + 1).round().astype(np.intp)
+        return cls(rows, columns, int(np.diff(columns).min()))
+
+    def quartiles(self, samples: Pixels) -> tuple[Floats, Floats]:
+        """Median and, from the lower quartile, RMS of every tile; stars are above the median."""
+        found = np.empty((3, len(self.rows) - 1, len(self.columns) - 1))
+        for r in range(found.shape[1]):
+            band = samples[self.rows[r] : self.rows[r + 1]]
+            tiles = np.stack([band[:, c : c + self.wide] for c in self.columns[:-1]])
+            tiles = tiles.reshape(found.shape[2], -1)
+            tiles.sort(axis=1)
+            n = tiles.shape[1]
+            found[:, r] = tiles[:, [n // 4, n // 2, (3 * n) // 4]].T
+        low, middle, high = found
+        return middle, np.where(middle > low, middle - low, high - middle) / QUARTILE
+
+    def mesh(self, x: Floats, y: Floats, level: Floats, noise: Floats, step: float) -> Mesh:
+        """The mesh with a ring more of nodes half a tile outside, where slopes go on."""
+        rows = np.array([y[a:b].mean() for a, b in pairwise(self.rows)])
+        columns = np.array([x[c : c + self.wide].mean() for c in self.columns[:-1]])
+        return Mesh(
+            _ringed(_median3(level)), np.pad(_floored(_median3(noise), step), 1, mode="edge"),
+            _ringed(rows), _ringed(columns),
+        )  # fmt: skip
+
+    def inner(self, grid: Floats) -> Floats:
+        """What :meth:`mesh` put a ring around."""
+        return grid[1:-1, 1:-1]
+
+
+def _ringed(grid: Floats) -> Floats:
+    """One more node on every side, half a step on along the slope there."""
+    for axis in range(grid.ndim):
+        g = np.moveaxis(grid, axis, 0)
+        if len(g) > 1:
+            ends = g[0] + 0.5 * (g[0] - g[1]), g[-1] + 0.5 * (g[-1] - g[-2])
+        else:
+            ends = (g[0] - (0.5 if g.ndim == 1 else 0.0), g[-1] + (0.5 if g.ndim == 1 else 0.0))
+        grid = np.moveaxis(np.concatenate([ends[0][None], g, ends[1][None]]), 0, axis)
+    return grid
 
 
 def _sampled_rows(pixels: Pixels, smoother: Smoother, tops: NDArray[np.intp]) -> Pixels:
@@ -88,8 +142,14 @@ def _floored(noise: Floats, step: float) -> Floats:
 
 
 def _median3(grid: Floats) -> Floats:
-    """Median over each tile and its neighbours, edges repeated."""
-    padded = np.pad(grid, 1, mode="edge")
+    """Median over each tile and its neighbours; slopes go on beyond the edges."""
+    padded = grid
+    for axis in (0, 1):
+        width = [(1, 1) if k == axis else (0, 0) for k in (0, 1)]
+        if grid.shape[axis] > 1:
+            padded = np.pad(padded, width, mode="reflect", reflect_type="odd")
+        else:
+            padded = np.pad(padded, width, mode="edge")
     views = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
     return np.asarray(np.median(views, axis=(2, 3)))
 
