@@ -5,6 +5,9 @@ integers x 3 that span the range given beside them. Rows of the tag-along table 
 of the stars. The file's byte order is stated in the header's ENDIAN card.
 """
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,12 +28,20 @@ class IndexStars:
     columns: dict[str, NDArray[Any]]
 
 
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Leave out astropy's remarks on files that are refused, or fine, in any case."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
 def read_index(path: Path) -> IndexStars:
     """The stars of an astrometry.net index file."""
     from astropy.io import fits
 
     try:
-        with fits.open(path, memmap=False) as hdus:
+        with _quietly(), fits.open(path, memmap=False) as hdus:
             names = {h.columns.names[0]: i for i, h in enumerate(hdus) if i and h.columns.names}
             reach = hdus[names["kdtree_range_stars"]].data
             data = hdus[names["kdtree_data_stars"]].data

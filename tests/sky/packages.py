@@ -1,0 +1,98 @@
+"""A tiny sky written in the formats of the packages the catalogue is made of."""
+
+import sqlite3
+import struct
+
+import numpy as np
+from astropy.io import fits
+
+from app.core.attitude import unit_vectors
+from app.sky.making.stellarium import MAGIC, triangles
+
+
+def star_file(path, level, kind, stars):
+    """Write a Stellarium file; ``stars`` dicts: ra, dec, pm, v, bv, hip, component, plx."""
+    corners = triangles(level)
+    centre = corners.sum(axis=1)
+    centre /= np.linalg.norm(centre, axis=1, keepdims=True)
+    east = np.cross([0.0, 0.0, 1.0], centre)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    north = np.cross(centre, east)
+    flat = corners / np.einsum("zck,zk->zc", corners, centre)[..., None]
+    full = 2**31 - 1 if kind == 0 else 2**19 - 1
+    reach = [np.abs(np.einsum("zck,zk->zc", flat, axis)).max() for axis in (east, north)]
+    scale = max(reach) / full
+    low, span, steps = (-2000, 12800, 256) if kind == 0 else (9000, 1500, 30)
+    zones = [[] for _ in centre]
+    for star in stars:
+        v = unit_vectors(star["ra"], star["dec"])
+        zone = int(np.argmax(centre @ v))
+        x, y = (v @ east[zone]) / (v @ centre[zone]), (v @ north[zone]) / (v @ centre[zone])
+        step = int(np.floor((star["v"] * 1000 - low) / span * steps + 1e-9))
+        pm = [round(p * 10) for p in star.get("pm", (0, 0))]
+        bv = round((star.get("bv", 0.7) + 0.5) / 4 * 127)
+        place = round(x / scale), round(y / scale)
+        if kind == 0:
+            ident = star.get("hip", 0) | star.get("component", 0) << 24
+            plx = round(star.get("plx", 0) * 100)
+            record = struct.pack("<IiiBBHiii", ident, *place, bv, step, 0, *pm, plx)
+        else:
+            bits, at = 0, 0
+            fields = zip((*place, *pm, bv, step), (20, 20, 14, 14, 7, 5), strict=True)
+            for value, width in fields:
+                bits |= (value & (1 << width) - 1) << at
+                at += width
+            record = bits.to_bytes(10, "little")
+        zones[zone].append(record)
+    head = struct.pack("<I7i", MAGIC, kind, 0, 8, level, low, span, steps)
+    counts = np.array([len(z) for z in zones], "<u4").tobytes()
+    path.write_bytes(head + counts + b"".join(b"".join(z) for z in zones))
+
+
+def index_file(path, stars):
+    """Write the star tables of an astrometry.net index; ``stars`` (ra, dec, vt) rows."""
+    ra, dec, vt = np.array(stars, dtype=float).T
+    u = np.rint((unit_vectors(ra, dec) + 1.0) * (2**31 - 1)).astype("<u4")
+    span = np.array([-1, -1, -1, 1, 1, 1, 2**31 - 1], "<f8")
+
+    def table(name, rows):
+        raw = np.ascontiguousarray(rows).view("u1").reshape(len(rows), -1)
+        return fits.BinTableHDU.from_columns(
+            [fits.Column(name, f"{raw.shape[1]}B", array=raw)]
+        )  # fmt: skip
+
+    tags = fits.BinTableHDU.from_columns([fits.Column("MAG_VT", "1E", array=vt)])
+    hdus = [table("kdtree_range_stars", span[:, None]), table("kdtree_data_stars", u), tags]
+    fits.HDUList([fits.PrimaryHDU(), *hdus]).writeto(path)
+
+
+def write_packages(folder, bright, faint, tycho, listed):
+    """A whole set of sources; ``bright`` and ``faint`` are Stellarium stars, ``listed`` dicts."""
+    home = folder / "stars" / "default"
+    western = folder / "skycultures" / "western"
+    home.mkdir(parents=True)
+    western.mkdir(parents=True)
+    star_file(home / "stars_0_0v0_8.cat", 0, 0, bright)
+    star_file(home / "stars_3_1v0_4.cat", 3, 1, faint)
+    rows = {s["hip"]: s.get("pm", (0, 0)) for s in bright if s.get("hip")}
+    pm = "".join(f"{h}\t{a}\t{d}\n" for h, (a, d) in reversed(rows.items()))
+    (home / "hip_pm.dat").write_text("# HIP\tpmRA\tpmDE\n" + pm)
+    (home / "cross-id.dat").write_text(
+        "# HIP\t\tSAO\tHD\tHR\n91262\t\t67174\t172167\t7001\n7\t\t\t5\n"
+    )
+    (home / "name.fab").write_text("91262|α_Lyr\n91262|3_Lyr\n7|61_Cyg_A\n")
+    (home / "gcvs_hip_part.dat").write_text("7\tR And\tM\n")
+    (western / "star_names.fab").write_text('# x\n 91262|_("Vega") 1,2\n91262|_("Harp star") 3\n')
+    (western / "constellationship.fab").write_text("Lyr 2  91262 7 7 8\nCyg 1  8 91262\n")
+    index_file(folder / "index-tycho2-07.littleendian.fits", tycho)
+    ra, dec = np.radians([(s["ra"], s["dec"]) for s in listed]).T
+    table = np.stack([ra, dec, ra, ra, ra, [s["v"] for s in listed]], axis=1).astype("f4")
+    hip = np.array([s["hip"] for s in listed], "u4")
+    np.savez(folder / "default_database.npz", star_table=table, star_catalog_IDs=hip)
+    with sqlite3.connect(folder / "ongc.db") as database:
+        columns = "name, type, ra, dec, vmag, bmag, majax, messier, commonnames"
+        database.execute(f"create table objects ({columns})")
+        m31 = ("NGC0224", "G", 0.18648479, 0.7202808, 3.44, 4.29, 177.83, "031", "Andromeda Galaxy")
+        gone = ("NGC0001A", "Dup", 0.1, 0.1, None, None, None, None, None)
+        database.executemany(f"insert into objects values ({','.join('?' * 9)})", [m31, gone])
+    database.close()

@@ -1,0 +1,62 @@
+import json
+import re
+
+import pytest
+
+from app.cli.main import main
+from app.sky.catalogue import shipped_folder
+from app.sky.inventory import read_manifest
+
+
+def test_info_finds_the_shipped_catalogue_sound(capsys):
+    assert main(["catalog", "info", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["ok"]
+    assert told["stars"] == sum(told["counts"]["per_magnitude"].values()) > 1_870_000
+    assert told["bright"]["hip"] == 118_215
+    assert told["epoch"] == 2000.0
+    assert told["bytes"] < 38e6
+    assert told["independent_check"]["99 % arcsec"] < 0.5
+    assert told["independent_check"]["found"] == 42_212
+
+
+def test_info_for_people_says_the_same(capsys):
+    assert main(["catalog", "info"]) == 0
+    out = capsys.readouterr().out
+    assert "ICRS, positions at 2000.0" in out
+    assert "ALTERED" not in out
+    assert re.search(r"5 to 6 +3,4\d\d", out)
+
+
+def test_coverage_says_where_the_sky_is_poor(capsys):
+    arguments = ["catalog", "coverage", "--fov", "5", "--mag-limit", "8", "--fields", "3000"]
+    assert main([*arguments, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["fields"] == 3000
+    assert 3 <= told["fewest"] < told["percent_5"] < told["median"] < told["most"]
+    assert main(arguments) == 0
+    assert f"{told['fewest']} stars at the fewest" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["coverage", "--fov", "0"],
+        ["coverage", "--fields", "0"],
+        ["build", "--sources", "no-such-folder"],
+        ["info", "--catalog", "no-such-folder"],
+    ],
+)
+def test_unusable_arguments_end_in_a_sentence(capsys, arguments):
+    assert main(["catalog", *arguments]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.endswith(".")
+    assert "\n" not in said
+    assert main(["catalog", *arguments, "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["error"].endswith(".")
+
+
+def test_the_readme_states_the_hashes_of_the_shipped_files():
+    text = (shipped_folder() / "README.md").read_text("utf-8")
+    for name, facts in read_manifest(shipped_folder())["files"].items():
+        assert re.search(rf"`{re.escape(name)}`.*{facts['bytes']:,}.*{facts['sha256']}", text), name
