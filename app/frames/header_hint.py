@@ -137,14 +137,14 @@ def _centre(
         y = _number_or(values, "CRPIX2", shape[0] / 2.0) - shape[0] / 2.0
         radius = _WCS_RADIUS_DEG + field_deg + scale[1] * math.hypot(x, y) / 3600.0
         if _on_sky(ra, dec) and radius < 180.0:
-            return (_sure(ra) % 360.0, _sure(dec), radius), "WCS in the header"
+            return (_turn(ra), _sure(dec), radius), "WCS in the header"
     for ra_name, dec_name in _POINTING:
         ra = _right_ascension(values.get(ra_name), ra_name, comments.get(ra_name, ""))
         dec = _degrees(values.get(dec_name))
         # All zero is what a program writes that was never told.
         if _on_sky(ra, dec) and (ra, dec) != (0.0, 0.0):
             radius = min(_POINTING_RADIUS_DEG + field_deg, 180.0)
-            return (_sure(ra) % 360.0, _sure(dec), radius), f"{ra_name} and {dec_name}"
+            return (_turn(ra), _sure(dec), radius), f"{ra_name} and {dec_name}"
     return None, ""
 
 
@@ -163,6 +163,12 @@ def _on_sky(ra_deg: float | None, dec_deg: float | None) -> bool:
     if ra_deg is None or dec_deg is None:
         return False
     return -360.0 <= ra_deg <= 360.0 and abs(dec_deg) <= 90.0
+
+
+def _turn(ra_deg: float | None) -> float:
+    """Into [0, 360); the remainder alone may round up to 360."""
+    turned = _sure(ra_deg) % 360.0
+    return turned if turned < 360.0 else 0.0
 
 
 def _sure(value: float | None) -> float:

@@ -38,8 +38,10 @@ def read_raw(path: Path) -> Frame:
             frame = _from_raw(raw)
     except (FrameError, MemoryError):
         raise
-    except Exception as error:  # LibRawError and what its bindings add
-        raise FrameError(f"is a raw file that LibRaw does not read: {_words(error)}.") from None
+    except rawpy.LibRawFileUnsupportedError:
+        raise FrameError("is not a raw file that LibRaw knows.") from None
+    except Exception:  # LibRaw's errors and what its bindings add
+        raise FrameError("is a damaged or cut short raw file.") from None
     pixels, colour, bayer, saturation, header = frame
     height, width = pixels.shape
     check_size(width, height)
@@ -114,9 +116,3 @@ def _exif(path: Path) -> Exif:
     if at < 0:
         return exif_from_bytes(None)
     return exif_from_bytes(head[at + 6 :] if at else path)
-
-
-def _words(error: Exception) -> str:
-    text = error.args[0] if error.args else type(error).__name__
-    text = text.decode("ascii", "replace") if isinstance(text, bytes) else str(text)
-    return " ".join(text.split())[:120].rstrip(".") or type(error).__name__

@@ -39,8 +39,8 @@ def read_tiff(path: Path) -> Frame:
             count = len(file.pages)
     except (FrameError, MemoryError):
         raise
-    except Exception as error:  # tags of a damaged file fail in many ways
-        raise FrameError(f"is a damaged or cut short TIFF ({type(error).__name__}).") from None
+    except Exception:  # tags of a damaged file fail in many ways
+        raise FrameError("is a damaged or cut short TIFF file.") from None
     if inverted and samples.dtype.kind == "u":
         samples = np.iinfo(samples.dtype).max - samples
     pixels, colour, saturation = split(samples)
