@@ -1,6 +1,7 @@
 """How many stars a square field holds, everywhere on the sky: what a solver has to work with."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from app.sky.catalogue import Catalogue
 
 Floats = NDArray[np.float64]
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+WIDE = 0.6  # chord beyond which looking at every star is faster
 PAIRS = 200_000  # of field and star, held in memory at a time
 
 
@@ -50,7 +52,7 @@ def coverage(
     if not 0.05 <= fov_deg <= 90.0:
         raise UsageError("The field must be between 0.05 and 90 degrees wide.")
     if fields is None:
-        fields = int(np.clip(41253.0 / (fov_deg / 2.0) ** 2, 500, 200_000))
+        fields = int(np.clip(41253.0 / (fov_deg / 2.0) ** 2, 200, 200_000))
     yield Progress("Reading the catalogue", 0.0)
     rows = np.arange(len(catalogue))
     if mag_limit is not None:
@@ -68,18 +70,29 @@ def coverage(
     step = max(1, int(PAIRS / max(1.0, len(stars) * chord * chord / 4.0)))
     for first in range(0, fields, step):
         some = centres[first : first + step]
-        near = cKDTree(some).sparse_distance_matrix(tree, chord, output_type="coo_matrix")
-        inside = _in_square(some[near.row], stars[near.col], half)
-        counts[first : first + step] = np.bincount(near.row[inside], minlength=len(some))
+        counts[first : first + step] = _counted(some, stars, tree, chord, half)
         done = min(1.0, (first + step) / fields)
         yield Progress("Counting stars in fields", 0.1 + 0.9 * done)
     return _summary(fov_deg, mag_limit, counts, centres)
 
 
+def _counted(
+    centres: Floats, stars: Floats, tree: Any, chord: float, half: float
+) -> NDArray[np.int64]:
+    """Stars in each square: through the tree while fields are small, else star by star."""
+    from scipy.spatial import cKDTree
+
+    if chord > WIDE:
+        return np.array([_in_square(c[None], stars, half).sum() for c in centres])
+    near = cKDTree(centres).sparse_distance_matrix(tree, chord, output_type="coo_matrix")
+    inside = _in_square(centres[near.row], stars[near.col], half)
+    return np.bincount(near.row[inside], minlength=len(centres))
+
+
 def _in_square(centre: Floats, star: Floats, half: float) -> NDArray[np.bool_]:
     """Whether each star (P, 3) projects within ``half`` (tangent) of its centre on both axes."""
     flat = np.hypot(centre[:, 0], centre[:, 1])
-    depth = np.einsum("ij,ij->i", centre, star)
+    depth = star @ centre[0] if len(centre) == 1 else np.einsum("ij,ij->i", centre, star)
     x = (centre[:, 0] * star[:, 1] - centre[:, 1] * star[:, 0]) / flat
     y = (star[:, 2] - depth * centre[:, 2]) / flat
     return np.asarray((np.abs(x) <= half * depth) & (np.abs(y) <= half * depth))
