@@ -4,11 +4,17 @@ import json
 import warnings
 
 import numpy as np
+import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
 
 from app.core.attitude import roll_at, unit_vectors
+from app.core.progress import run
+from app.core.solution import Solution
 from app.frames import read_frame
+from app.solve.options import SolveOptions
+from app.solve.solver import solve_frame
+from resources.make_samples import SAMPLES
 
 
 def test_every_real_frame_opens(shared_frames):
@@ -50,3 +56,14 @@ def test_sample_frames_open_and_are_small(repository):
         assert not frame.warnings
         assert (folder / name).stat().st_size < 1_000_000
     assert sum(p.stat().st_size for p in folder.iterdir()) < 3_000_000
+
+
+@pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.file)
+def test_sample_frames_solve_to_where_they_were_rendered(repository, sample):
+    frame = read_frame(repository / "resources" / "samples" / sample.file)
+    answer = run(solve_frame(frame, SolveOptions()))
+    assert isinstance(answer, Solution)
+    away = unit_vectors(*answer.ra_dec_deg) - unit_vectors(sample.ra_deg, sample.dec_deg)
+    assert np.degrees(np.linalg.norm(away)) < sample.width_deg / sample.width  # a pixel
+    assert abs(answer.roll_deg - sample.roll_deg) < 0.05
+    assert answer.camera.mirrored == sample.mirrored
