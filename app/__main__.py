@@ -4,8 +4,11 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-COMMANDS_MODULE = "app.cli.main"
+if TYPE_CHECKING:
+    from app.core.solution import Solution
+
 SYSTEM_LIBRARIES = "libegl1 libgl1 libxkbcommon-x11-0 libxcb-cursor0 libdbus-1-3 libfontconfig1"
 
 
@@ -42,7 +45,13 @@ def _window(paths: list[str]) -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    return run(paths)
+    return run(paths, to_json=_to_json)
+
+
+def _to_json(file: str, solution: "Solution") -> str:
+    from app.cli.output import as_json, to_line
+
+    return to_line(as_json(file, solution))
 
 
 def _no_display() -> str | None:

@@ -12,6 +12,8 @@ from app.detect import DETECTORS
 from app.identify import IDENTIFIERS
 from app.ui.commands import Commands
 from app.ui.engine import Engine, WorkflowEngine
+from app.ui.exports import ToJson
+from app.ui.garbage import Garbage
 from app.ui.main_window import MainWindow
 from app.ui.presenter import Presenter
 from app.ui.samples import Sample, samples
@@ -20,22 +22,31 @@ from app.ui.settings import Settings
 
 
 def build(
-    engine: Engine, settings: Settings, sample_frames: list[Sample] | None = None
+    engine: Engine,
+    settings: Settings,
+    sample_frames: list[Sample] | None = None,
+    to_json: ToJson | None = None,
 ) -> tuple[MainWindow, Commands]:
     """A window wired to ``engine``; it is not shown yet."""
     offered = samples() if sample_frames is None else sample_frames
     window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)
     presenter = Presenter(window, Session(engine, window), settings)
-    return window, Commands(presenter, offered)
+    return window, Commands(presenter, offered, to_json)
 
 
-def run(paths: Sequence[str | Path] = (), engine: Engine | None = None) -> int:
-    """Open the window, with the first of ``paths`` when there is one; the exit code."""
+def run(
+    paths: Sequence[str | Path] = (), engine: Engine | None = None, to_json: ToJson | None = None
+) -> int:
+    """Open the window, with the first of ``paths`` when there is one; the exit code.
+
+    ``to_json`` writes a solution in the form of the command line, which lives beside this room.
+    """
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
-    window, commands = build(engine or WorkflowEngine(), Settings())
+    window, commands = build(engine or WorkflowEngine(), Settings(), to_json=to_json)
+    garbage = Garbage()
     window.show()
     if paths:
         commands.open(Path(paths[0]))
@@ -44,4 +55,6 @@ def run(paths: Sequence[str | Path] = (), engine: Engine | None = None) -> int:
     pulse = QTimer()
     pulse.start(300)
     pulse.timeout.connect(lambda: None)
-    return app.exec()
+    code = app.exec()
+    garbage.stop()
+    return code

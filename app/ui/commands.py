@@ -6,30 +6,31 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QFileDialog
 
+from app.core.solution import Solution
+from app.frames.formats import SUFFIXES
 from app.ui.actions import MARKS, connect
-from app.ui.exports import EXPORTS, Write, run_export
+from app.ui.exports import Exporter, ToJson
 from app.ui.help import about, keyboard
 from app.ui.looks import Looks
 from app.ui.presenter import Presenter
 from app.ui.samples import Sample
 
-KINDS = (
-    "Frames (*.fit *.fits *.fts *.fz *.xisf *.tif *.tiff *.png *.jpg *.jpeg *.bmp *.heic *.heif "
-    "*.cr2 *.cr3 *.nef *.arw *.dng *.orf *.raf *.rw2 *.pef *.FIT *.FITS *.CR2 *.CR3 *.NEF *.ARW "
-    "*.DNG *.JPG *.PNG *.TIF);;All files (*)"
-)
-
 
 class Commands(QObject):
     """Connects the actions of one window."""
 
-    def __init__(self, presenter: Presenter, samples: list[Sample]) -> None:
+    def __init__(
+        self, presenter: Presenter, samples: list[Sample], to_json: ToJson | None = None
+    ) -> None:
         super().__init__(presenter.window)
         self.presenter = presenter
         self.window, self.session = presenter.window, presenter.session
         self.settings = presenter.settings
         self.actions = self.window.actions_by_name
         self.looks = Looks(presenter)
+        self.exporter = Exporter(
+            self.window, self.session, to_json, native=lambda: not self.looks.is_night
+        )
         self._restore()
         self._connect()
         self.window.menus.show_files(
@@ -74,10 +75,6 @@ class Commands(QObject):
                        self.session.idle, self.session.opened):  # fmt: skip
             signal.connect(self._enable)
         self.session.opened.connect(self._show_recent)
-        for name, (text, suffix, write) in EXPORTS.items():
-            action = window.menus.export.addAction(text)
-            action.setObjectName(f"export_{name}")
-            action.triggered.connect(lambda _=False, s=suffix, w=write: self._export(s, w))
 
     # files ------------------------------------------------------------------------------------
     def choose(self) -> None:
@@ -87,7 +84,7 @@ class Commands(QObject):
             options |= QFileDialog.Option.DontUseNativeDialog
         start = self.settings.text("folder", str(Path.home()))
         name, _ = QFileDialog.getOpenFileName(
-            self.window, "Open a frame", start, KINDS, options=options
+            self.window, "Open a frame", start, _kinds(), options=options
         )
         if name:
             self.open(Path(name))
@@ -106,9 +103,6 @@ class Commands(QObject):
     def _clear_recent(self) -> None:
         self.settings.clear_recent()
         self._show_recent()
-
-    def _export(self, suffix: str, write: Write) -> None:
-        run_export(self.window, self.session.known, suffix, write)
 
     # window -----------------------------------------------------------------------------------
     def _full_screen(self, on: bool) -> None:
@@ -134,7 +128,7 @@ class Commands(QObject):
         self.actions["solve"].setEnabled(known.frame is not None)
         for name in ("copy", "copy_all"):
             self.actions[name].setEnabled(known.last_good is not None)
-        self.window.menus.export.setEnabled(known.last_good is not None)
+        self.window.menus.export.setEnabled(isinstance(known.result, Solution))
         self.actions["colour"].setEnabled(
             known.frame is None or known.frame.colour is not None or bool(known.frame.bayer)
         )
@@ -147,3 +141,9 @@ class Commands(QObject):
         keep.keep("closed", time.strftime("%Y-%m-%d"))
         keep.write()
         self.session.close()
+
+
+def _kinds() -> str:
+    """The file kinds of the open dialog; some systems tell capitals apart."""
+    endings = " ".join(f"*{s} *{s.upper()}" for s in SUFFIXES)
+    return f"Frames ({endings});;All files (*)"

@@ -44,9 +44,9 @@ def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -
     dec0, dec1, ra0, ra1 = _bounds(sky, middle, reach)
     size = min(np.degrees(reach) * 1.4, 180.0)
     dec_step = _step(DEC_STEPS_DEG, size / WANTED)
-    nearest_pole = min(max(abs(dec0), abs(dec1)), 88.0)
-    shrink = max(np.cos(np.radians(nearest_pole if ra1 - ra0 >= 360.0 else _mid(dec0, dec1))), 0.05)
-    ra_step = _step(RA_STEPS_DEG, min(size / WANTED / shrink, 45.0))
+    shrink = max(float(np.cos(np.radians(_middle_dec(dec0, dec1)))), 0.01)
+    # Near a pole meridians are dear: a step is never finer than a dozen lines over the view.
+    ra_step = _step(RA_STEPS_DEG, max(size / WANTED / shrink, (ra1 - ra0) / 12.0))
     near = np.cos(min(reach * 1.15 + 1e-6, np.pi))
     lines = []
     for value in _multiples(dec0, dec1, dec_step):
@@ -62,8 +62,8 @@ def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -
     return [line for line in lines if np.isfinite(line.xy).all(axis=1).sum() > 1]
 
 
-def _mid(dec0: float, dec1: float) -> float:
-    return min(abs(dec0 + dec1) / 2, 88.0)
+def _middle_dec(dec0: float, dec1: float) -> float:
+    return (dec0 + dec1) / 2.0
 
 
 def _bounds(sky: Floats, middle: Floats, reach: float) -> tuple[float, float, float, float]:

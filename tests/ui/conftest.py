@@ -1,5 +1,6 @@
 """A window with an engine that answers at once, settings of its own, and no threads left behind."""
 
+import gc
 import os
 import threading
 
@@ -12,6 +13,17 @@ from app.ui.application import build
 from app.ui.samples import Sample
 from app.ui.settings import Settings
 from tests.ui.fakes import FakeEngine
+
+
+@pytest.fixture(autouse=True)
+def garbage_in_this_thread_only():
+    """As the application does: a worker that collects would destroy Qt objects in its thread."""
+    gc.disable()
+    gc.freeze()
+    yield
+    gc.collect()
+    gc.unfreeze()
+    gc.enable()
 
 
 @pytest.fixture
