@@ -1,5 +1,6 @@
 """What every test may lean on: a screenless Qt, settings of its own, and the real frames."""
 
+import hashlib
 import os
 import tempfile
 from pathlib import Path
@@ -15,12 +16,23 @@ for _name in ("CONFIG", "CACHE", "DATA", "STATE"):
     _folder.mkdir()
     os.environ[f"XDG_{_name}_HOME"] = str(_folder)
 
+# The patterns for small fields take half a minute to make: they outlive a session, as on a user's
+# machine, until the code or the catalogue that makes them changes.
+REPOSITORY = Path(__file__).resolve().parents[1]
+_makers = [
+    *(
+        REPOSITORY / "app" / "identify" / f"{n}.py"
+        for n in ("build", "codes", "index", "levels", "zones", "volumes")
+    ),
+    REPOSITORY / "catalogs" / "manifest.json",
+]
+_mark = hashlib.sha256(b"".join(path.read_bytes() for path in _makers)).hexdigest()[:12]
+os.environ.setdefault("KOCHAB_CACHE", str(REPOSITORY / ".pytest_cache" / f"kochab-{_mark}"))
+
 # A machine that is busy must not fail a test; the machine that judges repeats its examples.
 settings.register_profile("house", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "house")
-
-REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="session")
