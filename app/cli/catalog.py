@@ -63,6 +63,10 @@ def _build(args: argparse.Namespace) -> int:
         raise CatalogueError(f"{args.sources} is not a folder.")
     sources = args.sources or _driven(fetch(args.cache or _cache()))
     manifest = _driven(build(sources, args.out or shipped_folder()))
+    if args.out is None:  # the patterns name stars by row, so they are made anew
+        from app.identify.volumes import build_shipped
+
+        _driven(build_shipped())
     if args.json:
         print(to_line(manifest))
         return 0
@@ -110,6 +114,7 @@ def _print_info(told: dict[str, Any]) -> None:
         print(f"  {file['name']:14} {file['bytes']:>12,}  {file['sha256'][:16]}  "
               f"{'as built' if file['ok'] else 'ALTERED'}")  # fmt: skip
     print(f"  {'together':14} {told['bytes']:>12,}")
+    print(f"  {'patterns':14} {told['pattern_bytes']:>12,}")
     print("Checks")
     for check, ok in told["checks"].items():
         print(f"  {'yes' if ok else 'NO':3} {check}")

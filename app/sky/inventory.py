@@ -29,6 +29,10 @@ def inventory(folder: Path) -> Task[dict[str, Any]]:
     counts = _counts(catalogue)
     yield Progress("Checking the order of the stars", 0.9)
     checks = {"files are as built": all(f["ok"] for f in files), **_checks(catalogue)}
+    marks = _pattern_marks(folder)
+    if marks:
+        deep = next((f["sha256"] for f in files if f["name"] == "deep.kcat"), "")
+        checks["patterns belong to these stars"] = marks == {deep}
     return {
         "path": str(catalogue.container.path),
         "stars": len(catalogue),
@@ -39,6 +43,7 @@ def inventory(folder: Path) -> Task[dict[str, Any]]:
         "counts": counts,
         "files": files,
         "bytes": sum(f["bytes"] for f in files),
+        "pattern_bytes": sum(p.stat().st_size for p in folder.glob("patterns/*/*.npy")),
         "built": manifest.get("counts", {}),
         "independent_check": manifest.get("check_against_independent_list", {}),
         "checks": checks,
@@ -65,6 +70,17 @@ def _file(path: Path, want: dict[str, Any]) -> dict[str, Any]:
     found = sha256(path) if path.is_file() else ""
     size = path.stat().st_size if path.is_file() else 0
     return {"name": path.name, "bytes": size, "sha256": found, "ok": found == want.get("sha256")}
+
+
+def _pattern_marks(folder: Path) -> set[str]:
+    """The catalogues that the patterns beside this one were made from: SHA-256 of deep lists."""
+    marks = set()
+    for index in folder.glob("patterns/*/index.json"):
+        try:
+            marks.add(str(json.loads(index.read_text(encoding="utf-8"))["mark"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            marks.add("")
+    return marks
 
 
 def _counts(catalogue: Catalogue) -> dict[str, Any]:
