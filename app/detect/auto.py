@@ -30,6 +30,7 @@ MIN_SIDE = 8  # px; smaller frames hold no star with a background around it
 MAX_PEAKS = 12_000
 MIN_COARSE = 128  # px; smaller frames are not made smaller still
 COARSE = 4
+MOST_LOOKED_AT = 1_500_000  # pixels of stamps in all
 BATCH = 1000  # stars whose stamps are held at once
 
 
@@ -101,9 +102,10 @@ def measure(
 ) -> Stars:  # fmt: skip
     """Stars among the peaks at ``xy`` (N, 2) px, brightest first, hot pixels refused."""
     likely, hot = sort_out(pixels, how, mesh, xy, covariance, snr)
-    xy = np.concatenate([xy[likely], behind(pixels, how, mesh, hot, snr)])
     major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     half = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
+    most = MOST_LOOKED_AT // (2 * half + 1) ** 2  # the highest; large stars need many pixels each
+    xy = np.concatenate([xy[likely][:most], behind(pixels, how, mesh, hot, snr)])
     parts = []
     for k in range(0, max(1, len(xy)), BATCH):
         at = xy[k : k + BATCH]
@@ -198,11 +200,18 @@ def _shrunk(pixels: Pixels) -> NDArray[np.float32]:
 
 
 def _plainer(coarse: Detections, fine: Detections) -> bool:
-    """Whether stars stand out more when the frame is made smaller; sharp ones never do."""
+    """Whether stars stand out more when the frame is made smaller; sharp ones never do.
+
+    Both are measured against the same noise, as the large stars themselves disturb the smaller
+    frame's, and a few coarse blobs among many stars do not count.
+    """
     top = min(20, len(coarse))
-    if top < 4:
+    if top < max(4, min(len(fine), 60) // 4):
         return False
-    return not len(fine) or bool(np.median(coarse.snr[:top]) > 1.1 * np.median(fine.snr[:20]))
+    if not len(fine):
+        return True
+    gain = coarse.noise / (COARSE * fine.noise)
+    return bool(np.median(coarse.snr[:top]) * gain > np.median(fine.snr[:20]))
 
 
 def _enlarged(coarse: Detections, frame: Frame) -> Detections:

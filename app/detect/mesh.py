@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from app.detect.strips import Halving, Pixels, Smoother
+from app.detect.strips import BROKEN, Halving, Pixels, Smoother
 
 Floats = NDArray[np.float64]
 QUARTILE = 0.6745  # of a unit normal
@@ -55,8 +55,8 @@ class Mesh:
 def measure_mesh(pixels: Pixels, how: Halving, step: float) -> Mesh:
     """The mesh of a frame (H, W), both at least 8; ``step`` is the quantum of its pixels or 0."""
     height, width = pixels.shape
-    tile = 64 if height * width < 4_000_000 else 128
-    every = tile // (4 if tile < 128 else 2)
+    tile = 64 if pixels.size < 4_000_000 else 128
+    every = 8 if pixels.size < 1_500_000 else tile // 4 if tile < 128 else tile // 2
     tops = np.arange(0, height - 5, every)
     samples = _sampled_rows(pixels, Smoother(how, _any_level(pixels)), tops)
     x = 2.0 * np.arange(samples.shape[1], dtype=np.float64) + 2.5  # of the samples, px
@@ -65,7 +65,8 @@ def measure_mesh(pixels: Pixels, how: Halving, step: float) -> Mesh:
     level, spread = cells.quartiles(samples)
     mesh = cells.mesh(x, y, level / how.gain, spread / how.noise_gain, step)
     steps = [np.abs(np.diff(mesh.level, axis=axis)).max(initial=0.0) for axis in (0, 1)]
-    if max(steps) > 0.5 * float(np.median(mesh.noise)):  # a slope would count as noise
+    smoothed_noise = float(np.median(mesh.noise)) * how.noise_gain / how.gain
+    if max(steps) > 0.5 * smoothed_noise:  # a slope would count as noise
         flat = samples - mesh.grid(x, y).astype(np.float32) * np.float32(how.gain)
         more, spread = cells.quartiles(flat)
         level = cells.inner(mesh.level) + more / how.gain
@@ -95,10 +96,17 @@ class _Cells:
             band = samples[self.rows[r] : self.rows[r + 1]]
             tiles = np.stack([band[:, c : c + self.wide] for c in self.columns[:-1]])
             tiles = tiles.reshape(found.shape[2], -1)
-            tiles.sort(axis=1)
-            n = tiles.shape[1]
-            found[:, r] = tiles[:, [n // 4, n // 2, (3 * n) // 4]].T
-        low, middle, high = found
+            tiles.sort(axis=1)  # what is not a number comes last
+            n = np.full(len(tiles), tiles.shape[1])
+            if tiles.dtype.kind == "f":
+                n -= np.isnan(tiles).sum(axis=1)
+            at = np.stack([n // 4, n // 2, (3 * n) // 4], axis=1)
+            found[:, r] = np.take_along_axis(tiles, np.minimum(at, tiles.shape[1] - 1), axis=1).T
+        found[:, ~np.isfinite(found).all(axis=0)] = np.nan
+        if np.isnan(found).all():
+            found[:] = 0.0
+        usual = np.nanmedian(found[1])
+        low, middle, high = np.where(np.isnan(found), usual, found)
         return middle, np.where(middle > low, middle - low, high - middle) / QUARTILE
 
     def mesh(self, x: Floats, y: Floats, level: Floats, noise: Floats, step: float) -> Mesh:
@@ -106,7 +114,7 @@ class _Cells:
         rows = np.array([y[a:b].mean() for a, b in pairwise(self.rows)])
         columns = np.array([x[c : c + self.wide].mean() for c in self.columns[:-1]])
         return Mesh(
-            _ringed(_median3(level)), np.pad(_floored(_median3(noise), step), 1, mode="edge"),
+            _ringed(_median3(level)), np.pad(_median3(_floored(noise, step)), 1, mode="edge"),
             _ringed(rows), _ringed(columns),
         )  # fmt: skip
 
@@ -128,17 +136,25 @@ def _ringed(grid: Floats) -> Floats:
 
 
 def _sampled_rows(pixels: Pixels, smoother: Smoother, tops: NDArray[np.intp]) -> Pixels:
-    """One smoothed row (T, W // 2 - 2) from the six rows below each of ``tops`` (T,)."""
+    """One smoothed row (T, W // 2 - 2) from the six rows below each of ``tops`` (T,).
+
+    Not a number where any pixel that went in was none.
+    """
     found = []
     for k in range(0, len(tops), 16):
-        rows = (tops[k : k + 16, None] + np.arange(6)).ravel()
-        found.append(smoother(pixels[rows], (0, 0, 0))[::3].copy())
+        rows = pixels[(tops[k : k + 16, None] + np.arange(6)).ravel()]
+        found.append(smoother(rows, (0, 0, 0))[::3].copy())
+        if rows.dtype.kind == "f" and not (np.abs(rows) < BROKEN).all():
+            broken = (~(np.abs(rows) < BROKEN)).astype(np.float32)
+            found[-1][smoother(broken, (0, 0, 0))[::3] > 0] = np.nan
     return np.concatenate(found)
 
 
 def _floored(noise: Floats, step: float) -> Floats:
-    """No tile is much quieter than the frame, nor than rounding makes it."""
-    return np.maximum(noise, max(0.3 * float(np.median(noise)), 0.25 * step, 1e-30))
+    """No tile is much quieter than the frame, nor than rounding makes it; filled ones are usual."""
+    usual = float(np.median(noise[noise > 0])) if (noise > 0).any() else 0.0
+    least = max(0.3 * usual, 0.25 * step, 1e-30)
+    return np.maximum(np.where(noise > 0, noise, max(usual, least) if step == 0 else 0.0), least)
 
 
 def _median3(grid: Floats) -> Floats:
@@ -159,7 +175,7 @@ def _any_level(pixels: Pixels) -> float:
     if pixels.dtype.kind != "f":
         return 0.0
     some = pixels[:: max(1, pixels.shape[0] // 64), :: max(1, pixels.shape[1] // 64)]
-    some = some[np.isfinite(some) & (np.abs(some) < 1e30)]
+    some = some[np.abs(some) < BROKEN]
     return float(np.median(some)) if some.size else 0.0
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.detect.strips import Halving, Pixels
+from app.detect.strips import BROKEN, Halving, Pixels
 
 Floats = NDArray[np.float64]
 Stamp = NDArray[np.float32]
@@ -66,7 +66,7 @@ def cut(
     with np.errstate(over="ignore"):
         value = raw.astype(np.float32)
     if pixels.dtype.kind == "f":
-        use &= np.abs(value) < 1e30
+        use &= np.abs(value) < BROKEN
         value[~use] = 0.0
     value -= level.astype(np.float32)[:, None, None]
     weight = use.astype(np.float32)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Pixels = NDArray[Any]
+BROKEN = 1e15  # what is larger, or not a number, is not light
 WIDTH: dict[int, type[np.unsignedinteger[Any]]] = {8: np.uint8, 16: np.uint16}
 WORD: dict[int, type[np.unsignedinteger[Any]]] = {1: np.uint16, 2: np.uint32}
 
@@ -95,8 +96,8 @@ def as_summable(rows: Pixels, fill: float) -> Pixels:
         out = rows.astype(np.float32, copy=False)
     with np.errstate(invalid="ignore", over="ignore"):
         total = float(np.dot(out.ravel(), out.ravel())) if out.size else 0.0
-    if not total < 1e30:
-        out = np.where(np.abs(out) < 1e15, out, np.float32(fill))
+    if not total < BROKEN**2:
+        out = np.where(np.abs(out) < BROKEN, out, np.float32(fill))
     return out
 
 
