@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -9,21 +10,33 @@ import numpy as np
 import pytest
 
 from app.core.attitude import unit_vectors
+from app.core.hint import Hint
 from app.core.progress import run
 from app.core.solution import NoSolution, Reason, Solution
 from app.solve.options import SolveOptions
 from app.workflows.solve_frame import SolvedFrame, solve_file
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "frames"
-BLIND = SolveOptions(use_header=False)
+BLIND = SolveOptions(use_header=False, timeout_s=None)
 
 TRUTH = json.loads((FOLDER / "truth.json").read_text())["frames"] if FOLDER.is_dir() else {}
 SOLVABLE = sorted(name for name, truth in TRUTH.items() if truth.get("solvable", True))
 HOPELESS = sorted(set(TRUTH) - set(SOLVABLE))
 
-pytestmark = pytest.mark.skipif(
-    not TRUTH, reason="the real frames (../shared/frames) are not beside this checkout"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        not TRUTH, reason="the real frames (../shared/frames) are not beside this checkout"
+    ),
+    pytest.mark.timeout(900),  # the first frame waits for the patterns of small fields
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kept_patterns(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The patterns of small fields are made once on a machine, not once a run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("KOCHAB_CACHE", str(request.config.cache.mkdir("kochab")))
+        yield
 
 
 @cache
@@ -90,7 +103,7 @@ def test_the_reason_is_the_one_a_person_would_give(name: str, reason: Reason) ->
 
 @pytest.mark.parametrize("name", [n for n in HOPELESS if n.startswith("geo__")])
 def test_the_header_tells_that_the_field_is_too_small(name: str) -> None:
-    result = solved(name, SolveOptions()).result
+    result = solved(name, SolveOptions(timeout_s=None)).result
     assert isinstance(result, NoSolution)
     assert result.reason is Reason.FIELD_TOO_SMALL
     assert result.measured["field_deg"] == pytest.approx(0.23, abs=0.02)
@@ -99,10 +112,8 @@ def test_the_header_tells_that_the_field_is_too_small(name: str) -> None:
 @pytest.mark.parametrize("name", SOLVABLE[::6])
 def test_a_wrong_hint_costs_time_and_never_the_answer(name: str) -> None:
     truth = TRUTH[name]
-    from app.core.hint import Hint
-
     elsewhere = ((truth["ra_deg"] + 180) % 360, -truth["dec_deg"], 10.0)
     hint = Hint(scale_arcsec_px=(0.2, 0.3), centre_deg=elsewhere)
-    result = solved(name, SolveOptions(hint=hint)).result
+    result = solved(name, SolveOptions(hint=hint, timeout_s=None)).result
     assert isinstance(result, Solution)
     check_against_truth(result, truth)

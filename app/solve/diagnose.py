@@ -15,6 +15,8 @@ from app.solve.measure import Light, Trails, half_flux_diameter_px, measure_ligh
 FEWEST_STARS = 6
 """Fewer cannot prove a pointing: the method wants six agreeing stars to be sure."""
 FEWEST_CATALOGUE_STARS = 10
+CLEAR_SNR = 8.0
+"""Fainter detections may be noise when there is nothing else."""
 TRAILED_ASPECT = 2.2
 TRAILED_ELONGATION = 1.8
 DAY_SHARE = 0.45
@@ -138,9 +140,11 @@ def _emptiness(case: _Case) -> Iterator[Finding]:
     light = case.light
     if light is None:
         return
-    if light.background_share > (DAY_SHARE if case.count < 3 else WHITE_SHARE):
+    snr = case.evidence.detections.snr
+    clear = int(np.count_nonzero(~(snr < CLEAR_SNR)))
+    if light.background_share > (DAY_SHARE if clear < 3 else WHITE_SHARE):
         yield from _daylight(case)
-    if case.count < 3 and light.contrast < FLAT_CONTRAST:
+    if clear < 3 and light.contrast < FLAT_CONTRAST:
         yield (
             Reason.CLOUDED_OR_DARK,
             "Nothing stands out of the background: look for clouds, a closed cover or dew, then "

@@ -10,6 +10,8 @@ from app.core.progress import Task
 T = TypeVar("T")
 
 STAGES = ("read", "detect", "identify", "attitude")
+PREPARING = "patterns"
+"""The stage in which an identifier makes its index, once on a machine: not the frame's time."""
 
 
 class TimedOut(Exception):  # noqa: N818 (a signal inside this room, not an error)
@@ -45,14 +47,22 @@ class Stopwatch:
             raise TimedOut
 
     def watch(self, task: Task[T]) -> Task[T]:
-        """The same task, which ends with :class:`TimedOut` at the first yield past the limit."""
+        """The same task, which ends with :class:`TimedOut` at the first yield past the limit.
+
+        What it spends preparing does not count.
+        """
+        stage = ""
         try:
             while True:
                 self.check()
+                step = perf_counter()
                 try:
                     progress = next(task)
                 except StopIteration as end:
                     return end.value  # type: ignore[no-any-return]
+                if stage == PREPARING and self._limit is not None:
+                    self._limit += perf_counter() - step
+                stage = progress.stage
                 yield progress
         finally:
             task.close()

@@ -41,6 +41,17 @@ DENEB = {
 }
 
 
+pytestmark = pytest.mark.timeout(900)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kept_patterns(request):
+    """Should the search ask for the patterns of small fields, they are made once on a machine."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("KOCHAB_CACHE", str(request.config.cache.mkdir("kochab")))
+        yield
+
+
 def write_list(folder, table) -> str:
     w, h = table["size"]
     path = folder / "stars.csv"

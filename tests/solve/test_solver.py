@@ -144,6 +144,24 @@ def test_time_runs_out_between_steps(identifier) -> None:
     assert identifier.closed
 
 
+def test_making_the_patterns_is_not_the_frames_time(identifier, monkeypatch) -> None:
+    from app.core.progress import Progress
+    from app.solve import stopwatch
+
+    now = [0.0]
+    monkeypatch.setattr(stopwatch, "perf_counter", lambda: now[0])
+
+    def task(stage: str):
+        for _ in range(10):
+            yield Progress(stage)
+            now[0] += 10.0
+        return "done"
+
+    assert run(stopwatch.Stopwatch(30.0).watch(task("patterns"))) == "done"
+    with pytest.raises(stopwatch.TimedOut):
+        run(stopwatch.Stopwatch(30.0).watch(task("identify")))
+
+
 def test_closing_the_task_stops_the_identifier(identifier) -> None:
     identifier.steps = 10**9
     task = solve_detections(identifier.field.detections, OPTIONS)
