@@ -37,7 +37,7 @@ class StarImage:
         spacing = 0.25 * self.fwhm_px
         if self.ring_px is not None:
             inner, outer = self.ring_px
-            ticks = np.arange(-outer, outer + spacing, spacing)
+            ticks = np.linspace(-outer, outer, 1 + 2 * int(np.ceil(outer / spacing)))
             grid = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
             r = np.hypot(*grid.T)
             at = grid[(r >= inner) & (r <= outer)]
