@@ -192,9 +192,25 @@ def _grids(camera: Camera) -> tuple[Floats, Floats]:
     x, y = np.meshgrid(place * camera.width - 0.5, place * camera.height - 0.5)
     pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(pixels)
+    flat = rays[:, :2] / rays[:, 2:]
+    # Beyond the fold of a barrel lens nothing was ever recorded: there is nothing to fit there.
+    seen = np.hypot(*flat.T) < 0.9 * _fold_radius(camera)
+    seen &= np.abs(camera.project(rays) - pixels).max(axis=1) < _GOOD_PX
+    if np.count_nonzero(seen) > len(seen) // 2:
+        pixels, flat = pixels[seen], flat[seen]
     sign = np.array([-1.0 if camera.mirrored else 1.0, 1.0])
-    ideal = sign * camera.focal_px * rays[:, :2] / rays[:, 2:]
+    ideal = sign * camera.focal_px * flat
     return pixels - np.array([camera.cx, camera.cy]), ideal
+
+
+def _fold_radius(camera: Camera) -> float:
+    """Where on the tangent plane the recorded radius stops growing, infinite if nowhere."""
+    # The smallest positive root t = r^2 of 1 + 3 k1 t + 5 k2 t^2, the slope of the radius.
+    square = 9.0 * camera.k1**2 - 20.0 * camera.k2
+    if square < 0.0:
+        return float("inf")
+    divisor = -3.0 * camera.k1 + float(np.sqrt(square))
+    return float(np.sqrt(2.0 / divisor)) if divisor > 1e-12 else float("inf")
 
 
 def _fit(at: Floats, shift: Floats) -> tuple[int, list[Term], Floats, float]:

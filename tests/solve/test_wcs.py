@@ -142,3 +142,17 @@ def test_solved_copy_may_replace_its_source_and_refuses_what_is_not_fits(tmp_pat
     with pytest.raises(FrameError):
         write_solved_copy(answer, text, tmp_path / "b.fits")
     assert not (tmp_path / "b.fits").exists()
+
+
+def test_a_lens_that_folds_its_corners_back_is_right_where_it_is_not_folded():
+    answer = solution(50, -20, 20, 60, k1=-0.4)
+    pixels = grid()
+    camera = answer.camera
+    with np.errstate(invalid="ignore"):
+        back = camera.project(camera.unproject(pixels))
+        seen = np.abs(back - pixels).max(axis=1) < 0.01
+    assert 0 < np.count_nonzero(~seen) < len(seen) // 2  # the corners are beyond the fold
+    ra, dec = WCS(wcs_header(answer)).all_pix2world(*pixels[seen].T, 0)
+    off = np.linalg.norm(unit_vectors(ra, dec) - answer.sky_at(pixels[seen]), axis=1)
+    inner = np.hypot(*(pixels[seen] - [599.5, 399.5]).T) < 450
+    assert off[inner].max() * camera.focal_px < 2.0  # without leaving them out: 50 px
