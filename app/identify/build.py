@@ -29,7 +29,8 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
     from scipy.spatial import cKDTree
 
     most = min(max(neighbours, poorest), len(vectors) - 1)
-    distance, near = cKDTree(vectors).query(vectors, k=most + 1, workers=-1)
+    found = cKDTree(vectors).query(vectors, k=most + 1, workers=-1)
+    distance, near = np.asarray(found[0]), np.asarray(found[1])
     fifth = distance[:, min(5, most)] / np.radians(field_deg)
     stars_per_field = 5.0 / (np.pi * np.maximum(fifth, 1e-9) ** 2)
     share = np.clip((0.8 * PER_FIELD - stars_per_field) / (0.3 * PER_FIELD), 0.0, 1.0)
@@ -86,15 +87,16 @@ def build_volume(
         zones.append(count)
         offsets.append(offsets[-1] + len(member))
     grid = Grid(steps)
-    cells, codes, quads = [], [], []
+    cells, codes, sizes, quads = [], [], [], []
     for i, xyz in enumerate(stars):
         yield Progress("patterns", 0.1 + 0.7 * i / len(stars), f"level {i + 1} of {len(stars)}")
         found = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
         for at in range(0, len(found), CHUNK):
             part = found[at : at + CHUNK]
-            c, code, order = _encode(grid, xyz.astype(np.float64)[part], part)
+            c, code, size, order = _encode(grid, xyz.astype(np.float64)[part], part)
             cells.append(c)
             codes.append(code)
+            sizes.append(size)
             quads.append(_pack(order + offsets[i]))
             yield Progress("patterns", 0.1 + 0.7 * (i + at / len(found)) / len(stars))
     yield Progress("patterns", 0.85, "sorting the patterns by shape")
@@ -111,7 +113,8 @@ def build_volume(
     for name, array in (
         ("stars", np.concatenate(stars)), ("rows", np.concatenate(kept)),
         ("keys", np.concatenate(keys)), ("cells", start),
-        ("codes", np.concatenate(codes)[order]), ("quads", np.concatenate(quads)[order]),
+        ("codes", np.concatenate(codes)[order]), ("sizes", np.concatenate(sizes)[order]),
+        ("quads", np.concatenate(quads)[order]),
     ):  # fmt: skip
         np.save(folder / f"{name}.npy", array)
     (folder / "index.json").write_text(json.dumps(facts) + "\n", "utf-8")
@@ -119,14 +122,14 @@ def build_volume(
 
 def _encode(
     grid: Grid, xyz: Floats, members: Ints
-) -> tuple[NDArray[np.int64], NDArray[np.uint8], Ints]:
-    """Cells (Q,), stored codes (Q, 5) and members in canonical order (Q, 4) of one chunk."""
+) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], Ints]:
+    """Cells, stored codes and sizes (Q,), and members in canonical order (Q, 4) of one chunk."""
     c = canonical(planar(xyz))
     place = grid.scaled(c.code)
     cell = np.floor(place).astype(np.int64)
     inside = np.clip(np.floor((place - cell) * 256.0), 0, 255).astype(np.uint8)
-    code = np.concatenate([inside, size_code(c.base)[:, None]], axis=1)
-    return grid.number(cell), code, np.take_along_axis(members, c.order, axis=1)
+    code = inside.view(np.uint32).ravel()
+    return grid.number(cell), code, size_code(c.base), np.take_along_axis(members, c.order, axis=1)
 
 
 def _pack(members: Ints) -> NDArray[np.uint8]:

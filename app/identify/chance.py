@@ -1,4 +1,4 @@
-"""How likely is it that chance alone gives so good an agreement?
+"""How likely chance alone is to give so good an agreement.
 
 With N catalogue stars on a frame of area A, a detection placed at random falls within r of one of
 them with probability p = 1 - exp(-N pi r^2 / A). Of n detections that did not propose the pointing,
@@ -35,7 +35,7 @@ def log10_false_alarm(
     matched: int, detections: int, catalogue: int, radius_px: float, area_px: float,
     *, reach_px: float, radii: int, candidates: int, free: int = 4,
 ) -> float:  # fmt: skip
-    """The bound of this module for one agreement; ``matched`` of ``detections`` exclude proposers."""
+    """Bound for one agreement, as above; ``matched`` of ``detections`` exclude the proposers."""
     p = -math.expm1(-catalogue * math.pi * radius_px**2 / area_px)
     room = free * math.log10(max(1.0, reach_px / radius_px))
     tail = log10_tail(matched, detections, p)

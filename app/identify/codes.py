@@ -69,7 +69,7 @@ def canonical(z: NDArray[np.complex128]) -> Codes:
 
 
 def with_variants(z: NDArray[np.complex128], tolerance: Floats) -> Codes:
-    """Codes (Q, 4) plus those a measuring error of ``tolerance`` (Q,) might have folded otherwise."""
+    """Codes (Q, 4) and those an error of ``tolerance`` (Q,) might have folded otherwise."""
     side = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]])
     best = np.argmax(side, axis=1)
     length = np.take_along_axis(side, best[:, None], axis=1)

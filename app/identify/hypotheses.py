@@ -63,8 +63,11 @@ def directions(focal: Floats, xy: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
-    """H supposed pointings: ``matrix`` (H, 3, 3) ICRS to camera, ``focal`` (H,) px, ``mirrored``
-    (H,), ``level`` (H,) and the ``detections`` and ``stars`` (H, 4) that propose each."""
+    """Supposed pointings, H of them.
+
+    ``matrix`` (H, 3, 3) ICRS to camera, ``focal`` (H,) px, ``mirrored`` (H,), ``level`` (H,) and
+    the ``detections`` and ``stars`` (H, 4) that propose each.
+    """
 
     matrix: Floats
     focal: Floats

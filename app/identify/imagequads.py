@@ -33,6 +33,4 @@ def image_quads(xy: Floats, neighbours: int, smallest_px: float) -> Ints:
 
 def quad_marks(quads: Ints) -> Ints:
     """One number for each set of four detections (Q, 4), sorted, each below 4096."""
-    return np.asarray(
-        ((quads[:, 0] << 36) | (quads[:, 1] << 24) | (quads[:, 2] << 12) | quads[:, 3])
-    )
+    return np.asarray((quads[:, 0] << 36) | (quads[:, 1] << 24) | (quads[:, 2] << 12) | quads[:, 3])

@@ -4,9 +4,10 @@ A volume is a folder of plain ``.npy`` files that covers several levels of field
 
 ``stars`` (n, 3) float32 ICRS unit vectors, level after level, each level sorted by zone key ·
 ``rows`` (n,) uint32 catalogue rows · ``keys`` (n,) uint32 zone keys · ``cells`` (c + 1,) uint32
-first quad of each code cell · ``codes`` (Q, 5) uint8 place of the code within its cell (1/256 of a
-cell, four numbers) and the base's length · ``quads`` (Q, 12) uint8: four star numbers of 24 bits,
-in the order A, B, C, D. Parity is not stored: it is seen from the stars themselves.
+first quad of each code cell · ``codes`` (Q,) uint32, four bytes: place of the code within its cell
+in 1/256 of a cell · ``sizes`` (Q,) uint8 the base's length, see :func:`size_code` · ``quads``
+(Q, 12) uint8: four star numbers of 24 bits, in the order A, B, C, D. Parity is not stored: it is
+seen from the stars themselves.
 """
 
 import json
@@ -23,7 +24,9 @@ from app.identify.zones import cone_rows, ranges
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ARRAYS = ("stars", "rows", "keys", "cells", "codes", "quads")
+ARRAYS = ("stars", "rows", "keys", "cells", "codes", "sizes", "quads")
+ALL_FOUR = np.uint32(0x01010101)  # four true bytes
+CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
 BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
 IM_REACH = 0.875  # |Im z| never exceeds sqrt(3)/2 while the base is the longest side
 SIZE_MIN_RAD, SIZE_STEPS = 1e-4, 127.0  # base length from 20 arcsec to pi rad in 127 steps
@@ -76,10 +79,11 @@ class Volume:
     rows: NDArray[np.uint32]
     keys: NDArray[np.uint32]
     cells: NDArray[np.uint32]
-    codes: NDArray[np.uint8]
+    codes: NDArray[np.uint32]
+    sizes: NDArray[np.uint8]
     quads: NDArray[np.uint8]
 
-    def lookup(self, code: Floats, tolerance: Floats, size: Floats | None) -> tuple[Ints, Ints]:
+    def lookup(self, code: Floats, tolerance: Floats, size: Floats) -> tuple[Ints, Ints]:
         """Quads whose code lies within ``tolerance`` (Q,) of ``code`` (Q, 4) in every number.
 
         ``size`` (Q, 2) limits the base's length in rad. Returns (query, quad) row pairs.
@@ -95,17 +99,22 @@ class Volume:
         kept = count > 0
         query, cell, start, count = query[kept], cell[kept], start[kept], count[kept]
         entry = ranges(start, count)
-        found = self.codes[entry]
-        # compare in 1/256 of a cell, where the stored numbers live
-        target = np.floor((place[query] - cell) * 256.0).astype(np.int16)
-        margin = np.ceil(reach[query] * 256.0).astype(np.int16)
-        target, margin = np.repeat(target, count, axis=0), np.repeat(margin, count)
-        query = np.repeat(query, count)
-        good = (np.abs(found[:, :4].astype(np.int16) - target) <= margin[:, None]).all(axis=1)
-        if size is not None:
-            lo, hi = size_code(size[:, 0]), size_code(size[:, 1])
-            good &= (found[:, 4] >= lo[query]) & (found[:, 4] <= hi[query])
-        return query[good], entry[good]
+        # compare in 1/256 of a cell, where the stored numbers live: four bytes at a time, and
+        # "between low and high" as one unsigned subtraction that wraps below low
+        target = np.floor((place[query] - cell) * 256.0)
+        margin = np.ceil(reach[query] * 256.0)[:, None]
+        low8 = np.clip(target - margin, 0, 255).astype(np.uint8)
+        span8 = np.clip(target + margin, 0, 255).astype(np.uint8) - low8
+        found = self.codes[entry].view(np.uint8).reshape(-1, 4)
+        found -= np.repeat(low8.view(np.uint32).ravel(), count).view(np.uint8).reshape(-1, 4)
+        within = found <= np.repeat(span8.view(np.uint32).ravel(), count).view(np.uint8).reshape(
+            -1, 4
+        )
+        good = np.nonzero(within.view(np.uint32).ravel() == ALL_FOUR)[0]
+        query, entry = np.repeat(query, count)[good], entry[good]
+        length = self.sizes[entry]
+        fits = (length >= size_code(size[:, 0])[query]) & (length <= size_code(size[:, 1])[query])
+        return query[fits], entry[fits]
 
     def members(self, quad: Ints) -> Ints:
         """Star numbers (Q, 4) of quads, as A, B, C, D."""
@@ -126,15 +135,9 @@ class Volume:
 
 def _corners(low: Ints, high: Ints) -> tuple[Ints, Ints]:
     """All cells between ``low`` and ``high`` (Q, 4), which differ by at most one."""
-    queries, cells = [], []
-    index = np.arange(len(low))
-    differs = high > low
-    for corner in range(16):
-        take = np.array([(corner >> k) & 1 for k in range(4)], dtype=bool)
-        valid = (differs | ~take).all(axis=1)
-        queries.append(index[valid])
-        cells.append(np.where(take, high[valid], low[valid]))
-    return np.concatenate(queries), np.concatenate(cells)
+    valid = ((high > low)[:, None, :] | ~CORNERS).all(axis=2)
+    query, corner = np.nonzero(valid)
+    return query, np.where(CORNERS[corner], high[query], low[query])
 
 
 def open_volume(folder: Path) -> Volume:

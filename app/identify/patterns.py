@@ -22,22 +22,19 @@ from app.identify.hypotheses import (
     Hypotheses,
     Question,
     View,
-    agreement,
-    crowding,
     propose,
 )
 from app.identify.imagequads import image_quads, quad_marks
 from app.identify.index import Volume
 from app.identify.levels import LEVEL_FIELDS_DEG, PER_FIELD
 from app.identify.support import support
-from app.identify.verify import Pointing, Verdict, verify
+from app.identify.verify import FEWEST, Pointing, Verdict, verify
 from app.identify.volumes import fine, make_fine, shipped
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ACCEPT_LOG10 = -6.0
-FEWEST = 6  # four stars propose, at least two more must agree
 CROWD = 600  # more pointings than this are thinned to those in company
 MAX_CANDIDATES = 40  # pointings verified in one stage and volume
 
@@ -200,7 +197,9 @@ class Search:
                 continue
             middle = np.sqrt(want[0] * want[1])
             miss = max(0.0, np.log(fields[0] / middle), np.log(middle / fields[-1]))
-            kept.append((stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage))
+            kept.append(
+                (stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage)
+            )
         return [s for _, _, s in sorted(kept, key=lambda k: k[:2])]
 
     def wants_small_fields(self, stages: tuple[Stage, ...]) -> bool:
@@ -269,12 +268,17 @@ class Search:
             votes = support(volume, self.xy[:16], found, reach)
         order = np.argsort(-votes, kind="stable")[: stage.alone]
         for h in order:
-            start = Pointing(
-                found.matrix[h], float(found.focal[h]), bool(found.mirrored[h])
-            )
+            start = Pointing(found.matrix[h], float(found.focal[h]), bool(found.mirrored[h]))
             verdict = verify(
-                volume, int(found.level[h]), view, start, found.detections[h],
-                found.stars[h], reach, stage.use,
+                volume,
+                int(found.level[h]),
+                view,
+                start,
+                found.detections[h],
+                found.stars[h],
+                reach,
+                stage.use,
+                ACCEPT_LOG10 - 6.0,
             )
             if verdict is not None and self.alarm(verdict) < ACCEPT_LOG10:
                 yield verdict

@@ -1,4 +1,4 @@
-"""Does a supposed pointing hold for the other stars of the frame?"""
+"""Whether a supposed pointing holds for the other stars of the frame."""
 
 from dataclasses import dataclass
 
@@ -12,6 +12,7 @@ from app.identify.index import Volume
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+FEWEST = 6  # four stars propose, at least two more must agree
 LOG10_2 = 0.30103  # two ways of judging, the better counts
 RADII = 8  # agreement is judged at so many radii, each sqrt 2 apart, the best counts
 
@@ -99,20 +100,28 @@ def _turn(w: Floats) -> Floats:
     angle = float(np.sqrt(w @ w))
     k = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
     if angle < 1e-12:
-        return np.eye(3) + k
+        return np.asarray(np.eye(3) + k)
     a, b = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2
     return np.asarray(np.eye(3) + a * k + b * (k @ k))
 
 
 def verify(
-    volume: Volume, level: int, view: View, start: Pointing, proposers: Ints,
-    proposing_stars: Ints, reach_px: float, use: int,
+    volume: Volume,
+    level: int,
+    view: View,
+    start: Pointing,
+    proposers: Ints,
+    proposing_stars: Ints,
+    reach_px: float,
+    use: int,
+    enough: float,
 ) -> Verdict | None:
     """Check one pointing against the brightest ``use`` detections; None when hopeless.
 
     ``proposers`` (4,) are the detections that suggested it and ``proposing_stars`` (4,) the stars
     they would be: they are matched and refitted like the
-    others but do not count as evidence. ``reach_px`` is the first, widest radius.
+    others but do not count as evidence. ``reach_px`` is the first, widest radius;
+    evidence below ``enough`` (log10) needs no second way of judging.
     """
     seen = view.xy[:use]
     corner = float(np.hypot(*view.half)) + reach_px
@@ -123,7 +132,7 @@ def verify(
     near = (np.abs(xy) < view.half + 3 * reach_px).all(axis=1)
     sky, number = sky[near], number[near]
     i, j, _ = pair(seen, xy[near], reach_px)
-    if len(i) < 6:  # the four proposers and two more
+    if len(i) < FEWEST:
         return None
     four = start
     known = proposers < len(seen)
@@ -135,23 +144,20 @@ def verify(
         return None
     evidence = np.ones(len(seen), dtype=bool)
     evidence[proposers[known]] = False
-    tail = min(
-        _tail(view, four, seen, sky, evidence, reach_px, free=0)[0],
-        _tail(view, pointing, seen, sky, evidence, reach_px, free=4)[0],
-    )
-    i, j, d2 = pair(seen, pointing.project(sky)[0], reach_px)
-    _, radius = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
-    kept = d2 < radius * radius
-    if kept.sum() < 6:
+    tail, radius = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
+    i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
+    if len(i) < FEWEST:
         return None
-    rms = float(np.sqrt(d2[kept].mean()))
-    return Verdict(pointing, i[kept], number[j[kept]], min(0.0, tail + LOG10_2), rms, level)
+    if tail > enough:
+        tail = min(tail, _tail(view, four, seen, sky, evidence, reach_px, free=0)[0])
+    rms = float(np.sqrt(d2.mean()))
+    return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
 
 
 def improve(
     pointing: Pointing, seen: Floats, sky: Floats, radius: float, steps: int
 ) -> Pointing | None:
-    """Pair and refit ``steps`` times, the radius shrinking with the residuals; None when it fails."""
+    """Pair and refit ``steps`` times, the radius shrinking with the residuals; None: it failed."""
     for step in range(steps):
         i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
         if len(i) < 5:
@@ -177,11 +183,15 @@ def _tail(
     i, _, d2 = pair(seen, xy, reach_px)
     d2 = d2[evidence[i]]
     area = float(4.0 * view.half[0] * view.half[1])
-    best, radius = 0.0, 0.0
-    for k in range(RADII):
-        r = reach_px / 2 ** (k / 2.0)
+    radii = reach_px / np.sqrt(2.0) ** np.arange(RADII)
+    matched = np.searchsorted(np.sort(d2), radii**2)
+    best, radius, last = 0.0, 0.0, -1
+    for m, r in zip(matched[::-1].tolist(), radii[::-1].tolist(), strict=True):
+        if m == last or m == 0:
+            continue  # the same agreement within a smaller radius is the less likely one
+        last = m
         value = log10_false_alarm(
-            int((d2 < r * r).sum()), int(evidence.sum()), inside, r, area,
+            m, int(evidence.sum()), inside, r, area,
             reach_px=reach_px, radii=RADII, candidates=1, free=free,
         )  # fmt: skip
         if value < best:

@@ -19,14 +19,14 @@ from app.core.progress import Progress, Task
 from app.identify.build import build_volume
 from app.identify.index import Volume, open_volume
 
-FORMAT = 1
+FORMAT = 2
 EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
 SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     # name: levels, nearest stars taken at each (rich, poor sky), cells of code space
     "wide": (range(9, 15), ((6, 6),) * 6, 16),
     "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
 }
-FINE = (range(5), ((4, 7), (4, 5), (4, 4), (4, 4), (4, 4)), 32)
+FINE = (range(5), ((4, 7), (4, 5), (4, 4), (4, 4), (4, 4)), 40)
 STALE_S = 900.0  # a lock older than this was left behind by something that died
 
 
@@ -100,12 +100,14 @@ def make_fine() -> Task[Volume]:
             handle = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
             break
         except FileExistsError:
-            yield Progress("patterns", None, "another Kochab is making the patterns for small fields")
+            yield Progress(
+                "patterns", None, "another Kochab is making the patterns for small fields"
+            )
             _drop_stale(lock)
             time.sleep(0.2)
         except OSError as error:
             raise CatalogueError(
-                f"The patterns for small fields cannot be kept in {folder.parent}: {error.strerror}."
+                f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror}."
             ) from error
     scratch = folder.with_suffix(".part")
     try:

@@ -9,7 +9,7 @@ RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above 
 
 
 def zone_keys(vectors: NDArray[np.floating], zones: int) -> NDArray[np.uint32]:
-    """Sort keys (N,) of unit vectors (N, 3) for a sky of ``zones`` (at most 4095) declination zones."""
+    """Sort keys (N,) of unit vectors (N, 3) for ``zones`` (at most 4095) declination zones."""
     v = np.asarray(vectors, dtype=np.float64)
     dec = np.arcsin(np.clip(v[:, 2], -1.0, 1.0))
     zone = np.clip(((dec / np.pi + 0.5) * zones).astype(np.int64), 0, zones - 1)
@@ -53,6 +53,5 @@ def ranges(start: NDArray[np.integer], count: NDArray[np.integer]) -> Ints:
     if total == 0:
         return np.zeros(0, dtype=np.int64)
     offset = np.cumsum(count) - count
-    return np.arange(total, dtype=np.int64) + np.repeat(
-        start.astype(np.int64) - offset.astype(np.int64), count
-    )
+    first = np.repeat(start.astype(np.int64) - offset.astype(np.int64), count)
+    return np.asarray(np.arange(total, dtype=np.int64) + first)
