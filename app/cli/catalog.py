@@ -24,16 +24,21 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     build.add_argument("--out", type=Path, metavar="DIR", help="default: the catalogs folder")
 
     info = actions.add_parser("info", help="counts, epochs, checks and sizes")
-    info.add_argument("--catalog", type=Path, metavar="DIR", help="default: the shipped one")
+    info.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
     reach = actions.add_parser("coverage", help="fewest and median stars that a field holds")
     reach.add_argument("--fov", type=float, default=1.2, metavar="DEG", help="square, default 1.2")
     reach.add_argument("--mag-limit", type=float, metavar="V", help="count no fainter stars")
     reach.add_argument("--fields", type=int, metavar="N", help="places tried over the sky")
-    reach.add_argument("--catalog", type=Path, metavar="DIR", help="default: the shipped one")
+    reach.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
     bring = actions.add_parser("import", help="add a deeper catalogue that you already have")
-    bring.add_argument("path", type=Path, help="its folder or file")
+    bring.add_argument(
+        "path", type=Path, help="ASTAP or astrometry.net index files or their folder, or a Gaia CSV"
+    )
+    bring.add_argument("--name", default="imported", help="what to keep it as (imported)")
+    bring.add_argument("--epoch", type=float, metavar="YEAR", help="when its files do not say")
+    bring.add_argument("--mag-limit", type=float, metavar="V", help="leave fainter stars out")
 
     for action in (build, info, reach, bring):
         action.add_argument(
@@ -84,10 +89,9 @@ def _cache() -> Path:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from app.sky.catalogue import shipped_folder
     from app.sky.inventory import inventory
 
-    told = _driven(inventory(args.catalog or shipped_folder()))
+    told = _driven(inventory(_folder(args.catalog)))
     if args.json:
         print(to_line(told))
     else:
@@ -131,7 +135,7 @@ def _coverage(args: argparse.Namespace) -> int:
 
     if args.fields is not None and args.fields < 1:
         raise CatalogueError("--fields must be at least 1.")
-    catalogue = open_catalogue(args.catalog / "deep.kcat" if args.catalog else None)
+    catalogue = open_catalogue(_folder(args.catalog) / "deep.kcat")
     told = _driven(coverage(catalogue, args.fov, args.mag_limit, args.fields))
     if args.json:
         print(to_line(asdict(told)))
@@ -149,8 +153,31 @@ def _coverage(args: argparse.Namespace) -> int:
     return 0
 
 
+def _folder(catalog: str | None) -> Path:
+    """The folder of a catalogue: the shipped one, a path, or an imported one by its name."""
+    from app.sky.catalogue import shipped_folder
+    from app.sky.importing.choose import user_folder
+
+    if catalog is None:
+        return shipped_folder()
+    return Path(catalog) if Path(catalog).is_dir() else user_folder(catalog)
+
+
 def _import(args: argparse.Namespace) -> int:
-    raise CatalogueError(f"Importing a catalogue is not available yet, so {args.path} is not read.")
+    from app.sky.importing.choose import read_foreign, user_folder
+    from app.sky.importing.combine import combine
+
+    if args.epoch is not None and not 1900.0 <= args.epoch <= 2100.0:
+        raise CatalogueError("--epoch must be a year between 1900 and 2100.")
+    folder = user_folder(args.name)
+    foreign = _driven(read_foreign(args.path))
+    manifest = _driven(combine(foreign, folder, args.epoch, args.mag_limit))
+    if args.json:
+        print(to_line({"folder": str(folder), **manifest}))
+        return 0
+    print(f"{manifest['imported_from']} at {manifest['imported_epoch']:g}, kept in {folder}")
+    _print_facts(manifest["counts"])
+    return 0
 
 
 def _driven(task: Task[T]) -> T:

@@ -87,6 +87,11 @@ class Catalogue:
         step = self._bv[np.asarray(rows, dtype=np.int64)]
         return np.where(step == BV_UNKNOWN, np.nan, step * BV_STEP + BV_LOWEST)
 
+    def motions(self, rows: ArrayLike) -> Floats:
+        """Proper motions (N, 2), pmRA* and pmDE in mas/yr, of ``rows`` (N,); 0 where unknown."""
+        rows = np.asarray(rows, dtype=np.int64)
+        return np.stack([self._pm_ra[rows], self._pm_dec[rows]], axis=1).astype(np.float64)
+
     def flags(self, rows: ArrayLike) -> NDArray[np.uint8]:
         """Flags (N,) of ``rows``, the bits named in `app.sky.layout`."""
         return np.asarray(self._flag[np.asarray(rows, dtype=np.int64)])

@@ -44,9 +44,11 @@ class Stars:
         """The stars that ``index`` selects."""
         return Stars(*(getattr(self, f.name)[index] for f in fields(self)))
 
-
-def _joined(a: Stars, b: Stars) -> Stars:
-    return Stars(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(a)))
+    @classmethod
+    def joined(cls, a: "Stars", b: "Stars") -> "Stars":
+        """The stars of ``a``, then those of ``b``."""
+        names = [f.name for f in fields(cls)]
+        return cls(*(np.concatenate([getattr(a, n), getattr(b, n)]) for n in names))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +86,7 @@ def merge(src: Sources) -> Task[Merged]:
     stars = _measured(stars, partner, src, mag_listed)
     rest = _tycho_only(src, ~_accounted_for(src, stars, partner, tree))
     counts["stars of Tycho-2 alone"] = len(rest)
-    both = _joined(stars.take(keep), rest)
+    both = Stars.joined(stars.take(keep), rest)
     yield Progress("Joining close components", 0.6)
     listed_hip = dict(zip(src.listed.hip.tolist(), src.listed.mag.tolist(), strict=True))
     deep, group = join(both, listed_hip)

@@ -1,0 +1,1 @@
+"""Catalogues that people already own, read and put beside the shipped one."""

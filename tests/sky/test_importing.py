@@ -1,0 +1,172 @@
+import gzip
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.cli.main import main
+from app.core.attitude import unit_vectors
+from app.core.errors import CatalogueError
+from app.core.progress import run
+from app.sky import layout, open_catalogue
+from app.sky.importing.astap import MARK, decode
+from app.sky.importing.choose import read_foreign, user_folder
+from app.sky.importing.combine import combine
+from app.sky.importing.stars import ForeignStars, v_of_gaia
+from tests.sky.packages import index_file
+
+
+def astap_bytes(sections, size):
+    """A file of ``sections`` {mag: [(ra, dec, bp_rp)]}, each with Decs of one upper byte."""
+    data = bytearray(b"made for a test".ljust(109)) + bytes([size])
+    for mag, stars in sections.items():
+        decs = [round(dec / 90.0 * (2**23 - 1)) for _, dec, _ in stars]
+        high = decs[0] >> 16
+        data += MARK.to_bytes(3, "little") + bytes([high + 128, round(mag * 10) + 16])
+        data += bytes(size - 5)
+        for (ra, _, colour), dec in zip(stars, decs, strict=True):
+            assert dec >> 16 == high
+            data += round(ra / 360.0 * (2**24 - 1)).to_bytes(3, "little")
+            data += (dec & 0xFFFF).to_bytes(2, "little")
+            if size == 6:
+                data += round(colour * 10).to_bytes(1, "little", signed=True)
+    return bytes(data)
+
+
+SECTIONS = {
+    9.5: [(10.0, -20.1, 0.8), (10.5, -20.2, -0.3)],
+    12.3: [(11.0, 45.2, 1.5)],
+    -1.0: [(359.9, 0.1, 0.0)],
+}
+
+
+@pytest.mark.parametrize("size", [5, 6])
+def test_astap_files_are_decoded(size):
+    ra, dec, mag, colour = decode(astap_bytes(SECTIONS, size), "x_0101.290")
+    assert ra == pytest.approx([10.0, 10.5, 11.0, 359.9], abs=2e-5)
+    assert dec == pytest.approx([-20.1, -20.2, 45.2, 0.1], abs=1e-5)
+    assert mag == pytest.approx([9.5, 9.5, 12.3, -1.0])
+    if size == 6:
+        assert colour == pytest.approx([0.8, -0.3, 1.5, 0.0])
+    else:
+        assert np.isnan(colour).all()
+
+
+@given(cut=st.integers(0, 139))
+def test_an_astap_file_cut_short_is_said_or_whole(cut):
+    whole = astap_bytes(SECTIONS, 5)
+    assert len(whole) > 139
+    if cut >= 110 and (cut - 110) % 5 == 0:
+        assert decode(whole[:cut], "x").shape[0] == 4
+    else:
+        with pytest.raises(CatalogueError, match="ASTAP"):
+            decode(whole[:cut], "x")
+
+
+def test_an_astap_file_of_wide_records_is_refused():
+    data = astap_bytes(SECTIONS, 5)
+    with pytest.raises(CatalogueError, match="5 or 6"):
+        decode(data[:109] + b" " + data[110:], "x")
+
+
+GAIA = """source_id,ra,dec,pmra,pmdec,phot_g_mean_mag,bp_rp,ref_epoch
+1,10.0,20.0,100.0,-50.0,14.0,0.82,2016.0
+2,11.0,21.0,,,15.5,null,2016.0
+3,,,1,1,15.5,1.0,2016.0
+"""
+
+
+@pytest.mark.parametrize("name", ["g.csv", "g.csv.gz"])
+def test_gaia_tables_are_read(tmp_path, name):
+    data = ("# a comment of ECSV\n" + GAIA).encode()
+    (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
+    stars = run(read_foreign(tmp_path / name))
+    assert len(stars) == 2
+    assert stars.epoch == 2016.0
+    assert stars.mag == pytest.approx([14.15, 15.7], abs=0.01)
+    assert stars.bv[0] == pytest.approx(0.62, abs=0.05)
+    assert np.isnan(stars.bv[1])
+    assert np.isnan(stars.pm_mas[1]).all()
+    assert stars.pm_mas[0] == pytest.approx([100.0, -50.0])
+
+
+def test_the_sun_has_its_colour():
+    v, bv = v_of_gaia(np.array([4.67]), np.array([0.818]))
+    assert v == pytest.approx(4.81, abs=0.03)
+    assert bv == pytest.approx(0.63, abs=0.04)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "says"),
+    [
+        ("g.csv", b"ra,dec\n1,2\n", "lacks the column phot_g_mean_mag"),
+        ("g.csv", b"", "lacks the column ra"),
+        ("g.csv", b"ra,dec,phot_g_mean_mag\n", "holds no stars"),
+        ("g.csv.gz", b"not gzip", "cannot be read"),
+        ("g.csv", b"\xff\xfe\x00", "cannot be read"),
+        ("g.csv", GAIA.replace("2016.0\n2", "2015.5\n2").encode(), "mixes epochs"),
+        ("x.fits", b"SIMPLE", "not an index"),
+        ("x.txt", b"hello", "no catalogue that can be imported"),
+    ],
+)
+def test_what_cannot_be_imported_is_said(tmp_path, name, data, says):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(CatalogueError, match=says):
+        run(read_foreign(tmp_path / name))
+
+
+def test_empty_folders_and_absent_paths_are_said(tmp_path):
+    for path in (tmp_path, tmp_path / "nothing"):
+        with pytest.raises(CatalogueError, match=r"\.$"):
+            run(read_foreign(path))
+
+
+def test_stars_in_several_index_files_count_once(tmp_path):
+    for i in range(2):
+        index_file(tmp_path / f"index-{i}.fits", [(10.0, 20.0, 12.0), (30.0 + i, 40.0, 13.0)])
+    stars = run(read_foreign(tmp_path))
+    assert len(stars) == 3
+    assert sorted(stars.mag) == pytest.approx([11.9, 12.9, 12.9])
+
+
+def test_an_imported_catalogue_holds_both(tmp_path, catalogue):
+    """A new star moved to J2000, one the shipped list has, and a ghost that is too bright."""
+    known = catalogue.vectors([1_500_000], 2016.0)[0]
+    ra = np.degrees(np.arctan2(known[1], known[0])) % 360
+    foreign = ForeignStars(
+        np.array([83.0, ra, 84.0]),
+        np.array([60.0, np.degrees(np.arcsin(known[2])), 61.0]),
+        np.array([14.5, 11.9, 6.0]),
+        np.array([0.5, 0.5, 0.5]),
+        np.array([[0.0, 1000.0], [np.nan, np.nan], [0.0, 0.0]]),
+        2016.0,
+        "test",
+    )
+    manifest = run(combine(foreign, tmp_path / "both"))
+    assert manifest["counts"] == {"stars read": 2, "stars added to the shipped ones": 1}
+    both = open_catalogue(tmp_path / "both" / "deep.kcat")
+    assert len(both) == len(catalogue) + 1
+    row = both.cone(unit_vectors(83.0, 60.0 - 16.0 / 3600), np.radians(1.0 / 3600))
+    assert len(row) == 1
+    assert both.mag(row) == pytest.approx([14.5])
+    assert both.flags(row)[0] == layout.MOVING
+    now = both.vectors(row, 2026.0)[0]
+    assert np.degrees(np.linalg.norm(now - unit_vectors(83.0, 60.0 + 10.0 / 3600))) * 3600 < 0.1
+    assert both.label(both.find("Vega")) == ("HIP 91262", "Vega")
+    some = catalogue.cone(unit_vectors(200.0, -40.0), np.radians(1.0), year=2026.0)
+    same = both.cone(unit_vectors(200.0, -40.0), np.radians(1.0), year=2026.0)
+    gap = both.vectors(same, 2026.0) - catalogue.vectors(some, 2026.0)
+    assert np.abs(gap).max() < 3e-9
+
+
+def test_import_keeps_it_with_the_persons_data(tmp_path, capsys):
+    (tmp_path / "g.csv").write_text(GAIA)
+    assert main(["catalog", "import", str(tmp_path / "g.csv"), "--name", "mine", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["folder"] == str(user_folder("mine"))
+    assert told["counts"]["stars added to the shipped ones"] == 2
+    assert main(["catalog", "info", "--catalog", "mine", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ok"]
+    assert main(["catalog", "import", str(tmp_path / "g.csv"), "--name", "../mine"]) == 2
