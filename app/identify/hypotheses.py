@@ -136,36 +136,3 @@ def _triad(a: Floats, b: Floats) -> Floats:
     m = m / np.linalg.norm(m, axis=1, keepdims=True)
     n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-30)
     return np.stack([m, cross(n, m), n], axis=2)
-
-
-def crowding(hypotheses: Hypotheses) -> Ints:
-    """How many hypotheses (H,) share a cell of sky (half a field), scale (20 %) and parity.
-
-    Two grids shifted by half a cell are counted and the fuller one taken, so that agreeing
-    hypotheses are rarely parted by an edge. Linear in H, where :func:`agreement` is quadratic.
-    """
-    log = np.log(hypotheses.focal) / 0.2
-    best = np.zeros(len(hypotheses), dtype=np.int64)
-    for shift in (0.0, 0.5):
-        size = np.floor(log + shift)
-        # the cell follows the scale's step, so that equal steps share one grid
-        cell = np.floor(hypotheses.matrix[:, 2] * np.exp(size * 0.2)[:, None] / 600.0 + shift)
-        key = ((cell[:, 0] * 8191 + cell[:, 1]) * 8191 + cell[:, 2]) * 211 + size * 2
-        _, group, count = np.unique(
-            key + hypotheses.mirrored, return_inverse=True, return_counts=True
-        )
-        best = np.maximum(best, count[group])
-    return best
-
-
-def agreement(hypotheses: Hypotheses, angle_rad: Floats) -> Ints:
-    """How many other hypotheses (H,) point the same way within ``angle_rad`` (H,), 3 % in scale."""
-    n = len(hypotheses)
-    flat = hypotheses.matrix.reshape(n, 9).astype(np.float32)
-    # the trace of one rotation times the other's transpose is 1 + 2 cos(angle between them)
-    same = flat @ flat.T > (1.0 + 2.0 * np.cos(angle_rad)).astype(np.float32)[:, None]
-    i, j = np.nonzero(same)
-    log = np.log(hypotheses.focal)
-    kept = (np.abs(log[i] - log[j]) < 0.03) & (i != j)
-    kept &= hypotheses.mirrored[i] == hypotheses.mirrored[j]
-    return np.bincount(i[kept], minlength=n)

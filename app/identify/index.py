@@ -69,7 +69,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volume:
-    """One opened index; see the module's text for the arrays."""
+    """One opened index; the module's text tells of the arrays. ``mark``: the catalogue's SHA-256."""
 
     grid: Grid
     fields_deg: Floats
@@ -82,6 +82,7 @@ class Volume:
     codes: NDArray[np.uint32]
     sizes: NDArray[np.uint8]
     quads: NDArray[np.uint8]
+    mark: str = ""
 
     def lookup(self, code: Floats, tolerance: Floats, size: Floats) -> tuple[Ints, Ints]:
         """Quads whose code lies within ``tolerance`` (Q,) of ``code`` (Q, 4) in every number.
@@ -154,4 +155,5 @@ def open_volume(folder: Path) -> Volume:
         np.array(facts["offsets"]),
         np.array(facts["zones"]),
         **plain,
+        mark=str(facts.get("mark", "")),
     )

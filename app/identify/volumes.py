@@ -49,7 +49,12 @@ def fine_folder() -> Path:
 @lru_cache(maxsize=1)
 def shipped() -> tuple[Volume, ...]:
     """The shipped volumes, ``wide`` first; raises CatalogueError when one is missing."""
-    return tuple(open_volume(shipped_folder() / name) for name in SHIPPED)
+    volumes = tuple(open_volume(shipped_folder() / name) for name in SHIPPED)
+    if any(volume.mark != _mark() for volume in volumes):
+        raise CatalogueError(
+            "The shipped patterns belong to another catalogue: run kochab catalog build."
+        )
+    return volumes
 
 
 def fine() -> Volume | None:

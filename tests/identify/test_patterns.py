@@ -10,7 +10,8 @@ from app.core.hint import Hint
 from app.core.progress import run
 from app.core.solution import Identification, NoSolution, Reason
 from app.identify import IDENTIFIERS, make_identifier
-from app.identify.patterns import ACCEPT_LOG10, Patterns, Stage
+from app.identify.patterns import Patterns
+from app.identify.search import ACCEPT_LOG10, Stage
 
 STAGES = (
     Stage(12, 6, 1.0, 0.004, 40, focal=(1.9, 1.42, 1.08)),
@@ -104,7 +105,7 @@ def test_stars_in_one_place_or_on_a_line_are_no_pattern(method, xy):
 
 
 def test_a_right_hint_asks_fewer_pointings_and_a_wrong_one_finds_nothing(toy_sky, method):
-    attitude, camera, d = view(toy_sky, 300.0, 45.0, 10.0)
+    _, camera, d = view(toy_sky, 300.0, 45.0, 10.0)
     blind = run(method.identify(d))
     s = camera.scale_arcsec_px
     near = Hint(scale_arcsec_px=(s / 1.05, s * 1.05), centre_deg=(300.0, 45.0, 5.0))

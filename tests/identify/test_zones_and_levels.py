@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -41,7 +43,7 @@ def test_levels_nest_and_hold_as_many_stars_a_field_as_asked():
         np.arcsin(v[:, 2] / np.linalg.norm(v, axis=1)),
     )
     levels = all_levels(ra, dec)
-    for finer, coarser in zip(levels, levels[1:], strict=False):
+    for finer, coarser in pairwise(levels):
         assert np.isin(coarser, finer).all()
     for k in (8, 10, 12):
         per_field = len(levels[k]) * LEVEL_FIELDS_DEG[k] ** 2 / 41253

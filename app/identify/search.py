@@ -1,0 +1,184 @@
+"""One frame's search: which patterns to ask about, in what order, and which answers hold."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.detections import Detections
+from app.core.hint import Hint
+from app.identify.hypotheses import SUPPOSED, Hypotheses, Question, View, propose
+from app.identify.imagequads import image_quads, quad_marks
+from app.identify.index import Volume
+from app.identify.levels import LEVEL_FIELDS_DEG, PER_FIELD
+from app.identify.support import support
+from app.identify.verify import Pointing, Verdict, verify
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ACCEPT_LOG10 = -6.0
+CROWD = 400  # more pointings than this are thinned before the closer look
+FINE = 2  # the volume that may have to be made first
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """How deep one round of the search goes; see :func:`app.identify.hypotheses.propose`.
+
+    ``noise`` is the allowed error of a position in thousandths of the frame's larger side.
+    ``focal`` are supposed focal lengths in units of the larger side: 0 supposes none.
+    ``fine`` is whether the volume of small fields is asked too.
+    """
+
+    stars: int
+    neighbours: int
+    noise: float
+    slack: float
+    use: int
+    focal: tuple[float, ...] = ()
+    volume: int = 0
+    spread: float = 2.0
+    alone: int = 40
+
+
+WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)
+STAGES = (
+    Stage(10, 6, 0.9, 0.003, 30, volume=1, alone=10, spread=1.6),
+    Stage(10, 6, 0.9, 0.003, 30, volume=2, alone=10, spread=1.6),
+    Stage(14, 5, 0.9, 0.010, 40, focal=WIDE, alone=20),
+    Stage(18, 6, 0.9, 0.003, 40, volume=1, alone=20),
+    Stage(18, 6, 0.9, 0.003, 40, volume=2, alone=20),
+    Stage(30, 6, 1.0, 0.003, 50, volume=1),
+    Stage(24, 6, 1.0, 0.012, 50, focal=WIDE, spread=3.0),
+    Stage(30, 6, 1.0, 0.003, 50, volume=2),
+    Stage(40, 6, 1.0, 0.004, 60, volume=1, spread=3.0),
+    Stage(40, 6, 1.0, 0.004, 60, volume=2, spread=3.0),
+)
+
+
+class Search:
+    """One frame's search: what was tried already, and how many pointings."""
+
+    def __init__(self, detections: Detections, hint: Hint | None) -> None:
+        middle = np.array([(detections.width - 1) / 2, (detections.height - 1) / 2])
+        self.xy = detections.xy - middle
+        self.half = np.array([detections.width / 2, detections.height / 2])
+        self.side = float(max(detections.width, detections.height))
+        self.tried = 0
+        self.asked = 0
+        self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
+        lo, hi = 0.25 * self.side, 180.0 * self.side
+        if hint is not None and hint.scale_arcsec_px is not None:
+            a, b = (206264.806 / s for s in hint.scale_arcsec_px)
+            lo, hi = min(a, b), max(a, b)
+        self.scale = (lo, hi)
+        self.centre = None
+        if hint is not None and hint.centre_deg is not None:
+            from app.core.attitude import unit_vectors
+
+            ra, dec, radius = hint.centre_deg
+            self.centre = (unit_vectors(ra, dec), float(np.radians(radius)))
+
+    def plan(self, stages: tuple[Stage, ...], volumes: tuple[Volume, ...]) -> list[Stage]:
+        """The stages that the scale allows; of equal depth, the likeliest volume first."""
+        kept = []
+        for stage in stages:
+            if stage.volume >= len(volumes):
+                continue
+            narrow, wide = self.scale[1] / self.side, self.scale[0] / self.side
+            if (narrow < 1.8 and not stage.focal) or (wide > 3.0 and stage.focal):
+                continue
+            fields = volumes[stage.volume].fields_deg
+            want = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / np.array(self.scale)))
+            want = want * self._per_field(stage)[::-1]
+            if want[0] < fields[0] and stage.volume != FINE:
+                continue
+            if want[1] > fields[-1]:
+                continue
+            middle = np.sqrt(want[0] * want[1])
+            miss = max(0.0, np.log(fields[0] / middle), np.log(middle / fields[-1]))
+            kept.append(
+                (stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage)
+            )
+        return [s for _, _, s in sorted(kept, key=lambda k: k[:2])]
+
+    def wants_small_fields(self, stages: tuple[Stage, ...]) -> bool:
+        """Whether the allowed scales reach down to fields that only the fine volume serves."""
+        field = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / self.scale[1]))
+        return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[4] for s in stages)
+
+    def alarm(self, verdict: Verdict) -> float:
+        """The verdict's false-alarm bound after counting all pointings tried."""
+        return min(0.0, verdict.log10_tail + float(np.log10(max(1, self.tried))))
+
+    def round(self, volume: Volume, stage: Stage) -> Iterator[Verdict]:
+        """Accepted verdicts of one stage in one volume, best first."""
+        noise = stage.noise * self.side / 1000.0
+        quads = self._new_quads(stage, noise)
+        focal = None
+        if stage.focal:
+            supposed = np.array(stage.focal) * self.side
+            supposed = supposed[
+                (supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])
+            ]
+            focal = np.repeat(supposed, len(quads))
+            quads = np.tile(quads, (len(supposed), 1))
+        if len(quads) == 0:
+            return
+        view = View(self.xy, self.half, self.scale)
+        per_field = self._per_field(stage)
+        found = propose(volume, view, Question(quads, focal, noise, stage.slack, per_field))
+        if self.centre is not None:
+            dot = found.matrix[:, 2] @ self.centre[0]
+            wide = np.arctan(np.hypot(*self.half) / found.focal)
+            found = found.take(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
+        self.tried += len(found)
+        self.asked += len(quads)
+        yield from self._check(volume, view, stage, found)
+
+    def _per_field(self, stage: Stage) -> tuple[float, float]:
+        """Lowest and highest ratio of a level's field to the frame's, for stars so bright.
+
+        A frame with fewer stars than the stage would take shows all the catalogue has there, so
+        that any finer level will do.
+        """
+        n = len(self.xy)
+        density = float(np.sqrt(PER_FIELD / min(stage.stars, n)))
+        low = density / stage.spread if n > stage.stars else 0.3
+        return low, density * stage.spread
+
+    def _new_quads(self, stage: Stage, noise: float) -> Ints:
+        quads = image_quads(self.xy[: stage.stars], stage.neighbours, 12.0 * noise)
+        marks = quad_marks(quads)
+        key = (stage.volume, stage.focal)
+        old = self.done.get(key, np.zeros(0, dtype=np.int64))
+        new = ~np.isin(marks, old)
+        self.done[key] = np.concatenate([old, marks[new]])
+        return quads[new]
+
+    def _check(
+        self, volume: Volume, view: View, stage: Stage, found: Hypotheses
+    ) -> Iterator[Verdict]:
+        reach = 0.010 * self.side
+        if len(found) > CROWD:
+            found = found.take(support(volume, self.xy[:8], found, reach) > 0)
+        votes = support(volume, self.xy[:16], found, reach)
+        # fewer cannot pass: verification wants two stars besides the proposers as well
+        order = np.argsort(-votes, kind="stable")[: min(stage.alone, int((votes > 1).sum()))]
+        for h in order:
+            start = Pointing(found.matrix[h], float(found.focal[h]), bool(found.mirrored[h]))
+            verdict = verify(
+                volume,
+                int(found.level[h]),
+                view,
+                start,
+                found.detections[h],
+                found.stars[h],
+                reach,
+                stage.use,
+                ACCEPT_LOG10 - 6.0,
+            )
+            if verdict is not None and self.alarm(verdict) < ACCEPT_LOG10:
+                yield verdict
