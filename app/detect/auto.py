@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from app.core.detections import Detections
 from app.core.frame import Frame
 from app.detect.fit import fit_stars, refit_bright
-from app.detect.hot import behind, leave_out, sort_out
+from app.detect.hot import behind, quick_look
 from app.detect.image import clip_level, star_image, unweighted
 from app.detect.mesh import Mesh, measure_mesh
 from app.detect.moments import FWHM_PER_SIGMA, PIXEL_VARIANCE, adaptive_moments, principal_axes
 from app.detect.peaks import find_peaks
-from app.detect.stamps import cut
-from app.detect.strips import Halving, Pixels, halving
+from app.detect.strips import Pixels, halving
+from app.detect.view import View
 from app.detect.weed import apart, close_pairs, standing_out
 
 Floats = NDArray[np.float64]
@@ -60,14 +60,15 @@ _STARS = ("xy", "flux", "snr", "moments", "peak", "noise", "saturated")
 
 @dataclass(frozen=True, slots=True)
 class AutoDetector:
-    """Finds stars above ``snr`` (a little more in large frames) and returns ``max_stars`` at most.
+    """Finds stars above ``snr``, returns ``max_stars`` at most, and may use ``threads``.
 
-    Noise makes about ten times as many peaks in ten times as many pixels; the limit rises so that
-    it makes less than one star a frame.
+    The limit is that for a frame of 1 MP. Noise makes ten times as many peaks in ten times as many
+    pixels; the limit goes up and down with them so that it makes less than one star a frame.
     """
 
-    snr: float = 5.0
+    snr: float = 5.2
     max_stars: int = 6000
+    threads: int = 2
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""
@@ -84,34 +85,29 @@ class AutoDetector:
         """Stars up to some 20 px wide or 30 px long, and whether most are small."""
         pixels, how = frame.pixels, halving(frame.bayer)
         mesh = measure_mesh(pixels, how, quantum(pixels))
-        snr = self.snr + 0.4 * float(np.log10(max(1.0, pixels.size / 1e6)))
-        xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
+        snr = max(self.snr + 0.4 * float(np.log10(pixels.size / 1e6)), 0.85 * self.snr)
+        xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS, self.threads)
         if not len(xy):
             return nothing(frame, mesh), True
-        clip = clip_level(pixels, how, xy, frame.saturation)
-        covariance, small = star_image(pixels, how, mesh, xy, clip)
-        stars = measure(pixels, how, mesh, xy, covariance, clip, snr)
-        stars = weeded(pixels, stars, covariance)
+        likely, hot = quick_look(View(pixels, how, mesh), xy, snr)
+        view = View(pixels, how, mesh, hot)
+        xy = np.concatenate([xy[likely], behind(view, snr)])
+        clip = clip_level(view, xy, frame.saturation)
+        covariance, small = star_image(view, xy, clip)
+        stars = weeded(pixels, measure(view, xy, covariance, clip, snr), covariance)
         found = _detections(frame, mesh, stars, covariance)
         return found.take(slice(self.max_stars)), small
 
 
-def measure(
-    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, covariance: Floats, clip: float,
-    snr: float,
-) -> Stars:  # fmt: skip
+def measure(view: View, xy: Floats, covariance: Floats, clip: float, snr: float) -> Stars:
     """Stars among the peaks at ``xy`` (N, 2) px, brightest first, hot pixels refused."""
-    likely, hot = sort_out(pixels, how, mesh, xy, covariance, snr)
     major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     half = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
-    most = MOST_LOOKED_AT // (2 * half + 1) ** 2  # the highest; large stars need many pixels each
-    xy = np.concatenate([xy[likely][:most], behind(pixels, how, mesh, hot, snr)])
+    xy = xy[: MOST_LOOKED_AT // (2 * half + 1) ** 2]  # the highest; large stars need more pixels
     parts = []
     for k in range(0, max(1, len(xy)), BATCH):
         at = xy[k : k + BATCH]
-        level, noise = mesh.at(at[:, 0], at[:, 1])
-        stamps = cut(pixels, how, at, level, half)
-        leave_out(stamps, hot)
+        stamps, level, noise = view.stamps(at, half)
         fit = fit_stars(stamps, covariance)
         refit_bright(stamps, fit, covariance, np.maximum(level, 10.0 * noise))
         places = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
@@ -123,10 +119,10 @@ def measure(
         keep = np.hypot(*(places - at).T) < max(3.0, 2.0 * major)
         keep &= (stars.snr > snr) & (stars.snr > peak / noise) & _wide_enough(stars, covariance)
         keep &= (places > -0.5).all(axis=1)
-        keep &= (places < np.array(pixels.shape[::-1]) - 0.5).all(axis=1)
+        keep &= (places < np.array(view.pixels.shape[::-1]) - 0.5).all(axis=1)
         parts.append(stars.take(keep))
     stars = Stars(*(np.concatenate([getattr(part, name) for part in parts]) for name in _STARS))
-    _measure_saturated(stars, pixels, how, mesh)
+    _measure_saturated(stars, view)
     return stars.take(np.argsort(-stars.flux, kind="stable"))
 
 
@@ -136,13 +132,12 @@ def _wide_enough(stars: Stars, covariance: Floats) -> Bools:
     return np.asarray(stars.axes()[1] ** 2 > narrowest)
 
 
-def _measure_saturated(stars: Stars, pixels: Pixels, how: Halving, mesh: Mesh) -> None:
+def _measure_saturated(stars: Stars, view: View) -> None:
     """Saturated stars anew, in place, with a weight as large as their flat tops."""
     wide = np.flatnonzero(stars.saturated)[:400]
     if not len(wide):
         return
-    level, _ = mesh.at(*stars.xy[wide].T)
-    stamps = cut(pixels, how, stars.xy[wide], level, 24)
+    stamps, _, _ = view.stamps(stars.xy[wide], 24)
     shapes = adaptive_moments(stamps, 2.5, 16)
     good = shapes.good & (shapes.flux > stars.flux[wide])
     wide = wide[good]

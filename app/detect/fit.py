@@ -48,7 +48,7 @@ class Fits:
 _FIELDS = ("dx", "dy", "flux", "snr", "moments")
 
 
-def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 4) -> Fits:
+def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 3) -> Fits:
     """Fit stamps with the star image whose second moments (2, 2) px^2 are ``covariance``."""
     if abs(covariance[0, 1]) > 1e-3:
         return _fit(stamps, covariance, steps)
@@ -78,7 +78,7 @@ def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) 
     image, _, _ = _star_image(stamps.offsets, x, y, covariance)
     share = (start.flux / light[bright]).astype(np.float32)
     certain = some.weight / (1.0 + np.maximum(image, 0.0) * share[:, None, None])
-    better = _fit(Stamps(some.value, certain, some.x, some.y), covariance, 3, start)
+    better = _fit(Stamps(some.value, certain, some.x, some.y), covariance, 2, start)
     settled = (better.flux > 0) & (np.hypot(better.dx - start.dx, better.dy - start.dy) < 0.5)
     bright = bright[settled]
     fits.dx[bright], fits.dy[bright] = better.dx[settled], better.dy[settled]

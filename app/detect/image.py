@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from app.detect.mesh import Mesh
 from app.detect.moments import PIXEL_VARIANCE, adaptive_moments, principal_axes
 from app.detect.stamps import cut
-from app.detect.strips import Halving, Pixels
+from app.detect.view import View
 
 Floats = NDArray[np.float64]
 TYPICAL = np.eye(2) * 1.2**2  # px^2: a FWHM of 2.8 px, when the frame does not tell
@@ -14,31 +13,29 @@ SHARPEST = 0.6  # px: a narrower star image is not told from a hot pixel
 ROUND = 1.4  # the elongation up to which stars are fitted as round
 
 
-def clip_level(pixels: Pixels, how: Halving, xy: Floats, told: float | None) -> float:
+def clip_level(view: View, xy: Floats, told: float | None) -> float:
     """The level at which pixels count as saturated, guessed from flat tops when not ``told``."""
     if told is not None and np.isfinite(told):
         return 0.98 * float(told)
-    values = cut(pixels, how, xy[:300], np.zeros(min(len(xy), 300)), 2).value
-    top = float(values.max())
+    values = cut(view.pixels, view.how, xy[:300], np.zeros(min(len(xy), 300)), 2).value
+    top = float(values.max(initial=0.0))
     flat = (values >= 0.98 * top).sum(axis=(1, 2)) >= 5
     return 0.98 * top if flat.any() else float(np.inf)
 
 
-def star_image(
-    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, clip: float, count: int = 60
-) -> tuple[Floats, bool]:
+def star_image(view: View, xy: Floats, clip: float, count: int = 60) -> tuple[Floats, bool]:
     """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px.
 
     Also whether most of them are well inside a few pixels. When not, stars are large or trailed,
     or are not stars.
     """
-    xy = xy[:2000]
-    xy = xy[_bright_stars(pixels, how, mesh, xy, clip)[:count]]
+    stamps, level, _ = view.stamps(xy[:1000], 1)
+    xy = xy[:1000][stamps.value.max(axis=(1, 2), initial=0.0) + level < clip][:count]
     if len(xy) < 3:
         return TYPICAL, True
-    found, settled = _usual_moments(pixels, how, mesh, xy, 8)
+    found, settled = _usual_moments(view, xy, 8)
     if settled < 0.5:  # large stars, or lines and edges instead of stars
-        larger, of_larger = _usual_moments(pixels, how, mesh, xy, 20)
+        larger, of_larger = _usual_moments(view, xy, 20)
         if of_larger >= 0.5 or of_larger > 2.0 * settled:
             found = larger
     return TYPICAL if found is None else _held(found), settled >= 0.5
@@ -65,26 +62,13 @@ def unweighted(moments: Floats, covariance: Floats) -> Floats:
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)
 
 
-def _bright_stars(
-    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, clip: float
-) -> NDArray[np.intp]:
-    """Indices of peaks that are neither clipped nor a single pixel."""
-    level, _ = mesh.at(xy[:, 0], xy[:, 1])
-    core = cut(pixels, how, xy, level, 2).value
-    peak = core.max(axis=(1, 2))
-    return np.flatnonzero((core.sum(axis=(1, 2)) > 1.8 * peak) & (peak + level < clip))
-
-
-def _usual_moments(
-    pixels: Pixels, how: Halving, mesh: Mesh, xy: Floats, half: int
-) -> tuple[Floats | None, float]:
+def _usual_moments(view: View, xy: Floats, half: int) -> tuple[Floats | None, float]:
     """Medians of the moments over those stars whose size is usual, and the share that settled.
 
     A weight that has grown to fill the stamp has not found a star's edge. None when fewer than
     three settle.
     """
-    level, _ = mesh.at(xy[:, 0], xy[:, 1])
-    shapes = adaptive_moments(cut(pixels, how, xy, level, half), 1.5, 8 if half < 12 else 14)
+    shapes = adaptive_moments(view.stamps(xy, half)[0], 1.5, 7 if half < 12 else 14)
     good = shapes.good & (np.hypot(shapes.dx, shapes.dy) < 0.3 * half)
     good &= shapes.axes()[0] < 0.6 * half
     if good.sum() < 3:

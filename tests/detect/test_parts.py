@@ -13,6 +13,7 @@ from app.detect.moments import adaptive_moments, principal_axes
 from app.detect.peaks import find_peaks
 from app.detect.stamps import cut
 from app.detect.strips import Halving, Smoother, halving
+from app.detect.view import View
 from app.detect.weed import apart, close_pairs
 from app.simulate.stars import StarImage, add_stars
 
@@ -123,7 +124,7 @@ def test_the_star_image_is_not_that_of_a_drawn_line():
     light[50:250, 200:202] += 400
     mesh = measure_mesh(light, Halving(), 0.0)
     peaks, _ = find_peaks(light, Halving(), mesh, 5.0, 1000)
-    covariance, _ = star_image(light, Halving(), mesh, peaks, np.inf)
+    covariance, _ = star_image(View(light, Halving(), mesh), peaks, np.inf)
     assert covariance[0, 1] == pytest.approx(0, abs=1e-3)
     assert np.sqrt(covariance[0, 0]) * 2.3548 == pytest.approx(3.0, rel=0.2)
 
