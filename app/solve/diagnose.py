@@ -13,7 +13,7 @@ from app.core.solution import NoSolution, Reason
 from app.solve.measure import Light, Trails, half_flux_diameter_px, measure_light, measure_trails
 
 FEWEST_STARS = 6
-"""Fewer cannot prove a pointing: the method wants six agreeing stars to be sure."""
+"""Fewer can prove a pointing only when all of them are bright stars."""
 FEWEST_CATALOGUE_STARS = 10
 CLEAR_SNR = 8.0
 """Fainter detections may be noise when there is nothing else."""
@@ -131,8 +131,8 @@ def _findings(case: _Case) -> Iterator[Finding]:
     if case.count < FEWEST_STARS:
         yield (
             Reason.TOO_FEW_STARS,
-            f"Only {case.count} stars: expose longer, or use a wider field; "
-            f"{FEWEST_STARS} are the fewest that can be sure.",
+            f"Only {case.count} stars: expose longer or use a wider field, {FEWEST_STARS} or more "
+            "make it sure.",
         )
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from app.core.hint import Hint
 
+DEFAULT_METHOD = "patterns"
 UNKNOWN_YEAR = 2016.0
 """The date stars are placed at when a frame does not say when it was taken (Julian year)."""
 
@@ -25,7 +26,7 @@ class SolveOptions:
     focal length.
     """
 
-    method: str = "patterns"
+    method: str = DEFAULT_METHOD
     detector: str = "auto"
     hint: Hint | None = None
     fov_deg: float | None = None

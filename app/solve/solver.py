@@ -12,7 +12,7 @@ from app.core.hint import Hint
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Solution
 from app.solve.diagnose import Evidence, diagnose, timed_out
-from app.solve.options import UNKNOWN_YEAR, SolveOptions
+from app.solve.options import DEFAULT_METHOD, UNKNOWN_YEAR, SolveOptions
 from app.solve.pick import known, pick
 from app.solve.stopwatch import Stopwatch, TimedOut
 
@@ -120,14 +120,41 @@ def _solve(
             found = yield from _identify(detections, options.method, hint, year, clock)
             if isinstance(found, Identification):
                 yield Progress("attitude", 0.8)
-                with clock.stage("attitude"):
-                    solution = _conclude(detections, found, year, options)
-                warnings = (frame.warnings if frame else ()) + solution.warnings
-                return replace(solution, elapsed_ms=clock.elapsed_ms(), warnings=warnings)
+                return _finished(detections, found, year, options, clock, frame)
             refusal = found
+        few = _few(detections, options, year, clock)
+        if few is not None:
+            return _finished(detections, few, year, options, clock, frame)
     except TimedOut:
         return timed_out(evidence, options.timeout_s or 0.0, clock.elapsed_ms())
     return diagnose(evidence, refusal, clock.elapsed_ms())
+
+
+def _finished(
+    detections: Detections,
+    found: Identification,
+    year: float,
+    options: SolveOptions,
+    clock: Stopwatch,
+    frame: Frame | None,
+) -> Solution:
+    with clock.stage("attitude"):
+        solution = _conclude(detections, found, year, options)
+    warnings = (frame.warnings if frame else ()) + solution.warnings
+    return replace(solution, elapsed_ms=clock.elapsed_ms(), warnings=warnings)
+
+
+def _few(
+    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
+) -> Identification | None:
+    """The last resort of the default method when stars are few and the scale is believed."""
+    from app.sky import open_catalogue
+    from app.solve.few_stars import MOST, identify_few
+
+    if len(detections) > MOST or options.method != DEFAULT_METHOD:
+        return None
+    with clock.stage("identify"):
+        return identify_few(detections, options.hint, open_catalogue(), year)
 
 
 def _attempts(options: SolveOptions) -> Iterator[Hint | None]:

@@ -74,7 +74,7 @@ def apart_deg(out: dict, centre: tuple[float, float]) -> float:
     return math.hypot(dra, out["dec_deg"] - centre[1])
 
 
-@pytest.mark.parametrize("hints", [["--fov", "9.0"], ["--fov", "9.0", "--near", "280,38,15"]])
+@pytest.mark.parametrize("hints", [[], ["--fov", "9.0"], ["--fov", "9.0", "--near", "280,38,15"]])
 @pytest.mark.parametrize("table", [VEGA, DENEB], ids=["vega", "deneb"])
 def test_the_papers_centre(table, hints, tmp_path, capsys) -> None:
     hints = [h.replace("280,38", "308,46") if table is DENEB else h for h in hints]
@@ -85,7 +85,15 @@ def test_the_papers_centre(table, hints, tmp_path, capsys) -> None:
     assert apart_deg(out, table["centre"]) < 0.03
 
 
-def test_deneb_needs_no_hint(tmp_path, capsys) -> None:
-    out = identified(DENEB, tmp_path, capsys)
-    assert apart_deg(out, DENEB["centre"]) < 0.03
-    assert "Deneb" in [star["name"] for star in out["stars"]]
+def test_the_papers_stars(tmp_path, capsys) -> None:
+    names = {star["name"] for star in identified(VEGA, tmp_path, capsys)["stars"]}
+    assert {"Vega", "Delta-2 Lyrae", "Kappa Lyrae"} <= names
+    assert any(name.startswith("Double Double") for name in names)
+    assert "Deneb" in {star["name"] for star in identified(DENEB, tmp_path, capsys)["stars"]}
+
+
+def test_three_stars_of_sadr_are_too_few(tmp_path, capsys) -> None:
+    path = tmp_path / "sadr.csv"
+    path.write_text("210.0,121.1\n169.4,234.8\n153.3,304.4\n")
+    assert main(["identify", str(path), "--width", "469", "--height", "360", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["reason"] == "too few stars"
