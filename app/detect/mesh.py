@@ -5,7 +5,6 @@ what compression, demosaicing or nebulosity have correlated.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +42,6 @@ class Mesh:
         )
         return np.asarray(level), np.asarray(noise)
 
-    def grid(self, x: Floats, y: Floats) -> Floats:
-        """Level (len(y), len(x)) at the crossings of columns ``x`` and rows ``y``."""
-        r, c = _between(y, self.rows), _between(x, self.columns)
-        i, j = r.astype(np.intp), c.astype(np.intp)
-        i1, j1 = np.minimum(i + 1, len(self.rows) - 1), np.minimum(j + 1, len(self.columns) - 1)
-        lines = self.level[i] + (r - i)[:, None] * (self.level[i1] - self.level[i])
-        return np.asarray(lines[:, j] + (c - j) * (lines[:, j1] - lines[:, j]))
-
 
 def measure_mesh(pixels: Pixels, how: Halving, step: float) -> Mesh:
     """The mesh of a frame (H, W), both at least 8; ``step`` is the quantum of its pixels or 0."""
@@ -63,15 +54,10 @@ def measure_mesh(pixels: Pixels, how: Halving, step: float) -> Mesh:
     y = tops.astype(np.float64) + 2.5
     cells = _Cells.of(samples.shape, round(width / tile), round(height / tile))
     level, spread = cells.quartiles(samples)
-    mesh = cells.mesh(x, y, level / how.gain, spread / how.noise_gain, step)
-    steps = [np.abs(np.diff(mesh.level, axis=axis)).max(initial=0.0) for axis in (0, 1)]
-    smoothed_noise = float(np.median(mesh.noise)) * how.noise_gain / how.gain
-    if max(steps) > 0.5 * smoothed_noise:  # a slope would count as noise
-        flat = samples - mesh.grid(x, y).astype(np.float32) * np.float32(how.gain)
-        more, spread = cells.quartiles(flat)
-        level = cells.inner(mesh.level) + more / how.gain
-        mesh = cells.mesh(x, y, level, spread / how.noise_gain, step)
-    return mesh
+    steps = np.concatenate([np.abs(np.diff(level, axis=k)).ravel() for k in (0, 1)])
+    if steps.size and np.percentile(steps, 90) > float(np.median(spread)):
+        level, spread = cells.quartiles(samples, _median3(level))  # a slope would count as noise
+    return cells.mesh(x, y, level / how.gain, spread / how.noise_gain, step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,38 +75,50 @@ class _Cells:
         columns = np.linspace(0, shape[1], across + 1).round().astype(np.intp)
         return cls(rows, columns, int(np.diff(columns).min()))
 
-    def quartiles(self, samples: Pixels) -> tuple[Floats, Floats]:
-        """Median and, from the lower quartile, RMS of every tile; stars are above the median."""
+    def quartiles(self, samples: Pixels, level: Floats | None = None) -> tuple[Floats, Floats]:
+        """Median and, from the lower quartile, RMS of every tile; stars are above the median.
+
+        With the ``level`` of the tiles known, its slope within each is taken off first.
+        """
         found = np.empty((3, len(self.rows) - 1, len(self.columns) - 1))
+        slopes = None if level is None else [_slope(level, axis) for axis in (0, 1)]
         for r in range(found.shape[1]):
             band = samples[self.rows[r] : self.rows[r + 1]]
             tiles = np.stack([band[:, c : c + self.wide] for c in self.columns[:-1]])
+            if slopes is not None:
+                tall, wide = tiles.shape[1:]
+                down = (np.arange(tall, dtype=np.float32) - (tall - 1) / 2) / np.float32(tall)
+                right = (np.arange(wide, dtype=np.float32) - (wide - 1) / 2) / np.float32(wide)
+                tiles = tiles.astype(np.float32)
+                tiles -= slopes[0][r][:, None, None] * down[:, None]
+                tiles -= slopes[1][r][:, None, None] * right
             tiles = tiles.reshape(found.shape[2], -1)
             tiles.sort(axis=1)  # what is not a number comes last
-            n = np.full(len(tiles), tiles.shape[1])
-            if tiles.dtype.kind == "f":
-                n -= np.isnan(tiles).sum(axis=1)
-            at = np.stack([n // 4, n // 2, (3 * n) // 4], axis=1)
-            found[:, r] = np.take_along_axis(tiles, np.minimum(at, tiles.shape[1] - 1), axis=1).T
-        found[:, ~np.isfinite(found).all(axis=0)] = np.nan
-        if np.isnan(found).all():
-            found[:] = 0.0
-        usual = np.nanmedian(found[1])
-        low, middle, high = np.where(np.isnan(found), usual, found)
+            n = tiles.shape[1]
+            found[:, r] = tiles[:, [n // 4, n // 2, (3 * n) // 4]].T
+            for k in np.flatnonzero(tiles[:, -1] != tiles[:, -1]):
+                n = int(np.isfinite(tiles[k]).sum())
+                found[:, r, k] = tiles[k, [n // 4, n // 2, (3 * n) // 4]]
+        known = np.isfinite(found).all(axis=0)
+        found[:, ~known] = np.median(found[1, known]) if known.any() else 0.0
+        low, middle, high = found
         return middle, np.where(middle > low, middle - low, high - middle) / QUARTILE
 
     def mesh(self, x: Floats, y: Floats, level: Floats, noise: Floats, step: float) -> Mesh:
         """The mesh with a ring more of nodes half a tile outside, where slopes go on."""
-        rows = np.array([y[a:b].mean() for a, b in pairwise(self.rows)])
-        columns = np.array([x[c : c + self.wide].mean() for c in self.columns[:-1]])
+        rows = 0.5 * (y[self.rows[:-1]] + y[self.rows[1:] - 1])
+        columns = 0.5 * (x[self.columns[:-1]] + x[self.columns[:-1] + self.wide - 1])
         return Mesh(
             _ringed(_median3(level)), np.pad(_median3(_floored(noise, step)), 1, mode="edge"),
             _ringed(rows), _ringed(columns),
         )  # fmt: skip
 
-    def inner(self, grid: Floats) -> Floats:
-        """What :meth:`mesh` put a ring around."""
-        return grid[1:-1, 1:-1]
+
+def _slope(level: Floats, axis: int) -> NDArray[np.float32]:
+    """How much the level rises across each tile along an axis."""
+    if level.shape[axis] < 2:
+        return np.zeros(level.shape, dtype=np.float32)
+    return np.asarray(np.gradient(level, axis=axis), dtype=np.float32)
 
 
 def _ringed(grid: Floats) -> Floats:
@@ -166,8 +164,9 @@ def _median3(grid: Floats) -> Floats:
             padded = np.pad(padded, width, mode="reflect", reflect_type="odd")
         else:
             padded = np.pad(padded, width, mode="edge")
-    views = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
-    return np.asarray(np.median(views, axis=(2, 3)))
+    rows, columns = grid.shape
+    nine = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    return np.asarray(np.sort(np.stack(nine, axis=-1), axis=-1)[..., 4])
 
 
 def _any_level(pixels: Pixels) -> float:
