@@ -57,6 +57,7 @@ def refine(
     sigma_px: Floats | float | None = None,
     *,
     distortion: bool = True,
+    rounds: int = 4,
 ) -> Fit:
     """Fit rotation, focal length and whatever else the matches support.
 
@@ -70,6 +71,8 @@ def refine(
         Centroid errors a coordinate; only their ratios matter, the level comes from the residuals.
     distortion : bool
         Whether terms beyond rotation and focal length may be tried at all.
+    rounds : int
+        How often at most the outliers are looked for anew.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def refine(
     base = _columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
     free = base
     state = state.descend(base)
-    for _ in range(4):
+    for _ in range(rounds):
         if distortion:
             free, state = state.supported(base)
         keep = state.agreeing(len(free))
@@ -158,25 +161,27 @@ class _State:
     def supported(self, base: NDArray[np.intp]) -> tuple[NDArray[np.intp], "_State"]:
         """``base`` and the terms that the inliers ask for, and the state at their optimum.
 
-        Terms are judged to first order from where the state is, tried in earnest when they pass.
+        Terms are judged to first order from where the state is; the last ones are given up again
+        when the camera they lead to is none.
         """
         residual, jacobian = self.weighted()
         given = [getattr(self.camera, t) - getattr(self.plain, t) for t in PARAMETERS[4:]]
         residual = residual + jacobian[:, 4:] @ np.array(given)  # as if no term were set
-        free, count, best = base, len(residual) // 2, None
-        now = _remainder(jacobian[:, free], residual)
+        count, chosen = len(residual) // 2, [base]
+        now = _remainder(jacobian[:, base], residual)
         for names, fewest in LADDER:
-            if count < fewest or (names == ("k2",) and PARAMETERS.index("k1") not in free):
+            if count < fewest or (names == ("k2",) and PARAMETERS.index("k1") not in chosen[-1]):
                 continue
-            columns = np.union1d(free, _columns(names))
+            columns = np.union1d(chosen[-1], _columns(names))
             then = _remainder(jacobian[:, columns], residual)
             if _chance(now, then, len(residual) - len(columns)) < LARGEST_CHANCE:
-                tried = self.plain_but(columns).descend(columns)
-                if sane(tried.camera) and tried.centre_plausible():
-                    free, now, best = columns, then, tried
-        if best is not None:
-            return free, best
-        return free, self if not any(given) else self.plain_but(free).descend(free)
+                chosen.append(columns)
+                now = then
+        for columns in reversed(chosen[1:]):
+            tried = self.plain_but(columns).descend(columns)
+            if sane(tried.camera) and tried.centre_plausible():
+                return columns, tried
+        return base, self if not any(given) else self.plain_but(base).descend(base)
 
     def plain_but(self, free: NDArray[np.intp]) -> "_State":
         """The state with the terms of the ladder that are not ``free`` as they were given."""

@@ -17,6 +17,7 @@ Ints = NDArray[np.int64]
 
 ROUNDS = 8
 REACH_GROWTH = 1.4
+ENOUGH_TO_GROW = 100
 SMALLEST_TOLERANCE_PX = 1.0
 LARGEST_TOLERANCE_PX = 8.0
 
@@ -55,7 +56,7 @@ def extend(
     distortion is learnt ring by ring. Returns the matches that agree, M of them, and their fit.
     """
     matches = found.matches
-    fit = refine(matches, found.camera, found.attitude, distortion=distortion)
+    fit = refine(matches, found.camera, found.attitude, distortion=distortion, rounds=1)
     rows = _pool(detections, found, fit, catalogue, year)
     vectors = catalogue.vectors(rows, year)
     sigma = centroid_sigma(detections)
@@ -64,19 +65,31 @@ def extend(
     reach = float(np.hypot(*(matches.xy - origin).T).max())
     spacing = np.sqrt(detections.width * detections.height / max(len(rows), 1))
     for _ in range(ROUNDS):
-        before, reach = len(matches), reach * REACH_GROWTH
+        reach *= REACH_GROWTH
         tolerance = float(np.clip(4.0 * fit.rms_px, SMALLEST_TOLERANCE_PX, LARGEST_TOLERANCE_PX))
         tolerance = min(tolerance, max(0.2 * spacing, SMALLEST_TOLERANCE_PX))
         grown = _paired(detections, distance <= reach, fit, rows, vectors, tolerance)
         if len(grown) < max(4, len(found.matches) // 2):
             break
-        grown_fit = refine(
-            grown, fit.camera, fit.attitude, sigma[grown.detection], distortion=distortion
-        )
-        matches, fit = grown, grown_fit
-        if reach >= distance.max() and len(matches) <= before:
+        settled = reach >= distance.max() and len(grown) <= 1.03 * len(matches)
+        matches = grown
+        if settled:
             break
+        few = _sample(matches)
+        fit = refine(
+            few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1
+        )
+    matched_sigma = sigma[matches.detection] if matches is not found.matches else None
+    fit = refine(matches, fit.camera, fit.attitude, matched_sigma, distortion=distortion)
     return _agreeing(matches, fit)
+
+
+def _sample(matches: Matches) -> Matches:
+    """Enough matches, bright and faint alike, to say where the others are."""
+    step = max(1, len(matches) // ENOUGH_TO_GROW)
+    return Matches(
+        matches.detection[::step], matches.star[::step], matches.xy[::step], matches.vectors[::step]
+    )
 
 
 def centroid_sigma(detections: Detections) -> Floats:

@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
+from functools import cache
+from typing import TYPE_CHECKING
 
 from app.attitude.fit import Fit, refine
 from app.core.detections import Detections
@@ -18,6 +20,9 @@ from app.solve.stopwatch import Stopwatch, TimedOut
 
 FEWEST_TO_TRY = 3
 """With fewer stars than a triangle no method has anything to look for."""
+
+if TYPE_CHECKING:
+    from app.sky import Catalogue
 
 __all__ = ["Examined", "SolveOptions", "examine_frame", "solve_detections", "solve_frame"]
 
@@ -148,13 +153,20 @@ def _few(
     detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
 ) -> Identification | None:
     """The last resort of the default method when stars are few and the scale is believed."""
-    from app.sky import open_catalogue
     from app.solve.few_stars import MOST, identify_few
 
     if len(detections) > MOST or options.method != DEFAULT_METHOD:
         return None
     with clock.stage("identify"):
-        return identify_few(detections, options.hint, open_catalogue(), year)
+        return identify_few(detections, options.hint, _catalogue(), year)
+
+
+@cache
+def _catalogue() -> "Catalogue":
+    """One catalogue a process: its table of names is read once."""
+    from app.sky import open_catalogue
+
+    return open_catalogue()
 
 
 def _attempts(options: SolveOptions) -> Iterator[Hint | None]:
@@ -182,11 +194,10 @@ def _identify(
 def _conclude(
     detections: Detections, found: Identification, year: float, options: SolveOptions
 ) -> Solution:
-    from app.sky import open_catalogue
     from app.solve.build import build_solution
     from app.solve.extend import extend
 
-    catalogue = open_catalogue()
+    catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
     matches, fit = extend(usable, found, catalogue, year, distortion=options.distortion)
     warnings: tuple[str, ...] = ()
