@@ -187,12 +187,23 @@ def _profile(d: Stamp, sigma: float) -> tuple[Stamp, Stamp]:
     return value, slope
 
 
-def _solve(image: Stamp, gx: Stamp, gy: Stamp, stamps: Stamps) -> tuple[Floats, Floats, Floats]:
-    """Least squares for flux and flux times the shifts, each (N,)."""
-    base = np.stack([image, gx, gy], axis=1).reshape(len(image), 3, -1)
-    weighted = base * stamps.weight.reshape(len(image), 1, -1)
-    normal = (weighted @ base.transpose(0, 2, 1)).astype(np.float64)
-    right = (weighted @ stamps.value.reshape(len(image), -1, 1)).astype(np.float64)
-    normal += 1e-9 * np.eye(3) * (np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-30)
-    flux, along_x, along_y = np.linalg.solve(normal, right)[:, :, 0].T
-    return flux, along_x, along_y
+def _solve(image: Stamp, gx: Stamp, gy: Stamp, stamps: Stamps) -> tuple[Stamp, Stamp, Stamp]:
+    """Flux (N,) by least squares, and the Gauss-Newton steps of the place times the flux.
+
+    What flux and place share of each other is left to the next step: it is nothing for a whole
+    stamp and little for half a one, and where the steps end does not depend on it.
+    """
+    n = len(image)
+    g, x, y = (part.reshape(n, -1) for part in (image, gx, gy))
+    weight, value = stamps.weight.reshape(n, -1), stamps.value.reshape(n, -1)
+    weighted = g * weight
+    power: Stamp = np.maximum(_dot(weighted, g), np.float32(1e-12))
+    flux: Stamp = _dot(weighted, value) / power
+    rest: Stamp = weight * (value - flux[:, None] * g)
+    weighted_x = weight * x
+    xx, yy, xy = _dot(weighted_x, x), _dot(weight * y, y), _dot(weighted_x, y)
+    along_x, along_y = _dot(rest, x), _dot(rest, y)
+    determinant = np.maximum(xx * yy - xy * xy, np.float32(1e-3) * xx * yy + np.float32(1e-12))
+    dx = (yy * along_x - xy * along_y) / determinant
+    dy = (xx * along_y - xy * along_x) / determinant
+    return flux, np.asarray(dx), np.asarray(dy)

@@ -45,8 +45,10 @@ def principal_axes(xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats, 
     return major, minor, 0.5 * np.arctan2(2.0 * xy, xx - yy)
 
 
-def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12) -> Shapes:
-    """Moments of every stamp, starting from a round weight of ``sigma_px``."""
+def adaptive_moments(
+    stamps: Stamps, sigma_px: float, steps: int = 12, least_px: float = 0.2
+) -> Shapes:
+    """Moments of every stamp, from a round weight of ``sigma_px``, never below ``least_px``."""
     n, size, _ = stamps.value.shape
     u = stamps.offsets.astype(np.float64)
     x, y = np.zeros(n), np.zeros(n)
@@ -70,7 +72,7 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12) -> Shapes
         flux = 2.0 * total
         before = np.stack([x, y, xx, yy])
         x, y = np.clip(x + 2.0 * mx, -limit, limit), np.clip(y + 2.0 * my, -limit, limit)
-        xx, yy, xy = _bounded(2.0 * sxx, 2.0 * syy, 2.0 * sxy, limit)
+        xx, yy, xy = _bounded(2.0 * sxx, 2.0 * syy, 2.0 * sxy, least_px, limit)
         if np.all(np.abs(np.stack([x, y, xx, yy]) - before) < 2e-3):
             break
     major, minor, _ = principal_axes(xx, yy, xy)
@@ -78,8 +80,10 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12) -> Shapes
     return Shapes(x, y, xx, yy, xy, flux, good)
 
 
-def _bounded(xx: Floats, yy: Floats, xy: Floats, limit: float) -> tuple[Floats, Floats, Floats]:
-    """Second moments held between a fifth of a pixel and the stamp's size."""
-    xx, yy = np.clip(xx, 0.04, limit**2), np.clip(yy, 0.04, limit**2)
-    most = 0.995 * np.sqrt(xx * yy)
-    return xx, yy, np.clip(xy, -most, most)
+def _bounded(
+    xx: Floats, yy: Floats, xy: Floats, least: float, most: float
+) -> tuple[Floats, Floats, Floats]:
+    """Second moments held between the squares of two sizes."""
+    xx, yy = np.clip(xx, least**2, most**2), np.clip(yy, least**2, most**2)
+    across = np.sqrt(np.maximum(xx - 0.99 * least**2, 0) * np.maximum(yy - 0.99 * least**2, 0))
+    return xx, yy, np.clip(xy, -0.995 * across, 0.995 * across)

@@ -132,6 +132,15 @@ class Smoother:
             sums[-below:] = sums[-below - 1]
         return self._binomial(sums, spare)
 
+    def halved(self, rows: Pixels) -> Pixels:
+        """Sums (n, m) of rows (2 n, 2 m or 2 m + 1), overwritten by the next call as well."""
+        rows = as_summable(rows, self.fill)
+        shape = len(rows) // 2, rows.shape[1] // 2
+        dtype = WORD.get(rows.dtype.itemsize if rows.dtype.kind == "u" else 0, np.float32)
+        sums, spare = (self._memory(name, shape, dtype) for name in ("sums", "wide"))
+        self.how.sums(rows, sums, spare)
+        return sums
+
     def above(self, smoothed: Pixels, floor: Pixels) -> NDArray[np.bool_]:
         """Flat mask of where ``smoothed`` (n, m) exceeds ``floor`` (m,); overwritten as well."""
         out = self._memory("above", (smoothed.shape[0], smoothed.shape[1]), np.bool_)
