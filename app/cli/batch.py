@@ -2,7 +2,8 @@
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from typing import Any, TypeVar
 
 from app.cli.output import Json, ProgressLine, card, to_line
@@ -22,19 +23,22 @@ def run_batch(
     """
     many = workers > 1 and len(items) > 1
     outcomes = _in_processes(work, items, workers) if many else _one_by_one(work, items)
-    code = 0
-    for outcome in outcomes:
-        failures = outcome.pop("failures", [])
-        if as_json:
-            print(to_line(outcome), flush=True)
-        elif "error" in outcome:
-            failures = [f"{outcome['file']}: {outcome['error']}"]
-        else:
-            print(card(outcome), flush=True)
-        for sentence in failures:
-            print(f"kochab: {sentence}", file=sys.stderr)
-        code = max(code, 2 if failures else _code(outcome))
-    return code
+    with closing(outcomes):
+        return max((_print(outcome, as_json) for outcome in outcomes), default=0)
+
+
+def _print(outcome: Json, as_json: bool) -> int:
+    """Print one outcome and return the exit code it asks for."""
+    failures = outcome.pop("failures", [])
+    if as_json:
+        print(to_line(outcome), flush=True)
+    elif "error" in outcome:
+        failures = [f"{outcome['file']}: {outcome['error']}"]
+    else:
+        print(card(outcome), flush=True)
+    for sentence in failures:
+        print(f"kochab: {sentence}", file=sys.stderr)
+    return 2 if failures else _code(outcome)
 
 
 def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) -> Json:
@@ -52,7 +56,9 @@ def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) 
         return {"file": file, "error": f"A fault in Kochab: {type(error).__name__}: {first}"}
 
 
-def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> Iterator[Json]:
+def _one_by_one(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item]
+) -> Generator[Json, None, None]:
     for item in items:
         line = ProgressLine(str(getattr(item, "file", item)))
         try:
@@ -64,13 +70,14 @@ def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> It
 
 def _in_processes(
     work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int
-) -> Iterator[Json]:
+) -> Generator[Json, None, None]:
     from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
     from multiprocessing import get_context
 
     pool = ProcessPoolExecutor(
         min(workers, len(items)), get_context("spawn"), initializer=_leave_interrupts
     )
+    finished = False
     try:
         jobs = [pool.submit(attempt, work, item) for item in items]
         for item, job in zip(items, jobs, strict=True):
@@ -79,12 +86,12 @@ def _in_processes(
             except BrokenExecutor:  # killed from outside, out of memory most likely
                 file = str(getattr(item, "file", item))
                 yield {"file": file, "error": "Its process was ended from outside."}
-    except KeyboardInterrupt:
-        for process in list(pool._processes.values()):
-            process.terminate()
-        raise
+        finished = True
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        if not finished:  # interrupted: nobody waits for what is still being solved
+            for process in list(pool._processes.values()):
+                process.kill()
+        pool.shutdown(wait=finished, cancel_futures=True)
 
 
 def _leave_interrupts() -> None:
