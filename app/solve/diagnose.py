@@ -10,7 +10,14 @@ from app.core.detections import Detections
 from app.core.frame import Frame
 from app.core.hint import Hint
 from app.core.solution import NoSolution, Reason
-from app.solve.measure import Light, Trails, half_flux_diameter_px, measure_light, measure_trails
+from app.solve.measure import (
+    Light,
+    Trails,
+    binned,
+    half_flux_diameter_px,
+    measure_light,
+    measure_trails,
+)
 
 FEWEST_STARS = 6
 """Fewer can prove a pointing only when all of them are bright stars."""
@@ -107,8 +114,9 @@ def _examine(evidence: Evidence) -> _Case:
     if len(d):
         out["saturated_stars"] = float(np.count_nonzero(d.saturated))
     if evidence.frame is not None:
-        case.light = measure_light(evidence.frame)
-        case.trails = measure_trails(evidence.frame)
+        bins = binned(evidence.frame)
+        case.light = measure_light(evidence.frame, bins)
+        case.trails = measure_trails(bins)
         _note(out, "half_flux_diameter_px", half_flux_diameter_px(evidence.frame, d))
         out["background_share"] = case.light.background_share
         out["saturated_share"] = case.light.saturated_share

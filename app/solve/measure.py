@@ -14,6 +14,14 @@ SIDE_PX = 1200
 """Frames are binned to about this many pixels a side before shapes are looked at."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Bins:
+    """A frame made small: ``image`` (H, W), finite, the mean of ``step`` by ``step`` pixels."""
+
+    image: Floats
+    step: int
+
+
 @dataclass(frozen=True, slots=True)
 class Light:
     """Levels of a frame: ``background_share`` and ``saturated_share`` are fractions of 1.
@@ -45,9 +53,23 @@ class Trails:
     count: int
 
 
-def measure_light(frame: Frame) -> Light:
-    """Levels of the frame."""
-    small, _ = _binned(frame)
+def binned(frame: Frame) -> Bins:
+    """The frame in bins, about SIDE_PX a side, whole colour cells of a mosaic together."""
+    step = max(1, round(max(frame.width, frame.height) / SIDE_PX))
+    if frame.bayer:
+        step = max(2, step + step % 2)
+    step = min(step, frame.width, frame.height)
+    h, w = frame.height // step, frame.width // step
+    rows = np.zeros((h, w * step), dtype=np.float32)
+    for i in range(step):  # row by row: no second copy of a large frame
+        rows += frame.pixels[i : h * step : step, : w * step]
+    small = rows.reshape(h, w, step).sum(axis=2, dtype=np.float64) / step**2
+    return Bins(np.nan_to_num(small, nan=0.0, posinf=0.0, neginf=0.0), step)
+
+
+def measure_light(frame: Frame, bins: Bins) -> Light:
+    """Levels of the frame, whose bins are given."""
+    small = bins.image
     median, noise = _level(small)
     top = float(np.quantile(small, 0.999))
     clip = frame.saturation or _range_of(frame)
@@ -57,11 +79,11 @@ def measure_light(frame: Frame) -> Light:
     return Light(float(np.clip(share, 0, 1)), saturated, contrast, *_glare(small, clip))
 
 
-def measure_trails(frame: Frame) -> Trails:
+def measure_trails(bins: Bins) -> Trails:
     """Shapes of whatever stands out of the background, vast patches left out."""
     from scipy import ndimage
 
-    small, step = _binned(frame)
+    small, step = bins.image, bins.step
     small = small - ndimage.uniform_filter(small, max(31, min(small.shape) // 12))
     median, noise = _level(small)
     if noise <= 0:
@@ -107,17 +129,6 @@ def _hfd(frame: Frame, xy: Floats, reach: int) -> float:
     axis = np.arange(-reach, reach + 1)
     radius = np.hypot(axis[None, :] + x - xy[0], axis[:, None] + y - xy[1])
     return float(2.0 * (light * radius).sum() / total)
-
-
-def _binned(frame: Frame) -> tuple[Floats, int]:
-    """The frame in mean bins, finite, about SIDE_PX a side, and the size of a bin."""
-    step = max(1, round(max(frame.width, frame.height) / SIDE_PX))
-    if frame.bayer:
-        step = max(2, step + step % 2)
-    h, w = frame.height // step, frame.width // step
-    cut = frame.pixels[: h * step, : w * step].astype(np.float32)
-    small = cut.reshape(h, step, w, step).mean(axis=(1, 3)).astype(np.float64)
-    return np.nan_to_num(small, nan=0.0, posinf=0.0, neginf=0.0), step
 
 
 def _level(image: Floats) -> tuple[float, float]:

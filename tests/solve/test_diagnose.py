@@ -11,7 +11,7 @@ from app.core.hint import Hint
 from app.core.solution import NoSolution, Reason
 from app.detect import make_detector
 from app.solve.diagnose import Evidence, cancelled, diagnose, implied_field_deg, timed_out
-from app.solve.measure import half_flux_diameter_px, measure_trails
+from app.solve.measure import binned, half_flux_diameter_px, measure_trails
 
 H, W = 600, 800
 
@@ -77,7 +77,7 @@ def test_a_long_exposure_gets_its_own_cure() -> None:
 
 
 def test_round_stars_have_no_trails() -> None:
-    assert measure_trails(sky()).aspect < 1.5
+    assert measure_trails(binned(sky())).aspect < 1.5
 
 
 def test_out_of_focus() -> None:
@@ -174,3 +174,12 @@ def test_unusual_pixels_are_measured_too() -> None:
     tiny = Frame(np.zeros((1, 1), np.uint8))
     none = Detections.from_list(np.zeros((0, 2)), 1, 1)
     assert diagnose(Evidence(none, None, tiny), None, {}).reason is Reason.CLOUDED_OR_DARK
+
+
+def test_bins_are_the_mean_of_their_pixels() -> None:
+    pixels = np.random.default_rng(1).integers(0, 65535, (2403, 3607)).astype(np.uint16)
+    bins = binned(Frame(pixels))
+    assert bins.step == 3
+    expected = pixels[:2403, :3606].reshape(801, 3, 1202, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(bins.image, expected, rtol=1e-6)
+    assert binned(Frame(pixels[:50, :60], bayer="RGGB")).step == 2
