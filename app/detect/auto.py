@@ -60,7 +60,7 @@ _STARS = ("xy", "flux", "snr", "moments", "peak", "noise", "saturated")
 
 @dataclass(frozen=True, slots=True)
 class AutoDetector:
-    """Finds stars above ``snr``, returns ``max_stars`` at most, and may use ``threads``.
+    """Finds stars above ``snr`` and returns ``max_stars`` at most.
 
     The limit is that for a frame of 1 MP. Noise makes ten times as many peaks in ten times as many
     pixels; the limit goes up and down with them so that it makes less than one star a frame.
@@ -68,7 +68,6 @@ class AutoDetector:
 
     snr: float = 5.2
     max_stars: int = 6000
-    threads: int = 2
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""
@@ -86,7 +85,7 @@ class AutoDetector:
         pixels, how = frame.pixels, halving(frame.bayer)
         mesh = measure_mesh(pixels, how, quantum(pixels))
         snr = max(self.snr + 0.4 * float(np.log10(pixels.size / 1e6)), 0.85 * self.snr)
-        xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS, self.threads)
+        xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
         if not len(xy):
             return nothing(frame, mesh), True
         likely, hot = quick_look(View(pixels, how, mesh), xy, snr)
@@ -138,7 +137,7 @@ def _measure_saturated(stars: Stars, view: View) -> None:
     if not len(wide):
         return
     stamps, _, _ = view.stamps(stars.xy[wide], 24)
-    shapes = adaptive_moments(stamps, 2.5, 16)
+    shapes = adaptive_moments(stamps, 2.5, 12)
     good = shapes.good & (shapes.flux > stars.flux[wide])
     wide = wide[good]
     stars.xy[wide] = np.stack([stamps.x + shapes.dx, stamps.y + shapes.dy], axis=1)[good]

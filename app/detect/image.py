@@ -23,7 +23,7 @@ def clip_level(view: View, xy: Floats, told: float | None) -> float:
     return 0.98 * top if flat.any() else float(np.inf)
 
 
-def star_image(view: View, xy: Floats, clip: float, count: int = 60) -> tuple[Floats, bool]:
+def star_image(view: View, xy: Floats, clip: float, count: int = 50) -> tuple[Floats, bool]:
     """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px.
 
     Also whether most of them are well inside a few pixels. When not, stars are large or trailed,

@@ -1,7 +1,5 @@
 """Local maxima of the smoothed frame above the mesh, strip by strip."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +12,7 @@ STRIP = 128  # rows of the frame; what a strip needs fits the cache
 
 
 def find_peaks(
-    pixels: Pixels, how: Halving, mesh: Mesh, sigmas: float, limit: int, threads: int = 1
+    pixels: Pixels, how: Halving, mesh: Mesh, sigmas: float, limit: int
 ) -> tuple[Floats, Floats]:
     """Positions (N, 2) px and heights (N,) in noise of maxima above ``sigmas``, highest first.
 
@@ -26,22 +24,11 @@ def find_peaks(
     floors = _floors(mesh, tops, rise)
     columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
 
-    fill = float(mesh.level.mean())
-
-    def some(strips: slice) -> list[tuple[Floats, Floats]]:
-        smoother = Smoother(how, fill)
-        lines = (np.interp(columns, mesh.columns, floor) * how.gain for floor in floors[strips])
-        return [
-            _strip_peaks(pixels, smoother, line, int(top))
-            for top, line in zip(tops[strips], lines, strict=True)
-        ]
-
-    if threads > 1 and len(tops) >= 8 * threads:  # numpy lets the others run meanwhile
-        with ThreadPoolExecutor(threads) as pool:
-            parts = pool.map(some, [slice(k, None, threads) for k in range(threads)])
-            found = [strip for part in parts for strip in part]
-    else:
-        found = some(slice(None))
+    smoother = Smoother(how, float(mesh.level.mean()))
+    found = []
+    for top, floor in zip(tops, floors, strict=True):
+        line = np.interp(columns, mesh.columns, floor) * how.gain
+        found.append(_strip_peaks(pixels, smoother, line, int(top)))
     xy, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
     level, noise = mesh.at(xy[:, 0], xy[:, 1])
     heights = (value / how.gain - level) / (noise * (how.noise_gain / how.gain))
@@ -84,7 +71,7 @@ def _strip_peaks(
 def _where(above: NDArray[np.bool_]) -> Index:
     """Indices of what is true in a flat mask, looking at eight at a time because little is."""
     whole = len(above) // 8 * 8
-    words = np.flatnonzero(above[:whole].view(np.uint64))
+    words = np.flatnonzero(above[:whole].view(np.uint64) != 0)
     near = (words[:, None] * 8 + np.arange(8)).ravel()
     near = np.concatenate([near, np.arange(whole, len(above))])
     return np.asarray(near[above[near]])
