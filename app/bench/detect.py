@@ -1,7 +1,9 @@
 """``kochab bench detect``: speed, completeness, purity and centroids on rendered fields.
 
 All detectors see the same frames in the same run, one after the other in turns, so that whatever
-else the machine does falls on all alike. The Cramer-Rao bound is derived in
+else the machine does falls on all alike. Medians over the turns of wall and of processor time are
+shown; the goals take processor time, which other programs disturb less and which for a detector
+of one thread is the wall time of an idle machine. The Cramer-Rao bound is derived in
 :func:`app.bench.detect_score.expected`.
 """
 
@@ -122,13 +124,13 @@ def goals(rows: list[Mapping[str, Any]]) -> list[Goal]:
         if (row["mp"], row["stars"], row["fwhm_px"])
         == (JUDGED.megapixels, JUDGED.stars, JUDGED.fwhm_px)
     }  # fmt: skip
-    ms = judged["kochab"]["wall_ms"]
+    ms = judged["kochab"]["cpu_ms"]
 
     def times(name: str) -> float | None:
-        return judged[name]["wall_ms"] / ms if name in judged else None
+        return judged[name]["cpu_ms"] / ms if name in judged else None
 
     return [
-        Goal.at_most("24 MP, 500 stars: wall ms", ms, 25.0),
+        Goal.at_most("24 MP, 500 stars: ms", ms, 25.0),
         Goal.at_least("24 MP: times faster than sep", times("sep"), 10.0),
         Goal.at_least("24 MP: times faster than DAOStarFinder", times("DAOStarFinder"), 80.0),
         Goal.at_least("completeness at SNR 10, worst", min(r["completeness"] for r in ours), 0.99),

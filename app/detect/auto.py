@@ -66,7 +66,7 @@ class AutoDetector:
     pixels; the limit goes up and down with them so that it makes less than one star a frame.
     """
 
-    snr: float = 5.2
+    snr: float = 5.5
     max_stars: int = 6000
 
     def detect(self, frame: Frame) -> Detections:
