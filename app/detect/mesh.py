@@ -140,7 +140,7 @@ def _sampled_rows(pixels: Pixels, smoother: Smoother, tops: NDArray[np.intp]) ->
     """
     found = []
     for k in range(0, len(tops), 16):
-        rows = pixels[(tops[k : k + 16, None] + np.arange(6)).ravel()]
+        rows = smoother.blocks(pixels, tops[k : k + 16], 6)
         found.append(smoother(rows, (0, 0, 0))[::3].copy())
         if rows.dtype.kind == "f" and not (np.abs(rows) < BROKEN).all():
             broken = (~(np.abs(rows) < BROKEN)).astype(np.float32)

@@ -141,6 +141,14 @@ class Smoother:
         self.how.sums(rows, sums, spare)
         return sums
 
+    def blocks(self, pixels: Pixels, tops: NDArray[np.intp], rows: int) -> Pixels:
+        """``rows`` rows of ``pixels`` below each of ``tops``, all in one; overwritten as well."""
+        shape = (len(tops) * rows, pixels.shape[1])
+        out = self._memory("rows", shape, pixels.dtype.type)
+        for k, top in enumerate(tops):
+            out[k * rows : (k + 1) * rows] = pixels[top : top + rows]
+        return out
+
     def above(self, smoothed: Pixels, floor: Pixels) -> NDArray[np.bool_]:
         """Flat mask of where ``smoothed`` (n, m) exceeds ``floor`` (m,); overwritten as well."""
         out = self._memory("above", (smoothed.shape[0], smoothed.shape[1]), np.bool_)
@@ -153,7 +161,7 @@ class Smoother:
         np.add(wide[:, : m - 2], wide[:, 1 : m - 1], out=sums[:, : m - 2])
         across = sums[:, : m - 2]
         np.add(across[:-1], across[1:], out=wide[: n - 1, : m - 2])
-        out = self._memory("out", (n - 2, m - 2), sums.dtype.type)
+        out = self._memory("sums", (n - 2, m - 2), sums.dtype.type)  # the sums are done with
         np.add(wide[: n - 2, : m - 2], wide[1 : n - 1, : m - 2], out=out)
         return out
 
