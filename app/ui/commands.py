@@ -4,11 +4,11 @@ import time
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QFileDialog
 
 from app.core.solution import Solution
 from app.frames.formats import SUFFIXES
 from app.ui.actions import MARKS, connect
+from app.ui.dialogs import ask_open
 from app.ui.exports import Exporter, ToJson
 from app.ui.help import about, keyboard
 from app.ui.looks import Looks
@@ -29,7 +29,7 @@ class Commands(QObject):
         self.actions = self.window.actions_by_name
         self.looks = Looks(presenter)
         self.exporter = Exporter(
-            self.window, self.session, to_json, native=lambda: not self.looks.is_night
+            self.window, self.session, to_json, red=lambda: self.looks.is_night
         )
         self._restore()
         self._connect()
@@ -79,15 +79,10 @@ class Commands(QObject):
     # files ------------------------------------------------------------------------------------
     def choose(self) -> None:
         """Ask for a file and open it."""
-        options = QFileDialog.Option(0)
-        if self.looks.is_night:  # the system's own would not be red
-            options |= QFileDialog.Option.DontUseNativeDialog
         start = self.settings.text("folder", str(Path.home()))
-        name, _ = QFileDialog.getOpenFileName(
-            self.window, "Open a frame", start, _kinds(), options=options
-        )
-        if name:
-            self.open(Path(name))
+        path = ask_open(self.window, start, _kinds(), self.looks.is_night)
+        if path is not None:
+            self.open(path)
 
     def open(self, path: Path) -> None:
         """Open a file."""

@@ -7,6 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
 from app.core.solution import Solution
+from app.ui.labels import LabelSpace
 from app.ui.palette import Colours
 from app.ui.viewport import Viewport
 
@@ -32,12 +33,19 @@ def _unit(v: np.ndarray) -> tuple[float, float]:
     return float(v[0] / length), float(v[1] / length)
 
 
-def paint_compass(painter: QPainter, view: Viewport, solution: Solution, colours: Colours) -> None:
+def paint_compass(
+    painter: QPainter,
+    view: Viewport,
+    solution: Solution,
+    colours: Colours,
+    space: LabelSpace,
+) -> None:
     """Arrows in the top right corner, on a disc that keeps them readable."""
     north, east = directions(solution)
     at = QPointF(view.width - MARGIN_PX - 10, MARGIN_PX + 10)
+    space.place(QRectF(at.x() - MARGIN_PX, at.y() - MARGIN_PX, 2 * MARGIN_PX, 2 * MARGIN_PX))
     disc = QColor(colours.halo)
-    disc.setAlpha(150)
+    disc.setAlpha(190)
     painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(disc)
     painter.drawEllipse(at, MARGIN_PX, MARGIN_PX)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtWidgets import QFileDialog, QMessageBox
 
 from app.core.errors import KochabError
 from app.core.frame import Frame
 from app.core.progress import Progress, Task
 from app.core.solution import Solution
+from app.ui.dialogs import ask_save, tell
 from app.ui.job import Job
 from app.ui.main_window import MainWindow
 from app.ui.session import Session
@@ -89,10 +89,10 @@ class Exporter(QObject):
         window: MainWindow,
         session: Session,
         to_json: ToJson | None,
-        native: Callable[[], bool],
+        red: Callable[[], bool],
     ) -> None:
         super().__init__(window)
-        self._window, self._session, self._native = window, session, native
+        self._window, self._session, self._red = window, session, red
         self._jobs: list[Job] = []
         kinds = EXPORTS if to_json is None else (*EXPORTS, json_export(to_json))
         self.kinds = {kind.name: kind for kind in kinds}
@@ -104,17 +104,11 @@ class Exporter(QObject):
 
     def ask(self, kind: Export) -> None:
         """Ask for a name and write there."""
-        known = self._session.known
-        base = known.path or Path("frame")
-        start = str(base.with_name(base.stem + kind.ending))
-        options = QFileDialog.Option(0)
-        if not self._native():
-            options |= QFileDialog.Option.DontUseNativeDialog
-        name, _ = QFileDialog.getSaveFileName(
-            self._window, "Export", start, kind.kinds, options=options
-        )
-        if name:
-            self.write(kind, Path(name))
+        base = self._session.known.path or Path("frame")
+        start = base.with_name(base.stem + kind.ending)
+        path = ask_save(self._window, start, kind.kinds, self._red())
+        if path is not None:
+            self.write(kind, path)
 
     def write(self, kind: Export, path: Path) -> None:
         """Write the open frame's solution to ``path``."""
@@ -132,10 +126,7 @@ class Exporter(QObject):
         self.wrote.emit(path)
 
     def _trouble(self, sentence: str) -> None:
-        box = QMessageBox(self._window)
-        box.setWindowTitle("Export")
-        box.setText(sentence)
-        box.open()
+        tell(self._window, "Export", sentence)
 
     def _close(self) -> None:
         for job in self._jobs:

@@ -82,7 +82,7 @@ class HintsPanel(QWidget):
         ):  # fmt: skip
             form.addRow(title, widget)
         line = QHBoxLayout()
-        line.addWidget(button("&Solve with these", self.solve_wanted.emit, "main"))
+        line.addWidget(button("S&olve with these", self.solve_wanted.emit, "main"))
         line.addWidget(button("&Clear", self.clear))
         line.addStretch(1)
         column = QVBoxLayout(self)

@@ -2,11 +2,12 @@
 
 from PySide6.QtCore import QObject, QSignalBlocker
 from PySide6.QtGui import QActionGroup, QColor
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QLineEdit
 
 from app.ui.actions import MARKS, dress
 from app.ui.palette import THEMES
 from app.ui.presenter import Presenter
+from app.ui.red_light import RedLight
 from app.ui.theme import apply_theme
 
 
@@ -61,6 +62,9 @@ class Looks(QObject):
         _check(self._window.menus.text_sizes, size)
         with QSignalBlocker(self._actions["night"]):
             self._actions["night"].setChecked(name == "night")
+        for field in self._window.findChildren(QLineEdit):
+            # Qt turns the ground's colour round for the caret, which on black is white.
+            field.setGraphicsEffect(RedLight(field) if name == "night" else None)  # type: ignore
         self.show_frame()
 
     def use_night(self, on: bool) -> None:

@@ -62,8 +62,7 @@ def prepare(frame: Frame) -> Task[Picture]:
     yield Progress("display", 0.9)
     smallest = np.asarray(mono[-1], dtype=np.float64)
     sky = float(np.median(smallest))
-    unit = np.clip((_sample(base) - low) / (high - low), 0.0, 1.0)
-    histogram, _ = np.histogram(np.cbrt(unit), bins=BINS, range=(0.0, 1.0))
+    histogram = _histogram(base, low, high)
     shift = (0.0, 0.0, 0.0)
     if colour and auto.mid < 0.5:
         red, green, blue = (float(np.median(colour[-1][..., c])) - sky for c in range(3))
@@ -71,8 +70,20 @@ def prepare(frame: Frame) -> Task[Picture]:
     yield Progress("display", 1.0)
     return Picture(
         frame.width, frame.height, mono, colour, low, high,
-        histogram.astype(np.float64), auto, shift,
+        histogram, auto, shift,
     )  # fmt: skip
+
+
+def _histogram(base: Array, low: float, high: float) -> NDArray[np.float64]:
+    """Counts (BINS,) over the cube root of low..high; few levels are spread, not left as spikes."""
+    sample = _sample(base)
+    if base.dtype == np.uint8:
+        counts = np.bincount(sample.astype(np.intp), minlength=256)
+        at = low + (high - low) * (np.arange(BINS) / (BINS - 1)) ** 3
+        return np.interp(at, np.arange(256), counts)
+    unit = np.clip((sample - low) / (high - low), 0.0, 1.0)
+    counts, _ = np.histogram(np.cbrt(unit), bins=BINS, range=(0.0, 1.0))
+    return counts.astype(np.float64)
 
 
 def _sample(base: Array) -> NDArray[np.float64]:

@@ -105,8 +105,7 @@ class Presenter(QObject):
 
     def _solved(self, solution: Solution) -> None:
         panes, known = self.window.workspace, self.session.known
-        self._detected()
-        self.overlay.solution = solution
+        self._show_marks(solution)
         panes.card.show_solution(solution)
         panes.solution.show_solution(solution, known.last_good_from)
         panes.stars.set_stars(solution.stars)
@@ -114,7 +113,7 @@ class Presenter(QObject):
 
     def _unsolved(self, failure: NoSolution) -> None:
         panes, known = self.window.workspace, self.session.known
-        self._detected()
+        self._show_marks(None)
         panes.card.show_failure(failure, known.path.name if known.path else "")
         panes.tabs.setCurrentIndex(0)
         self._age_solution()
@@ -135,13 +134,12 @@ class Presenter(QObject):
         self.window.status.show_idle(word + took)
 
     # the frame --------------------------------------------------------------------------------
-    def _detected(self) -> None:
+    def _show_marks(self, solution: Solution | None) -> None:
         found = self.session.known.detections
-        self.overlay.detected = found.xy if found is not None else np.empty((0, 2))
+        self.overlay.show(found.xy if found is not None else np.empty((0, 2)), solution)
 
     def _clear_marks(self) -> None:
-        self.overlay.solution = self.overlay.selected = None
-        self.overlay.detected = np.empty((0, 2))
+        self.overlay.clear()
         self.window.workspace.stars.set_stars(())
 
     def _age_solution(self) -> None:

@@ -18,16 +18,18 @@ class Sample:
 
 
 def samples(folder: Path | None = None) -> list[Sample]:
-    """The frames in ``resources/samples``, in order of name; empty when there are none.
+    """The frames in ``resources/samples``; empty when there are none.
 
-    ``samples.json`` there may give ``{file: {"title": ..., "text": ...}}``.
+    ``samples.json`` there gives ``{file: {"title": ..., "text": ...}}`` in the order to show them;
+    a file it does not name comes last.
     """
     folder = folder or Path(str(files("resources"))) / "samples"
     if not folder.is_dir():
         return []
     told = _told(folder / "samples.json")
     found = []
-    for path in sorted(folder.iterdir()):
+    place = {name: i for i, name in enumerate(told)}
+    for path in sorted(folder.iterdir(), key=lambda p: (place.get(p.name, len(place)), p.name)):
         if path.suffix.lower() in SUFFIXES:
             about = told.get(path.name, {})
             title = about.get("title") or path.stem.replace("_", " ").replace("-", " ").capitalize()

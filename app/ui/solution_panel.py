@@ -99,7 +99,7 @@ class SolutionPanel(QWidget):
             self.forms.append((title, value))
         line = QHBoxLayout()
         line.setSpacing(8)
-        line.addWidget(button("Copy &attitude", self.copy_attitude))
+        line.addWidget(button("Copy attitu&de", self.copy_attitude))
         line.addWidget(button("Copy a&ll", self.copy_all, tip="Everything on this pane as text"))
         line.addStretch(1)
         column.addSpacing(4)

@@ -55,7 +55,7 @@ def times_text(elapsed_ms: Mapping[str, float]) -> str:
 
 def attitude_forms(s: Solution) -> list[tuple[str, str]]:
     """The attitude as (name, text): quaternion, matrix, Euler angles."""
-    q = "  ".join(f"{v:+.8f}" for v in s.attitude.quaternion)
+    q = " ".join(f"{v:+.7f}" for v in s.attitude.quaternion)
     m = "\n".join("  ".join(f"{v:+.8f}" for v in row) for row in s.attitude.matrix)
     e = "  ".join(f"{v:+.6f}" for v in s.attitude.euler_deg)
     return [

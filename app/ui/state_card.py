@@ -29,8 +29,8 @@ class StateCard(QFrame):
         self._numbers.setHorizontalSpacing(12)
         self._numbers.setVerticalSpacing(3)
         self._numbers.setColumnStretch(1, 1)
-        self.again = button("Solve &again", self.again_wanted.emit)
-        self.hints = button("Give a &hint…", self.hints_wanted.emit, tip="Scale, field or place")
+        self.again = button("Solve agai&n", self.again_wanted.emit)
+        self.hints = button("Give a hin&t…", self.hints_wanted.emit, tip="Scale, field or place")
         self.copy = button("Copy re&port", self._copy)
         line = QHBoxLayout()
         for b in (self.again, self.hints, self.copy):

@@ -18,13 +18,11 @@ def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
 
 
 def value_label(name: str) -> QLabel:
-    """A label whose text can be selected with mouse and keyboard."""
+    """A label whose text can be selected with the mouse; the keyboard has the copy buttons."""
     made = label(wrap=True)
     made.setAccessibleName(name)
-    made.setTextInteractionFlags(
-        Qt.TextInteractionFlag.TextSelectableByMouse
-        | Qt.TextInteractionFlag.TextSelectableByKeyboard
-    )
+    made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     return made
 
 

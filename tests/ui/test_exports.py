@@ -2,7 +2,7 @@ import json
 
 import pytest
 from astropy.io import fits
-from PySide6.QtWidgets import QFileDialog, QMessageBox
+from PySide6.QtWidgets import QMessageBox
 
 from app.cli.output import as_json, to_line
 from app.ui.application import build
@@ -62,15 +62,15 @@ def test_a_place_that_cannot_be_written_is_one_sentence(qtbot, commands, tmp_pat
 def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, monkeypatch):
     asked = []
 
-    def ask(_parent, _title, start, _kinds, options):
-        asked.append(start)
-        return str(tmp_path / "chosen.reg"), ""
+    def ask(_parent, start, _kinds, red):
+        asked.append((start, red))
+        return tmp_path / "chosen.reg"
 
-    monkeypatch.setattr(QFileDialog, "getSaveFileName", ask)
+    monkeypatch.setattr("app.ui.exports.ask_save", ask)
     menu = {a.objectName(): a for a in commands.window.menus.export.actions()}
     with qtbot.waitSignal(commands.exporter.wrote, timeout=10_000):
         menu["export_regions"].trigger()
-    assert asked == [str(tmp_path / "orion.reg")]
+    assert asked == [(tmp_path / "orion.reg", False)]
     assert (tmp_path / "chosen.reg").exists()
 
 

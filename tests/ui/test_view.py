@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QImage, QPainter, QWheelEvent
+from PySide6.QtGui import QColor, QImage, QPainter, QWheelEvent
 
 from app.ui.compass import directions
 from app.ui.overlay import Overlay
@@ -115,7 +115,8 @@ def painted(overlay, view=None):
 
 @pytest.mark.parametrize("mark", ["detected", "identified", "names", "grid", "centre", "compass"])
 def test_each_mark_can_be_switched(qtbot, mark):
-    overlay = Overlay(solution=fake_solution(600, 400), detected=np.array([[300.0, 50.0]]))
+    overlay = Overlay()
+    overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
     every = painted(overlay)
     setattr(overlay.switches, mark, False)
     without = painted(overlay)
@@ -124,7 +125,8 @@ def test_each_mark_can_be_switched(qtbot, mark):
 
 
 def test_nothing_is_marked_when_everything_is_off(qtbot):
-    overlay = Overlay(solution=fake_solution(600, 400), detected=np.array([[300.0, 50.0]]))
+    overlay = Overlay()
+    overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
     for mark in ("detected", "identified", "names", "grid", "centre", "compass"):
         setattr(overlay.switches, mark, False)
     assert painted(overlay).sum() == 0
@@ -132,13 +134,34 @@ def test_nothing_is_marked_when_everything_is_off(qtbot):
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 4.0])
 def test_circles_lie_on_their_star_and_keep_their_size(qtbot, scale):
-    overlay = Overlay(detected=np.array([[40.0, 30.0]]))
+    overlay = Overlay()
+    overlay.show(np.array([[40.0, 30.0]]), None)
     view = Viewport(600, 400, scale, 20.0, 30.0)
     ys, xs = np.nonzero(painted(overlay, view).sum(axis=2) > 200)
     x, y = view.to_screen(np.array([[40.0, 30.0]]))[0]
     assert (xs.min() + xs.max() + 1) / 2 == pytest.approx(x, abs=0.6)
     assert (ys.min() + ys.max() + 1) / 2 == pytest.approx(y, abs=0.6)
-    assert np.ptp(xs) == pytest.approx(13, abs=1.5)
+    assert np.ptp(xs) == pytest.approx(10, abs=1.5)
+
+
+def test_a_star_is_circled_once_unless_identified_ones_are_off(qtbot):
+    solution = fake_solution(600, 400, stars=1)
+    overlay = Overlay()
+    overlay.show(np.array([[s.x, s.y] for s in solution.stars]), solution)
+    for mark in ("names", "grid", "centre", "compass"):
+        setattr(overlay.switches, mark, False)
+    amber = QColor(overlay.colours.detected)
+    assert not shows(painted(overlay), amber)
+    overlay.switches.identified = False
+    assert shows(painted(overlay), amber)
+
+
+def shows(image, colour):
+    want = np.array([colour.blue(), colour.green(), colour.red()])
+    hue = image / np.maximum(image.max(axis=2, keepdims=True), 1)
+    return bool(
+        ((np.abs(hue - want / want.max()) < 0.08).all(axis=2) & (image.max(axis=2) > 100)).any()
+    )
 
 
 def test_north_and_east_of_an_unrotated_frame(qtbot):

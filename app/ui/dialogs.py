@@ -1,0 +1,40 @@
+"""Questions that need a window of their own; in red light they too shine red alone."""
+
+from pathlib import Path
+
+from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+
+from app.ui.red_light import RedLight
+
+
+def ask_open(parent: QWidget, folder: str, kinds: str, red: bool) -> Path | None:
+    """The file to open, or None."""
+    dialog = QFileDialog(parent, "Open a frame", folder, kinds)
+    dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
+    return _answer(dialog, red)
+
+
+def ask_save(parent: QWidget, path: Path, kinds: str, red: bool) -> Path | None:
+    """Where to write, or None; asks again before an existing file is replaced."""
+    dialog = QFileDialog(parent, "Export", str(path.parent), kinds)
+    dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+    dialog.selectFile(path.name)
+    return _answer(dialog, red)
+
+
+def tell(parent: QWidget, title: str, text: str) -> None:
+    """Say something that must not be missed, without waiting."""
+    box = QMessageBox(parent)
+    box.setWindowTitle(title)
+    box.setText(text)
+    box.open()
+
+
+def _answer(dialog: QFileDialog, red: bool) -> Path | None:
+    if red:  # the system's own dialog would be in its own colours
+        dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
+        dialog.setGraphicsEffect(RedLight(dialog))
+    accepted = dialog.exec()
+    chosen = dialog.selectedFiles()
+    dialog.deleteLater()
+    return Path(chosen[0]) if accepted and chosen else None

@@ -1,0 +1,139 @@
+"""Single kinds of marks over a frame, each painted by one function; sizes are screen px."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPen
+
+from app.core.solution import Solution
+from app.ui.labels import LabelSpace
+from app.ui.palette import Colours
+from app.ui.sky_grid import GridLine, label
+from app.ui.viewport import Viewport
+
+Floats = NDArray[np.float64]
+DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
+MOST_CIRCLES = 4000
+CROWDED = 300  # from this many circles on they are drawn fainter
+MOST_NAMES, MOST_NUMBERS = 60, 25  # stars with a name; others, which have only a number
+
+
+@dataclass(slots=True)
+class Brush:
+    """What every mark needs to paint itself."""
+
+    painter: QPainter
+    view: Viewport
+    colours: Colours
+    space: LabelSpace
+
+    def pen(self, colour: str, width: float, alpha: int = 255) -> None:
+        """Lines in ``colour``, nothing filled."""
+        shade = QColor(colour)
+        shade.setAlpha(alpha)
+        self.painter.setPen(QPen(shade, width))
+        self.painter.setBrush(Qt.BrushStyle.NoBrush)
+
+    def text(self, at: QPointF, text: str, colour: str) -> None:
+        """Text on a dark ground, unless its place is taken."""
+        box = QFontMetricsF(self.painter.font()).boundingRect(text).translated(at)
+        placed = self.space.place(box)
+        if placed is None:
+            return
+        halo = QColor(self.colours.halo)
+        halo.setAlpha(165)
+        self.painter.fillRect(placed.adjusted(-3, -1, 3, 1), halo)
+        self.painter.setPen(QColor(colour))
+        self.painter.drawText(at + (placed.topLeft() - box.topLeft()), text)
+
+
+def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) -> None:
+    """A circle around each image place (N, 2) in sight."""
+    at = brush.view.to_screen(xy[:MOST_CIRCLES])
+    at = at[in_sight(at, brush.view)]
+    brush.pen(colour, width, 235 if len(at) < CROWDED else 150)
+    for x, y in at:
+        brush.painter.drawEllipse(QPointF(x, y), radius, radius)
+
+
+def names(brush: Brush, solution: Solution, xy: Floats) -> None:
+    """Names first, brightest first; then numbers while few of them are in sight."""
+    at = brush.view.to_screen(xy)
+    seen = sorted(np.flatnonzero(in_sight(at, brush.view)), key=lambda i: solution.stars[i].mag)
+    named = [i for i in seen if solution.stars[i].name][:MOST_NAMES]
+    rest = [i for i in seen if not solution.stars[i].name][: max(MOST_NUMBERS - len(named), 8)]
+    for i in (*named, *rest):
+        star = solution.stars[i]
+        name(brush, star.name or star.id, at[i], brush.colours.identified)
+
+
+def name(brush: Brush, text: str, at: Floats, colour: str) -> None:
+    """One label beside its circle."""
+    brush.text(QPointF(at[0] + IDENTIFIED_PX + 4, at[1] + 4), text, colour)
+
+
+def selection(brush: Brush, at: Floats, text: str) -> None:
+    """Four ticks around a screen place, and its label."""
+    brush.pen(brush.colours.selected, 2.0)
+    inner, outer = IDENTIFIED_PX + 3, IDENTIFIED_PX + 11
+    cross(brush, at[0], at[1], inner, outer)
+    name(brush, text, at + np.array([6.0, -10.0]), brush.colours.selected)
+
+
+def cross(brush: Brush, x: float, y: float, inner: float, outer: float) -> None:
+    """Four ticks that leave the middle free."""
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        near = QPointF(x + dx * inner, y + dy * inner)
+        brush.painter.drawLine(near, QPointF(x + dx * outer, y + dy * outer))
+
+
+def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
+    """The lines of the grid inside the frame's ``edges``."""
+    brush.pen(brush.colours.grid, 1.0, 150)
+    brush.painter.save()
+    brush.painter.setClipRect(edges)
+    for line in lines:
+        brush.painter.drawPath(_path(brush.view.to_screen(line.xy)))
+    brush.painter.restore()
+
+
+def sky_labels(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
+    """What each line is, where it enters the frame."""
+    inside = edges.adjusted(2, 2, -2, -2)
+    for line in lines:
+        spot = _label_spot(brush.view.to_screen(line.xy), inside, line.kind)
+        if spot is not None:
+            brush.text(spot, label(line), brush.colours.grid_text)
+
+
+def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
+    """Which screen places (N, 2) the widget shows, with room for a circle."""
+    x, y = xy[:, 0], xy[:, 1]
+    return np.asarray((x > -20) & (y > -20) & (x < view.width + 20) & (y < view.height + 20))
+
+
+def _path(xy: Floats) -> QPainterPath:
+    path = QPainterPath()
+    pen_down = False
+    for x, y in xy:
+        if x != x or y != y or abs(x) > 1e5 or abs(y) > 1e5:
+            pen_down = False
+        elif pen_down:
+            path.lineTo(x, y)
+        else:
+            path.moveTo(x, y)
+            pen_down = True
+    return path
+
+
+def _label_spot(xy: Floats, edges: QRectF, kind: str) -> QPointF | None:
+    """Where the text of a line starts: low for right ascension, far left for declination."""
+    x, y = xy[:, 0], xy[:, 1]
+    with np.errstate(invalid="ignore"):
+        inside = (x > edges.left()) & (x < edges.right()) & (y > edges.top()) & (y < edges.bottom())
+    if not inside.any():
+        return None
+    best = int(np.where(inside, y if kind == "ra" else -x, -np.inf).argmax())
+    return QPointF(x[best] + 4, min(y[best] - 4, edges.bottom() - 6))
