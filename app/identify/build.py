@@ -11,31 +11,45 @@ from numpy.typing import NDArray
 from app.core.progress import Progress, Task
 from app.identify.codes import canonical, planar
 from app.identify.index import Grid, size_code
-from app.identify.levels import LEVEL_FIELDS_DEG, PER_FIELD, all_levels
+from app.identify.levels import LEVEL_FIELDS_DEG, all_levels
 from app.identify.zones import zone_keys
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CHUNK = 1 << 18
+COMPACT = 0.95  # quads of poor sky larger than this share of a field seldom lie in a frame
+AROUND = 8  # stars by whose distance the sky around a star is judged
+RICH, POOR = 15.0, 9.0  # stars a field: quads enough from the nearest, and all that can be had
 
 
 def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Ints:
     """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once.
 
     ``neighbours`` nearest are used where the level is as rich as a level should be, up to
-    ``poorest`` where it holds less than half of that: frames there show few stars, and a few
+    ``poorest`` where it holds a quarter of that: frames there show few stars, and a few
     missing ones must not break every quad.
     """
     from scipy.spatial import cKDTree
 
-    most = min(max(neighbours, poorest), len(vectors) - 1)
-    found = cKDTree(vectors).query(vectors, k=most + 1, workers=-1)
-    distance, near = np.asarray(found[0]), np.asarray(found[1])
-    fifth = distance[:, min(5, most)] / np.radians(field_deg)
-    stars_per_field = 5.0 / (np.pi * np.maximum(fifth, 1e-9) ** 2)
-    share = np.clip((0.8 * PER_FIELD - stars_per_field) / (0.3 * PER_FIELD), 0.0, 1.0)
-    wanted = np.minimum(neighbours + np.ceil(share * (poorest - neighbours)).astype(int), most)
-    parts = [_sets(near[wanted == k].astype(np.int64), k) for k in np.unique(wanted)]
+    tree = cKDTree(vectors)
+    k = min(max(neighbours, AROUND), len(vectors) - 1)
+    found = tree.query(vectors, k=k + 1, workers=-1)
+    reach = np.asarray(found[0])[:, k] / np.radians(field_deg)
+    stars_per_field = k / (np.pi * np.maximum(reach, 1e-9) ** 2)
+    share = np.clip((RICH - stars_per_field) / (RICH - POOR), 0.0, 1.0)
+    wanted = np.minimum(
+        neighbours + np.round(share * (poorest - neighbours)).astype(int), len(vectors) - 1
+    )
+    parts = []
+    for count in np.unique(wanted):
+        rows = np.nonzero(wanted == count)[0]
+        near = np.asarray(found[1])[rows]
+        if count > k:
+            near = np.asarray(tree.query(vectors[rows], k=count + 1, workers=-1)[1])
+        sets = _sets(near.astype(np.int64), int(count))
+        if count > neighbours:
+            sets = sets[_diameter(vectors, sets) < COMPACT * np.radians(field_deg)]
+        parts.append(sets)
     quad = np.concatenate(parts)
     with np.errstate(over="ignore"):
         q = quad.astype(np.uint64)
@@ -52,6 +66,13 @@ def _sets(near: Ints, neighbours: int) -> Ints:
     quad = np.concatenate([first, near[:, combos]], axis=2).reshape(-1, 4)
     quad.sort(axis=1)
     return quad
+
+
+def _diameter(vectors: Floats, quads: Ints) -> NDArray[np.float32]:
+    """Largest distance (Q,) between members of quads, rad."""
+    p = vectors.astype(np.float32)[quads]
+    pairs = [((p[:, i] - p[:, j]) ** 2).sum(axis=1) for i in range(4) for j in range(i)]
+    return np.sqrt(np.maximum.reduce(pairs))
 
 
 def build_volume(

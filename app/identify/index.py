@@ -69,7 +69,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volume:
-    """One opened index; the module's text tells of the arrays. ``mark``: the catalogue's SHA-256."""
+    """One opened index; see the module's text. ``mark``: the catalogue's SHA-256."""
 
     grid: Grid
     fields_deg: Floats

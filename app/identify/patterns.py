@@ -62,6 +62,7 @@ class Patterns:
             "Check that the frame shows stars in focus.",
             f"{search.tried} pointings from {search.asked} star patterns",
             len(detections),
+            measured={"pointings": search.tried, "log10_false_alarm": search.least},
         )
 
     def _search(

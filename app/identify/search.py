@@ -18,7 +18,7 @@ from app.identify.verify import Pointing, Verdict, verify
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ACCEPT_LOG10 = -6.0
+ACCEPT_LOG10 = -5.0
 CROWD = 400  # more pointings than this are thinned before the closer look
 FINE = 2  # the volume that may have to be made first
 
@@ -67,6 +67,7 @@ class Search:
         self.half = np.array([detections.width / 2, detections.height / 2])
         self.side = float(max(detections.width, detections.height))
         self.tried = 0
+        self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
         self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
         lo, hi = 0.25 * self.side, 180.0 * self.side
@@ -141,12 +142,12 @@ class Search:
     def _per_field(self, stage: Stage) -> tuple[float, float]:
         """Lowest and highest ratio of a level's field to the frame's, for stars so bright.
 
-        A frame with fewer stars than the stage would take shows all the catalogue has there, so
+        A frame with hardly more stars than the stage takes may show all the catalogue has there, so
         that any finer level will do.
         """
         n = len(self.xy)
         density = float(np.sqrt(PER_FIELD / min(stage.stars, n)))
-        low = density / stage.spread if n > stage.stars else 0.3
+        low = density / stage.spread if n >= 2 * stage.stars else 0.3
         return low, density * stage.spread
 
     def _new_quads(self, stage: Stage, noise: float) -> Ints:
@@ -180,5 +181,8 @@ class Search:
                 stage.use,
                 ACCEPT_LOG10 - 6.0,
             )
-            if verdict is not None and self.alarm(verdict) < ACCEPT_LOG10:
+            if verdict is None:
+                continue
+            self.least = min(self.least, self.alarm(verdict))
+            if self.alarm(verdict) < ACCEPT_LOG10:
                 yield verdict

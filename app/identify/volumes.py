@@ -26,7 +26,7 @@ SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     "wide": (range(9, 15), ((6, 6),) * 6, 16),
     "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
 }
-FINE = (range(5), ((4, 7), (4, 5), (4, 4), (4, 4), (4, 4)), 40)
+FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)
 STALE_S = 900.0  # a lock older than this was left behind by something that died
 
 
