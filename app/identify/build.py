@@ -72,7 +72,7 @@ def _diameter(vectors: Floats, quads: Ints) -> NDArray[np.float32]:
     """Largest distance (Q,) between members of quads, rad."""
     p = vectors.astype(np.float32)[quads]
     pairs = [((p[:, i] - p[:, j]) ** 2).sum(axis=1) for i in range(4) for j in range(i)]
-    return np.sqrt(np.maximum.reduce(pairs))
+    return np.asarray(np.sqrt(np.maximum.reduce(pairs)))
 
 
 def build_volume(
