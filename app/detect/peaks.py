@@ -20,16 +20,18 @@ def find_peaks(
     """
     pixels = pixels[: pixels.shape[0] // 2 * 2]
     tops = np.arange(0, len(pixels), STRIP)
-    rise = sigmas * how.noise_gain / how.gain
-    floors = _floors(mesh, tops, rise)
-    columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
-
     smoother = Smoother(how, float(mesh.level.mean()))
-    found = []
-    for top, floor in zip(tops, floors, strict=True):
-        line = np.interp(columns, mesh.columns, floor) * how.gain
-        found.append(_strip_peaks(pixels, smoother, line, int(top)))
-    xy, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
+    columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
+    lines = _lines(mesh, tops, columns, sigmas * how.noise_gain / how.gain)
+    lines = _as_thresholds(lines * how.gain, smoother.dtype(pixels))
+    found = [
+        _strip_peaks(pixels, smoother, line, int(top))
+        for top, line in zip(tops, lines, strict=True)
+    ]
+    counts = [len(hit) for hit, _ in found]
+    hit, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
+    row, column = np.divmod(hit, len(columns))
+    xy = np.stack([columns[column], np.repeat(tops, counts) + 2.0 * row - 1.5], axis=1)
     level, noise = mesh.at(xy[:, 0], xy[:, 1])
     heights = (value / how.gain - level) / (noise * (how.noise_gain / how.gain))
     high = np.flatnonzero(heights > sigmas)
@@ -37,8 +39,8 @@ def find_peaks(
     return xy[order], heights[order]
 
 
-def _floors(mesh: Mesh, tops: Index, rise: float) -> Floats:
-    """The lowest threshold (S, C) in each strip at the mesh's columns."""
+def _lines(mesh: Mesh, tops: Index, columns: Floats, rise: float) -> Floats:
+    """The lowest threshold (S, C) in each strip at ``columns`` (C,) px."""
     grid = mesh.level + rise * mesh.noise
     knots = np.arange(len(mesh.rows))
     ends = np.interp(np.stack([tops, tops + STRIP]), mesh.rows, knots)
@@ -47,25 +49,25 @@ def _floors(mesh: Mesh, tops: Index, rise: float) -> Floats:
         i = np.minimum(at.astype(np.intp), max(0, len(grid) - 2))
         j, part = np.minimum(i + 1, len(grid) - 1), (at - i)[:, None]
         lowest = np.minimum(lowest, grid[i] * (1.0 - part) + grid[j] * part)
-    return lowest
+    return np.stack([np.interp(columns, mesh.columns, line) for line in lowest])
 
 
 def _strip_peaks(
-    pixels: Pixels, smoother: Smoother, floor: Floats, top: int
-) -> tuple[Floats, Floats]:
-    """Places and values of maxima in the rows from ``top``; neighbours' rows are looked at too."""
+    pixels: Pixels, smoother: Smoother, line: Pixels, top: int
+) -> tuple[Index, Pixels]:
+    """Flat indices and values of maxima in the rows from ``top``; neighbours are looked at too.
+
+    The smoothed strip has one row more above and below, and one column more at each side.
+    """
     height = pixels.shape[0]
     first, last = max(0, top - 4), min(height, top + STRIP + 4)
-    above, below = 2 * (first == top), 2 * (last == height)
-    field = smoother(pixels[first:last], (above, below, 2))
-    # one halved row and column more than the strip on every side
-    hit = _where(smoother.above(field, _as_threshold(floor, field)))
-    y, x = np.divmod(hit, field.shape[1])
-    inside = (y > 0) & (y < field.shape[0] - 1) & (x > 0) & (x < field.shape[1] - 1)
-    hit = hit[inside & (y <= STRIP // 2)]
-    hit = hit[_is_maximum(field, hit)]
-    y, x = np.divmod(hit, field.shape[1])
-    return np.stack([2.0 * x - 1.5, top + 2.0 * y - 1.5], axis=1), field.ravel()[hit].astype(float)
+    smoothed = smoother(pixels[first:last], (2 * (first == top), 2 * (last == height), 2))
+    rows, columns = smoothed.shape
+    hit = _where(smoother.above(smoothed, line))
+    a, b = np.searchsorted(hit, (columns, min(rows - 1, STRIP // 2 + 1) * columns))
+    hit = hit[a:b]
+    hit = hit[_is_maximum(smoothed, hit)]
+    return hit, smoothed.ravel()[hit].astype(np.float64)
 
 
 def _where(above: NDArray[np.bool_]) -> Index:
@@ -87,9 +89,13 @@ def _is_maximum(field: Pixels, hit: Index) -> NDArray[np.bool_]:
     return keep
 
 
-def _as_threshold(floor: Floats, field: Pixels) -> Pixels:
-    """``floor`` in the dtype of ``field``, so that comparing does not convert every pixel."""
-    if field.dtype.kind == "f":
-        return floor.astype(field.dtype)
-    top = np.iinfo(field.dtype).max
-    return np.clip(np.floor(floor), 0, top).astype(field.dtype)
+def _as_thresholds(lines: Floats, dtype: type[np.generic]) -> Pixels:
+    """``lines`` in the type of what is compared, which then is not converted pixel by pixel.
+
+    The outermost columns, which have no neighbour, are never above.
+    """
+    lines[:, [0, -1]] = np.inf
+    if np.issubdtype(dtype, np.floating):
+        return lines.astype(dtype)
+    most = np.iinfo(dtype).max  # type: ignore[type-var]
+    return np.clip(np.floor(lines), 0, most).astype(dtype)

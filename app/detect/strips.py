@@ -118,7 +118,7 @@ class Smoother:
         rows = as_summable(rows, self.fill)
         above, below, sides = pad
         n, m = len(rows) // 2, rows.shape[1] // 2
-        dtype = WORD.get(rows.dtype.itemsize if rows.dtype.kind == "u" else 0, np.float32)
+        dtype = self.dtype(rows)
         sums = self._memory("sums", (n + above + below, m + 2 * sides), dtype)
         spare = self._memory("wide", (n + above + below, m + 2 * sides), dtype)
         inner = sums[above : above + n, sides : sides + m]
@@ -132,12 +132,17 @@ class Smoother:
             sums[-below:] = sums[-below - 1]
         return self._binomial(sums, spare)
 
+    def dtype(self, pixels: Pixels) -> type[np.number[Any]]:
+        """The type of sums and smoothed values of such pixels."""
+        if pixels.dtype == np.bool_:
+            return np.uint16
+        return WORD.get(pixels.dtype.itemsize if pixels.dtype.kind == "u" else 0, np.float32)
+
     def halved(self, rows: Pixels) -> Pixels:
         """Sums (n, m) of rows (2 n, 2 m or 2 m + 1), overwritten by the next call as well."""
         rows = as_summable(rows, self.fill)
         shape = len(rows) // 2, rows.shape[1] // 2
-        dtype = WORD.get(rows.dtype.itemsize if rows.dtype.kind == "u" else 0, np.float32)
-        sums, spare = (self._memory(name, shape, dtype) for name in ("sums", "wide"))
+        sums, spare = (self._memory(name, shape, self.dtype(rows)) for name in ("sums", "wide"))
         self.how.sums(rows, sums, spare)
         return sums
 

@@ -216,7 +216,7 @@ def _field(case: _Case) -> Iterator[Finding]:
         yield (
             Reason.FIELD_TOO_SMALL,
             f"The field is {deg:.2f} deg wide and the catalogue holds about {expected:.0f} stars "
-            "there: use a shorter focal length or import a deeper catalogue.",
+            "there: use a shorter focal length or a reducer.",
         )
     if deg > FISHEYE_DEG and case.count >= 20:
         yield (
