@@ -137,7 +137,7 @@ def _measure_saturated(stars: Stars, view: View) -> None:
     if not len(wide):
         return
     stamps, _, _ = view.stamps(stars.xy[wide], 24)
-    shapes = adaptive_moments(stamps, 2.5, 12)
+    shapes = adaptive_moments(stamps, 2.5, 9)
     good = shapes.good & (shapes.flux > stars.flux[wide])
     wide = wide[good]
     stars.xy[wide] = np.stack([stamps.x + shapes.dx, stamps.y + shapes.dy], axis=1)[good]

@@ -25,7 +25,7 @@ def quick_look(view: View, xy: Floats, snr: float) -> tuple[Bools, Floats]:
     Returns a mask (N,) and the hot pixels (M, 2), px.
     """
     stamps, _, noise = view.stamps(xy, 2)
-    fit = fit_stars(stamps, QUICK, 2)
+    fit = fit_stars(stamps, QUICK, 1)
     flat = stamps.value.reshape(len(xy), -1)
     at = flat.argmax(axis=1)
     peak = np.take_along_axis(flat, at[:, None], axis=1)[:, 0]

@@ -70,7 +70,7 @@ def _usual_moments(view: View, xy: Floats, half: int) -> tuple[Floats | None, fl
     """
     stamps, _, _ = view.stamps(xy, half)
     least = 0.2 if view.how.greens is None else 0.8  # among greens a weight must hold several
-    shapes = adaptive_moments(stamps, 1.5, 7 if half < 12 else 14, least)
+    shapes = adaptive_moments(stamps, 1.5, 5 if half < 12 else 12, least)
     good = shapes.good & (np.hypot(shapes.dx, shapes.dy) < 0.3 * half)
     good &= shapes.axes()[0] < 0.6 * half
     if good.sum() < 3:

@@ -8,7 +8,7 @@ from app.detect.strips import Halving, Pixels, Smoother
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
-STRIP = 128  # rows of the frame; what a strip needs fits the cache
+STRIP = 160  # rows of the frame; what a strip needs fits the cache
 
 
 def find_peaks(
