@@ -23,7 +23,8 @@ def find_peaks(
     smoother = Smoother(how, float(mesh.level.mean()))
     columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
     lines = _lines(mesh, tops, columns, sigmas * how.noise_gain / how.gain)
-    lines = _as_thresholds(lines * how.gain, smoother.dtype(pixels))
+    lines *= how.gain
+    lines = _as_thresholds(lines, smoother.dtype(pixels))
     found = [
         _strip_peaks(pixels, smoother, line, int(top))
         for top, line in zip(tops, lines, strict=True)
@@ -92,10 +93,12 @@ def _is_maximum(field: Pixels, hit: Index) -> NDArray[np.bool_]:
 def _as_thresholds(lines: Floats, dtype: type[np.generic]) -> Pixels:
     """``lines`` in the type of what is compared, which then is not converted pixel by pixel.
 
-    The outermost columns, which have no neighbour, are never above.
+    They are overwritten. The outermost columns, which have no neighbour, are never above.
     """
     lines[:, [0, -1]] = np.inf
     if np.issubdtype(dtype, np.floating):
         return lines.astype(dtype)
     most = np.iinfo(dtype).max  # type: ignore[type-var]
-    return np.clip(np.floor(lines), 0, most).astype(dtype)
+    np.floor(lines, out=lines)
+    np.clip(lines, 0, most, out=lines)
+    return lines.astype(dtype)

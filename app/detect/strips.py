@@ -6,7 +6,8 @@ twice the width. The result is ``gain`` times the mean level of the pixels under
 white noise of RMS s a pixel becomes ``noise_gain * s``.
 """
 
-from dataclasses import dataclass, field
+import threading
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -101,13 +102,22 @@ def as_summable(rows: Pixels, fill: float) -> Pixels:
     return out
 
 
+class _Kept(threading.local):
+    """Memory of this thread, a few MB, kept because new pages cost as much as the sums."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, Pixels] = {}
+
+
+_KEPT = _Kept()
+
+
 @dataclass(slots=True)
 class Smoother:
-    """Halves and smooths rows again and again in the same memory."""
+    """Halves and smooths rows in memory that all smoothers of a thread share."""
 
     how: Halving
     fill: float = 0.0
-    _kept: dict[str, Pixels] = field(default_factory=dict)
 
     def __call__(self, rows: Pixels, pad: tuple[int, int, int]) -> Pixels:
         """Smoothed (n + above + below - 2, m + 2 sides - 2) of rows (2 n, 2 m or 2 m + 1).
@@ -172,7 +182,8 @@ class Smoother:
 
     def _memory(self, name: str, shape: tuple[int, int], dtype: type[np.generic]) -> Pixels:
         size = shape[0] * shape[1]
-        kept = self._kept.get(name)
-        if kept is None or len(kept) < size or kept.dtype != dtype:
-            kept = self._kept[name] = np.empty(size, dtype=dtype)
-        return kept[:size].reshape(shape)
+        size *= np.dtype(dtype).itemsize
+        kept = _KEPT.arrays.get(name)
+        if kept is None or len(kept) < size:
+            kept = _KEPT.arrays[name] = np.empty(size, dtype=np.uint8)
+        return kept[:size].view(dtype).reshape(shape)
