@@ -40,7 +40,9 @@ def _window(paths: list[str]) -> int:
     if trouble is None:
         try:
             from app.ui.application import run
-        except ImportError as error:
+
+            _load_screen_plugin()
+        except (ImportError, OSError) as error:
             trouble = _missing(error)
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
@@ -65,11 +67,28 @@ def _no_display() -> str | None:
             "or use “kochab solve FILE”.")  # fmt: skip
 
 
-def _missing(error: ImportError) -> str:
+def _load_screen_plugin() -> None:
+    """Load what Qt needs for an X screen; Qt itself ends the process when that is missing."""
+    if not sys.platform.startswith("linux") or os.environ.get("WAYLAND_DISPLAY"):
+        return
+    if os.environ.get("QT_QPA_PLATFORM", "xcb") != "xcb":
+        return
+    import ctypes
+
+    import PySide6
+
+    plugin = Path(PySide6.__file__).parent / "Qt" / "plugins" / "platforms" / "libqxcb.so"
+    if plugin.exists():
+        ctypes.CDLL(str(plugin))
+
+
+def _missing(error: Exception) -> str:
     text = str(error)
     if ".so" in text and sys.platform.startswith("linux"):
-        return (f"A system library of the window is missing ({text.split(':')[0]}); install it "
-                f"with “sudo apt install {SYSTEM_LIBRARIES}”.")  # fmt: skip
+        return (
+            f"A system library of the window is missing ({text.split(':')[0]}); install it with "
+            f"“sudo apt install {SYSTEM_LIBRARIES}”."
+        )
     return f"The window cannot start: {text}."
 
 

@@ -16,7 +16,6 @@ from app.ui.sky_grid import GridLine, grid_lines
 from app.ui.viewport import Viewport
 
 Floats = NDArray[np.float64]
-SAME_PX = 0.5  # a detection this near to an identified star is that star
 
 
 @dataclass(slots=True)
@@ -54,7 +53,7 @@ class Overlay:
         self.detected, self.solution, self.selected = detected, solution, None
         stars = solution.stars if solution is not None else ()
         self._stars = np.array([(s.x, s.y) for s in stars]).reshape(-1, 2)
-        self._others = detected[~_near(detected, self._stars)]
+        self._others = detected[~_among(detected, self._stars)]
 
     def clear(self) -> None:
         """No marks."""
@@ -111,15 +110,10 @@ class Overlay:
         return float(x), float(y)
 
 
-def _near(xy: Floats, stars: Floats) -> NDArray[np.bool_]:
-    """Which places (N, 2) are within ``SAME_PX`` of one of the stars (M, 2)."""
-    if not len(xy) or not len(stars):
-        return np.zeros(len(xy), dtype=np.bool_)
-    away = (xy[:, None, :] - stars[None, :, :]) if len(xy) * len(stars) < 4e6 else None
-    if away is not None:
-        return np.asarray((np.hypot(away[..., 0], away[..., 1]) < SAME_PX).any(axis=1))
-    taken = {(round(x), round(y)) for x, y in stars}
-    return np.array([(round(x), round(y)) in taken for x, y in xy])
+def _among(xy: Floats, stars: Floats) -> NDArray[np.bool_]:
+    """Which places (N, 2) are those of one of the stars (M, 2), to 0.01 px."""
+    grid = np.array([1.0, 1e7])
+    return np.isin(np.rint(xy * 100.0) @ grid, np.rint(stars * 100.0) @ grid)
 
 
 def _edges(view: Viewport, solution: Solution | None) -> QRectF:

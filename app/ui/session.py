@@ -88,7 +88,8 @@ class Session(QObject):
         self._drop("solve")
         self.known.result = None
         self.solving.emit()
-        job = self._job("solve", self._engine.solve(frame, self.known.options, self.known.read_ms))
+        task = self._engine.solve(frame, self.known.options, self.known.read_ms)
+        job = self._job("solve", _complete(task))
         job.succeeded.connect(self._has_result)
         job.start()
 
@@ -168,6 +169,17 @@ def _timed(task: Task[Frame]) -> Task[tuple[Frame, float]]:
     yield Progress("read")
     frame = yield from task
     return frame, (perf_counter() - start) * 1e3
+
+
+def _complete(task: Task[Solved]) -> Task[Solved]:
+    """The same, with what the views will show worked out in the job's thread.
+
+    The quaternion's library takes a quarter of a second to import, which the window has not got.
+    """
+    solved = yield from task
+    if isinstance(solved.result, Solution):
+        solved.result.attitude.quaternion  # noqa: B018
+    return solved
 
 
 def _line(s: Solution) -> str:

@@ -1,6 +1,6 @@
 """The pane with the identified stars; a row and its star in the frame are selected together."""
 
-from PySide6.QtCore import QItemSelection, QSortFilterProxyModel, Qt, Signal
+from PySide6.QtCore import QItemSelection, Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -13,7 +13,7 @@ from PySide6.QtWidgets import (
 
 from app.core.solution import NamedStar
 from app.ui.formats import AngleStyle
-from app.ui.star_model import SORT_ROLE, StarModel
+from app.ui.star_model import COLUMNS, StarFilter, StarModel
 from app.ui.widgets import copy_text, label
 
 
@@ -26,9 +26,8 @@ class StarTable(QWidget):
         super().__init__()
         self.setObjectName("page")
         self.model = StarModel()
-        self.proxy = QSortFilterProxyModel()
+        self.proxy = StarFilter()
         self.proxy.setSourceModel(self.model)
-        self.proxy.setSortRole(SORT_ROLE)
         self.proxy.setFilterKeyColumn(-1)
         self.proxy.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
         self.filter = QLineEdit()
@@ -84,17 +83,20 @@ class StarTable(QWidget):
 
     def _fit(self) -> None:
         self.table.verticalHeader().setDefaultSectionSize(self.table.fontMetrics().height() + 8)
-        self.table.resizeColumnsToContents()
+        metrics = self.table.fontMetrics()
+        for column, (title, _, wide) in enumerate(COLUMNS):  # measuring every cell takes long
+            width = max(metrics.horizontalAdvance(wide), metrics.horizontalAdvance(title) + 14)
+            self.table.setColumnWidth(column, width + 16)
 
     def select(self, star: int | None) -> None:
         """Select the row of ``solution.stars[star]`` and bring it into sight."""
         if star is None:
             self.table.clearSelection()
             return
-        index = self.proxy.mapFromSource(self.model.index(star, 0))
+        index = self.proxy.mapFromSource(self.model.index(self.model.row_of(star), 0))
         if not index.isValid():  # the filter hides it
             self.filter.clear()
-            index = self.proxy.mapFromSource(self.model.index(star, 0))
+            index = self.proxy.mapFromSource(self.model.index(self.model.row_of(star), 0))
         self.table.selectRow(index.row())
         self.table.scrollTo(index)
 
@@ -102,7 +104,7 @@ class StarTable(QWidget):
     def selected(self) -> int | None:
         """The selected star, as an index into ``solution.stars``."""
         chosen = self.table.selectionModel().selectedRows()
-        return self.proxy.mapToSource(chosen[0]).row() if chosen else None
+        return self.model.star_at(self.proxy.mapToSource(chosen[0]).row()) if chosen else None
 
     def _selection(self, _on: QItemSelection, _off: QItemSelection) -> None:
         self.picked.emit(self.selected)

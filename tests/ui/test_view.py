@@ -217,12 +217,31 @@ def test_the_table_sorts_by_value_not_by_text(opened, column, key):
     table = window.workspace.stars
     table.table.sortByColumn(column, Qt.SortOrder.DescendingOrder)
     stars = commands.session.known.result.stars
-    rows = [
-        table.proxy.mapToSource(table.proxy.index(r, 0)).row()
-        for r in range(table.proxy.rowCount())
-    ]
+    rows = [table.model.star_at(r) for r in range(table.model.rowCount())]
     values = [getattr(stars[r], key) for r in rows]
     assert values == sorted(values, reverse=True)
+
+
+def test_a_selected_star_stays_selected_while_the_table_is_sorted(opened):
+    table = opened[0].workspace.stars
+    table.select(9)
+    for column in range(8):
+        table.table.sortByColumn(column, Qt.SortOrder.DescendingOrder)
+        assert table.selected == 9
+    index = table.table.selectionModel().selectedRows()[0]
+    assert index.siblingAtColumn(1).data() == "HIP 25333"
+
+
+def test_catalogue_numbers_sort_as_numbers(qtbot):
+    from app.core.solution import NamedStar
+    from app.ui.star_model import StarModel
+
+    model = StarModel()
+    model.set_stars(
+        tuple(NamedStar(0, 0, i, "", 1, 0, 0, 0) for i in ("HIP 100", "HIP 9", "HIP 20"))
+    )
+    model.sort(1)
+    assert [model.index(r, 1).data() for r in range(3)] == ["HIP 9", "HIP 20", "HIP 100"]
 
 
 def test_the_filter_finds_by_name_and_selection_clears_it(opened):
