@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QApplication
 
 from app.detect import DETECTORS
 from app.identify import IDENTIFIERS
+from app.ui.background import Background
 from app.ui.commands import Commands
 from app.ui.engine import Engine, WorkflowEngine
 from app.ui.exports import ToJson
@@ -45,8 +46,10 @@ def run(
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
-    window, commands = build(engine or WorkflowEngine(), Settings(), to_json=to_json)
+    engine = engine or WorkflowEngine()
+    window, commands = build(engine, Settings(), to_json=to_json)
     garbage = Garbage()
+    background = Background(window, engine)
     window.show()
     if paths:
         commands.open(Path(paths[0]))
@@ -57,4 +60,5 @@ def run(
     pulse.timeout.connect(lambda: None)
     code = app.exec()
     garbage.stop()
+    background.job.join(5.0)
     return code

@@ -32,6 +32,10 @@ class Engine(Protocol):
         """Where the frame points, or why that is not known."""
         ...
 
+    def prepare(self) -> Task[None]:
+        """What has to be made once on this machine; ends at once when it is there."""
+        ...
+
 
 class WorkflowEngine:
     """The engine of the workflows."""
@@ -49,3 +53,10 @@ class WorkflowEngine:
         from app.workflows.solve_frame import solve_open_frame
 
         return (yield from solve_open_frame(frame, options, read_ms=read_ms))
+
+    def prepare(self) -> Task[None]:
+        """Make the patterns for small fields, which are too large to ship."""
+        from app.identify.volumes import fine, make_fine
+
+        if fine() is None:
+            yield from make_fine()

@@ -1,5 +1,7 @@
 """Small drawings, made from paths in whatever colour the theme asks for."""
 
+import atexit
+import shutil
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -70,7 +72,7 @@ def icon(name: str, colour: str, faint: str) -> QIcon:
 @cache
 def write_glyphs(theme: str, text: str, muted: str, on_accent: str) -> str:
     """Files the style sheet refers to; returns their folder, with forward slashes."""
-    folder = Path(_folder().name) / theme
+    folder = _folder() / theme
     folder.mkdir(exist_ok=True)
     for name in ("check", "tick", "right", "down", "up", "close", "float"):
         colour = on_accent if name == "tick" else text
@@ -80,8 +82,10 @@ def write_glyphs(theme: str, text: str, muted: str, on_accent: str) -> str:
 
 
 @cache
-def _folder() -> "tempfile.TemporaryDirectory[str]":
-    return tempfile.TemporaryDirectory(prefix="kochab-glyphs-")
+def _folder() -> Path:
+    folder = tempfile.mkdtemp(prefix="kochab-glyphs-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _parse(text: str) -> tuple[QPainterPath, list[QPointF]]:

@@ -89,6 +89,7 @@ class FakeEngine:
 
     frame: Frame = field(default_factory=star_field)
     result: Solution | NoSolution | None = None
+    preparing: int = 0
     gate: threading.Event | None = None
     asked: list[SolveOptions] = field(default_factory=list)
     stopped: threading.Event = field(default_factory=threading.Event)
@@ -98,6 +99,12 @@ class FakeEngine:
         if not path.exists():
             raise FrameError(f"There is no file {path.name}.")
         return self.frame
+
+    def prepare(self) -> Task[None]:
+        for i in range(self.preparing):
+            yield Progress("patterns", i / self.preparing)
+            while self.gate is not None and not self.gate.wait(0.005):
+                yield Progress("patterns", 0.42)
 
     def solve(self, frame: Frame, options: SolveOptions, read_ms: float) -> Task[FakeSolved]:
         self.asked.append(options)
