@@ -190,3 +190,12 @@ def test_the_makefile_and_the_hooks_run_the_same_checks(repository):
     in_hooks = re.findall(r"entry: \.venv/bin/([\w-]+)", hooks)
     assert in_make
     assert sorted(in_make) == sorted(in_hooks)
+
+
+def test_what_the_readme_points_to_is_there(repository):
+    text = (repository / "README.md").read_text("utf-8")
+    linked = [t for t in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in t]
+    named = re.findall(r"`((?:app|catalogs|resources|tests)/[\w./-]+|[A-Z]+(?:\.md)?)`", text)
+    assert linked
+    assert named
+    assert not [t for t in linked + named if not (repository / t).exists()]
