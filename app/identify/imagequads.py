@@ -19,8 +19,7 @@ def image_quads(xy: Floats, neighbours: int, smallest_px: float) -> Ints:
         return np.zeros((0, 4), dtype=np.int64)
     d2 = ((xy[:, None] - xy[None]) ** 2).sum(axis=2)
     d2[d2 < smallest_px**2] = np.inf
-    # a poor frame is asked about in every way there is: its few stars cost little
-    k = min(neighbours if n > 16 else 9, n - 1)
+    k = min(neighbours, n - 1)
     near = np.argsort(d2, axis=1)[:, :k]
     combos = np.array(list(combinations(range(k), 3)))
     quads = np.concatenate(

@@ -62,9 +62,29 @@ class Grid:
 
     def number(self, cell: Ints) -> Ints:
         """Flat cell numbers of integer cells (Q, 4), which are clipped into the grid."""
+        return np.asarray(np.clip(cell, 0, np.array(self.shape) - 1) @ self.strides)
+
+    @property
+    def strides(self) -> Ints:
+        """What one step along each axis adds to a flat cell number (4,)."""
         s = self.shape
-        c = np.clip(cell, 0, np.array(s) - 1)
-        return np.asarray(((c[:, 0] * s[1] + c[:, 1]) * s[2] + c[:, 2]) * s[3] + c[:, 3])
+        return np.array([s[1] * s[2] * s[3], s[2] * s[3], s[3], 1])
+
+    def around(self, place: Floats, reach: Floats) -> tuple[Ints, Ints, Ints, Ints]:
+        """All cells that boxes of half-width ``reach`` (Q, 1) about ``place`` (Q, 4) touch.
+
+        ``reach`` is below half a cell, so a box touches one or two cells along each axis. Returns
+        the query, the corner (a row of ``CORNERS``) and the flat number of each cell touched, and
+        the lowest cell (Q, 4) of each query.
+        """
+        last = np.array(self.shape) - 1
+        low = np.clip(np.floor(place - reach).astype(np.int64), 0, last)
+        high = np.clip(np.floor(place + reach).astype(np.int64), 0, last)
+        bits = CORNERS.T.astype(np.int64)
+        differs = high > low
+        number = (low @ self.strides)[:, None] + (differs * self.strides) @ bits
+        query, corner = np.nonzero((~differs).astype(np.int64) @ bits == 0)
+        return query, corner, number[query, corner], low
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,22 +110,17 @@ class Volume:
         ``size`` (Q, 2) limits the base's length in rad. Returns (query, quad) row pairs.
         """
         place = self.grid.scaled(code)
-        reach = np.minimum(tolerance * self.grid.steps, 0.499)
-        low = np.floor(place - reach[:, None]).astype(np.int64)
-        high = np.floor(place + reach[:, None]).astype(np.int64)
-        query, cell = _corners(low, high)
-        number = self.grid.number(cell)
+        reach = np.minimum(tolerance * self.grid.steps, 0.499)[:, None]
+        query, corner, number, low = self.grid.around(place, reach)
         start = self.cells[number].astype(np.int64)
         count = self.cells[number + 1].astype(np.int64) - start
         kept = count > 0
-        query, cell, start, count = query[kept], cell[kept], start[kept], count[kept]
+        query, corner, start, count = query[kept], corner[kept], start[kept], count[kept]
         entry = ranges(start, count)
         # compare in 1/256 of a cell, where the stored numbers live: four bytes at a time, and
         # "between low and high" as one unsigned subtraction that wraps below low
-        target = np.floor((place[query] - cell) * 256.0)
-        margin = np.ceil(reach[query] * 256.0)[:, None]
-        low8 = np.clip(target - margin, 0, 255).astype(np.uint8)
-        span8 = np.clip(target + margin, 0, 255).astype(np.uint8) - low8
+        target = np.floor((place - low) * 256.0)
+        low8, span8 = _window(target, np.ceil(reach * 256.0), query, CORNERS[corner])
         found = self.codes[entry].view(np.uint8).reshape(-1, 4)
         found -= np.repeat(low8.view(np.uint32).ravel(), count).view(np.uint8).reshape(-1, 4)
         within = found <= np.repeat(span8.view(np.uint32).ravel(), count).view(np.uint8).reshape(
@@ -134,11 +149,19 @@ class Volume:
         return np.asarray(number[dot >= np.cos(radius)])
 
 
-def _corners(low: Ints, high: Ints) -> tuple[Ints, Ints]:
-    """All cells between ``low`` and ``high`` (Q, 4), which differ by at most one."""
-    valid = ((high > low)[:, None, :] | ~CORNERS).all(axis=2)
-    query, corner = np.nonzero(valid)
-    return query, np.where(CORNERS[corner], high[query], low[query])
+def _window(
+    target: Floats, margin: Floats, query: Ints, upper: NDArray[np.bool_]
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Lowest byte and width (N, 4) of what may match, for the lower and the upper cells (N, 4)."""
+    lows, spans = [], []
+    for shift in (0.0, 256.0):
+        low = np.clip(target - margin - shift, 0, 255).astype(np.uint8)
+        lows.append(low)
+        spans.append(np.clip(target + margin - shift, 0, 255).astype(np.uint8) - low)
+    return (
+        np.where(upper, lows[1][query], lows[0][query]),
+        np.where(upper, spans[1][query], spans[0][query]),
+    )
 
 
 def open_volume(folder: Path) -> Volume:

@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ACCEPT_LOG10 = -5.0
+POOR = 16  # frames with no more stars than this are searched exhaustively
 CROWD = 400  # more pointings than this are thinned before the closer look
 FINE = 2  # the volume that may have to be made first
 
@@ -151,7 +152,9 @@ class Search:
         return low, density * stage.spread
 
     def _new_quads(self, stage: Stage, noise: float) -> Ints:
-        quads = image_quads(self.xy[: stage.stars], stage.neighbours, 12.0 * noise)
+        # a poor frame is asked about in every way there is: its few stars cost little
+        neighbours = stage.neighbours if len(self.xy) > POOR or stage.focal else 9
+        quads = image_quads(self.xy[: stage.stars], neighbours, 12.0 * noise)
         marks = quad_marks(quads)
         key = (stage.volume, stage.focal)
         old = self.done.get(key, np.zeros(0, dtype=np.int64))

@@ -47,7 +47,7 @@ def test_poor_sky_gets_more_quads_for_each_star():
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     same = level_quads(v, 20.0, 4, 4)
     more = level_quads(v, 5.0, 4, 7)  # far fewer stars than a level of 5 degrees should hold
-    assert len(more) > 4 * len(same)
+    assert len(more) > 2 * len(same)
     assert (np.diff(same, axis=1) > 0).all()
     assert len(np.unique(same, axis=0)) == len(same)
 
