@@ -134,21 +134,20 @@ def verify(
     i, j, _ = pair(seen, xy[near], reach_px)
     if len(i) < FEWEST:
         return None
-    four = start
-    known = proposers < len(seen)
-    stars = volume.stars[proposing_stars].astype(np.float64)
-    for _ in range(2):
-        four = refit(four, view.xy[proposers], stars, bend=False)
     pointing = improve(start, seen, sky, reach_px, 5)
     if pointing is None:
         return None
     evidence = np.ones(len(seen), dtype=bool)
-    evidence[proposers[known]] = False
+    evidence[proposers[proposers < len(seen)]] = False
     tail, radius = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
     i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
     if len(i) < FEWEST:
         return None
     if tail > enough:
+        four = start
+        for _ in range(2):
+            stars = volume.stars[proposing_stars].astype(np.float64)
+            four = refit(four, view.xy[proposers], stars, bend=False)
         tail = min(tail, _tail(view, four, seen, sky, evidence, reach_px, free=0)[0])
     rms = float(np.sqrt(d2.mean()))
     return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
@@ -158,14 +157,19 @@ def improve(
     pointing: Pointing, seen: Floats, sky: Floats, radius: float, steps: int
 ) -> Pointing | None:
     """Pair and refit ``steps`` times, the radius shrinking with the residuals; None: it failed."""
+    last = 0
     for step in range(steps):
         i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
         if len(i) < 5:
             return None
         pointing = refit(pointing, seen[i], sky[j], bend=len(i) >= 10)
         if step:
-            typical = 3.0 * float(np.sqrt(np.median(d2)))
-            radius = max(0.5 * radius, min(radius, typical))
+            middle = float(np.partition(d2, len(d2) // 2)[len(d2) // 2])
+            closer = max(0.5 * radius, min(radius, 3.0 * middle**0.5))
+            if closer > 0.95 * radius and len(i) == last:
+                break  # nothing would change any more
+            radius = closer
+        last = len(i)
     return pointing
 
 
