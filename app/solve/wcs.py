@@ -26,6 +26,7 @@ Term = tuple[int, int]
 _GOOD_PX = 0.005
 _ORDERS = range(3, 10)  # SIP allows 2 to 9
 _GRID = 41
+_BLOCK = 2880  # FITS files come in blocks of this many bytes
 _OLD = re.compile(
     r"(WCSAXES|CTYPE\d|CUNIT\d|CRVAL\d|CRPIX\d|CDELT\d|CROTA\d|CD\d_\d|PC\d_\d|PV\d_\d+"
     r"|LONPOLE|LATPOLE|RADESYS|RADECSYS|EQUINOX|(A|B|AP|BP)_(ORDER|DMAX|\d_\d)|PLTSOLVD)$"
@@ -78,9 +79,11 @@ def wcs_header(solution: Solution) -> "Header":
 
 
 def wcs_text(solution: Solution) -> str:
-    """A ``.wcs`` file's text: one 80-character card a line, END last.
+    """A ``.wcs`` file's text: a FITS header without an image that is also one card a line.
 
-    It begins like an image header without an image, as other solvers write it.
+    Some programs write such files as FITS and some as lines of text, and read only their own kind.
+    The 80th character of each card is a line's end here, where FITS readers see the blank end of
+    a comment, so that both kinds find what they expect; after END come the blanks of FITS.
     """
     from astropy.io.fits import Card
 
@@ -92,8 +95,9 @@ def wcs_text(solution: Solution) -> str:
         ("IMAGEW", camera.width, "[px] width of the solved frame"),
         ("IMAGEH", camera.height, "[px] height of the solved frame"),
     ]
-    cards = [str(Card(*card)).ljust(80)[:80] for card in start + wcs_cards(solution)]
-    return "\n".join([*cards, "END".ljust(80)]) + "\n"
+    cards = [str(Card(*card))[:79].ljust(79) + "\n" for card in start + wcs_cards(solution)]
+    text = "".join(cards) + "END"
+    return text.ljust(-(-len(text) // _BLOCK) * _BLOCK)
 
 
 def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:

@@ -90,16 +90,23 @@ def test_north_is_up_and_east_left_at_roll_zero():
     assert wcs_header(solution(100, 20, 0, 5, mirrored=True))["CD1_1"] > 0
 
 
-def test_wcs_file_holds_one_card_a_line(tmp_path):
+@pytest.mark.filterwarnings("ignore:.*more axes:astropy.wcs.FITSFixedWarning")  # it has no image
+def test_wcs_file_is_one_card_a_line_and_fits_at_once(tmp_path):
     answer = solution(310.36, 45.28, -71, 12, True, k1=0.05)
     path = tmp_path / "deneb.wcs"
     write_wcs(answer, path)
     lines = path.read_text("ascii").splitlines()
-    assert {len(line) for line in lines} == {80}
+    assert {len(line) for line in lines[:-1]} == {79}
     assert lines[-1].strip() == "END"
-    header = fits.Header.fromtextfile(path)
-    assert header["IMAGEW"] == WIDTH
-    assert disagreement_px(answer, header) < 0.1
+    assert path.stat().st_size % 2880 == 0
+    for header in (
+        fits.Header.fromtextfile(path),
+        fits.getheader(path),
+        fits.Header.fromfile(path),
+    ):
+        assert header["IMAGEW"] == WIDTH
+        assert disagreement_px(answer, header) < 0.1
+    assert WCS(str(path)).has_celestial
     assert wcs_text(answer) == path.read_text("ascii")
 
 
