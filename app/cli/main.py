@@ -5,6 +5,7 @@
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -34,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        args = build_parser(arguments).parse_args(arguments)
+        args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
         code: int = args.run(args)
         sys.stdout.flush()
     except SystemExit as end:  # argparse: --help, --version, bad arguments
@@ -49,6 +50,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 141
     return code
+
+
+def _with_negative_lists(arguments: Sequence[str]) -> list[str]:
+    """``--near -10,40,5`` as ``--near=-10,40,5``: argparse takes such a list for an option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if re.match(r"-[\d.]+,", argument) and joined and re.fullmatch(r"--[a-z-]+", joined[-1]):
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
 
 
 def build_parser(arguments: Sequence[str]) -> Parser:

@@ -39,6 +39,14 @@ def lines(capsys) -> list[dict]:
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
+def test_a_list_that_begins_with_a_minus_is_no_option(good, capsys) -> None:
+    assert identify(good, "--json", "--near", "-276,-2,20") == 0
+    (out,) = lines(capsys)
+    assert out["ra_deg"] == pytest.approx(84.0, abs=1e-4)
+    assert identify(good, "--json", "--near", "-276,-95,20") == 2
+    assert "not a place on the sky" in capsys.readouterr().err
+
+
 def test_a_solved_list(good, capsys) -> None:
     assert identify(good, "--json") == 0
     (out,) = lines(capsys)
