@@ -53,6 +53,8 @@ def run(
     window.show()
     if paths:
         commands.open(Path(paths[0]))
+    else:
+        commands.add_thumbnails()
     # Python handles Ctrl+C only when it runs, so the event loop lets it now and then.
     signal.signal(signal.SIGINT, lambda *_: window.close())
     pulse = QTimer()

@@ -14,6 +14,7 @@ from app.ui.help import about, keyboard
 from app.ui.looks import Looks
 from app.ui.presenter import Presenter
 from app.ui.samples import Sample
+from app.ui.thumbnails import Thumbnails
 
 
 class Commands(QObject):
@@ -36,6 +37,7 @@ class Commands(QObject):
         self.window.menus.show_files(
             self.window.menus.samples, [(s.title, s.path) for s in samples], self.open
         )
+        self._sample_paths = [s.path for s in samples]
         self._show_recent()
         self._enable()
 
@@ -88,6 +90,16 @@ class Commands(QObject):
         """Open a file."""
         self.settings.keep("folder", str(path.absolute().parent))
         self.session.open(path)
+
+    def add_thumbnails(self) -> None:
+        """Draw small pictures of the samples, when they are ready."""
+        made = Thumbnails(self._sample_paths, self.window)
+        made.made.connect(
+            lambda path, picture: self.window.welcome.add_picture(
+                path, picture, self.looks.is_night
+            )
+        )
+        made.job.start()
 
     def _show_recent(self) -> None:
         recent = self.settings.recent

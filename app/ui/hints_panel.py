@@ -66,7 +66,7 @@ class HintsPanel(QWidget):
         self.method, self.detector = self._box("Method", methods), self._box("Detector", detectors)
         self.header = QCheckBox("&Believe what the file says of itself first")
         self.header.setChecked(True)
-        self.wrong = label("", "bad", wrap=True)
+        self.wrong = label("", "wrong", wrap=True)
         self.wrong.setVisible(False)
         self._layout()
 

@@ -65,6 +65,7 @@ class Looks(QObject):
         for field in self._window.findChildren(QLineEdit):
             # Qt turns the ground's colour round for the caret, which on black is white.
             field.setGraphicsEffect(RedLight(field) if name == "night" else None)  # type: ignore
+        self._window.welcome.draw_pictures(name == "night")
         self.show_frame()
 
     def use_night(self, on: bool) -> None:

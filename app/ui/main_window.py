@@ -38,6 +38,7 @@ class MainWindow(QMainWindow):
         self.log = LogPanel(self)
         self.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, self.log)
         self.log.hide()
+        self.welcome.first.setFocus()
         self.status = Status()
         self.setStatusBar(self.status)
 

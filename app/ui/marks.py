@@ -91,8 +91,13 @@ def names(brush: Brush, solution: Solution, xy: Floats) -> None:
 
 
 def name(brush: Brush, text: str, at: Floats, colour: str) -> None:
-    """One label beside its circle."""
-    brush.text(QPointF(at[0] + IDENTIFIED_PX + 4, at[1] + 4), text, colour)
+    """One label beside its circle: to the right, or to the left where the widget ends."""
+    away = IDENTIFIED_PX + 4
+    x = float(at[0]) + away
+    width = QFontMetricsF(brush.painter.font()).horizontalAdvance(text)
+    if x + width > brush.view.width - 6:
+        x = float(at[0]) - away - width
+    brush.text(QPointF(x, at[1] + 4), text, colour)
 
 
 def selection(brush: Brush, at: Floats, text: str) -> None:

@@ -31,6 +31,10 @@ class SolutionPanel(QWidget):
             value.setProperty("role", "value")
             value.setWordWrap(False)
         self.style_box = QComboBox()
+        self.style_box.setMinimumContentsLength(7)
+        self.style_box.setSizeAdjustPolicy(
+            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        )
         self.style_box.setAccessibleName("How angles are written")
         for style, title in STYLES.items():
             self.style_box.addItem(title, style)
@@ -69,7 +73,9 @@ class SolutionPanel(QWidget):
         for row, (title, value) in enumerate((("RA", self.ra), ("Dec", self.dec))):
             grid.addWidget(label(title, "muted"), row, 0)
             grid.addWidget(value, row, 1)
-        grid.addWidget(label("ICRS (J2000), the middle of the frame", "muted"), 2, 0, 1, 2)
+        grid.addWidget(
+            label("ICRS (J2000), the middle of the frame", "muted", wrap=True), 2, 0, 1, 2
+        )
         line = QHBoxLayout()
         line.setSpacing(8)
         line.addWidget(self.style_box, 1)

@@ -43,7 +43,9 @@ def camera_text(s: Solution) -> str:
     """Focal length and whether distortion was fitted."""
     c = s.camera
     text = f"f = {c.focal_px:.1f} px"
-    return text + (f", k1 = {c.k1:+.4g}" if c.distorted else ", no distortion fitted")
+    return text + (
+        f", k1 = {c.k1:+.4g}".replace("-", "−") if c.distorted else ", no distortion fitted"
+    )
 
 
 def times_text(elapsed_ms: Mapping[str, float]) -> str:

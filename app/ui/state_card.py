@@ -1,7 +1,7 @@
 """The card at the top of the side pane: solving, solved, or why not and what to do."""
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QVBoxLayout
+from PySide6.QtWidgets import QFrame, QGridLayout, QVBoxLayout
 
 from app.core.progress import Progress
 from app.core.solution import NoSolution, Solution
@@ -32,17 +32,18 @@ class StateCard(QFrame):
         self.again = button("Solve agai&n", self.again_wanted.emit)
         self.hints = button("Give a hin&t…", self.hints_wanted.emit, tip="Scale, field or place")
         self.copy = button("Copy re&port", self._copy)
-        line = QHBoxLayout()
-        for b in (self.again, self.hints, self.copy):
-            line.addWidget(b)
-        line.addStretch(1)
+        buttons = QGridLayout()
+        buttons.setSpacing(8)
+        for i, b in enumerate((self.again, self.hints, self.copy)):
+            buttons.addWidget(b, i // 2, i % 2)
+        buttons.setColumnStretch(2, 1)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(12, 10, 12, 10)
         layout.setSpacing(6)
         for w in (self.title, self.text, self.advice):
             layout.addWidget(w)
         layout.addLayout(self._numbers)
-        layout.addLayout(line)
+        layout.addLayout(buttons)
         self._say("No frame", "Open a picture of the night sky.")
 
     def show_working(self, progress: Progress) -> None:

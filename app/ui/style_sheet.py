@@ -17,6 +17,7 @@ QLabel[role="heading"] { font-size: ${large}pt; font-weight: 600; }
 QLabel[role="value"] { font-size: ${large}pt; font-weight: 600; }
 QLabel[role="good"] { color: $good; font-weight: 600; }
 QLabel[role="bad"] { color: $bad; font-weight: 600; font-size: ${large}pt; }
+QLabel[role="wrong"] { color: $bad; font-weight: 600; }
 QLabel[role="old"] { color: $on_accent; background: $muted; border-radius: 4px;
     padding: 2px 8px; font-weight: 600; }
 QFrame#card { background: $surface; border: 1px solid $line; border-radius: 8px; }
@@ -45,7 +46,8 @@ QToolButton:checked { background: $raised; border-color: $faint; }
 QToolButton:pressed { background: $line; }
 QToolButton:focus { border-color: $accent; }
 QToolButton:disabled { color: $faint; }
-QToolBarExtension { background: $raised; qproperty-icon: url($glyphs/right.png); }
+QToolButton#qt_toolbar_ext_button { background: $raised; padding: 0; border-radius: 4px;
+    image: url($glyphs/right.png); qproperty-icon: none; }
 
 QPushButton { background: $raised; border: 1px solid $line; border-radius: 6px;
     padding: 5px 12px; min-height: 1.2em; }

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+import numpy as np
+from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.ui.samples import Sample
+from app.ui.thumbnails import GAP, HEIGHT, WIDTH, as_icon
 from app.ui.widgets import button, label, rule
 
 MOST_SHOWN = 5
@@ -42,12 +44,15 @@ class Welcome(QWidget):
         line.addStretch(1)
         column.addLayout(line)
         column.addWidget(label(READS, "muted", wrap=True))
+        self.samples: list[QPushButton] = []
+        self._pictures: dict[Path, np.ndarray] = {}
+        self._offered = samples[:MOST_SHOWN]
         if samples:
             column.addSpacing(8)
             column.addWidget(rule())
             column.addWidget(label("Try a sample", "heading"))
             column.addWidget(label("Made by Kochab’s own sky renderer.", "muted"))
-            self.samples = [self._sample(s, i) for i, s in enumerate(samples[:MOST_SHOWN])]
+            self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
             for made in self.samples:
                 column.addWidget(made)
         column.addSpacing(8)
@@ -60,12 +65,24 @@ class Welcome(QWidget):
         outer.addStretch(1)
         self.show_recent([])
 
-    def _sample(self, sample: Sample, index: int) -> QWidget:
+    def _sample(self, sample: Sample, index: int) -> QPushButton:
         text = f"&{index + 1}  {sample.title}"
-        made = button(f"{text}\n     {sample.text}" if sample.text else text,
+        made = button(f"{text}\n{sample.text}" if sample.text else text,
                       lambda: self.file_wanted.emit(sample.path), "sample")  # fmt: skip
         made.setAccessibleName(sample.title)
+        made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
         return made
+
+    def add_picture(self, path: Path, picture: np.ndarray, red: bool) -> None:
+        """A small picture (H, W, 3) of a sample, to be shown on its button."""
+        self._pictures[path] = picture
+        self.draw_pictures(red)
+
+    def draw_pictures(self, red: bool) -> None:
+        """Draw the pictures again, in red light alone or in all colours."""
+        for sample, made in zip(self._offered, self.samples, strict=True):
+            if sample.path in self._pictures:
+                made.setIcon(as_icon(self._pictures[sample.path], red))
 
     def show_recent(self, paths: list[Path]) -> None:
         """The recent files, newest first."""

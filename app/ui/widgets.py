@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QFontDatabase, QGuiApplication
 from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QScrollArea, QWidget
 
@@ -52,9 +52,18 @@ def card() -> QFrame:
     return made
 
 
+class Column(QScrollArea):
+    """An area that scrolls up and down and is never narrower than what it holds."""
+
+    def minimumSizeHint(self) -> QSize:
+        inside = self.widget()
+        width = inside.minimumSizeHint().width() if inside is not None else 0
+        return QSize(width + self.verticalScrollBar().sizeHint().width(), 120)
+
+
 def scrolled(inside: QWidget) -> QScrollArea:
     """``inside`` in an area that scrolls up and down."""
-    area = QScrollArea()
+    area = Column()
     area.setWidget(inside)
     area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from PIL import Image
 from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
@@ -29,6 +30,14 @@ def pause(ms):
     loop.exec()
 
 
+def keep(window, path):
+    """Save what the window shows, as small as PNG makes it."""
+    window.grab().save(str(path))
+    with Image.open(path) as picture:
+        small = picture.convert("RGB")
+    small.save(path, optimize=True)
+
+
 def main(folder, frame=None):
     app = QApplication([])
     folder = Path(folder)
@@ -38,8 +47,9 @@ def main(folder, frame=None):
         window.resize(1360, 860)
         window.show()
         window.activateWindow()
-        pause(300)
-        window.grab().save(str(folder / "welcome.png"))
+        commands.add_thumbnails()
+        pause(1500)
+        keep(window, folder / "welcome.png")
         loop = QEventLoop()
         commands.session.idle.connect(loop.quit)
         QTimer.singleShot(LIMIT_MS, loop.quit)
@@ -47,10 +57,10 @@ def main(folder, frame=None):
         commands.open(Path(path))
         loop.exec()
         pause(300)
-        window.grab().save(str(folder / "window.png"))
+        keep(window, folder / "window.png")
         commands.actions["night"].trigger()
         pause(300)
-        window.grab().save(str(folder / "night.png"))
+        keep(window, folder / "night.png")
         result = commands.session.known.result
         told = {"platform": QGuiApplication.platformName(), "solved": isinstance(result, Solution)}
         if isinstance(result, Solution):
