@@ -9,6 +9,11 @@ from app.core.frame import Frame
 
 DETECTORS: dict[str, str] = {
     "auto": "app.detect.auto:AutoDetector",
+    "clusters": "app.detect.clusters:ClusterDetector",
+    "gaussian": "app.detect.gaussian:GaussianDetector",
+    "peaks": "app.detect.maxima:MaximaDetector",
+    "contours": "app.detect.contours:ContourDetector",
+    "thesis": "app.detect.thesis:ThesisDetector",
 }
 
 

@@ -1,0 +1,108 @@
+"""Stars as clusters of bright pixels, found in one pass over the frame.
+
+Source: the thesis on attitude from stellar images, section 2.2, equations 2.1 and 2.2; its
+parameters are those of section 4.2.1.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.detections import Detections
+from app.core.frame import Frame
+from app.detect.flat import Flat, described, nothing, without_background
+
+Floats = NDArray[np.float64]
+MOST_PIXELS = 200_000
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterDetector:
+    """Pixels within ``tau_px`` of a cluster's centre belong to it; others found a new one.
+
+    ``tau_px`` (1 to 100 px) and ``least_pixels`` (1 or more), below which a cluster is no star,
+    are the paper's 8 and 10. ``threshold`` is in the frame's units. The paper read 51 of 255 off
+    the dimmest pixels at the edges of its stars; None puts it at ``sigmas`` (above 0) times the
+    background's noise above the median. ``rank`` is the order of the result: the paper takes the
+    star of the most "pixels" for the brightest, the alternative is "flux". At most ``max_stars``
+    are returned, from the 200,000 brightest pixels.
+
+    Of several centres in reach the nearest counts, which the paper leaves open. The weights of
+    the centroids are brightnesses above the median; the paper's frames had a black sky.
+    """
+
+    tau_px: float = 8.0
+    threshold: float | None = None
+    sigmas: float = 5.0
+    least_pixels: int = 10
+    rank: Literal["pixels", "flux"] = "pixels"
+    max_stars: int = 6000
+
+    def detect(self, frame: Frame) -> Detections:
+        """Stars of ``frame``, in falling order of ``rank``."""
+        flat = without_background(frame)
+        if flat is None:
+            return nothing(frame)
+        sums = _clusters(*_bright(flat, self._above(flat)), self.tau_px)
+        sums = sums[sums[:, 3] >= self.least_pixels]
+        light, pixels = sums[:, 2], sums[:, 3]
+        xy = sums[:, :2] / light[:, None]
+        rank = pixels if self.rank == "pixels" else light
+        return described(flat, xy, light, pixels, self.max_stars, rank)
+
+    def _above(self, flat: Flat) -> float:
+        """The threshold above the median; never below the median itself."""
+        if self.threshold is None:
+            return flat.threshold(self.sigmas, True)
+        return max(self.threshold - flat.level, 0.0)
+
+
+def _bright(flat: Flat, threshold: float) -> tuple[Floats, Floats, Floats]:
+    """x, y and light, each (M,), of pixels above the threshold, row by row from the top left."""
+    at = np.flatnonzero(flat.image > threshold)
+    light = flat.image.ravel()[at]
+    if len(at) > MOST_PIXELS:
+        brightest = np.sort(np.argpartition(-light, MOST_PIXELS)[:MOST_PIXELS])
+        at, light = at[brightest], light[brightest]
+    y, x = np.divmod(at, flat.image.shape[1])
+    return x.astype(np.float64), y.astype(np.float64), light.astype(np.float64)
+
+
+def _clusters(xs: Floats, ys: Floats, lights: Floats, tau: float) -> Floats:
+    """Sums (K, 4) of x light, y light, light and pixels of the clusters, oldest first.
+
+    Centres are kept in cells of ``tau`` px, so that a pixel looks only at those around it.
+    """
+    cells: dict[tuple[int, int], list[int]] = {}
+    sums: list[list[float]] = []
+    places: list[tuple[float, float]] = []
+    reach2 = tau * tau
+    for x, y, light in zip(xs.tolist(), ys.tolist(), lights.tolist(), strict=True):
+        column, row = int(x / tau), int(y / tau)
+        best, chosen = reach2, -1
+        for i in (column - 1, column, column + 1):
+            for j in (row - 1, row, row + 1):
+                for k in cells.get((i, j), ()):
+                    away = (places[k][0] - x) ** 2 + (places[k][1] - y) ** 2
+                    if away <= best:
+                        best, chosen = away, k
+        if chosen < 0:
+            cells.setdefault((column, row), []).append(len(sums))
+            sums.append([x * light, y * light, light, 1.0])
+            places.append((x, y))
+            continue
+        one, (old_x, old_y) = sums[chosen], places[chosen]
+        one[0] += x * light
+        one[1] += y * light
+        one[2] += light
+        one[3] += 1.0
+        new_x, new_y = one[0] / one[2], one[1] / one[2]
+        places[chosen] = new_x, new_y
+        before = (int(old_x / tau), int(old_y / tau))
+        after = (int(new_x / tau), int(new_y / tau))
+        if before != after:
+            cells[before].remove(chosen)
+            cells.setdefault(after, []).append(chosen)
+    return np.array(sums, dtype=np.float64).reshape(-1, 4)
