@@ -27,6 +27,8 @@ class Background(QObject):
         self._timer.start(after_ms)
 
     def _progressed(self, progress: Progress) -> None:
+        if progress.stage != "patterns":
+            return
         share = "" if progress.fraction is None else f" {progress.fraction:.0%}"
         self._status.background.setText(f"Preparing for small fields, once:{share}")
         self._status.background.setToolTip(

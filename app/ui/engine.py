@@ -1,5 +1,6 @@
 """What the window needs from below, and the real thing, imported when first used."""
 
+from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
@@ -8,6 +9,14 @@ from app.core.frame import Frame
 from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
 from app.solve.options import SolveOptions
+
+# Loaded while nobody waits: the first frame is then solved as quickly as the second.
+NEEDED = (
+    "app.frames.fits",
+    "scipy.spatial.transform",
+    "app.workflows.solve_frame",
+    "app.identify.volumes",
+)
 
 
 class Solved(Protocol):
@@ -55,8 +64,12 @@ class WorkflowEngine:
         return (yield from solve_open_frame(frame, options, read_ms=read_ms))
 
     def prepare(self) -> Task[None]:
-        """Make the patterns for small fields, which are too large to ship."""
-        from app.identify.volumes import fine, make_fine
+        """Load what a solve needs; make the patterns for small fields, too large to ship."""
+        for name in NEEDED:
+            yield Progress("load", None, name)
+            import_module(name)
+        from app.identify.volumes import fine
+        from app.ui.fine_patterns import make_elsewhere
 
         if fine() is None:
-            yield from make_fine()
+            yield from make_elsewhere()

@@ -1,0 +1,109 @@
+"""Makes the patterns for small fields in a process of its own, so that the window stays quick.
+
+In a thread of the window's process the long sorts would hold Python's lock for a fifth of a
+second now and then. ``python -m app.ui.fine_patterns FILE`` is that process; it tells its
+progress in FILE. No Qt is imported there.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import app
+from app.core.errors import CatalogueError, KochabError
+from app.core.progress import Progress, Task
+
+LOOK_EVERY_S = 0.2
+ENDING_S = 4.0
+
+
+def make_elsewhere() -> Task[None]:
+    """Make the patterns in another process; closing this task ends it.
+
+    Raises CatalogueError when they cannot be made.
+    """
+    with tempfile.TemporaryDirectory(prefix="kochab-patterns-") as folder:
+        told = Path(folder, "progress.json")
+        process = subprocess.Popen(
+            [sys.executable, "-m", "app.ui.fine_patterns", str(told)],
+            cwd=Path(app.__file__).parent.parent,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+        try:
+            while process.poll() is None:
+                yield _progress(_read(told))
+                time.sleep(LOOK_EVERY_S)
+        finally:
+            _end(process)
+        if process.returncode != 0:
+            why = _read(told).get("error")
+            raise CatalogueError(str(why or "Patterns for small fields could not be made."))
+
+
+def _progress(told: dict[str, object]) -> Progress:
+    fraction = told.get("fraction")
+    return Progress("patterns", fraction if isinstance(fraction, float) else None)
+
+
+def _read(path: Path) -> dict[str, object]:
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return told if isinstance(told, dict) else {}
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(ENDING_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def main(path: Path) -> int:
+    """Make them, and write to ``path`` how far that is or why it went wrong."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that half-made files are removed
+    if hasattr(os, "nice"):
+        os.nice(10)
+    from app.identify.volumes import make_fine
+
+    try:
+        task = make_fine()
+        parent = os.getppid()
+        for progress in _steps(task):
+            if os.getppid() != parent:  # the window was killed
+                task.close()
+                return 1
+            _tell(path, {"fraction": progress.fraction})
+    except KochabError as error:
+        _tell(path, {"error": str(error)})
+        return 1
+    return 0
+
+
+def _steps(task: Task[object]) -> Task[None]:
+    yield from task
+
+
+def _tell(path: Path, value: dict[str, object]) -> None:
+    part = path.with_suffix(".part")
+    try:
+        part.write_text(json.dumps(value), encoding="utf-8")
+        part.replace(path)
+    except OSError:
+        pass  # nobody reads it any more
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))
