@@ -22,6 +22,11 @@ def add_choices(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--method", default="patterns", metavar="NAME", help="identifier")
     parser.add_argument(
+        "--attitude",
+        metavar="NAME",
+        help="report the attitude of this estimator (default: fitted together with the camera)",
+    )
+    parser.add_argument(
         "--timeout", type=_positive, default=30.0, metavar="S", help="limit a file, seconds"
     )
     parser.add_argument(
@@ -36,19 +41,23 @@ def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions
     Raises
     ------
     UsageError
-        There is no such method or detector.
+        There is no such method, detector or attitude.
 
     """
+    from app.attitude import ESTIMATORS
     from app.detect import DETECTORS
     from app.identify import IDENTIFIERS
 
     known(IDENTIFIERS, args.method, "method")
     known(DETECTORS, detector, "detector")
+    if args.attitude is not None:
+        known(ESTIMATORS, args.attitude, "attitude")
     scale = None if args.scale is None else (args.scale / 1.1, args.scale * 1.1)
     hint = Hint(scale_arcsec_px=scale, centre_deg=args.near, source="command line")
     return SolveOptions(
         method=args.method,
         detector=detector,
+        attitude=args.attitude,
         hint=hint if hint.helps else None,
         fov_deg=args.fov,
         timeout_s=args.timeout,

@@ -19,6 +19,10 @@ class SolveOptions:
     ``blind_after_hint`` is off. ``fov_deg`` is the frame's width as the person believes it, good
     to a tenth, and stands in for the hint's scale. ``timeout_s`` bounds the search, None means
     for ever.
+    ``attitude`` names an estimator of ``app.attitude.ESTIMATORS``. None, the default, reports the
+    attitude of the final fit: least squares, weighted by the centroids' errors, of rotation and
+    camera together. With a name, that fit still finds the stars and the camera, but the attitude,
+    its errors and the residuals reported are the estimator's, from the same stars.
     ``distortion`` lets the camera model grow beyond rotation and focal length when the matches
     support it. ``aberration`` takes the annual aberration of starlight (up to 20.5 arcsec) out of
     the attitude; without it the answer is where the stars are seen in ICRS, which is what a
@@ -28,6 +32,7 @@ class SolveOptions:
 
     method: str = DEFAULT_METHOD
     detector: str = "auto"
+    attitude: str | None = None
     hint: Hint | None = None
     fov_deg: float | None = None
     use_header: bool = True

@@ -113,9 +113,12 @@ def year_of(moment: datetime | None) -> float:
 def _solve(
     detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None
 ) -> Task[Solution | NoSolution]:
+    from app.attitude import ESTIMATORS
     from app.identify import IDENTIFIERS
 
     known(IDENTIFIERS, options.method, "method")
+    if options.attitude is not None:
+        known(ESTIMATORS, options.attitude, "attitude")
     year = year_of(options.hint.time_utc if options.hint else None)
     evidence = Evidence(detections, options.hint, frame)
     refusal: NoSolution | None = None
@@ -195,24 +198,30 @@ def _conclude(
     detections: Detections, found: Identification, year: float, options: SolveOptions
 ) -> Solution:
     from app.solve.build import build_solution
-    from app.solve.extend import extend
+    from app.solve.estimate import with_estimate
+    from app.solve.extend import centroid_sigma, extend
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
     matches, fit = extend(usable, found, catalogue, year, distortion=options.distortion)
+    seen = matches
     warnings: tuple[str, ...] = ()
     if options.aberration:
         moment = options.hint.time_utc if options.hint else None
         if moment is None:
             warnings = ("Aberration is not corrected: the frame does not say when it was taken.",)
         else:
-            fit = geometric_fit(matches, fit, moment)
+            seen, fit = geometric_fit(matches, fit, moment)
+    if options.attitude is not None:
+        sigma = centroid_sigma(usable)[seen.detection]
+        fit, doubt = with_estimate(seen, fit, options.attitude, sigma)
+        warnings += (doubt,) if doubt else ()
     solution = build_solution(matches, fit, found, catalogue)
     return replace(solution, detections=len(detections), warnings=warnings)
 
 
-def geometric_fit(matches: Matches, fit: Fit, moment: datetime) -> Fit:
-    """The same fit against where the moving Earth sees the stars at ``moment``.
+def geometric_fit(matches: Matches, fit: Fit, moment: datetime) -> tuple[Matches, Fit]:
+    """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
 
     Its attitude says where the camera points geometrically, up to 20.5 arcsec from where the
     stars of the plate are in ICRS.
@@ -220,4 +229,4 @@ def geometric_fit(matches: Matches, fit: Fit, moment: datetime) -> Fit:
     from app.sky.apparent import with_aberration
 
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
-    return refine(seen, fit.camera, fit.attitude, distortion=bool(fit.terms[4:]))
+    return seen, refine(seen, fit.camera, fit.attitude, distortion=bool(fit.terms[4:]))

@@ -111,3 +111,11 @@ def test_a_wcs_that_cannot_be_written_is_2_with_the_answer_still_there(
     assert "failures" not in json.loads(out)
     assert "cannot be written" in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["quest", "triad", "plate_constants"])
+def test_the_attitude_may_come_from_a_named_estimator(name, good, capsys) -> None:
+    assert identify(good, "--json", "--attitude", name) == 0
+    (out,) = lines(capsys)
+    assert (out["ra_deg"], out["dec_deg"]) == pytest.approx((84.0, -2.0), abs=1e-4)
+    assert out["warnings"] == []

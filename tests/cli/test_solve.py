@@ -76,7 +76,7 @@ def test_one_picture_for_two_frames_is_refused(dark, capsys) -> None:
     assert "one picture for 2 frames" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("option", ["--method", "--detector"])
+@pytest.mark.parametrize("option", ["--method", "--detector", "--attitude"])
 def test_an_unknown_name_is_told_before_any_work(option, dark, capsys) -> None:
     assert main(["solve", dark, option, "guess", "--json"]) == 2
     out, err = capsys.readouterr()

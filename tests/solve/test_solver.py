@@ -171,7 +171,7 @@ def test_closing_the_task_stops_the_identifier(identifier) -> None:
     assert identifier.closed
 
 
-@pytest.mark.parametrize("change", [{"method": "guess"}, {"detector": "eyes"}])
+@pytest.mark.parametrize("change", [{"method": "guess"}, {"detector": "eyes"}, {"attitude": "x"}])
 def test_a_name_that_does_not_exist_is_told_with_those_that_do(change) -> None:
     frame = Frame(np.zeros((50, 60), np.uint8))
     with pytest.raises(UsageError, match=r"choose one of|there are"):
