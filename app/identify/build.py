@@ -16,13 +16,16 @@ from app.identify.zones import zone_keys
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Stars = NDArray[np.int32]
 CHUNK = 1 << 18
+PARTS = 16  # a power of two
+STARS_AT_ONCE = 1 << 15  # a cancelled build ends within about a second
 COMPACT = 0.95  # quads of poor sky larger than this share of a field seldom lie in a frame
 AROUND = 8  # stars by whose distance the sky around a star is judged
 RICH, POOR = 15.0, 9.0  # stars a field: quads enough from the nearest, and all that can be had
 
 
-def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Ints:
+def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Task[Stars]:
     """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once.
 
     ``neighbours`` nearest are used where the level is as rich as a level should be, up to
@@ -40,26 +43,53 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
     wanted = np.minimum(
         neighbours + np.round(share * (poorest - neighbours)).astype(int), len(vectors) - 1
     )
-    parts = []
+    parts, done = [], 0
     for count in np.unique(wanted):
-        rows = np.nonzero(wanted == count)[0]
-        near = np.asarray(found[1])[rows]
-        if count > k:
-            near = np.asarray(tree.query(vectors[rows], k=count + 1, workers=-1)[1])
-        sets = _sets(near.astype(np.int64), int(count))
-        if count > neighbours:
-            sets = sets[_diameter(vectors, sets) < COMPACT * np.radians(field_deg)]
-        parts.append(sets)
+        every = np.nonzero(wanted == count)[0]
+        for at in range(0, len(every), STARS_AT_ONCE):
+            yield Progress("patterns", done / len(vectors), "grouping neighbours")
+            rows = every[at : at + STARS_AT_ONCE]
+            done += len(rows)
+            near = np.asarray(found[1])[rows]
+            if count > k:
+                near = np.asarray(tree.query(vectors[rows], k=count + 1, workers=-1)[1])
+            sets = _sets(near.astype(np.int32), int(count))
+            if count > neighbours:
+                sets = sets[_diameter(vectors, sets) < COMPACT * np.radians(field_deg)]
+            parts.append(sets)
     quad = np.concatenate(parts)
+    del parts
+    mark = _marks(quad)
+    first = []
+    for part in range(PARTS):  # a whole sort would take ten seconds
+        yield Progress("patterns", 1.0, "leaving out what is there twice")
+        rows = np.nonzero(mark >> np.uint64(64 - PARTS.bit_length() + 1) == part)[0]
+        first.append(rows[np.unique(mark[rows], return_index=True)[1]])
+    return np.asarray(quad[np.sort(np.concatenate(first))])
+
+
+def _marks(quad: Stars) -> NDArray[np.uint64]:
+    """A number (Q,) for each quad (Q, 4) that no two different ones are likely to share."""
+    mark = quad[:, 0].astype(np.uint64)
+    factors = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
     with np.errstate(over="ignore"):
-        q = quad.astype(np.uint64)
-        mark = ((q[:, 0] * np.uint64(0x9E3779B97F4A7C15) + q[:, 1]) * np.uint64(0xC2B2AE3D27D4EB4F)
-                + q[:, 2]) * np.uint64(0x165667B19E3779F9) + q[:, 3]  # fmt: skip
-    _, first = np.unique(mark, return_index=True)
-    return np.asarray(quad[np.sort(first)])
+        for factor, column in zip(factors, quad.T[1:], strict=True):
+            mark *= np.uint64(factor)
+            mark += column.astype(np.uint64)
+    return mark
 
 
-def _sets(near: Ints, neighbours: int) -> Ints:
+def _within(task: Task[Stars], start: float, width: float) -> Task[Stars]:
+    """The same task as a part, ``start`` to ``start + width``, of a longer one."""
+    while True:
+        try:
+            step = next(task)
+        except StopIteration as end:
+            return np.asarray(end.value)
+        yield Progress(step.stage, start + width * (step.fraction or 0.0), step.detail)
+
+
+def _sets(near: Stars, neighbours: int) -> Stars:
     """Every star (column 0) with three of its ``neighbours`` nearest, members sorted (Q, 4)."""
     combos = np.array(list(combinations(range(1, neighbours + 1), 3)))
     first = np.broadcast_to(near[:, :1, None], (len(near), len(combos), 1))
@@ -68,7 +98,7 @@ def _sets(near: Ints, neighbours: int) -> Ints:
     return quad
 
 
-def _diameter(vectors: Floats, quads: Ints) -> NDArray[np.float32]:
+def _diameter(vectors: Floats, quads: Stars) -> NDArray[np.float32]:
     """Largest distance (Q,) between members of quads, rad."""
     p = vectors.astype(np.float32)[quads]
     pairs = [((p[:, i] - p[:, j]) ** 2).sum(axis=1) for i in range(4) for j in range(i)]
@@ -110,8 +140,11 @@ def build_volume(
     grid = Grid(steps)
     cells, codes, sizes, quads = [], [], [], []
     for i, xyz in enumerate(stars):
-        yield Progress("patterns", 0.1 + 0.7 * i / len(stars), f"level {i + 1} of {len(stars)}")
-        found = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
+        begin, width = 0.1 + 0.7 * i / len(stars), 0.35 / len(stars)
+        yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
+        field_deg = LEVEL_FIELDS_DEG[levels[i]]
+        task = level_quads(xyz.astype(np.float64), field_deg, *neighbours[i])
+        found = yield from _within(task, begin, width)
         for at in range(0, len(found), CHUNK):
             part = found[at : at + CHUNK]
             c, code, size, order = _encode(grid, xyz.astype(np.float64)[part], part)
@@ -119,7 +152,7 @@ def build_volume(
             codes.append(code)
             sizes.append(size)
             quads.append(_pack(order + offsets[i]))
-            yield Progress("patterns", 0.1 + 0.7 * (i + at / len(found)) / len(stars))
+            yield Progress("patterns", begin + width * (1.0 + at / len(found)))
     yield Progress("patterns", 0.85, "sorting the patterns by shape")
     cell = np.concatenate(cells)
     order = np.argsort(cell, kind="stable")
@@ -142,7 +175,7 @@ def build_volume(
 
 
 def _encode(
-    grid: Grid, xyz: Floats, members: Ints
+    grid: Grid, xyz: Floats, members: Stars
 ) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], Ints]:
     """Cells, stored codes and sizes (Q,), and members in canonical order (Q, 4) of one chunk."""
     c = canonical(planar(xyz))
@@ -150,7 +183,8 @@ def _encode(
     cell = np.floor(place).astype(np.int64)
     inside = np.clip(np.floor((place - cell) * 256.0), 0, 255).astype(np.uint8)
     code = inside.view(np.uint32).ravel()
-    return grid.number(cell), code, size_code(c.base), np.take_along_axis(members, c.order, axis=1)
+    ordered = np.take_along_axis(members.astype(np.int64), c.order, axis=1)
+    return grid.number(cell), code, size_code(c.base), ordered
 
 
 def _pack(members: Ints) -> NDArray[np.uint8]:

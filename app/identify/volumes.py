@@ -18,6 +18,7 @@ from app.core.errors import CatalogueError
 from app.core.progress import Progress, Task
 from app.identify.build import build_volume
 from app.identify.index import Volume, open_volume
+from app.identify.lock import acquire, release
 
 FORMAT = 2
 EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
@@ -27,7 +28,6 @@ SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
 }
 FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)
-STALE_S = 900.0  # a lock older than this was left behind by something that died
 
 
 def shipped_folder() -> Path:
@@ -102,40 +102,31 @@ def make_fine() -> Task[Volume]:
             return ready
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
-            handle = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
-            break
-        except FileExistsError:
-            yield Progress(
-                "patterns", None, "another Kochab is making the patterns for small fields"
-            )
-            _drop_stale(lock)
-            time.sleep(0.2)
+            handle = acquire(lock)
         except OSError as error:
             raise CatalogueError(
                 f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror}."
             ) from error
+        if handle is not None:
+            break
+        yield Progress("patterns", None, "another Kochab is making the patterns for small fields")
+        time.sleep(0.2)
     scratch = folder.with_suffix(".part")
     try:
+        ready = fine()  # another may have been done since we looked
+        if ready is not None:
+            return ready
         shutil.rmtree(scratch, ignore_errors=True)
-        yield from _build(scratch, *FINE, lock=lock)
+        yield from _build(scratch, *FINE)
         scratch.rename(folder)
     except OSError as error:
         raise CatalogueError(
             f"The patterns for small fields cannot be written to {folder.parent}: {error.strerror}."
         ) from error
     finally:
-        os.close(handle)
         shutil.rmtree(scratch, ignore_errors=True)
-        lock.unlink(missing_ok=True)
+        release(handle, lock)
     return open_volume(folder)
-
-
-def _drop_stale(lock: Path) -> None:
-    try:
-        if time.time() - lock.stat().st_mtime > STALE_S:
-            lock.unlink()
-    except OSError:
-        pass  # its owner has just finished
 
 
 def _build(
@@ -143,7 +134,6 @@ def _build(
     levels: range,
     neighbours: tuple[tuple[int, int], ...],
     steps: int,
-    lock: Path | None = None,
 ) -> Task[None]:
     from app.sky import open_catalogue
 
@@ -152,9 +142,6 @@ def _build(
     rows = np.arange(len(catalogue))
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")]
     vectors = catalogue.vectors(rows, EPOCH)
-    for progress in build_volume(
+    yield from build_volume(
         folder, vectors, rows, levels, neighbours=neighbours, steps=steps, mark=_mark()
-    ):
-        if lock is not None:
-            lock.touch()
-        yield progress
+    )

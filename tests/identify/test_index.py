@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -45,9 +48,11 @@ def test_poor_sky_gets_more_quads_for_each_star():
     rng = np.random.default_rng(4)
     v = rng.normal(size=(400, 3))
     v /= np.linalg.norm(v, axis=1, keepdims=True)
-    same = level_quads(v, 20.0, 4, 4)
-    more = level_quads(v, 5.0, 4, 7)  # far fewer stars than a level of 5 degrees should hold
+    same = run(level_quads(v, 60.0, 4, 7))
+    more = run(level_quads(v, 30.0, 4, 7))  # a level of 30 degrees should hold twice as many stars
     assert len(more) > 2 * len(same)
+    spread = run(level_quads(v, 10.0, 4, 7))  # none of them would fit a frame
+    assert len(spread) < len(same) / 10
     assert (np.diff(same, axis=1) > 0).all()
     assert len(np.unique(same, axis=0)) == len(same)
 
@@ -96,10 +101,24 @@ def test_a_second_program_waits_for_the_first(small_plan):
     assert run(second) is not None
 
 
-def test_a_lock_left_by_the_dead_is_dropped(small_plan, monkeypatch):
-    monkeypatch.setattr(volumes, "STALE_S", -1.0)
-    volumes.fine_folder().with_suffix(".lock").touch()
-    assert run(volumes.make_fine()) is not None
+def test_a_lock_left_by_the_dead_is_dropped(small_plan):
+    lock = volumes.fine_folder().with_suffix(".lock")
+    holder = (
+        "import sys; from pathlib import Path; from app.identify.lock import acquire; "
+        "print(acquire(Path(sys.argv[1])) is not None, flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", holder, str(lock)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as dying:  # fmt: skip
+        assert dying.stdout.readline() == "True\n"
+        task = volumes.make_fine()
+        assert "another" in next(task).detail
+        dying.kill()
+        dying.wait()
+        assert lock.exists()
+        assert run(task) is not None
+    assert not lock.exists()
 
 
 def test_a_cache_that_cannot_be_written_is_one_sentence(monkeypatch, tmp_path):
