@@ -1,0 +1,116 @@
+"""Geometric voting: every pair of detections votes for the stars of every pair as far apart.
+
+Kolomenkin, Pollak, Shimshoni and Lindenbaum (2008, IEEE Trans. Aerosp. Electron. Syst. 44, 441)
+as told in the thesis "Lost in space for robotic telescopes", 2018, chapter 5.3 and algorithms 1
+and 2. The thesis' linear and binary searches take 12 to 87 s a frame; here all ranges are looked
+up in one call and the votes counted in another.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.camera import Camera
+from app.core.detections import Detections
+from app.core.hint import Hint
+from app.core.progress import Progress, Task
+from app.core.solution import Identification, NoSolution
+from app.identify.confirm import Names, confirm
+from app.identify.pairs import Pairs, catalogue_pairs
+from app.identify.refusals import known_focal, no_scale, not_agreed, table_deg, too_few
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Voting:
+    """The method and its options, the thesis' values as defaults.
+
+    Parameters
+    ----------
+    stars : int
+        Brightest detections that vote, 6 to 30 (section 6.2: 15).
+    margin_px : float
+        Error allowed in a separation, px, 0.1 to 20; the ``e`` of equation 5.6 is this times the
+        pixel scale (chapter 7: 2.464 px; table 7.1 has 0.00009 to 0.00025 rad, about 2 px).
+    mag_limit : float
+        Faintest catalogue star, V, 3 to 8 (section 5.3.1: 5.9). The thesis also leaves out the
+        dozen stars brighter than 1; here they take part.
+
+    """
+
+    stars: int = 15
+    margin_px: float = 2.464
+    mag_limit: float = 5.9
+
+    def identify(
+        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
+    ) -> Task[Identification | NoSolution]:
+        """Name the stars of one frame; see :class:`app.identify.Identifier`."""
+        focal = known_focal(detections, hint)
+        if focal is None:
+            return no_scale(detections)
+        if len(detections) < FEWEST:
+            return too_few(detections, FEWEST)
+        yield Progress("identify", 0.0, "pairs of catalogue stars")
+        pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
+        yield Progress("identify", 0.5, "votes")
+        camera = Camera.centred(detections.width, detections.height, focal)
+        body = camera.unproject(detections.xy[: self.stars])
+        error = self.margin_px / focal
+        winner, votes, tried = vote(body, pairs, error)
+        agreed = verification_votes(body, pairs.vectors[winner], votes > 0, error)
+        kept = np.flatnonzero((agreed == agreed.max()) & (agreed > 0))  # equation 5.7
+        kept = _one_each(kept, winner, votes)
+        names = Names(kept, pairs.rows[winner[kept]], pairs.vectors[winner[kept]], tried)
+        found = confirm(detections, names, focal, 2.0 * self.margin_px, year, "voting")
+        return found or not_agreed(
+            detections, f"{len(kept)} of {len(body)} stars kept their names, too few to be sure"
+        )
+
+
+FEWEST = 6  # the thesis' figure 7.12: with fewer no star is ever named
+
+
+def vote(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]:
+    """The initial round (section 5.3.2) over unit vectors ``body`` (n, 3).
+
+    Returns the star of ``pairs`` with the most votes for each detection (n,), its votes (n,), and
+    how many comparisons of a pair with a pair, each way round, cast them.
+    """
+    n = len(body)
+    i, j = np.triu_indices(n, 1)
+    gap = np.linalg.norm(body[i] - body[j], axis=1)
+    angle = 2.0 * np.arcsin(np.minimum(gap / 2.0, 1.0))
+    which, number = pairs.spread(*pairs.between(angle - error_rad, angle + error_rad))
+    first, second = pairs.first[number], pairs.second[number]
+    seats = np.concatenate([i[which], i[which], j[which], j[which]]) * pairs.stars
+    seats += np.concatenate([first, second, first, second])
+    table = np.bincount(seats, minlength=n * pairs.stars).reshape(n, pairs.stars)
+    winner = table.argmax(axis=1).astype(np.int64)  # of equal ones the brightest
+    return winner, table[np.arange(n), winner].astype(np.int64), 2 * len(number)
+
+
+def verification_votes(
+    body: Floats, named: Floats, valid: NDArray[np.bool_], error_rad: float
+) -> Ints:
+    """The final round (section 5.3.3): for each detection, how many others its name suits.
+
+    ``body`` and ``named`` (n, 3) are the detections and the stars they were taken for; a pair of
+    detections taken for the same star agrees with nothing.
+    """
+    seen = np.linalg.norm(body[:, None] - body[None], axis=2)
+    real = np.linalg.norm(named[:, None] - named[None], axis=2)
+    angles = 2.0 * np.arcsin(np.minimum(np.stack([seen, real]) / 2.0, 1.0))
+    suits = (np.abs(angles[0] - angles[1]) <= error_rad) & (real > 0.0)
+    suits &= valid[:, None] & valid[None]
+    return np.asarray(suits.sum(axis=1), dtype=np.int64)
+
+
+def _one_each(kept: Ints, winner: Ints, votes: Ints) -> Ints:
+    """Of detections that bear the same name, the one with more votes, then the brighter."""
+    order = kept[np.argsort(-votes[kept], kind="stable")]
+    _, once = np.unique(winner[order], return_index=True)
+    return np.sort(order[once])
