@@ -11,6 +11,7 @@ Bench = Callable[[bool, Report], BenchResult]
 
 BENCHES: dict[str, str] = {
     "detect": "app.bench.detect:run",
+    "detectors": "app.bench.detectors:run",
     "identify": "app.bench.identify:run",
 }
 
