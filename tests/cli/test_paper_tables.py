@@ -85,6 +85,15 @@ def test_the_papers_centre(table, hints, tmp_path, capsys) -> None:
     assert apart_deg(out, table["centre"]) < 0.03
 
 
+@pytest.mark.parametrize(("table", "within_deg"), [(VEGA, 0.006), (DENEB, 0.001)])
+def test_the_papers_own_attitude(table, within_deg, tmp_path, capsys) -> None:
+    """Plate constants, as in its section 2.4: the centre to a few arcsec where no star is a blend."""
+    options = ["--fov", "9.0", "--attitude", "plate_constants"]
+    out = identified(table, tmp_path, capsys, *options)
+    assert out["warnings"] == []
+    assert apart_deg(out, table["centre"]) < within_deg
+
+
 def test_the_papers_stars(tmp_path, capsys) -> None:
     names = {star["name"] for star in identified(VEGA, tmp_path, capsys)["stars"]}
     assert {"Vega", "Delta-2 Lyrae", "Kappa Lyrae"} <= names
