@@ -38,24 +38,30 @@ def annotated_picture(frame: Frame, solution: Solution, grid: bool = True) -> "I
     draw = ImageDraw.Draw(picture)
     if grid:
         _draw_grid(draw, solution, scale)
-    _draw_stars(draw, solution.stars, scale, picture.height)
+    _draw_stars(draw, solution.stars, scale, picture.size)
     _draw_compass(draw, solution, picture.size)
     return picture
 
 
-def _draw_stars(draw: "ImageDraw", stars: tuple[NamedStar, ...], scale: float, height: int) -> None:
+def _draw_stars(
+    draw: "ImageDraw", stars: tuple[NamedStar, ...], scale: float, size: tuple[int, int]
+) -> None:
     from PIL import ImageFont
 
+    width, height = size
     radius = max(5.0, height / 120.0)
     font = ImageFont.load_default(max(10.0, height / 60.0))
     taken: list[tuple[float, float, float, float]] = []
     for star in sorted(stars, key=lambda s: s.mag):
         x, y = (star.x + 0.5) * scale - 0.5, (star.y + 0.5) * scale - 0.5
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=_STAR)
-        at, text = (x + radius + 2.0, y), star.name or star.id
-        box = draw.textbbox(at, text, font=font, anchor="lm")
+        at, text, anchor = (x + radius + 2.0, y), star.name or star.id, "lm"
+        box = draw.textbbox(at, text, font=font, anchor=anchor)
+        if box[2] > width:  # to the left of its star, so that it is not cut off
+            at, anchor = (x - radius - 2.0, y), "rm"
+            box = draw.textbbox(at, text, font=font, anchor=anchor)
         if len(taken) < _NAMES and not any(_overlap(box, other) for other in taken):
-            draw.text(at, text, fill=_TEXT, font=font, anchor="lm")
+            draw.text(at, text, fill=_TEXT, font=font, anchor=anchor)
             taken.append(box)
 
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,16 @@ def test_regions_mark_every_star(tmp_path):
 def test_what_cannot_be_written_raises(tmp_path):
     with pytest.raises(OSError, match="No such file"):
         write_csv(solution(), tmp_path / "absent" / "a.csv")
+
+
+def test_a_name_near_the_right_edge_stands_left_of_its_star():
+    answer = solution()
+    star = replace(answer.stars[-1], x=600.0, y=200.0, name="Alpha Lyrae the bright")
+    frame = Frame(np.zeros((480, 640), np.uint16))
+    named = annotated_picture(frame, replace(answer, stars=(star,)), grid=False)
+    ink = np.asarray(named)[150:250, :, 0] > 150  # the names are yellow, the circles green
+    assert ink[:, 400:600].any()
+    assert not ink[:, 606:].any()
 
 
 @pytest.mark.parametrize("bayer", [None, "RGGB"])
