@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import Any, TypeVar
 
 from app.cli.output import Json, ProgressLine, card, to_line
@@ -33,12 +34,17 @@ def _print(outcome: Json, as_json: bool) -> int:
     if as_json:
         print(to_line(outcome), flush=True)
     elif "error" in outcome:
-        failures = [f"{outcome['file']}: {outcome['error']}"]
+        failures = [_named(outcome["file"], outcome["error"])]
     else:
         print(card(outcome), flush=True)
     for sentence in failures:
         print(f"kochab: {sentence}", file=sys.stderr)
     return 2 if failures else _code(outcome)
+
+
+def _named(file: str, sentence: str) -> str:
+    """The sentence with the file's name, once."""
+    return sentence if sentence.startswith((file, Path(file).name)) else f"{file}: {sentence}"
 
 
 def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) -> Json:

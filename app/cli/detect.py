@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 import time
 from typing import Any
 
@@ -31,8 +30,9 @@ def run(args: argparse.Namespace) -> int:
         detections = make_detector(args.detector).detect(frame)
         done = time.perf_counter()
     except KochabError as error:
-        print(json.dumps({"file": args.file, "error": str(error)}) if args.json else str(error),
-              file=sys.stdout if args.json else sys.stderr)  # fmt: skip
+        if not args.json:
+            raise
+        print(json.dumps({"file": args.file, "error": str(error)}))
         return 2
     if args.json:
         elapsed = {"read": 1e3 * (read - started), "detect": 1e3 * (done - read)}

@@ -23,6 +23,8 @@ def work(item):
     match item.file:
         case "bad":
             raise UsageError("It is bad.")
+        case "cut.fits":
+            raise UsageError("cut.fits is cut short.")
         case "fault":
             raise ZeroDivisionError("division by zero")
         case "killed":
@@ -34,6 +36,13 @@ def test_a_fault_of_our_own_costs_one_file() -> None:
     assert attempt(work, Item("bad")) == {"file": "bad", "error": "It is bad."}
     fault = attempt(work, Item("fault"))
     assert fault["error"] == "A fault in Kochab: ZeroDivisionError: division by zero"
+
+
+def test_a_sentence_names_its_file_once(capsys) -> None:
+    assert run_batch(work, [Item("bad"), Item("cut.fits")], as_json=False) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == "kochab: bad: It is bad.\nkochab: cut.fits is cut short.\n"
 
 
 def test_the_code_is_the_worst(capsys) -> None:

@@ -1,13 +1,12 @@
 """``kochab detect`` on files."""
 
-import argparse
 import json
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from app.cli import detect as command
+from app.cli.main import main
 
 from .fields import field
 
@@ -15,9 +14,7 @@ from .fields import field
 @pytest.fixture
 def run(capsys):
     def call(*words):
-        parser = argparse.ArgumentParser()
-        command.add_parser(parser.add_subparsers())
-        code = command.run(parser.parse_args(["detect", *map(str, words)]))
+        code = main(["detect", *map(str, words)])
         out = capsys.readouterr()
         return code, out.out, out.err
 
@@ -64,6 +61,7 @@ def test_what_cannot_be_read_is_one_sentence(run, tmp_path, content):
     assert code == 2
     assert out == ""
     assert len(err.strip().splitlines()) == 1
+    assert err.startswith("kochab: ")
     code, out, _ = run(path, "--json")
     assert code == 2
     assert json.loads(out)["error"]
