@@ -27,6 +27,7 @@ SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     "wide": (range(9, 15), ((6, 6),) * 6, 16),
     "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
 }
+WAITING = "waiting for the patterns of small fields, which are being made once on this computer"
 FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)
 
 
@@ -109,7 +110,7 @@ def make_fine() -> Task[Volume]:
             ) from error
         if handle is not None:
             break
-        yield Progress("patterns", None, "another Kochab is making the patterns for small fields")
+        yield Progress("patterns", None, WAITING)
         time.sleep(0.2)
     scratch = folder.with_suffix(".part")
     try:

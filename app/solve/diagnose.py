@@ -252,7 +252,7 @@ def _healthy(case: _Case, said: Finding) -> Finding:
     if not scale:
         return (
             reason,
-            "Give the field of view (--fov) if you know it, and check that these are stars.",
+            "Give the field of view if you know it, and check that these are stars.",
         )
     return reason, advice or "Check that the frame shows stars and not lights or noise."
 

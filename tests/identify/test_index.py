@@ -96,7 +96,7 @@ def test_a_second_program_waits_for_the_first(small_plan):
     first = volumes.make_fine()
     next(first)
     second = volumes.make_fine()
-    assert "another" in next(second).detail
+    assert "waiting" in next(second).detail
     run(first)
     assert run(second) is not None
 
@@ -113,7 +113,7 @@ def test_a_lock_left_by_the_dead_is_dropped(small_plan):
     ) as dying:  # fmt: skip
         assert dying.stdout.readline() == "True\n"
         task = volumes.make_fine()
-        assert "another" in next(task).detail
+        assert "waiting" in next(task).detail
         dying.kill()
         dying.wait()
         assert lock.exists()
