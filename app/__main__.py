@@ -1,6 +1,5 @@
 """``kochab`` and ``python -m app``: the window, or the command that was named."""
 
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,8 +7,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from app.core.solution import Solution
-
-SYSTEM_LIBRARIES = "libegl1 libgl1 libxkbcommon-x11-0 libxcb-cursor0 libdbus-1-3 libfontconfig1"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,14 +33,14 @@ def _is_file(arguments: list[str]) -> bool:
 
 
 def _window(paths: list[str]) -> int:
-    trouble = _no_display()
+    from app.ui import display
+
+    trouble = display.trouble()
     if trouble is None:
         try:
             from app.ui.application import run
-
-            _load_screen_plugin()
-        except (ImportError, OSError) as error:
-            trouble = _missing(error)
+        except ImportError as error:
+            trouble = display.missing(error)
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
@@ -54,42 +51,6 @@ def _to_json(file: str, solution: "Solution") -> str:
     from app.cli.output import as_json, to_line
 
     return to_line(as_json(file, solution))
-
-
-def _no_display() -> str | None:
-    """Qt aborts the process without a display; say it instead."""
-    chosen = os.environ.get("QT_QPA_PLATFORM", "")
-    if not sys.platform.startswith("linux") or chosen not in ("", "xcb", "wayland"):
-        return None
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        return None
-    return ("There is no display to open a window on; run it in a desktop session, "
-            "or use “kochab solve FILE”.")  # fmt: skip
-
-
-def _load_screen_plugin() -> None:
-    """Load what Qt needs for an X screen; Qt itself ends the process when that is missing."""
-    if not sys.platform.startswith("linux") or os.environ.get("WAYLAND_DISPLAY"):
-        return
-    if os.environ.get("QT_QPA_PLATFORM", "xcb") != "xcb":
-        return
-    import ctypes
-
-    import PySide6
-
-    plugin = Path(PySide6.__file__).parent / "Qt" / "plugins" / "platforms" / "libqxcb.so"
-    if plugin.exists():
-        ctypes.CDLL(str(plugin))
-
-
-def _missing(error: Exception) -> str:
-    text = str(error)
-    if ".so" in text and sys.platform.startswith("linux"):
-        return (
-            f"A system library of the window is missing ({text.split(':')[0]}); install it with "
-            f"“sudo apt install {SYSTEM_LIBRARIES}”."
-        )
-    return f"The window cannot start: {text}."
 
 
 if __name__ == "__main__":

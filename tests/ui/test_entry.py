@@ -1,16 +1,23 @@
 """What ``kochab`` does with its arguments."""
 
+import sys
+
 import pytest
 
 import app.__main__ as entry
+from app.ui import display
 
 
 @pytest.fixture
 def heard(monkeypatch):
     """What was started: the window with its files, or the command line with its arguments."""
     said = []
-    monkeypatch.setattr(entry, "_no_display", lambda: None)
-    monkeypatch.setattr(entry, "_load_screen_plugin", lambda: None)
+    for name in ("WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr(display, "_load_screen_plugin", lambda: None)
+    monkeypatch.setattr(display, "_answers", lambda: True)
     monkeypatch.setattr(
         "app.ui.application.run", lambda paths, **_: said.append(("window", paths)) or 0
     )
@@ -52,7 +59,7 @@ def test_a_word_that_is_no_file_goes_to_the_command_line(heard):
     ("error", "words"),
     [
         (
-            ImportError("libEGL.so.1: cannot open shared object file: No such file"),
+            OSError("libEGL.so.1: cannot open shared object file: No such file"),
             ["libEGL.so.1", "apt install"],
         ),
         (
@@ -67,7 +74,7 @@ def test_a_missing_system_library_is_named_in_one_sentence(
     def missing():
         raise error
 
-    monkeypatch.setattr(entry, "_load_screen_plugin", missing)
+    monkeypatch.setattr(display, "_load_screen_plugin", missing)
     assert entry.main([]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
@@ -75,9 +82,29 @@ def test_a_missing_system_library_is_named_in_one_sentence(
 
 
 def test_a_start_without_display_is_one_sentence(heard, monkeypatch, capsys):
-    monkeypatch.undo()
-    monkeypatch.setattr("sys.platform", "linux")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("DISPLAY")
     assert entry.main([]) == 2
     assert "no display" in capsys.readouterr().err
+    assert heard == []
+
+
+def test_a_library_missing_from_qt_itself_is_named(heard, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "app.ui.application", None)  # importing it fails
+    assert entry.main([]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("kochab: The window cannot start")
+    assert said.count("\n") == 1
+    assert "libEGL.so.1" in display.missing(ImportError("libEGL.so.1: cannot open"))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are named on Linux")
+def test_a_display_that_does_not_answer_is_one_sentence(monkeypatch, capsys):
+    monkeypatch.setattr("app.ui.application.run", lambda *_, **__: 99)
+    monkeypatch.setenv("DISPLAY", ":9731")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.delenv("QT_QPA_PLATFORM", raising=False)
+    assert entry.main([]) == 2
+    assert capsys.readouterr().err == (
+        "kochab: The display :9731 does not answer; run it in a desktop session, or use "
+        "“kochab solve FILE”.\n"
+    )
