@@ -26,6 +26,7 @@ class Identifier(Protocol):
 IDENTIFIERS: dict[str, str] = {
     "patterns": "app.identify.patterns:Patterns",
     "voting": "app.identify.voting:Voting",
+    "triads": "app.identify.triads:Triads",
 }
 
 

@@ -27,6 +27,7 @@ ACCEPT_LOG10 = -5.0
 WITNESSES = 40  # so many of the brightest detections may testify
 PROPOSERS = 15  # so many pairs of named stars, the widest first, are let propose
 FEWEST = 3
+ODD, ODD_PX = 5.0, 3.0  # a name is dropped beyond so many times the median error, and so many px
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +127,8 @@ def _answer(
             pointing = refit(pointing, seen[names.detection[kept]], names.vectors[kept], bend=False)
         gap = pointing.project(names.vectors[kept])[0] - seen[names.detection[kept]]
         off = np.hypot(gap[:, 0], gap[:, 1])
-        if off.max() <= reach_px:
+        limit = max(ODD_PX, ODD * float(np.median(off)))
+        if off.max() <= min(reach_px, limit):
             break
         kept = np.delete(kept, off.argmax())
     else:

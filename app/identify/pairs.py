@@ -6,7 +6,7 @@ pairs: 8,870 stars (V <= 6.5) and 8 degrees give about 200,000 of them in a few 
 second, so the table is made where it is first needed and kept in memory, 16 bytes a pair.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -64,6 +64,16 @@ class Pairs:
         before = np.cumsum(length) - length
         pair = np.arange(int(length.sum()), dtype=np.int64) - before[which] + start[which]
         return which, pair
+
+    def within_declinations(self, low_deg: float, high_deg: float) -> "Pairs":
+        """The pairs of which both stars lie between two declinations; the stars stay numbered."""
+        if low_deg <= -90.0 and high_deg >= 90.0:
+            return self
+        low, high = np.sin(np.radians([low_deg, high_deg]))
+        inside = (self.vectors[:, 2] >= low) & (self.vectors[:, 2] <= high)
+        kept = inside[self.first] & inside[self.second]
+        ends = self.first[kept], self.second[kept]
+        return replace(self, first=ends[0], second=ends[1], angle=self.angle[kept])
 
 
 def make_pairs(rows: Ints, vectors: Floats, mag: Floats, max_rad: float) -> Pairs:

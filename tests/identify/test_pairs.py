@@ -47,3 +47,11 @@ def test_the_catalogues_bright_stars() -> None:
     assert catalogue_pairs(2.0, brightest=500).stars == 500
     with pytest.raises(ValueError, match="either"):
         catalogue_pairs(8.0)
+
+
+def test_only_a_belt_of_declination(toy) -> None:
+    belt = toy.within_declinations(-10.0, 30.0)
+    dec = np.degrees(np.arcsin(toy.vectors[:, 2]))
+    inside = (dec >= -10) & (dec <= 30)
+    assert len(belt) == int((inside[toy.first] & inside[toy.second]).sum())
+    assert toy.within_declinations(-90.0, 90.0) is toy
