@@ -29,6 +29,7 @@ class Presenter(QObject):
         panes.view.marks = self.overlay.paint
         panes.solution.set_style(self.style)
         panes.stars.set_style(self.style)
+        session.options_for = lambda frame: panes.hints.checked_options(frame.width)
         self._listen_to_session()
         self._listen_to_views()
 

@@ -1,6 +1,7 @@
 """What the window is about: the frame that is open, and what is known of it."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -57,6 +58,7 @@ class Session(QObject):
     def __init__(self, engine: Engine, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.known = Known()
+        self.options_for: Callable[[Frame], SolveOptions | None] = lambda _: None
         self._engine = engine
         self._jobs: dict[str, Job] = {}
         self._ending: list[Job] = []
@@ -70,8 +72,7 @@ class Session(QObject):
         """Read a file, show it, and solve it."""
         self._drop_all()
         old = self.known
-        self.known = Known(Path(path), last_good=old.last_good, last_good_from=old.last_good_from,
-                           options=old.options)  # fmt: skip
+        self.known = Known(Path(path), last_good=old.last_good, last_good_from=old.last_good_from)
         log.info("opening %s", self.known.path)
         self.opening.emit(self.known.path)
         job = self._job("read", _timed(self._engine.read(Path(path))))
@@ -130,6 +131,7 @@ class Session(QObject):
                  self.known.read_ms)  # fmt: skip
         for warning in frame.warnings:
             log.warning("%s", warning)
+        self.known.options = self.options_for(frame) or SolveOptions()
         self.opened.emit(frame)
         job = self._job("display", prepare(frame))
         job.succeeded.connect(self._has_picture)

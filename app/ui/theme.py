@@ -17,8 +17,9 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> Colo
     """Dress ``app``; unknown names fall back to dark and normal. Returns the colours."""
     colours = THEMES.get(name, THEMES["dark"])
     point = BASE_POINT * TEXT_SIZES.get(text_size, 1.0)
-    if app.style().name().lower() != "fusion":
+    if not app.property("dressed"):  # once: it costs as much as everything else here
         app.setStyle("Fusion")
+        app.setProperty("dressed", True)
     font = QFont(app.font())
     font.setPointSizeF(point)
     # Coloured fringes around letters would put green and blue on a red screen.

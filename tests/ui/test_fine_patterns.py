@@ -61,7 +61,7 @@ def test_closing_the_task_ends_the_process(elsewhere):
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows ends a process without asking it")
 def test_an_ended_process_leaves_nothing_half_made(tmp_path, repository):
-    environment = os.environ | {f"XDG_{n}_HOME": str(tmp_path) for n in ("CACHE", "DATA", "STATE")}
+    environment = os.environ | {"KOCHAB_CACHE": str(tmp_path / "cache")}
     told = tmp_path / "progress.json"
     process = subprocess.Popen(
         [sys.executable, "-m", "app.ui.fine_patterns", str(told)], cwd=repository, env=environment,

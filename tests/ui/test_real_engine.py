@@ -59,7 +59,9 @@ def test_what_is_no_picture_is_one_sentence(qtbot, real, tmp_path, content):
     assert "fault inside" not in told.args[0]
 
 
-@pytest.mark.parametrize("name", ["cedar__orion2.jpg", "gran__pleyades_05sec.jpg", "cedar__pleiades.jpg"])
+@pytest.mark.parametrize(
+    "name", ["cedar__orion2.jpg", "gran__pleyades_05sec.jpg", "cedar__pleiades.jpg"]
+)
 def test_real_photographs(qtbot, real, shared_frames, name):
     window, commands = real
     path = shared_frames / name

@@ -42,6 +42,7 @@ def screen():
 def environment(screen, tmp_path):
     kept = {k: v for k, v in os.environ.items() if k not in ("WAYLAND_DISPLAY", "QT_SCALE_FACTOR")}
     kept |= {"DISPLAY": screen, "QT_QPA_PLATFORM": "xcb", "PYTHONWARNINGS": "error"}
+    kept["KOCHAB_CACHE"] = str(tmp_path / "CACHE")
     return kept | {f"XDG_{n}_HOME": str(tmp_path / n) for n in ("CONFIG", "CACHE", "DATA", "STATE")}
 
 

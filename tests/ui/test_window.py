@@ -9,7 +9,7 @@ from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent, QGuiApplication
 
 from app.core.solution import NoSolution, Solution
-from tests.ui.fakes import FakeEngine, no_solution
+from tests.ui.fakes import FakeEngine, no_solution, star_field
 
 
 def test_it_starts_on_the_welcome_page_and_offers_samples(make_window, engine):
@@ -178,6 +178,20 @@ def test_hints_and_methods_go_to_the_engine(qtbot, opened, engine):
     assert low < true < high
     assert options.hint.centre_deg == pytest.approx((84.0, -1.2, 10.0))
     assert (options.method, options.detector) == ("patterns", "auto")
+
+
+def test_a_typed_field_is_understood_anew_for_each_frame(qtbot, opened, engine, a_file):
+    window, commands = opened
+    window.workspace.hints.fov.setText("12")
+    engine.frame = star_field(1200, 300)
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    low, high = engine.asked[-1].hint.scale_arcsec_px
+    assert low < 12 * 3600 / 1200 < high
+    window.workspace.hints.fov.setText("nonsense")
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    assert engine.asked[-1].hint is None
 
 
 def test_an_impossible_hint_is_said_on_the_pane_and_nothing_runs(opened, engine):
