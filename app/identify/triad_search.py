@@ -50,7 +50,8 @@ class Sight:
         size = np.array([detections.width, detections.height])
         sign = -1.0 if mirrored else 1.0
         plane = (xy - (size - 1) / 2.0) * np.array([sign, -1.0])
-        body = Camera.centred(*size.tolist(), focal_px, mirrored).unproject(xy)
+        camera = Camera.centred(detections.width, detections.height, focal_px, mirrored)
+        body = camera.unproject(xy)
         if field_deg is None:
             gap = np.linalg.norm(body[:, None] - body[None], axis=2)
             return cls(body, plane, 2.0 * np.arcsin(np.minimum(gap / 2.0, 1.0)))
