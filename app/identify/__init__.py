@@ -27,6 +27,8 @@ IDENTIFIERS: dict[str, str] = {
     "patterns": "app.identify.patterns:Patterns",
     "voting": "app.identify.voting:Voting",
     "triads": "app.identify.triads:Triads",
+    "angles": "app.identify.angles:Angles",
+    "spherical_triangles": "app.identify.spherical_triangles:SphericalTriangles",
 }
 
 
