@@ -90,9 +90,9 @@ def measured_rows(n: NoSolution) -> list[tuple[str, str]]:
         for suffix, mark in (("_px", " px"), ("_deg", "°"), ("_arcsec", "″"), ("_ms", " ms")):
             if name.endswith(suffix):
                 name, unit = name.removesuffix(suffix), mark
-        if name in ("detections", "detected"):
+        if name in ("detections", "detected", "stars_found") and value == n.detections:
             continue
-        out.append((name.replace("_", " "), f"{value:.4g}{unit}"))
+        out.append((name.replace("_", " ").replace("fwhm", "FWHM"), f"{value:.4g}{unit}"))
     return out
 
 
