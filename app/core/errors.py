@@ -19,3 +19,19 @@ class UsageError(KochabError):
 
 class DeviceError(KochabError):
     """Hardware that is absent, silent or refuses."""
+
+
+class PortError(DeviceError):
+    """The port cannot be opened: absent, in use, or not permitted."""
+
+
+class NoAnswerError(DeviceError):
+    """The device is silent, or its answer came too late or makes no sense."""
+
+
+class RefusedError(DeviceError):
+    """The device understood and said no, or our own guard did."""
+
+
+class LineLostError(DeviceError):
+    """The line broke while in use: a cable pulled, a server gone."""

@@ -1,0 +1,3 @@
+"""Devices that give frames, behind one small interface (:mod:`app.core.capture`)."""
+
+SOURCES: dict[str, str] = {}

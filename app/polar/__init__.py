@@ -1,0 +1,1 @@
+"""Attitudes of a turning mount -> where its axis points, how far off the pole, how surely."""
