@@ -32,7 +32,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     reach.add_argument("--fields", type=int, metavar="N", help="places tried over the sky")
     reach.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
-    bring = actions.add_parser("import", help="add a deeper catalogue that you already have")
+    bring = actions.add_parser(
+        "import",
+        help="add a deeper catalogue that you already have",
+        description="For catalog info and coverage; frames are still solved with the shipped one.",
+    )
     bring.add_argument(
         "path", type=Path, help="ASTAP or astrometry.net index files or their folder, or a Gaia CSV"
     )
@@ -177,6 +181,7 @@ def _import(args: argparse.Namespace) -> int:
         return 0
     print(f"{manifest['imported_from']} at {manifest['imported_epoch']:g}, kept in {folder}")
     _print_facts(manifest["counts"])
+    print("catalog info and coverage read it; frames are still solved with the shipped catalogue.")
     return 0
 
 

@@ -13,18 +13,13 @@ from app.cli.written import write_picture, write_wcs_beside
 from app.core.errors import UsageError
 from app.core.progress import Task
 from app.core.solution import Solution
+from app.frames.formats import SUFFIXES
 from app.solve.options import SolveOptions
 from app.workflows.solve_frame import SolvedFrame, solve_file
 
-PICTURES = frozenset(
-    f".{suffix}"
-    for line in (
-        "fit fits fts fz xisf tif tiff png jpg jpeg bmp heic heif",
-        "cr2 cr3 crw nef arw dng orf raf rw2 pef srw",
-    )
-    for suffix in line.split()
-)
+PICTURES = frozenset(SUFFIXES) - {".gz"}
 """What ``solve`` takes from a folder; a file named by itself is always tried."""
+WRITTEN = (".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +42,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     add_choices(parser)
     parser.add_argument("--detector", default="auto", metavar="NAME", help="how stars are found")
     parser.add_argument(
-        "--annotate", metavar="PNG", help="write the picture with its stars named (or a folder)"
+        "--annotate", metavar="PNG", help="write a .png or .jpg with the stars named (or a folder)"
     )
     parser.set_defaults(run=run)
 
@@ -75,6 +70,8 @@ def _wishes(args: argparse.Namespace) -> list[Wish]:
     target = None if args.annotate is None else Path(args.annotate)
     if target is None:
         return [Wish(file, args.wcs) for file in files]
+    if not target.is_dir() and target.suffix.lower() not in WRITTEN:
+        raise UsageError(f"--annotate {target}: the picture is a .png or a .jpg.")
     if target.is_dir():
         return [Wish(f, args.wcs, str(target / f"{Path(f).name}.png")) for f in files]
     if len(files) > 1:

@@ -50,10 +50,14 @@ def write_regions(solution: Solution, path: str | os.PathLike[str]) -> None:
 
 
 def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
-    """Write the stretched frame with its stars, grid and north as a PNG.
+    """Write the stretched frame with its stars, grid and north: a JPEG by its suffix, else a PNG.
 
     Raises OSError when that is not possible.
     """
     from app.frames.annotated import annotated_picture
 
-    annotated_picture(frame, solution).save(path, format="PNG", compress_level=4)
+    picture = annotated_picture(frame, solution)
+    if str(os.fspath(path)).lower().endswith((".jpg", ".jpeg")):
+        picture.save(path, format="JPEG", quality=92)
+    else:
+        picture.save(path, format="PNG", compress_level=4)

@@ -76,6 +76,19 @@ def test_one_picture_for_two_frames_is_refused(dark, capsys) -> None:
     assert "one picture for 2 frames" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("name", "kind"), [("out.png", "PNG"), ("out.JPG", "JPEG")])
+def test_the_annotated_picture_is_what_its_name_says(name, kind, repository, tmp_path) -> None:
+    sample = sorted((repository / "resources" / "samples").glob("*.*"))[0]
+    assert main(["solve", str(sample), "--annotate", str(tmp_path / name)]) == 0
+    with Image.open(tmp_path / name) as picture:
+        assert picture.format == kind
+
+
+def test_another_kind_of_annotated_picture_is_refused(dark, capsys) -> None:
+    assert main(["solve", dark, "--annotate", "out.gif"]) == 2
+    assert "a .png or a .jpg" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("option", ["--method", "--detector", "--attitude"])
 def test_an_unknown_name_is_told_before_any_work(option, dark, capsys) -> None:
     assert main(["solve", dark, option, "guess", "--json"]) == 2
