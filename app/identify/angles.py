@@ -7,6 +7,7 @@ the brightest 8,118 stars of this catalogue make 139,964 of them in hundredths o
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
+from app.core.options import integer, number
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
@@ -30,39 +32,31 @@ Ints = NDArray[np.int64]
 class Angles:
     """The method and its options, the thesis' values as defaults.
 
-    Parameters
-    ----------
-    sigma_urad : float
-        Error of a star's place a coordinate, microradians, 0.1 to 1000. The thesis says 0.87 in
-        section 2.2.2; its programs use 87.2665 / 3, which is the reading that gives its results.
-    bound_sigma : float
-        Half-width of a range in sigmas of the angle, 1 to 6 (section 2.2.2: 3).
-    sigma_px : float
-        The error is never taken to be less than this, px, 0 to 3.
-    limit_deg : float
-        Largest angle used, degrees, 1 to 40 (section 3.3: 6.94).
-    stars : int
-        Brightest detections used, 3 to 60.
-    brightest : int
-        Brightest stars of the catalogue used, 100 to 20000 (the thesis' list had 8,118).
-    mag_limit : float or None
-        Faintest catalogue star, V, instead of their number.
-    pivots : int
-        Most pivots, 1 to 1000 (table 6.2: 9).
-    most : int
-        Angles with more possible solutions are left out (section 6.1: 10,000).
-
+    Of the error of a star's place the thesis says 0.87 microradian in section 2.2.2; its programs
+    use 87.2665 / 3, which is the reading that gives its results.
     """
 
-    sigma_urad: float = 87.2665 / 3.0
-    bound_sigma: float = 3.0
-    sigma_px: float = 0.2
-    limit_deg: float = 6.94
-    stars: int = 25
-    brightest: int = 8118
-    mag_limit: float | None = None
-    pivots: int = 9
-    most: int = 10_000
+    paper: ClassVar[str] = "Spherical triangles, chapters 2.2, 2.3 and 5.2"
+
+    sigma_urad: float = number(
+        87.2665 / 3.0, "microradian", 0.1, 1000.0, "error of a star's place a coordinate"
+    )
+    bound_sigma: float = number(
+        3.0, "sigma", 1.0, 6.0, "half-width of a range in errors of the angle (section 2.2.2: 3)"
+    )
+    sigma_px: float = number(0.2, "px", 0.0, 3.0, "the error is never taken to be less than this")
+    limit_deg: float = number(6.94, "deg", 1.0, 40.0, "largest angle used (section 3.3: 6.94)")
+    stars: int = integer(25, "stars", 3, 60, "brightest detections used")
+    brightest: int = integer(
+        8118, "stars", 100, 20000, "brightest catalogue stars used (the thesis' list had 8,118)"
+    )
+    mag_limit: float | None = number(
+        None, "mag V", 2.0, 8.0, "faintest catalogue star, instead of their number", "by number"
+    )
+    pivots: int = integer(9, "pivots", 1, 1000, "most pivots (table 6.2: 9)")
+    most: int = integer(
+        10_000, "solutions", 10, 1_000_000, "angles with more are left out (6.1: 10,000)"
+    )
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0

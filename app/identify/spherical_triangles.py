@@ -8,6 +8,7 @@ seconds, about 80 MB that stay in memory. Why the thesis has fewer is not known.
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import permutations
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
+from app.core.options import integer, number
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
@@ -37,40 +39,35 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class SphericalTriangles:
-    """The method and its options, the thesis' values as defaults.
+    """The method and its options, the thesis' values as defaults; for its errors see `Angles`."""
 
-    Parameters
-    ----------
-    sigma_urad : float
-        Error of a star's place a coordinate, microradians, 0.1 to 1000; see `Angles`.
-    bound_sigma : float
-        Half-width of the ranges of area and moment in their sigmas, 1 to 6 (section 2.2.2: 3).
-    sigma_px : float
-        The error is never taken to be less than this, px, 0 to 3.
-    limit_deg : float
-        Largest circle about a triangle, degrees, 1 to 10 (section 3.5: 6.94).
-    stars : int
-        Brightest detections used, 4 to 60.
-    brightest : int
-        Brightest stars of the catalogue used, 100 to 10000 (the thesis' list had 8,118).
-    mag_limit : float or None
-        Faintest catalogue star, V, instead of their number.
-    pivots : int
-        Most pivots, 1 to 1000 (table 6.2: 3).
-    most : int
-        Triangles with more possible solutions are left out (section 6.1: 10,000).
+    paper: ClassVar[str] = "Spherical triangles, chapters 2.4 to 2.6 and 5.3"
 
-    """
-
-    sigma_urad: float = 87.2665 / 3.0
-    bound_sigma: float = 3.0
-    sigma_px: float = 0.2
-    limit_deg: float = 6.94
-    stars: int = 25
-    brightest: int = 8118
-    mag_limit: float | None = None
-    pivots: int = 3
-    most: int = 10_000
+    sigma_urad: float = number(
+        87.2665 / 3.0, "microradian", 0.1, 1000.0, "error of a star's place a coordinate"
+    )
+    bound_sigma: float = number(
+        3.0,
+        "sigma",
+        1.0,
+        6.0,
+        "half-width of a range in errors of area and moment (section 2.2.2: 3)",
+    )
+    sigma_px: float = number(0.2, "px", 0.0, 3.0, "the error is never taken to be less than this")
+    limit_deg: float = number(
+        6.94, "deg", 1.0, 10.0, "largest circle about a triangle (section 3.5: 6.94)"
+    )
+    stars: int = integer(25, "stars", 4, 60, "brightest detections used")
+    brightest: int = integer(
+        8118, "stars", 100, 10000, "brightest catalogue stars used (the thesis' list had 8,118)"
+    )
+    mag_limit: float | None = number(
+        None, "mag V", 2.0, 8.0, "faintest catalogue star, instead of their number", "by number"
+    )
+    pivots: int = integer(3, "pivots", 1, 1000, "most pivots (table 6.2: 3)")
+    most: int = integer(
+        10_000, "solutions", 10, 1_000_000, "triangles with more are left out (6.1: 10,000)"
+    )
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0

@@ -8,12 +8,14 @@ final check of separations (2.3.4.3). The rooms: :mod:`app.identify.triad_search
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.core.detections import Detections
 from app.core.hint import Hint
+from app.core.options import integer, number, pair, switch
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
@@ -29,45 +31,33 @@ Floats = NDArray[np.float64]
 class Triads:
     """The method and its options, the thesis' values (section 4.2.1) as defaults.
 
-    Parameters
-    ----------
-    stars : int
-        Brightest detections, 3 to 15 (12).
-    separation_deg : float
-        Tolerance of a separation, degrees, 0.001 to 1 (0.15).
-    rotation_deg, enclosed_deg, group_deg : float
-        Tolerances of the rotation-angle test, the enclosed-angle test and of grouping, degrees,
-        0.1 to 20 (5, 1, 5).
-    vote_number : int
-        Fewest triads that must give a star its name, 1 to 50 (2).
-    merge_px : float
-        Catalogue stars closer than this are seen as one, px, 0 to 50 (8, the clustering radius).
-    mag_limit : float
-        Faintest catalogue star, V, 3 to 7 (6.0).
-    dec_deg : (float, float)
-        Declinations searched, degrees. The thesis had 30 to 90; the whole sky is the default.
-    field_deg : (float, float), optional
-        Width and height of the frame, degrees, when its pixels are not square: separations then
-        follow equation 2.4 with a scale for each axis, as in the thesis. Otherwise the scale of
-        the hint and the gnomonic camera are used.
-    planar : bool
-        Take right ascension and declination for plane coordinates in the rotation-angle test, as
-        the thesis does for the sake of its processor. It fails far from the equator; the default
-        does it on the sphere, which the thesis recommends (section 4.2.1) where floats are at hand.
-
+    ``field_deg`` is for frames whose pixels are not square: separations then follow equation 2.4
+    with a scale for each axis, as in the thesis; otherwise the scale of the hint and the gnomonic
+    camera are used. ``planar`` takes right ascension and declination for plane coordinates in the
+    rotation-angle test, as the thesis does for the sake of its processor. That fails far from the
+    equator; the default does it on the sphere, which the thesis recommends where floats are at
+    hand.
     """
 
-    stars: int = 12
-    separation_deg: float = 0.15
-    rotation_deg: float = 5.0
-    enclosed_deg: float = 1.0
-    group_deg: float = 5.0
-    vote_number: int = 2
-    merge_px: float = 8.0
-    mag_limit: float = 6.0
-    dec_deg: tuple[float, float] = (-90.0, 90.0)
-    field_deg: tuple[float, float] | None = None
-    planar: bool = False
+    paper: ClassVar[str] = "Attitude from stellar images, chapter 2"
+
+    stars: int = integer(12, "stars", 3, 15, "brightest detections used")
+    separation_deg: float = number(0.15, "deg", 0.001, 1.0, "tolerance of a separation")
+    rotation_deg: float = number(5.0, "deg", 0.1, 20.0, "tolerance of the rotation-angle test")
+    enclosed_deg: float = number(1.0, "deg", 0.1, 20.0, "tolerance of the enclosed-angle test")
+    group_deg: float = number(5.0, "deg", 0.1, 20.0, "tolerance of grouping by rotation")
+    vote_number: int = integer(2, "triads", 1, 50, "fewest triads that give a star its name")
+    merge_px: float = number(
+        8.0, "px", 0.0, 50.0, "catalogue stars closer than this are seen as one"
+    )
+    mag_limit: float = number(6.0, "mag V", 3.0, 7.0, "faintest catalogue star")
+    dec_deg: tuple[float, float] = pair(
+        (-90.0, 90.0), "deg", -90.0, 90.0, "declinations searched (the thesis: 30 to 90)"
+    )
+    field_deg: tuple[float, float] | None = pair(
+        None, "deg", 0.1, 40.0, "width and height of the frame", "by the hint's scale"
+    )
+    planar: bool = switch(False, "rotations in plane coordinates, as the thesis has them")
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0

@@ -7,6 +7,7 @@ up in one call and the votes counted in another.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
+from app.core.options import integer, number
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
@@ -28,22 +30,17 @@ Ints = NDArray[np.int64]
 class Voting:
     """The method and its options, the thesis' values as defaults.
 
-    Parameters
-    ----------
-    stars : int
-        Brightest detections that vote, 6 to 30 (section 6.2: 15).
-    margin_px : float
-        Error allowed in a separation, px, 0.1 to 20; the ``e`` of equation 5.6 is this times the
-        pixel scale (chapter 7: 2.464 px; table 7.1 has 0.00009 to 0.00025 rad, about 2 px).
-    mag_limit : float
-        Faintest catalogue star, V, 3 to 8 (section 5.3.1: 5.9). The thesis also leaves out the
-        dozen stars brighter than 1; here they take part.
-
+    The ``e`` of equation 5.6 is ``margin_px`` times the pixel scale. The thesis also leaves out
+    the dozen stars brighter than magnitude 1; here they take part.
     """
 
-    stars: int = 15
-    margin_px: float = 2.464
-    mag_limit: float = 5.9
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.3"
+
+    stars: int = integer(15, "stars", 6, 30, "brightest detections that vote (section 6.2: 15)")
+    margin_px: float = number(
+        2.464, "px", 0.1, 20.0, "error allowed in a separation (chapter 7: 2.464)"
+    )
+    mag_limit: float = number(5.9, "mag V", 3.0, 8.0, "faintest catalogue star (5.3.1: 5.9)")
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
