@@ -13,41 +13,46 @@ from app.identify import IDENTIFIERS
 from app.ui.background import Background
 from app.ui.commands import Commands
 from app.ui.engine import Engine, WorkflowEngine
-from app.ui.exports import ToJson
 from app.ui.garbage import Garbage
 from app.ui.main_window import MainWindow
 from app.ui.presenter import Presenter
 from app.ui.samples import Sample, samples
 from app.ui.session import Session
 from app.ui.settings import Settings
+from app.ui.wiring import MakeFields, StartPractice, ToJson, Wiring
 
 
 def build(
     engine: Engine,
     settings: Settings,
     sample_frames: list[Sample] | None = None,
-    to_json: ToJson | None = None,
+    wiring: Wiring | None = None,
 ) -> tuple[MainWindow, Commands]:
     """A window wired to ``engine``; it is not shown yet."""
     offered = samples() if sample_frames is None else sample_frames
     window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)
     presenter = Presenter(window, Session(engine, window), settings)
-    return window, Commands(presenter, offered, to_json)
+    return window, Commands(presenter, offered, wiring)
 
 
 def run(
-    paths: Sequence[str | Path] = (), engine: Engine | None = None, to_json: ToJson | None = None
+    paths: Sequence[str | Path] = (),
+    engine: Engine | None = None,
+    to_json: ToJson | None = None,
+    practice: StartPractice | None = None,
+    fields: MakeFields | None = None,
 ) -> int:
     """Open the window, with the first of ``paths`` when there is one; the exit code.
 
-    ``to_json`` writes a solution in the form of the command line, which lives beside this room.
+    ``to_json``, ``practice`` and ``fields`` come from rooms that this one may not know, see
+    :class:`app.ui.wiring.Wiring`.
     """
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
     engine = engine or WorkflowEngine()
-    window, commands = build(engine, Settings(), to_json=to_json)
+    window, commands = build(engine, Settings(), wiring=Wiring(to_json, practice, fields))
     garbage = Garbage()
     background = Background(window, engine)
     window.show()

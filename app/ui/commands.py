@@ -9,19 +9,22 @@ from app.core.solution import Solution
 from app.frames.formats import SUFFIXES
 from app.ui.actions import MARKS, connect
 from app.ui.dialogs import ask_open
-from app.ui.exports import Exporter, ToJson
+from app.ui.exports import Exporter
 from app.ui.help import about, keyboard
 from app.ui.looks import Looks
 from app.ui.presenter import Presenter
 from app.ui.samples import Sample
+from app.ui.services import Jobs, Services
 from app.ui.thumbnails import Thumbnails
+from app.ui.views import Views
+from app.ui.wiring import Wiring
 
 
 class Commands(QObject):
     """Connects the actions of one window."""
 
     def __init__(
-        self, presenter: Presenter, samples: list[Sample], to_json: ToJson | None = None
+        self, presenter: Presenter, samples: list[Sample], wiring: Wiring | None = None
     ) -> None:
         super().__init__(presenter.window)
         self.presenter = presenter
@@ -29,9 +32,14 @@ class Commands(QObject):
         self.settings = presenter.settings
         self.actions = self.window.actions_by_name
         self.looks = Looks(presenter)
+        wiring = wiring or Wiring()
         self.exporter = Exporter(
-            self.window, self.session, to_json, red=lambda: self.looks.is_night
+            self.window, self.session, wiring.to_json, red=lambda: self.looks.is_night
         )
+        self.services = Services(
+            self.settings, self.session, self.looks, Jobs(self.window), wiring, self._say
+        )
+        self.views = Views(self.window, self.services)
         self._restore()
         self._connect()
         self.window.menus.show_files(
@@ -112,6 +120,9 @@ class Commands(QObject):
         self._show_recent()
 
     # window -----------------------------------------------------------------------------------
+    def _say(self, sentence: str) -> None:
+        self.window.status.showMessage(sentence, 8000)
+
     def _full_screen(self, on: bool) -> None:
         full, state = Qt.WindowState.WindowFullScreen, self.window.windowState()
         self.window.setWindowState(state | full if on else state & ~full)

@@ -15,9 +15,9 @@ from app.ui.dialogs import ask_save, tell
 from app.ui.job import Job
 from app.ui.main_window import MainWindow
 from app.ui.session import Session
+from app.ui.wiring import ToJson
 
 Write = Callable[[Frame, Solution, Path], None]
-ToJson = Callable[[str, Solution], str]
 
 
 @dataclass(frozen=True, slots=True)

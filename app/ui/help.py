@@ -5,6 +5,7 @@ from PySide6.QtWidgets import QDialog, QDialogButtonBox, QGridLayout, QVBoxLayou
 
 from app import __version__
 from app.ui.actions import SPECS
+from app.ui.views import VIEWS
 from app.ui.widgets import label
 
 ABOUT = (
@@ -31,6 +32,7 @@ def keyboard(parent: QWidget) -> QDialog:
     rows = [
         (s.keys.replace(" ", ", "), s.text.replace("&", "").rstrip("…")) for s in SPECS if s.keys
     ]
+    rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
     rows += [("Arrows", "Move the frame, when it has the focus"), ("Tab", "To the next pane")]
     half = (len(rows) + 1) // 2
     for i, (keys, text) in enumerate(rows):

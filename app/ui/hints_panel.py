@@ -76,14 +76,14 @@ class HintsPanel(QWidget):
         form.setHorizontalSpacing(12)
         form.setVerticalSpacing(8)
         for title, widget in (
-            ("Field &width", self.fov), ("&Pixel scale", self.scale), ("&RA near", self.ra),
+            ("Field &width", self.fov), ("&Pixel scale", self.scale), ("RA &near", self.ra),
             ("&Dec near", self.dec), ("With&in", self.radius), ("&Method", self.method),
-            ("De&tector", self.detector), ("Time &limit", self.timeout),
+            ("Dete&ctor", self.detector), ("Time &limit", self.timeout),
         ):  # fmt: skip
             form.addRow(title, widget)
         line = QHBoxLayout()
         line.addWidget(button("S&olve with these", self.solve_wanted.emit, "main"))
-        line.addWidget(button("&Clear", self.clear))
+        line.addWidget(button("Clea&r", self.clear))
         line.addStretch(1)
         column = QVBoxLayout(self)
         column.setContentsMargins(12, 12, 12, 12)

@@ -1,11 +1,11 @@
 """How the window and the frame look: theme, text size, stretch, colour, marks; all remembered."""
 
-from PySide6.QtCore import QObject, QSignalBlocker
+from PySide6.QtCore import QObject, QSignalBlocker, Signal
 from PySide6.QtGui import QActionGroup, QColor
-from PySide6.QtWidgets import QApplication, QLineEdit
+from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 
 from app.ui.actions import MARKS, dress
-from app.ui.palette import THEMES
+from app.ui.palette import THEMES, Colours
 from app.ui.presenter import Presenter
 from app.ui.red_light import RedLight
 from app.ui.theme import apply_theme
@@ -13,6 +13,8 @@ from app.ui.theme import apply_theme
 
 class Looks(QObject):
     """Owns no widget; sets their looks from the settings and from the person's choices."""
+
+    changed = Signal(object)  # Colours
 
     def __init__(self, presenter: Presenter) -> None:
         super().__init__(presenter.window)
@@ -62,11 +64,21 @@ class Looks(QObject):
         _check(self._window.menus.text_sizes, size)
         with QSignalBlocker(self._actions["night"]):
             self._actions["night"].setChecked(name == "night")
-        for field in self._window.findChildren(QLineEdit):
-            # Qt turns the ground's colour round for the caret, which on black is white.
-            field.setGraphicsEffect(RedLight(field) if name == "night" else None)  # type: ignore
+        self.dress_fields(self._window)
         self._window.welcome.draw_pictures(name == "night")
         self.show_frame()
+        self.changed.emit(colours)
+
+    @property
+    def colours(self) -> Colours:
+        """Those of the present theme."""
+        return self._overlay.colours
+
+    def dress_fields(self, within: QWidget) -> None:
+        """Make the carets of the fields in ``within`` red at night."""
+        for field in within.findChildren(QLineEdit):
+            # Qt turns the ground's colour round for the caret, which on black is white.
+            field.setGraphicsEffect(RedLight(field) if self.is_night else None)  # type: ignore
 
     def use_night(self, on: bool) -> None:
         """Red light, or back to the theme of before."""

@@ -15,7 +15,7 @@ Actions = dict[str, QAction]
 
 
 class Menus:
-    """Owns the menus that change: recent files, export, theme, text size."""
+    """Owns the menus that change: recent files, export, theme, text size, tools."""
 
     def __init__(self, window: QMainWindow, actions: Actions) -> None:
         bar = window.menuBar()
@@ -39,6 +39,7 @@ class Menus:
         self.text_sizes = _choices(window, view.addMenu("Te&xt size"), titles)
         _fill(view, actions, "night", "full")
         _fill(bar.addMenu("&Solve"), actions, "solve", "cancel", "", "tab_hints")
+        self.tools: QMenu = bar.addMenu("&Tools")
         _fill(bar.addMenu("&Help"), actions, "keys", "about")
 
     def show_files(

@@ -30,7 +30,7 @@ class StateCard(QFrame):
         self._numbers.setVerticalSpacing(3)
         self._numbers.setColumnStretch(1, 1)
         self.again = button("Solve agai&n", self.again_wanted.emit)
-        self.hints = button("Give a hin&t…", self.hints_wanted.emit, tip="Scale, field or place")
+        self.hints = button("G&ive a hint…", self.hints_wanted.emit, tip="Scale, field or place")
         self.copy = button("Copy re&port", self._copy)
         buttons = QGridLayout()
         buttons.setSpacing(8)

@@ -6,12 +6,15 @@ from PySide6.QtWidgets import QMessageBox
 
 from app.cli.output import as_json, to_line
 from app.ui.application import build
+from app.ui.wiring import Wiring
 from tests.ui.fakes import FakeEngine, no_solution
 
 
 @pytest.fixture
 def commands(qtbot, settings, engine, a_file):
-    window, commands = build(engine, settings, [], to_json=lambda f, s: to_line(as_json(f, s)))
+    window, commands = build(
+        engine, settings, [], wiring=Wiring(lambda f, s: to_line(as_json(f, s)))
+    )
     qtbot.addWidget(window)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(a_file)

@@ -1,0 +1,1 @@
+"""The Laboratory: identification methods side by side."""

@@ -1,0 +1,83 @@
+"""What every view of the Tools menu is given: small, frozen, and nothing behind it."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QObject, Signal
+
+from app.core.progress import Task
+from app.ui.job import Job
+from app.ui.looks import Looks
+from app.ui.main_window import MainWindow
+from app.ui.session import Session
+from app.ui.settings import Settings
+from app.ui.wiring import Wiring
+
+if TYPE_CHECKING:
+    from app.sky import Catalogue
+
+log = logging.getLogger("kochab")
+JOIN_S = 5.0
+
+
+class Jobs(QObject):
+    """Starts the views' jobs and ends them with the window."""
+
+    closing = Signal()
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._jobs: list[Job] = []
+        window.closing.connect(self._close)
+
+    def run(self, task: Task[Any], name: str) -> Job:
+        """Start ``task`` in a thread; its signals may be connected after this.
+
+        They are delivered by the event loop, so that none can be missed.
+        """
+        job = Job(task, name)
+        self._jobs = [j for j in self._jobs if j.running] + [job]
+        job.start()
+        return job
+
+    def _close(self) -> None:
+        self.closing.emit()  # a view may want to stop a mount first
+        for job in self._jobs:
+            job.abandon()
+        for job in self._jobs:
+            if not job.join(JOIN_S):
+                log.warning("%s did not end in time", job.name)
+
+
+@dataclass(frozen=True, slots=True)
+class Services:
+    """What a view may use of the window.
+
+    ``session`` has the open frame and its answer (``session.known``) and signals when they change
+    (``opened``, ``solved``, ``unsolved``). ``looks`` has the theme's ``colours``, ``is_night``, and
+    the signal ``changed``. ``jobs.run(task, name)`` runs a generator in a thread; ``jobs.closing``
+    comes before the window ends them. ``say`` puts a sentence in the status bar for a while.
+    """
+
+    settings: Settings
+    session: Session
+    looks: Looks
+    jobs: Jobs
+    wiring: Wiring
+    say: Callable[[str], None]
+    log: logging.Logger = log
+
+    @staticmethod
+    def catalogue() -> "Catalogue":
+        """The star catalogue, opened once; some ms the first time, so ask in a job."""
+        return _catalogue()
+
+
+@cache
+def _catalogue() -> "Catalogue":
+    from app.sky import open_catalogue
+
+    return open_catalogue()

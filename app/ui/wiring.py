@@ -1,0 +1,48 @@
+"""What ``app/__main__.py`` hands to the window, because the window's room may not know it.
+
+The simulated sky and the command line are such: the window is given callables, or None.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from app.core.solution import Solution
+
+ToJson = Callable[[str, Solution], str]
+
+
+class Practice(Protocol):
+    """A practice rig under way: a mount that answers at ``port``, and a camera on it."""
+
+    @property
+    def port(self) -> str:
+        """Where its mount answers: a device path or ``socket://host:port``."""
+        ...
+
+    @property
+    def rig(self) -> Any:
+        """The rig itself (``app.simulate.rig``): its clock, weather, bolts and truth."""
+        ...
+
+    def stop(self) -> None:
+        """End it and give the port back."""
+        ...
+
+
+StartPractice = Callable[..., Practice]
+MakeFields = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Callables from outside; a view that is not given what it needs says so and offers less.
+
+    ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
+    rig. ``fields`` makes the simulated star fields of the Laboratory, see
+    :data:`app.workflows.laboratory.MakeField`.
+    """
+
+    to_json: ToJson | None = None
+    practice: StartPractice | None = None
+    fields: MakeFields | None = None
