@@ -73,7 +73,8 @@ class Job(QObject):
                 try:
                     progress = next(self._task)
                 except StopIteration as end:
-                    return "succeeded", end.value
+                    # Cancelled in its last step: the person said no before there was an answer.
+                    return ("cancelled", None) if self._stop.is_set() else ("succeeded", end.value)
                 now = time.monotonic()
                 if now - last >= REPORT_EVERY_S:
                     last = now

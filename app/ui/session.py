@@ -95,9 +95,13 @@ class Session(QObject):
         job.start()
 
     def cancel(self) -> None:
-        """Stop what is under way; the views hear of it when it has stopped."""
-        for job in self._jobs.values():
-            job.cancel()
+        """Stop reading or solving; the views hear of it when it has stopped.
+
+        The picture of a frame that was read is finished all the same: it is what remains to see.
+        """
+        for kind, job in self._jobs.items():
+            if kind != "display":
+                job.cancel()
 
     def close(self, limit_s: float = JOIN_S) -> bool:
         """Stop everything and wait a little; whether every thread has ended."""

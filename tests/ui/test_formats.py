@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.core.errors import UsageError
+from app.core.solution import NoSolution, Reason
 from app.ui.angle_input import parse_dec_deg, parse_positive, parse_ra_deg
 from app.ui.formats import (
     AngleStyle,
@@ -16,6 +17,7 @@ from app.ui.formats import (
     ra_text,
     radec_plain,
 )
+from app.ui.solution_text import measured_rows
 
 HMS, DMS, DECIMAL = AngleStyle
 
@@ -109,3 +111,11 @@ def test_what_is_no_size_is_refused(text):
 
 def test_a_decimal_comma_is_understood():
     assert parse_positive("1,5°", "The field", 180.0) == 1.5
+
+
+def test_the_number_of_stars_is_told_once():
+    failure = NoSolution(
+        Reason.TOO_FEW_STARS, "Expose longer.", detections=4,
+        measured={"stars_found": 4.0, "stars_expected": 61.0},
+    )  # fmt: skip
+    assert measured_rows(failure) == [("stars detected", "4"), ("stars expected", "61")]

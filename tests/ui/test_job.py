@@ -123,3 +123,23 @@ def test_finished_comes_once_however_long(qtbot, steps):
     assert heard.said.count(("finished", None)) == 1
     # Progress is thinned: a task of thousands of steps does not flood the window.
     assert len(heard.said) < 200
+
+
+def test_a_cancel_during_the_last_step_is_heeded(qtbot):
+    begun, release = threading.Event(), threading.Event()
+
+    def task():
+        yield Progress("a")
+        begun.set()
+        release.wait(5)
+        return 7
+
+    job = Job(task())
+    heard = Heard(job)
+    job.start()
+    assert begun.wait(5)
+    job.cancel()
+    with qtbot.waitSignal(job.finished, timeout=5000):
+        release.set()
+    assert heard.ends == [("cancelled", None), ("finished", None)]
+    assert job.join(2.0)

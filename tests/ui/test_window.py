@@ -123,6 +123,18 @@ def test_dropped_text_is_left_alone(make_window, engine):
     assert commands.session.known.path is None
 
 
+def test_a_cancelled_solve_still_shows_the_frame(qtbot, make_window, a_file):
+    engine = FakeEngine(frame=star_field(1500, 1100), gate=threading.Event())
+    window, commands = make_window(engine)
+    with qtbot.waitSignal(commands.session.solving, timeout=10_000):
+        commands.open(a_file)
+    assert commands.session.known.picture is None
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.session.cancel()
+    assert window.workspace.view.picture is not None
+    assert window.workspace.card.title.text() == "Cancelled"
+
+
 def test_cancel_stops_a_solve(qtbot, make_window, a_file):
     engine = FakeEngine(gate=threading.Event())
     window, commands = make_window(engine)
