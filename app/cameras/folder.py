@@ -1,0 +1,174 @@
+"""A folder that another program writes pictures into, watched as if it were a camera.
+
+It is looked through a few times a second: that also works on a network share, where a system's
+own notices do not arrive.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from time import monotonic, sleep
+
+from app.cameras.arrivals import Arrivals, Stamp
+from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
+from app.core.errors import FrameError, LineLostError, PortError
+from app.core.frame import Frame
+
+POLL_S = 0.1
+DEEPEST = 4
+"""Folders in folders (target, night, filter) are looked into so far down."""
+
+
+class FolderCamera:
+    """A watched folder: the newest finished picture in it is the newest frame."""
+
+    name = "folder"
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._identity = self._who()
+        self._arrivals = Arrivals()
+        self._complaints: list[str] = []
+
+    @classmethod
+    def missing(cls) -> str | None:
+        """Nothing needs to be installed."""
+        return None
+
+    @classmethod
+    def devices(cls, address: str = "") -> list[CameraDevice]:
+        """The folder itself, when it is one."""
+        if not address or not Path(address).is_dir():
+            return []
+        return [CameraDevice(cls.name, address, f"pictures written into {address}")]
+
+    @classmethod
+    def open(cls, address: str, settings: CaptureSettings) -> "FolderCamera":
+        """Watch the folder ``address``; a picture that is already there comes first."""
+        if not address:
+            raise PortError("Name the folder your capture program writes its pictures into.")
+        folder = Path(address).expanduser()
+        if not folder.exists():
+            raise PortError(f"The folder {folder} does not exist.")
+        if not folder.is_dir():
+            raise PortError(f"{folder} is a file; name the folder it lies in.")
+        try:
+            with os.scandir(folder) as entries:
+                next(entries, None)
+        except OSError as error:
+            raise PortError(f"The folder {folder} cannot be read: {error.strerror}.") from None
+        return cls(folder)
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """Nothing can be set: another program holds the camera."""
+        return CaptureLimits()
+
+    def configure(self, settings: CaptureSettings) -> CaptureSettings:
+        """Nothing is applied; the program that writes the pictures decides."""
+        return CaptureSettings()
+
+    def complaints(self) -> tuple[str, ...]:
+        """Sentences about files that were left out since the last call."""
+        told, self._complaints = tuple(self._complaints), []
+        return told
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """The newest finished picture not yet given out.
+
+        Raises
+        ------
+        LineLostError
+            The folder is gone: a drive unplugged, a share unmounted, or a folder removed.
+
+        """
+        deadline = monotonic() + timeout_s
+        while True:
+            self._arrivals.update(self._listing(), monotonic())
+            for path in self._arrivals.ready(monotonic()):
+                frame = self._read(path)
+                if frame is not None:
+                    return frame
+            left = deadline - monotonic()
+            if left <= 0:
+                return None
+            sleep(min(POLL_S, left))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _read(self, path: str) -> Frame | None:
+        from app.frames import read_frame
+
+        before = _stamp(path)
+        try:
+            frame = read_frame(path)
+        except FrameError as error:
+            if self._arrivals.unreadable(path, monotonic()):
+                self._complaints.append(f"A file was left out: {error}")
+            return None
+        if before is None or _stamp(path) != before:
+            return None  # written to while it was read: the next look sees it as new
+        watched = self._arrivals.written_while_watched(path)
+        self._arrivals.give(path, monotonic())
+        return _timed(frame, before) if watched else frame
+
+    def _listing(self) -> dict[str, Stamp]:
+        if self._who() != self._identity:
+            raise LineLostError(
+                f"The folder {self._folder} is gone and another is in its place; open it again."
+            )
+        try:
+            return dict(_pictures(self._folder, DEEPEST))
+        except OSError as error:
+            raise self._gone(error) from None
+
+    def _who(self) -> tuple[int, int]:
+        """What stays the same as long as it is the same folder of the same drive."""
+        try:
+            about = self._folder.stat()
+        except OSError as error:
+            raise self._gone(error) from None
+        return about.st_dev, about.st_ino
+
+    def _gone(self, error: OSError) -> LineLostError:
+        return LineLostError(
+            f"The folder {self._folder} is gone ({error.strerror}); was a drive or share removed?"
+        )
+
+
+def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:
+    """Pictures in a folder and those below it; what vanishes meanwhile is left out."""
+    from app.frames import SUFFIXES
+
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            with suppress(OSError):
+                if entry.is_dir():
+                    if depth > 1:
+                        yield from _pictures(Path(entry.path), depth - 1)
+                elif os.path.splitext(entry.name)[1].lower() in SUFFIXES:
+                    about = entry.stat()
+                    yield entry.path, Stamp(about.st_size, about.st_mtime_ns)
+
+
+def _stamp(path: str) -> Stamp | None:
+    try:
+        about = os.stat(path)
+    except OSError:
+        return None
+    return Stamp(about.st_size, about.st_mtime_ns)
+
+
+def _timed(frame: Frame, stamp: Stamp) -> Frame:
+    """A file that does not say when it was taken was taken just before it was written."""
+    if frame.hint.time_utc is not None:
+        return frame
+    half = timedelta(seconds=(frame.hint.exposure_s or 0.0) / 2.0)
+    written = datetime.fromtimestamp(stamp.mtime_ns / 1e9, UTC)
+    return replace(frame, hint=replace(frame.hint, time_utc=written - half))
