@@ -1,0 +1,1 @@
+"""An equatorial mount as it really is: axes, motors, gears, and what is wrong with them."""
