@@ -1,0 +1,47 @@
+"""Waiting until a slew has ended, within its time and in spite of a few answers missed."""
+
+from collections.abc import Callable
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from app.core.errors import NoAnswerError
+from app.core.mount import Pointing
+from app.core.progress import Progress, Task
+from app.mounts.sky_frame import apart_deg
+
+if TYPE_CHECKING:
+    from app.mounts.guard import Guard
+
+POLL_S = 0.2
+MISSES = 3  # positions that may be missed in a row during a slew
+
+
+def arrival(
+    guard: "Guard", target_deg: tuple[float, float], wait: Callable[[float], None]
+) -> Task[Pointing]:
+    """Yield the distance left until the mount says that it no longer slews."""
+    end = monotonic() + guard.limits.slew_timeout_s
+    first = left = None
+    misses = 0
+    while True:
+        detail = "" if left is None else f"{left:.1f} deg to go"
+        done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
+        yield Progress("slewing", done, detail)
+        wait(POLL_S)
+        if monotonic() > end:
+            limit = guard.limits.slew_timeout_s
+            raise NoAnswerError(f"The slew did not end within {limit:g} s and was stopped.")
+        try:
+            slewing, here = guard.state().slewing, guard.position()
+        except NoAnswerError:
+            misses += 1
+            if misses >= MISSES:
+                raise
+            continue
+        misses = 0
+        before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
+        first = first or left
+        if slewing is False or (
+            slewing is None and before is not None and abs(before - left) < 1e-3
+        ):
+            return here

@@ -1,0 +1,92 @@
+"""Question and answer on one line, with Stop ahead of everything.
+
+A reading exchange holds the line for its own answer only. :meth:`Conversation.urge` does not wait
+for it: it writes at once, and what the mount answers to it is read later, in the order in which
+the bytes were sent.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Lock, RLock
+from typing import TypeVar
+
+from app.core.errors import NoAnswerError
+from app.mounts.link import Link
+
+T = TypeVar("T")
+Reader = Callable[[Link], bytes]
+QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
+
+
+class ProtocolError(NoAnswerError):
+    """An answer that makes no sense."""
+
+
+class Conversation:
+    """Exchanges over ``link``: one at a time, each with its own answer."""
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self._exchange = RLock()  # one reader
+        self._order = Lock()  # held for single writes only: who was sent first
+        self._owed: deque[Reader] = deque()  # answers to what was urged
+        self._doubtful = False
+
+    def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T]) -> T:
+        """Send ``command``, read its answer and understand it."""
+        with self._exchange:
+            self._send(command)
+            try:
+                return parse(read(self.link))
+            except NoAnswerError:
+                self._doubtful = True
+                raise
+
+    def tell(self, *commands: bytes) -> None:
+        """Send what is not answered."""
+        with self._exchange:
+            for command in commands:
+                self._send(command)
+
+    def urge(self, command: bytes, *answers: Reader) -> None:
+        """Send now, from any thread, without waiting for anybody; answers are read later."""
+        with self._order:
+            self.link.write(command)
+            self._owed.extend(answers)
+
+    def settle(self) -> None:
+        """Read what is still owed to :meth:`urge`."""
+        with self._exchange:
+            self._settle()
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.link.close()
+
+    def _send(self, command: bytes) -> None:
+        while True:
+            self._settle()
+            self.link.discard(QUIET_S if self._doubtful else 0.0)
+            self._doubtful = False
+            with self._order:
+                if not self._owed:
+                    self.link.write(command)
+                    return
+
+    def _settle(self) -> None:
+        while self._owed:
+            read = self._owed[0]
+            with suppress(NoAnswerError):
+                read(self.link)
+            self._owed.popleft()
+
+
+def exactly(count: int, timeout_s: float) -> Reader:
+    """Read ``count`` bytes."""
+    return lambda link: link.read_exact(count, timeout_s)
+
+
+def until(terminator: bytes, limit: int, timeout_s: float) -> Reader:
+    """Read up to and with ``terminator``."""
+    return lambda link: link.read_until(terminator, limit, timeout_s)

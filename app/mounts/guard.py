@@ -1,0 +1,443 @@
+"""The guard: a mount that moves and syncs only within its limits.
+
+Whoever moves a mount holds it through a :class:`Guard`. It is itself a
+:class:`~app.core.mount.Mount`; every motion is planned, judged by :mod:`app.mounts.rules`, written
+into a log, and ended when something goes wrong. Time and site are never sent to a mount.
+"""
+
+import weakref
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import datetime
+from time import monotonic, sleep
+from types import TracebackType
+
+from app.core.attitude import radec_deg
+from app.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
+from app.core.hint import Site
+from app.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing
+from app.core.progress import Task
+from app.mounts import paths
+from app.mounts.arrival import arrival
+from app.mounts.epoch import from_mount_epoch, to_mount_epoch
+from app.mounts.limits import Limits, SyncEvidence
+from app.mounts.motion_log import MotionLog, utc_now
+from app.mounts.preview import Preview, preview_of
+from app.mounts.rules import MOTION_RULES, MOVE_RULES, SYNC_RULES, Plan
+from app.mounts.sky_frame import apart_deg, wrapped
+
+CANNOT_STOP = "The mount cannot be stopped over its line: cut its power."
+
+
+@dataclass(slots=True)
+class _Motion:
+    """Whether something may still be moving, shared with what runs at exit."""
+
+    mount: Mount
+    until: float = 0.0
+
+    def begin(self, seconds: float) -> None:
+        self.until = monotonic() + seconds
+
+    def end(self) -> None:
+        self.until = 0.0
+
+    @property
+    def possible(self) -> bool:
+        return monotonic() < self.until
+
+
+def _at_exit(motion: _Motion) -> None:
+    """The program ends, or the guard was forgotten, while the mount moves."""
+    if motion.possible:
+        with suppress(DeviceError):
+            motion.mount.stop()
+
+
+class Guard:
+    """A :class:`~app.core.mount.Mount` whose motions are watched.
+
+    ``armed`` allows one sync beyond the largest step. ``reopen`` opens the same mount again after
+    the line was lost; see :meth:`reconnect`.
+    """
+
+    def __init__(
+        self,
+        mount: Mount,
+        site: Site | None = None,
+        limits: Limits | None = None,
+        clock: Callable[[], datetime] = utc_now,
+        log: MotionLog | None = None,
+        reopen: Callable[[], Mount] | None = None,
+        wait: Callable[[float], None] = sleep,
+    ) -> None:
+        self.site = site
+        self.limits = limits or Limits()
+        self.clock = clock
+        self.log = log or MotionLog(clock=clock)
+        self.armed = False
+        self.unfinished = False  # a motion was under way when the line broke
+        self._reopen = reopen
+        self._wait = wait
+        self._before_sync: tuple[float, float] | None = None
+        self._motion = _Motion(mount)
+        self._finalizer = weakref.finalize(self, _at_exit, self._motion)
+
+    # -- what only asks -------------------------------------------------------------------------
+
+    @property
+    def mount(self) -> Mount:
+        """The driver behind the guard; only to ask it."""
+        return self._motion.mount
+
+    @property
+    def name(self) -> str:
+        """The driver's."""
+        return self.mount.name
+
+    @property
+    def epoch(self) -> Epoch:
+        """Of every coordinate of the :class:`~app.core.mount.Mount` calls."""
+        return self.mount.epoch
+
+    @property
+    def lacks(self) -> Mapping[Ability, str]:
+        """What the mount cannot do, each with the reason."""
+        return self.mount.lacks
+
+    def identify(self) -> str:
+        """The mount's own name and version."""
+        return self.mount.identify()
+
+    def position(self) -> Pointing:
+        """Where it says it points."""
+        return self.mount.position()
+
+    def position_icrs(self) -> tuple[float, float]:
+        """Where it says it points, ICRS degrees."""
+        return from_mount_epoch(self.position(), self.clock())
+
+    def state(self) -> MountState:
+        """How it is."""
+        return self.mount.state()
+
+    # -- previews -------------------------------------------------------------------------------
+
+    def preview_goto(self, ra_deg: float, dec_deg: float) -> Preview:
+        """What a goto to the mount's own coordinates would do; nothing moves."""
+        here = self.position()
+        plan = self._plan("goto", here, (ra_deg, dec_deg))
+        plan = replace(plan, paths=self._paths(plan))
+        return preview_of(plan, (here.ra_deg, here.dec_deg), (ra_deg, dec_deg), MOTION_RULES)
+
+    def preview_sync(
+        self,
+        ra_deg: float,
+        dec_deg: float,
+        evidence: SyncEvidence | None = None,
+        by_hand: bool = False,
+    ) -> Preview:
+        """What a sync would do; nothing changes."""
+        here = self.position()
+        plan = self._plan("sync", here, (ra_deg, dec_deg))
+        plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=self.armed)
+        return preview_of(plan, (here.ra_deg, here.dec_deg), (ra_deg, dec_deg), SYNC_RULES)
+
+    def to_mount(self, ra_deg: float, dec_deg: float) -> tuple[float, float]:
+        """ICRS degrees in the mount's epoch, now."""
+        return to_mount_epoch(ra_deg, dec_deg, self.epoch, self.clock())
+
+    # -- motions --------------------------------------------------------------------------------
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """Begin a slew that every rule allows; see :meth:`slew` for one that is watched."""
+        self._able(Ability.GOTO)
+        self._require(self.preview_goto(ra_deg, dec_deg), confirmed=True)
+        self._send(
+            "goto",
+            self.limits.slew_timeout_s,
+            lambda: self.mount.goto(ra_deg, dec_deg),
+            ra_deg=ra_deg,
+            dec_deg=dec_deg,
+        )
+
+    def slew(self, ra_deg: float, dec_deg: float) -> Task[Pointing]:
+        """Go to the mount's own coordinates and stay until it is there.
+
+        The mount is stopped when it takes too long, does not answer, leaves the limits, or when
+        the task is cancelled or fails.
+        """
+        there = False
+        try:
+            self.goto(ra_deg, dec_deg)
+            result = yield from arrival(self, (ra_deg, dec_deg), self._wait)
+            there = True
+            self._motion.end()
+            self.log.add("goto", "done")
+            return result
+        except LineLostError:
+            self.unfinished = True
+            raise
+        finally:
+            if not there and self._motion.possible:
+                self.stop()
+
+    def slew_icrs(self, ra_deg: float, dec_deg: float) -> Task[Pointing]:
+        """:meth:`slew` to ICRS degrees."""
+        return (yield from self.slew(*self.to_mount(ra_deg, dec_deg)))
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """Guide for a bounded time."""
+        self._able(Ability.PULSE)
+        longest = self.limits.longest_pulse_ms
+        if not 0 < milliseconds <= longest:
+            self._refuse("pulse", f"A pulse of {milliseconds} ms is refused: 1 to {longest} ms.")
+        self._bounded("pulse", direction, 0.008, milliseconds / 1000.0)
+        self._send(
+            "pulse",
+            milliseconds / 1000.0 + 0.5,
+            lambda: self.mount.pulse(direction, milliseconds),
+            direction=str(direction),
+            milliseconds=milliseconds,
+        )
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """Move for a bounded time, over a bounded angle."""
+        self._able(Ability.MOVE)
+        rate = self._true_rate(rate_deg_s)
+        limits = self.limits
+        if not 0.0 < seconds <= limits.longest_move_s:
+            allowed = f"at most {limits.longest_move_s:g} s are allowed."
+            self._refuse("move", f"A move of {seconds:g} s is refused: {allowed}")
+        if not 0.0 < rate * seconds <= limits.longest_move_deg:
+            allowed = f"at most {limits.longest_move_deg:g} deg are allowed."
+            self._refuse("move", f"A move of {rate * seconds:.1f} deg is refused: {allowed}")
+        self._bounded("move", direction, rate, seconds)
+        self._send(
+            "move",
+            seconds + 2.0,
+            lambda: self.mount.move(direction, rate_deg_s, seconds),
+            direction=str(direction),
+            rate_deg_s=rate,
+            seconds=seconds,
+        )
+
+    def track(self, on: bool) -> None:
+        """Sidereal tracking on or off."""
+        self._able(Ability.TRACKING)
+        if on and self.state().parked:
+            self._refuse("track", "The mount is parked: unpark it before it tracks.")
+        self._send("track", 0.0, lambda: self.mount.track(on), on=int(on))
+
+    def stop(self) -> None:
+        """Stop now, ahead of everything, from any thread; tried twice."""
+        self.log.add("stop", "sent")
+        try:
+            try:
+                self.mount.stop()
+            except NoAnswerError:
+                self.mount.stop()
+        except DeviceError as error:
+            self.unfinished = self.unfinished or self._motion.possible
+            self.log.add("stop", "failed", CANNOT_STOP)
+            raise LineLostError(f"{CANNOT_STOP} ({error})") from error
+        self._motion.end()
+
+    # -- syncs ----------------------------------------------------------------------------------
+
+    def sync(
+        self,
+        ra_deg: float,
+        dec_deg: float,
+        evidence: SyncEvidence | None = None,
+        *,
+        by_hand: bool = False,
+        confirmed: bool = False,
+    ) -> None:
+        """Sync on two agreeing solves, or ``by_hand`` on a person's word, and read it back.
+
+        Raises
+        ------
+        RefusedError
+            A rule forbids it, it needs a yes (``confirmed``), or the mount did not take it:
+            then an offset slew does the same without a sync.
+
+        """
+        self._able(Ability.SYNC)
+        preview = self.preview_sync(ra_deg, dec_deg, evidence, by_hand)
+        self._require(preview, confirmed)
+        self._sync(ra_deg, dec_deg)
+        shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
+        self._before_sync = shift
+        self.armed = False
+
+    def sync_icrs(
+        self,
+        ra_deg: float,
+        dec_deg: float,
+        evidence: SyncEvidence | None = None,
+        *,
+        by_hand: bool = False,
+        confirmed: bool = False,
+    ) -> None:
+        """:meth:`sync` on ICRS degrees."""
+        ra, dec = self.to_mount(ra_deg, dec_deg)
+        self.sync(ra, dec, evidence, by_hand=by_hand, confirmed=confirmed)
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a sync to take back."""
+        return self._before_sync is not None
+
+    def undo_sync(self) -> None:
+        """Take back the last sync, wherever the mount has gone since."""
+        if self._before_sync is None:
+            raise RefusedError("There is no sync to take back.")
+        here = self.position()
+        ra = (here.ra_deg + self._before_sync[0]) % 360.0
+        dec = min(90.0, max(-90.0, here.dec_deg + self._before_sync[1]))
+        plan = self._plan("sync", here, (ra, dec))
+        self._require(
+            preview_of(
+                replace(plan, by_hand=True, armed=True),
+                (here.ra_deg, here.dec_deg),
+                (ra, dec),
+                SYNC_RULES,
+            ),
+            confirmed=True,
+        )
+        self._sync(ra, dec)
+        self._before_sync = None
+
+    # -- the end of things ----------------------------------------------------------------------
+
+    def reconnect(self) -> None:
+        """Open the line again and, first of all, stop what was moving; repeat no motion."""
+        if self._reopen is None:
+            raise LineLostError("The line to the mount is lost: connect to it again.")
+        self.mount.close()
+        self._motion.mount = self._reopen()
+        if self.unfinished or self._motion.possible:
+            self.stop()
+            self.unfinished = False
+
+    def close(self) -> None:
+        """Stop what moves and give the port back; never raises."""
+        if self._motion.possible:
+            with suppress(DeviceError):
+                self.stop()
+        self._finalizer.detach()
+        self.mount.close()
+
+    def __enter__(self) -> "Guard":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # -- inside ---------------------------------------------------------------------------------
+
+    def _plan(self, action: str, here: Pointing, to_deg: tuple[float, float]) -> Plan:
+        now = self.clock()
+        target = Pointing(to_deg[0], to_deg[1], self.epoch)
+        start_icrs, target_icrs = from_mount_epoch(here, now), from_mount_epoch(target, now)
+        return Plan(
+            start_deg=to_mount_epoch(*start_icrs, Epoch.DATE, now),
+            target_deg=to_mount_epoch(*target_icrs, Epoch.DATE, now),
+            target_icrs_deg=target_icrs,
+            state=self.state(),
+            limits=self.limits,
+            time_utc=now,
+            site=self.site,
+            action=action,
+        )
+
+    def _paths(self, plan: Plan) -> tuple[paths.Floats, ...]:
+        ways = [
+            paths.great_circle(plan.start_deg, plan.target_deg),
+            paths.by_axes(plan.start_deg, plan.target_deg),
+        ]
+        ends = plan.hour_angles_deg()
+        flips = self.limits.allow_flip and plan.state.pier_side is not None
+        if flips and ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0):
+            north = self.site is None or self.site.latitude_deg >= 0.0
+            ways.append(paths.over_the_pole(plan.start_deg, plan.target_deg, north))
+        return tuple(ways)
+
+    def _bounded(self, action: str, direction: Direction, rate: float, seconds: float) -> None:
+        """Judge where a move or pulse ends at the latest."""
+        here = self.position()
+        angle = rate * seconds
+        turn = {
+            Direction.EAST: (angle, 0.0),
+            Direction.WEST: (-angle, 0.0),
+            Direction.NORTH: (0.0, angle),
+            Direction.SOUTH: (0.0, -angle),
+        }[direction]
+        plan = self._plan(action, here, (here.ra_deg, here.dec_deg))
+        path = paths.turned(plan.start_deg, *turn)
+        plan = replace(plan, target_deg=radec_deg(path[-1]), paths=(path,))
+        self._require(preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES), confirmed=True)
+
+    def _true_rate(self, rate_deg_s: float) -> float:
+        """The rate the mount would really use, when its driver tells its rates."""
+        rates: tuple[float, ...] = getattr(self.mount, "rates_deg_s", ())
+        return min(rates, key=lambda r: abs(r - rate_deg_s)) if rates else rate_deg_s
+
+    def _able(self, ability: Ability) -> None:
+        reason = self.lacks.get(ability)
+        if reason is not None:
+            raise RefusedError(reason)
+
+    def _require(self, preview: Preview, confirmed: bool) -> None:
+        if preview.refusals:
+            self._refuse(preview.action, preview.refusals[0])
+        if preview.confirmations and not confirmed:
+            self._refuse(preview.action, preview.confirmations[0])
+
+    def _refuse(self, action: str, sentence: str) -> None:
+        self.log.add(action, "refused", sentence)
+        raise RefusedError(sentence)
+
+    def _send(
+        self, action: str, lasts_s: float, do: Callable[[], None], **detail: float | str
+    ) -> None:
+        """Send once. When it is not known what the mount made of it, stop; never repeat."""
+        self.log.add(action, "sent", detail=detail)
+        if lasts_s:
+            self._motion.begin(lasts_s)
+        try:
+            do()
+        except RefusedError as error:
+            if lasts_s:
+                self._motion.end()
+            self.log.add(action, "failed", str(error))
+            raise
+        except DeviceError as error:
+            self.log.add(action, "failed", str(error))
+            if lasts_s:
+                self.unfinished = True
+                self.stop()
+                self.unfinished = False
+            raise
+
+    def _sync(self, ra_deg: float, dec_deg: float) -> None:
+        self._send(
+            "sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg
+        )
+        here = self.position()
+        away = 3600.0 * apart_deg((here.ra_deg, here.dec_deg), (ra_deg, dec_deg))
+        if away > self.limits.read_back_arcsec:
+            sentence = (
+                f"The mount did not take the sync, it still points {away / 60.0:.1f} arcmin from "
+                "there: use an offset slew instead."
+            )
+            self.log.add("sync", "failed", sentence)
+            raise RefusedError(sentence)
+        self.log.add("sync", "done", detail={"read_back_arcsec": away})

@@ -1,0 +1,98 @@
+"""iOptron's RS-232 command language, version 3 (2016 and later mounts)."""
+
+import re
+from dataclasses import dataclass
+
+from app.core.mount import Direction, MountState, PierSide
+from app.mounts.conversation import ProtocolError
+
+MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
+SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
+TRACK_ON, TRACK_OFF = b":ST1#", b":ST0#"
+HALT_DEC, HALT_RA = b":qD#", b":qR#"
+PARTS_DEG = 360000.0  # 0.01 arcsec
+
+MODELS = {
+    "0025": "CEM25", "0026": "CEM26", "0027": "CEM26-EC", "0028": "GEM28", "0029": "GEM28-EC",
+    "0040": "CEM40", "0041": "CEM40-EC", "0043": "GEM45", "0044": "GEM45-EC", "0010": "Cube II",
+    "0033": "SmartEQ Pro+", "0035": "SkyGuider Pro", "0045": "iEQ45 Pro EQ",
+    "0046": "iEQ45 Pro AA", "0060": "CEM60", "0061": "CEM60-EC", "0070": "CEM70",
+    "0071": "CEM70-EC", "0120": "CEM120", "0121": "CEM120-EC", "0122": "CEM120-EC2",
+    "5010": "Cube II EQ", "5035": "AZ Mount Pro",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What ``:GEP#`` tells: degrees of date, and the side of the pier when it is sure."""
+
+    ra_deg: float
+    dec_deg: float
+    pier_side: PierSide | None
+
+
+def set_ra(ra_deg: float) -> bytes:
+    """``:SRA%09d#`` in 0.01 arcsec."""
+    return b":SRA%09d#" % (round(ra_deg % 360.0 * PARTS_DEG) % 129600000)
+
+
+def set_dec(dec_deg: float) -> bytes:
+    """``:Sds%08d#`` in 0.01 arcsec."""
+    parts = round(dec_deg * PARTS_DEG)
+    return b":Sd%s%08d#" % (b"-" if parts < 0 else b"+", abs(parts))
+
+
+def parse_model(reply: bytes) -> str:
+    """The maker's name of a mount, from four digits without ``#``."""
+    if not re.fullmatch(rb"\d{4}", reply):
+        raise ProtocolError(f"{reply!r} is no model of iOptron's.")
+    return MODELS.get(reply.decode(), f"model {reply.decode()}")
+
+
+def parse_position(reply: bytes) -> Place:
+    """``sDDDDDDDDRRRRRRRRRpc#``: Dec, RA, pier side (0 east, 1 west, 2 unsure), counterweight."""
+    found = re.fullmatch(rb"([+-]\d{8})(\d{9})([012])[01]#", reply)
+    if found is None:
+        raise ProtocolError(f"{reply!r} is no position.")
+    dec, ra = int(found[1]) / PARTS_DEG, int(found[2]) / PARTS_DEG
+    if abs(dec) > 90.0 or ra > 360.0:
+        raise ProtocolError(f"{reply!r} is no place on the sky.")
+    side = {b"0": PierSide.EAST, b"1": PierSide.WEST}.get(found[3])
+    return Place(ra % 360.0, dec, side)
+
+
+def parse_status(reply: bytes) -> MountState:
+    """``:GLS#``: sign, longitude 8, latitude 8, then six digits; the second is the status."""
+    if not re.fullmatch(rb"[+-]\d{22}#", reply):
+        raise ProtocolError(f"{reply!r} is no status.")
+    status = reply[18] - 0x30
+    if status > 7:
+        raise ProtocolError(f"{reply!r} tells an unknown status {status}.")
+    return MountState(
+        slewing=status in (2, 4),
+        parked=status == 6,
+        tracking=status in (1, 3, 5),
+    )
+
+
+def parse_one(reply: bytes) -> bool:
+    """The bare ``1`` (done) or ``0`` (refused)."""
+    if reply not in (b"0", b"1"):
+        raise ProtocolError(f"{reply!r} is neither 0 nor 1.")
+    return reply == b"1"
+
+
+def move_rate(step: int) -> bytes:
+    """Rate 1 to 9 for the four arrows."""
+    return b":SR%d#" % min(max(step, 1), 9)
+
+
+def move(direction: Direction) -> bytes:
+    """``:mn#`` and its like."""
+    return f":m{direction.value[0]}#".encode()
+
+
+def pulse(direction: Direction, milliseconds: int) -> bytes:
+    """``:ZS00500#``: S and Q are RA plus and minus, E and C Dec plus and minus."""
+    letter = {"north": b"E", "south": b"C", "east": b"S", "west": b"Q"}[direction.value]
+    return b":Z%s%05d#" % (letter, min(max(milliseconds, 0), 99999))
