@@ -9,6 +9,7 @@ from app.ui.palette import THEMES, Colours
 from app.ui.presenter import Presenter
 from app.ui.red_light import RedLight
 from app.ui.theme import apply_theme
+from app.ui.wardrobe import Wardrobe
 
 
 class Looks(QObject):
@@ -21,6 +22,7 @@ class Looks(QObject):
         self._window, self._settings = presenter.window, presenter.settings
         self._overlay = presenter.overlay
         self._actions = self._window.actions_by_name
+        self._wardrobe = Wardrobe(self._window)
         self._panes = self._window.workspace
         self._restore()
         self._panes.strip.changed.connect(self._stretched)
@@ -50,7 +52,8 @@ class Looks(QObject):
         size = text_size or self._settings.text("text_size", "normal")
         app = QApplication.instance()
         assert isinstance(app, QApplication)
-        colours = apply_theme(app, name, size)
+        colours, sheet = apply_theme(app, name, size)
+        self._wardrobe.wear(sheet)
         self._settings.keep("theme", name)
         self._settings.keep("text_size", size)
         if name != "night":
@@ -73,6 +76,11 @@ class Looks(QObject):
     def colours(self) -> Colours:
         """Those of the present theme."""
         return self._overlay.colours
+
+    @property
+    def settled(self) -> bool:
+        """Whether the whole window wears the present theme; it takes a few turns of the loop."""
+        return self._wardrobe.done
 
     def dress_fields(self, within: QWidget) -> None:
         """Make the carets of the fields in ``within`` red at night."""

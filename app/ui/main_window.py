@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QChildEvent, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QMainWindow, QStackedWidget
+from PySide6.QtWidgets import QMainWindow, QStackedWidget, QWidget
 
 from app.ui.actions import make_actions
 from app.ui.log_panel import LogPanel
@@ -20,11 +20,16 @@ class MainWindow(QMainWindow):
 
     files_dropped = Signal(object)  # list[Path]
     closing = Signal()
+    has_part = Signal(object)  # a QWidget that is about to be seen in the window
 
     def __init__(self, methods: list[str], detectors: list[str], samples: list[Sample]) -> None:
         super().__init__()
         self.setWindowTitle("Kochab")
         self.setAcceptDrops(True)
+        # The same in every theme, so that the window itself need not be dressed again.
+        self.setStyleSheet(
+            "QMainWindow::separator { background: transparent; width: 4px; height: 4px; }"
+        )
         self.resize(1360, 860)
         self.actions_by_name = make_actions(self)
         self.menus = Menus(self, self.actions_by_name)
@@ -46,6 +51,12 @@ class MainWindow(QMainWindow):
         """Leave the welcome page."""
         self.pages.setCurrentWidget(self.workspace)
         self.workspace.view.setFocus()
+
+    def childEvent(self, event: QChildEvent) -> None:
+        child = event.child() if event.polished() else None
+        if isinstance(child, QWidget):
+            self.has_part.emit(child)
+        super().childEvent(event)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         if _files(event):

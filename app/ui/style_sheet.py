@@ -7,7 +7,7 @@ which a red screen must not show.
 SHEET = """
 * { font-size: ${point}pt; color: $text; selection-background-color: $accent;
     selection-color: $on_accent; outline: 0; }
-QMainWindow, QDialog, QMessageBox, QFileDialog { background: $window; }
+QDialog, QMessageBox, QFileDialog { background: $window; }
 QWidget#page, QScrollArea, QScrollArea > QWidget > QWidget, QStackedWidget, QSplitter
     { background: $window; border: 0; }
 QLabel { background: transparent; }
@@ -149,5 +149,4 @@ QSplitter::handle:vertical { height: 1px; }
 QGroupBox { border: 1px solid $line; border-radius: 6px; margin-top: 0.9em; padding-top: 6px; }
 QGroupBox::title { subcontrol-origin: margin; left: 8px; padding: 0 4px; color: $muted; }
 QToolTip { background: $raised; color: $text; border: 1px solid $line; padding: 4px; }
-QMainWindow::separator { background: $line; width: 1px; height: 1px; }
 """

@@ -1,4 +1,4 @@
-"""Dresses the whole application in one theme: a style sheet, a palette, a text size."""
+"""One theme: palette and font for the application, a style sheet for the window's parts."""
 
 from string import Template
 
@@ -13,8 +13,11 @@ TEXT_SIZES = {"small": 0.9, "normal": 1.0, "large": 1.25, "huge": 1.6}
 BASE_POINT = 10.0
 
 
-def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> Colours:
-    """Dress ``app``; unknown names fall back to dark and normal. Returns the colours."""
+def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> tuple[Colours, str]:
+    """Dress ``app``; unknown names fall back to dark and normal.
+
+    Returns the colours, and the style sheet for :class:`app.ui.wardrobe.Wardrobe` to put on.
+    """
     colours = THEMES.get(name, THEMES["dark"])
     point = BASE_POINT * TEXT_SIZES.get(text_size, 1.0)
     if not app.property("dressed"):  # once: it costs as much as everything else here
@@ -29,8 +32,7 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> Colo
     names = {**colours.as_dict(), "point": f"{point:.1f}", "small": f"{point * 0.9:.1f}",
              "large": f"{point * 1.45:.1f}", "title": f"{point * 2.2:.1f}"}  # fmt: skip
     names["glyphs"] = write_glyphs(name, colours.text, colours.muted, colours.on_accent)
-    app.setStyleSheet(Template(SHEET).substitute(names))
-    return colours
+    return colours, Template(SHEET).substitute(names)
 
 
 def _palette(c: Colours) -> QPalette:

@@ -51,7 +51,14 @@ class Pulse:
             if late > LONG_S:
                 frame = sys._current_frames().get(self._main)
                 lines = traceback.extract_stack(frame)[-3:]
-                self.stacks.append((late, " < ".join(f"{Path(f.filename).name}:{f.lineno} {f.name}" for f in lines[::-1])))
+                self.stacks.append(
+                    (
+                        late,
+                        " < ".join(
+                            f"{Path(f.filename).name}:{f.lineno} {f.name}" for f in lines[::-1]
+                        ),
+                    )
+                )
 
     def report(self, what):
         gaps = sorted(self.gaps)

@@ -41,6 +41,7 @@ def night(qtbot, make_window, a_file, colour_frame):
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(a_file)
     commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
     yield window, commands
     commands.looks.use_theme("dark", "normal")
 
@@ -62,6 +63,7 @@ def test_every_pane_is_red(qtbot, night):
 def test_the_welcome_page_and_a_failure_are_red(qtbot, make_window, a_file):
     window, commands = make_window(FakeEngine(result=no_solution()))
     commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
     assert_red(window)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(a_file)

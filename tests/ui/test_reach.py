@@ -162,10 +162,11 @@ def test_help_boxes_open_and_close_by_key(qtbot, opened):
 
 
 @pytest.mark.parametrize("size", ["small", "huge"])
-def test_text_size_changes_everything(opened, size):
+def test_text_size_changes_everything(qtbot, opened, size):
     window, commands = opened
     before = window.status.doing.fontMetrics().height()
     commands.looks.use_theme(text_size=size)
+    qtbot.waitUntil(lambda: commands.looks.settled)
     after = window.status.doing.fontMetrics().height()
     assert (after < before) if size == "small" else (after > before * 1.3)
     commands.looks.use_theme(text_size="normal")
