@@ -29,6 +29,7 @@ IDENTIFIERS: dict[str, str] = {
     "triads": "app.identify.triads:Triads",
     "angles": "app.identify.angles:Angles",
     "spherical_triangles": "app.identify.spherical_triangles:SphericalTriangles",
+    "neighbours": "app.identify.neighbours:Neighbours",
 }
 
 
