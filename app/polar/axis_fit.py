@@ -1,0 +1,189 @@
+"""The best axis of two or more attitudes: weighted least squares, with its covariance.
+
+The model of attitude k is Rot(a, theta_k) R_0, with theta_0 = 0. Unknown are the axis a (two
+numbers), the turns (N - 1) and the reference attitude R_0 (three). The residual is the rotation
+vector from the measured to the modelled attitude in that camera's own axes, weighted with the
+inverse of its covariance, so that a poor roll counts little. Three equations a frame leave
+2 N - 4 degrees of freedom: none for two frames.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.polar.rotations import about, rotation, rotation_vector, tangents
+from app.polar.sighting import LocalAttitude
+from app.polar.two_frames import axis_of_two
+
+Floats = NDArray[np.float64]
+
+STEPS = 20
+SMALLEST_STEP_RAD = 1e-10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisFit:
+    """An axis and what it was fitted with.
+
+    ``axis`` (3,) in E, N, U points to the elevated pole's side. ``turns_rad`` (N,) are right-handed
+    about it, from the first frame. ``reference`` (3, 3) is the first attitude as fitted.
+    ``residuals`` (N, 3) rad about each camera's axes; ``weighted`` (N, 3) the same in sigmas.
+    ``covariance`` (2, 2) rad^2 is of the axis along (altitude, azimuth on the sky).
+    ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a.
+    """
+
+    axis: Floats
+    turns_rad: Floats
+    reference: Floats
+    residuals: Floats
+    weighted: Floats
+    covariance: Floats
+    camera_covariance: Floats
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared weighted residuals."""
+        return float(np.sum(np.square(self.weighted)))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom, 2 N - 4."""
+        return 2 * len(self.turns_rad) - 4
+
+    @property
+    def chance(self) -> float:
+        """Probability of so large a chi-square by noise alone; 1 without degrees of freedom."""
+        if self.freedom <= 0:
+            return 1.0
+        from scipy.stats import chi2
+
+        return float(chi2.sf(self.chi2, self.freedom))
+
+    @property
+    def turn_rad(self) -> float:
+        """The smallest arc that holds all turns."""
+        full = 2.0 * np.pi
+        around = np.sort(self.turns_rad % full)
+        gaps = np.diff(np.append(around, around[0] + full))
+        return float(full - gaps.max())
+
+    @property
+    def axis_in_camera(self) -> Floats:
+        """The axis (3,) in camera axes, which no turn about it changes."""
+        return np.asarray(self.reference.T @ self.axis)
+
+
+def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
+    """The axis that two or more attitudes turned about.
+
+    Parameters
+    ----------
+    attitudes
+        N >= 2 of them, of one sweep, in any order; the mount may have tracked between or not.
+    towards : (3,)
+        The elevated pole in E, N, U: decides which end of the axis is meant, and nothing else.
+
+    Returns
+    -------
+    AxisFit
+
+    Raises
+    ------
+    ValueError
+        Fewer than two attitudes, or no two of them differ.
+
+    """
+    if len(attitudes) < 2:
+        raise ValueError("An axis needs two attitudes or more.")
+    measured = np.stack([a.matrix for a in attitudes])
+    whiten = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in attitudes])
+    axis = _first_axis(measured, towards)
+    turns = np.array([_turn_about(axis, m @ measured[0].T) for m in measured])
+    reference = measured[0]
+    for _ in range(STEPS):
+        residual, jacobian = _linear(axis, turns, reference, measured, whiten)
+        step = np.asarray(
+            np.linalg.lstsq(jacobian, -residual.ravel(), rcond=None)[0], dtype=np.float64
+        )
+        axis, turns, reference = _moved(axis, turns, reference, step)
+        if np.abs(step).max() < SMALLEST_STEP_RAD:
+            break
+    return _conclude(axis, turns, reference, measured, whiten)
+
+
+def _first_axis(measured: Floats, towards: Floats) -> Floats:
+    """The axis of the pair that turned most, short of half a turn."""
+    best, most = np.full(3, np.nan), 0.0
+    for i in range(len(measured) - 1):
+        for j in range(i + 1, len(measured)):
+            axis, turn = axis_of_two(measured[i], measured[j])
+            if np.sin(turn / 2.0) > most:
+                best, most = axis, float(np.sin(turn / 2.0))
+    if most < 1e-9:
+        raise ValueError("The attitudes are all the same.")
+    return best if best @ towards > 0 else -best
+
+
+def _turn_about(axis: Floats, matrix: Floats) -> float:
+    """The turn about ``axis`` that comes nearest to a rotation (3, 3), in (-pi, pi]."""
+    skew = np.array(
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    )
+    return float(np.arctan2(axis @ skew, np.trace(matrix) - axis @ matrix @ axis))
+
+
+def _linear(
+    axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats
+) -> tuple[Floats, Floats]:
+    """Weighted residuals (N, 3) and their Jacobian (3 N, N + 4).
+
+    Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the
+    turns but the first.
+    """
+    count = len(turns)
+    residual, jacobian = np.zeros((count, 3)), np.zeros((count, 3, count + 4))
+    basis = np.stack([np.cross(axis, t) for t in tangents(axis)], axis=1)
+    for k in range(count):
+        turned = about(axis, turns[k])
+        model = turned @ reference
+        residual[k] = whiten[k] @ rotation_vector(measured[k].T @ model)
+        into_camera = whiten[k] @ model.T
+        jacobian[k, :, :2] = into_camera @ (basis - turned @ basis)
+        jacobian[k, :, 2:5] = into_camera @ turned
+        if k:
+            jacobian[k, :, 4 + k] = into_camera @ axis
+    return residual, jacobian.reshape(3 * count, count + 4)
+
+
+def _moved(
+    axis: Floats, turns: Floats, reference: Floats, step: Floats
+) -> tuple[Floats, Floats, Floats]:
+    upward, clockwise = tangents(axis)
+    moved = axis + step[0] * upward + step[1] * clockwise
+    turned = turns + np.concatenate([[0.0], step[5:]])
+    return moved / np.linalg.norm(moved), turned, rotation(step[2:5]) @ reference
+
+
+def _conclude(
+    axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats
+) -> AxisFit:
+    weighted, jacobian = _linear(axis, turns, reference, measured, whiten)
+    inverse: Floats = np.asarray(
+        np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64
+    )
+    upward, clockwise = tangents(axis)
+    # R_0^T a moves with the axis, and against the reference's own rotation.
+    seen = np.zeros((3, 5))
+    seen[:, 0], seen[:, 1] = reference.T @ upward, reference.T @ clockwise
+    seen[:, 2:5] = reference.T @ np.cross(axis, np.eye(3)).T
+    return AxisFit(
+        axis=axis,
+        turns_rad=turns,
+        reference=reference,
+        residuals=np.stack([np.linalg.solve(w, r) for w, r in zip(whiten, weighted, strict=True)]),
+        weighted=weighted,
+        covariance=inverse[:2, :2],
+        camera_covariance=seen @ inverse[:5, :5] @ seen.T,
+    )

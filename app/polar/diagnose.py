@@ -1,0 +1,125 @@
+"""What is wrong, or may be, with the frames an axis was measured from; one check a function."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from app.polar.axis_fit import AxisFit
+from app.polar.error import CHI2_95, PolarError
+from app.polar.findings import Finding, Kind
+from app.polar.movement import UNLIKELY, Movement
+from app.polar.rotations import ARCSEC, angle_between
+from app.polar.sighting import LocalAttitude
+
+SMALL_TURN_DEG = 15.0
+ALIKE_DEG = 2.0
+LOW_DEG = 15.0
+FAR_DEG = 10.0
+FLEXURE_ARCSEC = 30.0
+"""What a sweep cannot see of flexure, and what small mounts commonly have."""
+
+
+def findings_of(
+    sweeps: Sequence[Sequence[LocalAttitude]],
+    fits: Sequence[AxisFit],
+    errors: Sequence[PolarError],
+    movement: Movement | None,
+) -> list[Finding]:
+    """Everything worth saying of a measurement, most important first."""
+    attitudes = [attitude for sweep in sweeps for attitude in sweep]
+    return [
+        *_place_and_time(attitudes, errors[0]),
+        *_movement(fits, movement),
+        *_turn(fits, errors),
+        *_low(attitudes),
+        *_flexure(errors),
+    ]
+
+
+def _place_and_time(attitudes: Sequence[LocalAttitude], error: PolarError) -> Iterator[Finding]:
+    below = min(attitudes, key=lambda a: a.altitude_deg)
+    if below.altitude_deg < 0.0:
+        yield Finding(
+            Kind.SITE_OR_TIME,
+            f"{below.label or 'A frame'} would look {-below.altitude_deg:.0f} deg below the"
+            " horizon: the site, the time or the time zone is wrong.",
+        )
+    elif (off := error.total_arcsec / 3600.0) > FAR_DEG:
+        yield Finding(
+            Kind.FAR,
+            f"The axis is {off:.0f} deg from the pole: was it the RA axis that turned, and are"
+            " the site and the time right?",
+        )
+
+
+def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Finding]:
+    if movement is not None:
+        size = f"{abs(movement.angle_arcsec) / 60.0:.1f}'"
+        told = f"between {movement.before} and {movement.after}"
+        if movement.what == "declination":
+            yield Finding(
+                Kind.DEC_MOVED,
+                f"The declination axis moved by {size} {told}: lock it, and start again.",
+            )
+        else:
+            yield Finding(
+                Kind.CAMERA_TURNED,
+                f"The camera turned by {size} in its holder {told}: tighten it, and start again.",
+            )
+        return
+    for fit in fits:
+        if fit.chance < UNLIKELY:
+            worst = float(np.abs(fit.residuals[:, :2]).max()) / ARCSEC
+            yield Finding(
+                Kind.DISAGREE,
+                f'The frames do not share one axis ({worst:.0f}" apart, far beyond their errors):'
+                " something gave way or flexed, or the tripod was touched; start again.",
+            )
+            return
+
+
+def _turn(fits: Sequence[AxisFit], errors: Sequence[PolarError]) -> Iterator[Finding]:
+    turn = max(float(np.degrees(fit.turn_rad)) for fit in fits)
+    sigma = min(error.uncertainty_arcsec for error in errors)
+    if turn < ALIKE_DEG:
+        yield Finding(
+            Kind.ALIKE,
+            f"The frames are nearly alike: only {turn:.1f} deg of turn, so the axis is known to"
+            f' {sigma:.0f}" at best; turn at least 30 deg.',
+        )
+    elif turn < SMALL_TURN_DEG:
+        yield Finding(
+            Kind.SMALL_TURN,
+            f'Only {turn:.0f} deg of turn: the axis is known to {sigma:.0f}"; turn further.',
+        )
+
+
+def _low(attitudes: Sequence[LocalAttitude]) -> Iterator[Finding]:
+    lowest = min(attitudes, key=lambda a: a.altitude_deg)
+    if 0.0 <= lowest.altitude_deg < LOW_DEG:
+        yield Finding(
+            Kind.LOW,
+            f"{lowest.label or 'A frame'} is only {lowest.altitude_deg:.0f} deg high, where the"
+            " air bends light by minutes of arc and not always as computed; stay above"
+            f" {LOW_DEG:.0f} deg.",
+        )
+
+
+def _flexure(errors: Sequence[PolarError]) -> Iterator[Finding]:
+    if len(errors) == 1:
+        if errors[0].uncertainty_arcsec < FLEXURE_ARCSEC:
+            yield Finding(
+                Kind.UNSEEN_FLEXURE,
+                'One sweep cannot show flexure: do not trust this beyond 30" without a second'
+                " sweep at another declination.",
+            )
+        return
+    first, second = errors[0], errors[-1]
+    apart = angle_between(first.axis, second.axis) / ARCSEC
+    joint = PolarError(first.axis, first.pole, first.covariance + second.covariance)
+    if joint.distance2(second.axis) > CHI2_95:
+        yield Finding(
+            Kind.FLEXURE,
+            f'The sweeps disagree by {apart:.0f}", more than their errors: that much is flexure'
+            " or play, and the alignment cannot be trusted beyond it.",
+        )

@@ -1,0 +1,119 @@
+"""The live phase: exact without noise, tracking or not; honest with it; never fooled by its prior."""
+
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.polar.findings import Kind
+from app.polar.horizon import Air
+from app.polar.live import LivePhase
+from app.polar.measure import Settings, measure_local
+from app.polar.poles import Pole
+from app.polar.sighting import LocalAttitude
+from tests.polar.mounts import ARCSEC, WHEN, Mount
+
+VACUUM = Air(pressure_hpa=0.0)
+SIDEREAL_DEG_S = 15.041 / 3600.0
+
+
+def start(mount, rng=None, turns=(0, 30, 60, 90)):
+    settings = Settings(mount.site, Pole.TRUE, VACUUM)
+    return measure_local(mount.see(list(turns), rng), settings)
+
+
+def adjusted(mount, d_alt, d_az, last_turn, theta_deg, seconds, rng=None):
+    """The attitude after the bolts brought the axis to (d_alt, d_az): they turn the whole mount."""
+    begin = Mount(mount.latitude_deg, mount.d_alt, mount.d_az, mount.rho_deg, mount.roll_deg,
+                  mount.hour_deg + theta_deg, mount.sigma, mount.sigma_roll)  # fmt: skip
+    matrix = begin.attitude(last_turn)
+    azimuth = (0.0 if mount.latitude_deg >= 0 else np.pi) + mount.d_az * ARCSEC
+    level = np.array([np.cos(azimuth), -np.sin(azimuth), 0.0])
+    lift = Rotation.from_rotvec(level * (d_alt - mount.d_alt) * ARCSEC).as_matrix()
+    turn = Rotation.from_rotvec([0, 0, -(d_az - mount.d_az) * ARCSEC]).as_matrix()
+    matrix = turn @ lift @ matrix
+    sigma = np.array([mount.sigma, mount.sigma, mount.sigma_roll]) * ARCSEC
+    if rng is not None:
+        matrix = matrix @ Rotation.from_rotvec(rng.normal(0.0, sigma)).as_matrix()
+    when = WHEN + timedelta(seconds=180.0 + seconds)
+    return LocalAttitude(matrix, np.diag(sigma**2), when)
+
+
+def sky_turn(mount, seconds):
+    """How far tracking turns a mount about its elevated axis."""
+    return (-1.0 if mount.latitude_deg >= 0 else 1.0) * SIDEREAL_DEG_S * seconds
+
+
+@pytest.mark.parametrize("latitude", [-60.0, -20.0, 5.0, 48.0, 70.0, 84.0])
+@pytest.mark.parametrize("tracking", [True, False])
+def test_without_noise_the_bolts_are_followed_exactly(latitude, tracking):
+    mount = Mount(latitude, 1800.0, -2700.0)
+    live = LivePhase(start(mount))
+    for seconds, d_alt, d_az in [(10, 1800.0, -2700.0), (100, 300.0, -2700.0), (400, 5.0, 8.0)]:
+        theta = sky_turn(mount, seconds) if tracking else 0.0
+        seen = live.update_local(adjusted(mount, d_alt, d_az, 90, theta, seconds))
+        assert seen.error.altitude_arcsec == pytest.approx(d_alt, abs=0.05)
+        assert seen.error.azimuth_arcsec == pytest.approx(d_az, abs=0.5)
+        assert np.degrees(seen.theta_rad) * 3600 == pytest.approx(theta * 3600, abs=0.5)
+    assert seen.prior == ("tracking" if tracking else "standing")
+
+
+def test_a_free_turn_of_the_axis_is_absorbed_and_told():
+    mount = Mount(48.0, 1800.0, -2700.0)
+    live = LivePhase(start(mount))
+    seen = live.update_local(adjusted(mount, 600.0, -100.0, 90, 12.0, 60.0))
+    assert seen.prior == ""
+    assert seen.error.altitude_arcsec == pytest.approx(600.0, abs=0.01)
+    assert seen.error.azimuth_arcsec == pytest.approx(-100.0, abs=0.01)
+    assert [f.kind for f in seen.findings] == [Kind.SLIPPING]
+
+
+def test_a_large_move_asks_for_a_new_measurement():
+    mount = Mount(48.0, 0.0, 4 * 3600.0)
+    seen = LivePhase(start(mount)).update_local(adjusted(mount, 0.0, 600.0, 90, 0.0, 60.0))
+    assert Kind.REMEASURE in {f.kind for f in seen.findings}
+    assert seen.moved_deg == pytest.approx(3.833 * np.cos(np.radians(48.0)), abs=0.01)
+
+
+def test_stop_is_said_when_the_error_is_below_its_uncertainty():
+    mount = Mount(48.0, 900.0, 900.0)
+    live = LivePhase(start(mount, np.random.default_rng(1)))
+    near = live.update_local(adjusted(mount, 2.0, 2.0, 90, 0.0, 300.0))
+    assert Kind.DONE in {f.kind for f in near.findings}
+    far = live.update_local(adjusted(mount, 200.0, 2.0, 90, 0.0, 300.0))
+    assert Kind.DONE not in {f.kind for f in far.findings}
+
+
+def scatter(mount, runs, tracked, seed, seconds=300.0):
+    rng = np.random.default_rng(seed)
+    gaps, inside, free = [], 0, []
+    for _ in range(runs):
+        live = LivePhase(start(mount, rng))
+        theta = sky_turn(mount, seconds) * tracked
+        seen = live.update_local(adjusted(mount, 40.0, -60.0, 90, theta, seconds, rng))
+        truth = Mount(mount.latitude_deg, 40.0, -60.0).axis
+        inside += seen.error.distance2(truth) < 2.2957
+        gaps.append(np.linalg.norm(seen.error.axis - truth) / ARCSEC)
+        free.append(seen.prior == "")
+    return np.sqrt(np.mean(np.square(gaps))), inside / runs, np.mean(free)
+
+
+@pytest.mark.parametrize("tracked", [1.0, 0.0])
+def test_with_noise_the_ellipse_holds_and_the_prior_helps(tracked):
+    """A narrow field's roll of 200 arcsec would spoil the axis by as much without the prior."""
+    mount = Mount(48.0, 900.0, -900.0, sigma_roll=200.0, rho_deg=80.0)
+    rms, inside, free = scatter(mount, 100, tracked, 7, 600.0)
+    assert free < 0.02
+    assert 0.7 < inside < 0.95  # 20 arcsec is allowed to the clock, and it is exact here
+    # without the prior: the roll alone throws the axis by 200 arcsec x sin(rho)
+    assert rms < 80.0
+
+
+def test_a_clock_that_is_wrong_is_not_believed():
+    """Half the sidereal rate - neither tracking nor standing - and a good roll: the prior goes."""
+    mount = Mount(48.0, 900.0, -900.0)
+    rms, inside, free = scatter(mount, 150, 0.5, 9)
+    assert free == 1.0
+    assert 0.6 < inside < 0.77
+    assert rms < 40.0

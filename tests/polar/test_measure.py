@@ -1,0 +1,178 @@
+"""A measurement as its callers get it: the error's sign and size, and everything worth saying."""
+
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from app.polar.findings import Kind
+from app.polar.horizon import Air
+from app.polar.measure import Measurement, NoAxis, Settings, measure_local
+from app.polar.poles import Pole
+from app.polar.slip import slipping
+from tests.polar.mounts import ARCSEC, Mount
+
+VACUUM = Air(pressure_hpa=0.0)
+
+
+def measured(mount, turns, seed=1, pole=Pole.TRUE, **seeing):
+    settings = Settings(mount.site, pole, VACUUM)
+    return measure_local(mount.see(turns, np.random.default_rng(seed), **seeing), settings)
+
+
+def kinds(measurement):
+    return {finding.kind for finding in measurement.findings}
+
+
+@pytest.mark.parametrize("latitude", [-60.0, -20.0, 0.5, 40.0, 70.0])
+@pytest.mark.parametrize(("d_alt", "d_az"), [(900.0, 0.0), (0.0, 3600.0), (-1500.0, -700.0)])
+def test_signs_hold_in_both_hemispheres(latitude, d_alt, d_az):
+    found = measured(Mount(latitude, d_alt, d_az), [0, 30, 60, 90])
+    assert isinstance(found, Measurement)
+    assert found.error.altitude_arcsec == pytest.approx(d_alt, abs=25)
+    az_sigma = found.error.sigma_azimuth_arcsec
+    assert found.error.azimuth_arcsec == pytest.approx(d_az, abs=max(25, 4 * az_sigma))
+    assert found.turn_deg == pytest.approx(90.0, abs=0.1)
+    assert found.rho_deg == pytest.approx(60.0, abs=0.1)
+
+
+def test_tracking_between_the_frames_changes_nothing():
+    still = measured(Mount(40.0, 600.0, 400.0), [0, 30, 60])
+    tracked = measured(Mount(40.0, 600.0, 400.0), [0, 30.25, 60.5])
+    assert tracked.error.altitude_arcsec == pytest.approx(still.error.altitude_arcsec, abs=1.0)
+    assert tracked.error.azimuth_arcsec == pytest.approx(still.error.azimuth_arcsec, abs=1.0)
+
+
+def test_a_good_sweep_says_only_that_flexure_is_unseen():
+    found = measured(Mount(40.0, 600.0, 400.0), [0, 20, 40, 60])
+    assert kinds(found) == {Kind.UNSEEN_FLEXURE}
+
+
+def test_too_few_or_too_alike_frames_are_refused_with_advice():
+    one = measured(Mount(), [0])
+    assert isinstance(one, NoAxis)
+    assert "two frames" in one.reason
+    alike = measured(Mount(), [0, 0.1, 0.2])
+    assert isinstance(alike, NoAxis)
+    assert "too alike" in alike.reason
+    assert "30 deg" in alike.advice
+
+
+def test_a_small_turn_is_told_with_what_it_is_worth():
+    assert Kind.ALIKE in kinds(measured(Mount(), [0, 1.5]))
+    small = measured(Mount(), [0, 10])
+    assert Kind.SMALL_TURN in kinds(small)
+    assert Kind.UNSEEN_FLEXURE not in kinds(small)  # too poor to matter
+
+
+def test_a_low_frame_and_one_below_the_horizon():
+    low = measured(Mount(40.0, rho_deg=70.0, hour_deg=70.0), [0, 10, 20])
+    assert Kind.LOW in kinds(low)
+    below = measured(Mount(40.0, rho_deg=90.0, hour_deg=60.0), [0, 20, 60])
+    assert Kind.SITE_OR_TIME in kinds(below)
+
+
+def test_an_axis_far_from_the_pole_is_doubted():
+    mount = Mount(40.0, 0.0, 0.0)
+    wrong = Settings(Mount(15.0).site, Pole.TRUE, VACUUM)
+    found = measure_local(mount.see([0, 30, 60]), wrong)
+    assert Kind.FAR in kinds(found)
+
+
+def dec_moved(mount, arcmin):
+    """A turn about the declination axis, which is across boresight and polar axis."""
+    matrix = mount.attitude(0.0)
+    across = np.cross([0, 0, 1.0], matrix.T @ mount.axis)
+    across /= np.linalg.norm(across)
+    return Rotation.from_rotvec(across * arcmin * 60.0 * ARCSEC).as_matrix()
+
+
+@pytest.mark.parametrize("after", [1, 2, 3])
+def test_a_declination_axis_that_moved_is_named_with_place_and_size(after):
+    mount = Mount(40.0, 600.0, 400.0)
+    found = measured(mount, [0, 20, 40, 60], after=(after, dec_moved(mount, 6.0)))
+    assert Kind.DEC_MOVED in kinds(found)
+    assert found.movement.after == f"frame {after + 1}"
+    assert abs(found.movement.angle_arcsec) == pytest.approx(360.0, abs=90)
+    assert "lock it" in next(f.text for f in found.findings if f.kind is Kind.DEC_MOVED)
+
+
+def test_a_camera_that_turned_in_its_holder_is_named():
+    mount = Mount(40.0, 600.0, 400.0)
+    turn = Rotation.from_euler("z", 0.5, degrees=True).as_matrix()
+    found = measured(mount, [0, 20, 40, 60], after=(2, turn))
+    assert Kind.CAMERA_TURNED in kinds(found)
+    assert abs(found.movement.angle_arcsec) == pytest.approx(1800.0, rel=0.1)
+
+
+def test_frames_that_nothing_explains_widen_the_ellipse():
+    mount = Mount(40.0, 600.0, 400.0)
+    rng = np.random.default_rng(3)
+    mount.sigma = 60.0
+    shaken = mount.see([0, 15, 30, 45, 60, 75], rng)
+    claimed = [type(a)(a.matrix, a.covariance / 900.0, a.time_utc, a.label) for a in shaken]
+    found = measure_local(claimed, Settings(mount.site, Pole.TRUE, VACUUM))
+    assert Kind.DISAGREE in kinds(found)
+    assert found.error.covariance[0, 0] > 20 * found.fit.covariance[0, 0]
+
+
+def test_a_second_sweep_shows_flexure_or_frees_from_the_doubt():
+    mount = Mount(40.0, 600.0, 400.0, hour_deg=-45.0)
+    other = Mount(40.0, 600.0, 400.0, rho_deg=30.0, hour_deg=-45.0)
+    bent = Mount(40.0, 600.0, 500.0, rho_deg=30.0, hour_deg=-45.0)
+    settings = Settings(mount.site, Pole.TRUE, VACUUM)
+    rng = np.random.default_rng(8)
+    first = mount.see([0, 30, 60, 90], rng)
+    both = measure_local(first + other.see([0, 30, 60, 90], rng, sweep=1), settings)
+    assert kinds(both) == set()
+    assert len(both.repeats) == 2
+    assert both.error.uncertainty_arcsec < both.repeats[0].uncertainty_arcsec
+    assert both.error.total_arcsec == pytest.approx(both.repeats[0].total_arcsec, abs=20)
+    flexed = measure_local(first + bent.see([0, 30, 60, 90], rng, sweep=1), settings)
+    assert Kind.FLEXURE in kinds(flexed)
+    assert flexed.error.uncertainty_arcsec > 3 * both.error.uncertainty_arcsec
+
+
+def test_a_slipping_clutch_is_the_gap_between_asked_and_done():
+    assert slipping(30.0, 29.0) is None
+    assert slipping(-30.0, 30.4) is None
+    found = slipping(30.0, 21.0)
+    assert found.kind is Kind.SLIPPING
+    assert "30 deg" in found.text
+    assert "21 deg" in found.text
+    assert slipping(20.0, 35.0) is not None
+
+
+def test_systematics_have_the_expected_size():
+    """A clock 60 s wrong with the mount 48' off: 13 arcsec; a latitude wrong: as much, nearly."""
+    from app.core.attitude import Attitude
+    from app.polar.horizon import Horizon
+    from app.polar.measure import measure
+    from app.polar.rotations import best_rotation
+    from app.polar.sighting import Sighting
+
+    mount = Mount(40.0, 0.0, 48.0 * 60.0 / np.cos(np.radians(40.0)))
+
+    def sighting(turn, k):
+        """The ICRS attitude whose field the horizon's own transform puts where the mount looks."""
+        when = mount.see([0])[0].time_utc + timedelta(seconds=60 * k)
+        stars = Rotation.random(400, rng=np.random.default_rng(4)).apply([0, 0, 1.0])
+        seen = Horizon(mount.site, when, VACUUM).observed(stars)
+        near = seen @ mount.attitude(turn)[:, 2] > 0.95
+        matrix = best_rotation(stars[near], seen[near] @ mount.attitude(turn))
+        return Sighting(Attitude(matrix, np.eye(3) * (2 * ARCSEC) ** 2), when, (0.2, 0.2))
+
+    sightings = [sighting(t, k) for k, t in enumerate([0, 30, 60])]
+    settings = Settings(mount.site, Pole.TRUE, VACUUM)
+    right = measure(sightings, settings)
+    assert right.error.azimuth_on_sky_arcsec == pytest.approx(48 * 60.0, abs=1.0)
+    late = [
+        Sighting(s.attitude, s.time_utc + timedelta(seconds=60), s.field_deg) for s in sightings
+    ]
+    wrong = measure(late, settings)
+    from app.polar.rotations import angle_between
+
+    assert angle_between(wrong.error.axis, right.error.axis) / ARCSEC == pytest.approx(
+        12.6, abs=1.0
+    )
