@@ -49,7 +49,7 @@ class Wardrobe(QObject):
         """What is dressed separately."""
         window, pages = self._window, self._window.pages
         direct = Qt.FindChildOption.FindDirectChildrenOnly
-        inside = [pages.widget(i) for i in range(pages.count())]
+        inside = [page for i in range(pages.count()) if (page := pages.widget(i)) is not None]
         return inside + [w for w in window.findChildren(QWidget, options=direct) if w is not pages]
 
     def _next(self) -> None:
