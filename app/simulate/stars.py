@@ -90,6 +90,17 @@ def render(
     rng = np.random.default_rng(seed)
     light = np.zeros((height, width), dtype=np.float32)
     add_stars(light, np.asarray(xy, dtype=np.float64), np.asarray(flux_e, dtype=np.float64), image)
+    return expose(light, sky, sensor, rng)
+
+
+def expose(
+    light: Image, sky: Sky, sensor: Sensor, rng: np.random.Generator, noise: Image | None = None
+) -> Frame:
+    """The uint16 frame of ``light`` (H, W) in electrons, which is used up.
+
+    ``noise``, at least H x W numbers of a normal distribution, saves making new ones.
+    """
+    height, width = light.shape
     out = np.empty((height, width), dtype=np.uint16)
     x = np.linspace(-0.5, 0.5, width, dtype=np.float32) * np.float32(sky.gradient_e[0])
     y = np.linspace(-0.5, 0.5, height, dtype=np.float32) * np.float32(sky.gradient_e[1])
@@ -100,7 +111,8 @@ def render(
         np.maximum(band, 0.0, out=band)
         if light_filter is not None:
             band *= np.resize(light_filter, band.shape)
-        out[top : top + BAND] = _read_out(band, sensor, rng)
+        ready = None if noise is None else noise.ravel()[top * width :][: band.size]
+        out[top : top + BAND] = _read_out(band, sensor, rng, ready)
     _add_hot_pixels(out, sky, sensor, rng)
     _add_rays(out, sky, sensor, rng)
     return Frame(out, bayer=sensor.bayer, saturation=sensor.saturation)
@@ -163,8 +175,18 @@ def _filters(sensor: Sensor, width: int) -> Image | None:
     return np.tile(cell, (1, width // 2 + 1))[:, :width]
 
 
-def _read_out(light: Image, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
-    """Electrons to units, with noise, rounding and clipping."""
+def _read_out(
+    light: Image, sensor: Sensor, rng: np.random.Generator, ready: Image | None = None
+) -> NDArray[np.uint16]:
+    """Electrons to units, with noise (normal when it is ``ready`` made), rounding and clipping."""
+    if ready is not None:
+        read = np.sqrt(light + np.float32(sensor.read_noise_e**2))
+        read *= ready.reshape(light.shape)
+        read += light
+        read *= np.float32(1.0 / sensor.gain_e)
+        read += np.float32(sensor.bias + 0.5)
+        np.clip(read, 0.0, sensor.saturation, out=read)
+        return np.asarray(read, dtype=np.uint16)
     faint = light.size and float(light.min()) < 1000.0
     noise = rng.standard_normal(light.shape, dtype=np.float32)
     if faint and light.size <= 4_000_000 and float(light.min()) < 30.0:
@@ -172,7 +194,7 @@ def _read_out(light: Image, sensor: Sensor, rng: np.random.Generator) -> NDArray
     else:
         read = light + noise * np.sqrt(light + np.float32(sensor.read_noise_e**2))
     units = read / np.float32(sensor.gain_e) + np.float32(sensor.bias + 0.5)
-    return np.clip(units, 0.0, sensor.saturation).astype(np.uint16)
+    return np.asarray(np.clip(units, 0.0, sensor.saturation), dtype=np.uint16)
 
 
 def _add_hot_pixels(

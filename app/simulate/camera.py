@@ -1,0 +1,146 @@
+"""The simulated camera: what it is, and frames of wherever the mount really points."""
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.camera import Camera
+from app.core.frame import Frame
+from app.core.hint import Hint, Site
+from app.simulate.exposure import Look, Paths, StarPaths
+from app.simulate.light import Light, Sensitivity, background, starlight
+from app.simulate.local_sky import Air
+from app.simulate.sky_glow import Glow
+from app.simulate.stars import Image, Sensor, Sky, StarImage, add_stars, expose
+from app.simulate.weather import Weather
+from app.sky.catalogue import Catalogue
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConfig:
+    """A camera on a telescope; the default is a 1.2 MP guide camera with a field of 2.4 deg.
+
+    Distortion as in :mod:`app.core.camera`. ``zero_point_e_s``: electrons a second of a star of
+    V = 0 above the air. Noise is normal, which photons behind reading noise are nearly; ``cheap``
+    takes it from a pool that is made once, for 30 frames a second.
+    ``tell_scale`` puts the pixel scale into each frame's hint.
+    """
+
+    width: int = 1280
+    height: int = 960
+    fov_deg: float = 2.4
+    mirrored: bool = False
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    fwhm_px: float = 2.6
+    beta: float | None = None
+    zero_point_e_s: float = 2e7
+    faintest: float = 13.0
+    sensor: Sensor = field(default_factory=lambda: Sensor(1.0, 5.0, 100.0))
+    hot_per_mp: float = 20.0
+    hot_e_s: tuple[float, float] = (20.0, 3000.0)
+    rays_per_minute: float = 1.0
+    cheap: bool = False
+    tell_scale: bool = True
+    name: str = "simulated camera"
+
+    def optics(self) -> Camera:
+        """The same as the :class:`~app.core.camera.Camera` that a solver should find."""
+        focal = self.width / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0)
+        return Camera(
+            self.width, self.height, float(focal),
+            (self.width - 1) / 2.0, (self.height - 1) / 2.0,
+            self.k1, self.k2, self.p1, self.p2, self.mirrored,
+        )  # fmt: skip
+
+    @property
+    def sensitivity(self) -> Sensitivity:
+        """What the light becomes in electrons."""
+        return Sensitivity(self.zero_point_e_s, self.optics().scale_arcsec_px)
+
+
+class SkyCamera:
+    """Takes frames; the same seed and the same exposures give the same pixels."""
+
+    def __init__(
+        self, config: CameraConfig, catalogue: Catalogue, site: Site,
+        air: Air | None = None, glow: Glow | None = None, weather: Weather | None = None,
+        seed: int = 0,
+    ) -> None:  # fmt: skip
+        self.config = config
+        self.optics = config.optics()
+        self.site = site
+        self.glow = glow or Glow()
+        self.weather = weather
+        self._stars = StarPaths(catalogue, site, air)
+        self._rng = np.random.default_rng([seed, 11])
+        self._hot = _hot_pixels(config, np.random.default_rng([seed, 12]))
+        self._pool: Image | None = None
+
+    def paths(self, look: Look, start: float, exposure_s: float) -> Paths:
+        """The stars of an exposure and where each goes over the sensor."""
+        return self._stars.over(self.optics, look, start, exposure_s, self.config.faintest)
+
+    def light(self, paths: Paths, look: Look) -> Light:
+        """The light of stars and sky in an exposure."""
+        return Light(paths, look, self.optics, self.config.sensitivity, self.glow, self.weather)
+
+    def frame(self, look: Look, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
+        """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""
+        paths = self.paths(look, start, exposure_s)
+        light = self.light(paths, look)
+        electrons = background(light)
+        self._draw(electrons, paths, starlight(light))
+        electrons.ravel()[self._hot[0]] += (self._hot[1] * exposure_s).astype(np.float32)
+        taken = expose(
+            electrons, Sky(0.0, rays=self._rays(exposure_s)), self._sensor(gain_e), self._rng,
+            self._noise(electrons.size),
+        )  # fmt: skip
+        return replace(taken, hint=self.hint(start, exposure_s))
+
+    def hint(self, start: float, exposure_s: float) -> Hint:
+        """What a header would say of an exposure."""
+        scale = self.optics.scale_arcsec_px
+        return Hint(
+            scale_arcsec_px=(0.97 * scale, 1.03 * scale) if self.config.tell_scale else None,
+            time_utc=datetime.fromtimestamp(start + exposure_s / 2.0, UTC),
+            exposure_s=exposure_s, site=self.site, camera=self.config.name,
+            source="the simulated camera",
+        )  # fmt: skip
+
+    def _draw(self, electrons: Image, paths: Paths, flux: Floats) -> None:
+        image = StarImage(self.config.fwhm_px, self.config.beta)
+        cores = paths.cores(0.4 * image.fwhm_px)
+        places = cores.reshape(-1, 2)
+        shares = np.tile(flux / len(cores), len(cores))
+        seen = np.isfinite(places).all(axis=1) & (shares > 0.0)
+        add_stars(electrons, places[seen], shares[seen], image)
+
+    def _noise(self, size: int) -> Image:
+        if not self.config.cheap:
+            return self._rng.standard_normal(size, dtype=np.float32)
+        if self._pool is None or len(self._pool) < size:
+            self._pool = self._rng.standard_normal(size + (1 << 18), dtype=np.float32)
+        first = int(self._rng.integers(0, len(self._pool) - size + 1))
+        return self._pool[first : first + size]
+
+    def _rays(self, exposure_s: float) -> int:
+        return int(self._rng.poisson(self.config.rays_per_minute * exposure_s / 60.0))
+
+    def _sensor(self, gain_e: float) -> Sensor:
+        return replace(self.config.sensor, gain_e=gain_e) if gain_e else self.config.sensor
+
+
+def _hot_pixels(config: CameraConfig, rng: np.random.Generator) -> tuple[NDArray[np.intp], Floats]:
+    """Places (M,) in the flat frame that are always hot, and their electrons a second."""
+    size = config.width * config.height
+    count = round(config.hot_per_mp * size / 1e6)
+    places = rng.choice(size, count, replace=False).astype(np.intp)
+    low, high = np.log(config.hot_e_s)
+    return places, np.exp(rng.uniform(low, high, count))
