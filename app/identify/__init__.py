@@ -30,6 +30,7 @@ IDENTIFIERS: dict[str, str] = {
     "angles": "app.identify.angles:Angles",
     "spherical_triangles": "app.identify.spherical_triangles:SphericalTriangles",
     "neighbours": "app.identify.neighbours:Neighbours",
+    "predict": "app.identify.predict:Predict",
 }
 
 
