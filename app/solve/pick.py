@@ -13,8 +13,10 @@ def known(registry: Mapping[str, str], name: str, kind: str) -> None:
         raise UsageError(f"There is no {kind} '{name}'; choose one of {', '.join(registry)}.")
 
 
-def pick(registry: Mapping[str, str], name: str, kind: str) -> Any:
-    """An instance of what ``registry`` holds under ``name``.
+def pick(
+    registry: Mapping[str, str], name: str, kind: str, options: Mapping[str, Any] | None = None
+) -> Any:
+    """An instance, made with ``options``, of what ``registry`` holds under ``name``.
 
     Raises
     ------
@@ -24,4 +26,4 @@ def pick(registry: Mapping[str, str], name: str, kind: str) -> Any:
     """
     known(registry, name, kind)
     module, _, attribute = registry[name].partition(":")
-    return getattr(import_module(module), attribute)()
+    return getattr(import_module(module), attribute)(**(options or {}))

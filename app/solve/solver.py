@@ -125,7 +125,7 @@ def _solve(
     attempts = _attempts(options) if len(detections) >= FEWEST_TO_TRY else ()
     try:
         for hint in attempts:
-            found = yield from _identify(detections, options.method, hint, year, clock)
+            found = yield from _identify(detections, options, hint, year, clock)
             if isinstance(found, Identification):
                 yield Progress("attitude", 0.8)
                 return _finished(detections, found, year, options, clock, frame)
@@ -183,13 +183,17 @@ def _attempts(options: SolveOptions) -> Iterator[Hint | None]:
 
 
 def _identify(
-    detections: Detections, method: str, hint: Hint | None, year: float, clock: Stopwatch
+    detections: Detections,
+    options: SolveOptions,
+    hint: Hint | None,
+    year: float,
+    clock: Stopwatch,
 ) -> Task[Identification | NoSolution]:
     from app.identify import IDENTIFIERS
 
     yield Progress("identify", 0.3, "with a hint" if hint else "blind")
     with clock.stage("identify"):
-        identifier = pick(IDENTIFIERS, method, "method")
+        identifier = pick(IDENTIFIERS, options.method, "method", options.method_options)
         task: Task[Identification | NoSolution] = identifier.identify(detections, hint, year)
         return (yield from clock.watch(task))
 
