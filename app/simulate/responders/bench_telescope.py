@@ -20,6 +20,8 @@ GUIDE_DEG_S = 0.5 * SIDEREAL_DEG_S
 class BenchTelescope:
     """Keeps two axes, hour angle and declination, and moves them at ``slew_deg_s`` (0: at once).
 
+    It begins at home, where the first reads 90 and the second the pole.
+
     ``log`` holds every order that came, in order. ``now`` is the clock, seconds since 1970.
     """
 
@@ -35,7 +37,7 @@ class BenchTelescope:
         self.log: list[tuple[object, ...]] = []
         self._slew_deg_s = slew_deg_s
         self._lock = threading.RLock()
-        self._axes = [0.0, 90.0]
+        self._axes = [90.0, 90.0 if latitude_deg >= 0 else -90.0]  # home, weights down
         self._offset = [0.0, 0.0]  # believed minus encoder
         self._rates = [0.0, 0.0]  # beside tracking
         self._targets: list[float | None] = [None, None]
@@ -75,6 +77,8 @@ class BenchTelescope:
     def believed_deg(self) -> tuple[float, float]:
         """RA and Dec of date."""
         hour_angle, dec = (a + b for a, b in zip(self.axes_deg(), self._offset, strict=True))
+        if abs(dec) > 90.0:  # through the pole
+            hour_angle, dec = hour_angle + 180.0, math.copysign(180.0, dec) - dec
         return (self.sidereal_deg() - hour_angle) % 360.0, dec
 
     def altitude_deg(self, ra_deg: float, dec_deg: float) -> float:

@@ -32,11 +32,18 @@ class LocalSettings:
         """Its idea of the clock on the wall."""
         return self.utc() + timedelta(hours=self.utc_offset_h)
 
-    def set_local(self, **parts: int) -> bool:
-        """Replace year, month, day, hour, minute or second; False when there is no such time."""
+    def set_local(
+        self, year: int | None = None, month: int | None = None, day: int | None = None,
+        hour: int | None = None, minute: int | None = None, second: int | None = None,
+    ) -> bool:  # fmt: skip
+        """Replace parts of the clock; False when there is no such time."""
+        at = self.local()
+        parts = (at.year, at.month, at.day, at.hour, at.minute, at.second)
+        told = (year, month, day, hour, minute, second)
+        wanted = [p if t is None else t for p, t in zip(parts, told, strict=True)]
+        year, month, day, hour, minute, second = wanted
         try:
-            wanted = self.local().replace(microsecond=0, **parts)
-            self.clock_error += wanted - self.local()
-        except (ValueError, OverflowError):
+            self.clock_error += datetime(year, month, day, hour, minute, second, tzinfo=UTC) - at
+        except ValueError:
             return False
         return True

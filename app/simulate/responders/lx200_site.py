@@ -15,7 +15,7 @@ class SiteAndTime:
         self._mark, self._decimals = mark, decimals
         self._getters = {
             b"Gt": self._latitude, b"Gg": self._longitude, b"GG": self._zone,
-            b"GL": self._time, b"GC": self._date, b"GS": self._sidereal, b"Gc": lambda: b"24",
+            b"GL": self._time, b"GC": self._date, b"GS": self._sidereal, b"Gc": self._clock,
         }  # fmt: skip
         self._setters = {
             b"St": self._set_latitude, b"Sg": self._set_longitude, b"SG": self._set_zone,
@@ -47,6 +47,9 @@ class SiteAndTime:
 
     def _date(self) -> bytes:
         return self.settings.local().strftime("%m/%d/%y").encode()
+
+    def _clock(self) -> bytes:
+        return b"24"
 
     def _sidereal(self) -> bytes:
         return hours(self.settings.telescope.sidereal_deg(), True, self._decimals)

@@ -4,20 +4,22 @@ from collections.abc import Callable
 
 from app.core.mount import Direction, PierSide
 from app.simulate.responders.base import SIDEREAL_DEG_S, Controller
+from app.simulate.responders.horizontal import horizontal_deg
 from app.simulate.responders.local import LocalSettings
 from app.simulate.responders.nexstar_words import read_pair, written_pair
 from app.simulate.telescope import Telescope
 
 LENGTHS = {
     b"K": 2, b"T": 2, b"W": 9, b"H": 9, b"P": 8, b"r": 18, b"s": 18, b"R": 10, b"S": 10,
-} | {bytes([c]): 1 for c in b"VvmeEtJLMwhp"}  # fmt: skip
+} | {bytes([c]): 1 for c in b"VvmeEzZtJLMwhp"}  # fmt: skip
 RATES_DEG_S = (
     0.0, *(k * SIDEREAL_DEG_S for k in (0.5, 1.0, 4.0, 8.0, 16.0, 64.0)), 0.5, 2.0, 4.0,
 )  # fmt: skip
 RA_MOTOR, DEC_MOTOR = 16, 17
+FASTER, SLOWER, MOVE_UP, MOVE_DOWN = 6, 7, 36, 37  # the first two in quarters of an arcsec/s
 MOVES = {
-    (RA_MOTOR, 36): Direction.WEST, (RA_MOTOR, 37): Direction.EAST,
-    (DEC_MOTOR, 36): Direction.NORTH, (DEC_MOTOR, 37): Direction.SOUTH,
+    (RA_MOTOR, MOVE_UP): Direction.WEST, (RA_MOTOR, MOVE_DOWN): Direction.EAST,
+    (DEC_MOTOR, MOVE_UP): Direction.NORTH, (DEC_MOTOR, MOVE_DOWN): Direction.SOUTH,
 }  # fmt: skip
 GUIDE = 0x26
 GUIDE_PERCENT = 50.0  # of sidereal: what a telescope's own pulse is
@@ -40,6 +42,8 @@ class NexStar(Controller):
             b"m": lambda _: bytes([self.model]) + b"#",
             b"e": lambda _: self.position(8),
             b"E": lambda _: self.position(4),
+            b"z": lambda _: self.horizontal(8),
+            b"Z": lambda _: self.horizontal(4),
             b"r": lambda text: self.goto(text, 8),
             b"R": lambda text: self.goto(text, 4),
             b"s": lambda text: self.sync(text, 8),
@@ -75,6 +79,11 @@ class NexStar(Controller):
     def position(self, digits: int) -> bytes:
         """RA and Dec as it believes."""
         return written_pair(*self.telescope.believed_deg(), digits)
+
+    def horizontal(self, digits: int) -> bytes:
+        """Azimuth and altitude as it believes."""
+        altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
+        return written_pair(azimuth, altitude, digits)
 
     def goto(self, text: bytes, digits: int) -> bytes:
         """Always ``#``: what it will not do it does not say."""
@@ -165,6 +174,10 @@ class NexStar(Controller):
         if (device, order) in MOVES and values and values[0] < len(RATES_DEG_S):
             self.turn(device, order, values[0])
             return b""
+        if order in (FASTER, SLOWER) and len(values) == 2:
+            rate = (values[0] * 256 + values[1]) / 4.0 / 3600.0
+            self.move(device, order == FASTER, rate)
+            return b""
         if order == GUIDE and len(values) == 2:
             self.guide(device, values[0], values[1])
             return b""
@@ -172,15 +185,19 @@ class NexStar(Controller):
         return known.get(order)
 
     def turn(self, device: int, order: int, rate: int) -> None:
-        """A fixed rate; 0 ends both ways, whichever was asked."""
-        if rate:
-            self.telescope.move(MOVES[device, order], RATES_DEG_S[rate])
+        """A fixed rate, 0 to 9."""
+        self.move(device, order == MOVE_UP, RATES_DEG_S[rate])
+
+    def move(self, device: int, up: bool, rate_deg_s: float) -> None:
+        """On top of tracking; 0 ends both ways, whichever was asked."""
+        if rate_deg_s:
+            self.telescope.move(MOVES[device, MOVE_UP if up else MOVE_DOWN], rate_deg_s)
         else:
-            self.telescope.halt(MOVES[device, 36])
-            self.telescope.halt(MOVES[device, 37])
+            self.telescope.halt(MOVES[device, MOVE_UP])
+            self.telescope.halt(MOVES[device, MOVE_DOWN])
 
     def guide(self, device: int, percent: int, centiseconds: int) -> None:
         """A pulse at ``percent`` of the sidereal rate, a signed byte."""
         signed = percent - 256 if percent > 127 else percent
-        direction = MOVES[device, 36 if signed >= 0 else 37]
+        direction = MOVES[device, MOVE_UP if signed >= 0 else MOVE_DOWN]
         self.telescope.pulse(direction, centiseconds * 10.0 * abs(signed) / GUIDE_PERCENT)
