@@ -66,11 +66,8 @@ class SkyWatcher(Controller):
         start = line.rfind(b":")
         if start < 0:
             return b""
-        order, channel, data = (
-            line[start + 1 : start + 2],
-            line[start + 2 : start + 3],
-            line[start + 3 :],
-        )
+        order, channel = line[start + 1 : start + 2], line[start + 2 : start + 3]
+        data = line[start + 3 :]
         if channel not in (b"1", b"2", b"3"):
             return LENGTH if not channel else CHARACTER
         motors = self.motors if channel == b"3" else (self.motors[int(channel) - 1],)
@@ -96,11 +93,7 @@ class SkyWatcher(Controller):
             motor.initialised = True
         elif order in (b"K", b"L"):
             motor.stop()
-        elif (
-            order in (b"E", b"G", b"H", b"S")
-            and motor.running()
-            and not self._may_change(order, motor, data)
-        ):
+        elif order in (b"E", b"G", b"H", b"S") and self._must_wait(order, motor, data):
             return NOT_STOPPED
         elif order == b"E":
             motor.set_steps(number(data))
