@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from app.core.detections import Detections
 from app.core.frame import Frame
+from app.detect.cluster_means import FixedMean, FloatMean
 from app.detect.flat import Flat, described, nothing, without_background
 
 Floats = NDArray[np.float64]
@@ -29,6 +30,9 @@ class ClusterDetector:
     star of the most "pixels" for the brightest, the alternative is "flux". At most ``max_stars``
     are returned, from the 200,000 brightest pixels.
 
+    ``arithmetic`` is "float", or "fixed" for the 32-bit integers of the thesis' chapter 3, which
+    need a frame of at most 512 px and raise FixedPointOverflowError when they run out of bits.
+
     Of several centres in reach the nearest counts, which the paper leaves open. The weights of
     the centroids are brightnesses above the median; the paper's frames had a black sky.
     """
@@ -39,16 +43,23 @@ class ClusterDetector:
     least_pixels: int = 10
     rank: Literal["pixels", "flux"] = "pixels"
     max_stars: int = 6000
+    arithmetic: Literal["float", "fixed"] = "float"
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, in falling order of ``rank``."""
         flat = without_background(frame)
         if flat is None:
             return nothing(frame)
-        sums = _clusters(*_bright(flat, self._above(flat)), self.tau_px)
-        sums = sums[sums[:, 3] >= self.least_pixels]
-        light, pixels = sums[:, 2], sums[:, 3]
-        xy = sums[:, :2] / light[:, None]
+        x, y, lights = _bright(flat, self._above(flat))
+        middle = (np.array([frame.width, frame.height]) - 1.0) / 2.0
+        mean = FixedMean if self.arithmetic == "fixed" else FloatMean
+        clusters = _clusters(x - middle[0], y - middle[1], lights, self.tau_px, mean)
+        stars = [c for c in clusters if c.pixels >= self.least_pixels]
+        light, pixels = (
+            np.array([getattr(c, what) for c in stars], dtype=np.float64)
+            for what in ("light", "pixels")
+        )
+        xy = np.array([c.place for c in stars], dtype=np.float64).reshape(-1, 2) + middle
         rank = pixels if self.rank == "pixels" else light
         return described(flat, xy, light, pixels, self.max_stars, rank)
 
@@ -70,39 +81,36 @@ def _bright(flat: Flat, threshold: float) -> tuple[Floats, Floats, Floats]:
     return x.astype(np.float64), y.astype(np.float64), light.astype(np.float64)
 
 
-def _clusters(xs: Floats, ys: Floats, lights: Floats, tau: float) -> Floats:
-    """Sums (K, 4) of x light, y light, light and pixels of the clusters, oldest first.
+def _clusters(
+    xs: Floats, ys: Floats, lights: Floats, tau: float, mean: type[FloatMean] | type[FixedMean]
+) -> list[FloatMean | FixedMean]:
+    """The clusters of pixels, oldest first.
 
     Centres are kept in cells of ``tau`` px, so that a pixel looks only at those around it.
     """
-    cells: dict[tuple[int, int], list[int]] = {}
-    sums: list[list[float]] = []
-    places: list[tuple[float, float]] = []
+    cells: dict[tuple[int, int], list[FloatMean | FixedMean]] = {}
+    clusters: list[FloatMean | FixedMean] = []
     reach2 = tau * tau
     for x, y, light in zip(xs.tolist(), ys.tolist(), lights.tolist(), strict=True):
-        column, row = int(x / tau), int(y / tau)
-        best, chosen = reach2, -1
+        column, row = int(x // tau), int(y // tau)
+        best, chosen = reach2, None
         for i in (column - 1, column, column + 1):
             for j in (row - 1, row, row + 1):
-                for k in cells.get((i, j), ()):
-                    away = (places[k][0] - x) ** 2 + (places[k][1] - y) ** 2
+                for one in cells.get((i, j), ()):
+                    at_x, at_y = one.place
+                    away = (at_x - x) ** 2 + (at_y - y) ** 2
                     if away <= best:
-                        best, chosen = away, k
-        if chosen < 0:
-            cells.setdefault((column, row), []).append(len(sums))
-            sums.append([x * light, y * light, light, 1.0])
-            places.append((x, y))
+                        best, chosen = away, one
+        if chosen is None:
+            clusters.append(mean(x, y, light))
+            cells.setdefault((column, row), []).append(clusters[-1])
             continue
-        one, (old_x, old_y) = sums[chosen], places[chosen]
-        one[0] += x * light
-        one[1] += y * light
-        one[2] += light
-        one[3] += 1.0
-        new_x, new_y = one[0] / one[2], one[1] / one[2]
-        places[chosen] = new_x, new_y
-        before = (int(old_x / tau), int(old_y / tau))
-        after = (int(new_x / tau), int(new_y / tau))
+        old_x, old_y = chosen.place
+        chosen.add(x, y, light)
+        new_x, new_y = chosen.place
+        before = (int(old_x // tau), int(old_y // tau))
+        after = (int(new_x // tau), int(new_y // tau))
         if before != after:
             cells[before].remove(chosen)
             cells.setdefault(after, []).append(chosen)
-    return np.array(sums, dtype=np.float64).reshape(-1, 4)
+    return clusters

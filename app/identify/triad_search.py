@@ -1,12 +1,12 @@
-"""Triads of catalogue stars for every three detections: separations, then the two angle tests."""
+"""Three detections against catalogue stars that are as far apart, before any other test."""
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.attitude import roll_at
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.progress import Progress, Task
@@ -14,18 +14,27 @@ from app.identify.pairs import Pairs
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-UP = np.array([0.0, -1.0, 0.0])  # the camera's up, the pole of bearings in the frame
-POLE = np.array([0.0, 0.0, 1.0])
+Numbers = NDArray[Any]
+"""Angles in the numbers of some arithmetic: radians as floats, or fixed-point integers."""
+SLACK_RAD = 2e-5  # the first look at a third side is a little generous
+TOGETHER = 4_000_000  # catalogue triads that are looked at in one go
 
 
 @dataclass(frozen=True, slots=True)
-class Tests:
-    """Tolerances, radians, of separations, rotation angles and enclosed angles."""
+class Unit:
+    """How angles are counted: ``per_rad`` to the radian, and cut off to integers when ``whole``."""
 
-    separation: float
-    rotation: float
-    enclosed: float
+    per_rad: float = 1.0
+    whole: bool = False
+
+    def of(self, radians: Floats) -> Numbers:
+        """Radians in this unit."""
+        scaled = radians * self.per_rad
+        return np.trunc(scaled).astype(np.int64) if self.whole else scaled
+
+    def radians(self, numbers: Numbers) -> Floats:
+        """Back again, to the last bit."""
+        return np.asarray(numbers / self.per_rad, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,128 +42,123 @@ class Sight:
     """The n brightest detections of one parity.
 
     ``body`` (n, 3) unit vectors in camera axes; ``plane`` (n, 2) px from the centre, y up, x
-    reversed when mirrored; ``separation`` (n, n) radians.
+    reversed when mirrored; ``size_px`` (2,) of the frame, ``size_rad`` (2,) on the sky, pixels
+    times the scale; ``flat`` whether separations follow the latter, by equation 2.4, instead of
+    the directions.
     """
 
     body: Floats
     plane: Floats
-    separation: Floats
+    size_px: Ints
+    size_rad: Floats
+    flat: bool
 
     @classmethod
     def of(
         cls, detections: Detections, stars: int, focal_px: float, mirrored: bool,
         field_deg: tuple[float, float] | None,
     ) -> "Sight":  # fmt: skip
-        """The brightest ``stars``; separations by equation 2.4 when the field's size is given."""
+        """The brightest ``stars``; ``field_deg`` is the frame's size when it is given."""
         xy = detections.xy[:stars]
         size = np.array([detections.width, detections.height])
         sign = -1.0 if mirrored else 1.0
         plane = (xy - (size - 1) / 2.0) * np.array([sign, -1.0])
         camera = Camera.centred(detections.width, detections.height, focal_px, mirrored)
-        body = camera.unproject(xy)
-        if field_deg is None:
-            gap = np.linalg.norm(body[:, None] - body[None], axis=2)
-            return cls(body, plane, 2.0 * np.arcsin(np.minimum(gap / 2.0, 1.0)))
-        step = (plane[:, None] - plane[None]) * np.radians(field_deg) / size
-        return cls(body, plane, np.arccos(np.clip(np.cos(step).prod(axis=2), -1.0, 1.0)))
+        across = size / focal_px if field_deg is None else np.radians(field_deg)
+        return cls(camera.unproject(xy), plane, size, across, field_deg is not None)
+
+    @property
+    def separation(self) -> Floats:
+        """All separations (n, n), radians."""
+        if not self.flat:
+            gap = np.linalg.norm(self.body[:, None] - self.body[None], axis=2)
+            return np.asarray(2.0 * np.arcsin(np.minimum(gap / 2.0, 1.0)))
+        step = (self.plane[:, None] - self.plane[None]) * self.size_rad / self.size_px
+        return np.asarray(np.arccos(np.clip(np.cos(step).prod(axis=2), -1.0, 1.0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Triads that passed: ``detection`` and ``star`` (K, 3), mean ``rotation`` (K,) radians."""
+    """Triads: ``detection`` and ``star`` (K, 3), mean ``rotation`` (K,) radians, when known."""
 
     detection: Ints
     star: Ints
     rotation: Floats
 
 
-def find_triads(
-    sight: Sight, pairs: Pairs, tests: Tests, planar: bool, begun: float
-) -> Task[tuple[Found, int]]:
-    """All triads that pass both tests, and how many pairs of catalogue stars were looked at."""
-    n = len(sight.body)
-    lists: dict[tuple[int, int], tuple[Ints, Ints, Ints]] = {}
-    looked = 0
-    for i, j in combinations(range(n), 2):
-        angle = sight.separation[i, j]
-        start, stop = pairs.between(angle - tests.separation, angle + tests.separation)
-        a, b = pairs.first[int(start) : int(stop)], pairs.second[int(start) : int(stop)]
+def separated(
+    pairs: Pairs, separation: Numbers, tolerance_rad: float, unit: Unit
+) -> Task[tuple[Ints, Ints, int]]:
+    """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree.
+
+    ``separation`` (n, n) is in ``unit``. The third result counts the catalogue pairs looked at.
+    """
+    n = len(separation)
+    tolerance = unit.of(np.array(tolerance_rad))
+    lists, looked = _lists(pairs, separation, tolerance, unit.of(pairs.angle))
+    rough = pairs.vectors.astype(np.float32)  # half the memory to gather from
+    seen, stars = [np.zeros((0, 3), dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)]
+    for k, corners in enumerate(combinations(range(n), 3)):
+        if k % 20 == 0:
+            yield Progress("identify", 0.8 * k / (n * (n - 1) * (n - 2) / 6), "triads")
+        turns = (corners, corners[1:] + corners[:1], corners[2:] + corners[:2])
+        v, a, b = min(turns, key=lambda t: len(lists[t[:2]].one) * len(lists[t[0], t[2]].one))
+        side = separation[a, b]
+        found = _third_sides(pairs, rough, lists[v, a], lists[v, b], side, tolerance, unit)
+        stars.append(found)
+        seen.append(np.repeat(np.array([[v, a, b]]), len(found), axis=0))
+    detection, star = np.concatenate(seen), np.concatenate(stars)
+    order = np.argsort(detection, axis=1)
+    rows = np.arange(len(order))[:, None]
+    return detection[rows, order], star[rows, order], looked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _List:
+    """Pairs of stars for two detections, both ways round: ``first`` (N + 1,) entry of each star."""
+
+    one: Ints
+    other: Ints
+    first: Ints
+
+
+def _lists(
+    pairs: Pairs, separation: Numbers, tolerance: Numbers, angle: Numbers
+) -> tuple[dict[tuple[int, int], _List], int]:
+    """For each two detections the pairs, both ways round: one star, other, first of a star."""
+    lists, looked = {}, 0
+    for i, j in combinations(range(len(separation)), 2):
+        start = np.searchsorted(angle, separation[i, j] - tolerance, "left")
+        stop = np.searchsorted(angle, separation[i, j] + tolerance, "right")
+        a, b = pairs.first[start:stop], pairs.second[start:stop]
         looked += len(a)
         one, other = np.concatenate([a, b]).astype(np.int64), np.concatenate([b, a])
         order = np.argsort(one, kind="stable")
-        first = np.searchsorted(one[order], np.arange(pairs.stars + 1))
-        lists[i, j] = one[order], other[order].astype(np.int64), first
-    detection, star, rotation = [], [], []
-    for k, (i, j, m) in enumerate(combinations(range(n), 3)):
-        if k % 10 == 0:
-            yield Progress("identify", begun + 0.5 * k / (n * (n - 1) * (n - 2) / 6), "triads")
-        one, two, _ = lists[i, j]
-        _, reached, first = lists[i, m]
-        which, at = pairs.spread(first[one], first[one + 1])
-        tri = np.stack([one[which], two[which], reached[at]], axis=1)
-        v = pairs.vectors
-        gap = np.linalg.norm(v[tri[:, 1]] - v[tri[:, 2]], axis=1)
-        far = 2.0 * np.arcsin(np.minimum(gap / 2.0, 1.0))
-        tri = tri[np.abs(far - sight.separation[j, m]) <= tests.separation]
-        seen = np.array([i, j, m])
-        turn = _rotations(sight, seen, v[tri], planar)
-        passed = np.abs(_wrapped(turn[:, 0] - turn[:, 1])) <= tests.rotation
-        passed &= _enclosed_agree(sight, seen, v[tri], tests.enclosed)
-        mean = turn[:, 1] + _wrapped(turn[:, 0] - turn[:, 1]) / 2.0
-        if not planar and passed.any():
-            mean[passed] = [_roll(sight.body[seen], v[t]) for t in tri[passed]]
-        detection.append(np.repeat(seen[None], int(passed.sum()), axis=0))
-        star.append(tri[passed])
-        rotation.append(mean[passed])
-    return Found(np.concatenate(detection), np.concatenate(star), np.concatenate(rotation)), looked
+        first = np.concatenate([[0], np.cumsum(np.bincount(one, minlength=pairs.stars))])
+        lists[i, j] = lists[j, i] = _List(one[order], other[order].astype(np.int64), first)
+    return lists, looked
 
 
-def _rotations(sight: Sight, seen: Ints, sky: Floats, planar: bool) -> Floats:
-    """Angles (K, 2), counterclockwise, from image to sky of the first star's two vectors."""
-    out = []
-    for end in (1, 2):
-        if planar:
-            dx, dy = sight.plane[seen[end]] - sight.plane[seen[0]]
-            ra = np.arctan2(sky[..., 1], sky[..., 0])
-            dec = np.arcsin(np.clip(sky[..., 2], -1.0, 1.0))
-            east = _wrapped(ra[:, end] - ra[:, 0])
-            out.append(np.arctan2(dec[:, end] - dec[:, 0], -east) - np.arctan2(dy, dx))
-        else:
-            body = sight.body[seen]
-            image = _bearing(body[0], body[end], UP)
-            out.append(_bearing(sky[:, 0], sky[:, end], POLE) - image)
-    return np.stack(out, axis=1)
-
-
-def _bearing(start: Floats, end: Floats, pole: Floats) -> Floats:
-    """Position angle of ``end`` at ``start`` (..., 3), radians, from the pole by the left."""
-    left = np.cross(pole, start)
-    up = np.cross(start, left)
-    return np.asarray(np.arctan2((end * left).sum(-1), (end * up).sum(-1)))
-
-
-def _roll(body: Floats, sky: Floats) -> float:
-    """Rotation at the frame's centre, radians, of one triad (3, 3) seen and (3, 3) real."""
-    u, _, vt = np.linalg.svd(body.T @ sky)
-    matrix = (u * np.array([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)])) @ vt
-    return float(np.radians(roll_at(matrix, matrix[2])))
-
-
-def _enclosed_agree(sight: Sight, seen: Ints, sky: Floats, tolerance: float) -> Bools:
-    """Whether all three inner angles (equations 2.5 to 2.7) agree, (K,)."""
-    ends = ((1, 2), (2, 0), (0, 1))
-    sides = np.stack([np.linalg.norm(sky[:, a] - sky[:, b], axis=1) for a, b in ends], axis=1)
-    real = _inner(2.0 * np.arcsin(np.minimum(sides / 2.0, 1.0)))
-    image = _inner(np.array([[sight.separation[seen[a], seen[b]] for a, b in ends]]))
-    return np.asarray((np.abs(real - image) <= tolerance).all(axis=1))
-
-
-def _inner(sides: Floats) -> Floats:
-    """Inner angles (K, 3) of spherical triangles with sides (K, 3) opposite to them."""
-    a, b, c = sides, np.roll(sides, -1, axis=1), np.roll(sides, -2, axis=1)
-    below = np.maximum(np.sin(b) * np.sin(c), 1e-15)
-    return np.asarray(np.arccos(np.clip((np.cos(a) - np.cos(b) * np.cos(c)) / below, -1.0, 1.0)))
-
-
-def _wrapped(angle: Floats) -> Floats:
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+def _third_sides(
+    pairs: Pairs, rough: NDArray[np.float32], one: _List, other: _List, side: Numbers,
+    tolerance: Numbers, unit: Unit,
+) -> Ints:  # fmt: skip
+    """Stars (K, 3) of two lists with the same first star whose ends are ``side`` apart."""
+    start, middle, first = one.one, one.other, other.first
+    slack = SLACK_RAD + 2.0 * unit.whole / unit.per_rad
+    low = np.cos(np.maximum(unit.radians(side - tolerance) - slack, 0.0)) + 2e-7
+    high = np.cos(np.minimum(unit.radians(side + tolerance) + slack, np.pi)) - 2e-7
+    count = first[start + 1] - first[start]
+    cuts = np.searchsorted(np.cumsum(count), np.arange(TOGETHER, int(count.sum()), TOGETHER))
+    found = []
+    for part in np.split(np.arange(len(start)), cuts):
+        which, at = pairs.spread(first[start[part]], first[start[part] + 1])
+        which = part[which]
+        ends = middle[which], other.other[at]
+        cosine = np.einsum("ij,ij->i", rough[ends[0]], rough[ends[1]])
+        near = (cosine <= low) & (cosine >= high)
+        triad = np.stack([start[which[near]], ends[0][near], ends[1][near]], axis=1)
+        gap = np.linalg.norm(pairs.vectors[triad[:, 1]] - pairs.vectors[triad[:, 2]], axis=1)
+        far = unit.of(2.0 * np.arcsin(np.minimum(gap / 2.0, 1.0)))
+        found.append(triad[np.abs(far - side) <= tolerance])
+    return np.concatenate(found)

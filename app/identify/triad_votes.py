@@ -19,16 +19,21 @@ def grouped(triads: Found, tolerance: float) -> list[Ints]:
     One after the other, as in the thesis; each joins the group with the nearest mean.
     """
     total = np.zeros(0, dtype=np.complex128)
+    mean = np.zeros((0, 2))  # the groups' mean directions
+    least = float(np.cos(tolerance))
     groups: list[list[int]] = []
     for number, turn in enumerate(np.exp(1j * triads.rotation).tolist()):
-        off = np.abs(np.angle(total / turn))
-        nearest = int(off.argmin()) if len(off) else 0
-        if len(off) and off[nearest] <= tolerance:
-            total[nearest] += turn
+        near = mean @ (turn.real, turn.imag)
+        nearest = int(near.argmax()) if len(near) else 0
+        if len(near) and near[nearest] >= least:
             groups[nearest].append(number)
         else:
-            total = np.append(total, turn)
+            nearest = len(groups)
             groups.append([number])
+            total, mean = np.append(total, 0.0), np.append(mean, [[0.0, 0.0]], axis=0)
+        total[nearest] += turn
+        one = total[nearest] / max(abs(total[nearest]), 1e-12)
+        mean[nearest] = one.real, one.imag
     return [np.array(g) for g in sorted(groups, key=len, reverse=True)]
 
 

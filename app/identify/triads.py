@@ -3,8 +3,9 @@
 The thesis "Attitude from stellar images", chapter 2.3: angular separations of the brightest
 detections, lists of catalogue pairs, triads, the rotation-angle test (2.3.4.1), the enclosed-angle
 test (2.3.4.2), grouping by mean rotation, votes with a `vote number`, multiple stars merged and the
-final check of separations (2.3.4.3). The rooms: :mod:`app.identify.triad_search` finds triads,
-:mod:`app.identify.triad_votes` groups and names.
+final check of separations (2.3.4.3). The rooms: :mod:`app.identify.triad_search` finds triads that
+agree in separations, :mod:`app.identify.triad_tests` and :mod:`app.identify.triad_fixed` test them
+in floating and in fixed point, :mod:`app.identify.triad_votes` groups and names.
 """
 
 from dataclasses import dataclass
@@ -14,14 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.core.detections import Detections
+from app.core.fixed_point import FixedPointOverflowError
 from app.core.hint import Hint
-from app.core.options import integer, number, pair, switch
+from app.core.options import choice, integer, number, pair, switch
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
+from app.identify import triad_fixed, triad_tests
 from app.identify.confirm import Names, confirm
-from app.identify.pairs import catalogue_pairs
+from app.identify.pairs import Pairs, catalogue_pairs
 from app.identify.refusals import known_focal, no_scale, not_agreed, table_deg, too_few
-from app.identify.triad_search import Sight, Tests, find_triads
+from app.identify.triad_search import Sight, Unit, separated
+from app.identify.triad_tests import Tests
 from app.identify.triad_votes import agreeing, grouped, named
 
 Floats = NDArray[np.float64]
@@ -39,7 +43,7 @@ class Triads:
     hand.
     """
 
-    paper: ClassVar[str] = "Attitude from stellar images, chapter 2"
+    paper: ClassVar[str] = "Attitude from stellar images, chapters 2 and 3"
 
     stars: int = integer(12, "stars", 3, 15, "brightest detections used")
     separation_deg: float = number(0.15, "deg", 0.001, 1.0, "tolerance of a separation")
@@ -58,6 +62,12 @@ class Triads:
         None, "deg", 0.1, 40.0, "width and height of the frame", "by the hint's scale"
     )
     planar: bool = switch(False, "rotations in plane coordinates, as the thesis has them")
+    arithmetic: str = choice(
+        "float", ("float", "fixed"), "fixed: 32-bit integers and look-up tables, chapter 3"
+    )
+    scales: int = integer(
+        15, "scales", 1, 101, "scales tried within the hint's range (the thesis knows its own: 1)"
+    )
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
@@ -74,28 +84,69 @@ class Triads:
         pairs = catalogue_pairs(
             table_deg(detections, focal), mag_limit=self.mag_limit, year=year
         ).within_declinations(*self.dec_deg)
+        most = 0
+        for step, scale in enumerate(self._scales(detections, focal, hint)):
+            try:
+                found, named_ = yield from self._at_scale(
+                    detections, pairs, focal * scale, year, 2 * step + 2
+                )
+            except FixedPointOverflowError as error:
+                return not_agreed(detections, f"fixed-point arithmetic: {error}")
+            if found is not None:
+                return found
+            most = max(most, named_)
+        return not_agreed(detections, f"{most} stars got names, too few to be sure")
+
+    def _at_scale(
+        self, detections: Detections, pairs: Pairs, focal: float, year: float, parities: int
+    ) -> Task[tuple[Identification | None, int]]:
+        """The answer with one focal length, px, and how many stars got names.
+
+        ``parities`` counts the ways in which the same pairs were looked at up to here.
+        """
         tests = Tests(*np.radians([self.separation_deg, self.rotation_deg, self.enclosed_deg]))
         reach = max(np.radians(self.separation_deg) * focal, 3.0)
         merge = self.merge_px * self._widest_pixel(detections, focal)
-        tried = most = 0
-        for step, mirrored in enumerate((False, True)):
+        fixed = self.arithmetic == "fixed"
+        sight = Sight.of(detections, self.stars, focal, False, self.field_deg)
+        separation = triad_fixed.separations(sight) if fixed else sight.separation
+        unit = triad_fixed.DEGREES if fixed else Unit()
+        seen, stars, looked = yield from separated(pairs, separation, tests.separation, unit)
+        most = 0
+        for mirrored in (False, True):
             sight = Sight.of(detections, self.stars, focal, mirrored, self.field_deg)
-            triads, looked = yield from find_triads(sight, pairs, tests, self.planar, step / 2.0)
-            tried += looked
+            if fixed:
+                triads = triad_fixed.passed(sight, seen, stars, pairs, tests)
+            else:
+                triads = triad_tests.passed(sight, seen, stars, pairs, tests, self.planar)
             groups = grouped(triads, np.radians(self.group_deg))
             for group in groups:
                 if len(group) < len(groups[0]):
                     break  # only the groups with the most triads are considered
                 votes = named(triads, group, len(sight.body), pairs, self.vote_number, merge)
-                stars = agreeing(*votes, sight.separation, pairs, tests.separation)
-                kept = np.flatnonzero(stars >= 0)
+                taken = agreeing(*votes, unit.radians(separation), pairs, tests.separation)
+                kept = np.flatnonzero(taken >= 0)
                 most = max(most, len(kept))
-                rows, vectors = pairs.rows[stars[kept]], pairs.vectors[stars[kept]]
-                names = Names(kept, rows, vectors, 2 * tried, mirrored)
+                rows, vectors = pairs.rows[taken[kept]], pairs.vectors[taken[kept]]
+                names = Names(kept, rows, vectors, parities * looked, mirrored)
                 found = confirm(detections, names, focal, reach, year, "triads")
                 if found is not None:
-                    return found
-        return not_agreed(detections, f"{most} stars got names, too few to be sure")
+                    return found, most
+        return None, most
+
+    def _scales(self, detections: Detections, focal: float, hint: Hint | None) -> list[float]:
+        """Factors of the focal length to try, those near one first.
+
+        The thesis knows its camera. A hint is a range: the tolerance of separations absorbs an
+        error of the scale of ``separation_deg`` over the field, and the next factor is twice that.
+        """
+        if self.field_deg is not None or hint is None or hint.scale_arcsec_px is None:
+            return [1.0]
+        low, high = hint.scale_arcsec_px
+        step = 2.0 * self.separation_deg / table_deg(detections, focal)
+        rungs = min(int(np.ceil(np.log(high / low) / 2.0 / np.log1p(step) - 0.1)), self.scales // 2)
+        ladder = sorted(range(-rungs, rungs + 1), key=abs)
+        return [float((1.0 + step) ** k) for k in ladder]
 
     def _widest_pixel(self, detections: Detections, focal_px: float) -> float:
         """The larger side of a pixel on the sky, radians."""
