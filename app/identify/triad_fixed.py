@@ -117,8 +117,8 @@ def passed(sight: Sight, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests) ->
 def direction(step: Ints) -> Ints:
     """Directions (T,) of vectors (T, 2), both in one format: 10.6 degrees from x, [0, 360)."""
     size = np.abs(step)
-    shift = max(0, int(size.max(initial=0)).bit_length() - 31 + COSINE.fraction // 2)
-    size = size >> shift  # the squares' sum must fit the wide word, the dividend too
+    bits = np.frexp(size.max(axis=1, keepdims=True).astype(np.float64))[1]
+    size = size >> np.maximum(bits - 30, 0)  # the squares' sum must fit the wide word
     length = square_root((size * size).sum(axis=1))
     cosine = (size[:, 0] << COSINE.fraction) // np.maximum(length, 1)
     turn = turn_table()[np.minimum(cosine, 1 << COSINE.fraction)]
