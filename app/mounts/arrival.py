@@ -4,7 +4,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from app.core.errors import NoAnswerError
+from app.core.errors import NoAnswerError, RefusedError
 from app.core.mount import Pointing
 from app.core.progress import Progress, Task
 from app.mounts.sky_frame import apart_deg
@@ -20,6 +20,7 @@ def arrival(
     guard: "Guard", target_deg: tuple[float, float], wait: Callable[[float], None]
 ) -> Task[Pointing]:
     """Yield the distance left until the mount says that it no longer slews."""
+    stops = guard.stops
     end = monotonic() + guard.limits.slew_timeout_s
     first = left = None
     misses = 0
@@ -28,6 +29,8 @@ def arrival(
         done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
         yield Progress("slewing", done, detail)
         wait(POLL_S)
+        if guard.stops != stops:
+            raise RefusedError("The slew was stopped.")
         if monotonic() > end:
             limit = guard.limits.slew_timeout_s
             raise NoAnswerError(f"The slew did not end within {limit:g} s and was stopped.")

@@ -11,7 +11,7 @@ from contextlib import suppress
 from threading import Lock, RLock
 from typing import TypeVar
 
-from app.core.errors import NoAnswerError
+from app.core.errors import NoAnswerError, RefusedError
 from app.mounts.link import Link
 
 T = TypeVar("T")
@@ -32,22 +32,49 @@ class Conversation:
         self._order = Lock()  # held for single writes only: who was sent first
         self._owed: deque[Reader] = deque()  # answers to what was urged
         self._doubtful = False
+        self.stops = 0  # how often everything was stopped: what began before must not begin now
 
-    def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T]) -> T:
-        """Send ``command``, read its answer and understand it."""
+    def ask(
+        self,
+        command: bytes,
+        read: Reader,
+        parse: Callable[[bytes], T],
+        since: int | None = None,
+    ) -> T:
+        """Send ``command``, read its answer and understand it.
+
+        A command that begins a motion gives ``since``, the count of :attr:`stops` when it was
+        decided: a Stop in between wins, and `RefusedError` is raised instead.
+        """
         with self._exchange:
-            self._send(command)
+            self._send(command, since)
             try:
                 return parse(read(self.link))
+            except ProtocolError as error:
+                self._doubtful = True
+                raise ProtocolError(
+                    f"The device on {self.link.port} answered something else: {error}"
+                ) from error
             except NoAnswerError:
                 self._doubtful = True
                 raise
 
-    def tell(self, *commands: bytes) -> None:
-        """Send what is not answered."""
+    def query(self, command: bytes, read: Reader, parse: Callable[[bytes], T], tries: int = 2) -> T:
+        """:meth:`ask` for what changes nothing: repeated when the answer makes no sense."""
+        for _ in range(tries - 1):
+            with suppress(ProtocolError):
+                return self.ask(command, read, parse)
+        return self.ask(command, read, parse)
+
+    def tell(self, command: bytes, since: int | None = None) -> None:
+        """Send what is not answered; ``since`` as for :meth:`ask`."""
         with self._exchange:
-            for command in commands:
-                self._send(command)
+            self._send(command, since)
+
+    def stopping(self) -> None:
+        """Count a Stop: no motion decided before it begins after it."""
+        with self._order:
+            self.stops += 1
 
     def urge(self, command: bytes, *answers: Reader) -> None:
         """Send now, from any thread, without waiting for anybody; answers are read later."""
@@ -64,12 +91,14 @@ class Conversation:
         """Give the port back."""
         self.link.close()
 
-    def _send(self, command: bytes) -> None:
+    def _send(self, command: bytes, since: int | None = None) -> None:
         while True:
             self._settle()
             self.link.discard(QUIET_S if self._doubtful else 0.0)
             self._doubtful = False
             with self._order:
+                if since is not None and since != self.stops:
+                    raise RefusedError("The motion was stopped before it began.")
                 if not self._owed:
                     self.link.write(command)
                     return

@@ -77,6 +77,7 @@ class Guard:
         self.clock = clock
         self.log = log or MotionLog(clock=clock)
         self.armed = False
+        self.stops = 0  # a motion asked for before a Stop is not begun after it
         self.unfinished = False  # a motion was under way when the line broke
         self._reopen = reopen
         self._wait = wait
@@ -232,6 +233,7 @@ class Guard:
 
     def stop(self) -> None:
         """Stop now, ahead of everything, from any thread; tried twice."""
+        self.stops += 1
         self.log.add("stop", "sent")
         try:
             try:

@@ -87,9 +87,18 @@ def move_rate(step: int) -> bytes:
     return b":SR%d#" % min(max(step, 1), 9)
 
 
+MOVES = {
+    Direction.NORTH: b":mn#",
+    Direction.SOUTH: b":ms#",
+    Direction.EAST: b":mw#",
+    Direction.WEST: b":me#",
+}
+"""The letters name keys of the hand controller: ``w`` goes to greater right ascension."""
+
+
 def move(direction: Direction) -> bytes:
-    """``:mn#`` and its like."""
-    return f":m{direction.value[0]}#".encode()
+    """Move until stopped."""
+    return MOVES[direction]
 
 
 def pulse(direction: Direction, milliseconds: int) -> bytes:

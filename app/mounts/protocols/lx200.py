@@ -172,3 +172,11 @@ def halt(direction: Direction) -> bytes:
 def pulse(direction: Direction, milliseconds: int) -> bytes:
     """``:MgnDDDD#``; four digits are all there is."""
     return f":Mg{direction.value[0]}{min(max(milliseconds, 0), 9999):04d}#".encode()
+
+
+def parse_scope_status(reply: bytes) -> tuple[bool, bool]:
+    """Tracking and aligned from Autostar's ``:GW#``: mounting, T or N, stars aligned on."""
+    found = re.fullmatch(rb"[AGPL]([TN])([0-3HP])#", reply)
+    if found is None:
+        raise ProtocolError(f"{reply!r} is no status.")
+    return found[1] == b"T", found[2] != b"0"

@@ -138,3 +138,24 @@ def parse_passed(reply: bytes, answer: int = 0) -> bytes:
     if len(reply) != answer + 1 or reply[-1:] != b"#":
         raise ProtocolError(f"{reply!r} is no answer of a motor board.")
     return reply[:-1]
+
+
+SITE = b"w"
+GUIDE = 0x26
+
+
+def guide(board: int, percent: int, hundredths: int) -> bytes:
+    """A pulse of so many hundredths of a second (1 to 255) at a signed percentage of sidereal."""
+    return pass_through(board, GUIDE, percent % 256, hundredths)
+
+
+def track(mode: int) -> bytes:
+    """0 off, 1 altitude and azimuth, 2 equatorial north, 3 equatorial south."""
+    return b"T" + bytes([mode])
+
+
+def parse_south(reply: bytes) -> bool:
+    """Whether the site the hand control knows is in the south, from the nine bytes of ``w``."""
+    if len(reply) != 9 or reply[8:] != b"#" or reply[3] > 1 or reply[0] > 90:
+        raise ProtocolError(f"{reply!r} is no site.")
+    return reply[3] == 1
