@@ -1,34 +1,61 @@
 """Lost in space once, then tracking: every frame of a stream to a pointing and a rate.
 
-The first frame is solved blind. From then on the filter (:mod:`app.attitude.filter`) says where
-the camera points at the next frame's time, and only small windows around the stars expected there
-are read. When what is found there is no better than chance, the same frame is solved blind.
+The first frame is solved blind. From then on the filter (:mod:`app.attitude.filter`: an error-state
+Kalman filter of attitude and angular velocity) says where the camera points at the next frame's
+time, and only small windows around the stars expected there are read
+(:mod:`app.solve.track_windows`). When what they hold is no better than chance
+(:mod:`app.solve.track_match`), the same frame is solved blind.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from time import perf_counter
 from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from app.attitude.filter import Motion, State, begin, predicted, updated
 from app.core.attitude import Attitude
+from app.core.camera import Camera
+from app.core.detections import Detections
 from app.core.frame import Frame
-from app.core.progress import Task
+from app.core.hint import Hint
+from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
+from app.detect.moments import FWHM_PER_SIGMA, PIXEL_VARIANCE
 from app.solve.options import SolveOptions
-from app.solve.solver import examine_frame
+from app.solve.solver import Examined, examine_frame, merged_hint, year_of
+from app.solve.track_answer import tracked_solution
+from app.solve.track_match import Tracked, match
+from app.solve.track_sky import Neighbourhood
+from app.solve.track_windows import Seen, look
 
 if TYPE_CHECKING:
     from app.sky import Catalogue
 
+Floats = NDArray[np.float64]
 Mode = Literal["lost", "tracking"]
+
+FEWEST_EXPECTED = 5
+BLEND_FWHM = 2.5
+SAME_MOTION_S = 1.0  # after a longer gap the rates begin anew
+KNOWN_SCALE = 1.03  # the scale of the frame before is good to so much
 
 
 @dataclass(frozen=True, slots=True)
 class TrackOptions:
-    """Choices for a stream: how a lost frame is solved, and how the camera is believed to move."""
+    """Choices for a stream: how a lost frame is solved, how the camera is believed to move.
+
+    ``stars`` are looked for at most, in windows of up to ``half_px`` to each side. A pointing that
+    is ``memory_s`` old is no prediction any more.
+    """
 
     solve: SolveOptions = field(default_factory=SolveOptions)
     motion: Motion = field(default_factory=Motion)
+    stars: int = 40
+    half_px: int = 32
+    memory_s: float = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,10 +63,11 @@ class TrackUpdate:
     """What one frame told. Everything in it belongs to ``time_utc``, the frame's own moment.
 
     ``solution`` is what this frame's stars say alone, None when there is none and ``reason`` says
-    why. ``mode`` tells how it was found. ``filtered`` is the attitude after all frames so far, as
-    long as it is a pointing at all; its ``sigma_arcsec`` is smaller than the solution's.
-    ``rates_deg_s`` are the camera's angular velocities against the stars about its own x, y and z
-    (x right, y down, z out), and ``rates_sigma_deg_s`` their errors.
+    why. ``mode`` tells how it was found. ``filtered`` is the attitude after all frames so far; its
+    ``sigma_arcsec`` is smaller than the solution's. ``rates_deg_s`` are the camera's angular
+    velocities against the stars about its own x, y and z (x right, y down, z out), and
+    ``rates_sigma_deg_s`` their errors. All three are None when this frame has no answer: nothing
+    old is ever told as new. ``expected`` stars were looked for and ``matched`` found.
     """
 
     time_utc: datetime
@@ -51,6 +79,7 @@ class TrackUpdate:
     rates_sigma_deg_s: tuple[float, float, float] | None = None
     expected: int = 0
     matched: int = 0
+    manoeuvre: bool = False
 
     @property
     def sigma_arcsec(self) -> tuple[float, float, float] | None:
@@ -71,11 +100,16 @@ class Tracker:
 
         self.catalogue = catalogue or open_catalogue()
         self.options = options or TrackOptions()
-        self.state: State | None = None
+        self.forget()
 
     def forget(self) -> None:
         """Be lost: the next frame is solved blind."""
-        self.state = None
+        self.state: State | None = None
+        self.camera: Camera | None = None
+        self._sky: Neighbourhood | None = None
+        self._faintest = 0.0
+        self._size_px2 = 1.5  # second moment of the star image
+        self._was_lost = True
 
     def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
         """Take one frame in, newer than the last.
@@ -83,25 +117,157 @@ class Tracker:
         ``time_utc`` is its mid-exposure; by default what the frame says of itself, else now.
         """
         moment = time_utc or frame.hint.time_utc or datetime.now(UTC)
+        now = moment.timestamp()
+        if not self._fits(frame, now):
+            self.forget()
+        if self.state is not None:
+            yield Progress("track", 0.0)
+            update = self._tracked(frame, moment)
+            if update is not None:
+                return update
         return (yield from self._lost(frame, moment))
 
-    def _lost(self, frame: Frame, moment: datetime) -> Task[TrackUpdate]:
-        examined = yield from examine_frame(frame, self.options.solve)
-        if isinstance(examined.result, NoSolution):
-            self.state = None
-            return TrackUpdate(moment, "lost", None, examined.result)
-        return self._take_in(examined.result, moment, "lost", 0)
-
-    def _take_in(
-        self, solution: Solution, moment: datetime, mode: Mode, expected: int
-    ) -> TrackUpdate:
-        """Update the filter by a solution, or begin it anew."""
-        motion, now = self.options.motion, moment.timestamp()
+    def prediction(self, time_utc: datetime) -> Attitude | None:
+        """Where the camera is believed to point at a moment, with its growing covariance."""
         if self.state is None:
-            self.state = begin(solution.attitude, now, motion)
+            return None
+        return predicted(self.state, time_utc.timestamp(), self.options.motion).attitude
+
+    def _fits(self, frame: Frame, now_s: float) -> bool:
+        """Whether what is known can be of use for this frame."""
+        if self.state is None or self.camera is None:
+            return True
+        same = (frame.width, frame.height) == (self.camera.width, self.camera.height)
+        return same and -1.0 < now_s - self.state.time_s < self.options.memory_s
+
+    def _tracked(self, frame: Frame, moment: datetime) -> TrackUpdate | None:
+        """The answer from windows around the expected stars; None when there is none."""
+        assert self.state is not None
+        assert self.camera is not None
+        clock = perf_counter()
+        ahead = predicted(self.state, moment.timestamp(), self.options.motion)
+        half = self._half_px(ahead)
+        if half is None:
+            return None
+        sky = self._neighbourhood(ahead.attitude, moment)
+        stars = sky.expected(self.camera, ahead.matrix, self.options.stars, 4.0)
+        if len(stars.number) < FEWEST_EXPECTED:
+            return None
+        seen = look(frame, stars.xy, half, self._star_image(ahead, frame.hint.exposure_s))
+        looked = perf_counter()
+        vectors = sky.vectors[stars.number]
+        found = match(
+            self.camera, ahead.matrix, vectors, stars.xy, seen, half, self._roll_px(ahead)
+        )
+        if found is None:
+            return None
+        spent = {"read": 0.0, "detect": 1e3 * (looked - clock), "identify": 0.0}
+        spent["attitude"] = 1e3 * (perf_counter() - looked)
+        spent["total"] = 1e3 * (perf_counter() - clock)
+        solution = tracked_solution(found, self.camera, sky, stars, seen, spent, frame.warnings)
+        self._learn(seen, found, ahead, frame.hint.exposure_s)
+        return self._told(solution, moment, "tracking", ahead, len(stars.number))
+
+    def _lost(self, frame: Frame, moment: datetime) -> Task[TrackUpdate]:
+        """The frame solved blind, or nearly so when the scale is known."""
+        options, before = self.options.solve, self.state
+        if self.camera is not None:
+            scale = self.camera.scale_arcsec_px
+            known = Hint(scale_arcsec_px=(scale / KNOWN_SCALE, scale * KNOWN_SCALE))
+            options = replace(options, hint=merged_hint(known, options.hint), fov_deg=None)
+        examined = yield from examine_frame(frame, options)
+        if isinstance(examined.result, NoSolution):
+            return TrackUpdate(moment, "lost", None, examined.result)
+        self._begin_again(examined, moment)
+        ahead = None
+        if before is not None and moment.timestamp() - before.time_s < SAME_MOTION_S:
+            ahead = predicted(before, moment.timestamp(), self.options.motion)
+            if not self._was_lost and contradicts(ahead, examined.result.attitude, self.options):
+                ahead = None  # a jump, as far as one frame can tell: no rate is concluded from it
+        return self._told(examined.result, moment, "lost", ahead, 0)
+
+    def _begin_again(self, examined: Examined, moment: datetime) -> None:
+        """Learn camera, star image and limit of detection from a frame solved as a whole."""
+        assert isinstance(examined.result, Solution)
+        solution = examined.result
+        self.camera = solution.camera
+        self._faintest = float(np.percentile([star.mag for star in solution.stars], 90))
+        self._size_px2 = _star_size(examined.detections)
+        self._sky = None
+
+    def _told(
+        self, solution: Solution, moment: datetime, mode: Mode, ahead: State | None, expected: int
+    ) -> TrackUpdate:
+        """Update the filter by a solution, or begin it anew when ``ahead`` is None."""
+        motion = self.options.motion
+        self._was_lost = mode == "lost"
+        if ahead is None:
+            self.state = begin(solution.attitude, moment.timestamp(), motion)
         else:
-            self.state = updated(predicted(self.state, now, motion), solution.attitude, motion)
+            self.state = updated(ahead, solution.attitude, motion)
+        state = self.state
         return TrackUpdate(
-            moment, mode, solution, None, self.state.attitude, self.state.rates_deg_s,
-            self.state.rates_sigma_deg_s, expected, len(solution.stars),
+            moment, mode, solution, None, state.attitude, state.rates_deg_s,
+            state.rates_sigma_deg_s, expected, len(solution.stars), state.contradicted,
         )  # fmt: skip
+
+    def _half_px(self, ahead: State) -> int | None:
+        """Half the side of the windows; None when the stars may be outside any allowed one."""
+        assert self.camera is not None
+        tilt = float(np.sqrt(np.linalg.eigvalsh(ahead.covariance[:2, :2])[-1]))
+        error = 4.0 * float(np.hypot(self.camera.focal_px * tilt, self._roll_px(ahead)))
+        if error > self.options.half_px:
+            return None
+        fwhm = FWHM_PER_SIGMA * float(np.sqrt(self._size_px2))
+        return int(np.clip(np.ceil(error + 2.0 * fwhm + 2.0), 8, self.options.half_px))
+
+    def _roll_px(self, ahead: State) -> float:
+        """What one sigma of roll moves a star at the frame's corner."""
+        assert self.camera is not None
+        corner = float(np.hypot(self.camera.width, self.camera.height)) / 2.0
+        return corner * float(np.sqrt(ahead.covariance[2, 2]))
+
+    def _neighbourhood(self, attitude: Attitude, moment: datetime) -> Neighbourhood:
+        assert self.camera is not None
+        if self._sky is None or not self._sky.covers(self.camera, attitude):
+            blend = BLEND_FWHM * FWHM_PER_SIGMA * float(np.sqrt(self._size_px2))
+            self._sky = Neighbourhood(
+                self.catalogue, self.camera, attitude, year_of(moment), self._faintest, blend
+            )
+        return self._sky
+
+    def _trail_px(self, ahead: State, exposure_s: float | None) -> Floats:
+        """How far (2,) a star in the middle of the frame moves while it is exposed."""
+        assert self.camera is not None
+        x, y, _ = ahead.rates_rad_s * (exposure_s or 0.0) * self.camera.focal_px
+        sign = -1.0 if self.camera.mirrored else 1.0
+        return np.array([-sign * y, x])
+
+    def _star_image(self, ahead: State, exposure_s: float | None) -> Floats:
+        """Second moments (2, 2), px^2: the round image, smeared along the predicted motion."""
+        image = self._size_px2 * np.eye(2)
+        trail = self._trail_px(ahead, exposure_s)
+        if float(np.hypot(*trail)) > 1.0:
+            image = image + np.outer(trail, trail) / 12.0
+        return np.asarray(image)
+
+    def _learn(self, seen: Seen, found: Tracked, ahead: State, exposure_s: float | None) -> None:
+        """Let the star image follow focus and seeing, slowly, while nothing trails."""
+        xx, yy, _ = seen.moments
+        still = float(np.hypot(*self._trail_px(ahead, exposure_s))) < 1.0
+        if still and np.isfinite(xx * yy) and xx > 0 and yy > 0:
+            size = float(np.sqrt(xx * yy))
+            self._size_px2 += 0.1 * float(np.clip(size / self._size_px2 - 1.0, -0.5, 0.5))
+
+
+def contradicts(ahead: State, attitude: Attitude, options: TrackOptions) -> bool:
+    """Whether an attitude is beyond the gate of the prediction."""
+    return updated(ahead, attitude, options.motion).contradicted
+
+
+def _star_size(detections: Detections) -> float:
+    """Second moment, px^2, of the brightest unsaturated stars of a frame."""
+    fwhm = detections.fwhm_px[~detections.saturated][:40]
+    fwhm = fwhm[np.isfinite(fwhm)]
+    middle = float(np.median(fwhm)) if len(fwhm) else 2.8
+    return max((middle / FWHM_PER_SIGMA) ** 2, 0.36 - PIXEL_VARIANCE)

@@ -1,0 +1,111 @@
+"""Predictive centroiding: only where a star is expected are pixels read.
+
+A window around each expected place, its own background and noise, the highest smoothed peak in it,
+and there a fit of the star image as the default detector makes it. What a window holds is the
+brightest thing in it, whether or not it is the star; that is for the match to say.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.core.frame import Frame
+from app.detect.fit import fit_stars, refit_bright
+from app.detect.image import unweighted
+from app.detect.stamps import Stamps, cut
+from app.detect.strips import halving
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+SNR = 5.0
+FLOOR_PX = 0.03
+SATURATED_PX = 0.4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What W windows hold: ``xy`` (W, 2) px, ``sigma_px`` (W,) a coordinate, ``snr`` (W,).
+
+    ``found`` (W,) says whether there is anything that looks like a star. ``moments`` (3,) are xx,
+    yy, xy, px^2, of the usual star here, NaN when too few were found.
+    """
+
+    xy: Floats
+    sigma_px: Floats
+    snr: Floats
+    found: Bools
+    moments: Floats
+
+
+def look(frame: Frame, places: Floats, half: int, covariance: Floats) -> Seen:
+    """Look for stars in windows of ``2 half + 1`` px a side around ``places`` (W, 2) px.
+
+    ``covariance`` (2, 2) px^2 are the second moments of the star image.
+    """
+    count = len(places)
+    if count == 0:
+        none = np.zeros(0)
+        return Seen(places, none, none, np.zeros(0, dtype=np.bool_), np.full(3, np.nan))
+    how = halving(frame.bayer)
+    wide = cut(frame.pixels, how, places, np.zeros(count), half)
+    level, noise = _background(wide)
+    peak = _peaks(wide, level, noise)
+    major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    near = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
+    stamps = cut(frame.pixels, how, peak, level, near)
+    fit = fit_stars(stamps, covariance)
+    refit_bright(stamps, fit, covariance, np.maximum(level, 10.0 * noise))
+    xy = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
+    snr = fit.snr / noise
+    top = stamps.core(1).max(axis=(1, 2))
+    found = (snr > SNR) & (snr > top / noise) & (np.hypot(*(xy - peak).T) < max(2.0, 1.5 * major))
+    found &= np.all(np.abs(xy - places) <= half, axis=1) & _apart(xy, max(1.5, major))
+    sigma = np.hypot(FLOOR_PX, 1.2 * major / np.maximum(snr, 1.0))
+    if frame.saturation is not None:
+        clipped = top + level >= 0.98 * frame.saturation
+        sigma = np.where(clipped, np.maximum(sigma, SATURATED_PX), sigma)
+    return Seen(xy, sigma, snr, found, _usual(fit.moments[found & (snr > 15)], covariance))
+
+
+def _background(windows: Stamps) -> tuple[Floats, Floats]:
+    """Median and RMS (W,) of each window; stars are above the median."""
+    values = np.where(windows.weight > 0, windows.value, np.nan).reshape(len(windows.value), -1)
+    values.sort(axis=1)  # what has no weight comes last
+    n = np.maximum(np.isfinite(values).sum(axis=1), 1)
+    row = np.arange(len(values))
+    low, middle = values[row, n // 4], values[row, n // 2]
+    level = np.nan_to_num(middle).astype(np.float64)
+    noise = np.nan_to_num(middle - low).astype(np.float64) / 0.6745
+    usual = float(np.median(noise))
+    return level, np.maximum(noise, max(0.3 * usual, 0.3))
+
+
+def _peaks(windows: Stamps, level: Floats, noise: Floats) -> Floats:
+    """Place (W, 2) px of the highest pixel of each window after smoothing over 3 x 3."""
+    value = (windows.value - level[:, None, None].astype(np.float32)) * windows.weight
+    light, share = _smoothed(value), _smoothed(windows.weight)
+    light = np.where(share > 0.3, light / np.sqrt(np.maximum(share, 0.3)), -np.inf)
+    at = light.reshape(len(light), -1).argmax(axis=1)
+    half, side = windows.value.shape[1] // 2, light.shape[2]
+    x, y = at % side + 1 - half, at // side + 1 - half
+    return np.stack([windows.x + x, windows.y + y], axis=1).astype(np.float64)
+
+
+def _smoothed(value: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Binomial means of 3 x 3 pixels (W, K - 2, K - 2)."""
+    lines = 0.25 * (value[:, :-2] + value[:, 2:]) + 0.5 * value[:, 1:-1]
+    return np.asarray(0.25 * (lines[:, :, :-2] + lines[:, :, 2:]) + 0.5 * lines[:, :, 1:-1])
+
+
+def _apart(xy: Floats, distance_px: float) -> Bools:
+    """Which places no earlier one is as near to: one star is one witness, however many look."""
+    d2 = np.square(xy[:, None] - xy).sum(axis=2)
+    return np.asarray(~np.tril(d2 < distance_px**2, -1).any(axis=1))
+
+
+def _usual(moments: Floats, covariance: Floats) -> Floats:
+    if len(moments) < 3:
+        return np.full(3, np.nan)
+    return np.asarray(np.median(unweighted(moments, covariance), axis=0))
