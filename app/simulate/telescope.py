@@ -13,13 +13,19 @@ class Telescope(Protocol):
     and with declination on the second.
     """
 
-    slewing: bool
-    parked: bool
     aligned: bool
+    parked: bool
     tracking: bool
-    pier_side: PierSide
     latitude_deg: float
     longitude_deg: float
+
+    @property
+    def slewing(self) -> bool:
+        """Whether it moves faster than guiding does."""
+
+    @property
+    def pier_side(self) -> PierSide:
+        """The tube's side of the pier."""
 
     def now_unix(self) -> float:
         """Seconds since 1970 UTC by the simulated clock."""

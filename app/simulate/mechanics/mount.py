@@ -116,11 +116,18 @@ class EquatorialMount:
 
     @property
     def parked(self) -> bool:
-        """Whether it has been parked and has arrived."""
+        """Whether it has been parked and has arrived; set, it parks or is ready again."""
         with self._lock:
             if self._parks_at is not None and self.clock.now_unix() >= self._parks_at:
                 self._parked, self._parks_at = True, None
             return self._parked
+
+    @parked.setter
+    def parked(self, on: bool) -> None:
+        if on:
+            self.park()
+        else:
+            self.unpark()
 
     @property
     def tracking(self) -> bool:
