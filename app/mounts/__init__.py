@@ -62,8 +62,8 @@ def open_mount(
     except NoAnswerError as error:
         link.close()
         raise NoAnswerError(
-            f"No {make.title} answers on {port} at {rate} baud: check power, cable, driver and baud "
-            f"rate, or let `kochab mount probe` look. ({error})"
+            f"No {make.title} answers on {port} at {rate} baud: check power, cable, driver and "
+            f"baud rate, or let `kochab mount probe` look. ({error})"
         ) from error
     except BaseException:
         link.close()

@@ -1,10 +1,14 @@
 """The two motors behind a Sky-Watcher board, each by its orders."""
 
+from collections.abc import Callable
+from time import monotonic
+from typing import TypeVar
+
 from app.core.errors import NoAnswerError, RefusedError
-from app.mounts.conversation import Conversation, Reader, until
-from app.mounts.link import Link
+from app.mounts.conversation import Conversation, ProtocolError, Reader, until
 from app.mounts.protocols import skywatcher as words
 
+T = TypeVar("T")
 TIMEOUT_S, TRIES = 0.3, 5
 REPLY = until(b"\r", 16, TIMEOUT_S)
 FAST_DEG_S = 0.5  # above this the board's fast mode is used
@@ -35,7 +39,7 @@ class Motor:
         """24 bits of a question."""
         value = self._asked(words.command(letter, self.axis), words.parse_number)
         if value == 0:
-            raise words.ProtocolError(f"The motor board answers 0 to {letter}.")
+            raise ProtocolError(f"The motor board answers 0 to {letter}.")
         return value
 
     def query(self, letter: str) -> str:
@@ -83,8 +87,6 @@ class Motor:
 
     def stand(self) -> None:
         """Make sure that it stands, so that it takes another mode."""
-        from time import monotonic
-
         status = self.status()
         if not status.initialised:
             self.order("F")
@@ -96,7 +98,7 @@ class Motor:
             if monotonic() > end:
                 raise NoAnswerError("The motor does not come to a stop.")
 
-    def _asked(self, command: bytes, parse):  # type: ignore[no-untyped-def]
+    def _asked(self, command: bytes, parse: Callable[[bytes], T]) -> T:
         """A question: a lost answer is asked for again, as the board's own programs do."""
         for _ in range(TRIES - 1):
             try:
@@ -111,8 +113,3 @@ def _answered(reply: bytes) -> str:
     if not refusal:
         words.parse_data(reply)
     return refusal
-
-
-def read_reply(link: Link) -> bytes:
-    """One answer."""
-    return REPLY(link)

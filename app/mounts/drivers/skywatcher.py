@@ -41,7 +41,6 @@ class SkyWatcher(SerialMount):
         self.tracking = self.motors[0].status().running
         self.target_deg: tuple[float, float] | None = None
         self.approaches = 0
-        self._pulsing = False
 
     def identify(self) -> str:
         """The board's version."""
@@ -151,7 +150,8 @@ class SkyWatcher(SerialMount):
         factor = 1.0 + GUIDE if direction is Direction.WEST else 1.0 - GUIDE
         motor = self.motors[0]
         self.bounded(direction, seconds, motor.rate_words(self.sky_rate()))
-        self.talk.urge(*_flat(motor.rate_words(self.sky_rate() * factor)))
+        command, answers = motor.rate_words(self.sky_rate() * factor)
+        self.talk.urge(command, *answers)
 
     def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
         """At the nearest rate, on top of tracking; tracking goes on when asked next."""
@@ -201,7 +201,3 @@ class SkyWatcher(SerialMount):
         """Local sidereal time by our clock."""
         assert self.site is not None
         return sidereal_deg(self.site, self.clock())
-
-
-def _flat(words: tuple[bytes, tuple[Reader, ...]]) -> tuple[bytes, *tuple[Reader, ...]]:
-    return (words[0], *words[1])
