@@ -13,6 +13,7 @@ BENCHES: dict[str, str] = {
     "detect": "app.bench.detect:run",
     "detectors": "app.bench.detectors:run",
     "identify": "app.bench.identify:run",
+    "papers": "app.bench.papers:run",
 }
 
 

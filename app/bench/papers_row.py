@@ -1,0 +1,80 @@
+"""One row of the published tables: what the paper has, what its method gives here, and ours.
+
+A module of one paper, ``papers_*.py``, has ``rows(quick, seed) -> list[dict]`` whose dicts come
+from :func:`row`.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar
+
+T = TypeVar("T")
+Better = Literal["less", "more", ""]
+WITHIN, BETTER, WORSE = "within its error", "better", "not reproduced"
+NO_FIGURE = "no figure"
+
+
+def row(
+    table: str, what: str, *, paper: float | None, ours: float | None,
+    default: float | None = None, unit: str = "", error: float = 0.0, better: Better = "",
+    note: str = "",
+) -> dict[str, Any]:  # fmt: skip
+    """A row of the report.
+
+    Parameters
+    ----------
+    table, what : str
+        The paper's table or figure, and what is measured.
+    paper, ours, default : float or None
+        Its number; that of its method as implemented here; that of the default method (or
+        detector, or estimator) on the very same fields or frames. None where there is none.
+    unit : str
+    error : float
+        How far ``ours`` may be from ``paper`` to agree: the paper's statistical error, or half of
+        its last digit.
+    better : {"less", "more", ""}
+        Which way is better, "" when neither is.
+    note : str
+        Which reading was tried, or the cause of a difference.
+
+    """
+    return {
+        "table": table, "what": what, "unit": unit, "paper": paper, "ours": ours,
+        "default": default, "verdict": verdict(paper, ours, error, better), "error": error,
+        "better": better, "default_wins": wins(ours, default, better), "note": note,
+    }  # fmt: skip
+
+
+def verdict(paper: float | None, ours: float | None, error: float, better: Better) -> str:
+    """Whether the paper's number was reproduced."""
+    if paper is None or ours is None or not math.isfinite(ours):
+        return NO_FIGURE
+    if abs(ours - paper) <= error * (1.0 + 1e-9):
+        return WITHIN
+    gain = {"less": paper - ours, "more": ours - paper, "": 0.0}[better]
+    return BETTER if gain > 0.0 else WORSE
+
+
+def wins(ours: float | None, default: float | None, better: Better) -> str:
+    """How the default compares with the published method: better, equal, worse, or "" if moot."""
+    if not better or ours is None or default is None:
+        return ""
+    if not (math.isfinite(ours) and math.isfinite(default)):
+        return ""
+    if math.isclose(ours, default, rel_tol=1e-9, abs_tol=1e-12):
+        return "equal"
+    return "better" if (default < ours) == (better == "less") else "worse"
+
+
+def share_error(share: float, count: int, paper_count: int) -> float:
+    """Two-sigma error, in per cent, of the difference of two shares (per cent) of samples."""
+    p = min(max(share / 100.0, 0.01), 0.99)
+    return 200.0 * math.sqrt(p * (1.0 - p) * (1.0 / count + 1.0 / paper_count))
+
+
+def timed(work: Callable[[], T]) -> tuple[T, float]:
+    """What ``work`` returns, and the processor seconds it took."""
+    started = time.process_time()
+    done = work()
+    return done, time.process_time() - started
