@@ -3,6 +3,7 @@
 import re
 
 from app.core.errors import UsageError
+from app.core.hint import Site
 
 
 def parse_ra_deg(text: str) -> float:
@@ -26,6 +27,30 @@ def parse_dec_deg(text: str) -> float:
     if not -90.0 <= value <= 90.0 or "h" in text.lower():
         raise UsageError(f"{text.strip()} is not a declination; give −90° to +90°.")
     return value
+
+
+def parse_site(text: str) -> Site:
+    """A place on the Earth from ``48.14, 11.58`` or ``48.14, 11.58, 520``: degrees, metres.
+
+    Latitude first, north positive; longitude east positive. UsageError says what is wrong.
+    """
+    wanted = "latitude, longitude and, if you like, height in metres: 48.14, 11.58, 520"
+    try:
+        parts = [float(p) for p in re.split(r"[,;\s]+", text.strip().replace("−", "-")) if p]
+    except ValueError:
+        parts = []
+    if len(parts) not in (2, 3):
+        raise UsageError(f"“{text.strip()}” is not a site; give {wanted}.")
+    latitude, longitude, height = (*parts, 0.0)[:3]
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0 and -500.0 <= height <= 9000.0):
+        raise UsageError(f"{text.strip()} is not on the Earth; give {wanted}.")
+    return Site(latitude, round((longitude + 180.0) % 360.0 - 180.0, 9), height)
+
+
+def site_text(site: Site) -> str:
+    """The same as it would be typed."""
+    height = f", {site.height_m:g}" if site.height_m else ""
+    return f"{site.latitude_deg:.6g}, {site.longitude_deg:.6g}{height}"
 
 
 def parse_positive(text: str, what: str, most: float) -> float:

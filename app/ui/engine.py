@@ -8,6 +8,7 @@ from app.core.detections import Detections
 from app.core.frame import Frame
 from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
+from app.identify import IDENTIFIERS
 from app.solve.options import SolveOptions
 
 # Loaded while nobody waits: the first frame is then solved as quickly as the second.
@@ -16,6 +17,9 @@ NEEDED = (
     "scipy.spatial.transform",
     "app.workflows.solve_frame",
     "app.identify.volumes",
+    "app.polar.horizon",
+    "erfa",
+    *(target.partition(":")[0] for target in IDENTIFIERS.values()),
 )
 
 

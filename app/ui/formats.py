@@ -42,6 +42,11 @@ def radec_text(ra_deg: float, dec_deg: float, style: AngleStyle) -> str:
     return f"{ra_text(ra_deg, style)}  {dec_text(dec_deg, style)}"
 
 
+def altaz_text(altitude_deg: float, azimuth_deg: float) -> str:
+    """Altitude and azimuth, on one line."""
+    return f"alt {_signed(f'{altitude_deg:+.2f}')}°  az {azimuth_deg % 360.0:.2f}°"
+
+
 def radec_plain(ra_deg: float, dec_deg: float, style: AngleStyle) -> str:
     """Both in ASCII, for the clipboard: planetariums and mounts read this."""
     if style is AngleStyle.DECIMAL:

@@ -4,24 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QFormLayout,
-    QHBoxLayout,
-    QLineEdit,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QFormLayout, QHBoxLayout, QLineEdit, QVBoxLayout, QWidget
 
 from app.core.errors import UsageError
-from app.core.hint import Hint
+from app.core.hint import Hint, Site
 from app.solve.options import SolveOptions
-from app.ui.angle_input import parse_dec_deg, parse_positive, parse_ra_deg
+from app.ui.angle_input import parse_dec_deg, parse_positive, parse_ra_deg, parse_site, site_text
+from app.ui.method_group import MethodGroup
 from app.ui.widgets import button, label
 
 SPREAD = 0.2  # a typed field or scale is believed to within this much
 NEAR_RADIUS_DEG = 10.0
+SITE_TIP = (
+    "Where you observe: degrees, north and east positive, and if you like the height in metres. "
+    "With it the altitude and azimuth under the cursor are shown; it is kept, and never decides."
+)
 ADVICE = (
     "Nothing needs to be filled in. A hint makes a solve faster; a wrong one costs time, not the "
     "answer."
@@ -52,6 +49,7 @@ class HintsPanel(QWidget):
     """Every field may stay empty: hints save time and never decide."""
 
     solve_wanted = Signal()
+    site_given = Signal(object)  # app.core.hint.Site, or None
 
     def __init__(self, methods: list[str], detectors: list[str]) -> None:
         super().__init__()
@@ -63,7 +61,11 @@ class HintsPanel(QWidget):
         self.radius = self._field("Within", f"degrees; {NEAR_RADIUS_DEG:g} when empty")
         self.timeout = self._field("Time limit", "seconds; empty is no limit")
         self.timeout.setText("30")
-        self.method, self.detector = self._box("Method", methods), self._box("Detector", detectors)
+        self.site = self._field("Your site", "48.14, 11.58: latitude, longitude")
+        self.site.setToolTip(SITE_TIP)
+        self.site.editingFinished.connect(self._site_typed)
+        self.methods = MethodGroup(methods, detectors)
+        self.method, self.detector = self.methods.method, self.methods.detector
         self.header = QCheckBox("&Believe what the file says of itself first")
         self.header.setChecked(True)
         self.wrong = label("", "wrong", wrap=True)
@@ -77,8 +79,8 @@ class HintsPanel(QWidget):
         form.setVerticalSpacing(8)
         for title, widget in (
             ("Field &width", self.fov), ("&Pixel scale", self.scale), ("RA &near", self.ra),
-            ("&Dec near", self.dec), ("With&in", self.radius), ("&Method", self.method),
-            ("Dete&ctor", self.detector), ("Time &limit", self.timeout),
+            ("&Dec near", self.dec), ("With&in", self.radius), ("Time &limit", self.timeout),
+            ("&Your site", self.site),
         ):  # fmt: skip
             form.addRow(title, widget)
         line = QHBoxLayout()
@@ -93,18 +95,31 @@ class HintsPanel(QWidget):
         column.addWidget(self.header)
         column.addWidget(self.wrong)
         column.addLayout(line)
+        column.addWidget(self.methods)
         column.addStretch(1)
 
     def options(self, width_px: int) -> SolveOptions:
         """What was typed, for a frame ``width_px`` wide; UsageError says what is wrong."""
         timeout = self.timeout.text().strip()
         return SolveOptions(
-            method=self.method.currentText(),
-            detector=self.detector.currentText(),
+            **self.methods.choices(),
             hint=self.beliefs().hint(width_px),
             use_header=self.header.isChecked(),
             timeout_s=parse_positive(timeout, "The time limit", 86400.0) if timeout else None,
         )
+
+    def show_site(self, site: Site | None) -> None:
+        """Where the person observes, as far as is known."""
+        self.site.setText(site_text(site) if site is not None else "")
+
+    def _site_typed(self) -> None:
+        text = self.site.text().strip()
+        try:
+            self.site_given.emit(parse_site(text) if text else None)
+            self.wrong.setVisible(False)
+        except UsageError as error:
+            self.wrong.setText(str(error))
+            self.wrong.setVisible(True)
 
     def checked_options(self, width_px: int) -> SolveOptions | None:
         """The same, or None with the fault shown on the pane."""
@@ -134,9 +149,10 @@ class HintsPanel(QWidget):
         )
 
     def clear(self) -> None:
-        """Forget what was typed."""
+        """Forget what was typed and chosen."""
         for field in (self.fov, self.scale, self.ra, self.dec, self.radius):
             field.clear()
+        self.methods.reset()
         self.wrong.setVisible(False)
 
     def _field(self, name: str, example: str) -> QLineEdit:
@@ -146,9 +162,3 @@ class HintsPanel(QWidget):
         field.setToolTip(f"{name}: {example}")
         field.returnPressed.connect(self.solve_wanted)
         return field
-
-    def _box(self, name: str, choices: list[str]) -> QComboBox:
-        box = QComboBox()
-        box.addItems(choices)
-        box.setAccessibleName(name)
-        return box

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 from app.ui.actions import MARKS, dress
 from app.ui.palette import THEMES, Colours
 from app.ui.presenter import Presenter
-from app.ui.red_light import RedLight
+from app.ui.red_light import dress_field
 from app.ui.theme import apply_theme
 from app.ui.wardrobe import Wardrobe
 
@@ -85,8 +85,7 @@ class Looks(QObject):
     def dress_fields(self, within: QWidget) -> None:
         """Make the carets of the fields in ``within`` red at night."""
         for field in within.findChildren(QLineEdit):
-            # Qt turns the ground's colour round for the caret, which on black is white.
-            field.setGraphicsEffect(RedLight(field) if self.is_night else None)  # type: ignore
+            dress_field(field)
 
     def use_night(self, on: bool) -> None:
         """Red light, or back to the theme of before."""

@@ -28,6 +28,7 @@ class Presenter(QObject):
         panes = window.workspace
         panes.view.marks = self.overlay.paint
         panes.solution.set_style(self.style)
+        panes.hints.show_site(settings.site)
         panes.stars.set_style(self.style)
         session.options_for = lambda frame: panes.hints.checked_options(frame.width)
         self._listen_to_session()
@@ -54,6 +55,7 @@ class Presenter(QObject):
         panes.stars.picked.connect(self._picked)
         panes.solution.style_changed.connect(self._restyled)
         panes.hints.solve_wanted.connect(self.solve)
+        panes.hints.site_given.connect(self.settings.keep_site)
         panes.card.again_wanted.connect(self.solve)
         panes.card.hints_wanted.connect(lambda: panes.tabs.setCurrentIndex(2))
         self.window.status.cancel_wanted.connect(self.session.cancel)
@@ -155,7 +157,7 @@ class Presenter(QObject):
         text = ""
         if at is not None and known.frame is not None:
             solution = known.result if isinstance(known.result, Solution) else None
-            text = readout(known.frame, solution, *at, style=self.style)
+            text = readout(known.frame, solution, *at, style=self.style, site=self.settings.site)
         self.window.status.place.setText(text)
 
     def _clicked(self, x: float, y: float, reach: float) -> None:

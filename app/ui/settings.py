@@ -6,6 +6,9 @@ from typing import Any
 
 from PySide6.QtCore import QByteArray, QSettings
 
+from app.core.errors import UsageError
+from app.core.hint import Site
+from app.ui.angle_input import parse_site, site_text
 from app.ui.formats import AngleStyle
 from app.ui.overlay import Switches
 
@@ -48,6 +51,18 @@ class Settings:
         """How angles are written."""
         value = self.text("angles", AngleStyle.SEXAGESIMAL.value)
         return AngleStyle(value) if value in list(AngleStyle) else AngleStyle.SEXAGESIMAL
+
+    @property
+    def site(self) -> Site | None:
+        """Where the person observes; None when they never said."""
+        try:
+            return parse_site(self.text("site", ""))
+        except UsageError:
+            return None
+
+    def keep_site(self, site: Site | None) -> None:
+        """Remember where the person observes."""
+        self.keep("site", site_text(site) if site is not None else "")
 
     def switches(self) -> Switches:
         """Which marks are painted."""

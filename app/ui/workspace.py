@@ -30,7 +30,7 @@ class Workspace(QSplitter):
         self.tabs.setDocumentMode(True)
         self.tabs.addTab(scrolled(self._answer()), "Solution")
         self.tabs.addTab(self.stars, "Stars")
-        self.tabs.addTab(scrolled(self.hints), "Hints")
+        self.tabs.addTab(scrolled(self.hints), "Hints, method")
         for index in range(self.tabs.count()):
             self.tabs.setTabToolTip(index, f"Alt+{index + 1}")
         self.tabs.setMinimumWidth(320)
