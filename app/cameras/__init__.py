@@ -7,7 +7,9 @@ from app.core.capture import CameraDevice, CameraSource, CaptureSettings
 from app.core.errors import PortError, UsageError
 
 SOURCES: dict[str, str] = {
+    "simulated": "app.simulate.source:SimulatedCamera",
     "folder": "app.cameras.folder:FolderCamera",
+    "indi": "app.cameras.indi:IndiCamera",
 }
 
 

@@ -61,6 +61,20 @@ def read_fits(path: Path) -> Frame:
         return _read(file, path)
 
 
+def read_fits_bytes(data: bytes, name: str) -> Frame:
+    """The same of a file in memory, as a camera server sends it; ``name`` stands for its path.
+
+    Raises
+    ------
+    FrameError
+        As :func:`read_fits`, with one sentence that names it.
+    """
+    try:
+        return _read(io.BytesIO(data), Path(name))
+    except FrameError as error:
+        raise FrameError(f"{name} {error}") from None
+
+
 def _read(file: BinaryIO, path: Path) -> Frame:
     image = _find_image(file)
     header = image.header

@@ -1,0 +1,211 @@
+"""INDI's own server and camera simulator, driven through our source."""
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+from app.cameras import list_devices, open_camera
+from app.cameras.indi import IndiCamera
+from app.core.capture import CaptureSettings
+from app.core.errors import LineLostError, PortError, RefusedError
+
+from .own_network import own_network
+
+pytest.importorskip("indipyclient")
+ADDRESS = "localhost:7624"
+
+
+@pytest.fixture(scope="module")
+def network():
+    if shutil.which("indiserver") is None or shutil.which("ip") is None:
+        pytest.skip("needs INDI's server and ip: apt-get install indi-bin iproute2")
+    with own_network():
+        yield
+
+
+class Server:
+    """indiserver with the camera simulator, started and ended as often as a test likes."""
+
+    def __init__(self, home):
+        self.home = home
+        self.process = None
+
+    def start(self):
+        env = {**os.environ, "HOME": str(self.home)}
+        self.process = subprocess.Popen(
+            ["indiserver", "-p", "7624", "indi_simulator_ccd", "indi_simulator_telescope"],
+            env=env, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline:
+            try:
+                if list_devices("indi", ADDRESS):
+                    return
+            except PortError:
+                time.sleep(0.05)
+        raise AssertionError("indiserver does not start")
+
+    def driver(self):
+        """The process of the camera's driver."""
+        found = subprocess.run(
+            ["pgrep", "-P", str(self.process.pid), "-f", "indi_simulator_ccd"],
+            capture_output=True, text=True,
+        )  # fmt: skip
+        return int(found.stdout.split()[0])
+
+    def end(self):
+        if self.process is not None and self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait(20)
+
+
+@pytest.fixture(scope="module")
+def shared_server(network, tmp_path_factory):
+    server = Server(tmp_path_factory.mktemp("indi"))
+    server.start()
+    yield server
+    server.end()
+
+
+@pytest.fixture
+def server(shared_server):
+    if shared_server.process.poll() is not None:
+        shared_server.start()
+    return shared_server
+
+
+def taken(camera, limit_s=30.0):
+    deadline = time.monotonic() + limit_s
+    while time.monotonic() < deadline:
+        frame = camera.next_frame(0.2)
+        if frame is not None:
+            return frame
+    raise AssertionError("no frame came")
+
+
+def until_lost(camera):
+    for _ in range(200):
+        camera.next_frame(0.1)
+    raise AssertionError("the loss was not noticed")
+
+
+def test_cameras_are_listed(server) -> None:
+    (device,) = list_devices("indi", ADDRESS)
+    assert device.address == f"{ADDRESS}/CCD Simulator"
+    assert device.source == "indi"
+
+
+def test_exposure_gain_and_binning_and_frames_one_after_another(server) -> None:
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.3, gain=70, binning=2))
+    try:
+        assert camera.name == "CCD Simulator"
+        assert camera.limits.exposure_s == (0.01, 3600.0)
+        assert camera.limits.binning == (1, 4)
+        first = taken(camera)
+        assert first.pixels.shape == (512, 640)
+        assert first.pixels.dtype == np.uint16
+        assert first.hint.exposure_s == 0.3
+        assert first.header["GAIN"] == 70
+        assert first.hint.camera == "CCD Simulator"
+        second = taken(camera)
+        apart = (second.hint.time_utc - first.hint.time_utc).total_seconds()
+        assert 0.3 <= apart < 20
+        assert not np.array_equal(first.pixels, second.pixels)
+        now = camera.configure(CaptureSettings(binning=1))
+        assert now == CaptureSettings(0.3, 70, 1)
+        assert taken(camera).pixels.shape == (1024, 1280)
+    finally:
+        camera.close()
+
+
+def test_a_long_exposure_gives_nothing_yet_and_can_be_changed_at_once(server) -> None:
+    camera = open_camera("indi", f"{ADDRESS}/CCD Simulator", CaptureSettings(exposure_s=600.0))
+    try:
+        assert camera.next_frame(0.3) is None
+        assert camera.next_frame(0.0) is None
+        camera.configure(CaptureSettings(exposure_s=0.1))
+        assert taken(camera).hint.exposure_s == 0.1
+    finally:
+        camera.close()
+
+
+def test_what_is_out_of_range_is_refused_and_nothing_changes(server) -> None:
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.2, binning=1))
+    try:
+        for bad, said in (
+            (CaptureSettings(exposure_s=1e6), "exposure of 1e.06 s is not within 0.01 to 3600 s"),
+            (CaptureSettings(binning=9), "binning of 9 is not within 1 to 4"),
+        ):
+            with pytest.raises(RefusedError, match=said):
+                camera.configure(bad)
+        assert camera.configure(CaptureSettings()).exposure_s == 0.2
+        taken(camera)
+    finally:
+        camera.close()
+
+
+def test_a_camera_that_is_not_there_is_named_with_those_that_are(server) -> None:
+    with pytest.raises(PortError, match="no camera called Toupcam; there is CCD Simulator"):
+        open_camera("indi", f"{ADDRESS}/Toupcam")
+
+
+def test_another_program_disconnects_the_camera(server) -> None:
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.2))
+    try:
+        taken(camera)
+        subprocess.run(
+            ["indi_setprop", "CCD Simulator.CONNECTION.DISCONNECT=On"], check=True, timeout=20
+        )
+        with pytest.raises(LineLostError, match=r"CCD Simulator is gone .*disconnected"):
+            until_lost(camera)
+    finally:
+        camera.close()
+
+
+def test_the_driver_dies(server) -> None:
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=5.0))
+    try:
+        assert camera.next_frame(0.2) is None
+        os.kill(server.driver(), signal.SIGKILL)
+        with pytest.raises(LineLostError, match="CCD Simulator is gone"):
+            until_lost(camera)
+    finally:
+        camera.close()
+
+
+def test_the_server_goes_in_the_middle_of_an_exposure(server) -> None:
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=60.0))
+    try:
+        assert camera.next_frame(0.2) is None
+        server.end()
+        with pytest.raises(LineLostError, match="went away"):
+            until_lost(camera)
+    finally:
+        camera.close()
+    with pytest.raises(PortError, match="start indiserver there"):
+        open_camera("indi", ADDRESS)
+    assert list_devices("indi") == []
+
+
+def test_a_picture_that_never_comes_is_a_lost_line(server, monkeypatch) -> None:
+    monkeypatch.setattr("app.cameras.indi.DOWNLOAD_S", 0.5)
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.5))
+    os.kill(server.driver(), signal.SIGSTOP)  # hangs, as a driver whose cable was pulled
+    try:
+        with pytest.raises(LineLostError, match="no picture came"):
+            until_lost(camera)
+    finally:
+        os.kill(server.driver(), signal.SIGCONT)
+        camera.close()
+
+
+def test_absent_it_says_how_to_get_it(monkeypatch) -> None:
+    monkeypatch.setattr("app.cameras.indi.find_spec", lambda name: None)
+    assert "pip install 'kochab[indi]'" in IndiCamera.missing()
+    with pytest.raises(PortError, match="kochab"):
+        open_camera("indi", ADDRESS)
