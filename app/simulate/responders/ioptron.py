@@ -46,6 +46,7 @@ class IOptron(Controller):
             b"GEP": self.position, b"GLS": self.status, b"GUT": self.time, b"GAC": self.altitude,
             b"GPC": lambda: b"32400000000000000#", b"GSR": lambda: b"9#", b"GAL": lambda: b"+00#",
             b"AG": lambda: b"5050#", b"GMT": lambda: b"010#", b"GTR": lambda: b"10000#",
+            b"GPE": lambda: b"0", b"GPR": lambda: b"0",
             b"CM": self.sync, b"MS1": self.slew, b"MS2": self.slew, b"Q": self.stop,
             b"qR": lambda: self.halt(Direction.EAST, Direction.WEST),
             b"qD": lambda: self.halt(Direction.NORTH, Direction.SOUTH),

@@ -21,7 +21,7 @@ class OnStep(Autostar):
 
     def __init__(self, telescope: Telescope) -> None:
         super().__init__(telescope)
-        for meade in (b"GW", b"GM", b"GN", b"GO", b"GP", b"GVF"):
+        for meade in (b"GW", b"GVF"):
             del self.plain[meade]
         self.plain |= {
             b"GVP": lambda: b"On-Step#", b"GVN": lambda: b"10.24i#",
@@ -32,6 +32,8 @@ class OnStep(Autostar):
             b"GDe": lambda: degrees(telescope.believed_deg()[1], True, decimals=3) + b"#",
             b"GDH": lambda: degrees(telescope.believed_deg()[1], True, decimals=3) + b"#",
             b"GT": lambda: b"60.16427#" if telescope.tracking else b"0#",
+            b"GtH": lambda: degrees(self.site.settings.latitude_deg, True, decimals=3) + b"#",
+            b"GX98": lambda: b"N#", b"%BD": lambda: b"0#", b"%BR": lambda: b"0#",
             b"Gh": lambda: b"-10*#", b"Go": lambda: b"85*#",
             b"CS": self.silent_sync, b"hR": self.unpark, b"hP": self.park,
             b"Te": lambda: self.track(True), b"Td": lambda: self.track(False),

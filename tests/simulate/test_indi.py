@@ -1,0 +1,132 @@
+"""INDI's own drivers, written by other people, drive the simulated mounts.
+
+They run in a network of their own, since indiserver would listen to the whole of ours, and in a
+process namespace that takes every driver with it when it ends.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.simulate.line import pty_line
+from app.simulate.responders.base import open_responder
+from app.simulate.responders.bench_telescope import BenchTelescope
+from app.simulate.responders.lx200 import Autostar
+
+FAMILIES = {
+    "indi_lx200basic": ("LX200 Basic", "lx200"),
+    "indi_lx200generic": ("Standard LX200", "lx200"),
+    "indi_lx200autostar": ("LX200 Autostar", "autostar"),
+    "indi_lx200_OnStep": ("LX200 OnStep", "onstep"),
+    "indi_celestron_gps": ("Celestron GPS", "nexstar"),
+    "indi_synscan_telescope": ("SynScan", "synscan"),
+    "indi_ioptronv3_telescope": ("iOptronV3", "ioptron"),
+    "indi_eqmod_telescope": ("EQMod Mount", "skywatcher"),
+}
+GOTO_ONLY = {"indi_eqmod_telescope"}  # a sync of EQMod's stays in EQMod
+PATIENCE_S = 60.0
+NAMESPACE = ["--net", "--pid", "--fork", "--kill-child"]
+# A telescope that tracks goes on while a driver asks, and an LX200 counts whole seconds of time.
+TOLERANCE_DEG = {"indi_eqmod_telescope": 0.02}
+TOLERANCE_ELSE_DEG = 0.006
+
+
+def apart_deg(one, other):
+    """The larger difference of the two coordinates."""
+    return max(abs((one[0] - other[0] + 180) % 360 - 180), abs(one[1] - other[1]))
+
+
+def own_network():
+    """The command that gives a command its own network; the test is skipped without."""
+    if sys.platform != "linux":
+        pytest.skip("INDI's drivers are run in a network namespace, which only Linux has")
+    for program, package in (
+        ("indiserver", "indi-bin"),
+        ("unshare", "util-linux"),
+        ("ip", "iproute2"),
+    ):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not there: apt-get install {package}")
+    for unshare in (["unshare"], ["unshare", "--user", "--map-root-user"]):
+        command = [*unshare, *NAMESPACE]
+        tried = subprocess.run([*command, "ip", "link", "set", "lo", "up"], capture_output=True)
+        if tried.returncode == 0:
+            return command
+    pytest.skip(
+        "a network namespace of one's own is not permitted here: run the tests as root, or allow "
+        "unprivileged user namespaces (sysctl kernel.unprivileged_userns_clone=1)"
+    )
+
+
+def begin(responder_name):
+    """A telescope half a minute of work away from its goal, its responder, and what to ask."""
+    telescope = BenchTelescope(slew_deg_s=60.0)
+    meridian = telescope.sidereal_deg()
+    if responder_name != "skywatcher":  # which is switched on at home, and must stand there
+        telescope.sync((meridian - 10.0) % 360.0, 38.0)
+        telescope.log.clear()
+    known = {"autostar": Autostar}.get(responder_name)
+    responder = known(telescope) if known else open_responder(responder_name, telescope)
+    return (
+        telescope,
+        responder,
+        ((meridian - 12.0) % 360.0, 36.5),
+        ((meridian - 20.0) % 360.0, 41.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """Every installed driver's tale, and the telescope it drove."""
+    network = own_network()
+    plans, telescopes, lines = [], {}, []
+    try:
+        for driver, (device, name) in FAMILIES.items():
+            if shutil.which(driver) is None:
+                continue
+            telescope, responder, sync, goto = begin(name)
+            lines.append(pty_line(responder))
+            site = telescope.latitude_deg, telescope.longitude_deg
+            plans.append(
+                {
+                    "driver": driver, "device": device, "port": lines[-1].port, "site": site,
+                    "sync": None if driver in GOTO_ONLY else sync, "goto": goto,
+                }
+            )  # fmt: skip
+            telescopes[driver] = telescope
+        script = Path(__file__).with_name("responder_indi.py")
+        home = tmp_path_factory.mktemp("indi")
+        ran = subprocess.run(
+            [*network, sys.executable, str(script)],
+            input=json.dumps({"drivers": plans, "patience_s": PATIENCE_S}),
+            capture_output=True, text=True, timeout=PATIENCE_S + 30.0,
+            env={**os.environ, "HOME": str(home)},
+        )  # fmt: skip
+        assert ran.returncode == 0, ran.stderr
+        yield json.loads(ran.stdout), {plan["driver"]: plan for plan in plans}, telescopes
+    finally:
+        for line in lines:
+            line.stop()
+
+
+@pytest.mark.parametrize("driver", FAMILIES)
+def test_a_driver_of_indi_connects_syncs_goes_and_reads_back(driven, driver):
+    told, plans, telescopes = driven
+    if driver not in plans:
+        package = "indi-eqmod" if "eqmod" in driver else "indi-bin"
+        pytest.skip(f"{driver} is not there: apt-get install {package}")
+    assert "error" not in told[driver], told[driver]["error"]
+    tolerance = TOLERANCE_DEG.get(driver, TOLERANCE_ELSE_DEG)
+    plan, telescope = plans[driver], telescopes[driver]
+    for act in ("sync", "goto"):
+        if plan[act] is None:
+            continue
+        assert apart_deg(told[driver][act], plan[act]) < tolerance
+    assert apart_deg(telescope.believed_deg(), plan["goto"]) < tolerance
+    begun = [entry[0] for entry in telescope.log if entry[0] in ("sync", "goto", "turn to")]
+    assert begun == (["turn to", "turn to"] if driver in GOTO_ONLY else ["sync", "goto"])
