@@ -24,6 +24,7 @@ class Client:
     def __init__(self, device, patience_s):
         self.device, self.until = device, time.monotonic() + patience_s
         self.values, self.states, self.messages = {}, {}, []
+        self.told = set()  # what has been told anew since it was defined
         self.parser = ElementTree.XMLPullParser(["start", "end"])
         self.parser.feed("<indi>")
         self.line = self._connect()
@@ -67,6 +68,8 @@ class Client:
             if element.tag.endswith("Vector"):
                 name = element.get("name")
                 self.states[name] = element.get("state", self.states.get(name))
+                if element.tag.startswith("set"):
+                    self.told.add(name)
                 into = self.values.setdefault(name, {})
                 into.update({one.get("name"): (one.text or "").strip() for one in element})
                 element.clear()
@@ -98,7 +101,8 @@ def run(plan, patience_s):
         "connection",
         lambda: values["CONNECTION"]["CONNECT"] == "On" and states["CONNECTION"] == "Ok",
     )
-    client.wait("position", lambda: PLACE in values and "ON_COORD_SET" in values)
+    # A driver that has not yet read the mount would go from nowhere.
+    client.wait("position", lambda: PLACE in client.told and "ON_COORD_SET" in values)
     latitude, longitude = plan["site"]
     client.order("Number", "GEOGRAPHIC_COORD", LAT=latitude, LONG=longitude, ELEV=100)
     client.order("Switch", "TELESCOPE_PARK", UNPARK="On")

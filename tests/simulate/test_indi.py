@@ -129,4 +129,7 @@ def test_a_driver_of_indi_connects_syncs_goes_and_reads_back(driven, driver):
         assert apart_deg(told[driver][act], plan[act]) < tolerance
     assert apart_deg(telescope.believed_deg(), plan["goto"]) < tolerance
     begun = [entry[0] for entry in telescope.log if entry[0] in ("sync", "goto", "turn to")]
-    assert begun == (["turn to", "turn to"] if driver in GOTO_ONLY else ["sync", "goto"])
+    if driver in GOTO_ONLY:
+        assert set(begun) == {"turn to"}  # twice or more: EQMod looks again and corrects
+    else:
+        assert begun == ["sync", "goto"]
