@@ -35,7 +35,7 @@ def _position(args: argparse.Namespace) -> int:
 
 
 def _stop(args: argparse.Namespace) -> int:
-    with guarded_mount(args) as guard:
+    with guarded_mount(args, stop_first=True) as guard:
         guard.stop()
     print(to_line({"stopped": True}) if args.json else "The mount was told to stop.")
     return 0

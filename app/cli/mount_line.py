@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from app.mounts.limits import Limits
 
 
-def guarded_mount(args: argparse.Namespace, limits: "Limits | None" = None) -> "Guard":
+def guarded_mount(
+    args: argparse.Namespace, limits: "Limits | None" = None, stop_first: bool = False
+) -> "Guard":
     """The mount of ``--port`` and ``--driver``, either of which may be left to be found."""
     from app.mounts import DRIVERS, open_mount
     from app.mounts.guard import Guard
@@ -24,8 +26,9 @@ def guarded_mount(args: argparse.Namespace, limits: "Limits | None" = None) -> "
     args.port = args.port or _only_port()
     if args.driver is None:
         args.driver, args.baud = _found(args.port, args.baud)
-    reopen = partial(open_mount, args.driver, args.port, args.baud, epoch_of(args), args.site)
-    return Guard(reopen(), args.site, limits, reopen=reopen)
+    opened = partial(open_mount, args.driver, args.port, args.baud, epoch_of(args), args.site)
+    again = partial(opened, stop_first=True)
+    return Guard((again if stop_first else opened)(), args.site, limits, reopen=again)
 
 
 def _only_port() -> str:

@@ -34,6 +34,7 @@ def open_mount(
     epoch: Epoch | None = None,
     site: Site | None = None,
     clock: Callable[[], datetime] | None = None,
+    stop_first: bool = False,
 ) -> Mount:
     """Open ``port`` and find the mount there; nothing moves.
 
@@ -45,6 +46,8 @@ def open_mount(
         The driver's own when None.
     site, clock
         For a mount that knows neither (``skywatcher``); they are never sent.
+    stop_first
+        Send the bytes of Stop before anything else, as after a line that was lost.
 
     Raises
     ------
@@ -58,6 +61,8 @@ def open_mount(
     rate = baud or make.bauds[0]
     link = open_link(port, rate)
     try:
+        if stop_first:
+            link.write(make.blind_stop)
         mount: Mount = make(link, epoch=epoch, site=site, clock=clock)
     except NoAnswerError as error:
         link.close()

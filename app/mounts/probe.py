@@ -69,6 +69,7 @@ def ask_skywatcher(talk: Conversation) -> Found:
 
 def ask_lx200(talk: Conversation) -> Found:
     """Declination first, for ``:GR#`` is not sent to a stranger; then the product's name."""
+    talk.tell(b"#")  # ends what a question of another make has left half-written
     talk.ask(lx200.GET_DEC, until(b"#", 16, PATIENCE_S), lx200.parse_dec)
     talk.ask(lx200.GET_RA, until(b"#", 16, PATIENCE_S), lx200.parse_ra)
     product = ""
@@ -81,6 +82,7 @@ def ask_lx200(talk: Conversation) -> Found:
 
 def ask_ioptron(talk: Conversation) -> Found:
     """Model and position."""
+    talk.tell(b"#")
     model = talk.ask(ioptron.MOUNT_INFO, exactly(4, PATIENCE_S), ioptron.parse_model)
     talk.ask(ioptron.POSITION, until(b"#", 24, PATIENCE_S), ioptron.parse_position)
     return Found("ioptron", f"iOptron {model}")

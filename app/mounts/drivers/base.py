@@ -28,6 +28,7 @@ class SerialMount:
     bauds: ClassVar[tuple[int, ...]] = (9600,)
     default_epoch: ClassVar[Epoch] = Epoch.DATE
     timeout_s: ClassVar[float] = 5.0
+    blind_stop: ClassVar[bytes]  # what stops it before anything is known of it
     rates_deg_s: tuple[float, ...] = ()
 
     def __init__(

@@ -40,6 +40,7 @@ class Lx200(SerialMount):
 
     name = "lx200"
     title = "Meade LX200, Autostar, 10micron and compatible"
+    blind_stop = b"#:Q#"
     rates_deg_s = (2 * SIDEREAL_DEG_S, 32 * SIDEREAL_DEG_S, 2.0, 6.0)
     rate_words = (b":RG#", b":RC#", b":RM#", b":RS#")
 

@@ -23,6 +23,7 @@ class NexStar(SerialMount):
 
     name = "nexstar"
     title = "Celestron NexStar hand control"
+    blind_stop = b"M"
     timeout_s = 5.0
     models = words.MODELS
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 4, 8, 16, 64)), 0.5, 2.0, 4.0)

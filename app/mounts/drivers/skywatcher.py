@@ -24,6 +24,7 @@ class SkyWatcher(SerialMount):
 
     name = "skywatcher"
     title = "Sky-Watcher motor board (EQMOD, EQDIR)"
+    blind_stop = b":L1\r:L2\r"
     bauds = (9600, 115200)
     timeout_s = 1.5
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 8, 16, 64)), 0.5, 1.0, 3.0)

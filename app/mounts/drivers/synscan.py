@@ -18,6 +18,7 @@ class SynScan(NexStar):
 
     name = "synscan"
     title = "Sky-Watcher SynScan hand control"
+    blind_stop = b"MM"
     default_epoch = Epoch.J2000
     timeout_s = 3.0
     models = MODELS

@@ -1,0 +1,104 @@
+"""One exchange at a time, and Stop ahead of it."""
+
+import threading
+import time
+
+import pytest
+
+from app.core.errors import NoAnswerError, RefusedError
+from app.mounts.conversation import Conversation, ProtocolError, exactly, until
+from app.mounts.protocols.nexstar import parse_done
+from tests.mounts.scripted import ScriptedLink
+
+
+class SlowLink:
+    """Records what is written; answers come when the test puts them there."""
+
+    port = "slow"
+
+    def __init__(self):
+        self.written = []
+        self.buffer = bytearray()
+        self.ready = threading.Condition()
+
+    def write(self, data):
+        self.written.append(data)
+
+    def answer(self, data):
+        with self.ready:
+            self.buffer += data
+            self.ready.notify_all()
+
+    def read_exact(self, count, timeout_s):
+        with self.ready:
+            if not self.ready.wait_for(lambda: len(self.buffer) >= count, timeout_s):
+                raise NoAnswerError("silent")
+            taken = bytes(self.buffer[:count])
+            del self.buffer[:count]
+            return taken
+
+    def discard(self, quiet_s=0.0):
+        self.buffer.clear()
+
+    def close(self):
+        pass
+
+
+def test_stop_is_written_while_an_exchange_waits_for_its_answer() -> None:
+    link = SlowLink()
+    talk = Conversation(link)
+    answers = []
+    reader = threading.Thread(target=lambda: answers.append(talk.ask(b"e", exactly(3, 5.0), bytes)))
+    reader.start()
+    while not link.written:
+        time.sleep(0.001)
+    talk.urge(b"M", exactly(1, 5.0))  # returns although nothing has been answered
+    assert link.written == [b"e", b"M"]
+    link.answer(b"123")
+    link.answer(b"#")
+    reader.join()
+    assert answers == [b"123"]
+    talk.settle()
+    assert not link.buffer
+
+
+def test_answers_are_read_in_the_order_of_what_was_sent() -> None:
+    link = ScriptedLink([(b"M", b"#"), (b"e", b"123")])
+    talk = Conversation(link)
+    talk.urge(b"M", exactly(1, 1.0))
+    assert talk.ask(b"e", exactly(3, 1.0), bytes) == b"123"
+    link.finished()
+
+
+def test_a_motion_decided_before_a_stop_is_not_begun_after_it() -> None:
+    talk = Conversation(ScriptedLink([(b":Q#", b"")]))
+    since = talk.stops
+    talk.stopping()
+    talk.urge(b":Q#")
+    with pytest.raises(RefusedError, match="stopped before it began"):
+        talk.ask(b":MS#", exactly(1, 1.0), bytes, since)
+    with pytest.raises(RefusedError):
+        talk.tell(b":Me#", since)
+
+
+def test_a_question_is_repeated_after_nonsense_but_an_order_is_not() -> None:
+    link = ScriptedLink([(b"L", b"?"), (b"L", b"#"), (b"s", b"?")])
+    talk = Conversation(link)
+    talk.query(b"L", exactly(1, 1.0), parse_done)
+    with pytest.raises(ProtocolError, match="answered something else"):
+        talk.ask(b"s", exactly(1, 1.0), parse_done)
+    link.finished()
+
+
+def test_silence_is_not_asked_again() -> None:
+    link = ScriptedLink([(b":GR#", b"")])
+    with pytest.raises(NoAnswerError):
+        Conversation(link).query(b":GR#", until(b"#", 16, 1.0), bytes)
+    link.finished()
+
+
+def test_what_stop_never_answered_does_not_hold_up_the_next_question() -> None:
+    link = ScriptedLink([(b"M", b""), (b"e", b"#")])
+    talk = Conversation(link)
+    talk.urge(b"M", exactly(1, 0.01))
+    talk.ask(b"e", exactly(1, 1.0), parse_done)
