@@ -12,12 +12,13 @@ from app.core.mount import Direction, PierSide
 from app.simulate.clock import SimulatedClock
 from app.simulate.local_sky import Air, LocalSky, altitude_deg
 from app.simulate.mechanics.axis import Axis, AxisWear
-from app.simulate.mechanics.belief import Belief, fold, halves, unfold
+from app.simulate.mechanics.belief import Belief, fold, halves, unfold, wrapped
 from app.simulate.mechanics.bolts import BoltWear, Wedge
 from app.simulate.mechanics.geometry import Build, camera_to_enu
 
 Floats = NDArray[np.float64]
 SIDEREAL_DEG_S = 360.0 / 86164.0905
+NEAR_DEG = 10.0  # a goto this short does not change sides
 SIGNS = {Direction.NORTH: (1, 1), Direction.SOUTH: (1, -1), Direction.EAST: (0, -1)}
 SIGNS[Direction.WEST] = (0, 1)
 
@@ -321,14 +322,27 @@ class EquatorialMount:
         return axis, -sign if axis == 1 and self._flipped else sign
 
     def _reachable(self, hour_deg: float, dec_deg: float, t: float) -> tuple[float, float] | None:
-        """Encoder angles for a target, staying on this side of the pier where that is allowed."""
+        """Encoder angles for a target: a short way on this side of the pier, else the side for it.
+
+        A tube that looks east belongs west of the pier, but near the meridian it need not go
+        round for a correction.
+        """
         motors = self._motors(t)
-        sides = [self._flipped, not self._flipped] if self.config.german else [False]
-        for flipped in sides:
-            hour, dec = self._belief.motors_for(*fold(hour_deg, dec_deg, flipped, self._north))
-            low, high = halves(self.config.german, self.config.past_meridian_deg)
-            turns = [hour + 360.0 * k for k in (-2, -1, 0, 1, 2)]
-            allowed = [h for h in turns if low <= h <= high]
-            if allowed:
-                return min(allowed, key=lambda h: abs(h - motors[0])), dec
-        return None
+        east = wrapped(hour_deg) < 0.0
+        sides = [east, not east] if self.config.german else [False]
+        ways = [self._on_side(hour_deg, dec_deg, flipped, motors) for flipped in sides]
+        ends = [end for end in ways if end is not None]
+        near = [end for end in ends if _apart_deg(end, motors) < NEAR_DEG]
+        return next(iter(near or ends), None)
+
+    def _on_side(
+        self, hour_deg: float, dec_deg: float, flipped: bool, motors: tuple[float, float]
+    ) -> tuple[float, float] | None:
+        hour, dec = self._belief.motors_for(*fold(hour_deg, dec_deg, flipped, self._north))
+        low, high = halves(self.config.german, self.config.past_meridian_deg)
+        allowed = [h for k in (-2, -1, 0, 1, 2) if low <= (h := hour + 360.0 * k) <= high]
+        return (min(allowed, key=lambda h: abs(h - motors[0])), dec) if allowed else None
+
+
+def _apart_deg(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
