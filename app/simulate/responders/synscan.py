@@ -25,7 +25,7 @@ class SynScan(NexStar):
         self._braking = False
         self.commands[b"V"] = lambda _: self.firmware + b"#"
         self.commands[b"p"] = self.pointing_state
-        del self.commands[b"v"]
+        self.commands[b"v"] = lambda _: b""  # Celestron's alone
 
     def position(self, digits: int) -> bytes:
         """RA and Dec of J2000."""
