@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from app.core.solution import Solution
+    from app.workflows.laboratory import FieldWish, TrueField
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,13 +45,26 @@ def _window(paths: list[str]) -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    return run(paths, to_json=_to_json)
+    return run(paths, to_json=_to_json, fields=_simulated_field)
 
 
 def _to_json(file: str, solution: "Solution") -> str:
     from app.cli.output import as_json, to_line
 
     return to_line(as_json(file, solution))
+
+
+def _simulated_field(wish: "FieldWish", seeds: "Sequence[int]") -> "TrueField":
+    """A star field for the Laboratory, from the room that the window does not know."""
+    import numpy as np
+
+    from app.simulate.fields import FieldPlan, random_field
+    from app.sky import open_catalogue
+
+    plan = FieldPlan(
+        wish.fov_deg, wish.size_px, wish.noise_px, wish.missing, wish.false, brightest=wish.stars
+    )
+    return random_field(open_catalogue(), np.random.default_rng(list(seeds)), plan)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,8 @@ from app.ui.presenter import Presenter
 from app.ui.samples import Sample, samples
 from app.ui.session import Session
 from app.ui.settings import Settings
-from app.ui.wiring import MakeFields, StartPractice, ToJson, Wiring
+from app.ui.wiring import StartPractice, ToJson, Wiring
+from app.workflows.laboratory import MakeField
 
 
 def build(
@@ -40,7 +41,7 @@ def run(
     engine: Engine | None = None,
     to_json: ToJson | None = None,
     practice: StartPractice | None = None,
-    fields: MakeFields | None = None,
+    fields: MakeField | None = None,
 ) -> int:
     """Open the window, with the first of ``paths`` when there is one; the exit code.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from app.core.solution import Solution
+from app.workflows.laboratory import MakeField
 
 ToJson = Callable[[str, Solution], str]
 
@@ -31,7 +32,6 @@ class Practice(Protocol):
 
 
 StartPractice = Callable[..., Practice]
-MakeFields = Callable[..., Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,4 +45,4 @@ class Wiring:
 
     to_json: ToJson | None = None
     practice: StartPractice | None = None
-    fields: MakeFields | None = None
+    fields: MakeField | None = None

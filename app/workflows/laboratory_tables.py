@@ -1,0 +1,59 @@
+"""What the Laboratory found, as CSV for a spreadsheet."""
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+
+from app.workflows.laboratory import Trial
+from app.workflows.laboratory_curves import SWEEPS, Point
+
+TRIALS = (
+    "method", "answered", "right", "ra_deg", "dec_deg", "off_arcsec", "matches", "wrong",
+    "time_ms", "tables_ms", "sigma_x_arcsec", "sigma_y_arcsec", "sigma_roll_arcsec",
+    "log10_false_alarm", "reason", "tried", "paper",
+)  # fmt: skip
+POINTS = (
+    "varied", "unit", "value", "method", "fields", "right", "wrong", "success", "median_ms",
+)  # fmt: skip
+
+
+def trials_csv(trials: Iterable[Trial]) -> str:
+    """A line for each method; what is not known is empty."""
+    return _csv(TRIALS, (_trial(t) for t in trials))
+
+
+def points_csv(points: Iterable[Point]) -> str:
+    """A line for each point of each curve, in the order of the curves."""
+    order = list(SWEEPS)
+    sorted_points = sorted(points, key=lambda p: (order.index(p.sweep), p.method, p.value))
+    return _csv(POINTS, (_point(p) for p in sorted_points))
+
+
+def _trial(t: Trial) -> Sequence[object]:
+    ra, dec = t.ra_dec_deg or ("", "")
+    sigma = t.sigma_arcsec or ("", "", "")
+    return (
+        t.method, t.answered, t.right, ra, dec, t.off_arcsec, t.matches, t.wrong,
+        1e3 * t.seconds, 1e3 * t.tables_s, *sigma, t.log10_false_alarm, t.reason, t.advice, t.paper,
+    )  # fmt: skip
+
+
+def _point(p: Point) -> Sequence[object]:
+    unit = SWEEPS[p.sweep].unit
+    return (
+        p.sweep, unit, p.value, p.method, p.fields, p.right, p.wrong, p.success, 1e3 * p.median_s,
+    )  # fmt: skip
+
+
+def _csv(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return out.getvalue()
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else value

@@ -1,0 +1,234 @@
+"""The Laboratory's engine, without a window: fair, honest about wrong answers, stoppable."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.__main__ import _simulated_field
+from app.core.attitude import attitude_from
+from app.core.detections import Detections
+from app.core.errors import UsageError
+from app.core.progress import Progress, run
+from app.core.solution import Identification, NoSolution, Reason
+from app.identify import IDENTIFIERS
+from app.workflows import laboratory
+from app.workflows.laboratory import (
+    Choice,
+    FieldWish,
+    Truth,
+    compare,
+    judge,
+    scale_hint,
+    try_method,
+)
+from app.workflows.laboratory_curves import SWEEPS, curves
+from app.workflows.laboratory_tables import POINTS, TRIALS, points_csv, trials_csv
+
+EASY = FieldWish(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
+
+
+@pytest.fixture(scope="module")
+def easy():
+    return _simulated_field(EASY, (3, 1))
+
+
+@pytest.fixture(scope="module")
+def truth(easy):
+    return Truth(easy.camera, easy.attitude)
+
+
+def identification(easy, attitude=None):
+    found = run(laboratory.make_identifier("patterns").identify(easy.detections, None))
+    assert isinstance(found, Identification)
+    return found if attitude is None else replace(found, attitude=attitude)
+
+
+def test_methods_side_by_side_on_the_same_stars(easy, truth):
+    heard = []
+    choices = [Choice("patterns"), Choice("voting", {"margin_px": 1.0})]
+    trials = run(compare(easy.detections, choices, scale_hint(truth), truth, tell=heard.append))
+    assert heard == trials
+    assert [t.method for t in trials] == ["patterns", "voting"]
+    first = trials[0]
+    assert first.right
+    assert first.wrong == 0
+    assert first.matches >= 5
+    assert first.off_arcsec < 5 * truth.camera.scale_arcsec_px
+    assert 0 < first.sigma_arcsec[0] < 60
+    assert first.seconds > 0
+    assert first.log10_false_alarm < -5
+    assert not first.reason
+    assert first.paper == "Kochab's own"
+    assert trials[1].paper not in ("", first.paper)
+
+
+def test_no_answer_says_why_and_is_not_a_wrong_one(easy, truth):
+    (trial,) = run(compare(easy.detections, [Choice("voting")], None, truth))
+    assert not trial.answered
+    assert trial.right is False
+    assert trial.reason == Reason.NO_PATTERN_AGREED
+    assert "scale" in trial.advice
+    assert trial.wrong is None
+
+
+def test_without_a_truth_nobody_is_called_right_or_wrong(easy):
+    (trial,) = run(compare(easy.detections, [Choice("patterns")], None, None))
+    assert trial.answered
+    assert trial.right is trial.wrong is trial.off_arcsec is None
+
+
+def test_wrong_answers_and_wrong_names_are_counted(easy, truth):
+    found = identification(easy)
+    right, _, wrong = judge(found, truth)
+    assert right
+    assert wrong == 0
+    elsewhere = replace(found, attitude=attitude_from(10.0, 20.0, 30.0))
+    assert judge(elsewhere, truth)[0] is False
+    assert judge(elsewhere, truth)[1] > 1000
+    swapped = replace(found.matches, vectors=np.roll(found.matches.vectors, 1, axis=0))
+    assert judge(replace(found, matches=swapped), truth)[2] == len(swapped)
+    behind = replace(found.matches, vectors=-found.matches.vectors)
+    assert judge(replace(found, matches=behind), truth)[2] == len(behind)
+    mirrored = replace(found, camera=replace(found.camera, mirrored=not found.camera.mirrored))
+    assert judge(mirrored, truth)[0] is False
+
+
+class Slow:
+    """A method that makes a table the first time, or never ends."""
+
+    made = 0
+    closed = 0
+
+    def __init__(self, forever=False):
+        self.forever = forever
+
+    def identify(self, detections, hint=None, year=2016.0):
+        try:
+            while self.forever:
+                sum(range(20_000))
+                yield Progress("identify")
+            if not Slow.made:
+                sum(range(3_000_000))
+            Slow.made += 1
+            yield Progress("identify", 0.5)
+            return NoSolution(Reason.TOO_FEW_STARS, "More.", detections=len(detections))
+        finally:
+            Slow.closed += 1
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    Slow.made = Slow.closed = 0
+    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **options: Slow(**options))
+    monkeypatch.setattr(laboratory, "checked_options", lambda name, options: options)
+    monkeypatch.setattr(laboratory, "paper_of", lambda name: "a paper")
+    monkeypatch.setattr(laboratory, "_used", set())
+
+
+def test_making_tables_is_told_apart_from_the_search(slow, easy, truth):
+    first = run(try_method(easy.detections, Choice("slow"), None, truth))
+    again = run(try_method(easy.detections, Choice("slow"), None, truth))
+    assert Slow.made == 3
+    assert first.tables_s > 0
+    assert first.seconds < first.tables_s
+    assert again.tables_s == 0
+    assert first.paper == "a paper"
+
+
+def test_a_method_that_takes_too_long_is_stopped_and_said(slow, easy, truth):
+    task = try_method(easy.detections, Choice("slow", {"forever": True}), None, truth, limit_s=0.05)
+    trial = run(task)
+    assert trial.reason == "timed out"
+    assert Slow.closed == 1
+
+
+def test_a_comparison_can_be_stopped_in_the_middle(slow, easy, truth):
+    choices = [Choice("slow", {"forever": True}), Choice("slow")]
+    task = compare(easy.detections, choices, None, truth)
+    for _ in range(3):
+        assert next(task).stage == "laboratory"
+    task.close()
+    assert Slow.closed == 1
+
+
+def test_an_option_that_is_not_there_is_refused(easy, truth):
+    with pytest.raises(UsageError, match="no option colour"):
+        run(compare(easy.detections, [Choice("voting", {"colour": 1})], None, truth))
+
+
+@pytest.mark.parametrize("method", IDENTIFIERS)
+def test_every_method_can_stand_in_the_laboratory(method):
+    """An empty list and a few points: no answer, no fault, whatever the method."""
+    points = np.random.default_rng(1).uniform(0, 1000, (5, 2))
+    truth = Truth(_simulated_field(EASY, (1,)).camera, attitude_from(0.0, 0.0, 0.0))
+    hint = scale_hint(truth, 10.0)
+    for xy in (np.zeros((0, 2)), points[:2]):
+        found = Detections.from_list(xy, 1024, 1024)
+        (trial,) = run(compare(found, [Choice(method)], hint, truth))
+        assert not trial.answered
+        assert trial.reason
+
+
+def test_curves_count_answers_and_grow_round_by_round():
+    heard = []
+    wish = FieldWish(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
+    choices = [Choice("patterns")]
+    points = run(
+        curves(_simulated_field, wish, choices, ("missing", "stars"), 2, tell=heard.append)
+    )
+    wanted = {(s, v) for s in ("missing", "stars") for v in SWEEPS[s].values}
+    assert {(p.sweep, p.value) for p in points} == wanted
+    assert len(heard) == 2 * len(wanted)
+    assert all(p.fields == 2 for p in points)
+    assert {p.fields for p in heard} == {1, 2}
+    at = {(p.sweep, p.value): p for p in points}
+    assert at["missing", 0.0].success == 1.0
+    assert at["stars", 4.0].right <= at["stars", 30.0].right == 2
+    assert sum(p.wrong for p in points) == 0
+    assert all(p.median_s > 0 for p in points)
+
+
+def test_the_same_seed_gives_the_same_fields_to_every_method():
+    asked = []
+
+    def field(wish, seeds):
+        asked.append((wish, tuple(seeds)))
+        return _simulated_field(wish, seeds)
+
+    choices = [Choice("patterns"), Choice("neighbours")]
+    run(curves(field, EASY, choices, ("noise_px",), 1, seed=5))
+    assert len(asked) == len(set(asked)) == len(SWEEPS["noise_px"].values)  # one for both methods
+    again = _simulated_field(*asked[0])
+    assert np.array_equal(again.detections.xy, _simulated_field(*asked[0]).detections.xy)
+    assert len({seeds for _, seeds in asked}) == len(asked)
+
+
+def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields():
+    asked = set()
+
+    def field(wish, seeds):
+        asked.add((wish, tuple(seeds)))
+        return _simulated_field(wish, seeds)
+
+    points = run(curves(field, EASY, [Choice("patterns"), Choice("voting")], ("margin_px",), 1))
+    assert {p.method for p in points} == {"voting"}
+    assert [p.value for p in points] == list(SWEEPS["margin_px"].values)
+    assert len(asked) == 1
+
+
+def test_tables_export_every_number(easy, truth):
+    trials = run(compare(easy.detections, [Choice("patterns"), Choice("voting")], None, truth))
+    rows = list(csv.DictReader(io.StringIO(trials_csv(trials))))
+    assert tuple(rows[0]) == TRIALS
+    assert rows[0]["answered"] == "yes"
+    assert float(rows[0]["ra_deg"]) == pytest.approx(trials[0].ra_dec_deg[0], abs=1e-3)
+    assert rows[1]["answered"] == "no"
+    assert rows[1]["ra_deg"] == rows[1]["wrong"] == ""
+    points = run(curves(_simulated_field, EASY, [Choice("patterns")], ("missing",), 1))
+    lines = list(csv.DictReader(io.StringIO(points_csv(points))))
+    assert tuple(lines[0]) == POINTS
+    assert [float(r["value"]) for r in lines] == list(SWEEPS["missing"].values)
+    assert float(lines[0]["success"]) == points[0].success
