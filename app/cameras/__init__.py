@@ -10,6 +10,7 @@ SOURCES: dict[str, str] = {
     "simulated": "app.simulate.source:SimulatedCamera",
     "folder": "app.cameras.folder:FolderCamera",
     "indi": "app.cameras.indi:IndiCamera",
+    "alpaca": "app.cameras.alpaca:AlpacaCamera",
 }
 
 

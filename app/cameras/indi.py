@@ -9,6 +9,7 @@ from time import monotonic
 from app.cameras.address import net_address
 from app.cameras.blob import frame_of
 from app.cameras.indi_link import IndiLink
+from app.cameras.within import check_within
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from app.core.errors import DeviceError, FrameError, LineLostError, PortError, RefusedError
 from app.core.frame import Frame
@@ -95,10 +96,7 @@ class IndiCamera:
             A value is out of range, cannot be set on this camera, or was not accepted.
 
         """
-        limits = self.limits
-        _within("exposure", settings.exposure_s, limits.exposure_s, "s")
-        _within("gain", settings.gain, limits.gain, "")
-        _within("binning", settings.binning, limits.binning, "")
+        check_within(settings, self.limits)
         if settings != CaptureSettings():
             self._abort()
         if settings.exposure_s is not None:
@@ -251,16 +249,6 @@ def _chosen(names: list[str], wanted: str, server: str) -> str:
     if len(names) > 1:
         raise PortError(f"{server} has several cameras: {there}. Write {server}/{names[0]}.")
     return names[0]
-
-
-def _within(what: str, value: float | None, bounds: tuple[float, float] | None, unit: str) -> None:
-    if value is None:
-        return
-    if bounds is None:
-        raise RefusedError(f"The {what} of this camera cannot be set.")
-    if not bounds[0] <= value <= bounds[1]:
-        span = f"{bounds[0]:g} to {bounds[1]:g} {unit}".strip()
-        raise RefusedError(f"A {what} of {value:g} {unit}".strip() + f" is not within {span}.")
 
 
 def _same(told: str | None, meant: str) -> bool:
