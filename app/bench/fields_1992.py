@@ -6,6 +6,7 @@ open is an argument here: how errors are distributed up to the worst, how far ou
 the tolerance" is.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -89,16 +90,15 @@ def camera() -> Camera:
 
 def picture(
     rng: np.random.Generator, situation: Situation, law: ErrorLaw = "normal",
-    outside: tuple[float, float] = (1.0, 2.0),
+    outside: tuple[float, float] = (1.0, 2.0), attitude: Attitude | None = None,
 ) -> Picture:  # fmt: skip
-    """One picture in a random direction.
+    """One picture, in a random direction unless ``attitude`` is given.
 
     ``law`` "normal" has the worst error at three sigma a coordinate, "disc" spreads it evenly over
     a circle. A star outside the limits is off by between ``outside`` times the worst error.
     """
     lens, bright = camera(), sky()
-    axis = rng.normal(size=3)
-    attitude = attitude_from(*radec_deg(axis / np.linalg.norm(axis)), float(rng.uniform(-180, 180)))
+    attitude = attitude or _anywhere(rng)
     body = bright.vectors @ attitude.matrix.T
     seen_mag = bright.mag - 2.5 * np.log10(1.0 + rng.uniform(-SPREAD, SPREAD, len(bright.mag)))
     inside = np.flatnonzero(
@@ -111,11 +111,23 @@ def picture(
         turn, far = rng.uniform(0, 2 * np.pi), worst * rng.uniform(*outside)
         off[k] = far * np.array([np.cos(turn), np.sin(turn)])
     xy = lens.project(_shifted(body[inside], off))
-    mag = seen_mag[inside]
     false = _disc(rng, situation.false) * PIXELS / 2.0 + (PIXELS - 1) / 2.0
-    xy, mag = np.concatenate([xy, false]), np.concatenate([mag, rng.choice(bright.mag, len(false))])
+    xy = np.concatenate([xy, false])
+    mag = np.concatenate([seen_mag[inside], rng.choice(bright.mag, len(false))])
     detections = Detections.from_list(xy, PIXELS, PIXELS, 10.0 ** (-0.4 * mag))
     return Picture(detections, lens, attitude, len(inside))
+
+
+def repeated(rng: np.random.Generator, count: int) -> Iterator[Picture]:
+    """Pictures of one field, each with errors of its own."""
+    attitude = _anywhere(rng)
+    for _ in range(count):
+        yield picture(rng, SITUATIONS[0], attitude=attitude)
+
+
+def _anywhere(rng: np.random.Generator) -> Attitude:
+    axis = rng.normal(size=3)
+    return attitude_from(*radec_deg(axis / np.linalg.norm(axis)), float(rng.uniform(-180, 180)))
 
 
 def _errors(rng: np.random.Generator, count: int, worst: float, law: ErrorLaw) -> Floats:

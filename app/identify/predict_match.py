@@ -45,24 +45,27 @@ class Estimate:
 
 def predictional_estimate(
     camera: Camera, matrix: Floats, xy: Floats, vectors: Floats, reach_px: float,
-    *, closest_px: float = 0.5,
+    *, closest_px: float = 0.5, worst_px: float | None = None,
 ) -> Estimate | None:  # fmt: skip
     """Match stars recorded at ``xy`` (N, 2) px to ``vectors`` (S, 3) ICRS and refine ``matrix``.
 
     ``reach_px`` is how far off the expected places may be at first, ``closest_px`` the smallest
-    reach it comes down to. None when fewer than two stars find each other.
+    reach it comes down to; ``worst_px``, where it is known, is the largest error a star's place can
+    have, beyond which none counts in the end. None when fewer than two stars find each other.
     """
-    last: tuple[Ints, Ints] | None = None
+    last = np.zeros((2, 0), dtype=np.int64)
     for _ in range(ROUNDS):
         i, j, distance2 = pair(xy, expected_px(camera, matrix, vectors), reach_px)
         if len(i) < FEWEST:
             return None
         matrix, _ = differential(camera, matrix, xy[i], vectors[j], np.ones(len(i)))
-        if last is not None and np.array_equal(i, last[0]) and np.array_equal(j, last[1]):
-            break
-        last = i, j
         middle = float(np.sqrt(np.median(distance2)))
-        reach_px = max(closest_px, min(reach_px, CLIP_SIGMA * max(middle, FLOOR_PX)))
+        closer = max(closest_px, min(reach_px, CLIP_SIGMA * max(middle, FLOOR_PX)))
+        if worst_px is not None and middle < worst_px:
+            closer = min(closer, worst_px)
+        if closer > 0.99 * reach_px and np.array_equal([i, j], last):
+            break
+        reach_px, last = closer, np.array([i, j])
     return concluded(camera, matrix, xy, vectors, i, j)
 
 
