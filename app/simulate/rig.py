@@ -123,8 +123,11 @@ class PracticeRig:
     def truth(self, unix_s: float | None = None) -> Truth:
         """Where it really points, and where its axis does, now or at another time."""
         t = self.clock.now_unix() if unix_s is None else unix_s
-        axis = self.mount.wedge.axis_enu()
-        return truth_of(LocalSky(self.config.site, t, self.config.air), t, self.look(t), axis)
+        return self._truth(t, self.look(t))
+
+    def _truth(self, t: float, look: Floats) -> Truth:
+        sky = LocalSky(self.config.site, t, self.config.air)
+        return truth_of(sky, t, look, self.mount.wedge.axis_enu())
 
     def happen(self) -> None:
         """Let every event happen whose time has come."""
@@ -151,7 +154,8 @@ class PracticeRig:
         hour, dec = self.config.start_deg or self._somewhere()
         self.mount.tracking = self.config.tracking
         self.mount.place(hour, dec, flipped=hour < 0.0 and self.config.mount.german)
-        ra, dec = self.truth().of_date_deg
+        t = self.clock.now_unix()
+        ra, dec = self._truth(t, self.mount.attitude_enu_to_camera(t)).of_date_deg
         if self.config.lost_deg:
             ra, dec = _beside(ra, dec, self.config.lost_deg, float(self._rng.uniform(0, 360)))
         self.mount.sync(ra, dec)

@@ -22,7 +22,7 @@ def star_list(
     0.03 px. ``false_stars`` is their number as a share of the real ones, rounded by chance.
     """
     width, height = light.optics.width, light.optics.height
-    xy, flux, spread = _middle(light), starlight(light), _spread(light)
+    xy, flux, spread = _over_time(light.paths.xy), starlight(light), _spread(light)
     level = float(np.median(sky_electrons(light)))
     core = (fwhm_px / FWHM_PER_SIGMA) ** 2
     areas = 4.0 * np.pi * np.sqrt((core + spread[:, 0]) * (core + spread[:, 1]))
@@ -47,15 +47,23 @@ def _more(values: Floats, like: NDArray[np.intp]) -> Floats:
     return np.concatenate([values, values[like]])
 
 
-def _middle(light: Light) -> Floats:
-    return np.asarray(light.paths.xy.mean(axis=0))
+def _over_time(values: Floats) -> Floats:
+    """The mean over an exposure of values (K, ...) at equal steps, its ends counted half."""
+    weights = np.ones(len(values))
+    weights[[0, -1]] = 0.5
+    return np.asarray(np.tensordot(weights / weights.sum(), values, axes=1))
+
+
+def _moments(light: Light) -> tuple[Floats, Floats, Floats]:
+    """Second moments xx, yy, xy (N,) px^2 of the trails."""
+    away = light.paths.xy - _over_time(light.paths.xy)
+    x, y = away[..., 0], away[..., 1]
+    return _over_time(x * x), _over_time(y * y), _over_time(x * y)
 
 
 def _spread(light: Light) -> Floats:
     """Variances (N, 2) px^2 along the trail and across it."""
-    away = light.paths.xy - light.paths.xy.mean(axis=0)
-    xx, yy = (away**2).mean(axis=0).T
-    xy = (away[..., 0] * away[..., 1]).mean(axis=0)
+    xx, yy, xy = _moments(light)
     middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
     return np.stack([middle + half, np.maximum(middle - half, 0.0)], axis=1)
 
@@ -64,9 +72,8 @@ def _listed(
     light: Light, xy: Floats, flux: Floats, snr: Floats, spread: Floats, core: float, level: float
 ) -> Detections:
     along, across = np.sqrt(core + spread).T
-    away = light.paths.xy - light.paths.xy.mean(axis=0)
-    second = (away[..., 0] ** 2 - away[..., 1] ** 2).mean(), (away[..., 0] * away[..., 1]).mean()
-    angle = 0.5 * float(np.arctan2(2.0 * second[1], second[0])) if away.size else 0.0
+    xx, yy, xy_ = (float(moment.sum()) for moment in _moments(light))
+    angle = 0.5 * float(np.arctan2(2.0 * xy_, xx - yy))
     no = np.zeros(len(xy), dtype=np.bool_)
     return Detections(
         light.optics.width, light.optics.height, xy, flux, snr,

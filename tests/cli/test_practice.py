@@ -1,0 +1,61 @@
+"""``kochab practice`` from the outside: what it prints, what it obeys, how it ends."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from app.cli.main import main
+
+
+def start(repository, *arguments):
+    return subprocess.Popen(
+        [sys.executable, "-m", "app", "practice", "--socket", *arguments],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=repository,
+    )  # fmt: skip
+
+
+def test_json_tells_where_to_connect_and_the_score(repository, tmp_path) -> None:
+    process = start(repository, "--json", "--seed", "2", "--misalign", "30", "--rate", "20",
+                    "--folder", str(tmp_path / "frames"), "--site", "-33,151")  # fmt: skip
+    ready = json.loads(process.stdout.readline())
+    assert ready["event"] == "ready"
+    assert ready["port"].startswith("socket://127.0.0.1:")
+    assert ready["site"][:2] == [-33.0, 151.0]
+    out, err = process.communicate("alt 3\nnonsense\nquit\n", timeout=60)
+    told = [json.loads(line) for line in out.splitlines()]
+    assert told[0] == {"event": "done", "text": "The altitude bolt is turned."}
+    assert "nonsense" in told[1]["error"]
+    assert told[-1]["event"] == "score"
+    assert told[-1]["pointing_arcsec"] > 3600.0
+    assert 20 * 60 < told[-1]["axis_arcsec"] < 40 * 60
+    assert err == ""
+    assert process.returncode == 0
+
+
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="a console interrupt cannot be sent to a pipe here"
+)
+def test_ctrl_c_ends_cleanly_with_the_score(repository) -> None:
+    process = start(repository)
+    lines = [process.stdout.readline() for _ in range(4)]
+    assert "kochab mount goto M42" in lines[3]
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert out.splitlines()[-1].startswith("Score ")
+    assert "Traceback" not in err
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--site", "95,3"], ["--site", "x"], ["--misalign", "-1"], ["--lost", "400"], ["--rate", "0"],
+     ["--driver", "tractor"]],
+)  # fmt: skip
+def test_bad_arguments_are_one_sentence(arguments, capsys) -> None:
+    assert main(["practice", *arguments]) == 2
+    told = capsys.readouterr().err.strip()
+    assert "Traceback" not in told
+    assert len(told.splitlines()) == 1

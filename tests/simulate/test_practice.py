@@ -1,0 +1,219 @@
+"""A practice night: it starts, answers on a line, writes frames, obeys hands, scores and ends."""
+
+import re
+import socket
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.cameras import list_devices, open_camera
+from app.core.capture import CaptureSettings
+from app.core.errors import LineLostError, PortError, UsageError
+from app.core.hint import Site
+from app.simulate.camera import CameraConfig
+from app.simulate.commands import ACTIONS, HELP, obey
+from app.simulate.night import sun_altitude_deg
+from app.simulate.practice import PracticeConfig, start_practice
+from app.simulate.rig import PracticeRig, RigConfig
+from app.simulate.scenario import misaligned, practice_night, tonight
+from app.simulate.source import RUNNING, SimulatedCamera
+
+SMALL = CameraConfig(width=320, height=240, fov_deg=1.5)
+
+
+@pytest.fixture
+def practice():
+    rig = replace(misaligned(tonight(3), 40.0, 3.0), camera=SMALL, rate=50.0)
+    running = start_practice(PracticeConfig(rig, socket=True))
+    yield running
+    running.stop()
+
+
+def ask(port, question):
+    """Ask over TCP and read until ``#``; ConnectionError when nobody answers."""
+    host, number = port.removeprefix("socket://").split(":")
+    with socket.create_connection((host, int(number)), timeout=5.0) as line:
+        line.sendall(question)
+        told = b""
+        while not told.endswith(b"#"):
+            part = line.recv(64)
+            if not part:
+                raise ConnectionResetError(port)
+            told += part
+        return told
+
+
+@pytest.mark.parametrize("now", [1_800_000_000.0, 1_787_000_000.0, 1_750_000_000.0 + 40_000.0])
+def test_it_is_night_wherever_one_practises(now):
+    anywhere = tonight(0, None, now)
+    assert anywhere.start_unix == now
+    assert sun_altitude_deg(now, anywhere.site) < -16.0
+    for site in (Site(47.0, 8.0), Site(-33.0, 151.0)):
+        there = tonight(0, site, now)
+        assert sun_altitude_deg(there.start_unix, site) < -16.0
+        assert abs(there.start_unix - now) <= 43200.0
+
+
+def test_the_misalignment_is_as_large_as_asked_and_hidden_by_the_seed():
+    for seed in range(5):
+        rig = PracticeRig(replace(misaligned(tonight(seed), 30.0), rate=0.0))
+        assert rig.truth().axis_error().total_arcsec == pytest.approx(1800.0, rel=0.02)
+    azimuths = {misaligned(tonight(s), 30.0).mount.misalignment_arcmin for s in range(5)}
+    assert len(azimuths) == 5
+    own = misaligned(tonight(1), None).mount.misalignment_arcmin
+    assert own == misaligned(tonight(1), None).mount.misalignment_arcmin
+
+
+def test_bad_luck_is_only_with_those_who_ask_for_it():
+    fair, foul = (practice_night(tonight(2), faults) for faults in (False, True))
+    assert not fair.events
+    assert fair.weather.cloud_cover == fair.weather.wind_arcsec == fair.mount.hour_wear.slip == 0.0
+    assert {event.kind for event in foul.events} == {"kick", "slip"}
+    assert foul.weather.cloud_cover > 0.0
+    assert foul.mount.hour_wear.slip > 0.0
+
+
+def test_the_mount_answers_where_it_says(practice):
+    answer = ask(practice.port, b":GD#")
+    degrees, minutes = re.match(rb"([+-]\d\d).(\d\d)", answer).groups()
+    told = float(degrees) + float(minutes) / 60.0 * (-1.0 if degrees[:1] == b"-" else 1.0)
+    assert told == pytest.approx(practice.rig.mount.believed_deg()[1], abs=0.1)
+
+
+def test_it_scores_what_hands_have_done(practice):
+    first = practice.score()
+    error = practice.rig.mount.wedge.error_arcmin
+    assert obey(practice, f"alt {-error[0]}") == "The altitude bolt is turned."
+    obey(practice, f"AZ {-error[1]}")
+    assert practice.score().axis_arcsec < 2.0
+    assert practice.score().points >= first.points + 45
+    assert "Score" in obey(practice, "score")
+    before = practice.rig.truth().of_date_deg
+    obey(practice, "ra 5")
+    obey(practice, "dec -2")
+    assert abs(practice.rig.truth().of_date_deg[1] - before[1]) > 1.0
+    obey(practice, "track off")
+    assert not practice.rig.mount.tracking
+    assert obey(practice, "  ") == ""
+    assert "alt ARCMIN" in obey(practice, "help")
+
+
+@pytest.mark.parametrize(
+    "line", ["dance", "alt", "alt much", "track maybe", "fault nonsense", "ra 1e"]
+)
+def test_what_is_not_understood_is_said_in_one_sentence(practice, line):
+    with pytest.raises(UsageError) as told:
+        obey(practice, line)
+    assert "\n" not in str(told.value)
+    assert "help" in str(told.value)
+
+
+def test_every_command_is_in_the_help():
+    told = " ".join(HELP)
+    assert all(name in told for name in ACTIONS)
+
+
+def test_the_cable_can_be_pulled_and_put_back(practice):
+    obey(practice, "fault silence 1")
+    obey(practice, "pull")
+    with pytest.raises(ConnectionError):
+        ask(practice.port, b":GD#")
+    obey(practice, "plug")
+    practice.faults.none()
+    assert ask(practice.port, b":GD#").endswith(b"#")
+
+
+def test_frames_are_written_whole_and_read_back_as_seen(tmp_path):
+    from app.frames import read_frame
+
+    rig = replace(tonight(3), camera=SMALL, rate=50.0)
+    running = start_practice(
+        PracticeConfig(rig, socket=True, folder=tmp_path / "new", exposure_s=5.0)
+    )
+    try:
+        until = time.monotonic() + 30.0
+        while len(list((tmp_path / "new").glob("*.fits"))) < 2 and time.monotonic() < until:
+            time.sleep(0.02)
+    finally:
+        running.stop()
+    paths = sorted((tmp_path / "new").iterdir())
+    assert [p.name for p in paths[:2]] == ["practice-00001.fits", "practice-00002.fits"]
+    frame = read_frame(paths[0])
+    assert frame.pixels.shape == (240, 320)
+    assert frame.hint.exposure_s == 5.0
+    assert frame.hint.site.latitude_deg == pytest.approx(rig.site.latitude_deg)
+    assert frame.hint.time_utc.timestamp() == pytest.approx(rig.start_unix + 2.5, abs=5.0)
+    assert not running.trouble
+
+
+def test_a_folder_that_cannot_be_is_said(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="cannot be a folder"):
+        start_practice(PracticeConfig(folder=tmp_path / "file"))
+    with pytest.raises(UsageError, match="no simulated mount 'tractor'"):
+        start_practice(PracticeConfig(driver="tractor"))
+
+
+def test_stopping_leaves_no_thread_and_no_port():
+    before = threading.active_count()
+    running = start_practice(PracticeConfig(replace(tonight(1), camera=SMALL), socket=True))
+    port = running.port
+    running.stop()
+    running.stop()
+    assert threading.active_count() == before
+    with pytest.raises(ConnectionError):
+        ask(port, b":GD#")
+
+
+def test_the_rigs_camera_is_one_of_the_sources(practice):
+    names = [device.address for device in list_devices("simulated")]
+    assert practice.camera in names
+    assert names[-1] == "new"
+    camera = open_camera("simulated", practice.camera, CaptureSettings(exposure_s=2.0))
+    frame = camera.next_frame(20.0)
+    assert frame is not None
+    assert frame.pixels.shape == (240, 320)
+    camera.close()
+    with pytest.raises(PortError, match="No practice telescope is called 'moon'"):
+        open_camera("simulated", "moon")
+
+
+def test_the_source_gives_the_newest_frame_and_none_before_it_is_over():
+    rig = PracticeRig(RigConfig(rate=1.0, camera=SMALL))
+    camera = SimulatedCamera(rig, CaptureSettings(exposure_s=30.0))
+    assert camera.next_frame(0.05) is None
+    rig.clock.step(95.0)
+    newest = camera.next_frame(0.05)
+    assert newest.hint.time_utc.timestamp() == pytest.approx(rig.start_unix + 75.0, abs=1.0)
+    assert camera.next_frame(0.05) is None
+    assert camera.configure(CaptureSettings(exposure_s=1000.0, gain=5.0)) == CaptureSettings(
+        60.0, 5.0, 1
+    )
+
+
+def test_on_a_standing_clock_the_source_lets_time_pass():
+    rig = PracticeRig(RigConfig(rate=0.0, camera=SMALL))
+    camera = SimulatedCamera(rig, CaptureSettings(exposure_s=3.0))
+    moments = [camera.next_frame(1.0).hint.time_utc.timestamp() - rig.start_unix for _ in range(3)]
+    np.testing.assert_allclose(moments, [1.5, 4.5, 7.5], atol=1e-3)
+
+
+def test_an_unplugged_camera_says_so_at_once():
+    rig = PracticeRig(RigConfig(rate=1.0, camera=SMALL))
+    camera = SimulatedCamera(rig, CaptureSettings(exposure_s=60.0))
+    threading.Timer(0.1, camera.unplug).start()
+    with pytest.raises(LineLostError):
+        camera.next_frame(20.0)
+
+
+def test_a_rig_that_is_gone_is_listed_no_more():
+    rig = PracticeRig(RigConfig(rate=0.0, camera=SMALL))
+    from app.simulate.source import announce
+
+    name = announce(rig)
+    assert name in RUNNING
+    del rig
+    assert name not in RUNNING
