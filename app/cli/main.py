@@ -19,6 +19,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("app.cli.identify", "the same from lists of star positions"),
     "detect": ("app.cli.detect", "find the stars of a frame"),
     "catalog": ("app.cli.catalog", "about the star catalogue: info, build, import, coverage"),
+    "practice": ("app.cli.practice", "a simulated telescope to practise on"),
     "bench": ("app.cli.bench", "measure and compare with the goals"),
 }
 
