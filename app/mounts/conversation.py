@@ -17,6 +17,7 @@ from app.mounts.link import Link
 T = TypeVar("T")
 Reader = Callable[[Link], bytes]
 QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
+DOUBT = 2  # the first answer after a bad one may be the late one, and the right one yet to come
 
 
 class ProtocolError(NoAnswerError):
@@ -31,7 +32,7 @@ class Conversation:
         self._exchange = RLock()  # one reader
         self._order = Lock()  # held for single writes only: who was sent first
         self._owed: deque[Reader] = deque()  # answers to what was urged
-        self._doubtful = False
+        self._doubt = 0  # exchanges before which the line must fall silent
         self.stops = 0  # how often everything was stopped: what began before must not begin now
 
     def ask(
@@ -49,15 +50,17 @@ class Conversation:
         with self._exchange:
             self._send(command, since)
             try:
-                return parse(read(self.link))
+                value = parse(read(self.link))
             except ProtocolError as error:
-                self._doubtful = True
+                self._doubt = DOUBT
                 raise ProtocolError(
                     f"The device on {self.link.port} answered something else: {error}"
                 ) from error
             except NoAnswerError:
-                self._doubtful = True
+                self._doubt = DOUBT
                 raise
+            self._doubt = max(0, self._doubt - 1)
+            return value
 
     def query(self, command: bytes, read: Reader, parse: Callable[[bytes], T], tries: int = 2) -> T:
         """:meth:`ask` for what changes nothing: repeated when the answer makes no sense."""
@@ -94,8 +97,7 @@ class Conversation:
     def _send(self, command: bytes, since: int | None = None) -> None:
         while True:
             self._settle()
-            self.link.discard(QUIET_S if self._doubtful else 0.0)
-            self._doubtful = False
+            self.link.discard(QUIET_S if self._doubt else 0.0)
             with self._order:
                 if since is not None and since != self.stops:
                     raise RefusedError("The motion was stopped before it began.")

@@ -4,6 +4,7 @@ import errno
 import os
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from app.core.errors import PortError
 
@@ -28,12 +29,19 @@ def not_opened(port: str, error: Exception) -> PortError:
 
 
 def _server(port: str, error: Exception) -> str:
-    text = str(error).lower()
-    if "refused" in text:
-        return f"Nothing listens at {port}: check the address and that the mount's bridge is on."
-    if "port" in text and ("range" in text or "expected" in text):
+    if not _is_address(port):
         return f"{port} is not an address: write it as socket://HOST:PORT."
+    if "refused" in str(error).lower():
+        return f"Nothing listens at {port}: check the address and that the mount's bridge is on."
     return f"{port} cannot be reached: check the address and the network."
+
+
+def _is_address(port: str) -> bool:
+    try:
+        parts = urlsplit(port)
+        return bool(parts.hostname) and parts.port is not None
+    except ValueError:
+        return False
 
 
 def _permission(port: str) -> str:

@@ -1,5 +1,6 @@
 """Parsers take any bytes: a value or `ProtocolError`, and nothing else; what is written is read."""
 
+from contextlib import suppress
 from functools import partial
 
 import pytest
@@ -53,10 +54,8 @@ dec = st.floats(-90.0, 90.0)
 @pytest.mark.parametrize("name", PARSERS)
 @given(reply=any_bytes)
 def test_any_bytes_are_a_value_or_a_protocol_error(name, reply) -> None:
-    try:
+    with suppress(ProtocolError):
         PARSERS[name](reply)
-    except ProtocolError as error:
-        assert str(error).endswith(".")
 
 
 @given(ra=ra, dec=dec)
