@@ -67,7 +67,12 @@ def confirm(
     for two in _widest(seen[names.detection]):
         pointing = start
         for _ in range(3):
-            pointing = refit(pointing, seen[names.detection[two]], names.vectors[two], bend=False)
+            pointing = refit(
+                pointing,
+                seen[names.detection[two]],
+                *pointing.project(names.vectors[two]),
+                bend=False,
+            )
         if abs(np.log(pointing.focal / focal_px)) < 0.1:
             others = np.delete(witnesses, names.detection[two][names.detection[two] < WITNESSES], 0)
             best = min(best, _tail(pointing, others, sky, half, reach_px))
@@ -124,7 +129,12 @@ def _answer(
     while len(kept) >= FEWEST:
         pointing = start
         for _ in range(3):
-            pointing = refit(pointing, seen[names.detection[kept]], names.vectors[kept], bend=False)
+            pointing = refit(
+                pointing,
+                seen[names.detection[kept]],
+                *pointing.project(names.vectors[kept]),
+                bend=False,
+            )
         gap = pointing.project(names.vectors[kept])[0] - seen[names.detection[kept]]
         off = np.hypot(gap[:, 0], gap[:, 1])
         limit = max(ODD_PX, ODD * float(np.median(off)))

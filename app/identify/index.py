@@ -104,6 +104,11 @@ class Volume:
     quads: NDArray[np.uint8]
     mark: str = ""
 
+    @property
+    def span_deg(self) -> tuple[float, float]:
+        """The smallest and the largest field its levels are made for."""
+        return float(self.fields_deg[0]), float(self.fields_deg[-1])
+
     def lookup(self, code: Floats, tolerance: Floats, size: Floats) -> tuple[Ints, Ints]:
         """Quads whose code lies within ``tolerance`` (Q,) of ``code`` (Q, 4) in every number.
 
@@ -155,9 +160,10 @@ def _window(
     """Lowest byte and width (N, 4) of what may match, for the lower and the upper cells (N, 4)."""
     lows, spans = [], []
     for shift in (0.0, 256.0):
-        low = np.clip(target - margin - shift, 0, 255).astype(np.uint8)
+        low = np.minimum(np.maximum(target - (margin + shift), 0.0), 255.0).astype(np.uint8)
+        high = np.minimum(np.maximum(target + (margin - shift), 0.0), 255.0).astype(np.uint8)
         lows.append(low)
-        spans.append(np.clip(target + margin - shift, 0, 255).astype(np.uint8) - low)
+        spans.append(high - low)
     return (
         np.where(upper, lows[1][query], lows[0][query]),
         np.where(upper, spans[1][query], spans[0][query]),

@@ -1,5 +1,6 @@
 """One frame's search: which patterns to ask about, in what order, and which answers hold."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -86,21 +87,22 @@ class Search:
     def plan(self, stages: tuple[Stage, ...], volumes: tuple[Volume, ...]) -> list[Stage]:
         """The stages that the scale allows; of equal depth, the likeliest volume first."""
         kept = []
+        narrow, wide = self.scale[1] / self.side, self.scale[0] / self.side
+        smallest, largest = self._field_deg(self.scale[1]), self._field_deg(self.scale[0])
         for stage in stages:
             if stage.volume >= len(volumes):
                 continue
-            narrow, wide = self.scale[1] / self.side, self.scale[0] / self.side
             if (narrow < 1.8 and not stage.focal) or (wide > 3.0 and stage.focal):
                 continue
-            fields = volumes[stage.volume].fields_deg
-            want = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / np.array(self.scale)))
-            want = want * self._per_field(stage)[::-1]
-            if want[0] < fields[0] and stage.volume != FINE:
+            first, last = volumes[stage.volume].span_deg
+            low, high = self._per_field(stage)
+            largest_wanted, smallest_wanted = largest * high, smallest * low
+            if largest_wanted < first and stage.volume != FINE:
                 continue
-            if want[1] > fields[-1]:
+            if smallest_wanted > last:
                 continue
-            middle = np.sqrt(want[0] * want[1])
-            miss = max(0.0, np.log(fields[0] / middle), np.log(middle / fields[-1]))
+            middle = math.sqrt(largest_wanted * smallest_wanted)
+            miss = max(0.0, math.log(first / middle), math.log(middle / last))
             kept.append(
                 (stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage)
             )
@@ -108,8 +110,12 @@ class Search:
 
     def wants_small_fields(self, stages: tuple[Stage, ...]) -> bool:
         """Whether the allowed scales reach down to fields that only the fine volume serves."""
-        field = np.degrees(2 * np.arctan(np.sqrt(np.prod(self.half)) / self.scale[1]))
+        field = self._field_deg(self.scale[1])
         return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[4] for s in stages)
+
+    def _field_deg(self, focal_px: float) -> float:
+        """The side of a square field as large as the frame's, degrees."""
+        return math.degrees(2.0 * math.atan(math.sqrt(self.half[0] * self.half[1]) / focal_px))
 
     def alarm(self, verdict: Verdict) -> float:
         """The verdict's false-alarm bound after counting all pointings tried."""
@@ -147,7 +153,7 @@ class Search:
         that any finer level will do.
         """
         n = len(self.xy)
-        density = float(np.sqrt(PER_FIELD / min(stage.stars, n)))
+        density = math.sqrt(PER_FIELD / min(stage.stars, n))
         low = density / stage.spread if n >= 2 * stage.stars else 0.3
         return low, density * stage.spread
 

@@ -42,8 +42,10 @@ def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> NDArray
     left = np.maximum(ra - half, 0.0).astype(np.int64)
     right = np.minimum(ra + half, RA_STEPS - 1).astype(np.int64) + 1
     found = np.zeros(z.shape, dtype=bool)
-    low = np.clip(((dec - reach) / np.pi + 0.5) * zones, 0, zones - 1).astype(np.int64)
-    high = np.clip(((dec + reach) / np.pi + 0.5) * zones, 0, zones - 1).astype(np.int64)
+    middle = (dec / np.pi + 0.5) * zones
+    reach = reach * (zones / np.pi)
+    low = np.maximum(middle - reach, 0.0).astype(np.int64)
+    high = np.minimum(middle + reach, zones - 1).astype(np.int64)
     for zone in (low, high):
         i = np.searchsorted(keys, (zone * RA_STEPS + left).astype(np.uint32))
         j = np.searchsorted(keys, (zone * RA_STEPS + right).astype(np.uint32))

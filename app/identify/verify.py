@@ -1,5 +1,6 @@
 """Whether a supposed pointing holds for the other stars of the frame."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,42 +68,51 @@ def pair(seen: Floats, expected: Floats, radius: float) -> tuple[Ints, Ints, Flo
     return i[good], j[good], best[good]
 
 
-def refit(pointing: Pointing, seen: Floats, sky: Floats, bend: bool) -> Pointing:
-    """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion."""
-    xy, uv = pointing.project(sky)
-    sign = -1.0 if pointing.mirrored else 1.0
-    res = (seen - xy) / pointing.focal
-    du, dv = sign * res[:, 0], res[:, 1]
+def refit(pointing: Pointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) -> Pointing:
+    """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion.
+
+    ``seen`` (N, 2) px; ``xy`` and ``uv`` (N, 2) are what the pointing makes of the same stars.
+    """
     u, v = uv[:, 0], uv[:, 1]
-    n = len(u)
-    one = np.zeros((2 * n, 5 if bend else 4))
-    one[:n, 0], one[n:, 0] = -u * v, -(1 + v * v)
-    one[:n, 1], one[n:, 1] = 1 + u * u, u * v
-    one[:n, 2], one[n:, 2] = -v, u
-    one[:n, 3], one[n:, 3] = u, v
+    off = ((seen - xy) / pointing.focal).T.copy()
+    if pointing.mirrored:
+        off[0] = -off[0]
+    one = np.empty((5 if bend else 4, 2, len(u)))  # derivatives of u and of v
+    uu, uv_, vv = u * u, u * v, v * v
+    one[0, 0], one[0, 1] = -uv_, -1.0 - vv
+    one[1, 0], one[1, 1] = 1.0 + uu, uv_
+    one[2, 0], one[2, 1] = -v, u
+    one[3, 0], one[3, 1] = u, v
     if bend:
-        r2 = u * u + v * v
-        one[:n, 4], one[n:, 4] = u * r2, v * r2
-    normal = one.T @ one
-    normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
+        np.multiply(one[3], uu + vv, out=one[4])
+    flat = one.reshape(len(one), -1)
+    normal = flat @ flat.T
+    normal.flat[:: len(one) + 1] *= 1.0 + 1e-9
     try:
-        step = np.linalg.solve(normal, one.T @ np.concatenate([du, dv]))
+        step = np.linalg.solve(normal, flat @ off.ravel()).tolist()
     except np.linalg.LinAlgError:
         return pointing
-    w = np.clip(step[:3], -0.2, 0.2)
-    k1 = float(np.clip(pointing.k1 + step[4], -0.6, 0.6)) if bend else pointing.k1
-    focal = pointing.focal * float(np.exp(np.clip(step[3], -0.2, 0.2)))
-    return Pointing(_turn(w) @ pointing.matrix, focal, pointing.mirrored, k1)
+    turn = _turn(*(_within(s, 0.2) for s in step[:3]))
+    k1 = _within(pointing.k1 + step[4], 0.6) if bend else pointing.k1
+    focal = pointing.focal * math.exp(_within(step[3], 0.2))
+    return Pointing(turn @ pointing.matrix, focal, pointing.mirrored, k1)
 
 
-def _turn(w: Floats) -> Floats:
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+def _turn(x: float, y: float, z: float) -> Floats:
     """Rotation matrix (3, 3) of a small rotation vector, by Rodrigues' formula."""
-    angle = float(np.sqrt(w @ w))
-    k = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-    if angle < 1e-12:
-        return np.asarray(np.eye(3) + k)
-    a, b = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2
-    return np.asarray(np.eye(3) + a * k + b * (k @ k))
+    angle = math.sqrt(x * x + y * y + z * z)
+    a, b = 1.0, 0.5
+    if angle > 1e-6:
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
+    return np.array([
+        [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+        [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
+        [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
+    ])  # fmt: skip
 
 
 def verify(
@@ -128,26 +138,23 @@ def verify(
     radius = float(np.arctan(corner * 1.05 / start.focal))
     number = volume.near(level, start.matrix[2], min(radius, 1.4))
     sky = volume.stars[number].astype(np.float64)
-    xy, _ = start.project(sky)
-    near = (np.abs(xy) < view.half + 3 * reach_px).all(axis=1)
+    near = (np.abs(start.project(sky)[0]) < view.half + 3 * reach_px).all(axis=1)
     sky, number = sky[near], number[near]
-    i, j, _ = pair(seen, xy[near], reach_px)
-    if len(i) < FEWEST:
-        return None
     pointing = improve(start, seen, sky, reach_px, 5)
     if pointing is None:
         return None
     evidence = np.ones(len(seen), dtype=bool)
     evidence[proposers[proposers < len(seen)]] = False
-    tail, radius = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
-    i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
+    tail, radius, (i, j, d2) = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
+    agree = d2 < radius * radius
+    i, j, d2 = i[agree], j[agree], d2[agree]
     if len(i) < FEWEST:
         return None
     if tail > enough:
         four = start
         for _ in range(2):
-            stars = volume.stars[proposing_stars].astype(np.float64)
-            four = refit(four, view.xy[proposers], stars, bend=False)
+            at = four.project(volume.stars[proposing_stars].astype(np.float64))
+            four = refit(four, view.xy[proposers], *at, bend=False)
         tail = min(tail, _tail(view, four, seen, sky, evidence, reach_px, free=0)[0])
     rms = float(np.sqrt(d2.mean()))
     return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
@@ -159,10 +166,11 @@ def improve(
     """Pair and refit ``steps`` times, the radius shrinking with the residuals; None: it failed."""
     last = 0
     for step in range(steps):
-        i, j, d2 = pair(seen, pointing.project(sky)[0], radius)
-        if len(i) < 5:
+        xy, uv = pointing.project(sky)
+        i, j, d2 = pair(seen, xy, radius)
+        if len(i) < (5 if step else FEWEST):
             return None
-        pointing = refit(pointing, seen[i], sky[j], bend=len(i) >= 10)
+        pointing = refit(pointing, seen[i], xy[j], uv[j], bend=len(i) >= 10)
         if step:
             middle = float(np.partition(d2, len(d2) // 2)[len(d2) // 2])
             closer = max(0.5 * radius, min(radius, 3.0 * middle**0.5))
@@ -176,16 +184,17 @@ def improve(
 def _tail(
     view: View, pointing: Pointing, seen: Floats, sky: Floats, evidence: NDArray[np.bool_],
     reach_px: float, free: int,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float, tuple[Ints, Ints, Floats]]:  # fmt: skip
     """The least likely agreement over all radii, log10 for one candidate, and its radius in px.
 
+    And the pairs within the widest radius, as :func:`pair` gives them.
     ``free`` is how many numbers of the pointing were fitted to the evidence itself: none when only
     the proposers were used.
     """
     xy, _ = pointing.project(sky)
     inside = int((np.abs(xy) < view.half).all(axis=1).sum())
-    i, _, d2 = pair(seen, xy, reach_px)
-    d2 = d2[evidence[i]]
+    pairs = pair(seen, xy, reach_px)
+    d2 = pairs[2][evidence[pairs[0]]]
     area = float(4.0 * view.half[0] * view.half[1])
     radii = reach_px / np.sqrt(2.0) ** np.arange(RADII)
     matched = np.searchsorted(np.sort(d2), radii**2)
@@ -200,4 +209,4 @@ def _tail(
         )  # fmt: skip
         if value < best:
             best, radius = value, r
-    return best, radius
+    return best, radius, pairs
