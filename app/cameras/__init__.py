@@ -11,6 +11,7 @@ SOURCES: dict[str, str] = {
     "folder": "app.cameras.folder:FolderCamera",
     "indi": "app.cameras.indi:IndiCamera",
     "alpaca": "app.cameras.alpaca:AlpacaCamera",
+    "webcam": "app.cameras.uvc:Webcam",
 }
 
 

@@ -1,6 +1,7 @@
 """The rig's camera behind the interface of real ones."""
 
 import time
+from datetime import datetime
 from weakref import WeakValueDictionary
 
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
@@ -105,6 +106,10 @@ class SimulatedCamera:
                 return self._rig.frame_since(start, exposure, 1.0 / (self._settings.gain or 1.0))
             if not self._wait(self._began + (done + 1) * exposure, until):
                 return None
+
+    def now_utc(self) -> datetime:
+        """The rig's own time: frames are dated by it, and their age is told by it."""
+        return self._rig.clock.now_utc()
 
     def unplug(self) -> None:
         """Break the line, as a pulled cable does; for tests and practice."""
