@@ -81,9 +81,15 @@ def sky_electrons(light: Light) -> Floats:
 def background(light: Light) -> Image:
     """Electrons (H, W) of the sky alone, interpolated between the coarse places."""
     grid = sky_electrons(light).astype(np.float32)
-    up = _between(light.optics.height, grid.shape[0])
-    across = _between(light.optics.width, grid.shape[1])
-    return np.ascontiguousarray((up @ grid) @ across.T)
+    lines = grid @ _between(light.optics.width, grid.shape[1]).T
+    out = np.empty((light.optics.height, light.optics.width), dtype=np.float32)
+    at = np.linspace(0.0, len(lines) - 1.0, len(out), dtype=np.float32)
+    above = np.minimum(at.astype(np.intp), len(lines) - 2)
+    for k in range(len(lines) - 1):
+        band = slice(*np.searchsorted(above, [k, k + 1]))
+        np.multiply((at[band] - k)[:, None], lines[k + 1] - lines[k], out=out[band])
+        out[band] += lines[k]
+    return out
 
 
 def _between(size: int, nodes: int) -> Image:

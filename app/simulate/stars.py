@@ -107,8 +107,9 @@ def expose(
     light_filter = _filters(sensor, width)
     for top in range(0, height, BAND):
         band = light[top : top + BAND]
-        band += np.float32(sky.level_e) + x + y[top : top + BAND, None]
-        np.maximum(band, 0.0, out=band)
+        if sky.level_e or any(sky.gradient_e):
+            band += np.float32(sky.level_e) + x + y[top : top + BAND, None]
+            np.maximum(band, 0.0, out=band)
         if light_filter is not None:
             band *= np.resize(light_filter, band.shape)
         ready = None if noise is None else noise.ravel()[top * width :][: band.size]
