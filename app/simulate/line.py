@@ -120,9 +120,10 @@ class Line:
             self._queue(self.faults.shape(reply))
 
     def _queue(self, pieces: list[tuple[float, bytes]]) -> None:
-        due = max(time.monotonic(), self._outgoing[-1][0] if self._outgoing else 0.0)
+        due = time.monotonic()
+        earliest = self._outgoing[-1][0] if self._outgoing else 0.0
         for wait, data in pieces:
-            due += wait
+            due = max(due + wait, earliest)  # answers come in the order of the questions
             self._outgoing.append((due, data))
         self._send_due()
 
