@@ -3,10 +3,11 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from app.core.solution import Solution
+    from app.simulate.practice import Practice
     from app.workflows.laboratory import FieldWish, TrueField
 
 
@@ -45,13 +46,20 @@ def _window(paths: list[str]) -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    return run(paths, to_json=_to_json, fields=_simulated_field)
+    return run(paths, to_json=_to_json, practice=_practise, fields=_simulated_field)
 
 
 def _to_json(file: str, solution: "Solution") -> str:
     from app.cli.output import as_json, to_line
 
     return to_line(as_json(file, solution))
+
+
+def _practise(**wishes: Any) -> "Practice":
+    """A simulated telescope, see :func:`app.simulate.practice.practise` for the wishes."""
+    from app.simulate.practice import practise
+
+    return practise(**wishes)
 
 
 def _simulated_field(wish: "FieldWish", seeds: "Sequence[int]") -> "TrueField":

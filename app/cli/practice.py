@@ -1,11 +1,11 @@
 """``kochab practice``: a simulated telescope to try everything on, until Ctrl-C."""
 
 import argparse
+import os
 import sys
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from app.cli.choices import number_above_zero
@@ -14,7 +14,7 @@ from app.core.errors import UsageError
 from app.core.hint import Site
 
 if TYPE_CHECKING:
-    from app.simulate.practice import Practice, PracticeConfig
+    from app.simulate.practice import Practice
 
 Say = Callable[[dict[str, Any], str], None]
 
@@ -58,10 +58,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Practise until Ctrl-C, "quit" or the end of the typed lines' patience; then the score."""
-    from app.simulate.practice import start_practice
+    from app.simulate.practice import practise
 
     say = _say_json if args.json else _say_text
-    practice = start_practice(config_of(args))
+    practice = practise(
+        args.driver, args.seed, args.site, args.misalign, args.lost, args.rate, args.faults,
+        args.folder, args.exposure, args.socket or os.name == "nt",
+    )  # fmt: skip
     try:
         say(_begin_json(practice), _begin_text(practice))
         _listen(practice, say)
@@ -74,21 +77,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def config_of(args: argparse.Namespace) -> "PracticeConfig":
-    """The practice night the arguments ask for."""
-    from app.simulate.practice import PracticeConfig
-    from app.simulate.scenario import misaligned, practice_night, tonight
-
-    night = misaligned(tonight(args.seed, args.site), args.misalign, args.lost)
-    rig = replace(practice_night(night, args.faults), rate=args.rate)
-    folder = None if args.folder is None else Path(args.folder)
-    return PracticeConfig(rig, args.driver, args.socket, folder, args.exposure, args.faults)
-
-
 def _listen(practice: "Practice", say: Say) -> None:
     """Obey typed lines; with nobody to type, go on until Ctrl-C."""
-    from app.simulate.commands import obey
-
     over = threading.Event()
 
     def listen() -> None:
@@ -97,7 +87,7 @@ def _listen(practice: "Practice", say: Say) -> None:
                 over.set()
                 return
             try:
-                done = obey(practice, line)
+                done = practice.do(line)
             except UsageError as error:
                 say({"error": str(error)}, str(error))
             else:

@@ -1,11 +1,13 @@
 """A practice night under way: the rig, its mount on a line, its frames in a folder, a score."""
 
+import os
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from app.core.capture import CaptureSettings
 from app.core.errors import UsageError
+from app.core.hint import Site
 from app.simulate.line import Line, pty_line, socket_line
 from app.simulate.line_faults import Fault, Faults
 from app.simulate.responders import RESPONDERS
@@ -76,6 +78,12 @@ class Practice:
         """How far belief and axis are off now, and how much better that is than at first."""
         return score(self.rig, self._first)
 
+    def do(self, line: str) -> str:
+        """What hands do, as one typed line; UsageError when it is not understood."""
+        from app.simulate.commands import obey
+
+        return obey(self, line)
+
     def stop(self) -> None:
         """End it, give the port back and finish the file being written; may be called twice."""
         self._over.set()
@@ -105,6 +113,29 @@ class Practice:
                 return
             if self.rig.clock.rate == 0.0:
                 return
+
+
+def practise(
+    driver: str = "lx200", seed: int = 0, site: Site | None = None,
+    misalign_arcmin: float | None = None, lost_deg: float = 3.0, rate: float = 1.0,
+    faults: bool = False, folder: str | None = None, exposure_s: float = 2.0,
+    socket: bool = os.name == "nt",
+) -> Practice:  # fmt: skip
+    """Start a practice night told in plain values, as a window or a command line has them.
+
+    Without ``misalign_arcmin`` the seed hides 20 to 90; ``faults`` brings clouds, wind, a kick, a
+    weak clutch and a bad line. A pseudo-terminal serves the mount unless ``socket`` asks for TCP.
+
+    Raises
+    ------
+    app.core.errors.UsageError
+        There is no such driver, or the folder cannot be made.
+
+    """
+    night = practice_night(misaligned(tonight(seed, site), misalign_arcmin, lost_deg), faults)
+    where = None if folder is None else Path(folder)
+    rig = replace(night, rate=rate)
+    return start_practice(PracticeConfig(rig, driver, socket, where, exposure_s, faults))
 
 
 def start_practice(config: PracticeConfig | None = None) -> Practice:
