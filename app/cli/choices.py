@@ -11,11 +11,23 @@ from app.solve.pick import known
 def add_choices(parser: argparse.ArgumentParser) -> None:
     """Add the options that steer a search and its output."""
     parser.add_argument("--json", action="store_true", help="one JSON object a line a file")
+    add_search(parser)
+    parser.add_argument(
+        "--workers", type=whole_number, default=1, metavar="N", help="files at the same time"
+    )
+    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each file")
+
+
+def add_search(parser: argparse.ArgumentParser) -> None:
+    """Add the options that steer a search alone."""
     parser.add_argument(
         "--fov", type=_fov, metavar="DEG", help="the frame's width, as you believe it"
     )
     parser.add_argument(
-        "--scale", type=_positive, metavar="ARCSEC_PX", help="the pixel scale, as you believe it"
+        "--scale",
+        type=number_above_zero,
+        metavar="ARCSEC_PX",
+        help="the pixel scale, as you believe it",
     )
     parser.add_argument(
         "--near", type=_near, metavar="RA,DEC,RADIUS", help="where it points, in degrees"
@@ -27,12 +39,8 @@ def add_choices(parser: argparse.ArgumentParser) -> None:
         help="report the attitude of this estimator (default: fitted together with the camera)",
     )
     parser.add_argument(
-        "--timeout", type=_positive, default=30.0, metavar="S", help="limit a file, seconds"
+        "--timeout", type=number_above_zero, default=30.0, metavar="S", help="limit a file, seconds"
     )
-    parser.add_argument(
-        "--workers", type=_count, default=1, metavar="N", help="files at the same time"
-    )
-    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each file")
 
 
 def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions:
@@ -64,7 +72,8 @@ def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions
     )
 
 
-def _positive(text: str) -> float:
+def number_above_zero(text: str) -> float:
+    """An argument that must be a positive number."""
     value = _number(text)
     if not value > 0:
         raise argparse.ArgumentTypeError(f"{text} is not more than zero")
@@ -72,13 +81,14 @@ def _positive(text: str) -> float:
 
 
 def _fov(text: str) -> float:
-    value = _positive(text)
+    value = number_above_zero(text)
     if value >= 175:
         raise argparse.ArgumentTypeError(f"{text} deg is too wide for a flat picture")
     return value
 
 
-def _count(text: str) -> int:
+def whole_number(text: str) -> int:
+    """An argument that must be a small count."""
     if not text.isdigit() or not 1 <= int(text) <= 256:
         raise argparse.ArgumentTypeError(f"{text} is not a count from 1 to 256")
     return int(text)

@@ -19,7 +19,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("app.cli.identify", "the same from lists of star positions"),
     "detect": ("app.cli.detect", "find the stars of a frame"),
     "catalog": ("app.cli.catalog", "about the star catalogue: info, build, import, coverage"),
+    "live": ("app.cli.live", "solve a camera's frames as they come"),
+    "camera": ("app.cli.camera", "list cameras, take one frame"),
     "practice": ("app.cli.practice", "a simulated telescope to practise on"),
+    "mount": ("app.cli.mount", "a telescope mount: list, probe, position, sync, goto, stop"),
     "bench": ("app.cli.bench", "measure and compare with the goals"),
 }
 
