@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.2
 MISSES = 3  # positions that may be missed in a row during a slew
+FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 
 
 def arrival(
@@ -23,7 +24,7 @@ def arrival(
     stops = guard.stops
     end = monotonic() + guard.limits.slew_timeout_s
     first = left = None
-    misses = 0
+    misses = idle = 0
     while True:
         detail = "" if left is None else f"{left:.1f} deg to go"
         done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
@@ -44,7 +45,9 @@ def arrival(
         misses = 0
         before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
         first = first or left
-        if slewing is False or (
-            slewing is None and before is not None and abs(before - left) < 1e-3
-        ):
+        unmoved = before is not None and abs(before - left) < 1e-3
+        idle = idle + 1 if slewing is False or (slewing is None and unmoved) else 0
+        if idle and left < FAR_DEG:
             return here
+        if idle >= IDLE:
+            raise RefusedError(f"The mount stands {left:.1f} deg from where it was sent.")

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from math import inf
 from time import monotonic, sleep
 from types import TracebackType
 
@@ -38,7 +39,7 @@ class _Motion:
     until: float = 0.0
 
     def begin(self, seconds: float) -> None:
-        self.until = monotonic() + seconds
+        self.until = max(self.until, monotonic() + seconds)
 
     def end(self) -> None:
         self.until = 0.0
@@ -120,8 +121,11 @@ class Guard:
         return from_mount_epoch(self.position(), self.clock())
 
     def state(self) -> MountState:
-        """How it is."""
-        return self.mount.state()
+        """How it is; a slew that was begun by :meth:`goto` is then known to have ended."""
+        state = self.mount.state()
+        if state.slewing is False and self._motion.until == inf:
+            self._motion.end()
+        return state
 
     # -- previews -------------------------------------------------------------------------------
 
@@ -157,7 +161,7 @@ class Guard:
         self._require(self.preview_goto(ra_deg, dec_deg), confirmed=True)
         self._send(
             "goto",
-            self.limits.slew_timeout_s,
+            inf,
             lambda: self.mount.goto(ra_deg, dec_deg),
             ra_deg=ra_deg,
             dec_deg=dec_deg,
@@ -169,20 +173,20 @@ class Guard:
         The mount is stopped when it takes too long, does not answer, leaves the limits, or when
         the task is cancelled or fails.
         """
+        self.goto(ra_deg, dec_deg)
         there = False
         try:
-            self.goto(ra_deg, dec_deg)
             result = yield from arrival(self, (ra_deg, dec_deg), self._wait)
             there = True
-            self._motion.end()
-            self.log.add("goto", "done")
-            return result
         except LineLostError:
             self.unfinished = True
             raise
         finally:
-            if not there and self._motion.possible:
+            if not there:
                 self.stop()
+        self._motion.end()
+        self.log.add("goto", "done")
+        return result
 
     def slew_icrs(self, ra_deg: float, dec_deg: float) -> Task[Pointing]:
         """:meth:`slew` to ICRS degrees."""

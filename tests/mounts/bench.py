@@ -44,11 +44,12 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
     telescope.aligned = aligned
     faults = Faults(late_s=0.8)
     line = pty_line(open_responder(driver, telescope), faults)
-    telescope.sync(*place(-20.0, 40.0, clock))
+    start = place(-20.0, 40.0, clock)
+    telescope.sync(*start)
     telescope.log.clear()
     try:
         yield SimpleNamespace(
-            telescope=telescope, line=line, faults=faults, clock=clock, port=line.port,
+            telescope=telescope, line=line, faults=faults, clock=clock, port=line.port, start=start,
             open=lambda: opened(driver, line.port, clock),
         )  # fmt: skip
     finally:
@@ -61,6 +62,11 @@ def opened(driver, port, clock):
     if driver == "skywatcher":
         mount.sync(*place(-20.0, 40.0, clock))
     return mount
+
+
+def where(bench):
+    """Where the mount should say it points before anything moved: a motor board does not track."""
+    return place(-20.0, 40.0, bench.clock) if bench.driver == "skywatcher" else bench.start
 
 
 def moved(telescope):
@@ -78,4 +84,15 @@ def _ra_rate_is_the_skys(telescope):
     return abs(telescope._rates[0]) < 0.006  # a motor board tracks by a bare rate
 
 
-__all__ = ["LIMITS", "SITE", "START", "Night", "moved", "opened", "place", "simulated", "still"]
+__all__ = [
+    "LIMITS",
+    "SITE",
+    "START",
+    "Night",
+    "moved",
+    "opened",
+    "place",
+    "simulated",
+    "still",
+    "where",
+]

@@ -13,7 +13,7 @@ from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.guard import Guard
 from app.mounts.sky_frame import apart_deg
 from app.simulate.responders import RESPONDERS
-from tests.mounts.bench import LIMITS, SITE, moved, place, simulated, still
+from tests.mounts.bench import LIMITS, SITE, moved, place, simulated, still, where
 
 # what a driver can tell apart: 15 arcsec of the LX200 language, twice
 CLOSE_DEG = 30.0 / 3600.0
@@ -64,7 +64,7 @@ def test_opening_moves_nothing_and_tells_no_time_and_no_site(bench) -> None:
 
 
 def test_it_says_where_it_points(bench) -> None:
-    assert distance(bench, own(bench, *place(-20.0, 40.0, bench.clock))) < CLOSE_DEG
+    assert distance(bench, own(bench, *where(bench))) < CLOSE_DEG
     assert bench.mount.position().epoch is bench.mount.epoch
     assert bench.mount.identify()
 
@@ -146,7 +146,7 @@ def test_stop_ends_a_move(bench) -> None:
     bench.mount.move(Direction.NORTH, 0.5, 30.0)
     bench.mount.stop()
     wait_for(lambda: still(bench.telescope))
-    assert distance(bench, own(bench, *place(-20.0, 40.0, bench.clock))) < 0.6
+    assert distance(bench, own(bench, *where(bench))) < 0.6
 
 
 def test_closing_ends_a_move(bench) -> None:
@@ -179,10 +179,7 @@ def test_the_same_over_tcp(bench) -> None:
     with serve_socket(open_responder(bench.driver, bench.telescope)) as port:
         mount = opened(bench.driver, port, bench.clock)
         here = mount.position()
-        assert (
-            apart_deg((here.ra_deg, here.dec_deg), own(bench, *place(-20.0, 40.0, bench.clock)))
-            < CLOSE_DEG
-        )
+        assert apart_deg((here.ra_deg, here.dec_deg), own(bench, *where(bench))) < CLOSE_DEG
         mount.close()
 
 

@@ -11,7 +11,7 @@ from app.mounts import DRIVERS, open_mount
 from app.mounts.guard import CANNOT_STOP, Guard
 from app.mounts.sky_frame import apart_deg
 from app.simulate.line_faults import Fault
-from tests.mounts.bench import LIMITS, SITE, moved, opened, simulated, still
+from tests.mounts.bench import LIMITS, SITE, moved, opened, simulated, still, where
 from tests.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
 
 BAD_ANSWERS = [Fault.SILENCE, Fault.GARBAGE, Fault.LATE, Fault.WRONG]
@@ -71,10 +71,7 @@ def test_after_a_bad_answer_the_next_is_right(bench, fault) -> None:
     wait_for(lambda: bench.faults.happened[fault] == 1)
     time.sleep(0.9 if fault is Fault.LATE else 0.0)  # the late one is on its way
     here = bench.mount.position()
-    assert (
-        apart_deg((here.ra_deg, here.dec_deg), own(bench, *place(-20.0, 40.0, bench.clock)))
-        < CLOSE_DEG
-    )
+    assert apart_deg((here.ra_deg, here.dec_deg), own(bench, *where(bench))) < CLOSE_DEG
 
 
 @pytest.mark.parametrize("fault", [Fault.SILENCE, Fault.GARBAGE, Fault.REFUSAL])
