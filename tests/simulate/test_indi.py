@@ -4,6 +4,7 @@ They run in a network of their own, since indiserver would listen to the whole o
 process namespace that takes every driver with it when it ends.
 """
 
+import contextlib
 import json
 import os
 import shutil
@@ -67,6 +68,16 @@ def own_network():
     )
 
 
+def still_running(home):
+    """Processes whose home this is."""
+    found = []
+    for environ in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if f"HOME={home}\0".encode() in environ.read_bytes():
+                found.append(environ.parent.name)
+    return found
+
+
 def bench():
     """A telescope that remembers its orders."""
     return BenchTelescope(slew_deg_s=60.0)
@@ -118,6 +129,7 @@ def driven(request, tmp_path_factory):
             env={**os.environ, "HOME": str(home)},
         )  # fmt: skip
         assert ran.returncode == 0, ran.stderr
+        assert still_running(home) == []
         yield json.loads(ran.stdout), {plan["driver"]: plan for plan in plans}, telescopes
     finally:
         for line in lines:
