@@ -25,8 +25,10 @@ from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
 from app.detect.moments import FWHM_PER_SIGMA, PIXEL_VARIANCE
 from app.solve.options import SolveOptions
+from app.solve.profiles import Profile
 from app.solve.solver import Examined, examine_frame, merged_hint, year_of
 from app.solve.track_answer import tracked_solution
+from app.solve.track_camera import TrackedCamera, turn_between
 from app.solve.track_match import Tracked, match
 from app.solve.track_sky import Neighbourhood
 from app.solve.track_windows import Seen, look
@@ -40,6 +42,7 @@ Mode = Literal["lost", "tracking"]
 FEWEST_EXPECTED = 5
 BLEND_FWHM = 2.5
 SAME_MOTION_S = 1.0  # after a longer gap the rates begin anew
+PATIENCE = 10  # frames without an answer until the scale of the frames before is doubted
 KNOWN_SCALE = 1.03  # the scale of the frame before is good to so much
 
 
@@ -48,7 +51,8 @@ class TrackOptions:
     """Choices for a stream: how a lost frame is solved, how the camera is believed to move.
 
     ``stars`` are looked for at most, in windows of up to ``half_px`` to each side. A pointing that
-    is ``memory_s`` old is no prediction any more.
+    is ``memory_s`` old is no prediction any more. Every ``calibrate_every`` frames the camera's
+    profile is improved by what the stars say; 0 leaves it at what the first frame said.
     """
 
     solve: SolveOptions = field(default_factory=SolveOptions)
@@ -56,6 +60,7 @@ class TrackOptions:
     stars: int = 40
     half_px: int = 32
     memory_s: float = 30.0
+    calibrate_every: int = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +68,9 @@ class TrackUpdate:
     """What one frame told. Everything in it belongs to ``time_utc``, the frame's own moment.
 
     ``solution`` is what this frame's stars say alone, None when there is none and ``reason`` says
-    why. ``mode`` tells how it was found. ``filtered`` is the attitude after all frames so far; its
-    ``sigma_arcsec`` is smaller than the solution's. ``rates_deg_s`` are the camera's angular
+    why. ``mode`` tells how it was found. ``filtered`` is the attitude after all frames so far, of
+    the solution's camera, and :attr:`filtered_centre` where that points; ``sigma_arcsec`` is smaller
+    than the solution's. ``rates_deg_s`` are the camera's angular
     velocities against the stars about its own x, y and z (x right, y down, z out), and
     ``rates_sigma_deg_s`` their errors. All three are None when this frame has no answer: nothing
     old is ever told as new. ``expected`` stars were looked for and ``matched`` found.
@@ -82,6 +88,13 @@ class TrackUpdate:
     manoeuvre: bool = False
 
     @property
+    def filtered_centre(self) -> Floats | None:
+        """ICRS unit vector (3,) of the frame's middle by the filter."""
+        if self.filtered is None or self.solution is None:
+            return None
+        return replace(self.solution, attitude=self.filtered).centre_vector
+
+    @property
     def sigma_arcsec(self) -> tuple[float, float, float] | None:
         """One-sigma errors of ``filtered`` along x, along y, and of roll."""
         return None if self.filtered is None else self.filtered.sigma_arcsec
@@ -90,26 +103,42 @@ class TrackUpdate:
 class Tracker:
     """Follows one camera. Not safe for several threads at once.
 
-    ``catalogue`` is the shipped one unless given.
+    ``catalogue`` is the shipped one unless given. ``profile`` is what is known of the camera from
+    earlier frames (:mod:`app.solve.profiles_kept` recalls it); :attr:`profile` is what is known by
+    now, for whoever wants to keep it.
     """
 
     def __init__(
-        self, catalogue: "Catalogue | None" = None, options: TrackOptions | None = None
-    ) -> None:
+        self, catalogue: "Catalogue | None" = None, options: TrackOptions | None = None,
+        profile: Profile | None = None,
+    ) -> None:  # fmt: skip
         from app.sky import open_catalogue
 
         self.catalogue = catalogue or open_catalogue()
         self.options = options or TrackOptions()
+        self._calibration = TrackedCamera(profile)
         self.forget()
+
+    @property
+    def profile(self) -> Profile | None:
+        """What is known of the camera by now."""
+        return self._calibration.profile
 
     def forget(self) -> None:
         """Be lost: the next frame is solved blind."""
         self.state: State | None = None
-        self.camera: Camera | None = None
+        self._calibration.camera = None
+        self._tracked_frames = 0
         self._sky: Neighbourhood | None = None
         self._faintest = 0.0
         self._size_px2 = 1.5  # second moment of the star image
         self._was_lost = True
+        self._failures = 0
+
+    @property
+    def camera(self) -> Camera | None:
+        """What the next frame is read with; None before the first solution."""
+        return self._calibration.camera
 
     def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
         """Take one frame in, newer than the last.
@@ -166,34 +195,67 @@ class Tracker:
         spent["total"] = 1e3 * (perf_counter() - clock)
         solution = tracked_solution(found, self.camera, sky, stars, seen, spent, frame.warnings)
         self._learn(seen, found, ahead, frame.hint.exposure_s)
+        solution = self._calibrated(solution, seen, found, vectors)
+        self._failures = 0
         return self._told(solution, moment, "tracking", ahead, len(stars.number))
 
     def _lost(self, frame: Frame, moment: datetime) -> Task[TrackUpdate]:
         """The frame solved blind, or nearly so when the scale is known."""
         options, before = self.options.solve, self.state
-        if self.camera is not None:
-            scale = self.camera.scale_arcsec_px
-            known = Hint(scale_arcsec_px=(scale / KNOWN_SCALE, scale * KNOWN_SCALE))
+        known = self._known_scale(frame)
+        if known is not None:
+            sure = self.camera is not None and self._failures < PATIENCE
+            options = replace(options, blind_after_hint=options.blind_after_hint and not sure)
             options = replace(options, hint=merged_hint(known, options.hint), fov_deg=None)
         examined = yield from examine_frame(frame, options)
         if isinstance(examined.result, NoSolution):
+            self._failures += 1
             return TrackUpdate(moment, "lost", None, examined.result)
-        self._begin_again(examined, moment)
+        camera = self.camera
+        solution = self._begin_again(examined, frame.hint.camera)
+        self._failures = 0
         ahead = None
         if before is not None and moment.timestamp() - before.time_s < SAME_MOTION_S:
             ahead = predicted(before, moment.timestamp(), self.options.motion)
-            if not self._was_lost and contradicts(ahead, examined.result.attitude, self.options):
+            ahead = _seen_by(ahead, camera, solution.camera)
+            if not self._was_lost and contradicts(ahead, solution.attitude, self.options):
                 ahead = None  # a jump, as far as one frame can tell: no rate is concluded from it
-        return self._told(examined.result, moment, "lost", ahead, 0)
+        return self._told(solution, moment, "lost", ahead, 0)
 
-    def _begin_again(self, examined: Examined, moment: datetime) -> None:
+    def _known_scale(self, frame: Frame) -> Hint | None:
+        """What the frames before, or the profile, say of the scale."""
+        if self.camera is not None:
+            scale = self.camera.scale_arcsec_px
+            return Hint(scale_arcsec_px=(scale / KNOWN_SCALE, scale * KNOWN_SCALE))
+        lens = self.profile
+        if lens is None or not lens.frames:
+            return None
+        same = (lens.camera.width, lens.camera.height) == (frame.width, frame.height)
+        return lens.hint if same else None
+
+    def _begin_again(self, examined: Examined, name: str) -> Solution:
         """Learn camera, star image and limit of detection from a frame solved as a whole."""
         assert isinstance(examined.result, Solution)
         solution = examined.result
-        self.camera = solution.camera
+        sentence = self._calibration.begin(solution, name)
         self._faintest = float(np.percentile([star.mag for star in solution.stars], 90))
         self._size_px2 = _star_size(examined.detections)
         self._sky = None
+        return _warned(solution, sentence)
+
+    def _calibrated(
+        self, solution: Solution, seen: Seen, found: Tracked, vectors: Floats
+    ) -> Solution:
+        """Improve the camera now and then; a frame that contradicts its profile says so."""
+        self._tracked_frames += 1
+        every = self.options.calibrate_every
+        if every == 0 or self._tracked_frames % every:
+            return solution
+        window, estimate = found.estimate.star, found.estimate
+        sentence = self._calibration.learn(
+            seen.xy[window], vectors[window], estimate.attitude, estimate.sigma_px
+        )
+        return _warned(solution, sentence)
 
     def _told(
         self, solution: Solution, moment: datetime, mode: Mode, ahead: State | None, expected: int
@@ -206,6 +268,7 @@ class Tracker:
         else:
             self.state = updated(ahead, solution.attitude, motion)
         state = self.state
+        self.state = _seen_by(state, solution.camera, self.camera)
         return TrackUpdate(
             moment, mode, solution, None, state.attitude, state.rates_deg_s,
             state.rates_sigma_deg_s, expected, len(solution.stars), state.contradicted,
@@ -263,6 +326,22 @@ class Tracker:
 def contradicts(ahead: State, attitude: Attitude, options: TrackOptions) -> bool:
     """Whether an attitude is beyond the gate of the prediction."""
     return updated(ahead, attitude, options.motion).contradicted
+
+
+def _seen_by(state: State, before: Camera | None, after: Camera | None) -> State:
+    """The same state in the axes of another model of the camera."""
+    if before is None or after is None or before == after:
+        return state
+    turn = turn_between(before, after)
+    both = np.kron(np.eye(2), turn)
+    return replace(
+        state, matrix=turn @ state.matrix, rates_rad_s=turn @ state.rates_rad_s,
+        covariance=both @ state.covariance @ both.T,
+    )  # fmt: skip
+
+
+def _warned(solution: Solution, sentence: str) -> Solution:
+    return replace(solution, warnings=(*solution.warnings, sentence)) if sentence else solution
 
 
 def _star_size(detections: Detections) -> float:

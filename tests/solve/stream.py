@@ -13,6 +13,7 @@ from app.core.camera import Camera
 from app.core.hint import Hint
 from app.simulate.stars import Sensor, Sky, StarImage, render
 from app.sky import open_catalogue
+from app.solve.track_camera import turn_between
 
 START = datetime(2026, 1, 10, 20, 0, tzinfo=UTC)
 YEAR = 2026.0
@@ -68,5 +69,8 @@ class Stream:
                        Sensor(bayer=self.bayer), seed=self.number)  # fmt: skip
         return replace(frame, hint=Hint(time_utc=self.moment, exposure_s=self.exposure_s))
 
-    def error_arcsec(self, attitude) -> np.ndarray:
-        return rotation_vector(self.matrix @ attitude.matrix.T) / ARCSEC
+    def error_arcsec(self, update) -> np.ndarray:
+        """How far the filter's frame is off at its middle along x and y, and in roll."""
+        own = update.solution.camera
+        attitude = turn_between(own, self.camera) @ update.filtered.matrix
+        return rotation_vector(self.matrix @ attitude.T) / ARCSEC
