@@ -40,6 +40,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument(
         "--lost", type=_lost, default=3.0, metavar="DEG", help="how far the pointing is off (3)"
     )
+    parser.add_argument(
+        "--fov", type=_fov, default=2.4, metavar="DEG", help="how wide the camera sees (2.4)"
+    )
     parser.add_argument("--socket", action="store_true", help="TCP instead of a pseudo-terminal")
     parser.add_argument("--folder", metavar="DIR", help="write each frame there as FITS")
     parser.add_argument(
@@ -63,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     say = _say_json if args.json else _say_text
     practice = practise(
         args.driver, args.seed, args.site, args.misalign, args.lost, args.rate, args.faults,
-        args.folder, args.exposure, args.socket or os.name == "nt",
+        args.folder, args.exposure, args.socket or os.name == "nt", args.fov,
     )  # fmt: skip
     try:
         say(_begin_json(practice), _begin_text(practice))
@@ -160,6 +163,10 @@ def _arcmin(text: str) -> float:
 
 def _lost(text: str) -> float:
     return _within(text, 0.0, 90.0, "deg")
+
+
+def _fov(text: str) -> float:
+    return _within(text, 0.3, 60.0, "deg")
 
 
 def _within(text: str, low: float, high: float, unit: str) -> float:

@@ -13,7 +13,7 @@ from app.simulate.exposure import Look, Paths, StarPaths
 from app.simulate.light import Light, Sensitivity, background, starlight
 from app.simulate.local_sky import Air
 from app.simulate.sky_glow import Glow
-from app.simulate.stars import Image, Sensor, Sky, StarImage, add_stars, expose
+from app.simulate.stars import FWHM_PER_SIGMA, Image, Sensor, Sky, StarImage, add_stars, expose
 from app.simulate.weather import Weather
 from app.sky.catalogue import Catalogue
 
@@ -25,9 +25,9 @@ class CameraConfig:
     """A camera on a telescope; the default is a 1.2 MP guide camera with a field of 2.4 deg.
 
     Distortion as in :mod:`app.core.camera`. ``zero_point_e_s``: electrons a second of a star of
-    V = 0 above the air. Noise is normal, which photons behind reading noise are nearly; ``cheap``
-    takes it from a pool that is made once, for 30 frames a second.
-    ``tell_scale`` puts the pixel scale into each frame's hint.
+    V = 0 above the air. Stars fainter than ``faintest``, or than the noise, are left out. Noise is
+    normal, which photons behind reading noise are nearly; ``cheap`` takes it from a pool that is
+    made once, for 30 frames a second. ``tell_scale`` puts the pixel scale into each frame's hint.
     """
 
     width: int = 1280
@@ -85,7 +85,16 @@ class SkyCamera:
 
     def paths(self, look: Look, start: float, exposure_s: float) -> Paths:
         """The stars of an exposure and where each goes over the sensor."""
-        return self._stars.over(self.optics, look, start, exposure_s, self.config.faintest)
+        return self._stars.over(self.optics, look, start, exposure_s, self.faintest(exposure_s))
+
+    def faintest(self, exposure_s: float) -> float:
+        """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
+        pixel = self.config.sensitivity.scale_arcsec_px**2
+        dark = self.config.sensitivity.electrons(np.array(self.glow.dark_mag), exposure_s) * pixel
+        area = 4.0 * np.pi * (self.config.fwhm_px / FWHM_PER_SIGMA) ** 2
+        lost = 2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2))
+        mag = 2.5 * np.log10(self.config.zero_point_e_s * exposure_s / lost)
+        return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
 
     def light(self, paths: Paths, look: Look) -> Light:
         """The light of stars and sky in an exposure."""

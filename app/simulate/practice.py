@@ -13,7 +13,7 @@ from app.simulate.line_faults import Fault, Faults
 from app.simulate.responders import RESPONDERS
 from app.simulate.responders.base import open_responder
 from app.simulate.rig import PracticeRig, RigConfig
-from app.simulate.scenario import misaligned, practice_night, tonight
+from app.simulate.scenario import misaligned, practice_night, through, tonight
 from app.simulate.score import Score, score
 from app.simulate.source import SimulatedCamera, announce
 
@@ -119,7 +119,7 @@ def practise(
     driver: str = "lx200", seed: int = 0, site: Site | None = None,
     misalign_arcmin: float | None = None, lost_deg: float = 3.0, rate: float = 1.0,
     faults: bool = False, folder: str | None = None, exposure_s: float = 2.0,
-    socket: bool = os.name == "nt",
+    socket: bool = os.name == "nt", fov_deg: float = 2.4,
 ) -> Practice:  # fmt: skip
     """Start a practice night told in plain values, as a window or a command line has them.
 
@@ -134,7 +134,7 @@ def practise(
     """
     night = practice_night(misaligned(tonight(seed, site), misalign_arcmin, lost_deg), faults)
     where = None if folder is None else Path(folder)
-    rig = replace(night, rate=rate)
+    rig = through(replace(night, rate=rate), fov_deg)
     return start_practice(PracticeConfig(rig, driver, socket, where, exposure_s, faults))
 
 

@@ -100,8 +100,7 @@ class PracticeRig:
 
     def frame(self, exposure_s: float = 1.0, gain_e: float = 0.0) -> Frame:
         """Expose from now on and give the frame; the clock goes on by the exposure."""
-        with self._lock:
-            return self.camera.frame(self.look, self._expose(exposure_s), exposure_s, gain_e)
+        return self.frame_since(self._expose(exposure_s), exposure_s, gain_e)
 
     def frame_since(self, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
         """The frame of an exposure that began at ``start`` and is over."""
@@ -111,8 +110,8 @@ class PracticeRig:
 
     def star_list(self, exposure_s: float = 1.0) -> tuple[Detections, Hint]:
         """As :meth:`frame`, but what a detector would list, and the frame's hint."""
+        start = self._expose(exposure_s)
         with self._lock:
-            start = self._expose(exposure_s)
             light = self.camera.light(self.camera.paths(self.look, start, exposure_s), self.look)
             noise = self.config.camera.sensor.read_noise_e
             listed = star_list(light, self.config.camera.fwhm_px, noise, self._rng)

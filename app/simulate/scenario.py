@@ -31,6 +31,13 @@ def tonight(seed: int = 0, site: Site | None = None, now_unix: float | None = No
     return RigConfig(seed=seed, site=site, start_unix=start, rate=1.0)
 
 
+def through(config: RigConfig, fov_deg: float) -> RigConfig:
+    """The same with a telescope or lens of this field; the narrower, the larger it is."""
+    wide = config.camera.fov_deg / fov_deg
+    zero = config.camera.zero_point_e_s * wide
+    return replace(config, camera=replace(config.camera, fov_deg=fov_deg, zero_point_e_s=zero))
+
+
 def misaligned(config: RigConfig, total_arcmin: float | None, lost_deg: float = 0.0) -> RigConfig:
     """The same, with the axis off in a direction from the seed; None lets the seed say how far."""
     rng = np.random.default_rng([config.seed, 5])

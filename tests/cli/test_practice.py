@@ -52,6 +52,7 @@ def test_ctrl_c_ends_cleanly_with_the_score(repository) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [["--site", "95,3"], ["--site", "x"], ["--misalign", "-1"], ["--lost", "400"], ["--rate", "0"],
+     ["--fov", "90"],
      ["--driver", "tractor"]],
 )  # fmt: skip
 def test_bad_arguments_are_one_sentence(arguments, capsys) -> None:

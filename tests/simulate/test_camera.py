@@ -43,7 +43,7 @@ def camera(config=SMALL, **more):
 
 
 def test_stars_are_where_erfa_and_the_camera_say():
-    look, taker = view(), camera()
+    look, taker = view(), camera(replace(SMALL, zero_point_e_s=1e11))
     paths = taker.paths(look, DARK, 0.001)
     sky = LocalSky(SITE, DARK + 0.0005)
     rows = catalogue().cone(sky.from_enu(look(DARK)[2]), np.radians(1.0), SMALL.faintest, 2027.0)
@@ -209,6 +209,14 @@ def test_a_frame_has_noise_hot_pixels_in_place_and_the_seed_decides(cheap):
         < SMALL.optics().scale_arcsec_px
         < first.hint.scale_arcsec_px[1]
     )
+
+
+def test_what_is_lost_in_the_noise_is_not_drawn():
+    taker = camera()
+    assert taker.faintest(0.01) < taker.faintest(1.0) <= taker.faintest(600.0) == SMALL.faintest
+    look = view()
+    short, long = (taker.paths(look, DARK, s).mag.max() for s in (0.01, 60.0))
+    assert short <= taker.faintest(0.01) < long
 
 
 def test_sensors_saturate_and_have_mosaics_and_gain():

@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 
 from app.cameras import list_devices, open_camera
+from app.core.attitude import unit_vectors
 from app.core.capture import CaptureSettings
 from app.core.errors import LineLostError, PortError, UsageError
 from app.core.hint import Site
+from app.core.mount import Epoch
 from app.simulate.camera import CameraConfig
 from app.simulate.commands import ACTIONS, HELP, obey
 from app.simulate.night import sun_altitude_deg
 from app.simulate.practice import PracticeConfig, start_practice
+from app.simulate.responders import RESPONDERS
 from app.simulate.rig import PracticeRig, RigConfig
-from app.simulate.scenario import misaligned, practice_night, tonight
+from app.simulate.scenario import misaligned, practice_night, through, tonight
 from app.simulate.source import RUNNING, SimulatedCamera
 
 SMALL = CameraConfig(width=320, height=240, fov_deg=1.5)
@@ -81,6 +84,39 @@ def test_the_mount_answers_where_it_says(practice):
     degrees, minutes = re.match(rb"([+-]\d\d).(\d\d)", answer).groups()
     told = float(degrees) + float(minutes) / 60.0 * (-1.0 if degrees[:1] == b"-" else 1.0)
     assert told == pytest.approx(practice.rig.mount.believed_deg()[1], abs=0.1)
+
+
+@pytest.mark.parametrize("driver", sorted(RESPONDERS))
+def test_our_own_drivers_drive_it(driver):
+    """Read, sync and slew over the line: the rig's belief follows, whatever the protocol."""
+    from app.mounts import open_mount
+
+    night = replace(tonight(3), camera=SMALL, rate=50.0)
+    running = start_practice(PracticeConfig(night, driver=driver, socket=True))
+    mount = running.rig.mount
+    try:
+        client = open_mount(driver, running.port, site=night.site, clock=running.rig.clock.now_utc)
+        told, before = client.position(), mount.believed_deg()
+        if driver != "skywatcher":  # a motor board counts from where it was switched on
+            away = unit_vectors(told.ra_deg, told.dec_deg) - unit_vectors(*before)
+            near = 0.5 if client.epoch is Epoch.J2000 else 0.05
+            assert np.degrees(np.linalg.norm(away)) < near
+        client.goto(told.ra_deg, told.dec_deg - 3.0)
+        until = time.monotonic() + 20.0
+        while time.monotonic() < until and (mount.slewing or client.state().slewing):
+            time.sleep(0.02)
+        assert mount.believed_deg()[1] == pytest.approx(before[1] - 3.0, abs=0.1)
+        client.close()
+    finally:
+        running.stop()
+
+
+@pytest.mark.parametrize("fov_deg", [0.6, 10.0, 40.0])
+def test_any_field_gives_stars_and_no_flood_of_them(fov_deg):
+    rig = PracticeRig(replace(through(tonight(3), fov_deg), rate=0.0))
+    rig.frame(1.0)
+    listed, _ = rig.star_list(2.0)
+    assert 10 < len(listed) <= 300
 
 
 def test_it_scores_what_hands_have_done(practice):
