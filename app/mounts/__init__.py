@@ -19,6 +19,9 @@ DRIVERS: dict[str, str] = {
 }
 
 
+ANSWERED_S = 0.5  # what is said to a Stop that nobody waited for has come by then
+
+
 def driver_class(name: str) -> Any:
     """The driver registered as ``name``; `UsageError` names those there are."""
     if name not in DRIVERS:
@@ -63,6 +66,7 @@ def open_mount(
     try:
         if stop_first:
             link.write(make.blind_stop)
+            link.discard(ANSWERED_S)
         mount: Mount = make(link, epoch=epoch, site=site, clock=clock)
     except NoAnswerError as error:
         link.close()

@@ -1,0 +1,201 @@
+"""``kochab mount``: a preview first, a failure in one sentence, and exit codes that tell."""
+
+import json
+from contextlib import contextmanager
+from datetime import UTC, datetime
+
+import pytest
+
+from app.cli import mount as mount_cli
+from app.cli.main import main
+from app.core.hint import Site
+from app.mounts import driver_class, probe
+from app.mounts.drivers import lx200
+from app.mounts.sky_frame import apart_deg, sidereal_deg
+from app.simulate.line import serve_pty
+from app.simulate.responders.base import open_responder
+from app.simulate.responders.bench_telescope import BenchTelescope
+
+SITE = Site(50.0, 8.0)
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch):
+    monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
+    monkeypatch.setattr(probe, "PATIENCE_S", 0.15)
+
+
+@contextmanager
+def simulated(driver):
+    """A telescope that believes to point at the pole star's neighbourhood, on a pty."""
+    telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 60.0)
+    telescope.sync((sidereal_deg(SITE, datetime.now(UTC)) + 90.0) % 360.0, 85.0)
+    telescope.log.clear()
+    with serve_pty(open_responder(driver, telescope)) as port:
+        yield telescope, port
+
+
+def run(capsys, *arguments):
+    code = main(["mount", *arguments, "--json"])
+    out = capsys.readouterr().out
+    return code, json.loads(out)
+
+
+def test_position_is_icrs_and_the_mounts_own(capsys) -> None:
+    with simulated("nexstar") as (telescope, port):
+        code, told = run(capsys, "position", "--port", port, "--driver", "nexstar")
+        assert code == 0
+        assert told["epoch"] == "of date"
+        believed = telescope.believed_deg()
+        assert apart_deg((told["mount_ra_deg"], told["mount_dec_deg"]), believed) < 0.001
+        assert 0.02 < apart_deg((told["ra_deg"], told["dec_deg"]), believed) < 0.5
+        assert told["state"]["aligned"] is True
+        assert told["lacks"] == {}
+
+
+def test_position_for_people(capsys) -> None:
+    with simulated("lx200") as (_, port):
+        assert main(["mount", "position", "--port", port, "--driver", "lx200"]) == 0
+        out = capsys.readouterr().out
+        assert "Meade LX200 classic" in out
+        assert "no guide pulse:" in out
+
+
+def test_the_driver_is_found_when_it_is_left_out(capsys) -> None:
+    with simulated("onstep") as (_, port):
+        code, told = run(capsys, "position", "--port", port)
+        assert (code, told["driver"]) == (0, "onstep")
+
+
+def test_probe_names_the_mount(capsys) -> None:
+    with simulated("ioptron") as (telescope, port):
+        code, told = run(capsys, "probe", "--port", port)
+        assert code == 0
+        assert (told["ports"][0]["driver"], told["ports"][0]["baud"]) == ("ioptron", 115200)
+        assert not telescope.log
+        assert main(["mount", "probe", "--port", port]) == 0
+        assert f"--port {port} --driver ioptron --baud 115200" in capsys.readouterr().out
+
+
+def test_probe_says_what_to_do(capsys) -> None:
+    code, told = run(capsys, "probe", "--port", "/dev/ttyUSB55")
+    assert code == 1
+    assert "plug in the USB cable" in told["ports"][0]["advice"]
+
+
+def test_list_names_ports_and_drivers(capsys) -> None:
+    code, told = run(capsys, "list")
+    assert code == 0
+    assert set(told["drivers"]) >= {"lx200", "skywatcher"}
+    assert isinstance(told["ports"], list)
+
+
+@pytest.mark.parametrize("action", ["goto", "sync"])
+def test_without_yes_nothing_is_sent(action, capsys) -> None:
+    with simulated("onstep") as (telescope, port):
+        code, told = run(
+            capsys, action, "Polaris", "--port", port, "--driver", "onstep", "--site", "50,8"
+        )
+        assert code == 0
+        assert told["done"] is False
+        assert 0.0 < told["preview"]["offset_deg"] < 6.0
+        assert telescope.log == []
+        assert main(["mount", action, "Polaris", "--port", port, "--driver", "onstep"]) == 0
+        assert "site is not known" in capsys.readouterr().out
+
+
+def test_goto_with_yes_arrives(capsys, monkeypatch) -> None:
+    night = datetime(2026, 1, 15, 22, tzinfo=UTC)
+    monkeypatch.setattr("app.mounts.guard.utc_now", lambda: night)
+    with simulated("onstep") as (telescope, port):
+        arguments = [
+            "--port",
+            port,
+            "--driver",
+            "onstep",
+            "--site",
+            "50,8",
+            "--allow-flip",
+            "--yes",
+        ]
+        code, told = run(capsys, "goto", "HIP", "11767", *arguments)
+        assert (code, told["done"]) == (0, True), told
+        assert apart_deg((told["ra_deg"], told["dec_deg"]), (37.95, 89.264)) < 0.02
+        assert [entry[0] for entry in telescope.log if entry[0] == "goto"] == ["goto"]
+
+
+def test_sync_with_yes_is_read_back(capsys) -> None:
+    with simulated("nexstar") as (telescope, port):
+        ra, dec = telescope.believed_deg()
+        where = ["--ra-deg", str(ra), "--dec-deg", str(dec - 1.0)]
+        line = ["--port", port, "--driver", "nexstar", "--site", "50,8", "--yes"]
+        code, told = run(capsys, "sync", *where, *line)
+        assert (code, told["done"]) == (0, True), told
+        assert apart_deg((told["ra_deg"], told["dec_deg"]), (ra, dec - 1.0)) < 0.001
+
+
+def test_a_refusal_is_an_error_and_exit_1(capsys) -> None:
+    with simulated("nexstar") as (telescope, port):
+        arguments = ["--ra-deg", "10", "--dec-deg", "-89", "--port", port, "--driver", "nexstar"]
+        code, told = run(capsys, "goto", *arguments, "--site", "50,8", "--yes")
+        assert code == 1
+        assert set(told) == {"error"}
+        assert telescope.log == []
+        assert main(["mount", "goto", *arguments, "--site", "50,8", "--yes"]) == 1
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.startswith("kochab: ")
+        assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("driver", ["lx200", "nexstar", "ioptron"])
+def test_stop_is_the_first_thing_sent(driver, capsys) -> None:
+    with simulated(driver) as (telescope, port):
+        telescope._slew_deg_s = 0.1
+        telescope.turn_axis_to(1, 20.0)
+        code, told = run(capsys, "stop", "--port", port, "--driver", driver, "--site", "50,8")
+        assert (code, told) == (0, {"stopped": True})
+        assert telescope.log[1] == ("stop",)
+        assert not telescope.slewing
+        assert driver_class(driver).blind_stop
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["goto"], "Say where"),
+        (["goto", "M42", "--ra-deg", "3"], "either a name"),
+        (["goto", "--ra-deg", "3", "--dec-deg", "99"], "no place on the sky"),
+        (["goto", "no such star"], "no such star"),
+        (["position", "--driver", "frob"], "no mount driver"),
+        (["position", "--site", "95,8"], "no place on the Earth"),
+        (["position", "--site", "x"], "not LAT,LON"),
+        (["position", "--baud", "1"], "not a baud rate"),
+        (["position", "--epoch", "B1950"], "invalid choice"),
+        (["frob"], "invalid choice"),
+        ([], "required"),
+    ],
+)
+def test_unusable_arguments_are_one_sentence_and_exit_2(arguments, sentence, capsys) -> None:
+    assert main(["mount", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_an_absent_port_is_exit_1(capsys) -> None:
+    code, told = run(capsys, "position", "--port", "socket://127.0.0.1:1", "--driver", "lx200")
+    assert code == 1
+    assert "Nothing listens" in told["error"]
+
+
+def test_a_motor_board_asks_for_the_site(capsys) -> None:
+    with simulated("skywatcher") as (_, port):
+        code, told = run(capsys, "position", "--port", port, "--driver", "skywatcher")
+        assert code == 1
+        assert "--site LAT,LON" in told["error"]
+
+
+def test_every_action_is_one_line_of_a_registry() -> None:
+    assert set(mount_cli.ACTIONS) >= {"list", "probe", "position", "sync", "goto", "stop"}
