@@ -69,9 +69,9 @@ class TrackUpdate:
 
     ``solution`` is what this frame's stars say alone, None when there is none and ``reason`` says
     why. ``mode`` tells how it was found. ``filtered`` is the attitude after all frames so far, of
-    the solution's camera, and :attr:`filtered_centre` where that points; ``sigma_arcsec`` is smaller
-    than the solution's. ``rates_deg_s`` are the camera's angular
-    velocities against the stars about its own x, y and z (x right, y down, z out), and
+    the solution's camera, and :attr:`filtered_centre` where that points; its ``sigma_arcsec`` are
+    smaller than the solution's. ``rates_deg_s`` are the camera's angular velocities against the
+    stars about its own x, y and z (x right, y down, z out), and
     ``rates_sigma_deg_s`` their errors. All three are None when this frame has no answer: nothing
     old is ever told as new. ``expected`` stars were looked for and ``matched`` found.
     """
