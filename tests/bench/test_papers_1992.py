@@ -50,7 +50,7 @@ def test_all_three_find_the_axis() -> None:
             assert off_arcsec(one, axis) < 100.0
 
 
-def test_a_tally_counts_right_and_wrong_and_takes_the_accuracy_by_number_of_stars() -> None:
+def test_a_tally_counts_right_and_wrong_and_averages_what_is_left() -> None:
     rng, tally = np.random.default_rng(4), _Tally()
     one = picture(rng, SITUATIONS[0])
     right = one.attitude.boresight
@@ -60,7 +60,8 @@ def test_a_tally_counts_right_and_wrong_and_takes_the_accuracy_by_number_of_star
     assert tally.share(False) == 25.0
     assert tally.accuracy() == pytest.approx(0.0, abs=1e-6)
     tally.off[0] = np.array([30.0, 40.0])
-    assert tally.accuracy() == pytest.approx(np.sqrt(2500 / 2 / 2))
+    assert tally.accuracy() == pytest.approx(np.sqrt(1250.0) / 2)
+    assert tally.accuracy(power=2.0) == pytest.approx(np.sqrt(1250.0 / 2))
 
 
 def test_averages_fall_below_two_arcsec() -> None:
