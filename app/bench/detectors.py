@@ -65,14 +65,20 @@ def run(quick: bool, report: Callable[[str], None]) -> BenchResult:
 
 def make_frame(kind: Kind, seed: int) -> tuple[Frame, Floats]:
     """A frame and the places (N, 2) px of its stars, N(>F) ~ 1 / F above ``FAINTEST_SNR``."""
-    rng = np.random.default_rng(seed)
-    xy = rng.uniform(15.0, np.array(SIZE) - 16.0, (STARS, 2))
+    xy, snr = stars_of(seed)
     sigma = kind.image.fwhm_px / FWHM_PER_SIGMA
     longer = np.hypot(sigma, np.hypot(*kind.image.trail_px) / np.sqrt(12.0))
     noise = np.sqrt(kind.sky.level_e + kind.sensor.read_noise_e**2)
     faintest = FAINTEST_SNR * noise * np.sqrt(4.0 * np.pi * sigma * longer)
-    flux = np.minimum(faintest / rng.uniform(0.0, 1.0, STARS), 3e6)
+    flux = np.minimum(faintest * snr / FAINTEST_SNR, 3e6)
     return render(*SIZE, xy, flux, kind.image, kind.sky, kind.sensor, seed), xy
+
+
+def stars_of(seed: int) -> tuple[Floats, Floats]:
+    """Places (N, 2) px and signal-to-noise ratios (N,) of the stars of a frame."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(15.0, np.array(SIZE) - 16.0, (STARS, 2))
+    return xy, FAINTEST_SNR / rng.uniform(0.0, 1.0, STARS)
 
 
 def measure(kind: str, pictures: list[tuple[Frame, Floats]]) -> list[dict[str, Any]]:

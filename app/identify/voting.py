@@ -56,12 +56,8 @@ class Voting:
         yield Progress("identify", 0.5, "votes")
         camera = Camera.centred(detections.width, detections.height, focal)
         body = camera.unproject(detections.xy[: self.stars])
-        error = self.margin_px / focal
-        winner, votes, tried = vote(body, pairs, error)
-        agreed = verification_votes(body, pairs.vectors[winner], votes > 0, error)
-        kept = np.flatnonzero((agreed == agreed.max()) & (agreed > 0))  # equation 5.7
-        kept = _one_each(kept, winner, votes)
-        names = Names(kept, pairs.rows[winner[kept]], pairs.vectors[winner[kept]], tried)
+        kept, star, tried = recognise(body, pairs, self.margin_px / focal)
+        names = Names(kept, pairs.rows[star], pairs.vectors[star], tried)
         found = confirm(detections, names, focal, 2.0 * self.margin_px, year, "voting")
         return found or not_agreed(
             detections, f"{len(kept)} of {len(body)} stars kept their names, too few to be sure"
@@ -69,6 +65,15 @@ class Voting:
 
 
 FEWEST = 6  # the thesis' figure 7.12: with fewer no star is ever named
+
+
+def recognise(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]:
+    """Both rounds: the detections that keep a name (K,), their stars (K,), and what was tried."""
+    winner, votes, tried = vote(body, pairs, error_rad)
+    agreed = verification_votes(body, pairs.vectors[winner], votes > 0, error_rad)
+    kept = np.flatnonzero((agreed == agreed.max()) & (agreed > 0))  # equation 5.7
+    kept = _one_each(kept, winner, votes)
+    return kept, winner[kept], tried
 
 
 def vote(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]:
