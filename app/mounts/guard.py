@@ -21,6 +21,7 @@ from app.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointin
 from app.core.progress import Task
 from app.mounts import paths
 from app.mounts.arrival import arrival
+from app.mounts.beliefs import Beliefs
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.limits import Limits, SyncEvidence
 from app.mounts.motion_log import MotionLog, utc_now
@@ -126,6 +127,11 @@ class Guard:
         if state.slewing is False and self._motion.until == inf:
             self._motion.end()
         return state
+
+    def beliefs(self) -> Beliefs:
+        """What the mount believes of its place and time; empty when its driver cannot ask."""
+        ask: Callable[[], Beliefs] = getattr(self.mount, "beliefs", Beliefs)
+        return ask()
 
     # -- previews -------------------------------------------------------------------------------
 

@@ -167,6 +167,17 @@ def test_tracking_goes_off_and_on(bench) -> None:
         assert bench.mount.state().tracking is on
 
 
+def test_it_tells_its_place_and_time_or_says_that_it_cannot(bench) -> None:
+    told = bench.mount.beliefs()
+    if Ability.SITE in bench.mount.lacks:
+        assert told.site is None
+        return
+    assert told.site.latitude_deg == pytest.approx(SITE.latitude_deg, abs=0.02)
+    assert told.site.longitude_deg == pytest.approx(SITE.longitude_deg, abs=0.02)
+    assert abs((told.time_utc - bench.clock()).total_seconds()) < 30.0
+    assert told.utc_offset_h == 0.0
+
+
 def test_what_it_lacks_is_said_in_a_sentence(bench) -> None:
     assert all(reason.endswith(".") for reason in bench.mount.lacks.values())
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from app.core.mount import Direction, PierSide
 from app.mounts.conversation import ProtocolError
-from app.mounts.protocols import ioptron, lx200, nexstar, skywatcher
+from app.mounts.protocols import ioptron, lx200, lx200_place, nexstar, skywatcher
 
 PARSERS = {
     "lx200.ra": lx200.parse_ra,
@@ -33,6 +33,15 @@ PARSERS = {
     "nexstar.passed": nexstar.parse_passed,
     "nexstar.passed with data": partial(nexstar.parse_passed, answer=2),
     "nexstar.south": nexstar.parse_south,
+    "nexstar.site": nexstar.parse_site,
+    "nexstar.time": nexstar.parse_time,
+    "ioptron.site": ioptron.parse_site,
+    "ioptron.time": ioptron.parse_time,
+    "lx200.latitude": lx200_place.parse_latitude,
+    "lx200.longitude": lx200_place.parse_longitude,
+    "lx200.zone": lx200_place.parse_zone,
+    "lx200.time": lx200_place.parse_time,
+    "lx200.date": lx200_place.parse_date,
     "ioptron.model": ioptron.parse_model,
     "ioptron.position": ioptron.parse_position,
     "ioptron.status": ioptron.parse_status,
@@ -133,3 +142,20 @@ def test_pulses_keep_to_their_digits() -> None:
 def test_the_period_of_an_eq6_at_the_sidereal_rate() -> None:
     assert skywatcher.step_period(360.0 / 86164.0905, 9024000, 64935) == 620
     assert skywatcher.step_period(0.0, 9024000, 64935) == 0xFFFFFF
+
+
+def test_longitudes_and_zones_of_the_lx200_grow_westward() -> None:
+    assert lx200_place.parse_longitude(b"352*00#") == pytest.approx(8.0)
+    assert lx200_place.parse_longitude(b"100*30#") == pytest.approx(-100.5)
+    assert lx200_place.parse_latitude(b"-33*30#") == -33.5
+    assert lx200_place.parse_zone(b"-01#") == 1.0
+    assert lx200_place.parse_zone(b"+05.5#") == -5.5
+    assert lx200_place.parse_zone(b"-05:30#") == 5.5
+
+
+def test_a_nexstar_in_the_south_with_summer_time() -> None:
+    site = nexstar.parse_site(bytes([33, 30, 0, 1, 70, 45, 0, 1]) + b"#")
+    assert (site.latitude_deg, site.longitude_deg) == (-33.5, -70.75)
+    time, offset = nexstar.parse_time(bytes([21, 5, 9, 12, 31, 26, 252, 1]) + b"#")
+    assert offset == -3.0
+    assert time.isoformat() == "2027-01-01T00:05:09+00:00"

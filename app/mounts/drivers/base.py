@@ -9,6 +9,7 @@ from typing import ClassVar
 from app.core.errors import DeviceError, RefusedError
 from app.core.hint import Site
 from app.core.mount import Ability, Direction, Epoch
+from app.mounts.beliefs import Beliefs
 from app.mounts.conversation import Conversation, Reader
 from app.mounts.deadman import Deadman
 from app.mounts.link import Link
@@ -53,6 +54,10 @@ class SerialMount:
     def lacks(self) -> Mapping[Ability, str]:
         """What it cannot do, each with the reason."""
         return MappingProxyType(self._lacks)
+
+    def beliefs(self) -> Beliefs:
+        """What it believes of its place and time, where it tells."""
+        return Beliefs()
 
     def stop(self) -> None:
         """Stop every motion, from any thread; what is answered is read later."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from app.core.errors import RefusedError
 from app.core.mount import Direction, MountState, Pointing
+from app.mounts.beliefs import Beliefs
 from app.mounts.conversation import Reader, exactly, until
 from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
 from app.mounts.protocols import ioptron as words
@@ -45,6 +46,12 @@ class Ioptron(SerialMount):
         reader = until(b"#", 26, self.timeout_s)
         state = self.talk.query(words.STATUS, reader, words.parse_status)
         return replace(state, pier_side=self.place().pier_side)
+
+    def beliefs(self) -> Beliefs:
+        """Site, zone and clock."""
+        reader = until(b"#", 26, self.timeout_s)
+        site = self.talk.query(words.STATUS, reader, words.parse_site)
+        return Beliefs(site, *self.talk.query(words.TIME, reader, words.parse_time))
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then match it."""

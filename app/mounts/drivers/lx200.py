@@ -1,14 +1,20 @@
 """The LX200 family: classic, Autostar and 10micron, told apart by ``:GVP#``."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from app.core.errors import NoAnswerError, RefusedError
+from app.core.hint import Site
 from app.core.mount import Ability, Direction, MountState, Pointing
+from app.mounts.beliefs import Beliefs, utc_of
 from app.mounts.conversation import Reader, exactly, until
 from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
 from app.mounts.link import Link
 from app.mounts.protocols import lx200 as words
+from app.mounts.protocols import lx200_place as where
 
+T = TypeVar("T")
 PRODUCT_S = 1.0  # a classic does not know the question and stays silent
 
 
@@ -111,6 +117,22 @@ class Lx200(SerialMount):
                 self.dialect.status, until(b"#", 8, self.timeout_s), words.parse_scope_status
             )
         return MountState(slewing=slewing, aligned=aligned, tracking=tracking)
+
+    def beliefs(self) -> Beliefs:
+        """Site, zone and clock."""
+
+        def told(command: bytes, parse: Callable[[bytes], T]) -> T:
+            return self.talk.query(command, until(b"#", 20, self.timeout_s), parse)
+
+        site = Site(
+            told(where.LATITUDE, where.parse_latitude), told(where.LONGITUDE, where.parse_longitude)
+        )
+        offset = told(where.ZONE, where.parse_zone)
+        date, time = told(where.DATE, where.parse_date), told(where.TIME, where.parse_time)
+        try:
+            return Beliefs(site, utc_of(*date, *time, offset), offset)
+        except ValueError:
+            return Beliefs(site, None, offset)
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then match it."""

@@ -2,6 +2,7 @@
 
 from app.core.errors import RefusedError
 from app.core.mount import Ability, Direction, MountState, Pointing
+from app.mounts.beliefs import Beliefs
 from app.mounts.conversation import Reader, exactly
 from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
 from app.mounts.link import Link
@@ -63,6 +64,12 @@ class NexStar(SerialMount):
             tracking=self.byte(words.TRACKING) != 0,
             pier_side=pier,
         )
+
+    def beliefs(self) -> Beliefs:
+        """Site, zone and clock."""
+        reader = exactly(9, self.timeout_s)
+        site = self.talk.query(words.SITE, reader, words.parse_site)
+        return Beliefs(site, *self.talk.query(words.TIME, reader, words.parse_time))
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """``s``, since version 4.10."""

@@ -35,6 +35,8 @@ class SkyWatcher(SerialMount):
             raise RefusedError(
                 "A motor board does not know where it stands: give the site, --site LAT,LON."
             )
+        for ability in (Ability.SITE, Ability.TIME):
+            self._lacks[ability] = "A motor board knows neither its site nor the time."
         self.motors = (Motor(self.talk, 0), Motor(self.talk, 1))
         self.version = self.motors[0].query("e")
         self.south = self.site.latitude_deg < 0.0

@@ -2,10 +2,14 @@
 
 import re
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 
+from app.core.hint import Site
 from app.core.mount import Direction, MountState, PierSide
 from app.mounts.conversation import ProtocolError
 
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+TIME = b":GUT#"
 MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
 SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
 TRACK_ON, TRACK_OFF = b":ST1#", b":ST0#"
@@ -73,6 +77,28 @@ def parse_status(reply: bytes) -> MountState:
         parked=status == 6,
         tracking=status in (1, 3, 5),
     )
+
+
+def parse_site(reply: bytes) -> Site:
+    """The site at the beginning of ``:GLS#``; the latitude is told 90 deg too great."""
+    parse_status(reply)
+    latitude = int(reply[9:17]) / PARTS_DEG - 90.0
+    longitude = int(reply[:9]) / PARTS_DEG
+    if abs(latitude) > 90.0 or abs(longitude) > 360.0:
+        raise ProtocolError(f"{reply!r} is no site.")
+    return Site(latitude, (longitude + 180.0) % 360.0 - 180.0)
+
+
+def parse_time(reply: bytes) -> tuple[datetime, float]:
+    """``:GUT#``: minutes of the zone, summer time, milliseconds of UTC since J2000 (JD 2451545)."""
+    found = re.fullmatch(rb"([+-]\d{3})([01])(\d{13})#", reply)
+    if found is None or abs(int(found[1])) > 840:
+        raise ProtocolError(f"{reply!r} is no time.")
+    try:
+        time_utc = J2000 + timedelta(milliseconds=int(found[3]))
+    except OverflowError:
+        raise ProtocolError(f"{reply!r} is no time.") from None
+    return time_utc, int(found[1]) / 60.0 + int(found[2])
 
 
 def parse_one(reply: bytes) -> bool:

@@ -5,8 +5,11 @@ in ``#``, but a data byte may be ``#`` as well: answers are read by their length
 """
 
 import re
+from datetime import datetime
 
+from app.core.hint import Site
 from app.core.mount import PierSide
+from app.mounts.beliefs import utc_of
 from app.mounts.conversation import ProtocolError
 
 TURN = 1 << 32
@@ -140,7 +143,7 @@ def parse_passed(reply: bytes, answer: int = 0) -> bytes:
     return reply[:-1]
 
 
-SITE = b"w"
+SITE, TIME = b"w", b"h"
 GUIDE = 0x26
 
 
@@ -155,7 +158,32 @@ def track(mode: int) -> bytes:
 
 
 def parse_south(reply: bytes) -> bool:
-    """Whether the site the hand control knows is in the south, from the nine bytes of ``w``."""
-    if len(reply) != 9 or reply[8:] != b"#" or reply[3] > 1 or reply[0] > 90:
+    """Whether the site the hand control knows is in the south."""
+    return parse_site(reply).latitude_deg < 0.0
+
+
+def parse_site(reply: bytes) -> Site:
+    """The nine bytes of ``w``: degrees, minutes, seconds, 1 for south or west, of both angles."""
+    if len(reply) != 9 or reply[8:] != b"#" or reply[3] > 1 or reply[7] > 1:
         raise ProtocolError(f"{reply!r} is no site.")
-    return reply[3] == 1
+    latitude, longitude = (
+        (d + m / 60.0 + s / 3600.0) * (-1.0 if minus else 1.0)
+        for d, m, s, minus in (reply[:4], reply[4:8])
+    )
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0 or max(reply[1:3] + reply[5:7]) > 59:
+        raise ProtocolError(f"{reply!r} is no site.")
+    return Site(latitude, longitude)
+
+
+def parse_time(reply: bytes) -> tuple[datetime, float]:
+    """Universal time and the hours of the zone from the nine bytes of ``h``."""
+    if len(reply) != 9 or reply[8:] != b"#" or reply[7] > 1:
+        raise ProtocolError(f"{reply!r} is no time.")
+    hour, minute, second, month, day, year, zone, summer = reply[:8]
+    offset = float((zone - 256 if zone > 127 else zone) + summer)
+    if abs(offset) > 15.0:
+        raise ProtocolError(f"{reply!r} is no time.")
+    try:
+        return utc_of(2000 + year, month, day, hour, minute, second, offset), offset
+    except ValueError:
+        raise ProtocolError(f"{reply!r} is no time.") from None
