@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -129,6 +130,8 @@ def _begin_text(practice: "Practice") -> str:
         f"  kochab mount position {line}",
         f"  kochab mount goto M42 {line} {place} --yes",
     ]
+    if abs(practice.rig.clock.now_unix() - time.time()) > 60.0:
+        lines.insert(1, "It is light there now, so its clock and the computer's do not agree.")
     if folder is not None:
         lines += [
             f"Its camera writes frames into {folder}:",

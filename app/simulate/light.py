@@ -12,7 +12,7 @@ from app.simulate.stars import Image
 from app.simulate.weather import Weather
 
 Floats = NDArray[np.float64]
-COARSE = (9, 12)  # rows and columns of places where the glow is worked out
+COARSE = (19, 25)  # rows and columns of places where the glow is worked out
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +80,11 @@ def sky_electrons(light: Light) -> Floats:
 
 def background(light: Light) -> Image:
     """Electrons (H, W) of the sky alone, interpolated between the coarse places."""
-    grid = sky_electrons(light).astype(np.float32)
-    lines = grid @ _between(light.optics.width, grid.shape[1]).T
+    grid = sky_electrons(light)
+    nodes = np.arange(grid.shape[1])
+    across = np.linspace(0.0, nodes[-1], light.optics.width)
+    # np.interp rather than a product of matrices: BLAS would wake all its threads for it.
+    lines = np.stack([np.interp(across, nodes, line) for line in grid]).astype(np.float32)
     out = np.empty((light.optics.height, light.optics.width), dtype=np.float32)
     at = np.linspace(0.0, len(lines) - 1.0, len(out), dtype=np.float32)
     above = np.minimum(at.astype(np.intp), len(lines) - 2)
@@ -90,9 +93,3 @@ def background(light: Light) -> Image:
         np.multiply((at[band] - k)[:, None], lines[k + 1] - lines[k], out=out[band])
         out[band] += lines[k]
     return out
-
-
-def _between(size: int, nodes: int) -> Image:
-    """Weights (size, nodes) that interpolate linearly from nodes at the edges and between."""
-    at = np.linspace(0.0, nodes - 1.0, size)
-    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(nodes))).astype(np.float32)
