@@ -6,6 +6,7 @@ process namespace that takes every driver with it when it ends.
 
 import contextlib
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -84,20 +85,22 @@ def bench():
 
 
 def mechanics():
-    """The mount of the practice night, in good order and quick."""
+    """The mount of the practice night, in good order and quick, and in the south."""
     config = MountConfig(slew_deg_s=30.0, acceleration_deg_s2=60.0)
-    return EquatorialMount(config, Site(50.0, 8.0), SimulatedClock(time.time()))
+    return EquatorialMount(config, Site(-33.0, 151.0), SimulatedClock(time.time()))
 
 
 def begin(responder_name, telescope):
     """A responder over the telescope, and where to sync and go: all well above the horizon."""
     meridian = telescope.sidereal_deg()
+    side = math.copysign(1.0, telescope.latitude_deg)
     if responder_name != "skywatcher":  # which is switched on at home, and must stand there
         telescope.tracking = True
-        telescope.sync((meridian - 10.0) % 360.0, 38.0)
+        telescope.sync((meridian - 10.0) % 360.0, side * 38.0)
     known = {"autostar": Autostar}.get(responder_name)
     responder = known(telescope) if known else open_responder(responder_name, telescope)
-    return responder, ((meridian - 12.0) % 360.0, 36.5), ((meridian - 20.0) % 360.0, 41.0)
+    sync = (meridian - 12.0) % 360.0, side * 36.5
+    return responder, sync, ((meridian - 20.0) % 360.0, side * 41.0)
 
 
 @pytest.fixture(scope="module", params=[bench, mechanics])
