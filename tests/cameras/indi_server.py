@@ -4,8 +4,10 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,24 @@ from app.core.errors import PortError
 from .own_network import own_network
 
 ADDRESS = "localhost:7624"
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+GSC = """
+import sys
+from pathlib import Path
+import numpy as np
+from app.core.attitude import radec_deg, unit_vectors
+from app.sky import open_catalogue
+
+ra, dec, radius_arcmin = (float(sys.argv[k]) for k in (2, 3, 5))
+Path(__file__).with_name("asked").write_text(f"{ra} {dec}")
+catalogue = open_catalogue()
+rows = catalogue.brightest(unit_vectors(ra, dec), np.radians(radius_arcmin / 60), 1500, 2026.9)
+for k, (v, mag) in enumerate(zip(catalogue.vectors(rows, 2026.9), catalogue.mag(rows))):
+    ra, dec = radec_deg(v)
+    print(f"{k:010d} {ra:.5f} {dec:+.5f} 0.2 {mag:.2f} 0.3 0 0 0000 AA 0.0 0")
+"""
+"""Stands for the Guide Star Catalogue's program, which the camera simulator asks for its stars."""
 
 
 @contextmanager
@@ -30,12 +50,23 @@ def indi_network():
 class Server:
     """indiserver with the camera simulator, started and ended as often as a test likes."""
 
-    def __init__(self, home):
+    def __init__(self, home, stars=False):
         self.home = home
+        self.path = os.environ["PATH"]
+        if stars:
+            script = home / "gsc"
+            script.write_text(f"#!{sys.executable}\n{GSC}")
+            script.chmod(0o755)
+            self.path = f"{home}{os.pathsep}{self.path}"
         self.process = None
 
     def start(self):
-        env = {**os.environ, "HOME": str(self.home)}
+        env = {
+            **os.environ,
+            "HOME": str(self.home),
+            "PATH": self.path,
+            "PYTHONPATH": str(REPOSITORY),
+        }
         self.process = subprocess.Popen(
             ["indiserver", "-p", "7624", "indi_simulator_ccd", "indi_simulator_telescope"],
             env=env, stderr=subprocess.DEVNULL, start_new_session=True,
@@ -44,6 +75,7 @@ class Server:
         while time.monotonic() < deadline:
             try:
                 if list_devices("indi", ADDRESS):
+                    assert self.process.poll() is None, "another server has the port"
                     return
             except PortError:
                 time.sleep(0.05)

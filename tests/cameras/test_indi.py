@@ -164,6 +164,42 @@ def test_a_picture_that_never_comes_is_a_lost_line(server, monkeypatch) -> None:
         camera.close()
 
 
+def test_the_simulators_sky_is_solved_where_it_says_it_points(shared_server, tmp_path) -> None:
+    """From INDI's own picture of the sky over the network to a pointing, live."""
+    from app.core.attitude import unit_vectors
+    from app.core.solution import Solution
+    from app.solve.options import SolveOptions
+    from app.solve.track import Tracker, TrackOptions
+    from app.workflows.live_capture import Capture
+    from app.workflows.live_solve import live_solve
+    from app.workflows.live_update import LiveUpdate
+
+    shared_server.end()
+    server = Server(tmp_path, stars=True)
+    server.start()
+    try:
+        open_camera("indi", ADDRESS).close()  # connects it
+        for wish in (
+            "SCOPE_INFO.FOCAL_LENGTH;APERTURE=50;25",
+            "EQUATORIAL_PE.RA_PE;DEC_PE=5.6;-1.2",
+        ):
+            subprocess.run(["indi_setprop", f"CCD Simulator.{wish}"], check=True, timeout=20)
+        capture = Capture(lambda: open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.5)))
+        # Its stars are single pixels, which only this detector does not take for hot ones.
+        engine = Tracker(options=TrackOptions(solve=SolveOptions(detector="peaks")))
+        live = live_solve(capture, engine, frames=3)
+        results = [step.result for step in live if isinstance(step, LiveUpdate)]
+    finally:
+        server.end()
+    solution = results[-1]
+    assert isinstance(solution, Solution)
+    ra, dec = (float(v) for v in (tmp_path / "asked").read_text().split())
+    apart = np.linalg.norm(solution.centre_vector - unit_vectors(ra, dec))
+    assert np.degrees(apart) * 3600 < 30.0  # a pixel is 21 arcsec
+    assert solution.camera.scale_arcsec_px == pytest.approx(21.45, rel=0.002)
+    assert not solution.camera.mirrored
+
+
 def test_absent_it_says_how_to_get_it(monkeypatch) -> None:
     monkeypatch.setattr("app.cameras.indi.find_spec", lambda name: None)
     assert "pip install 'kochab[indi]'" in IndiCamera.missing()

@@ -1,0 +1,32 @@
+"""Two hours of a stream are a few thousand turns of this loop: what it holds does not grow."""
+
+import tracemalloc
+
+from app.workflows.live_capture import Capture
+from app.workflows.live_solve import live_solve
+from app.workflows.live_update import LiveUpdate
+
+from .live_sources import Clockwork, Told, refusal, solution
+
+FRAME_BYTES = 400 * 600 * 2
+
+
+def test_a_long_stream_holds_no_more_than_a_short_one() -> None:
+    source = Clockwork(size=(400, 600))
+    source.complaints = lambda: ("A file was left out: it is broken.",)
+    engine = Told(lambda n: solution(80.0 + n * 1e-6) if n % 5 else refusal())
+    live = live_solve(Capture(lambda: source), engine)
+    held = {}
+    tracemalloc.start()
+    try:
+        for turn, _ in enumerate((step for step in live if isinstance(step, LiveUpdate)), 1):
+            if turn in (500, 2500):
+                held[turn] = tracemalloc.get_traced_memory()[0]
+            if turn == 2500:
+                break
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        live.close()
+        tracemalloc.stop()
+    assert held[2500] - held[500] < FRAME_BYTES  # not one frame more after 2000 further turns
+    assert peak < 12 * FRAME_BYTES
