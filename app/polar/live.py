@@ -46,10 +46,12 @@ class LiveError:
     """The polar error now.
 
     ``theta_rad`` is how far the RA axis turned since the last measured frame; ``prior`` tells
-    which clock's word on it was taken: "tracking", "standing" or "" for none.
+    which clock's word on it was taken: "tracking", "standing" or "" for none. The error's
+    covariance is the sum of ``frame_covariance``, new with each frame, and of the measurement's.
     """
 
     error: PolarError
+    frame_covariance: Floats
     attitude: LocalAttitude
     theta_rad: float
     prior: str
@@ -85,11 +87,12 @@ class LivePhase:
             covariance = covariance - np.outer(gain, slope @ covariance)
             theta, _ = self._theta(matrix)
         axis = matrix @ self._camera_axis
-        error = PolarError(axis, self._start.pole, self._covariance(matrix, axis, covariance))
+        frame = self._of_frame(matrix, axis, covariance)
+        total = frame + self._of_measurement(matrix, axis)
+        error = PolarError(axis, self._start.pole, total)
         moved = float(np.degrees(np.linalg.norm(axis - self._start.axis)))
-        return LiveError(
-            error, now, theta, prior, moved, tuple(self._findings(error, moved, theta, now))
-        )
+        findings = tuple(self._findings(error, moved, theta, now))
+        return LiveError(error, frame, now, theta, prior, moved, findings)
 
     def _theta(self, matrix: Floats) -> tuple[float, Floats]:
         """The turn about the axis since the reference, and its slope (3,) over camera rotations.
@@ -118,12 +121,15 @@ class LivePhase:
             return "", 0.0
         return near, theta + _wrap(expected[near] - theta)
 
-    def _covariance(self, matrix: Floats, axis: Floats, covariance: Floats) -> Floats:
-        """Covariance (2, 2) of the axis along altitude and azimuth on the sky."""
-        lever = cross_matrix(self._camera_axis)
-        seen = self._camera_covariance + lever @ covariance @ lever.T
+    def _of_frame(self, matrix: Floats, axis: Floats, covariance: Floats) -> Floats:
+        """Covariance (2, 2) of the axis, from this frame's attitude alone."""
+        lever = np.stack(tangents(axis)) @ matrix @ cross_matrix(self._camera_axis)
+        return np.asarray(lever @ covariance @ lever.T)
+
+    def _of_measurement(self, matrix: Floats, axis: Floats) -> Floats:
+        """Covariance (2, 2) of the axis, from where in the camera the measurement put it."""
         frame = np.stack(tangents(axis)) @ matrix
-        return np.asarray(frame @ seen @ frame.T)
+        return np.asarray(frame @ self._camera_covariance @ frame.T)
 
     def _findings(
         self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude

@@ -1,0 +1,97 @@
+"""A person aligns the mount's axis: measure, turn the bolts, measure again until it is good."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from app.core.progress import Task
+from app.polar.history import History
+from app.polar.measure import Measurement, Settings
+from app.polar.tutor import BoltTutor
+from app.polar.words import angle_in_words
+from app.workflows.polar_adjust import adjust
+from app.workflows.polar_measure import Measured, Sweep, measure_axis
+from app.workflows.polar_sources import SightingSource
+from app.workflows.polar_turners import Turner
+from app.workflows.polar_update import PolarControls, PolarUpdate
+
+MOST_ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class AlignOptions:
+    """When it is good: the total and ``sure`` of its sigmas are within ``goal_arcsec``.
+
+    ``sweep`` is how to measure.
+    """
+
+    goal_arcsec: float = 30.0
+    sure: float = 3.0
+    sweep: Sweep = field(default_factory=Sweep)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """How it ended: the last measurement, the bolts' moves, and everything that happened."""
+
+    last: Measurement
+    good: bool
+    rounds: int
+    moves: int
+    history: History
+
+
+def align(
+    source: SightingSource,
+    turner: Turner,
+    settings: Settings,
+    options: AlignOptions | None = None,
+    controls: PolarControls | None = None,
+    tutor: BoltTutor | None = None,
+    keep: Callable[[History], None] = lambda history: None,
+) -> Task[Alignment]:
+    """Measure, adjust and measure again, by itself, until the error is small or cannot be told.
+
+    Parameters
+    ----------
+    source, turner
+        Who gives solved frames, and who turns the RA axis between them.
+    keep
+        Called with the history after every measurement, so that nothing is lost.
+
+    Raises
+    ------
+    app.workflows.polar_watch.NotMeasuredError
+        A measurement could not be brought to its end.
+    app.core.errors.DeviceError
+        The camera or the mount failed, or the guard refused.
+
+    """
+    options, controls = options or AlignOptions(), controls or PolarControls()
+    tutor, history = tutor or BoltTutor(), History()
+    sweep, rounds = options.sweep, 0
+    while True:
+        rounds += 1
+        measured = yield from measure_axis(source, turner, settings, sweep, controls)
+        history.measured(measured.measurement)
+        keep(history)
+        error = measured.measurement.error
+        reach = error.total_arcsec + options.sure * error.sigma_total_arcsec
+        good = reach <= options.goal_arcsec or error.below_uncertainty
+        if good or rounds == MOST_ROUNDS:
+            yield _done(measured, good, tutor.moves)
+            return Alignment(measured.measurement, good, rounds, tutor.moves, history)
+        yield from adjust(source, measured.measurement, tutor, controls, history)
+        sweep = replace(sweep, backwards=measured.way.direction, turn_deg=measured.way.turn_deg)
+
+
+def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
+    error = measured.measurement.error
+    told = (
+        f"The axis is {angle_in_words(error.total_arcsec)}"
+        f" ± {angle_in_words(error.uncertainty_arcsec)} from the pole"
+    )
+    told += "." if good else ": that is not yet good, begin again when the cause is found."
+    return PolarUpdate(
+        "done", 1.0, told, measurement=measured.measurement, findings=measured.findings,
+        moves=moves,
+    )  # fmt: skip
