@@ -55,6 +55,7 @@ def practice_night(config: RigConfig, faults: bool = True) -> RigConfig:
     rng = np.random.default_rng([config.seed, 6])
     mount = replace(
         config.mount,
+        approach_deg=0.1,
         build=Build(
             cone_deg=float(rng.normal(0.0, 0.1)), square_deg=float(rng.normal(0.0, 0.03)),
             flexure_arcsec=float(rng.uniform(0.0, 60.0)),

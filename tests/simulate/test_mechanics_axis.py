@@ -65,6 +65,17 @@ def test_backlash_is_lost_at_every_reversal(play, way):
     assert axis.true_deg(back + 10.0) == pytest.approx(play / 2.0)
 
 
+@given(
+    way=st.floats(-20.0, 20.0), play=st.floats(0.0, 0.05), carrier=st.sampled_from([0.0, 15 / 3600])
+)
+def test_an_approach_ends_on_the_same_side_of_the_play(way, play, carrier):
+    axis = Axis(0.0, 0.0, AxisWear(backlash_deg=play))
+    end = axis.slew(0.0, way, carrier, approach_deg=0.1)
+    target = way + carrier * end
+    assert axis.motor_deg(end) == pytest.approx(target, abs=1e-9)
+    assert axis.true_deg(end + 1.0) == pytest.approx(target + carrier - play / 2.0, abs=1e-6)
+
+
 def test_backlash_in_one_segment_that_turns_back():
     axis = Axis(0.0, 0.0, AxisWear(backlash_deg=0.1))
     axis.run(0.0, 2.0)

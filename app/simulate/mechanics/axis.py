@@ -122,13 +122,20 @@ class Axis:
             pieces = [(abs(change) / self.acceleration, copysign(self.acceleration, change))]
         self._plan(t, pieces, rate_deg_s, None)
 
-    def slew(self, t: float, target_deg: float, carrier_deg_s: float = 0.0) -> float:
-        """Go to ``target_deg``, itself moving at ``carrier_deg_s``; returns the time of arrival."""
+    def slew(
+        self, t: float, target_deg: float, carrier_deg_s: float = 0.0, approach_deg: float = 0.0
+    ) -> float:
+        """Go to ``target_deg``, itself moving at ``carrier_deg_s``; returns the time of arrival.
+
+        With ``approach_deg`` the last of the way is at least so long and towards greater angles,
+        which takes up the play of the gear always on the same side.
+        """
         now = self._at(t)
-        pieces = _trapezoid(
-            target_deg - now.angle(t), now.rate(t) - carrier_deg_s,
-            self.top_deg_s, self.acceleration,
-        )  # fmt: skip
+        way, rate = target_deg - now.angle(t), now.rate(t) - carrier_deg_s
+        short = approach_deg > 0.0 and way < approach_deg
+        pieces = self._trapezoid(way - approach_deg if short else way, rate)
+        if short:
+            pieces += self._trapezoid(approach_deg, 0.0)
         end = t + sum(seconds for seconds, _ in pieces)
         self._plan(t, pieces, carrier_deg_s, target_deg + carrier_deg_s * (end - t))
         return end
@@ -158,6 +165,9 @@ class Axis:
         self._push(here)
         for segment in future:
             self._append(segment.start, segment.angle_deg, segment.rate_deg_s, segment.acceleration)
+
+    def _trapezoid(self, way: float, rate: float) -> list[tuple[float, float]]:
+        return _trapezoid(way, rate, self.top_deg_s, self.acceleration)
 
     def _plan(
         self, t: float, pieces: list[tuple[float, float]], rate: float, angle: float | None

@@ -29,6 +29,8 @@ class MountConfig:
 
     ``misalignment_arcmin`` is the altitude and raw azimuth error of the axis against the
     refracted pole. ``past_meridian_deg`` is how far a German mount may follow beyond the meridian.
+    ``approach_deg`` is how far a goto at least goes towards greater angles at its end, against
+    the play of its gears, as many hand controllers do; 0 for not at all.
     ``computer_clock_s`` and ``computer_site`` are what its own computer has wrong.
     """
 
@@ -39,6 +41,7 @@ class MountConfig:
     bolts: BoltWear = field(default_factory=BoltWear)
     slew_deg_s: float = 4.0
     acceleration_deg_s2: float = 2.0
+    approach_deg: float = 0.0
     guide_rate: float = 0.5  # of sidereal
     horizon_deg: float = 0.0
     german: bool = True
@@ -166,8 +169,8 @@ class EquatorialMount:
                 return "limits"
             self._parks_at = None
             self._tracking = True
-            self._axes[0].slew(t, target[0], SIDEREAL_DEG_S)
-            self._axes[1].slew(t, target[1])
+            self._axes[0].slew(t, target[0], SIDEREAL_DEG_S, self.config.approach_deg)
+            self._axes[1].slew(t, target[1], 0.0, self.config.approach_deg)
             return None
 
     def sync(self, ra_deg: float, dec_deg: float) -> str | None:
