@@ -40,6 +40,7 @@ class IndiLink:
         self._lost: str | None = None
         self._made = False
         self.message = ""
+        """What the server last told as an error."""
         self._loop = asyncio.new_event_loop()
         self._client: Any = None
         self._thread = Thread(target=self._run, name="kochab-indi", daemon=True)
@@ -192,8 +193,8 @@ class IndiLink:
             if kind == "SetBLOB" and f"{event.devicename}\n{event.vectorname}" == self._wanted:
                 for name, data in event.items():
                     self._blob = bytes(data), str(event.sizeformat[name][1])
-            elif kind == "Message" and event.devicename:
-                self.message = " ".join(str(event.message).split())
+            elif kind == "Message" and "[ERROR]" in str(event.message):
+                self.message = " ".join(str(event.message).replace("[ERROR]", "").split())
             self._news.notify_all()
 
 

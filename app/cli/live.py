@@ -38,6 +38,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     add_settings(parser)
     parser.add_argument("--frames", type=_frames, metavar="N", help="end after so many")
+    parser.add_argument(
+        "--reconnect", action="store_true", help="wait for a camera that was lost to come back"
+    )
     parser.add_argument("--record", metavar="DIR", help="write frames and solutions there")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--replay", metavar="DIR", help="solve a recorded session again")
@@ -89,7 +92,7 @@ def _live(args: argparse.Namespace) -> int:
 
     options = options_of(args, args.detector)
     settings = settings_of(args)
-    capture = Capture(lambda: open_camera(args.source, args.address, settings))
+    capture = Capture(lambda: open_camera(args.source, args.address, settings), args.reconnect)
     live = live_solve(capture, _engine(options), args.frames)
     if args.record:
         about = {

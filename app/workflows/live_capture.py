@@ -2,19 +2,21 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from threading import Event, Lock, Thread
 from time import monotonic
 
 from app.core.capture import CameraSource, CaptureLimits, CaptureSettings
-from app.core.errors import NoAnswerError, RefusedError
+from app.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from app.core.frame import Frame
 from app.workflows.mailbox import Mailbox
 
 SLICE_S = 0.2
 """A source is asked in slices so short that stopping it is immediate."""
 JOIN_S = 3.0
+RETRY_S = 3.0
 MOST_WARNINGS = 20
 CLOCK_SLACK_S = 2.0
 """A frame from so far in the future was dated by another clock than this computer's."""
@@ -41,15 +43,18 @@ class Capture:
     """Opens a source in its own thread, which makes every call to it and closes it.
 
     ``source`` is called in that thread. Stopping takes no longer than one slice, or
-    :data:`JOIN_S` when a driver does not return.
+    :data:`JOIN_S` when a driver does not return. With ``again`` a camera that was lost while in
+    use is opened again every :data:`RETRY_S` until it is back; that it was lost is a warning then.
     """
 
-    def __init__(self, source: Callable[[], CameraSource]) -> None:
+    def __init__(self, source: Callable[[], CameraSource], again: bool = False) -> None:
         self.mailbox: Mailbox[Shot] = Mailbox()
         self.limits = CaptureLimits()
         self.in_force = CaptureSettings()
         self.name = ""
         self._source = source
+        self._again = again
+        self._number = 0
         self._fault: Exception | None = None
         self._wish: CaptureSettings | None = None
         self._lock = Lock()
@@ -94,27 +99,37 @@ class Capture:
 
     def _drive(self) -> None:
         try:
-            source = self._source()
-            try:
-                self._run(source)
-            finally:
-                source.close()
+            self._once()
+            while self._again and not self._stop.wait(RETRY_S):
+                with suppress(DeviceError):  # not back yet
+                    self._once()
         except Exception as fault:  # carried to the thread that solves, which raises it
             self._fault = fault
         finally:
             self.mailbox.close()
 
+    def _once(self) -> None:
+        """Open the camera and take frames until it is stopped, or lost and to be opened again."""
+        source = self._source()
+        try:
+            self._run(source)
+        except LineLostError as error:
+            if not self._again:
+                raise
+            self._warnings.append(f"{error} It is opened again as soon as it is back.")
+        finally:
+            source.close()
+
     def _run(self, source: CameraSource) -> None:
         self.name, self.limits = source.name, source.limits
         self.in_force = source.configure(CaptureSettings())
-        number = 0
         while not self._stop.is_set():
             self._configure(source)
             frame = source.next_frame(SLICE_S)
             self._warnings.extend(_complaints(source))
             if frame is not None:
-                number += 1
-                self.mailbox.put(self._shot(number, frame, _now(source)))
+                self._number += 1
+                self.mailbox.put(self._shot(self._number, frame, _now(source)))
 
     def _configure(self, source: CameraSource) -> None:
         with self._lock:

@@ -20,13 +20,13 @@ def test_a_long_stream_holds_no_more_than_a_short_one() -> None:
     tracemalloc.start()
     try:
         for turn, _ in enumerate((step for step in live if isinstance(step, LiveUpdate)), 1):
-            if turn in (500, 2500):
+            if turn in (300, 1500):
                 held[turn] = tracemalloc.get_traced_memory()[0]
-            if turn == 2500:
+            if turn == 1500:
                 break
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         live.close()
         tracemalloc.stop()
-    assert held[2500] - held[500] < FRAME_BYTES  # not one frame more after 2000 further turns
+    assert held[1500] - held[300] < FRAME_BYTES  # not one frame more after 1200 further turns
     assert peak < 12 * FRAME_BYTES

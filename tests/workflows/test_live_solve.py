@@ -89,10 +89,40 @@ def test_unplugged_in_the_middle_is_one_sentence_after_the_last_frame() -> None:
     assert source.closed == 1
 
 
-def test_a_camera_that_cannot_be_opened_and_a_fault_of_ours_both_come_through() -> None:
-    def absent():
-        raise PortError("There is no camera.")
+def test_a_lost_camera_can_be_waited_for(monkeypatch) -> None:
+    monkeypatch.setattr("app.workflows.live_capture.RETRY_S", 0.01)
+    cameras = []
 
+    def opened():
+        if len(cameras) in (1, 2):  # lost, and not back at once
+            cameras.append(None)
+            raise PortError("There is no camera.")
+        cameras.append(Clockwork(every_s=0.02, frames=3))
+        return cameras[-1]
+
+    capture = Capture(opened, again=True)
+    live, told, said = live_solve(capture, Told()), [], []
+    for step in live:
+        if isinstance(step, LiveUpdate):
+            told.append(step.shot.number)
+            said += step.warnings
+            if len(told) == 5:
+                break
+        elif step.stage == "warning":
+            said.append(step.detail)
+    live.close()
+    assert told == sorted(set(told))  # numbers go on after the loss
+    assert any("unplugged. It is opened again as soon as it is back" in s for s in said)
+    assert all(c is None or c.closed == 1 for c in cameras)
+    with pytest.raises(PortError):  # but one that never was there is told at once
+        run(posted(live_solve(Capture(absent, again=True), Told()), lambda u: None))
+
+
+def absent():
+    raise PortError("There is no camera.")
+
+
+def test_a_camera_that_cannot_be_opened_and_a_fault_of_ours_both_come_through() -> None:
     with pytest.raises(PortError, match="no camera"):
         run(posted(live_solve(Capture(absent), Told()), lambda u: None))
     source = Clockwork()
