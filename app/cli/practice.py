@@ -169,7 +169,7 @@ def _lost(text: str) -> float:
 
 
 def _fov(text: str) -> float:
-    return _within(text, 0.3, 60.0, "deg")
+    return _within(text, 0.8, 60.0, "deg")  # narrower, the catalogue has too few stars
 
 
 def _within(text: str, low: float, high: float, unit: str) -> float:
