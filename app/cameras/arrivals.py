@@ -54,6 +54,10 @@ class Arrivals:
         ]
         return [path for _, path in sorted(waiting, reverse=True)]
 
+    def stamp(self, path: str) -> Stamp:
+        """Of a known file, as it was at the last look."""
+        return self._files[path].stamp
+
     def written_while_watched(self, path: str) -> bool:
         """Whether the file came or changed after the first look at the folder."""
         return self._files[path].watched

@@ -5,6 +5,7 @@ own notices do not arrive.
 """
 
 import os
+from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -18,6 +19,7 @@ from app.core.errors import FrameError, LineLostError, PortError
 from app.core.frame import Frame
 
 POLL_S = 0.1
+MOST_COMPLAINTS = 20
 DEEPEST = 4
 """Folders in folders (target, night, filter) are looked into so far down."""
 
@@ -31,7 +33,8 @@ class FolderCamera:
         self._folder = folder
         self._identity = self._who()
         self._arrivals = Arrivals()
-        self._complaints: list[str] = []
+        self._complaints: deque[str] = deque(maxlen=MOST_COMPLAINTS)
+        self._next_look_s = 0.0
 
     @classmethod
     def missing(cls) -> str | None:
@@ -73,7 +76,8 @@ class FolderCamera:
 
     def complaints(self) -> tuple[str, ...]:
         """Sentences about files that were left out since the last call."""
-        told, self._complaints = tuple(self._complaints), []
+        told = tuple(self._complaints)
+        self._complaints.clear()
         return told
 
     def next_frame(self, timeout_s: float) -> Frame | None:
@@ -87,11 +91,14 @@ class FolderCamera:
         """
         deadline = monotonic() + timeout_s
         while True:
-            self._arrivals.update(self._listing(), monotonic())
+            if monotonic() >= self._next_look_s:
+                self._look()
             for path in self._arrivals.ready(monotonic()):
                 frame = self._read(path)
                 if frame is not None:
                     return frame
+                if monotonic() > deadline:
+                    break  # many broken files: the rest at the next call
             left = deadline - monotonic()
             if left <= 0:
                 return None
@@ -100,10 +107,19 @@ class FolderCamera:
     def close(self) -> None:
         """Nothing is held."""
 
+    def _look(self) -> None:
+        """List the folder; a large one is listed less often, at a tenth of a processor at most."""
+        begun = monotonic()
+        self._arrivals.update(self._listing(), begun)
+        now = monotonic()
+        self._next_look_s = now + max(POLL_S, 9.0 * (now - begun)) - POLL_S / 2
+
     def _read(self, path: str) -> Frame | None:
         from app.frames import read_frame
 
         before = _stamp(path)
+        if before != self._arrivals.stamp(path):
+            return None  # written to since the last look: the next one sees it as new
         try:
             frame = read_frame(path)
         except FrameError as error:
@@ -111,7 +127,7 @@ class FolderCamera:
                 self._complaints.append(f"A file was left out: {error}")
             return None
         if before is None or _stamp(path) != before:
-            return None  # written to while it was read: the next look sees it as new
+            return None  # written to while it was read
         watched = self._arrivals.written_while_watched(path)
         self._arrivals.give(path, monotonic())
         return _timed(frame, before) if watched else frame
