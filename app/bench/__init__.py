@@ -13,7 +13,9 @@ BENCHES: dict[str, str] = {
     "detect": "app.bench.detect:run",
     "detectors": "app.bench.detectors:run",
     "identify": "app.bench.identify:run",
+    "live": "app.bench.live:run",
     "papers": "app.bench.papers:run",
+    "polar": "app.bench.polar:run",
 }
 
 

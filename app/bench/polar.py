@@ -7,7 +7,7 @@ camera rolled at will, bolts with play and threads of unknown pitch and sense. S
 
 * ``measure``: five frames over 60 deg of turn, and the measured against the true axis.
 * ``align``: a whole alignment. A person follows the tutor, with 5 % and a degree of error in every
-  turn of a bolt, and first points to the one of 30 places, drawn from the whole sky, where the
+  turn of a bolt, and first points to the one of 40 places, drawn from the whole sky, where the
   planner foresees the surest axis. A move is a bolt turned one way; going on with it after a look
   at the screen is the same move.
 """
@@ -29,15 +29,16 @@ from app.polar.path import way
 from app.polar.sighting import to_local
 from app.polar.tutor import BoltTutor, Instruction
 from app.sky import open_catalogue
-from app.workflows.polar_align import AlignOptions, Alignment, align
+from app.workflows.polar_align import Alignment, AlignOptions, align
 from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis
 from app.workflows.polar_update import PolarControls, PolarUpdate
 
 SEED = 20260
 FULL, QUICK = 500, 50
 MEASURE = Sweep(turn_deg=60.0, frames=5)
-ALIGN = AlignOptions(30.0, sweep=Sweep(frames=7, most_frames=15, goal_arcsec=4.0, least_deg=60.0))
-PLACES = 30
+ALIGN = AlignOptions(30.0, sweep=Sweep(frames=7, most_frames=25, goal_arcsec=4.0, least_deg=60.0))
+PLACING = Sweep(turn_deg=90.0, frames=15, most_frames=15)
+PLACES = 40
 MOST_MOVES = 15
 MOST_PLACES = 2000
 
@@ -145,7 +146,7 @@ def _somewhere_good(sky: RigSky, settings: Settings) -> None:
     best, least = (sky.hidden.hour_deg, sky.hidden.dec_deg), float("inf")
     for _ in range(PLACES):
         first = to_local(sky.look(), settings.site, settings.air)
-        foreseen = foreseen_arcsec(first, settings, ALIGN.sweep)
+        foreseen = foreseen_arcsec(first, settings, PLACING)
         if foreseen < least:
             best, least = sky.stands_deg, foreseen
         sky.point_elsewhere()
@@ -192,7 +193,9 @@ def _rows(runs: list[Row], kind: str) -> list[dict[str, Any]]:
 def goals(measured: list[Row], aligned: list[Row]) -> list[Goal]:
     """What was asked for, from these runs alone."""
     error = float(np.median([r["error_arcsec"] for r in measured]))
-    in68, in95 = (float(np.mean([r[name] for r in measured])) for name in ("inside_68", "inside_95"))
+    in68, in95 = (
+        float(np.mean([r[name] for r in measured])) for name in ("inside_68", "inside_95")
+    )
     wrong = sum(not r["signs_right"] for r in measured)
     worst = max(r["error_arcsec"] for r in aligned)
     missed = sum(r["error_arcsec"] >= 30.0 for r in aligned)

@@ -149,9 +149,7 @@ def make_rig(rng: np.random.Generator, catalogue: Catalogue) -> RigSky:
     mount = MountConfig(
         misalignment_arcmin=(hidden.altitude_arcmin, hidden.azimuth_arcmin),
         build=Build(cone_deg=float(rng.normal() * 0.2), camera_roll_deg=float(rng.uniform(0, 360))),
-        bolts=BoltWear(
-            tuple(rng.uniform(0.0, 3.0, 2)), tuple(rng.normal(0.0, 0.01, 2))
-        ),  # fmt: skip
+        bolts=BoltWear(tuple(rng.uniform(0.0, 3.0, 2)), tuple(rng.normal(0.0, 0.01, 2))),
         german=False,
     )
     config = RigConfig(

@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "camera": ("app.cli.camera", "list cameras, take one frame"),
     "practice": ("app.cli.practice", "a simulated telescope to practise on"),
     "mount": ("app.cli.mount", "a telescope mount: list, probe, position, sync, goto, stop"),
+    "polar": ("app.cli.polar", "how far a mount's axis is from the pole, from two frames or more"),
     "bench": ("app.cli.bench", "measure and compare with the goals"),
 }
 

@@ -113,12 +113,21 @@ def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
     return _conclude(axis, turns, reference, measured, whiten)
 
 
+def foreseen_covariance(
+    axis: Floats, turns_rad: Floats, reference: Floats, covariance: Floats
+) -> Floats:
+    """Covariance (2, 2) that frames yet to be taken would give, all with the same errors."""
+    measured = np.stack([about(axis, t) @ reference for t in turns_rad])
+    whiten = np.repeat(np.linalg.inv(np.linalg.cholesky(covariance))[None], len(turns_rad), axis=0)
+    return _conclude(axis, np.asarray(turns_rad), reference, measured, whiten).covariance
+
+
 def _first_axis(measured: Floats, towards: Floats) -> Floats:
-    """The axis of the pair that turned most, short of half a turn."""
+    """The axis of the pair that turned most, short of half a turn, with the first or the last."""
     best, most = np.full(3, np.nan), 0.0
-    for i in range(len(measured) - 1):
-        for j in range(i + 1, len(measured)):
-            axis, turn = axis_of_two(measured[i], measured[j])
+    for first in (measured[0], measured[-1]):
+        for second in measured:
+            axis, turn = axis_of_two(first, second)
             if np.sin(turn / 2.0) > most:
                 best, most = axis, float(np.sin(turn / 2.0))
     if most < 1e-9:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-
 SEEN, WORTH = 4.0, 15.0
 """A change of so many sigmas is real; one of so many corrects what was known."""
 
@@ -26,7 +25,8 @@ class Bolt:
 
     ``arcsec_a_turn`` is what a full clockwise turn adds to its own error, None before the first
     test; ``sure`` once it was seen without play. ``play_turns`` are lost at a reversal.
-    ``direction`` is the sign of the last turn, 0 when not known, with the play taken up that way.
+    ``direction`` is the sign of the last turn that was seen to move the axis, 0 before the first;
+    ``taken_turns`` is how much of the play has been taken up the other way since.
     """
 
     knob: Knob
@@ -35,6 +35,7 @@ class Bolt:
     sure: bool = False
     play_turns: float = 0.0
     direction: int = 0
+    taken_turns: float = 0.0
 
     def needed(self, error_arcsec: float) -> float:
         """Turns that would bring its error to zero; most of its play included when it reverses."""
@@ -42,28 +43,31 @@ class Bolt:
             raise ValueError(f"The {self.name} has not been tested.")
         turns = -error_arcsec / self.arcsec_a_turn
         sign = 1.0 if turns > 0 else -1.0
-        return turns + sign * SHARE_OF_PLAY * self.play_turns * (self.direction == -sign)
+        if self.direction != -sign:
+            return turns
+        return turns + sign * max(0.0, SHARE_OF_PLAY * self.play_turns - self.taken_turns)
 
     def learned(self, turns: float, change_arcsec: float, sigma_arcsec: float) -> "Bolt":
         """What is known after ``turns`` changed its error by ``change_arcsec`` (one sigma)."""
         sign = 1 if turns > 0 else -1
-        reversed_ = self.direction != sign
-        after = replace(self, direction=sign)
-        gain = self.arcsec_a_turn
+        reverses = self.direction != sign
+        taken = abs(turns) + self.taken_turns * reverses
         if abs(change_arcsec) < SEEN * sigma_arcsec:
-            return replace(after, play_turns=max(self.play_turns, abs(turns))) if reversed_ else after
-        own = change_arcsec / turns
-        if gain is None or not self.sure:
-            # Play only ever makes a turn look smaller: of two looks through it the larger is right.
-            through_play = reversed_ and gain is not None and abs(gain) > abs(own)
-            return replace(
-                after, arcsec_a_turn=gain if through_play else own, sure=not reversed_
+            # Still in its play, if it came back; else too little was asked for to be seen.
+            lost = (
+                max(self.play_turns, min(taken, MOST_PLAY_TURNS)) if reverses else self.play_turns
             )
-        if reversed_:
-            lost = abs(turns) - sign * change_arcsec / gain
+            return replace(self, play_turns=lost, taken_turns=taken * reverses)
+        after = replace(self, direction=sign, taken_turns=0.0)
+        gain, own = self.arcsec_a_turn, change_arcsec / turns
+        if gain is None or gain * own < 0:
+            return replace(after, arcsec_a_turn=own, sure=not reverses)
+        if not self.sure:
+            # Play only ever makes a turn look smaller: of two looks the larger is right.
+            return replace(after, arcsec_a_turn=max(gain, own, key=abs), sure=not reverses)
+        if reverses:
+            lost = taken - change_arcsec / gain * sign
             return replace(after, play_turns=float(min(max(lost, 0.0), MOST_PLAY_TURNS)))
-        if gain * change_arcsec * sign < 0:  # not as it was thought: begin anew
-            return replace(after, arcsec_a_turn=None, sure=False)
         if abs(change_arcsec) > WORTH * sigma_arcsec:
             return replace(after, arcsec_a_turn=(own + gain) / 2.0)
         return after

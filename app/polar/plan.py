@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.polar.axis_fit import fit_axis
+from app.polar.axis_fit import foreseen_covariance
 from app.polar.rotations import ARCSEC, about, direction
-from app.polar.sighting import LocalAttitude
 
 Floats = NDArray[np.float64]
 
@@ -88,16 +87,11 @@ def more_turn_deg(
 
 def _uncertainty_arcsec(optics: Optics, rho_deg: float, turns_rad: Floats) -> float:
     """What the fit itself says of perfect attitudes with these errors."""
-    from datetime import UTC, datetime
-
     if float(np.ptp(turns_rad)) < 1e-4:
         return float("inf")
     axis = direction(0.7, 0.0)
     sideways = np.array([1.0, 0.0, 0.0])
     boresight = about(sideways, np.radians(rho_deg)) @ axis
     first = np.stack([sideways, np.cross(boresight, sideways), boresight], axis=1)
-    covariance, moment = optics.covariance, datetime(2000, 1, 1, tzinfo=UTC)
-    fit = fit_axis(
-        [LocalAttitude(about(axis, t) @ first, covariance, moment) for t in turns_rad], axis
-    )
-    return float(np.sqrt(np.trace(fit.covariance))) / ARCSEC
+    covariance = foreseen_covariance(axis, turns_rad - turns_rad[0], first, optics.covariance)
+    return float(np.sqrt(np.trace(covariance))) / ARCSEC

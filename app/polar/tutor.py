@@ -24,8 +24,10 @@ from app.polar.words import (
 TEST_TURNS = (0.25, 0.125)
 SMALL_ERROR_ARCSEC = 900.0  # for such an error the smaller test is enough
 CAUTIOUS, CONFIDENT = 0.6, 0.9
-NEAR = 6.0  # tolerances: from here on the whole rest is asked for
+NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
+HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
+WIDEST = 1.7  # tolerances, however coarse the thread
 MOST_TURNS = 6.0  # at a time; then it looks again
 
 
@@ -99,12 +101,13 @@ class BoltTutor:
         return float(max(self.goal_arcsec / np.sqrt(2.0), sigma))
 
     def _limit(self, error: PolarError, knob: Knob) -> float:
-        """The tolerance, wider for a bolt that would have to come back through its play."""
+        """The tolerance; wider for a bolt that would have to come back, or is too coarse a thread."""
         bolt, tolerance = self.bolts[knob], self.tolerance_arcsec(error, knob)
         if bolt.arcsec_a_turn is None or not bolt.direction:
             return tolerance
         back = -_knob_arcsec(error, knob) / bolt.arcsec_a_turn * bolt.direction < 0
-        return tolerance * (NOT_WORTH_IT if back else 1.0)
+        hand = HALF_A_HAND * abs(bolt.arcsec_a_turn) * FINEST_DEG / 360.0 * _sky_share(error, knob)
+        return float(np.clip(hand, tolerance * (NOT_WORTH_IT if back else 1.0), WIDEST * tolerance))
 
     def _learn(
         self, error: PolarError, turned: float | None, noise_arcsec: tuple[float, float]

@@ -56,14 +56,15 @@ class Adjuster:
         steady = self.steady.update(live)
         if steady.settled and self._heard != self.steady.movements:
             self._heard = self.steady.movements
-            self.instruction = self.tutor.advise(
-                steady.error, noise_arcsec=steady.noise_arcsec
-            )
-        elif steady.frames in (SURE_FRAMES, QUIET_FRAMES):
+            self.instruction = self.tutor.advise(steady.error, noise_arcsec=steady.noise_arcsec)
+        elif steady.frames == (SURE_FRAMES if self._stopped else QUIET_FRAMES):
             # Better known by now, and no bolt was seen to turn: nothing is learned from it.
-            if steady.frames == QUIET_FRAMES or self.instruction.step is Step.STOP:
-                self.instruction = self.tutor.advise(steady.error, turned=0.0)
+            self.instruction = self.tutor.advise(steady.error, turned=0.0)
         return steady, self.instruction
+
+    @property
+    def _stopped(self) -> bool:
+        return self.instruction.step is Step.STOP
 
 
 def adjust(

@@ -17,6 +17,7 @@ from app.solve.options import SolveOptions
 from app.workflows.solve_frame import solve_file, solve_open_frame
 
 NEAR_DEG = 20.0
+SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
 
 
@@ -66,6 +67,32 @@ def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sig
             label = Path(file.path).name
             sightings.append(Sighting.of(file.result, file.time_utc, label, sweep))
     return sightings
+
+
+def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
+    """Where the frames were taken: as ``given``, or as they all say themselves.
+
+    Raises
+    ------
+    UsageError
+        Nobody says it, or two frames disagree.
+
+    """
+    if given is not None:
+        return given
+    told = [(file.path, file.site) for file in files if file.site is not None]
+    if not told:
+        raise UsageError(
+            "The frames do not say where they were taken: give --site LAT,LON in degrees, east"
+            " positive."
+        )
+    first_path, first = told[0]
+    for path, site in told[1:]:
+        apart = abs(site.latitude_deg - first.latitude_deg)
+        around = (site.longitude_deg - first.longitude_deg + 180.0) % 360.0 - 180.0
+        if max(apart, abs(around)) > SAME_SITE_DEG:
+            raise UsageError(f"{first_path} and {path} come from different places: give --site.")
+    return first
 
 
 class CameraSightings:

@@ -1,0 +1,162 @@
+"""``kochab polar FRAME FRAME ...``: how far the mount's axis is from the pole."""
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from app.cli.output import Json, ProgressLine
+from app.core.errors import UsageError
+from app.core.hint import Site
+from app.core.progress import run as run_task
+from app.core.solution import NoSolution
+from app.polar.history import History
+from app.polar.horizon import Air
+from app.polar.measure import Measurement, NoAxis, Settings, measure
+from app.polar.plan import more_turn_deg
+from app.polar.poles import Pole, name_of
+from app.polar.words import altitude_in_words, angle_in_words, azimuth_in_words
+from app.solve.options import SolveOptions
+from app.workflows.polar_measure import optics_of
+from app.workflows.polar_sources import SolvedFile, sightings_of, site_of, solve_polar_file
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``polar`` to the command line."""
+    parser = subparsers.add_parser(
+        "polar",
+        help="how far a mount's axis is from the pole, from two frames or more",
+        description="Frames between which the mount turned about its RA axis only, by hand or by"
+        " motor, anywhere in the sky, tracking or not. Exit code: 0 measured, 1 a frame has no"
+        " solution or no axis can be had, 2 unusable input.",
+    )
+    parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument(
+        "--site", type=_site, metavar="LAT,LON[,H]",
+        help="degrees, east positive, metres; else from the frames",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pole", choices=[str(p) for p in Pole], default=str(Pole.REFRACTED),
+        help="where the axis should point (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--check", nargs="+", default=[], metavar="FRAME",
+        help="a second sweep at another declination: it shows flexure",
+    )  # fmt: skip
+    parser.add_argument("--pressure", type=float, metavar="HPA", help="0 is without refraction")
+    parser.add_argument("--temperature", type=float, default=10.0, metavar="C")
+    parser.add_argument("--fov", type=float, metavar="DEG", help="the frames' width, about")
+    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="limit a frame")
+    parser.add_argument("--report", metavar="HTML", help="write a page to keep")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve the frames, measure the axis, say it."""
+    paths = [*args.files, *args.check]
+    if len(args.files) < 2:
+        raise UsageError("Polar alignment needs two frames or more.")
+    options = SolveOptions(fov_deg=args.fov, timeout_s=args.timeout)
+    files = [_solve(path, options) for path in paths]
+    unsolved = [file for file in files if isinstance(file.result, NoSolution)]
+    if unsolved:
+        return _fail([_no_answer(file) for file in unsolved], args.json)
+    settings = Settings(
+        site_of(files, args.site), Pole(args.pole), Air(args.pressure, args.temperature)
+    )
+    sweeps = [0] * len(args.files) + [1] * len(args.check)
+    result = measure(sightings_of(files, sweeps), settings)
+    if isinstance(result, NoAxis):
+        return _fail([f"{result.reason}; {result.advice}"], args.json)
+    if args.report is not None:
+        _write_report(args.report, result)
+    print(json.dumps(as_json(result)) if args.json else as_text(result))
+    return 0
+
+
+def as_json(m: Measurement) -> Json:
+    """The stable JSON form of a measurement."""
+    error = m.error
+    return {
+        "altitude_error_arcsec": error.altitude_arcsec,
+        "azimuth_error_arcsec": error.azimuth_arcsec,
+        "azimuth_error_on_sky_arcsec": error.azimuth_on_sky_arcsec,
+        "total_arcsec": error.total_arcsec,
+        "sigma_arcsec": list(error.sigma_arcsec),
+        "sigma_total_arcsec": error.sigma_total_arcsec,
+        "pole": str(m.settings.pole),
+        "turn_deg": m.turn_deg,
+        "frames": len(m.attitudes),
+        "chi2": m.fit.chi2,
+        "degrees_of_freedom": m.fit.freedom,
+        "warnings": [finding.text for finding in m.findings],
+    }
+
+
+def as_text(m: Measurement) -> str:
+    """A card for people."""
+    error = m.error
+    lines = [
+        f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.sigma_total_arcsec)}"
+        f" from the {name_of(m.settings.pole, m.settings.site)}",
+        f"altitude  {altitude_in_words(error)}",
+        f"azimuth   {azimuth_in_words(error)}",
+        f"measured  {len(m.attitudes)} frames over {m.turn_deg:.1f} deg of turn,"
+        f" {m.rho_deg:.0f} deg from the axis" + _chi2(m),
+    ]
+    if error.below_uncertainty:
+        lines.append("stop      the error is smaller than its uncertainty")
+    more = more_turn_deg(optics_of(m.attitudes[0]), m.rho_deg, m.fit.turns_rad, 30.0)
+    if more:
+        lines.append(f'better    turn {more:.0f} deg more to know the axis to 30"')
+    return "\n  ".join(lines + [f"note      {finding.text}" for finding in m.findings])
+
+
+def _chi2(m: Measurement) -> str:
+    if m.fit.freedom <= 0:
+        return ""
+    return f"; chi-square {m.fit.chi2:.1f} of {m.fit.freedom} expected"
+
+
+def _solve(path: str, options: SolveOptions) -> SolvedFile:
+    line = ProgressLine(path)
+    try:
+        return run_task(solve_polar_file(path, options), line)
+    finally:
+        line.clear()
+
+
+def _no_answer(file: SolvedFile) -> str:
+    assert isinstance(file.result, NoSolution)
+    return f"{file.path}: no solution: {file.result.reason}. {file.result.advice}"
+
+
+def _fail(sentences: list[str], as_json: bool) -> int:
+    if as_json:
+        print(json.dumps({"error": " ".join(sentences)}))
+    else:
+        print("\n".join(f"kochab: {text}" for text in sentences), file=sys.stderr)
+    return 1
+
+
+def _write_report(path: str, m: Measurement) -> None:
+    from app.polar.report import write_report
+
+    history = History()
+    history.measured(m)
+    write_report(path, history)
+
+
+def _site(text: str) -> Site:
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3) or not (
+        -90.0 <= numbers[0] <= 90.0 and -180.0 <= numbers[1] <= 360.0
+        and -500.0 <= sum(numbers[2:]) <= 9000.0
+    ):  # fmt: skip
+        raise argparse.ArgumentTypeError(f"{text} is not LAT,LON or LAT,LON,HEIGHT")
+    return Site(*numbers)
