@@ -19,6 +19,7 @@ from app.core.options import integer, number
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
+from app.identify.finite import with_places
 from app.identify.kvector import LINEAR, KVector, make_kvector
 from app.identify.pairs import Pairs, catalogue_pairs
 from app.identify.pivoting import Chain, approach, pivot_order
@@ -62,6 +63,11 @@ class Angles:
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`app.identify.Identifier`."""
+        return (yield from with_places(detections, lambda d: self._identify(d, hint, year)))
+
+    def _identify(
+        self, detections: Detections, hint: Hint | None, year: float
+    ) -> Task[Identification | NoSolution]:
         focal = known_focal(detections, hint)
         if focal is None:
             return no_scale(detections)

@@ -56,7 +56,10 @@ def confirm(
         return None
     half = np.array([(detections.width - 1) / 2.0, (detections.height - 1) / 2.0])
     seen = detections.xy - half
-    start = _start(detections, names, focal_px)
+    try:
+        start = _start(detections, names, focal_px)
+    except ValueError:  # all in one direction
+        return None
     witnesses = seen[:WITNESSES]
     corner = float(np.hypot(*half)) + 3.0 * reach_px
     catalogue = open_catalogue()

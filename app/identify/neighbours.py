@@ -77,6 +77,8 @@ class Neighbours:
             found, compared = self.recognise(body, rim_deg, table)
             tried += compared
             for seen, star in found:
+                if float(np.ptp(body[seen], axis=0).max()) < 1e-6:
+                    continue  # one place, listed twice
                 names = self._all(body, seen, star, table)
                 told = Names(chosen[names[0]], table.rows[names[1]], table.vectors[names[1]],
                              2 * max(1, tried))  # fmt: skip

@@ -13,6 +13,7 @@ from app.core.detections import Detections
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Reason
+from app.identify.finite import with_places
 from app.identify.index import Volume
 from app.identify.search import FINE, STAGES, Search, Stage
 from app.identify.verify import FEWEST, Verdict
@@ -39,6 +40,11 @@ class Patterns:
         The first frame that only the patterns for small fields can answer waits while those are
         made, and says so.
         """
+        return (yield from with_places(detections, lambda d: self._identify(d, hint)))
+
+    def _identify(
+        self, detections: Detections, hint: Hint | None
+    ) -> Task[Identification | NoSolution]:
         search = Search(detections, hint)
         if len(search.xy) < FEWEST:
             return NoSolution(

@@ -22,6 +22,7 @@ from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify import triad_fixed, triad_tests
 from app.identify.confirm import Names, confirm
+from app.identify.finite import with_places
 from app.identify.pairs import Pairs, catalogue_pairs
 from app.identify.refusals import known_focal, no_scale, not_agreed, table_deg, too_few
 from app.identify.triad_search import Sight, Unit, separated
@@ -73,6 +74,11 @@ class Triads:
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`app.identify.Identifier`."""
+        return (yield from with_places(detections, lambda d: self._identify(d, hint, year)))
+
+    def _identify(
+        self, detections: Detections, hint: Hint | None, year: float
+    ) -> Task[Identification | NoSolution]:
         focal = known_focal(detections, hint)
         if self.field_deg is not None:
             focal = detections.width / 2.0 / float(np.tan(np.radians(self.field_deg[0]) / 2.0))
