@@ -15,6 +15,8 @@ from app.core.capture import CaptureSettings
 from app.core.errors import DeviceError, UsageError
 from app.core.progress import Progress
 from app.solve.options import SolveOptions
+from app.solve.track import Tracker, TrackOptions
+from app.workflows.live_engine import ProfiledTracker
 from app.workflows.live_record import Recorder, recorded
 from app.workflows.live_session import options_json
 from app.workflows.live_solve import WARNING, Engine, live_solve
@@ -42,6 +44,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "--reconnect", action="store_true", help="wait for a camera that was lost to come back"
     )
     parser.add_argument("--record", metavar="DIR", help="write frames and solutions there")
+    parser.add_argument(
+        "--profile", metavar="NAME", help="camera and lens: what is learned of them is kept"
+    )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--replay", metavar="DIR", help="solve a recorded session again")
     what.add_argument("--list", action="store_true", help="list sources and their cameras")
@@ -93,7 +98,8 @@ def _live(args: argparse.Namespace) -> int:
     options = options_of(args, args.detector)
     settings = settings_of(args)
     capture = Capture(lambda: open_camera(args.source, args.address, settings), args.reconnect)
-    live = live_solve(capture, _engine(options), args.frames)
+    engine = _engine(options, args.profile)
+    live = live_solve(capture, engine, args.frames)
     if args.record:
         about = {
             "source": args.source,
@@ -115,6 +121,8 @@ def _live(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             pass  # how a person ends it
     print(f"kochab: {solved} of {looked_at} frames solved.", file=sys.stderr)
+    if isinstance(engine, ProfiledTracker):
+        _keep(engine)
     return 0 if solved else 1
 
 
@@ -146,7 +154,18 @@ def _replay(args: argparse.Namespace) -> int:
     return 0 if same else 1
 
 
-def _engine(options: SolveOptions) -> Engine:
-    from app.solve.track import Tracker, TrackOptions
+def _engine(options: SolveOptions, profile: str | None = None) -> Engine:
+    track = TrackOptions(solve=options)
+    return ProfiledTracker(profile, track) if profile else Tracker(options=track)
 
-    return Tracker(options=TrackOptions(solve=options))
+
+def _keep(engine: ProfiledTracker) -> None:
+    profile = engine.profile
+    if profile is None or engine.keep() is None:
+        return
+    focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
+    print(
+        f"kochab: {engine.name}: focal length {focal:.2f} px, sigma {sigma:.2f} px,"
+        f" from {profile.frames} frames; kept.",
+        file=sys.stderr,
+    )

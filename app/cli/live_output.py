@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 from app.cli.output import Json, as_json, dms, hms, to_line
+from app.core.attitude import radec_deg, roll_at
 from app.core.solution import Solution
 from app.workflows.live_drift import Drift
 from app.workflows.live_replay import Replayed
@@ -105,13 +106,15 @@ def _drift(drift: Drift | None) -> Json | None:
 
 
 def _filtered(update: LiveUpdate) -> Json | None:
-    attitude = update.track.filtered
-    if attitude is None:
+    """The pointing of the frame's middle after all frames so far."""
+    attitude, centre = update.track.filtered, update.track.filtered_centre
+    if attitude is None or centre is None:
         return None
-    ra, dec = attitude.ra_dec_deg
+    ra, dec = radec_deg(centre)
     return {
-        "boresight_deg": [ra, dec],
-        "roll_deg": attitude.roll_deg,
+        "ra_deg": ra,
+        "dec_deg": dec,
+        "roll_deg": roll_at(attitude.matrix, centre),
         "sigma_arcsec": list(attitude.sigma_arcsec),
     }
 
