@@ -26,6 +26,7 @@ FEWEST = 2
 ROUNDS = 6
 CLIP_SIGMA = 3.7
 FLOOR_PX = 0.02
+BELIEF = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,15 +76,18 @@ def concluded(
 ) -> Estimate:  # fmt: skip
     """The final estimate from matches ``i`` (M,) of ``xy`` and ``j`` (M,) of ``vectors``.
 
-    ``sigma_px`` (M,) are errors a coordinate; their level is raised to what the residuals show,
-    and comes from those alone when it is not given.
+    ``sigma_px`` (M,) are errors a coordinate; their level comes from the residuals and from what
+    was said, which counts as :data:`BELIEF` residuals more. When not given, residuals alone tell.
     """
     weight = np.ones(len(i)) if sigma_px is None else 1.0 / sigma_px
     matrix, inverse = differential(camera, matrix, xy[i], vectors[j], weight)
     left = xy[i] - expected_px(camera, matrix, vectors[j])
     freedom = max(1, 2 * len(i) - 3)
-    level = float(np.sum(np.square(left * weight[:, None])) / freedom)
-    level = max(level, FLOOR_PX**2) if sigma_px is None else max(level, 1.0)
+    square = float(np.sum(np.square(left * weight[:, None])))
+    if sigma_px is None:
+        level = max(square / freedom, FLOOR_PX**2)
+    else:
+        level = (square + BELIEF) / (freedom + BELIEF)
     sigma = float(np.sqrt(np.sum(np.square(left)) / freedom))
     return Estimate(Attitude(matrix, inverse * level), i, j, left, sigma)
 
