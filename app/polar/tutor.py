@@ -27,6 +27,7 @@ CAUTIOUS, CONFIDENT = 0.6, 0.9
 NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
+ENOUGH = 1.2  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
 MOST_TURNS = 6.0  # at a time; then it looks again
 
@@ -86,9 +87,8 @@ class BoltTutor:
         instruction = self._next(error)
         self._pending, self._before = instruction, error
         if instruction.knob is not None:
-            move = (instruction.knob, float(np.sign(instruction.turns)))
-            self.moves += move != self._last
-            self._last = move
+            self.moves += not self._goes_on(instruction)
+            self._last = (instruction.knob, float(np.sign(instruction.turns)))
         return instruction
 
     def measured_again(self) -> None:
@@ -101,7 +101,7 @@ class BoltTutor:
         return float(max(self.goal_arcsec / np.sqrt(2.0), sigma))
 
     def _limit(self, error: PolarError, knob: Knob) -> float:
-        """The tolerance; wider for a bolt that would have to come back, or is too coarse a thread."""
+        """The tolerance, wider for a bolt that would have to come back or is too coarse."""
         bolt, tolerance = self.bolts[knob], self.tolerance_arcsec(error, knob)
         if bolt.arcsec_a_turn is None or not bolt.direction:
             return tolerance
@@ -133,7 +133,13 @@ class BoltTutor:
         bolt = self.bolts[chosen]
         if bolt.arcsec_a_turn is None:
             return self._test(bolt, off[chosen])
-        return self._turn(bolt, error)
+        told = self._turn(bolt, error)
+        if not self._goes_on(told) and error.total_arcsec <= ENOUGH * self.goal_arcsec:
+            return _stop(error, self.goal_arcsec)
+        return told
+
+    def _goes_on(self, told: Instruction) -> bool:
+        return self._last == (told.knob, float(np.sign(told.turns)))
 
     def _test(self, bolt: Bolt, off_arcsec: float) -> Instruction:
         turns = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC] * (bolt.direction or 1)
