@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Lock, RLock
+from time import sleep
 from typing import TypeVar
 
 from app.core.errors import NoAnswerError, RefusedError
@@ -33,6 +34,8 @@ class Conversation:
         self._order = Lock()  # held for single writes only: who was sent first
         self._owed: deque[Reader] = deque()  # answers to what was urged
         self._doubt = 0  # exchanges before which the line must fall silent
+        self._counting = Lock()
+        self._hurrying = 0  # Stops whose bytes are on their way: everything else waits
         self.stops = 0  # how often everything was stopped: what began before must not begin now
 
     def ask(
@@ -75,9 +78,15 @@ class Conversation:
             self._send(command, since)
 
     def stopping(self) -> None:
-        """Count a Stop: no motion decided before it begins after it."""
-        with self._order:
+        """Count a Stop, and let no other exchange begin until :meth:`stopped`."""
+        with self._counting:
             self.stops += 1
+            self._hurrying += 1
+
+    def stopped(self) -> None:
+        """The bytes of Stop have been sent, or could not be."""
+        with self._counting:
+            self._hurrying -= 1
 
     def urge(self, command: bytes, *answers: Reader) -> None:
         """Send now, from any thread, without waiting for anybody; answers are read later."""
@@ -98,6 +107,8 @@ class Conversation:
         while True:
             self._settle()
             self.link.discard(QUIET_S if self._doubt else 0.0)
+            while self._hurrying:
+                sleep(0.001)
             with self._order:
                 if since is not None and since != self.stops:
                     raise RefusedError("The motion was stopped before it began.")

@@ -8,53 +8,28 @@ into a log, and ended when something goes wrong. Time and site are never sent to
 import weakref
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from math import inf
-from time import monotonic, sleep
+from time import sleep
 from types import TracebackType
 
-from app.core.attitude import radec_deg
 from app.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from app.core.hint import Site
 from app.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing
 from app.core.progress import Task
-from app.mounts import paths
 from app.mounts.arrival import arrival
 from app.mounts.beliefs import Beliefs
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.limits import Limits, SyncEvidence
+from app.mounts.motion import Motion, stop_at_exit
 from app.mounts.motion_log import MotionLog, utc_now
+from app.mounts.planning import here_deg, planned, with_move, with_ways
 from app.mounts.preview import Preview, preview_of
 from app.mounts.rules import MOTION_RULES, MOVE_RULES, SYNC_RULES, Plan
 from app.mounts.sky_frame import apart_deg, wrapped
 
 CANNOT_STOP = "The mount cannot be stopped over its line: cut its power."
-
-
-@dataclass(slots=True)
-class _Motion:
-    """Whether something may still be moving, shared with what runs at exit."""
-
-    mount: Mount
-    until: float = 0.0
-
-    def begin(self, seconds: float) -> None:
-        self.until = max(self.until, monotonic() + seconds)
-
-    def end(self) -> None:
-        self.until = 0.0
-
-    @property
-    def possible(self) -> bool:
-        return monotonic() < self.until
-
-
-def _at_exit(motion: _Motion) -> None:
-    """The program ends, or the guard was forgotten, while the mount moves."""
-    if motion.possible:
-        with suppress(DeviceError):
-            motion.mount.stop()
 
 
 class Guard:
@@ -84,8 +59,8 @@ class Guard:
         self._reopen = reopen
         self._wait = wait
         self._before_sync: tuple[float, float] | None = None
-        self._motion = _Motion(mount)
-        self._finalizer = weakref.finalize(self, _at_exit, self._motion)
+        self._motion = Motion(mount)
+        self._finalizer = weakref.finalize(self, stop_at_exit, self._motion)
 
     # -- what only asks -------------------------------------------------------------------------
 
@@ -138,9 +113,8 @@ class Guard:
     def preview_goto(self, ra_deg: float, dec_deg: float) -> Preview:
         """What a goto to the mount's own coordinates would do; nothing moves."""
         here = self.position()
-        plan = self._plan("goto", here, (ra_deg, dec_deg))
-        plan = replace(plan, paths=self._paths(plan))
-        return preview_of(plan, (here.ra_deg, here.dec_deg), (ra_deg, dec_deg), MOTION_RULES)
+        plan = with_ways(self._plan("goto", here, (ra_deg, dec_deg)))
+        return preview_of(plan, here_deg(here), (ra_deg, dec_deg), MOTION_RULES)
 
     def preview_sync(
         self,
@@ -153,7 +127,7 @@ class Guard:
         here = self.position()
         plan = self._plan("sync", here, (ra_deg, dec_deg))
         plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=self.armed)
-        return preview_of(plan, (here.ra_deg, here.dec_deg), (ra_deg, dec_deg), SYNC_RULES)
+        return preview_of(plan, here_deg(here), (ra_deg, dec_deg), SYNC_RULES)
 
     def to_mount(self, ra_deg: float, dec_deg: float) -> tuple[float, float]:
         """ICRS degrees in the mount's epoch, now."""
@@ -313,7 +287,7 @@ class Guard:
         self._require(
             preview_of(
                 replace(plan, by_hand=True, armed=True),
-                (here.ra_deg, here.dec_deg),
+                here_deg(here),
                 (ra, dec),
                 SYNC_RULES,
             ),
@@ -356,46 +330,14 @@ class Guard:
     # -- inside ---------------------------------------------------------------------------------
 
     def _plan(self, action: str, here: Pointing, to_deg: tuple[float, float]) -> Plan:
-        now = self.clock()
-        target = Pointing(to_deg[0], to_deg[1], self.epoch)
-        start_icrs, target_icrs = from_mount_epoch(here, now), from_mount_epoch(target, now)
-        return Plan(
-            start_deg=to_mount_epoch(*start_icrs, Epoch.DATE, now),
-            target_deg=to_mount_epoch(*target_icrs, Epoch.DATE, now),
-            target_icrs_deg=target_icrs,
-            state=self.state(),
-            limits=self.limits,
-            time_utc=now,
-            site=self.site,
-            action=action,
-        )
-
-    def _paths(self, plan: Plan) -> tuple[paths.Floats, ...]:
-        ways = [
-            paths.great_circle(plan.start_deg, plan.target_deg),
-            paths.by_axes(plan.start_deg, plan.target_deg),
-        ]
-        ends = plan.hour_angles_deg()
-        flips = self.limits.allow_flip and plan.state.pier_side is not None
-        if flips and ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0):
-            north = self.site is None or self.site.latitude_deg >= 0.0
-            ways.append(paths.over_the_pole(plan.start_deg, plan.target_deg, north))
-        return tuple(ways)
+        return planned(action, here, to_deg, self.state(), self.limits, self.clock(), self.site)
 
     def _bounded(self, action: str, direction: Direction, rate: float, seconds: float) -> None:
         """Judge where a move or pulse ends at the latest."""
         here = self.position()
-        angle = rate * seconds
-        turn = {
-            Direction.EAST: (angle, 0.0),
-            Direction.WEST: (-angle, 0.0),
-            Direction.NORTH: (0.0, angle),
-            Direction.SOUTH: (0.0, -angle),
-        }[direction]
-        plan = self._plan(action, here, (here.ra_deg, here.dec_deg))
-        path = paths.turned(plan.start_deg, *turn)
-        plan = replace(plan, target_deg=radec_deg(path[-1]), paths=(path,))
-        self._require(preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES), confirmed=True)
+        plan = with_move(self._plan(action, here, here_deg(here)), direction, rate * seconds)
+        preview = preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES)
+        self._require(preview, confirmed=True)
 
     def _true_rate(self, rate_deg_s: float) -> float:
         """The rate the mount would really use, when its driver tells its rates."""
@@ -444,7 +386,7 @@ class Guard:
             "sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg
         )
         here = self.position()
-        away = 3600.0 * apart_deg((here.ra_deg, here.dec_deg), (ra_deg, dec_deg))
+        away = 3600.0 * apart_deg(here_deg(here), (ra_deg, dec_deg))
         if away > self.limits.read_back_arcsec:
             sentence = (
                 f"The mount did not take the sync, it still points {away / 60.0:.1f} arcmin from "

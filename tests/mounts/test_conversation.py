@@ -75,6 +75,7 @@ def test_a_motion_decided_before_a_stop_is_not_begun_after_it() -> None:
     since = talk.stops
     talk.stopping()
     talk.urge(b":Q#")
+    talk.stopped()
     with pytest.raises(RefusedError, match="stopped before it began"):
         talk.ask(b":MS#", exactly(1, 1.0), bytes, since)
     with pytest.raises(RefusedError):

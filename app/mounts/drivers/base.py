@@ -62,10 +62,13 @@ class SerialMount:
     def stop(self) -> None:
         """Stop every motion, from any thread; what is answered is read later."""
         self.talk.stopping()
-        moved = self.deadman.moving
-        self.deadman.disarm()
-        for command, answers in self.stop_words(moved):
-            self.talk.urge(command, *answers)
+        try:
+            moved = self.deadman.moving
+            self.deadman.disarm()
+            for command, answers in self.stop_words(moved):
+                self.talk.urge(command, *answers)
+        finally:
+            self.talk.stopped()
 
     def stop_words(self, moved: bool) -> list[tuple[bytes, tuple[Reader, ...]]]:
         """The bytes of Stop and how their answers are read; ``moved``: a move may be running."""

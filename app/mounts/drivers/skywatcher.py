@@ -132,9 +132,9 @@ class SkyWatcher(SerialMount):
 
     def stop(self) -> None:
         """Both motors at once; tracking is taken up when the mount is asked next."""
-        self.talk.stopping()
         self.target_deg = None
         super().stop()
+        self.target_deg = None  # a slew that was being prepared meanwhile
 
     def stop_words(self, moved: bool) -> list[tuple[bytes, tuple[Reader, ...]]]:
         """``L`` on both axes."""
