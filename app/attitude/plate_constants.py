@@ -6,6 +6,7 @@ the image centre of section 2.4.3.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from app.attitude.measured import directions
 from app.core.attitude import Attitude, radec_deg, unit_vectors
 from app.core.camera import Camera
+from app.core.options import integer, number
 
 Floats = NDArray[np.float64]
 
@@ -30,8 +32,12 @@ class PlateConstants:
     The attitude is the rotation nearest to the constants.
     """
 
-    tolerance_arcsec: float = 1.0
-    most_rounds: int = 50
+    paper: ClassVar[str] = "Attitude from stellar images, section 2.4"
+
+    tolerance_arcsec: float = number(
+        1.0, "arcsec", 1e-6, 3600.0, "the iteration ends when the centre moves less"
+    )
+    most_rounds: int = integer(50, "rounds", 1, 1000, "at most so many")
 
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from M stars at ``xy_px`` (M, 2) px, ICRS unit ``vectors`` (M, 3).

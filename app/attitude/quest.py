@@ -1,6 +1,7 @@
 """The optimal attitude of all stars together: Wahba's problem."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from app.attitude.measured import directions, sigma_rad
 from app.attitude.wahba import wahba
 from app.core.attitude import Attitude
 from app.core.camera import Camera
+from app.core.options import number
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +28,11 @@ class Quest:
     Oh's.
     """
 
-    sigma_px: float | None = None
+    paper: ClassVar[str] = "Shuster and Oh 1981; named in Lost in space, 2018, section 10.1.3"
+
+    sigma_px: float | None = number(
+        None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals"
+    )
 
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from M >= 2 stars at ``xy_px`` (M, 2), ICRS unit ``vectors`` (M, 3)."""

@@ -5,7 +5,7 @@ Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.4.1, eq
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from app.attitude.measured import directions, sigma_rad
 from app.core.attitude import Attitude
 from app.core.camera import Camera
+from app.core.options import choice, number
 
 Floats = NDArray[np.float64]
 
@@ -29,9 +30,13 @@ class Triad:
     residuals of all stars.
     """
 
-    partner: Literal["farthest", "next"] = "farthest"
-    least_angle_deg: float = 0.01
-    sigma_px: float | None = None
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.4.1"
+
+    partner: str = choice("farthest", ("farthest", "next"), "which star is the second")
+    least_angle_deg: float = number(0.01, "deg", 0.0, 90.0, "the two are at least so far apart")
+    sigma_px: float | None = number(
+        None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals"
+    )
 
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from the first and one more of M >= 2 stars at ``xy_px`` (M, 2).

@@ -3,6 +3,7 @@
 import argparse
 import math
 
+from app.cli.settings import add_settings, settings_of
 from app.core.hint import Hint
 from app.solve.options import SolveOptions
 from app.solve.pick import known
@@ -38,6 +39,7 @@ def add_search(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="report the attitude of this estimator (default: fitted together with the camera)",
     )
+    add_settings(parser)
     parser.add_argument(
         "--timeout", type=number_above_zero, default=30.0, metavar="S", help="limit a file, seconds"
     )
@@ -49,7 +51,7 @@ def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions
     Raises
     ------
     UsageError
-        There is no such method, detector or attitude.
+        There is no such method, detector or attitude, or none with such an option.
 
     """
     from app.attitude import ESTIMATORS
@@ -60,12 +62,18 @@ def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions
     known(DETECTORS, detector, "detector")
     if args.attitude is not None:
         known(ESTIMATORS, args.attitude, "attitude")
+    of_method, of_detector, of_attitude = settings_of(
+        args.settings, args.method, detector, args.attitude
+    )
     scale = None if args.scale is None else (args.scale / 1.1, args.scale * 1.1)
     hint = Hint(scale_arcsec_px=scale, centre_deg=args.near, source="command line")
     return SolveOptions(
         method=args.method,
+        method_options=of_method,
         detector=detector,
+        detector_options=of_detector,
         attitude=args.attitude,
+        attitude_options=of_attitude,
         hint=hint if hint.helps else None,
         fov_deg=args.fov,
         timeout_s=args.timeout,

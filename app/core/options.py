@@ -42,7 +42,8 @@ class Option:
             return "on or off"
         if self.kind == "choice":
             return " or ".join(self.choices)
-        what = "two numbers" if self.kind == "pair" else self.kind
+        words = {"pair": "two numbers", "integer": "whole number", "number": "number"}
+        what = words[self.kind]
         span = f"{what} from {self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''}"
         return f"{span}, or none" if self.none else span
 
@@ -80,7 +81,7 @@ class Option:
             return None
         if not self._allowed(value):
             said = ",".join(map(str, value)) if isinstance(value, tuple) else value
-            raise UsageError(f"{self.name} cannot be {said}: it is {self.range_text}.")
+            raise UsageError(f"{self.name} cannot be {said}; allowed: {self.range_text}.")
         return value
 
     def _allowed(self, value: Any) -> bool:
@@ -170,8 +171,8 @@ def checked(method: type, values: Mapping[str, Any]) -> dict[str, Any]:
     known = {option.name: option for option in options_of(method)}
     for name in values:
         if name not in known:
-            there = f"there are {', '.join(known)}" if known else "it has none"
-            raise UsageError(f"{method.__name__} has no option {name}; {there}.")
+            there = f"there are {', '.join(known)}" if known else "there are none"
+            raise UsageError(f"There is no option {name}; {there}.")
     return {
         name: known[name].parse(value) if isinstance(value, str) else known[name].check(value)
         for name, value in values.items()

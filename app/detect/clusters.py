@@ -5,13 +5,14 @@ parameters are those of section 4.2.1.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.core.detections import Detections
 from app.core.frame import Frame
+from app.core.options import choice, integer, number
 from app.detect.cluster_means import FixedMean, FloatMean
 from app.detect.flat import Flat, described, nothing, without_background
 
@@ -23,27 +24,34 @@ MOST_PIXELS = 200_000
 class ClusterDetector:
     """Pixels within ``tau_px`` of a cluster's centre belong to it; others found a new one.
 
-    ``tau_px`` (1 to 100 px) and ``least_pixels`` (1 or more), below which a cluster is no star,
-    are the paper's 8 and 10. ``threshold`` is in the frame's units. The paper read 51 of 255 off
-    the dimmest pixels at the edges of its stars; None puts it at ``sigmas`` (above 0) times the
-    background's noise above the median. ``rank`` is the order of the result: the paper takes the
-    star of the most "pixels" for the brightest, the alternative is "flux". At most ``max_stars``
-    are returned, from the 200,000 brightest pixels.
-
-    ``arithmetic`` is "float", or "fixed" for the 32-bit integers of the thesis' chapter 3, which
-    need a frame of at most 512 px and raise FixedPointOverflowError when they run out of bits.
+    ``tau_px`` and ``least_pixels``, below which a cluster is no star, are the paper's 8 and 10.
+    ``threshold`` is in the frame's units. The paper read 51 of 255 off the dimmest pixels at the
+    edges of its stars; None puts it at ``sigmas`` times the background's noise above the median.
+    ``rank`` is the order of the result: the paper takes the star of the most "pixels" for the
+    brightest, the alternative is "flux". At most ``max_stars`` are returned, from the 200,000
+    brightest pixels. ``arithmetic`` is "float", or "fixed" for the 32-bit integers of the thesis'
+    chapter 3, which need a frame of at most 512 px and raise FixedPointOverflowError when they run
+    out of bits.
 
     Of several centres in reach the nearest counts, which the paper leaves open. The weights of
     the centroids are brightnesses above the median; the paper's frames had a black sky.
     """
 
-    tau_px: float = 8.0
-    threshold: float | None = None
-    sigmas: float = 5.0
-    least_pixels: int = 10
-    rank: Literal["pixels", "flux"] = "pixels"
-    max_stars: int = 6000
-    arithmetic: Literal["float", "fixed"] = "float"
+    paper: ClassVar[str] = "Attitude from stellar images, section 2.2"
+
+    tau_px: float = number(
+        8.0, "px", 1.0, 100.0, "a pixel so near a cluster's centre belongs to it"
+    )
+    threshold: float | None = number(
+        None, "grey levels", 0.0, 1e9, "brightness of a star's pixel", "by the noise"
+    )
+    sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold above the noise")
+    least_pixels: int = integer(10, "px", 1, 10_000, "smaller clusters are no stars")
+    rank: str = choice("pixels", ("pixels", "flux"), "what makes a star the brightest")
+    max_stars: int = integer(6000, "stars", 1, 200_000, "at most so many stars, the brightest")
+    arithmetic: str = choice(
+        "float", ("float", "fixed"), "fixed: 32-bit integers, frames of at most 512 px"
+    )
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, in falling order of ``rank``."""

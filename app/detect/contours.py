@@ -5,11 +5,13 @@ Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.4, eq
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from app.core.detections import Detections
 from app.core.frame import Frame
+from app.core.options import integer, number, switch
 from app.detect.flat import described, nothing, without_background
 
 
@@ -22,10 +24,12 @@ class ContourDetector:
     a star; the thesis names none. At most ``max_stars`` are returned.
     """
 
-    sigmas: float = 5.0
-    clipped: bool = False
-    least_pixels: int = 1
-    max_stars: int = 6000
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.4"
+
+    sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold")
+    clipped: bool = switch(False, "sigma is the background's noise, not that of all pixels")
+    least_pixels: int = integer(1, "px", 1, 10_000, "smaller regions are no stars")
+    max_stars: int = integer(6000, "stars", 1, 200_000, "at most so many stars, the brightest")
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""

@@ -6,11 +6,13 @@ detection method".
 
 import warnings
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from app.core.detections import Detections
 from app.core.frame import Frame
+from app.core.options import integer, number, switch
 from app.detect.flat import box_light, described, nothing, without_background
 from app.detect.weed import apart
 
@@ -25,10 +27,12 @@ class GaussianDetector:
     returned.
     """
 
-    sigmas: float = 5.0
-    fwhm_px: float = 5.0
-    clipped: bool = False
-    max_stars: int = 6000
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.2"
+
+    sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold")
+    fwhm_px: float = number(5.0, "px", 1.0, 50.0, "width of the Gaussian")
+    clipped: bool = switch(False, "sigma is the background's noise, not that of all pixels")
+    max_stars: int = integer(6000, "stars", 1, 200_000, "at most so many stars, the brightest")
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""

@@ -5,11 +5,13 @@ method".
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from app.core.detections import Detections
 from app.core.frame import Frame
+from app.core.options import integer, number, switch
 from app.detect.flat import box_light, described, nothing, without_background
 from app.detect.weed import apart
 
@@ -25,11 +27,13 @@ class MaximaDetector:
     of the box, which the thesis does not take. At most ``max_stars`` are returned.
     """
 
-    sigmas: float = 5.0
-    box_px: int = 5
-    clipped: bool = False
-    refined: bool = False
-    max_stars: int = 6000
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.3"
+
+    sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold")
+    box_px: int = integer(5, "px", 3, 99, "the box of which a peak is the maximum, odd")
+    clipped: bool = switch(False, "sigma is the background's noise, not that of all pixels")
+    refined: bool = switch(False, "centre of gravity of the box instead of the pixel")
+    max_stars: int = integer(6000, "stars", 1, 200_000, "at most so many stars, the brightest")
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""

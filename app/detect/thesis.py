@@ -4,9 +4,11 @@ Source: sections 6.2.4 and 7.1.5: Gaussian sources first, and local maxima where
 """
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from app.core.detections import Detections
 from app.core.frame import Frame
+from app.core.options import integer
 from app.detect.gaussian import GaussianDetector
 from app.detect.maxima import MaximaDetector
 
@@ -18,7 +20,9 @@ class ThesisDetector:
     Else those of ``second``, which bears blurred and elongated stars better.
     """
 
-    fewest: int = 5
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 6.2.4"
+
+    fewest: int = integer(5, "stars", 1, 1000, "with fewer Gaussian sources, maxima are taken")
     first: GaussianDetector = field(default_factory=GaussianDetector)
     second: MaximaDetector = field(default_factory=MaximaDetector)
 

@@ -1,6 +1,8 @@
 """The attitude by a method of choice, in place of that of the joint fit."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,10 @@ from app.solve.pick import pick
 Floats = NDArray[np.float64]
 
 
-def with_estimate(matches: Matches, fit: Fit, name: str, sigma_px: Floats) -> tuple[Fit, str]:
+def with_estimate(
+    matches: Matches, fit: Fit, name: str, sigma_px: Floats,
+    options: Mapping[str, Any] | None = None,
+) -> tuple[Fit, str]:  # fmt: skip
     """The same camera with the attitude that the estimator ``name`` gives, and what went wrong.
 
     M ``matches`` are handed over with the smallest ``sigma_px`` (M,) first, of equals the
@@ -22,7 +27,7 @@ def with_estimate(matches: Matches, fit: Fit, name: str, sigma_px: Floats) -> tu
     """
     order = np.lexsort((matches.detection, sigma_px))
     try:
-        attitude = pick(ESTIMATORS, name, "attitude").estimate(
+        attitude = pick(ESTIMATORS, name, "attitude", options).estimate(
             matches.xy[order], matches.vectors[order], fit.camera
         )
     except ValueError as error:

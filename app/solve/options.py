@@ -16,12 +16,13 @@ class SolveOptions:
     """Choices for one solve; the defaults solve blind.
 
     ``method`` and ``detector`` are names of the registries; ``method_options`` are the method's
-    own, as :func:`app.identify.options.checked_options` returns them. ``hint`` is what the person
-    says; where it is silent the frame's own header speaks, unless ``use_header`` is off. Hints are
-    tried first and never trusted: when they lead nowhere the search is repeated without them,
-    unless ``blind_after_hint`` is off. ``fov_deg`` is the frame's width as the person believes it,
-    good to a tenth, and stands in for the hint's scale. ``timeout_s`` bounds the search, None
-    means for ever.
+    own, as :func:`app.identify.options.checked_options` returns them, ``detector_options`` and
+    ``attitude_options`` the same for the other two. ``hint`` is what the person says; where it is
+    silent the frame's own header speaks, unless ``use_header`` is off. Hints are tried first and
+    never trusted: when they lead nowhere the search is repeated without them, unless
+    ``blind_after_hint`` is off. ``fov_deg`` is the frame's width as the person believes it, good
+    to a tenth, and stands in for the hint's scale. ``timeout_s`` bounds the search, None means for
+    ever.
     ``attitude`` names an estimator of ``app.attitude.ESTIMATORS``. None, the default, reports the
     attitude of the final fit: least squares, weighted by the centroids' errors, of rotation and
     camera together. With a name, that fit still finds the stars and the camera, but the attitude,
@@ -36,7 +37,9 @@ class SolveOptions:
     method: str = DEFAULT_METHOD
     method_options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     detector: str = "auto"
+    detector_options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     attitude: str | None = None
+    attitude_options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     hint: Hint | None = None
     fov_deg: float | None = None
     use_header: bool = True

@@ -57,7 +57,7 @@ def examine_frame(
 
     options = options or SolveOptions()
     clock = Stopwatch(options.timeout_s, read_ms)
-    detector = pick(DETECTORS, options.detector, "detector")
+    detector = pick(DETECTORS, options.detector, "detector", options.detector_options)
     yield Progress("detect", 0.1)
     with clock.stage("detect"):
         detections = detector.detect(frame)
@@ -218,7 +218,7 @@ def _conclude(
             seen, fit = geometric_fit(matches, fit, moment)
     if options.attitude is not None:
         sigma = centroid_sigma(usable)[seen.detection]
-        fit, doubt = with_estimate(seen, fit, options.attitude, sigma)
+        fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
         warnings += (doubt,) if doubt else ()
     solution = build_solution(matches, fit, found, catalogue)
     return replace(solution, detections=len(detections), warnings=warnings)

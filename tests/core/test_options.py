@@ -48,8 +48,8 @@ def test_typed_values(name, text, value) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("stars", "2", "integer from 3 to 15 stars"), ("stars", "7.5", "integer"),
-        ("stars", 7.0, "integer"), ("stars", True, "integer"), ("margin_px", "nan", "px"),
+        ("stars", "2", "whole number from 3 to 15 stars"), ("stars", "7.5", "whole"),
+        ("stars", 7.0, "whole"), ("stars", True, "whole"), ("margin_px", "nan", "px"),
         ("margin_px", "none", "0.1 to 20"), ("margin_px", "1,2", "number"),
         ("limit", "9", "or none"), ("dec_deg", "4", "two numbers"), ("dec_deg", "-91,4", "-90"),
         ("planar", "perhaps", "on or off"), ("arithmetic", "decimal", "float or fixed"),

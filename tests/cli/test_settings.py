@@ -1,0 +1,70 @@
+"""``--set`` and ``--methods``: every option of every method, detector and attitude."""
+
+import json
+
+import pytest
+
+from app.cli.main import main
+from app.cli.settings import everything, settings_of
+from app.core.errors import UsageError
+from app.core.options import options_of
+from app.detect import DETECTORS
+from app.detect.clusters import ClusterDetector
+from tests.cli.test_paper_tables import VEGA, apart_deg, write_list
+
+
+def test_settings_go_where_they_belong() -> None:
+    said = ["separation_deg=0.08", "detector.tau_px=6", "attitude.partner=next", "planar=on"]
+    assert settings_of(said, "triads", "clusters", "triad") == (
+        {"separation_deg": 0.08, "planar": True}, {"tau_px": 6.0}, {"partner": "next"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("stars=40", "Method triads: stars cannot be 40; allowed: whole number from 3 to 15 stars"),
+        ("speed=4", "There is no option speed; there are stars, separation_deg"),
+        ("stars", "--set stars is not NAME=VALUE"),
+        ("=4", "is not NAME=VALUE"),
+        ("attitude.partner=next", "needs --attitude"),
+        ("detector.tau_px=6", "Detector auto: There is no option tau_px; there are none"),
+    ],
+)
+def test_what_cannot_be_set_is_one_sentence(setting, says) -> None:
+    with pytest.raises(UsageError, match=says):
+        settings_of([setting], "triads", "auto", None)
+
+
+def test_the_list_holds_everything(capsys) -> None:
+    assert main(["identify", "--methods"]) == 0
+    text = capsys.readouterr().out
+    assert text.strip() == everything()
+    for name in ("--method triads", "--detector clusters", "--attitude plate_constants"):
+        assert name in text
+    assert "separation_deg=0.15" in text
+    assert "number from 0.001 to 1 deg" in text
+    assert "Attitude from stellar images" in text
+    assert len(options_of(ClusterDetector)) == 7
+    assert len(DETECTORS) == text.count("--detector ")
+
+
+@pytest.mark.parametrize("fov", ["8.8", "9.013", "9.6"])
+def test_triads_absorb_a_width_that_is_a_few_per_cent_off(fov, tmp_path, capsys) -> None:
+    """The scan's true width is 9.36 deg, the thesis says 9.013."""
+    size = ["--width", "427", "--height", "319", "--fov", fov]
+    code = main(["identify", write_list(tmp_path, VEGA), *size, "--json", "--method", "triads"])
+    out = json.loads(capsys.readouterr().out)
+    assert code == 0, out
+    assert out["matches"] == 5
+    assert apart_deg(out, VEGA["centre"]) < 0.02
+
+
+def test_the_fixed_point_path_from_the_command_line(tmp_path, capsys) -> None:
+    size = ["--width", "427", "--height", "319", "--json", "--method", "triads"]
+    said = ["arithmetic=fixed", "field_deg=9.0130,6.9049", "dec_deg=30,90"]
+    settings = [part for text in said for part in ("--set", text)]
+    assert main(["identify", write_list(tmp_path, VEGA), *size, *settings]) == 0
+    out = json.loads(capsys.readouterr().out)
+    assert out["method"] == "triads"
+    assert out["matches"] == 5
