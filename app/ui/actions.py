@@ -42,6 +42,7 @@ SPECS = (
     Spec("centre", "&Centre cross", "X", "The middle of the frame", True, "Centre"),
     Spec("compass", "North and &east arrows", "E", "Where north and east are", True, "N/E"),
     Spec("night", "Ni&ght", "Ctrl+N", "Red light only, for dark-adapted eyes", True, "Night"),
+    Spec("fill", "Tool fills the &window", "Shift+F11", "Hide the frame beside an open tool", True),
     Spec("full", "F&ull screen", "F11", "", True),
     Spec("log", "&Log", "Ctrl+L", "What happened, and a report to copy", True),
     Spec("copy", "Copy &RA/Dec", "Ctrl+Shift+C", "Where the frame points, as text", short="Copy"),

@@ -40,6 +40,7 @@ class Commands(QObject):
             self.settings, self.session, self.looks, Jobs(self.window), wiring, self._say
         )
         self.views = Views(self.window, self.services)
+        self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
         self._restore()
         self._connect()
         self.window.menus.show_files(
@@ -67,7 +68,7 @@ class Commands(QObject):
             "one": panes.view.actual_pixels, "in": panes.view.zoom_in, "out": panes.view.zoom_out,
             "stretch": panes.strip.auto.setChecked, "colour": self.looks.show_frame,
             "night": self.looks.use_night,
-            "full": self._full_screen, "log": window.log.setVisible,
+            "fill": self._fill, "full": self._full_screen, "log": window.log.setVisible,
             "copy": panes.solution.copy_position, "copy_all": panes.solution.copy_all,
             "tab_solution": lambda: self._tab(0), "tab_stars": lambda: self._tab(1),
             "tab_hints": lambda: self._tab(2), "about": lambda: about(window).open(),
@@ -127,6 +128,14 @@ class Commands(QObject):
         full, state = Qt.WindowState.WindowFullScreen, self.window.windowState()
         self.window.setWindowState(state | full if on else state & ~full)
         self._enable()
+
+    def _fill(self, on: bool) -> None:
+        """Leave the window to the tools that are open; without one the frame stays."""
+        docked = [d for d in self.views.docks.values() if d.isVisible() and not d.isFloating()]
+        self.window.pages.setVisible(not (on and docked))
+        if on and not docked:
+            self._say("Open a tool first (Tools menu).")
+            self.actions["fill"].setChecked(False)
 
     def _tab(self, index: int) -> None:
         tabs = self.window.workspace.tabs

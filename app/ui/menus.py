@@ -40,6 +40,7 @@ class Menus:
         _fill(view, actions, "night", "full")
         _fill(bar.addMenu("&Solve"), actions, "solve", "cancel", "", "tab_hints")
         self.tools: QMenu = bar.addMenu("&Tools")
+        _fill(self.tools, actions, "fill", "")
         _fill(bar.addMenu("&Help"), actions, "keys", "about")
 
     def show_files(

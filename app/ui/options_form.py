@@ -46,6 +46,9 @@ class OptionsForm(QWidget):
             self._grid.addWidget(title, row, 0)
             self._grid.addWidget(field, row, 1)
             self._grid.addWidget(label(option.unit, "muted"), row, 2)
+        for row in range(self._grid.rowCount()):
+            self._grid.setRowStretch(row, 0)
+        self._grid.setRowStretch(max(1, len(self._options)), 1)
         if not self._options:
             self._grid.addWidget(label(NOTHING, "muted", wrap=True), 0, 0, 1, 3)
 

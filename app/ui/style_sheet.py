@@ -79,15 +79,15 @@ QComboBox { combobox-popup: 0; }
 QComboBoxPrivateContainer { background: $surface; border: 1px solid $line; }
 QComboBox QAbstractItemView { background: $surface; border: 1px solid $line;
     selection-background-color: $accent; selection-color: $on_accent; }
-QSpinBox::up-button, QSpinBox::down-button { border: 0; width: 16px; }
-QSpinBox::up-arrow { image: url($glyphs/up.png); width: 9px; height: 9px; }
-QSpinBox::down-arrow { image: url($glyphs/down.png); width: 9px; height: 9px; }
+QAbstractSpinBox::up-button, QAbstractSpinBox::down-button { border: 0; width: 16px; }
+QAbstractSpinBox::up-arrow { image: url($glyphs/up.png); width: 9px; height: 9px; }
+QAbstractSpinBox::down-arrow { image: url($glyphs/down.png); width: 9px; height: 9px; }
 
 QCheckBox, QRadioButton { background: transparent; spacing: 7px; padding: 2px; }
-QCheckBox::indicator, QRadioButton::indicator { width: 14px; height: 14px;
+QCheckBox::indicator, QRadioButton::indicator, QListView::indicator { width: 14px; height: 14px;
     border: 1px solid $muted; border-radius: 3px; background: $surface; }
 QRadioButton::indicator { border-radius: 8px; }
-QCheckBox::indicator:checked, QRadioButton::indicator:checked
+QCheckBox::indicator:checked, QRadioButton::indicator:checked, QListView::indicator:checked
     { background: $accent; border-color: $accent; image: url($glyphs/tick.png); }
 QCheckBox:focus, QRadioButton:focus { color: $accent; }
 QCheckBox:disabled { color: $faint; }

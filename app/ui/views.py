@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from PySide6.QtCore import QObject, Qt
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
@@ -44,6 +44,8 @@ def make_view(name: str, services: Services) -> QWidget:
 class Views(QObject):
     """Their docks and the actions that show them."""
 
+    emptied = Signal()  # the last docked view was closed or taken out
+
     def __init__(self, window: MainWindow, services: Services) -> None:
         super().__init__(window)
         self._window = window
@@ -65,9 +67,15 @@ class Views(QObject):
         action.setShortcut(QKeySequence(keys))
         action.triggered.connect(lambda _=False: self.toggle(name))
         dock.visibilityChanged.connect(lambda _: action.setChecked(not dock.isHidden()))
+        dock.visibilityChanged.connect(self._look)
+        dock.topLevelChanged.connect(self._look)
         self._window.menus.tools.addAction(action)
         self._window.addAction(action)
         self.docks[name], self.actions[name] = dock, action
+
+    def _look(self, _: bool) -> None:
+        if all(dock.isHidden() or dock.isFloating() for dock in self.docks.values()):
+            self.emptied.emit()
 
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""

@@ -47,12 +47,12 @@ class FieldWish:
     real ones; ``missing`` the share of the catalogue's stars that were not detected.
     """
 
-    fov_deg: float = 30.0
+    fov_deg: float = 20.0
     stars: int = 20
     noise_px: float = 0.3
     false: float = 0.1
     missing: float = 0.1
-    size_px: int = 1024
+    size_px: int = 2048
 
 
 class TrueField(Protocol):

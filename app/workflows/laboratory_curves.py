@@ -92,8 +92,7 @@ def curves(
     """
     jobs = [
         (name, value, choice)
-        for name in sweeps
-        for value in SWEEPS[name].values
+        for name, value in _in_turn(sweeps)
         for choice in choices
         if not SWEEPS[name].option or _has(choice, name)
     ]
@@ -122,6 +121,17 @@ def curves(
             points[name, value, choice.method] = point
             tell(point)
     return list(points.values())
+
+
+def _in_turn(sweeps: Sequence[str]) -> list[tuple[str, float]]:
+    """The first value of every sweep, then the second ...: all curves grow at the same time."""
+    longest = max((len(SWEEPS[name].values) for name in sweeps), default=0)
+    return [
+        (name, SWEEPS[name].values[k])
+        for k in range(longest)
+        for name in sweeps
+        if k < len(SWEEPS[name].values)
+    ]
 
 
 def _has(choice: Choice, option: str) -> bool:

@@ -1,0 +1,91 @@
+"""The Laboratory's curves: success against what is wrong with a field, time against its stars."""
+
+import math
+from collections.abc import Callable
+
+from PySide6.QtWidgets import QGridLayout, QVBoxLayout, QWidget
+
+from app.identify import IDENTIFIERS
+from app.ui.axis import Axis
+from app.ui.chart import Chart, Series
+from app.ui.palette import Colours
+from app.ui.series import Legend
+from app.workflows.laboratory_curves import SWEEPS, Point
+
+PERCENT = Axis("success, %", 0.0, 1.0, fixed=True, unit="%", scale=100.0)
+TIME = Axis("time, ms", 1.0, 100.0, log=True, unit="ms")
+TITLES = {
+    "noise_px": "Noise", "false": "False stars", "missing": "Missing stars",
+    "stars": "Number of stars", "margin_px": "Error margin",
+}  # fmt: skip
+COLUMNS = 2
+
+
+class Plots(QWidget):
+    """Six charts over one legend; every method keeps its colour, dashes and marker."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.points: dict[tuple[str, float, str], Point] = {}
+        self.charts = {name: Chart(TITLES[name], _across(name), PERCENT) for name in SWEEPS}
+        self.time = Chart("Time", _across("stars"), TIME)
+        self.legend = Legend()
+        grid = QGridLayout()
+        grid.setSpacing(6)
+        for place, chart in enumerate((*self.charts.values(), self.time)):
+            grid.addWidget(chart, place // COLUMNS, place % COLUMNS)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(4, 4, 4, 4)
+        column.addLayout(grid, 1)
+        column.addWidget(self.legend)
+
+    def clear(self) -> None:
+        """No curves."""
+        self.points = {}
+        self.draw()
+
+    def add(self, point: Point) -> None:
+        """Keep a point; :meth:`draw` shows it."""
+        self.points[point.sweep, point.value, point.method] = point
+
+    def draw(self) -> None:
+        """Show every point there is."""
+        for name, chart in self.charts.items():
+            chart.show_series(self._series(name, lambda p: p.success))
+        self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s))
+        methods = {point.method for point in self.points.values()}
+        self.legend.show_names(tuple((m, _style(m)) for m in IDENTIFIERS if m in methods))
+
+    def dress(self, colours: Colours) -> None:
+        """Use the colours of another theme."""
+        for chart in (*self.charts.values(), self.time):
+            chart.colours = colours
+        self.legend.colours = colours
+        self.update()
+
+    def _series(self, sweep: str, height: Callable[[Point], float]) -> tuple[Series, ...]:
+        made = []
+        for method in IDENTIFIERS:
+            mine = [p for key, p in self.points.items() if key[0] == sweep and key[2] == method]
+            mine.sort(key=lambda p: p.value)
+            if mine:
+                x = tuple(p.value for p in mine)
+                made.append(Series(method, x, tuple(map(height, mine)), _style(method)))
+        return tuple(made)
+
+
+def _style(method: str) -> int:
+    return list(IDENTIFIERS).index(method)
+
+
+def _across(name: str) -> Axis:
+    sweep = SWEEPS[name]
+    percent = name in ("false", "missing")
+    unit = "%" if percent else sweep.unit
+    title = f"{sweep.title}, {unit}" if unit else sweep.title
+    low, high = min(sweep.values), max(sweep.values)
+    if sweep.option:
+        first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+        return Axis(title, 10.0**first, 10.0**last, True, True, unit)
+    return Axis(title, 0.0, high, False, True, unit, 100.0 if percent else 1.0)

@@ -1,0 +1,322 @@
+"""The Laboratory as a person uses it: compare, draw, stop, export; by keyboard, also at night."""
+
+import csv
+import io
+import threading
+
+import numpy as np
+import pytest
+from PIL import Image
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QListWidget
+
+from app.__main__ import _simulated_field
+from app.core.progress import Progress
+from app.core.solution import NoSolution, Reason
+from app.ui.application import build
+from app.ui.engine import WorkflowEngine
+from app.ui.lab.setup import Source, Told
+from app.ui.samples import samples
+from app.ui.wiring import Wiring
+from app.workflows import laboratory
+from tests.ui.test_night import assert_red
+
+LIMIT_MS = 30_000
+
+
+@pytest.fixture
+def lab(qtbot, settings):
+    """A window with its Laboratory open, and room to make another."""
+    made = []
+
+    def make(wiring=None):
+        window, commands = build(
+            WorkflowEngine(), settings, [], wiring or Wiring(fields=_simulated_field)
+        )
+        qtbot.addWidget(window)
+        window.resize(1360, 860)
+        window.show()
+        commands.views.show("laboratory")
+        made.append((window, commands))
+        return commands, commands.views.docks["laboratory"].view
+
+    yield make
+    for window, commands in made:
+        window.close()
+        commands.looks.use_theme("dark", "normal")
+        assert commands.session.close()
+    assert not [t for t in threading.enumerate() if t.name.startswith("kochab-")]
+
+
+def wait_for(qtbot, view):
+    qtbot.waitUntil(lambda: view.compare.isEnabled(), timeout=LIMIT_MS)
+
+
+def texts(table, row):
+    return [table.item(row, column).text() for column in range(table.columnCount())]
+
+
+def field_setup(view, *methods):
+    view.setup.source.setCurrentText(Source.FIELD)
+    view.setup.false.setValue(0)
+    view.setup.missing.setValue(0)
+    view.methods.tick(list(methods))
+
+
+def test_methods_on_a_simulated_field(qtbot, lab):
+    _, view = lab()
+    field_setup(view, "patterns", "neighbours")
+    view.compare.click()
+    assert not view.compare.isEnabled()
+    assert view.stop.isEnabled()
+    wait_for(qtbot, view)
+    assert view.table.rowCount() == 2
+    first = texts(view.table, 0)
+    assert first[0] == "patterns"
+    assert first[1].startswith("right, ")
+    assert int(first[2]) >= 5
+    assert first[3] == "0"
+    assert first[4].endswith("ms")
+    assert first[5].endswith("″")
+    assert first[7] == "Kochab's own"
+    assert texts(view.table, 1)[0] == "neighbours"
+    assert "Liebe" in texts(view.table, 1)[7]
+    assert view.said.text() == "Done."
+
+
+def test_methods_on_the_open_frame_with_its_solution_for_the_truth(qtbot, lab):
+    commands, view = lab()
+    path = next(s.path for s in samples() if "orion" in s.path.name)
+    with qtbot.waitSignal(commands.session.idle, timeout=LIMIT_MS):
+        commands.open(path)
+    view.methods.tick(["patterns", "voting"])
+    view.setup.told.setCurrentText(Told.NOTHING)
+    view.run_comparison()
+    wait_for(qtbot, view)
+    assert [t.right for t in view.table.trials] == [True, False]
+    assert texts(view.table, 1)[1] == "none"
+    assert texts(view.table, 1)[6] == "no pattern agreed"
+    assert "scale is unknown" in view.table.item(1, 6).toolTip()
+    view.setup.told.setCurrentText(Told.SCALE)
+    view.run_comparison()
+    wait_for(qtbot, view)
+    assert [t.right for t in view.table.trials] == [True, True]
+    assert view.table.trials[1].wrong == 0
+
+
+def test_without_a_frame_it_says_so(qtbot, lab):
+    _, view = lab()
+    view.run_comparison()
+    wait_for(qtbot, view)
+    assert view.said.text() == "Open a frame first, or choose a simulated field."
+    assert view.table.rowCount() == 0
+
+
+def test_no_method_or_a_wrong_option_is_said_and_nothing_runs(qtbot, lab):
+    _, view = lab()
+    view.methods.tick([])
+    view.compare.click()
+    assert view.said.text() == "Tick at least one method."
+    assert view.job is None
+    view.methods.tick(["voting"])
+    view.methods.list.setCurrentRow(1)
+    view.methods.options.fields["stars"].setText("1000")
+    view.draw.click()
+    assert "stars cannot be 1000" in view.said.text()
+    assert view.job is None
+    view.methods.options.fields["stars"].setText("12")
+    assert view.methods.choices()[0].options == {"stars": 12}
+
+
+def test_options_reach_the_method_and_survive_looking_at_another(lab):
+    _, view = lab()
+    view.methods.list.setCurrentRow(1)
+    view.methods.options.fields["margin_px"].setText("1.5")
+    view.methods.list.setCurrentRow(2)
+    assert "margin_px" not in view.methods.options.fields
+    view.methods.list.setCurrentRow(1)
+    assert view.methods.options.fields["margin_px"].text() == "1.5"
+    chosen = {c.method: c.options for c in view.methods.choices()}
+    assert chosen["voting"] == {"margin_px": 1.5}
+
+
+def test_curves_are_drawn_round_by_round_and_can_be_stopped(qtbot, lab):
+    _, view = lab()
+    field_setup(view, "patterns")
+    view.setup.fields.setValue(500)
+    view.draw.click()
+    qtbot.waitUntil(lambda: len(view.plots.charts["noise_px"].series) == 1, timeout=LIMIT_MS)
+    qtbot.waitUntil(lambda: len(view.plots.charts["noise_px"].series[0].x) == 6, timeout=LIMIT_MS)
+    view.stop.click()
+    wait_for(qtbot, view)
+    assert view.said.text().startswith("Stopped")
+    for name in ("noise_px", "false", "missing", "stars"):
+        (line,) = view.plots.charts[name].series
+        assert line.name == "patterns"
+        assert all(0 <= y <= 1 for y in line.y)
+    assert view.plots.charts["noise_px"].series[0].y[0] == 1.0
+    assert view.plots.charts["margin_px"].series == ()  # patterns has no such option
+    assert all(y > 0 for y in view.plots.time.series[0].y)
+
+
+class Endless:
+    """A method that never answers."""
+
+    def identify(self, detections, hint=None, year=2016.0):
+        while True:
+            yield Progress("identify", 0.5)
+
+
+def test_stop_ends_a_method_that_does_not(qtbot, lab, monkeypatch):
+    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **_: Endless())
+    _, view = lab()
+    field_setup(view, "patterns")
+    view.setup.limit.setValue(600)
+    view.run_comparison()
+    qtbot.waitUntil(lambda: view.said.text() == "patterns", timeout=LIMIT_MS)
+    view.stop.click()
+    wait_for(qtbot, view)
+    assert view.said.text().startswith("Stopped")
+
+
+def test_closing_the_window_ends_a_run(qtbot, lab, monkeypatch):
+    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **_: Endless())
+    commands, view = lab()
+    field_setup(view, "patterns")
+    view.run_comparison()
+    job = view.job
+    qtbot.waitUntil(lambda: job.running, timeout=LIMIT_MS)
+    commands.window.close()
+    assert not job.running
+
+
+def test_export_of_both_tabs(qtbot, lab, tmp_path):
+    _, view = lab()
+    assert not view.export.csv.isEnabled()
+    field_setup(view, "patterns")
+    view.run_comparison()
+    wait_for(qtbot, view)
+    assert view.export.csv.isEnabled()
+    table, picture, broken = tmp_path / "t.csv", tmp_path / "t.png", tmp_path / "no" / "t.csv"
+    view.export.write("csv", table)
+    view.export.write("png", picture)
+    qtbot.waitUntil(lambda: table.exists() and picture.exists(), timeout=LIMIT_MS)
+    qtbot.waitUntil(lambda: not view._services.jobs._jobs[-1].running, timeout=LIMIT_MS)
+    (row,) = csv.DictReader(io.StringIO(table.read_text("utf-8")))
+    assert row["method"] == "patterns"
+    assert row["right"] == "yes"
+    with Image.open(picture) as image:
+        assert image.size == (2 * view.table.width(), 2 * view.table.height())
+        assert len(np.unique(np.asarray(image.convert("L")))) > 10
+    told = []
+    job_before = view._services.jobs._jobs[-1]
+    view.export.write("csv", broken)
+    job = view._services.jobs._jobs[-1]
+    assert job is not job_before
+    job.failed.connect(told.append)
+    qtbot.waitUntil(lambda: told != [], timeout=LIMIT_MS)
+    assert told[0].startswith("t.csv could not be written")
+    assert "\n" not in told[0]
+
+
+def test_what_was_chosen_comes_back(qtbot, lab):
+    commands, view = lab()
+    field_setup(view, "patterns")
+    view.setup.width_deg.setValue(25.0)
+    view.setup.told.setCurrentText(Told.PLACE)
+    view.methods.list.setCurrentRow(1)
+    view.methods.options.fields["stars"].setText("10")
+    view.methods.list.setCurrentRow(0)
+    view.run_comparison()
+    wait_for(qtbot, view)
+    commands.window.close()
+    _, again = lab()
+    assert again.setup.wish.fov_deg == 25.0
+    assert again.setup.from_field
+    assert again.setup.told.currentText() == Told.PLACE
+    assert [c.method for c in again.methods.choices()] == ["patterns"]
+    again.methods.tick(["voting"])
+    assert again.methods.choices()[0].options == {"stars": 10}
+
+
+def test_what_was_kept_and_makes_no_sense_is_forgotten(settings, lab):
+    settings.keep(
+        "laboratory",
+        '{"width_deg": "wide", "ticked": 3, "options": {"voting": {"stars": 900}, "gone": {}}}',
+    )
+    _, view = lab()
+    assert view.setup.wish.fov_deg == 20.0
+    assert len(view.methods.choices()) > 3
+    settings.keep("laboratory", "not json")
+    _, view = lab()
+    assert view.setup.wish.fov_deg == 20.0
+
+
+def test_without_the_simulated_sky_the_frame_remains(lab):
+    _, view = lab(Wiring())
+    assert not view.setup.source.isEnabled()
+    assert not view.draw.isEnabled()
+    assert view.compare.isEnabled()
+
+
+def test_it_is_red_at_night_also_when_it_came_after(qtbot, lab):
+    commands, view = lab()
+    field_setup(view, "patterns", "voting")
+    view.run_comparison()
+    wait_for(qtbot, view)
+    commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    tops = view.findChildren(type(view.tabs))
+    for top in tops:
+        for index in range(top.count()):
+            top.setCurrentIndex(index)
+            qtbot.wait(20)
+            assert_red(commands.window)
+    view.methods.list.setCurrentRow(1)
+    view.methods.list.setFocus()
+    view.methods.options.fields["stars"].setText("7777")
+    view.methods.options.fields["stars"].setFocus()
+    qtbot.wait(20)
+    assert_red(commands.window)
+
+
+def test_everything_in_it_has_a_name_and_is_reached_by_tab(qtbot, lab):
+    _, view = lab()
+    kinds = (QAbstractButton, QComboBox, QAbstractSpinBox, QLineEdit, QListWidget)
+    for top in view.findChildren(type(view.tabs)):
+        for index in range(top.count()):
+            top.setCurrentIndex(index)
+            for widget in view.findChildren(kinds[0]) + [
+                w for k in kinds[1:] for w in view.findChildren(k)
+            ]:
+                inner = widget.objectName().startswith("qt_") or widget.inherits(
+                    "QTableCornerButton"
+                )
+                if inner or not widget.isVisible() or not widget.isEnabled():
+                    continue
+                assert widget.accessibleName() or getattr(widget, "text", str)(), widget
+                assert widget.focusPolicy() & Qt.FocusPolicy.TabFocus, widget
+
+
+def test_a_tool_may_fill_the_window(qtbot, lab):
+    commands, _ = lab()
+    commands.actions["fill"].trigger()
+    assert not commands.window.pages.isVisible()
+    commands.views.toggle("laboratory")
+    assert commands.window.pages.isVisible()
+    assert not commands.actions["fill"].isChecked()
+    commands.actions["fill"].trigger()  # nothing is open
+    assert commands.window.pages.isVisible()
+
+
+def test_a_frame_that_nobody_solved_has_no_truth(qtbot, lab):
+    from app.core.progress import run
+    from app.ui.lab.work import stars_of_frame
+    from tests.ui.fakes import star_field
+
+    failure = NoSolution(Reason.TIMED_OUT, "Wait.")
+    stars = run(stars_of_frame(star_field(), None, failure, None))
+    assert len(stars.detections) > 10
+    assert stars.truth is None
+    assert not stars.hint(True, True).helps
+    assert stars.hint(False, False) is None
