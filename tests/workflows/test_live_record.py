@@ -113,6 +113,9 @@ def test_the_options_come_back_as_they_were() -> None:
     hint = Hint(
         (1.0, 2.0), (10.0, 20.0, 3.0), datetime(2026, 1, 2, tzinfo=UTC), 1.5, Site(1.0, 2.0), "c"
     )
-    for options in (SolveOptions(), SolveOptions("triads", hint=hint, fov_deg=3.0, timeout_s=None)):
+    for options in (
+        SolveOptions(),
+        SolveOptions("triads", {"stars": 9}, hint=hint, fov_deg=3.0, timeout_s=None),
+    ):
         told = json.loads(json.dumps(options_json(options)))
         assert options_from({**told, "of a later version": 1}) == options
