@@ -2,10 +2,11 @@
 
 Nothing of ``app.polar`` computes what is true here: where the camera looks, where its axis is and
 what the bolts do is the rig's, which has its own geometry and its own way through ERFA. A solve is
-replaced by the truth with errors of a given size about the camera's own axes.
+replaced by the truth with errors of a given size about the camera's own axes; the rig's truth
+weighs all directions of the field alike under the air's squeeze, as a square frame does.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -57,7 +58,7 @@ class RigSky:
     by_hand: bool = False
     sights: int = 0
     stands_deg: tuple[float, float] = (0.0, 0.0)
-    field_deg: tuple[float, float] = field(default=(1.5, 1.0))
+    field_deg: tuple[float, float] = (1.2, 1.2)
 
     @property
     def settings(self) -> Settings:
