@@ -24,7 +24,10 @@ JOIN_S = 3.0
 
 @dataclass(slots=True)
 class Known:
-    """What is known of the open frame; ``last_good`` outlives the frame it came from."""
+    """What is known of the open frame; ``last_good`` outlives the frame it came from.
+
+    ``path`` is None and ``name`` is set when it came from a camera.
+    """
 
     path: Path | None = None
     frame: Frame | None = None
@@ -35,6 +38,7 @@ class Known:
     last_good_from: str = ""
     read_ms: float = 0.0
     options: SolveOptions = field(default_factory=SolveOptions)
+    name: str = ""
 
 
 class Session(QObject):
@@ -94,6 +98,24 @@ class Session(QObject):
         job.succeeded.connect(self._has_result)
         job.start()
 
+    def show(self, frame: Frame, name: str) -> None:
+        """Show a frame that a camera has just given; who took it solves it, see :meth:`answer`."""
+        self._drop_all()
+        old = self.known
+        self.known = Known(
+            frame=frame, last_good=old.last_good, last_good_from=old.last_good_from, name=name
+        )
+        self.opening.emit(Path(name))
+        self.opened.emit(frame)
+        self._display(frame)
+
+    def answer(self, solved: Solved) -> None:
+        """What was found in the frame that :meth:`show` was given; of any other it is dropped."""
+        if solved.frame is self.known.frame:
+            self._has_result(solved)
+            if not self._jobs:
+                self.idle.emit()
+
     def cancel(self) -> None:
         """Stop reading or solving; the views hear of it when it has stopped.
 
@@ -137,10 +159,13 @@ class Session(QObject):
             log.warning("%s", warning)
         self.known.options = self.options_for(frame) or SolveOptions()
         self.opened.emit(frame)
+        self._display(frame)
+        self.solve()
+
+    def _display(self, frame: Frame) -> None:
         job = self._job("display", prepare(frame))
         job.succeeded.connect(self._has_picture)
         job.start()
-        self.solve()
 
     def _has_picture(self, picture: Picture) -> None:
         self.known.picture = picture
@@ -151,7 +176,7 @@ class Session(QObject):
         known.detections, known.result = solved.detections, solved.result
         if isinstance(solved.result, Solution):
             known.last_good = solved.result
-            known.last_good_from = known.path.name if known.path else ""
+            known.last_good_from = known.path.name if known.path else known.name
             log.info("solved: %s", _line(solved.result))
             self.solved.emit(solved.result)
         else:
