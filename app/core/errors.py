@@ -33,5 +33,9 @@ class RefusedError(DeviceError):
     """The device understood and said no, or our own guard did."""
 
 
+class StoppedError(RefusedError):
+    """A person said Stop: what was under way is not gone on with."""
+
+
 class LineLostError(DeviceError):
     """The line broke while in use: a cable pulled, a server gone."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from app.core.errors import NoAnswerError, RefusedError
+from app.core.errors import NoAnswerError, RefusedError, StoppedError
 from app.core.mount import Pointing
 from app.core.progress import Progress, Task
 from app.mounts.sky_frame import apart_deg
@@ -31,7 +31,7 @@ def arrival(
         yield Progress("slewing", done, detail)
         wait(POLL_S)
         if guard.stops != stops:
-            raise RefusedError("The slew was stopped.")
+            raise StoppedError("The slew was stopped.")
         if monotonic() > end:
             limit = guard.limits.slew_timeout_s
             raise NoAnswerError(f"The slew did not end within {limit:g} s and was stopped.")

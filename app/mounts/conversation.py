@@ -12,7 +12,7 @@ from threading import Lock, RLock
 from time import sleep
 from typing import TypeVar
 
-from app.core.errors import NoAnswerError, RefusedError
+from app.core.errors import NoAnswerError, StoppedError
 from app.mounts.link import Link
 
 T = TypeVar("T")
@@ -48,7 +48,7 @@ class Conversation:
         """Send ``command``, read its answer and understand it.
 
         A command that begins a motion gives ``since``, the count of :attr:`stops` when it was
-        decided: a Stop in between wins, and `RefusedError` is raised instead.
+        decided: a Stop in between wins, and `StoppedError` is raised instead.
         """
         with self._exchange:
             self._send(command, since)
@@ -111,7 +111,7 @@ class Conversation:
                 sleep(0.001)
             with self._order:
                 if since is not None and since != self.stops:
-                    raise RefusedError("The motion was stopped before it began.")
+                    raise StoppedError("The motion was stopped before it began.")
                 if not self._owed:
                     self.link.write(command)
                     return

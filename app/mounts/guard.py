@@ -54,7 +54,7 @@ class Guard:
         self.clock = clock
         self.log = log or MotionLog(clock=clock)
         self.armed = False
-        self.stops = 0  # a motion asked for before a Stop is not begun after it
+        self.stops = 0  # by a person: what was asked for before a Stop is not gone on with
         self.unfinished = False  # a motion was under way when the line broke
         self._reopen = reopen
         self._wait = wait
@@ -163,7 +163,7 @@ class Guard:
             raise
         finally:
             if not there:
-                self.stop()
+                self.halt()
         self._motion.end()
         self.log.add("goto", "done")
         return result
@@ -216,8 +216,12 @@ class Guard:
         self._send("track", 0.0, lambda: self.mount.track(on), on=int(on))
 
     def stop(self) -> None:
-        """Stop now, ahead of everything, from any thread; tried twice."""
+        """A person's Stop: now, ahead of everything, from any thread; tried twice."""
         self.stops += 1
+        self.halt()
+
+    def halt(self) -> None:
+        """The same for a reason of one's own, such as a slew that failed."""
         self.log.add("stop", "sent")
         try:
             try:
@@ -305,7 +309,7 @@ class Guard:
         self.mount.close()
         self._motion.mount = self._reopen()
         if self.unfinished or self._motion.possible:
-            self.stop()
+            self.halt()
             self.unfinished = False
 
     def close(self) -> None:
@@ -377,7 +381,7 @@ class Guard:
             self.log.add(action, "failed", str(error))
             if lasts_s:
                 self.unfinished = True
-                self.stop()
+                self.halt()
                 self.unfinished = False
             raise
 
