@@ -174,7 +174,7 @@ class _Request(BaseHTTPRequestHandler):
 
 
 def local_address() -> str:
-    """This computer's address on the local network, without asking anybody; else loopback.
+    """The address of this computer on the local network, without asking anybody; else loopback.
 
     A datagram socket that is only connected, never written to, shows which address would be used.
     """

@@ -1,7 +1,8 @@
 """The page a phone shows: huge digits and arrows, red on black, nothing loaded from elsewhere."""
 
 PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width,initial-scale=1"><title>Kochab: at the bolts</title>
+<meta name="viewport" content="width=device-width,initial-scale=1">
+<title>Kochab: at the bolts</title>
 <style>
 html,body{margin:0;background:#000;color:#f00;font-family:system-ui,sans-serif;height:100%}
 main{display:flex;flex-direction:column;min-height:100%;justify-content:space-evenly;

@@ -1,0 +1,172 @@
+"""The bolt tutor learns what bolts do, says it in words, and ends at the pole."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.core.hint import Site
+from app.polar.bolts import ALTITUDE_BOLT, Bolt, Knob
+from app.polar.error import PolarError
+from app.polar.poles import pole_direction
+from app.polar.rotations import ARCSEC, alt_az, direction
+from app.polar.tutor import BoltTutor, Step
+from app.polar.words import (
+    altitude_in_words,
+    angle_in_words,
+    azimuth_in_words,
+    rotation_in_words,
+    sayable,
+    turns_in_words,
+)
+
+
+def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):
+    pole = pole_direction(Site(latitude, 0.0))
+    alt, az = alt_az(pole)
+    axis = direction(alt + d_alt * ARCSEC, az + d_az * ARCSEC)
+    return PolarError(axis, pole, np.eye(2) * (sigma * ARCSEC) ** 2)
+
+
+class Hands:
+    """Bolts with a thread, a sense and play, turned by hands that are not exact."""
+
+    def __init__(self, d_alt, d_az, a_turn, play_arcsec=(0.0, 0.0), seed=0, latitude=45.0):
+        self.at = np.array([d_alt, d_az], float)
+        self.a_turn = np.array(a_turn, float)
+        self.half = np.array(play_arcsec) / 2.0
+        self.slack = np.zeros(2)
+        self.rng = np.random.default_rng(seed)
+        self.latitude = latitude
+
+    def follow(self, told):
+        k = int(told.knob is Knob.AZIMUTH)
+        turns = told.turns * (1.0 + 0.05 * self.rng.normal()) + self.rng.normal() / 360.0
+        wanted = self.slack[k] + turns * self.a_turn[k]
+        self.slack[k] = np.clip(wanted, -self.half[k], self.half[k])
+        self.at[k] += wanted - self.slack[k]
+
+    def error(self):
+        return error_at(*(self.at + self.rng.normal(0, 2.0, 2)), self.latitude)
+
+
+def align(hands, most=60):
+    tutor = BoltTutor()
+    for _ in range(most):
+        told = tutor.advise(hands.error(), noise_arcsec=(2.0, 2.0))
+        if told.step is Step.STOP:
+            break
+        hands.follow(told)
+    return tutor, told
+
+
+@settings(max_examples=150)
+@given(
+    size=st.floats(4.1, 9.8), angle=st.floats(0, 6.3), seed=st.integers(0, 10**6),
+    a_turn=st.tuples(*[st.floats(900, 4200).flatmap(lambda v: st.sampled_from([v, -v]))] * 2),
+    play=st.tuples(st.floats(0, 150), st.floats(0, 150)), latitude=st.sampled_from([-60, -20, 5, 45, 65]),
+)  # fmt: skip
+def test_whatever_the_bolts_the_end_is_the_pole(size, angle, seed, a_turn, play, latitude):
+    """From 1 arcmin to 5 degrees, threads of any pitch and sense, with play, both hemispheres."""
+    off = np.exp(size) * np.array([np.sin(angle), np.cos(angle) / np.cos(np.radians(latitude))])
+    hands = Hands(*off, a_turn, play, seed, latitude)
+    tutor, told = align(hands)
+    assert told.step is Step.STOP
+    assert error_at(*hands.at, latitude).total_arcsec < 32.0
+    assert tutor.moves <= 7
+
+
+def test_most_alignments_take_four_moves():
+    moves = []
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        hands = Hands(*rng.normal(0, 3000, 2), rng.uniform(900, 4200, 2) * rng.choice([-1, 1], 2),
+                      rng.uniform(0, 150, 2), seed)  # fmt: skip
+        moves.append(align(hands)[0].moves)
+    assert np.median(moves) <= 4
+    assert np.mean(np.array(moves) <= 5) > 0.97
+
+
+def test_one_bolt_at_a_time_the_larger_error_first():
+    tutor = BoltTutor()
+    first = tutor.advise(error_at(300.0, -4000.0))
+    assert first.step is Step.TEST
+    assert first.knob is Knob.AZIMUTH
+    assert (
+        first.words == "A test: left azimuth bolt, a quarter turn clockwise. Then let go and wait."
+    )
+    second = tutor.advise(error_at(300.0, -3500.0))  # a quarter turn gave 500 arcsec
+    assert (second.step, second.knob) == (Step.TURN, Knob.AZIMUTH)
+    assert second.turns == pytest.approx(1.0)  # 0.6 of 1.75 turns, as eighths say it
+    assert second.words == "Left azimuth bolt: one turn clockwise. 58.3' to go in azimuth."
+    assert tutor.moves == 1
+
+
+def test_a_wrong_way_is_turned_back():
+    tutor = BoltTutor()
+    tutor.advise(error_at(2000.0, 0.0))
+    told = tutor.advise(error_at(2500.0, 0.0))
+    assert told.turns < 0
+    assert "anticlockwise" in told.words
+    assert tutor.moves == 2
+
+
+def test_stop_at_the_goal_and_below_the_uncertainty():
+    assert BoltTutor().advise(error_at(5.0, 3.0)).step is Step.STOP
+    poor = BoltTutor().advise(error_at(40.0, 10.0, sigma=60.0))
+    assert poor.step is Step.STOP
+    assert "smaller than its uncertainty" in poor.words
+
+
+def test_play_is_learned_at_a_reversal_and_taken_into_account():
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
+    back = bolt.learned(-0.5, -800.0, 2.0)  # 0.4 turns' worth moved, 0.1 was play
+    assert back.play_turns == pytest.approx(0.1)
+    assert back.direction == -1
+    assert back.needed(-400.0) == pytest.approx(0.2 + 0.08)  # 0.8 of the play
+    assert back.needed(400.0) == pytest.approx(-0.2)  # going on needs none
+
+
+def test_a_turn_swallowed_by_play_is_no_change_of_mind():
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
+    still = bolt.learned(-0.05, 0.5, 2.0)
+    assert (still.direction, still.taken_turns) == (1, pytest.approx(0.05))
+    moved = still.learned(-0.2, -300.0, 2.0)  # 0.15 turns moved of 0.25 taken
+    assert moved.play_turns == pytest.approx(0.1)
+    assert moved.taken_turns == 0.0
+
+
+def test_an_untested_bolt_promises_nothing():
+    with pytest.raises(ValueError, match="not been tested"):
+        ALTITUDE_BOLT.needed(100.0)
+
+
+@pytest.mark.parametrize(
+    ("turns", "words"),
+    [
+        (0.25, "a quarter turn"), (-1.0, "one turn"), (1.5, "one and a half turns"),
+        (2.0, "two turns"), (0.375, "three eighths of a turn"), (1 / 24, "15 degrees (a full turn has 360)"),
+        (12.25, "12 and a quarter turns"),
+    ],
+)  # fmt: skip
+def test_turns_have_words(turns, words):
+    assert turns_in_words(turns) == words
+
+
+@given(st.floats(-8, 8))
+def test_what_is_said_is_never_more_than_what_is_wanted(turns):
+    said = sayable(turns)
+    assert abs(said) <= abs(turns) + 1e-9
+    assert abs(turns) - abs(said) < 0.125
+    assert said == 0.0 or (said > 0) == (turns > 0)
+    assert rotation_in_words(1.0) != rotation_in_words(-1.0)
+
+
+def test_errors_have_words_that_hold_from_every_side():
+    high_east = error_at(320.0, 65.0)
+    assert altitude_in_words(high_east) == "the axis is 5.3' ± 2\" too high: lower it"
+    assert "clockwise (towards east): turn the mount anticlockwise" in azimuth_in_words(high_east)
+    south = error_at(-20.0, 65.0, latitude=-45.0)
+    assert "too low: raise it" in altitude_in_words(south)
+    assert "clockwise (towards west): turn the mount anticlockwise" in azimuth_in_words(south)
+    assert angle_in_words(7200.0) == "2.00°"
