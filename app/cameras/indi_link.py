@@ -192,7 +192,8 @@ class IndiLink:
             self._made = self._made or kind == "ConnectionMade"
             if kind == "SetBLOB" and f"{event.devicename}\n{event.vectorname}" == self._wanted:
                 for name, data in event.items():
-                    self._blob = bytes(data), str(event.sizeformat[name][1])
+                    if data:
+                        self._blob = bytes(data), str(event.sizeformat[name][1])
             elif kind == "Message" and "[ERROR]" in str(event.message):
                 self.message = " ".join(str(event.message).replace("[ERROR]", "").split())
             self._news.notify_all()

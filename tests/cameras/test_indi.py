@@ -94,6 +94,23 @@ def test_a_long_exposure_gives_nothing_yet_and_can_be_changed_at_once(server) ->
         camera.close()
 
 
+def test_compressed_pictures_are_the_same(server) -> None:
+    camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.2, binning=2))
+    try:
+        taken(camera)
+        for switch in ("INDI_ENABLED", "INDI_DISABLED"):
+            wish = f"CCD Simulator.CCD_COMPRESSION.{switch}=On"
+            subprocess.run(["indi_setprop", wish], check=True, timeout=20)
+            taken(camera)
+            frame = taken(camera)
+            assert frame.pixels.shape == (512, 640)
+            assert frame.pixels.dtype == np.uint16
+            assert frame.header.get("ZIMAGE", False) is (switch == "INDI_ENABLED")
+        assert camera.complaints() == ()
+    finally:
+        camera.close()
+
+
 def test_what_is_out_of_range_is_refused_and_nothing_changes(server) -> None:
     camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.2, binning=1))
     try:
