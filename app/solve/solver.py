@@ -130,7 +130,7 @@ def _solve(
                 yield Progress("attitude", 0.8)
                 return _finished(detections, found, year, options, clock, frame)
             refusal = found
-        few = _few(detections, options, year, clock)
+        few = yield from _few(detections, options, year, clock)
         if few is not None:
             return _finished(detections, few, year, options, clock, frame)
     except TimedOut:
@@ -154,14 +154,18 @@ def _finished(
 
 def _few(
     detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
-) -> Identification | None:
+) -> Task[Identification | None]:
     """The last resort of the default method when stars are few and the scale is believed."""
     from app.solve.few_stars import MOST, identify_few
+    from app.solve.known_scale import identify_known_scale
 
-    if len(detections) > MOST or options.method != DEFAULT_METHOD:
+    if options.method != DEFAULT_METHOD:
         return None
     with clock.stage("identify"):
-        return identify_few(detections, options.hint, _catalogue(), year)
+        found = yield from clock.watch(identify_known_scale(detections, options.hint, year))
+        if found is None and len(detections) <= MOST:
+            found = identify_few(detections, options.hint, _catalogue(), year)
+    return found
 
 
 @cache
