@@ -29,11 +29,14 @@ class Series:
 
 
 class Chart(QWidget):
-    """Shows some :class:`Series`; the point under the cursor tells its numbers."""
+    """Shows some :class:`Series`; the point under the cursor tells its numbers.
+
+    ``title`` is its accessible name: what is seen is titled by the axes.
+    """
 
     def __init__(self, title: str, across: Axis, up: Axis) -> None:
         super().__init__()
-        self.title, self.across, self.up = title, across, up
+        self.across, self.up = across, up
         self.colours: Colours = THEMES["dark"]
         self.series: tuple[Series, ...] = ()
         self.setMouseTracking(True)
@@ -69,7 +72,7 @@ class Chart(QWidget):
         line = metrics.height()
         wide = max((metrics.horizontalAdvance(t) for _, t in self.up.ticks()), default=20.0)
         around = QRectF(self.rect())
-        return around.adjusted(wide + line + 14, line + 12, -14, -2.0 * line - 10)
+        return around.adjusted(wide + line + 14, line / 2 + 6, -18, -2.0 * line - 10)
 
     def _frame(self, painter: QPainter, box: QRectF) -> None:
         line = QFontMetricsF(self.font()).height()
@@ -89,14 +92,13 @@ class Chart(QWidget):
             right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
             painter.drawText(QRectF(0, at - line / 2, box.left() - 6, line), right, told)
         below = QRectF(box.left() - 40, box.bottom() + line + 4, box.width() + 50, line + 2)
+        painter.setPen(QColor(self.colours.text))
         painter.drawText(below, middle, self.across.title)
         painter.save()
         painter.translate(line / 2 + 4, box.center().y())
         painter.rotate(-90)
         painter.drawText(QRectF(-200, -line / 2, 400, line), middle, self.up.title)
         painter.restore()
-        painter.setPen(QColor(self.colours.text))
-        painter.drawText(QRectF(8, 4, self.width() - 16, line + 2), middle, self.title)
 
     def _line(self, painter: QPainter, box: QRectF, one: Series) -> None:
         pen = series_pen(one.style, self.colours)

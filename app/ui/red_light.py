@@ -23,9 +23,13 @@ class RedLight(QGraphicsEffect):
     def draw(self, painter: QPainter) -> None:
         offset = QPoint()
         picture = self.sourcePixmap(Qt.CoordinateSystem.DeviceCoordinates, offset)
+        shape = picture.copy()
         filtered = QPainter(picture)
         filtered.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
         filtered.fillRect(picture.rect(), QColor(255, 0, 0))
+        # What was transparent, as outside rounded corners, has become red and is so no more.
+        filtered.setCompositionMode(QPainter.CompositionMode.CompositionMode_DestinationIn)
+        filtered.drawPixmap(0, 0, shape)
         filtered.end()
         painter.save()
         painter.resetTransform()

@@ -156,6 +156,15 @@ def test_a_working_window_is_red(qtbot, night):
         assert_red(window)
 
 
+def test_the_corners_of_a_field_are_as_dark_as_what_is_around_it(qtbot, night):
+    window, _ = night
+    window.workspace.tabs.setCurrentIndex(2)
+    field = window.workspace.hints.fov
+    corner = field.mapTo(window, field.rect().topLeft())
+    qtbot.wait(20)
+    assert colours(window)[corner.y(), corner.x(), 2] < 60
+
+
 def test_night_is_left_for_the_theme_of_before(night):
     window, commands = night
     commands.looks.use_theme("light")

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QVBoxLayout, QWidget
 
 from app.identify import IDENTIFIERS
@@ -18,7 +19,7 @@ TITLES = {
     "noise_px": "Noise", "false": "False stars", "missing": "Missing stars",
     "stars": "Number of stars", "margin_px": "Error margin",
 }  # fmt: skip
-COLUMNS = 2
+NARROW, WIDE, WIDE_PX = 2, 3, 1000  # columns, and from which width on there are more
 
 
 class Plots(QWidget):
@@ -31,14 +32,24 @@ class Plots(QWidget):
         self.charts = {name: Chart(TITLES[name], _across(name), PERCENT) for name in SWEEPS}
         self.time = Chart("Time", _across("stars"), TIME)
         self.legend = Legend()
-        grid = QGridLayout()
-        grid.setSpacing(6)
-        for place, chart in enumerate((*self.charts.values(), self.time)):
-            grid.addWidget(chart, place // COLUMNS, place % COLUMNS)
+        self._grid = QGridLayout()
+        self._grid.setSpacing(6)
+        self._columns = 0
+        self._arrange(NARROW)
         column = QVBoxLayout(self)
         column.setContentsMargins(4, 4, 4, 4)
-        column.addLayout(grid, 1)
+        column.addLayout(self._grid, 1)
         column.addWidget(self.legend)
+
+    def _arrange(self, columns: int) -> None:
+        if columns != self._columns:
+            self._columns = columns
+            for place, chart in enumerate((*self.charts.values(), self.time)):
+                self._grid.addWidget(chart, place // columns, place % columns)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._arrange(WIDE if event.size().width() > WIDE_PX else NARROW)
+        super().resizeEvent(event)
 
     def clear(self) -> None:
         """No curves."""

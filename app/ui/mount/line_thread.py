@@ -6,8 +6,9 @@ of :mod:`app.ui.mount.words`. Stop does not pass through here at all; see :meth:
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from app.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError
@@ -29,8 +30,19 @@ from app.ui.mount.words import (
 POLL_S = 0.5
 LISTEN_S = 0.05
 RETRY_S = 2.0
+STOPPED = "Stopped."
+LOST = "The line to the mount is lost."
 
-Order = tuple[str, Callable[[Guard], Task[Any]]]
+Make = Callable[[Guard], Task[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Something to do; ``stops`` is how often all was stopped when it was wished for."""
+
+    name: str
+    make: Make
+    stops: int
 
 
 class MountLine:
@@ -47,27 +59,25 @@ class MountLine:
     ) -> None:
         self._opening, self._tell, self._afterwards = opening, tell, afterwards
         self._orders: SimpleQueue[Order] = SimpleQueue()
-        self._halt = threading.Event()
+        self._stops = 0  # an order that was wished for before a Stop is given up
         self._guard: Guard | None = None
         self._looked = 0.0
-        self._silent = False
 
     # from any thread --------------------------------------------------------------------------
-    def order(self, name: str, make: Callable[[Guard], Task[Any]]) -> None:
-        """Do this when the orders before it are done; it is told as Done, Failed or Stopped."""
-        self._halt.clear()
-        self._orders.put((name, make))
+    def order(self, name: str, make: Make) -> None:
+        """Do this when the orders before it are done; Done or Failed tells of its end."""
+        self._orders.put(Order(name, make, self._stops))
 
     def cancel(self) -> None:
         """Give up the present order, at its next yield, and those that wait; what moves stops."""
-        self._halt.set()
+        self._stops += 1
 
     def stop(self) -> None:
         """Stop the mount now and give up every order; returns at once, whatever the line does.
 
         The bytes are written by a thread of their own, ahead of whatever waits for an answer.
         """
-        self._halt.set()
+        self._stops += 1
         guard = self._guard
         if guard is not None:
             thread = threading.Thread(
@@ -111,37 +121,35 @@ class MountLine:
 
     def _next(self, guard: Guard) -> Task[None]:
         try:
-            name, make = self._orders.get(timeout=LISTEN_S)
+            order = self._orders.get(timeout=LISTEN_S)
         except Empty:
             return
-        if self._halt.is_set():
-            self._tell(Failed(name, "Stopped.", stopped=True))
-            return
-        self._tell(Under(name, Progress(name)))
+        self._tell(Under(order.name, Progress(order.name)))
         try:
-            done, result = yield from self._steps(guard, name, make)
+            ended, result = yield from self._steps(guard, order)
         except LineLostError as error:
-            self._tell(Failed(name, str(error)))
+            self._tell(Failed(order.name, str(error)))
             raise
         except KochabError as error:
-            self._tell(Failed(name, str(error), stopped=self._halt.is_set()))
+            self._tell(Failed(order.name, str(error), stopped=self._given_up(order)))
         else:
-            told = Done(name, result) if done else Failed(name, "Stopped.", stopped=True)
             self._look(guard, now=True)
+            told = Done(order.name, result) if ended else Failed(order.name, STOPPED, stopped=True)
             self._tell(told)
 
-    def _steps(
-        self, guard: Guard, name: str, make: Callable[[Guard], Task[Any]]
-    ) -> Task[tuple[bool, Any]]:
-        """One order, its progress told, and the mount looked at between its steps."""
-        task = make(guard)
+    def _given_up(self, order: Order) -> bool:
+        return order.stops != self._stops
+
+    def _steps(self, guard: Guard, order: Order) -> Task[tuple[bool, Any]]:
+        """One order to its end, its progress told and the mount looked at between its steps."""
+        task = order.make(guard)
         try:
-            while not self._halt.is_set():
+            while not self._given_up(order):
                 try:
                     progress = next(task)
                 except StopIteration as end:
                     return True, end.value
-                self._tell(Under(name, progress))
+                self._tell(Under(order.name, progress))
                 self._look(guard)
                 yield progress
         finally:
@@ -155,7 +163,9 @@ class MountLine:
         self._looked = monotonic()
         try:
             said = Report(guard.position_icrs(), guard.state(), guard.can_undo)
-        except NoAnswerError as error:
+        except LineLostError:
+            raise
+        except DeviceError as error:
             self._tell(Silent(str(error)))
         else:
             self._tell(said)
@@ -168,21 +178,21 @@ class MountLine:
             yield Progress("line lost")
             self._drop_orders()
             if monotonic() - tried < RETRY_S:
-                threading.Event().wait(LISTEN_S)
+                sleep(LISTEN_S)
                 continue
             tried = monotonic()
             try:
                 guard.reconnect()
+                again = _connected(guard)
             except DeviceError as still:
                 self._tell(Lost(str(error), str(still)))
             else:
-                self._tell(_connected(guard))
+                self._tell(again)
                 return
 
     def _drop_orders(self) -> None:
         while not self._orders.empty():
-            name, _ = self._orders.get()
-            self._tell(Failed(name, "The line to the mount is lost."))
+            self._tell(Failed(self._orders.get().name, LOST))
 
 
 def _connected(guard: Guard) -> Connected:

@@ -1,0 +1,88 @@
+"""What cannot be done now, each with the reason in one sentence; nothing of Qt."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from app.core.mount import Ability, MountState
+
+CONNECT = "Connect a mount first, or practise with a simulated telescope."
+CONNECTING = "Wait until the mount has answered."
+LOST = "The line to the mount is lost: check its cable and power; it is tried again by itself."
+PARKED = "The mount is parked: unpark it on its hand control first."
+NO_CAMERA = "No camera is chosen: choose one above, for this needs fresh frames."
+NO_SOLUTION = "Open a frame that solves, or take one: the sky has not been asked yet."
+NO_FRAME = "Take a frame and let it solve first: the star is found by its answer."
+NO_SYNC_YET = "There is no sync to take back."
+STILL = "Nothing is under way."
+
+NEEDS: Mapping[str, tuple[Ability, ...]] = {
+    "sync": (),  # what cannot be synced is slewed by the offset instead
+    "undo": (Ability.SYNC,),
+    "goto": (Ability.GOTO,),
+    "centre": (Ability.GOTO,),
+    "bring": (Ability.GOTO,),
+    "track": (Ability.TRACKING,),
+    "take": (),
+}
+MOVES = ("goto", "centre", "nudge", "bring", "sync", "track")
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """All that decides what may be done. ``phase``: "off", "connecting", "on" or "lost"."""
+
+    phase: str = "off"
+    lacks: Mapping[Ability, str] | None = None
+    state: MountState | None = None
+    busy: str = ""
+    camera: bool = False
+    solved: bool = False
+    can_undo: bool = False
+
+
+def reasons(now: Situation) -> dict[str, str]:
+    """Action -> why not; an empty text when it may be done."""
+    names = (*NEEDS, "nudge")
+    return {name: _reason(name, now) for name in names} | {"stop": _stop(now)}
+
+
+def _reason(name: str, now: Situation) -> str:
+    away = {"off": CONNECT, "connecting": CONNECTING, "lost": LOST}.get(now.phase)
+    if away is not None:
+        return away
+    lacking = _lacking(name, now.lacks or {})
+    if lacking:
+        return lacking
+    if name in MOVES and now.state is not None and now.state.parked:
+        return PARKED
+    special = _special(name, now)
+    if special:
+        return special
+    if now.busy:
+        return f"Wait until this is over, or stop it: {now.busy}."
+    return ""
+
+
+def _lacking(name: str, lacks: Mapping[Ability, str]) -> str:
+    if name == "nudge":
+        both = Ability.PULSE in lacks and Ability.MOVE in lacks
+        return lacks[Ability.MOVE] if both else ""
+    if name == "sync" and Ability.SYNC in lacks and Ability.GOTO in lacks:
+        return lacks[Ability.SYNC]
+    return next((lacks[a] for a in NEEDS[name] if a in lacks), "")
+
+
+def _special(name: str, now: Situation) -> str:
+    if name in ("centre", "take") and not now.camera:
+        return NO_CAMERA
+    if name == "sync" and not (now.camera or now.solved):
+        return NO_SOLUTION
+    if name == "bring" and not now.solved:
+        return NO_FRAME
+    if name == "undo" and not now.can_undo:
+        return NO_SYNC_YET
+    return ""
+
+
+def _stop(now: Situation) -> str:
+    return CONNECT if now.phase in ("off", "connecting") else ""
