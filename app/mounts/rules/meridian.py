@@ -2,6 +2,11 @@
 
 from app.mounts.rules.plan import Finding, Plan, refuse, warn
 
+ACROSS = (
+    "The sync would carry the mount across the meridian and so to the other side of its pier: "
+    "slew away from the meridian first."
+)
+
 
 def crosses(plan: Plan) -> bool:
     """Whether start and target lie on different sides of the meridian."""
@@ -29,12 +34,7 @@ def sync_across_meridian(plan: Plan) -> list[Finding]:
     """A sync across the meridian would make the mount believe in the other pier side."""
     findings = []
     if not plan.limits.crosses_meridian and crosses(plan):
-        findings.append(
-            refuse(
-                "The sync would carry the mount across the meridian and so to the other side of "
-                "its pier: slew away from the meridian first."
-            )
-        )
+        findings.append(refuse(ACROSS))
     if abs(plan.target_deg[1]) > plan.limits.near_pole_deg:
         findings.append(
             warn(

@@ -1,0 +1,280 @@
+"""Go to a target and look; correct what the sky says is left; until it is centred or cannot be."""
+
+import time
+from dataclasses import dataclass
+from enum import StrEnum
+
+from app.core.errors import NoAnswerError, RefusedError, StoppedError
+from app.core.mount import Ability, Direction, Pointing
+from app.core.progress import Progress, Task
+from app.core.solution import NoSolution, Solution
+from app.mounts.guard import Guard
+from app.mounts.limits import SyncEvidence
+from app.mounts.rules.meridian import ACROSS
+from app.workflows.centre_target_course import Course, How, Sight
+from app.workflows.fresh_frame import SolveNow
+from app.workflows.goto_target import Target, Wait, answered, settled
+from app.workflows.nudge import nudge
+from app.workflows.sync_mount import agreeing_solves, hold_guard
+
+TOLERANCE_ARCSEC, TRIES = 60.0, 5
+LOOKS = 3  # frames without a solution before it is given up
+AGAIN_S = 2.0
+TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
+APPROACH_DEG = 0.1
+
+
+class End(StrEnum):
+    """How a centring ended."""
+
+    CENTRED = "centred"
+    NOT_CONVERGING = "not converging"
+    SLIPPING = "slipping"
+    REFUSED = "refused"
+    NO_SOLUTION = "no solution"
+
+
+@dataclass(frozen=True, slots=True)
+class Centring:
+    """The end, in one sentence too, and the way there.
+
+    ``errors_arcsec`` are the distances seen, one before each correction and one at the end;
+    ``corrections`` the ways they were made. ``synced``: the mount now knows the sky.
+    """
+
+    end: End
+    sentence: str
+    errors_arcsec: tuple[float, ...] = ()
+    corrections: tuple[str, ...] = ()
+    synced: bool = False
+    solution: Solution | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def centred(self) -> bool:
+        """Whether the target is where it was wanted."""
+        return self.end is End.CENTRED
+
+
+def centre_target(
+    mount: Guard,
+    solve_now: SolveNow,
+    target: Target,
+    tolerance_arcsec: float = TOLERANCE_ARCSEC,
+    tries: int = TRIES,
+    *,
+    may_sync: bool = True,
+    confirmed: bool = False,
+    wait: Wait = time.sleep,
+) -> Task[Centring]:
+    """Slew, settle, solve, correct, until the frame's middle is on ``target``.
+
+    The first large error is corrected by a sync on two agreeing solves and a goto; where the mount
+    or the guard takes no sync, and for smaller errors, by an offset goto; for the smallest by
+    guide pulses. ``confirmed`` is the yes that the guard asks for before a large sync. Cancelling
+    at any yield, and every exception, stops the mount.
+
+    Raises
+    ------
+    StoppedError
+        A person said Stop.
+    app.core.errors.DeviceError
+        The mount or the camera does not answer any more; one sentence.
+
+    """
+    work = _Centring(mount, solve_now, target, tolerance_arcsec, tries, wait)
+    work.may_sync, work.confirmed = may_sync and Ability.SYNC not in mount.lacks, confirmed
+    ended = False
+    try:
+        result = yield from work.go()
+        ended = True
+    finally:
+        if not ended:
+            mount.halt()
+    return result
+
+
+class _Centring:
+    """One centring under way."""
+
+    def __init__(
+        self, mount: Guard, solve_now: SolveNow, target: Target, tolerance_arcsec: float,
+        tries: int, wait: Wait,
+    ) -> None:  # fmt: skip
+        self.mount, self.solve_now, self.target = mount, solve_now, target
+        self.tolerance, self.tries, self.wait = tolerance_arcsec, tries, wait
+        self.may_sync, self.confirmed, self.synced = True, False, False
+        self.corrections: list[str] = []
+        self.notes: list[str] = []
+        self.course = Course(self.there(), tolerance_arcsec)
+        self.stops, self.troubles = mount.stops, 0
+        self.solution: Solution | None = None
+
+    def there(self) -> tuple[float, float]:
+        """The target in the mount's own coordinates, now."""
+        return self.mount.to_mount(self.target.ra_deg, self.target.dec_deg)
+
+    def go(self) -> Task[Centring]:
+        """The first slew, then looks and corrections in turn."""
+        yield Progress("goto", None, self.target.name)
+        if not (yield from self.tried(self.slew(self.there()))):
+            return self.refused()
+        while True:
+            yield from settled(self.mount, self.wait)
+            found = yield from self.look()
+            if isinstance(found, NoSolution):
+                return self.ended(End.NO_SOLUTION, f"{_capital(found.reason)}: {found.advice}")
+            end = self.judged(found)
+            if end is not None:
+                return end
+            if not (yield from self.tried(self.correct(found))):
+                return self.refused()
+
+    def look(self) -> Task[Solution | NoSolution]:
+        """Solve a fresh frame; another when the first has no solution."""
+        for more in range(LOOKS - 1, -1, -1):
+            yield Progress("looking", None, self.target.name)
+            found = yield from self.solve_now()
+            if isinstance(found, Solution) or not more:
+                break
+            yield Progress("looking", None, f"{found.reason}, taking another frame")
+            self.wait(AGAIN_S)
+        return found
+
+    def judged(self, solution: Solution) -> Centring | None:
+        """The end, if this is one."""
+        self.solution, course = solution, self.course
+        course.target = self.there()
+        error = course.add(self.sight(solution))
+        if error <= self.tolerance:
+            return self.ended(End.CENTRED, f"{self.target.name} is centred to {_arcsec(error)}.")
+        if course.slips > 1:
+            return self.ended(
+                End.SLIPPING,
+                f"The telescope does not move as far as it is told, {_arcsec(error)} are left: a "
+                "clutch slips, a cable pulls, or the balance is wrong.",
+            )
+        if course.no_better:
+            return self.ended(
+                End.NOT_CONVERGING,
+                f"The corrections do not bring it nearer, {_arcsec(error)} are left: check "
+                "clutches, balance and wind.",
+            )
+        if len(self.corrections) >= self.tries:
+            return self.ended(
+                End.NOT_CONVERGING,
+                f"After {self.tries} corrections {_arcsec(error)} are left, more than "
+                f"{_arcsec(self.tolerance)}.",
+            )
+        return None
+
+    def sight(self, solution: Solution) -> Sight:
+        """The mount's word beside the sky's."""
+        said = answered(self.mount.position)
+        return Sight((said.ra_deg, said.dec_deg), self.mount.to_mount(*solution.ra_dec_deg))
+
+    def correct(self, solution: Solution) -> Task[None]:
+        """One correction by the way that fits."""
+        how, course = self.course.how(self.may_sync and not self.synced), self.course
+        synced = False
+        if how is How.SYNC:
+            synced = yield from self.sync(solution)
+            how = How.SYNC if synced else How.GOTO
+        self.corrections.append(str(how))
+        self.synced = self.synced or synced
+        yield Progress("correcting", None, f"{_arcsec(course.error_arcsec)} off: {how}")
+        if how is How.FINE:
+            yield from self.fine()
+            return
+        there = course.command(synced)
+        if how is How.APPROACH:
+            yield from self.slew((there[0], max(-90.0, there[1] - APPROACH_DEG)))
+            course.approached()
+        yield from self.slew(there)
+
+    def sync(self, solution: Solution) -> Task[bool]:
+        """Sync on a second solve that agrees; False when an offset goto has to do instead."""
+        found = yield from agreeing_solves(self.mount, self.solve_now, solution)
+        if isinstance(found, NoSolution):
+            self.notes.append(f"No sync, a second frame has no solution: {found.reason}.")
+            return False
+        self.solution = found[1]
+        self.course.last = self.sight(found[1])
+        evidence, there = SyncEvidence.of(*found), self.course.last.sky
+        preview = answered(lambda: self.mount.preview_sync(*there, evidence))
+        if preview.refusals == (ACROSS,):
+            self.notes.append(f"No sync, an offset goto instead: {ACROSS}")
+            return False
+        hold_guard(self.mount, preview, self.confirmed)
+        try:
+            self.mount.sync(*there, evidence, confirmed=self.confirmed)
+        except StoppedError:
+            raise
+        except RefusedError as error:
+            self.may_sync = False
+            self.notes.append(f"No sync, an offset goto instead: {error}")
+            return False
+        return True
+
+    def fine(self) -> Task[None]:
+        """Small moves on both axes."""
+        east, north = self.course.fine()
+        for amount, ways in (
+            (east, (Direction.EAST, Direction.WEST)),
+            (north, (Direction.NORTH, Direction.SOUTH)),
+        ):
+            self.hold()
+            yield from nudge(self.mount, ways[amount < 0.0], abs(amount), self.wait)
+
+    def slew(self, there: tuple[float, float]) -> Task[Pointing]:
+        """A watched slew, unless a person has said Stop."""
+        self.hold()
+        return (yield from self.mount.slew(*there))
+
+    def hold(self) -> None:
+        """Nothing more moves after a person's Stop."""
+        if self.mount.stops != self.stops:
+            raise StoppedError("The centring was stopped.")
+
+    def tried(self, motion: "Task[None] | Task[Pointing]") -> Task[bool]:
+        """Do it; what the mount refused or lost is not repeated but looked at, a few times.
+
+        False when the guard forbids it or the mount will not.
+        """
+        try:
+            yield from motion
+            self.troubles = 0
+            return True
+        except StoppedError:
+            raise
+        except (RefusedError, NoAnswerError) as error:
+            self.hold()
+            self.notes.append(str(error))
+            self.troubles += 1
+            refused = isinstance(error, RefusedError)
+            if refused and (self.troubles > 1 or self.mount.log.entries[-1].outcome == "refused"):
+                return False
+            if self.troubles >= TROUBLES:
+                raise
+            return True
+
+    def refused(self) -> Centring:
+        """The end by a refusal."""
+        return self.ended(End.REFUSED, self.notes[-1])
+
+    def ended(self, end: End, sentence: str) -> Centring:
+        """The result with what led to it."""
+        return Centring(
+            end, sentence, tuple(self.course.errors_arcsec), tuple(self.corrections), self.synced,
+            self.solution, tuple(self.notes),
+        )  # fmt: skip
+
+
+def _arcsec(value: float) -> str:
+    if value < 100.0:
+        return f"{value:.1f} arcsec"
+    return f"{value / 60.0:.1f} arcmin" if value < 6000.0 else f"{value / 3600.0:.2f} deg"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,157 @@
+"""From what was asked of a mount and what the sky says came of it, to the next correction.
+
+Everything is in the mount's own coordinates and adds along its two axes, as syncs do. What a large
+correction made of itself also tells how the mount's idea of the sky is turned against the sky (an
+axis beside the pole turns it, a slipping clutch shortens it); the next one allows for that.
+"""
+
+from cmath import isfinite
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import cos, radians
+
+from app.mounts.sky_frame import apart_deg, wrapped
+from app.workflows.sync_mount import shifted
+
+Degrees = tuple[float, float]
+
+LEARN_FROM_DEG = 0.1
+SLIP_FROM_DEG = 0.2
+SLIP = (0.7, 1.4)  # achieved over asked; outside, something gives way
+POLE_DEG = 80.0  # nearer to a pole axis angles are no measure of the way
+SYNC_FROM_ARCSEC = 300.0
+FINE_ARCSEC = 60.0
+REVERSED_ARCSEC = 3.0
+BETTER = 0.8  # of the error before, at least, or the correction was none
+
+
+class How(StrEnum):
+    """The ways to correct."""
+
+    SYNC = "sync and goto"
+    GOTO = "offset goto"
+    APPROACH = "offset goto from the south"
+    FINE = "small moves"
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """Where the mount said it pointed and where it did; its own coordinates, degrees."""
+
+    said: Degrees
+    sky: Degrees
+
+
+@dataclass(slots=True)
+class Course:
+    """What has been seen on the way to ``target``, mount coordinates, degrees."""
+
+    target: Degrees
+    tolerance_arcsec: float
+    errors_arcsec: list[float] = field(default_factory=list)
+    turn: complex = 1.0 + 0.0j
+    slips: int = 0
+    slack: bool = False
+    gain: list[float] = field(default_factory=lambda: [1.0, 1.0])
+    last: Sight | None = None
+    _before: Sight | None = None
+    _fine: Degrees | None = None
+    _dec_way: float = 0.0
+    _learned_from: float = 0.0
+
+    def add(self, sight: Sight) -> float:
+        """Take in what a frame showed; the error left, arcsec."""
+        self.last = sight
+        error = apart_deg(sight.sky, self.target) * 3600.0
+        self.errors_arcsec.append(error)
+        if self._before is not None:
+            self._learn(self._before, sight)
+        elif self._fine is not None and len(self.errors_arcsec) > 1:
+            self._learn_fine(self._fine)
+        self._before = self._fine = None
+        return error
+
+    @property
+    def error_arcsec(self) -> float:
+        """The last one."""
+        return self.errors_arcsec[-1]
+
+    @property
+    def left_deg(self) -> Degrees:
+        """What is to be done towards east and north, degrees on the sky."""
+        assert self.last is not None
+        return _away(self.last.sky, self.target, self.target[1])
+
+    def how(self, may_sync: bool) -> How:
+        """The way of the next correction."""
+        north = 3600.0 * self.left_deg[1]
+        if self.error_arcsec > SYNC_FROM_ARCSEC and may_sync:
+            return How.SYNC
+        turned = north * self._dec_way < 0.0 and abs(north) > REVERSED_ARCSEC
+        matters = abs(north) > self.tolerance_arcsec / 2.0
+        if self.error_arcsec <= FINE_ARCSEC and not (matters and (self.slack or turned)):
+            return How.FINE
+        return How.APPROACH if turned or self.slack else How.GOTO
+
+    def command(self, synced: bool) -> Degrees:
+        """Where to send the mount, which was just ``synced`` or says what it said."""
+        assert self.last is not None
+        east, north = self.left_deg
+        asked = complex(east, north) / self.turn
+        said = self.last.sky if synced else self.last.said
+        self._before = Sight(said, self.last.sky)
+        if abs(north) * 3600.0 > REVERSED_ARCSEC:
+            self._dec_way = north
+        return shifted(said, asked.real / _narrow(self.target[1]), asked.imag)
+
+    def approached(self) -> None:
+        """The last motion came from the south."""
+        self._dec_way = 1.0
+
+    def fine(self) -> Degrees:
+        """Axis angles east and north, arcsec, for small moves; begins to learn from them."""
+        east, north = (3600.0 * part for part in self.left_deg)
+        self._fine = (east, north)
+        if abs(north) > REVERSED_ARCSEC:
+            self._dec_way = north
+        return east / _narrow(self.target[1]) / self.gain[0], north / self.gain[1]
+
+    @property
+    def no_better(self) -> bool:
+        """Whether the last two corrections did nothing."""
+        e = self.errors_arcsec
+        return len(e) > 2 and e[-1] > BETTER * e[-2] and e[-2] > BETTER * e[-3]
+
+    def _learn(self, before: Sight, after: Sight) -> None:
+        asked = complex(*_away(before.said, after.said, self.target[1]))
+        came = complex(*_away(before.sky, after.sky, self.target[1]))
+        if abs(asked) >= SLIP_FROM_DEG and abs(self.target[1]) < POLE_DEG:
+            share = abs(came) / abs(asked)
+            self.slips = 0 if SLIP[0] <= share <= SLIP[1] else self.slips + 1
+        if abs(asked) < max(LEARN_FROM_DEG, 0.5 * self._learned_from):
+            return
+        turn = came / asked
+        if isfinite(turn) and SLIP[0] <= abs(turn) <= SLIP[1]:
+            self.turn, self._learned_from = turn, abs(asked)
+
+    def _learn_fine(self, asked: Degrees) -> None:
+        """Guide rates are settings of a mount: see what they are; a reversed gear does nothing."""
+        for axis, (want, left) in enumerate(
+            zip(asked, (3600.0 * part for part in self.left_deg), strict=True)
+        ):
+            if abs(want) < 5.0:
+                continue
+            share = (want - left) / want
+            if axis == 1 and share < 0.4:
+                self.slack = True
+            else:
+                self.gain[axis] *= min(max(share, 0.4), 2.5)
+
+
+def _away(start: Degrees, end: Degrees, dec_deg: float) -> Degrees:
+    return wrapped(end[0] - start[0]) * _narrow(dec_deg), end[1] - start[1]
+
+
+def _narrow(dec_deg: float) -> float:
+    """How much narrower a degree of right ascension is."""
+    return max(cos(radians(dec_deg)), 0.01)
