@@ -25,6 +25,8 @@ SILENCE_S = 10.0
 """A camera that streams and gives nothing for so long (and its exposure) is lost."""
 JOIN_S = 2.0
 _DRIVERS = {"linux": "v4l2", "win32": "dshow", "darwin": "avfoundation"}
+_EAGER = {"fflags": "nobuffer", "flags": "low_delay"}
+"""Nothing is held back in FFmpeg: a picture is told as new when it is handed over."""
 _BAYER = re.compile(r"bayer_(rggb|bggr|grbg|gbrg)(8|16[lb]e)")
 
 
@@ -179,7 +181,7 @@ def _opened(name: str, target: str, driver: str | None) -> Any:
     from av.error import FFmpegError
 
     try:
-        return av.open(target, format=driver, timeout=(OPEN_S, SILENCE_S))
+        return av.open(target, format=driver, options=_EAGER, timeout=(OPEN_S, SILENCE_S))
     except FileNotFoundError:
         raise PortError(f"There is no camera {name}; list them with: kochab camera list.") from None
     except PermissionError:

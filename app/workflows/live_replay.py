@@ -103,6 +103,9 @@ def _update(shot: Shot, track: TrackUpdate) -> LiveUpdate:
 def _apart(found: Solution | None, line: Json) -> float | None:
     if found is None or not line.get("solved"):
         return None
-    then = unit_vectors(float(line["ra_deg"]), float(line["dec_deg"]))
+    try:
+        then = unit_vectors(float(line["ra_deg"]), float(line["dec_deg"]))
+    except (KeyError, TypeError, ValueError):
+        return None
     chord = float(np.linalg.norm(found.centre_vector - then))
     return float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0))) * 3600.0)

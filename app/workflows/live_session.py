@@ -29,13 +29,43 @@ def options_json(options: SolveOptions) -> Json:
     return told
 
 
-def options_from(told: Mapping[str, Any]) -> SolveOptions:
-    """The options of :func:`options_json`; what this version does not know is left out."""
-    known = {f.name for f in fields(SolveOptions)}
-    values = {k: v for k, v in told.items() if k in known}
-    if values.get("hint") is not None:
-        values["hint"] = _hint(values["hint"])
-    return SolveOptions(**values)
+def options_from(told: Any) -> SolveOptions:
+    """The options of :func:`options_json`; what this version does not know is left out.
+
+    Raises
+    ------
+    UsageError
+        They are of kinds that options cannot be.
+
+    """
+    plain = SolveOptions(attitude="", fov_deg=1.0)  # of every option a value of its kind
+    try:
+        known = {f.name for f in fields(SolveOptions)}
+        values = {k: v for k, v in told.items() if k in known}
+        if values.get("hint") is not None:
+            values["hint"] = _hint(values["hint"])
+        for name, value in values.items():
+            if name != "hint" and not _alike(value, getattr(plain, name), name in _MAY_BE_NONE):
+                raise TypeError(name)
+        return SolveOptions(**values)
+    except (TypeError, ValueError, AttributeError):
+        raise UsageError(
+            "The session's settings are damaged: frames cannot be solved alike."
+        ) from None
+
+
+_MAY_BE_NONE = ("attitude", "fov_deg", "timeout_s")
+
+
+def _alike(value: Any, example: Any, may_be_none: bool) -> bool:
+    """Whether ``value`` is of the kind of ``example``; a whole number may stand for a number."""
+    if value is None:
+        return may_be_none
+    if isinstance(example, bool) or isinstance(value, bool):
+        return isinstance(example, bool) and isinstance(value, bool)
+    if isinstance(example, float):
+        return isinstance(value, int | float)
+    return isinstance(value, Mapping if isinstance(example, Mapping) else type(example))
 
 
 def _hint(told: Mapping[str, Any]) -> Hint:

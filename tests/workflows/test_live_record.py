@@ -119,3 +119,22 @@ def test_the_options_come_back_as_they_were() -> None:
     ):
         told = json.loads(json.dumps(options_json(options)))
         assert options_from({**told, "of a later version": 1}) == options
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        [1],
+        {"timeout_s": "soon"},
+        {"method": None},
+        {"distortion": 1},
+        {"method_options": [1]},
+        {"hint": {"site": {"x": 1}}},
+        {"hint": {"time_utc": "tonight"}},
+        {"hint": "north"},
+        {"max_stars": True},
+    ],
+)
+def test_damaged_settings_are_one_sentence(told) -> None:
+    with pytest.raises(UsageError, match="settings are damaged"):
+        options_from(told)
