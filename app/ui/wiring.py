@@ -22,6 +22,16 @@ class Practice(Protocol):
         ...
 
     @property
+    def driver(self) -> str:
+        """The protocol its mount speaks, a name of :data:`app.mounts.DRIVERS`."""
+        ...
+
+    @property
+    def camera(self) -> str:
+        """The name by which the camera source "simulated" opens its camera."""
+        ...
+
+    @property
     def rig(self) -> Any:
         """The rig itself (``app.simulate.rig``): its clock, weather, bolts and truth."""
         ...

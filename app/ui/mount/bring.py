@@ -1,4 +1,4 @@
-"""Bring this star here: from two places in a solved frame to a slew that carries one to the other."""
+"""Bring this star here: two places in a solved frame become a slew from one to the other."""
 
 from datetime import datetime
 
@@ -15,7 +15,6 @@ from app.workflows.goto_target import Wait, answered, settled
 from app.workflows.sync_mount import shifted
 
 Pixel = tuple[float, float]
-LONGEST_DEG = 20.0
 
 
 def axis_angles_deg(

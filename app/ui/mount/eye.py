@@ -12,9 +12,10 @@ from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
 from app.mounts.guard import Guard
 from app.solve.options import SolveOptions
+from app.ui.mount.words import Seen, Shown, Sight, Word
 from app.workflows.fresh_frame import SolveNow, fresh_frame, lost_in_space
 from app.workflows.goto_target import answered
-from app.workflows.solve_frame import SolvedFrame, solve_open_frame
+from app.workflows.solve_frame import solve_open_frame
 
 LIMIT_S = 40.0
 
@@ -26,15 +27,6 @@ class CameraWish:
     source: str
     address: str = ""
     exposure_s: float = 2.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """A solved frame, and where the mount said it pointed then (ICRS degrees)."""
-
-    solution: Solution
-    mount_deg: tuple[float, float]
-    when: datetime
 
 
 class Eye:
@@ -91,14 +83,13 @@ class Eye:
 def looking(
     eye: Eye,
     guard: Guard,
-    show: Callable[[Frame], None],
-    seen: Callable[[SolvedFrame, Sight | None], None],
+    tell: Callable[[Word], None],
 ) -> SolveNow:
     """What takes a fresh frame, shows it, solves it, and tells what was seen."""
 
     def solve_now() -> Task[Solution | NoSolution]:
         frame = lost_in_space((yield from fresh_frame(eye)))
-        show(frame)
+        tell(Shown(frame))
         said = None
         with suppress(DeviceError):
             said = answered(guard.position_icrs)
@@ -109,7 +100,7 @@ def looking(
             solved.result.attitude.quaternion  # noqa: B018  (its library loads slowly)
             if said is not None:
                 sight = Sight(solved.result, said, guard.clock())
-        seen(solved, sight)
+        tell(Seen(solved, sight))
         return solved.result
 
     return solve_now

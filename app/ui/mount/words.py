@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
+from app.core.frame import Frame
 from app.core.hint import Site
 from app.core.mount import Ability, Epoch, MountState
 from app.core.progress import Progress
+from app.core.solution import Solution
+from app.workflows.solve_frame import SolvedFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,38 @@ class Report:
     icrs_deg: tuple[float, float]
     state: MountState
     can_undo: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """A solved frame, and where the mount said it pointed then (ICRS degrees)."""
+
+    solution: Solution
+    mount_deg: tuple[float, float]
+    when: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Practising:
+    """A simulated telescope has been started: where its mount answers, and its camera's name."""
+
+    port: str
+    camera: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """The camera gave a frame; it is being solved."""
+
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What was found in it."""
+
+    solved: SolvedFrame
+    sight: Sight | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,4 +117,7 @@ class Lost:
     again: str = ""
 
 
-Word = Connected | Report | Under | Done | Failed | Stopped | CannotStop | Silent | Lost
+Word = (
+    Connected | Report | Practising | Shown | Seen | Under | Done | Failed | Stopped | CannotStop
+    | Silent | Lost
+)  # fmt: skip

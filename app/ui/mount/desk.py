@@ -1,0 +1,368 @@
+"""The mount as the window sees it: what is known of it, and what is asked of its line."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from app.core.errors import RefusedError
+from app.core.hint import Site
+from app.core.mount import Direction
+from app.core.progress import Progress, Task
+from app.core.solution import NoSolution, Solution
+from app.mounts.guard import Guard
+from app.ui.job import Job
+from app.ui.mount.eye import CameraWish, Eye, looking
+from app.ui.mount.line_thread import MountLine
+from app.ui.mount.opening import Opening, PracticeOpening, on_port
+from app.ui.mount.reasons import Situation
+from app.ui.mount.targets import parse_target
+from app.ui.mount.wishes import MountWish
+from app.ui.mount.words import (
+    CannotStop,
+    Connected,
+    Done,
+    Failed,
+    Lost,
+    Practising,
+    Report,
+    Seen,
+    Shown,
+    Sight,
+    Silent,
+    Stopped,
+    Under,
+    Word,
+)
+from app.ui.services import Services
+from app.workflows.centre_target import Centring
+from app.workflows.fresh_frame import SolveNow
+from app.workflows.sync_mount import SyncDone, SyncOffer
+
+MOVING = ("goto", "centre", "nudge", "bring", "accept")
+TITLES = {
+    "goto": "going there", "centre": "centring", "nudge": "nudging", "bring": "bringing the star",
+    "take": "taking a frame", "offer": "looking at the sky twice", "accept": "syncing",
+    "undo": "taking the sync back", "track": "switching the tracking",
+}  # fmt: skip
+
+
+@dataclass(slots=True)
+class MountKnown:
+    """All that is known; ``moved_since`` says that the sight is from before the last motion."""
+
+    phase: str = "off"
+    port: str = ""
+    connected: Connected | None = None
+    report: Report | None = None
+    sight: Sight | None = None
+    moved_since: bool = False
+    busy: str = ""
+    practice: bool = False
+    trouble: str = ""
+
+
+class Desk(QObject):
+    """Gives orders and listens; widgets hold nothing and ask only here."""
+
+    changed = Signal()
+    said = Signal(str, str)  # a sentence and its role
+    progressed = Signal(object)  # Progress, or None when nothing is under way
+    offered = Signal(object)  # SyncOffer
+    _heard = Signal(object)
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.known = MountKnown()
+        self.auto_frame = True
+        self.eye: Eye | None = None
+        self._services = services
+        self._line: MountLine | None = None
+        self._job: Job | None = None
+        self._frames = 0
+        self._clock: Callable[[], datetime] | None = None
+        self._heard.connect(self._hear)
+        services.jobs.closing.connect(self.stop)
+
+    # the connection ---------------------------------------------------------------------------
+    def connect_mount(self, wish: MountWish) -> None:
+        """Open a mount; what comes of it is heard."""
+        self._begin(on_port(wish, self._services.settings.site), wish.port)
+
+    def practise(self) -> None:
+        """Start a simulated telescope and connect to it as to a real one."""
+        start = self._services.wiring.practice
+        if start is None:
+            self.said.emit("No simulated telescope is part of this program.", "wrong")
+            return
+        self._begin(PracticeOpening(start, lambda word: self._tell(self._line, word)), "")
+        self.known.practice = True
+
+    def _begin(self, opening: Opening, port: str) -> None:
+        self.disconnect_mount()
+        self.known = MountKnown("connecting", port)
+        line = MountLine(opening, lambda word: self._tell(line, word), self._close_camera(opening))
+        self._line = line
+        self._job = job = self._services.jobs.run(line.run(), "mount")
+        job.failed.connect(lambda sentence: self._ended(job, sentence, "wrong"))
+        job.cancelled.connect(lambda: self._ended(job, "", "muted"))
+        self._clock = opening.now
+        self.said.emit("Connecting…", "muted")
+        self.changed.emit()
+
+    def _close_camera(self, opening: Opening) -> Callable[[], None]:
+        def close() -> None:
+            if self.eye is not None:
+                self.eye.close()
+            opening.over()
+
+        return close
+
+    def disconnect_mount(self) -> None:
+        """Stop what moves and give the port back; a practice telescope ends with it."""
+        if self._job is not None:
+            self.stop()
+            self._job.cancel()
+            self._line = None
+
+    def _ended(self, job: Job, sentence: str, role: str) -> None:
+        if job is not self._job:
+            return
+        self._job, self._line = None, None
+        self.known = MountKnown()
+        self.said.emit(sentence or "Disconnected; whatever moved was stopped.", role)
+        self.progressed.emit(None)
+        self.changed.emit()
+
+    def _tell(self, line: MountLine | None, word: Word) -> None:
+        """From the line's threads."""
+        try:
+            self._heard.emit((line, word))
+        except RuntimeError:  # the window is gone
+            return
+
+    # what a person asks for -------------------------------------------------------------------
+    def stop(self) -> None:
+        """Stop the mount now; never waits."""
+        if self._line is not None:
+            self._line.stop()
+
+    def use_camera(self, wish: CameraWish | None) -> None:
+        """Look through this camera from now on."""
+        if wish is None or self.eye is None or wish != self.eye.wish:
+            old, self.eye = self.eye, None if wish is None else Eye(wish)
+            if old is not None:
+                old.close()
+        self.changed.emit()
+
+    def use_site(self, site: Site | None) -> None:
+        """Where the mount stands; the guard judges altitudes by it."""
+        self._services.settings.keep_site(site)
+        if self._line is not None and not self.known.practice:
+
+            def task(guard: Guard) -> Task[None]:
+                yield Progress("site")
+                guard.site = site
+
+            self._line.order("site", task)
+
+    def take_frame(self) -> None:
+        """A fresh frame, shown and solved."""
+        self._order("take", lambda guard: self._look(guard)())
+
+    def offer_sync(self) -> None:
+        """Look twice and say what a sync would do; without a camera the open frame has to do."""
+        from app.ui.mount.by_hand import offer_by_hand
+        from app.workflows.sync_mount import offer_sync
+
+        solution = self.solution
+        if self.eye is not None:
+            self._order("offer", lambda guard: offer_sync(guard, self._look(guard)))
+        elif solution is not None:
+            self._order("offer", lambda guard: offer_by_hand(guard, solution))
+
+    def accept_sync(self, offer: SyncOffer) -> None:
+        """The person said yes."""
+        from app.ui.mount.by_hand import accept_by_hand
+        from app.workflows.sync_mount import accept_sync
+
+        if len(offer.evidence.centres_deg) < 2:
+            self._order("accept", lambda guard: accept_by_hand(guard, offer))
+        else:
+            accept = partial(accept_sync, confirmed=True, fall_back=True)
+            self._order("accept", lambda guard: accept(guard, offer))
+
+    def undo_sync(self) -> None:
+        """Take back the last sync."""
+        from app.workflows.undo_sync import undo_sync
+
+        self._order("undo", undo_sync)
+
+    def goto(self, text: str) -> None:
+        """Slew to a name or coordinates."""
+
+        def task(guard: Guard) -> Task[str]:
+            from app.workflows.goto_target import goto_target
+
+            target = parse_target(text, guard.clock())
+            yield from goto_target(guard, target)
+            return f"The mount says that it has reached {target.name}."
+
+        self._order("goto", task)
+
+    def centre(self, text: str, tolerance_arcsec: float) -> None:
+        """Slew there, look and correct until it is in the middle."""
+
+        def task(guard: Guard) -> Task[Centring]:
+            from app.workflows.centre_target import centre_target
+
+            target = parse_target(text, guard.clock())
+            look = self._look(guard)
+            return (yield from centre_target(guard, look, target, tolerance_arcsec, confirmed=True))
+
+        self._order("centre", task)
+
+    def nudge(self, direction: Direction, arcsec: float) -> None:
+        """A small motion."""
+        from app.workflows.nudge import nudge
+
+        self._order("nudge", lambda guard: nudge(guard, direction, arcsec))
+
+    def bring(self, star: tuple[float, float], here: tuple[float, float]) -> None:
+        """Move so that what is at pixel ``star`` of the open frame comes to pixel ``here``."""
+        from app.ui.mount.bring import bring_star
+
+        solution = self.solution
+        if solution is not None:
+            self._order("bring", lambda g: bring_star(g, solution, star, here, time.sleep))
+
+    def track(self, on: bool) -> None:
+        """Sidereal tracking."""
+
+        def task(guard: Guard) -> Task[str]:
+            yield Progress("tracking")
+            guard.track(on)
+            return f"Tracking is {'on' if on else 'off'}."
+
+        self._order("track", task)
+
+    # what is known ----------------------------------------------------------------------------
+    @property
+    def solution(self) -> Solution | None:
+        """Of the open frame."""
+        result = self._services.session.known.result
+        return result if isinstance(result, Solution) else None
+
+    @property
+    def situation(self) -> Situation:
+        """All that decides what may be done now."""
+        known = self.known
+        return Situation(
+            known.phase,
+            known.connected.lacks if known.connected is not None else None,
+            known.report.state if known.report is not None else None,
+            TITLES.get(known.busy, known.busy),
+            self.eye is not None,
+            self.solution is not None,
+            known.report is not None and known.report.can_undo,
+        )
+
+    # inside -----------------------------------------------------------------------------------
+    def _order(self, name: str, make: Callable[[Guard], Task[Any]]) -> None:
+        if self._line is None:
+            return
+        self.known.busy = name
+        self._line.order(name, make)
+        self.changed.emit()
+
+    def _look(self, guard: Guard) -> SolveNow:
+        """A solver for the line's thread; what it sees is told in this one."""
+        if self.eye is None:
+            raise RefusedError("No camera is chosen.")
+        line = self._line
+        return looking(self.eye, guard, lambda word: self._tell(line, word))
+
+    def _hear(self, told: tuple[MountLine | None, Word]) -> None:
+        line, word = told
+        if line is not self._line:
+            return
+        known, session = self.known, self._services.session
+        match word:
+            case Practising():
+                known.port = word.port
+                self.use_camera(CameraWish("simulated", word.camera))
+            case Shown():
+                self._frames += 1
+                session.show(word.frame, f"Camera frame {self._frames}")
+            case Seen():
+                if word.sight is not None:
+                    known.sight, known.moved_since = word.sight, False
+                session.answer(word.solved)
+            case Connected():
+                known.phase, known.connected, known.trouble = "on", word, ""
+                self.said.emit(f"Connected: {word.name}.", "good")
+            case Report():
+                known.report, known.trouble = word, ""
+            case Under():
+                known.busy = word.name
+                self.progressed.emit(word.progress)
+            case Done() | Failed():
+                self._over(word)
+            case Lost():
+                known.phase = "lost"
+                self.said.emit(word.again or word.sentence, "wrong")
+            case Silent():
+                known.trouble = word.sentence
+            case Stopped():
+                self.said.emit("Stopped.", "muted")
+            case CannotStop():
+                known.trouble = word.sentence
+                self.said.emit(word.sentence, "bad")
+        self.changed.emit()
+
+    def _over(self, word: Done | Failed) -> None:
+        known = self.known
+        known.busy = ""
+        if word.name in MOVING:
+            known.moved_since = known.sight is not None
+        self.progressed.emit(None)
+        if isinstance(word, Failed):
+            self.said.emit(word.sentence, "muted" if word.stopped else "wrong")
+            return
+        self._done(word.name, word.result)
+
+    def _done(self, name: str, result: Any) -> None:
+        known = self.known
+        match result:
+            case SyncOffer():
+                self.said.emit(result.in_words, "")
+                self.offered.emit(result)
+            case NoSolution():
+                self.said.emit(f"No solution, {result.reason}: {result.advice}", "wrong")
+            case SyncDone():
+                self.said.emit(result.sentence, "good" if result.synced else "")
+                if result.synced:
+                    self._resync()
+            case Centring():
+                known.moved_since = False
+                self._resync()
+                self.said.emit(result.sentence, "good" if result.centred else "wrong")
+            case str():
+                self.said.emit(result, "")
+                if name == "undo":
+                    self._resync()
+            case _:
+                self.said.emit("", "")
+        if name in ("goto", "nudge", "bring") and self.auto_frame and self.eye is not None:
+            self.take_frame()
+
+    def _resync(self) -> None:
+        """After a sync the mount says something else of the place of the last frame."""
+        known = self.known
+        if known.sight is not None and known.report is not None:
+            known.sight = Sight(known.sight.solution, known.report.icrs_deg, known.sight.when)
+            known.moved_since = False
