@@ -18,7 +18,7 @@ NO_FIGURE = "no figure"
 def row(
     table: str, what: str, *, paper: float | None, ours: float | None,
     default: float | None = None, unit: str = "", error: float = 0.0, better: Better = "",
-    note: str = "",
+    note: str = "", best: float | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """A row of the report.
 
@@ -35,6 +35,8 @@ def row(
         its last digit.
     better : {"less", "more", ""}
         Which way is better, "" when neither is.
+    best : float, optional
+        The best number there can be; of a percentage, 0 or 100. Nothing can be ahead of it.
     note : str
         Which reading was tried, or the cause of a difference.
 
@@ -42,7 +44,8 @@ def row(
     return {
         "table": table, "what": what, "unit": unit, "paper": paper, "ours": ours,
         "default": default, "verdict": verdict(paper, ours, error, better), "error": error,
-        "better": better, "default_wins": wins(ours, default, better), "note": note,
+        "better": better, "default_wins": wins(ours, default, better, _best(best, unit, better)),
+        "note": note,
     }  # fmt: skip
 
 
@@ -56,14 +59,23 @@ def verdict(paper: float | None, ours: float | None, error: float, better: Bette
     return BETTER if gain > 0.0 else WORSE
 
 
-def wins(ours: float | None, default: float | None, better: Better) -> str:
-    """How the default compares with the published method: better, equal, worse, or "" if moot."""
+def _best(best: float | None, unit: str, better: Better) -> float | None:
+    if best is None and unit == "%" and better:
+        return 100.0 if better == "more" else 0.0
+    return best
+
+
+def wins(
+    ours: float | None, default: float | None, better: Better, best: float | None = None
+) -> str:
+    """How the default compares: better, equal, both perfect, worse, or "" if moot."""
     if not better or ours is None or default is None:
         return ""
     if not (math.isfinite(ours) and math.isfinite(default)):
         return ""
     if math.isclose(ours, default, rel_tol=1e-9, abs_tol=1e-12):
-        return "equal"
+        perfect = best is not None and math.isclose(ours, best, abs_tol=1e-12)
+        return "both perfect" if perfect else "equal"
     return "better" if (default < ours) == (better == "less") else "worse"
 
 

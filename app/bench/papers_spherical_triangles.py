@@ -14,18 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.bench.papers_default import knowing, solved
 from app.bench.papers_row import Better, row, share_error, timed
 from app.core.attitude import attitude_from, radec_deg
 from app.core.camera import Camera
 from app.core.detections import Detections
-from app.core.hint import Hint
-from app.core.progress import run
 from app.core.solution import Solution
 from app.identify.angles import Angles, angle_table
 from app.identify.pairs import Pairs
 from app.identify.spherical_triangles import SphericalTriangles, triangle_table
-from app.solve.options import SolveOptions
-from app.solve.solver import solve_detections
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -262,23 +259,23 @@ def tallied(method: Any, table: Any, bound: float, noise: float, number: int, se
     for _ in range(number):
         near, body, _ = _field(sky, rng, noise)
         (_, chain), seconds = timed(lambda: method.recognise(body, table, bound))  # noqa: B023
-        solved = chain.entries is not None
-        good = solved and bool(np.isin(table.stars[chain.entries], near).all())
-        log.append((len(near), solved, good, chain.pivots, seconds))
+        known = chain.entries is not None
+        good = known and bool(np.isin(table.stars[chain.entries], near).all())
+        log.append((len(near), known, good, chain.pivots, seconds))
     return _summed(log)
 
 
 def _summed(log: list[tuple[int, bool, bool, int, float]]) -> Tally:
     """The tally of fields given as (stars, solved, correct, pivots, seconds)."""
-    stars, solved, good, pivots, seconds = (np.array(column) for column in zip(*log, strict=True))
+    stars, known, good, pivots, seconds = (np.array(column) for column in zip(*log, strict=True))
 
     def share(what: NDArray[np.bool_], among: NDArray[np.bool_] | None = None) -> float:
         chosen = what if among is None else what[among]
         return 100.0 * float(chosen.mean()) if len(chosen) else float("nan")
 
     return Tally(
-        share(good), share(~solved), share(solved & ~good),
-        float(pivots[solved].mean()) if solved.any() else float("nan"), float(pivots.mean()),
+        share(good), share(~known), share(known & ~good),
+        float(pivots[known].mean()) if known.any() else float("nan"), float(pivots.mean()),
         float(seconds.mean()), share(good, stars >= 4), share(good, stars >= 5),
     )  # fmt: skip
 
@@ -301,18 +298,16 @@ def by_default(sky: Floats, noise: float, number: int, seed: int) -> Tally:
     rng = np.random.default_rng(seed)
     focal = SIDE_PX / 2.0 / float(np.tan(np.radians(FIELD_DEG / 2.0)))
     camera = Camera.centred(SIDE_PX, SIDE_PX, focal)
-    scale = camera.scale_arcsec_px
-    options = SolveOptions(hint=Hint(scale_arcsec_px=(scale / 1.001, scale * 1.001)))
+    options = knowing(camera.scale_arcsec_px)
     log = []
     for _ in range(number):
         _, body, z = _field(sky, rng, noise)
         truth = attitude_from(*radec_deg(z), 0.0)
         xy = camera.project(body @ truth.matrix.T)
         listed = Detections.from_list(np.clip(xy, 0, SIDE_PX - 1), SIDE_PX, SIDE_PX)
-        answer, seconds = timed(lambda: run(solve_detections(listed, options)))  # noqa: B023
-        solved = isinstance(answer, Solution)
+        answer, seconds = solved(listed, options)
         good = isinstance(answer, Solution) and bool(
             answer.centre_vector @ z > np.cos(np.radians(0.05))
         )
-        log.append((len(body), solved, good, 0, seconds))
+        log.append((len(body), isinstance(answer, Solution), good, 0, seconds))
     return _summed(log)
