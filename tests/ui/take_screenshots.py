@@ -1,8 +1,9 @@
 """Take the pictures of the window that the README shows, on whatever screen there is.
 
-``python -m tests.ui.take_screenshots FOLDER [FRAME]`` (the README's are in
+``python -m tests.ui.take_screenshots FOLDER [FRAME] [--laboratory]`` (the README's are in
 ``resources/screenshots``) opens the frame in the real window with the real engine and saves
-``window.png``, ``night.png`` and ``welcome.png``; it prints what Qt drew on and what was found.
+``window.png``, ``night.png`` and ``welcome.png``, and with ``--laboratory`` also that view after a
+comparison and curves of a minute or so; it prints what Qt drew on and what was found.
 """
 
 import json
@@ -15,11 +16,13 @@ from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
+from app.__main__ import _simulated_field
 from app.core.solution import Solution
 from app.ui.application import build
 from app.ui.engine import WorkflowEngine
 from app.ui.samples import samples
 from app.ui.settings import Settings
+from app.ui.wiring import Wiring
 
 LIMIT_MS = 90_000
 
@@ -31,19 +34,47 @@ def pause(ms):
 
 
 def keep(window, path):
-    """Save what the window shows, as small as PNG makes it."""
+    """Save what the window shows in 256 colours, which keeps the repository small."""
     window.grab().save(str(path))
     with Image.open(path) as picture:
-        small = picture.convert("RGB")
+        red, green, blue = picture.convert("RGB").split()
+    if green.getextrema() == blue.getextrema() == (0, 0):  # night: every shade of red is kept
+        small = red.copy()
+        small.putpalette([value for shade in range(256) for value in (shade, 0, 0)])
+    else:
+        whole = Image.merge("RGB", (red, green, blue))
+        rare_too = Image.Quantize.MAXCOVERAGE  # others forget the few pixels of a mark
+        small = whole.quantize(256, method=rare_too, dither=Image.Dither.NONE)
     small.save(path, optimize=True)
 
 
-def main(folder, frame=None):
+def show_laboratory(commands, path):
+    """Compare every method, draw the curves of three, and keep the picture."""
+    commands.views.show("laboratory")
+    commands.actions["fill"].trigger()
+    view = commands.views.docks["laboratory"].view
+    for methods, run in (
+        (None, view.run_comparison),
+        (["patterns", "voting", "neighbours"], view.run_curves),
+    ):
+        if methods:
+            view.methods.tick(methods)
+        run()
+        while not view.compare.isEnabled():
+            pause(200)
+    view.methods.list.setCurrentRow(1)
+    pause(500)
+    keep(commands.window, path)
+    commands.views.toggle("laboratory")
+
+
+def main(folder, *arguments):
+    frame = next((a for a in arguments if not a.startswith("-")), None)
     app = QApplication([])
     folder = Path(folder)
     with tempfile.TemporaryDirectory() as home:
         settings = Settings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
-        window, commands = build(WorkflowEngine(), settings)
+        window, commands = build(WorkflowEngine(), settings, wiring=Wiring(fields=_simulated_field))
         window.resize(1360, 860)
         window.show()
         window.activateWindow()
@@ -58,6 +89,8 @@ def main(folder, frame=None):
         loop.exec()
         pause(300)
         keep(window, folder / "window.png")
+        if "--laboratory" in arguments:
+            show_laboratory(commands, folder / "laboratory.png")
         commands.actions["night"].trigger()
         pause(300)
         keep(window, folder / "night.png")
