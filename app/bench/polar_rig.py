@@ -134,9 +134,11 @@ class RigSky:
         return float(np.linalg.norm(error.axis - self.truth())) / ARCSEC
 
 
-def make_rig(rng: np.random.Generator, catalogue: Catalogue) -> RigSky:
+def make_rig(
+    rng: np.random.Generator, catalogue: Catalogue, latitude_deg: float | None = None
+) -> RigSky:
     """A rig with everything drawn by chance: site, sky, misalignment, bolts, tracking."""
-    latitude = float(rng.uniform(-60.0, 70.0))
+    latitude = float(rng.uniform(-60.0, 70.0)) if latitude_deg is None else latitude_deg
     site = Site(latitude, float(rng.uniform(-180, 180)), float(rng.uniform(0, 2000)))
     off_arcmin = float(np.exp(rng.uniform(np.log(1.0), np.log(300.0))))
     angle = float(rng.uniform(0.0, 2.0 * np.pi))

@@ -1,0 +1,150 @@
+"""``kochab polar`` on rendered frames of the practice rig, through detection and the solver."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from app.cli.main import main
+from app.core.hint import Site
+from app.frames.fits_write import write_fits
+from app.simulate.camera import CameraConfig
+from app.simulate.mechanics.mount import MountConfig
+from app.simulate.rig import PracticeRig, RigConfig
+
+SITE = Site(47.0, 8.0, 450.0)
+
+
+@pytest.fixture(scope="module")
+def night(tmp_path_factory):
+    """Three frames 30 degrees of turn apart, with tracking, and the truth; and a blank one."""
+    folder = tmp_path_factory.mktemp("polar")
+    rig = PracticeRig(
+        RigConfig(
+            seed=3, site=SITE, start_deg=(-65.0, 40.0),
+            mount=MountConfig(misalignment_arcmin=(22.0, -35.0), german=False),
+            camera=CameraConfig(width=900, height=700, fov_deg=6.0),
+        )
+    )  # fmt: skip
+    files = []
+    for k in range(3):
+        if k:
+            ra, dec = rig.mount.believed_deg()
+            rig.mount.goto((ra - 30.0) % 360.0, dec)
+            rig.wait_until_still(2.0)
+        path = folder / f"sweep-{k}.fits"
+        write_fits(rig.frame(2.0), path)
+        files.append(str(path))
+    blank = folder / "blank.fits"
+    from app.core.frame import Frame
+
+    write_fits(Frame(np.full((200, 300), 500, np.uint16)), blank)
+    return rig, files, str(blank)
+
+
+def polar(capsys, *arguments):
+    code = main(["polar", *arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_the_axis_is_found_from_files_alone(night, capsys, tmp_path):
+    rig, files, _ = night
+    page = tmp_path / "night.html"
+    code, out, err = polar(capsys, *files, "--json", "--pressure", "1010", "--report", str(page))
+    assert code == 0, err
+    told = json.loads(out)
+    truth = rig.truth().axis_error()
+    sigma_alt, sigma_az = told["sigma_arcsec"]
+    assert told["altitude_error_arcsec"] == pytest.approx(truth.altitude_arcsec, abs=4 * sigma_alt)
+    knob = sigma_az / np.cos(np.radians(47.0))
+    assert told["azimuth_error_arcsec"] == pytest.approx(truth.azimuth_arcsec, abs=4 * knob)
+    assert told["total_arcsec"] == pytest.approx(
+        truth.total_arcsec, abs=4 * max(sigma_alt, sigma_az)
+    )
+    assert max(sigma_alt, sigma_az) < 15.0
+    assert told["pole"] == "refracted"
+    assert told["turn_deg"] == pytest.approx(60.0, abs=0.5)
+    assert told["frames"] == 3
+    assert told["degrees_of_freedom"] == 2
+    assert any("flexure" in text for text in told["warnings"])
+    assert page.read_text("utf-8").startswith("<!doctype html>")
+    assert json.loads(page.with_suffix(".json").read_text())["entries"][0]["kind"] == "measured"
+
+
+def test_people_get_words_and_the_true_pole_is_lower(night, capsys):
+    _, files, _ = night
+    code, out, _ = polar(capsys, *files[:2], "--pole", "true", "--site", "47,8,450")
+    assert code == 0
+    assert "true north pole at altitude 47.00°" in out
+    assert "too high: lower it" in out
+    assert "anticlockwise (towards west): turn the mount clockwise, seen from above" in out
+    assert re.search(r"2 frames over (29.9|30.[0-2]) deg of turn", out)
+
+
+def test_the_pole_changes_altitude_by_refraction(night, capsys):
+    _, files, _ = night
+    high = {}
+    for pole in ("true", "half-way", "refracted"):
+        _, out, _ = polar(capsys, *files, "--json", "--pole", pole)
+        high[pole] = json.loads(out)["altitude_error_arcsec"]
+    assert high["true"] - high["refracted"] == pytest.approx(52.0, abs=3.0)
+    assert high["true"] - high["half-way"] == pytest.approx(26.0, abs=1.5)
+
+
+def test_a_frame_without_an_answer_is_exit_1(night, capsys):
+    _, files, blank = night
+    code, out, err = polar(capsys, files[0], blank)
+    assert (code, out) == (1, "")
+    assert "blank.fits: no solution" in err
+    code, out, _ = polar(capsys, files[0], blank, "--json")
+    assert code == 1
+    assert "no solution" in json.loads(out)["error"]
+
+
+def test_the_same_frame_twice_has_no_axis(night, capsys):
+    _, files, _ = night
+    code, _, err = polar(capsys, files[0], files[0])
+    assert code == 1
+    assert "too alike" in err
+
+
+def test_what_is_missing_is_said_in_one_sentence(night, capsys, tmp_path):
+    _, files, _ = night
+    code, _, err = polar(capsys, files[0])
+    assert code == 2
+    assert "two frames or more" in err
+    from astropy.io import fits
+
+    for gone, words in (("DATE", "does not say when"), ("SITE", "--site LAT,LON")):
+        stripped = []
+        for k, file in enumerate(files[:2]):
+            with fits.open(file) as hdus:
+                for key in [key for key in hdus[0].header if key.startswith((gone, "OBSGEO"))]:
+                    del hdus[0].header[key]
+                path = tmp_path / f"{gone}-{k}.fits"
+                hdus.writeto(path)
+                stripped.append(str(path))
+        code, _, err = polar(capsys, *stripped)
+        assert (code, words in err) == (2, True), err
+        assert "Traceback" not in err
+    assert polar(capsys, *stripped, "--site", "47,8,450")[0] == 0
+    for site in ("47", "north", "91,0", "0,400", "47,8,99999", "nan,8"):
+        code, _, err = polar(capsys, *files, "--site", site)
+        assert code == 2
+        assert "is not LAT,LON" in err
+
+
+def test_a_wrong_site_is_doubted(night, capsys):
+    _, files, _ = night
+    code, out, _ = polar(capsys, *files, "--site", "-30,8")
+    assert code == 0
+    assert "note" in out
+    assert "below the horizon" in out or "from the pole" in out
+
+
+def test_a_file_that_is_not_there(capsys):
+    code, _, err = polar(capsys, "/nowhere/a.fits", "/nowhere/b.fits")
+    assert code == 2
+    assert "Traceback" not in err

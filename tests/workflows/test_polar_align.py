@@ -1,0 +1,320 @@
+"""The whole alignment on the practice rig: by the mount, by hand, and when things go wrong."""
+
+import numpy as np
+import pytest
+
+from app.bench.polar import follow
+from app.bench.polar_rig import make_rig
+from app.core.errors import RefusedError
+from app.core.mount import Direction, MountState
+from app.core.progress import Progress, run
+from app.core.solution import NoSolution, Reason
+from app.polar.findings import Kind
+from app.polar.path import best_way, way
+from app.polar.sighting import to_local
+from app.polar.tutor import BoltTutor
+from app.sky import open_catalogue
+from app.workflows.polar_adjust import End, adjust
+from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis, plan_way
+from app.workflows.polar_turners import HandTurner, MountTurner
+from app.workflows.polar_update import PolarControls, PolarUpdate
+from app.workflows.polar_watch import NotMeasuredError
+
+
+def rig(seed=1, hour=-40.0, dec=50.0, latitude=45.0):
+    sky = make_rig(np.random.default_rng([1, seed]), open_catalogue(), latitude)
+    sky.point(hour, dec)
+    return sky
+
+
+@pytest.mark.parametrize("latitude", [-40.0, 45.0])
+def test_measure_adjust_measure_again_ends_at_the_pole(latitude):
+    sky = rig(latitude=latitude, dec=np.sign(latitude) * 50.0)
+    done = follow(sky)
+    assert done.good
+    assert sky.true_total_arcsec() < 30.0
+    assert done.moves <= 6
+    kinds = [entry.kind for entry in done.history.entries]
+    assert kinds[0] == kinds[-1] == "measured"
+    assert {"live", "told"} <= set(kinds)
+
+
+def test_measuring_says_how_surely_and_how_much_further():
+    sky = rig()
+    updates = []
+    found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)), updates.append)
+    told = [u for u in updates if isinstance(u, PolarUpdate) and u.measurement is not None]
+    assert len(told) == 4  # from the second frame of five on
+    assert told[0].more_turn_deg > told[2].more_turn_deg
+    assert f'turn {told[0].more_turn_deg:.0f} deg more for 10"' in told[0].detail
+    assert (
+        sky.missed_arcsec(found.measurement.error) < 4 * found.measurement.error.uncertainty_arcsec
+    )
+    assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
+    assert Kind.SLIPPING not in {f.kind for f in found.findings}
+
+
+def test_a_person_may_stop_measuring_early():
+    sky, controls = rig(), PolarControls()
+    controls.enough()
+    found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0), controls))
+    assert len(found.measurement.attitudes) == 2
+
+
+class ByHand(HandTurner):
+    """A person who turns the axis while frames go on, some time after being asked."""
+
+    def __init__(self, sky):
+        self.sky = sky
+        self.words = []
+        self.left = None
+
+    def turn(self, direction, degrees):
+        for progress in super().turn(direction, degrees):
+            self.words.append(progress.detail)
+            yield progress
+        self.left = [3, direction, degrees]
+
+    def sight(self):
+        if self.left is not None:
+            self.left[0] -= 1
+            if self.left[0] == 0:
+                run(self.sky.turn(self.left[1], self.left[2]))
+                self.left = None
+        return (yield from self.sky.sight())
+
+
+def test_without_a_mount_words_are_said_and_the_frames_show_when_it_was_done():
+    sky = rig()
+    hand = ByHand(sky)
+    updates = []
+    found = run(
+        measure_axis(hand, hand, sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)),
+        updates.append,
+    )
+    assert len(hand.words) == 2
+    assert "by hand, about 30 deg to the" in hand.words[0]
+    assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
+    assert any(u.stage == "turn" and u.detail == "turned 0 of 30 deg" for u in updates)
+
+
+class Clutch:
+    """A turner whose mount turns less than it is asked, as with a loose clutch."""
+
+    by_hand = False
+
+    def __init__(self, sky):
+        self.sky = sky
+
+    def turn(self, direction, degrees):
+        yield from self.sky.turn(direction, 0.6 * degrees)
+
+
+def test_a_slipping_clutch_is_told():
+    sky = rig()
+    found = run(
+        measure_axis(sky, Clutch(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3))
+    )
+    assert found.findings[0].kind is Kind.SLIPPING
+    assert "asked to turn 30 deg and the sky says 18 deg" in found.findings[0].text
+
+
+class Clouds:
+    """A source whose frames have no answer, or that gives none."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def sight(self):
+        yield Progress("wait")
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (None, "No frames come from the camera"),
+        (NoSolution(Reason.CLOUDED_OR_DARK, "Wait for the clouds to pass."), "clouded or dark"),
+    ],
+)
+def test_frames_that_never_help_end_in_one_sentence(answer, words):
+    sky = rig()
+    with pytest.raises(NotMeasuredError, match=words):
+        run(measure_axis(Clouds(answer), sky, sky.settings))
+
+
+def test_nothing_turned_is_one_sentence():
+    class Lazy(Clutch):
+        def turn(self, direction, degrees):
+            yield Progress("turn")
+
+    sky = rig()
+    with pytest.raises(NotMeasuredError, match="too alike"):
+        run(
+            measure_axis(
+                sky, Lazy(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)
+            )
+        )
+
+
+def test_a_frame_without_an_answer_keeps_the_last_error_and_says_so():
+    sky = rig()
+    found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
+
+    class Sometimes:
+        def __init__(self):
+            self.count = 0
+
+        def sight(self):
+            self.count += 1
+            if self.count == 6:
+                return (yield from Clouds(NoSolution(Reason.TRAILED, "Wait.")).sight())
+            return (yield from sky.sight())
+
+    controls, updates = PolarControls(), []
+
+    def watch(update):
+        updates.append(update)
+        if len([u for u in updates if isinstance(u, PolarUpdate)]) > 9:
+            controls.remeasure()
+
+    ended = run(adjust(Sometimes(), found.measurement, BoltTutor(), controls), watch)
+    assert ended.end is End.ASKED
+    lost = [u for u in updates if isinstance(u, PolarUpdate) and not u.solved]
+    assert len(lost) == 1
+    assert lost[0].steady is not None
+    assert "trailed" in lost[0].detail
+
+
+def test_a_large_move_measures_again():
+    sky = rig()
+    found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
+    tutor, controls = BoltTutor(), PolarControls()
+    task = adjust(sky, found.measurement, tutor, controls)
+    next(task)
+    sky.rig.mount.turn_bolts(180.0, 0.0)
+    assert run(task).end is End.LARGE_MOVE
+
+
+def test_every_step_can_be_the_last():
+    sky = rig()
+    task = measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0))
+    for _ in range(4):
+        next(task)
+    task.close()
+    with pytest.raises(StopIteration):
+        next(task)
+
+
+# Which way to turn.
+
+
+def test_the_way_stays_up_and_on_its_side_of_the_meridian():
+    for latitude in (-40.0, 45.0):
+        for hour in (-60.0, -30.0, 30.0, 60.0):
+            sky = rig(latitude=latitude, hour=hour, dec=np.sign(latitude) * 20.0)
+            first = to_local(sky.look(), sky.settings.site, sky.settings.air)
+            path = best_way(first.boresight, sky.settings, 60.0)
+            assert path.lowest_deg >= 20.0
+            assert path.past_meridian_deg <= 5.0
+            assert path.turn_deg >= 20.0
+            # what it foresees is what happens
+            run(sky.turn(path.direction, path.turn_deg))
+            after = to_local(sky.look(), sky.settings.site, sky.settings.air)
+            assert after.altitude_deg >= path.lowest_deg - 6.0  # the axis is up to 5 deg off
+
+
+def test_west_sinks_in_the_west():
+    sky = rig(latitude=45.0, hour=40.0, dec=20.0)
+    first = to_local(sky.look(), sky.settings.site, sky.settings.air)
+    west = way(first.boresight, sky.settings, Direction.WEST, 30.0)
+    east = way(first.boresight, sky.settings, Direction.EAST, 30.0)
+    assert west.lowest_deg < first.altitude_deg - 10.0
+    assert east.lowest_deg == pytest.approx(first.altitude_deg, abs=1e-6)
+
+
+def test_the_planner_turns_less_near_the_pole_and_backwards_the_second_time():
+    near, far = rig(latitude=45.0, dec=80.0), rig(latitude=45.0, hour=-70.0, dec=30.0)
+    sweep = Sweep(goal_arcsec=10.0)
+    ways = []
+    for sky in (near, far):
+        first = to_local(sky.look(), sky.settings.site, sky.settings.air)
+        ways.append(plan_way(first, sky.settings, sweep))
+    assert ways[0].turn_deg < ways[1].turn_deg
+    first = to_local(near.look(), near.settings.site, near.settings.air)
+    back = plan_way(first, near.settings, Sweep(turn_deg=40.0, backwards=Direction.WEST))
+    assert back.direction is Direction.EAST
+    assert foreseen_arcsec(first, near.settings, sweep) <= 10.0
+
+
+# The mount, through whatever guards it.
+
+
+class Motor:
+    """Records what it is asked; refuses when told to; never moves by itself."""
+
+    def __init__(self, refuse=False):
+        self.asked = []
+        self.stops = 0
+        self.refuse = refuse
+        self.slewing_for = 0
+
+    def move(self, direction, rate_deg_s, seconds):
+        if self.refuse:
+            raise RefusedError("The guard says no.")
+        self.asked.append((direction, rate_deg_s * seconds))
+
+    def state(self):
+        self.slewing_for -= 1
+        return MountState(slewing=self.slewing_for > 0)
+
+    def stop(self):
+        self.stops += 1
+
+
+def clocked(motor):
+    time = [0.0]
+
+    def sleep(seconds):
+        time[0] += seconds
+
+    return MountTurner(motor, 2.0, sleep, lambda: time[0]), time
+
+
+def test_the_mount_turns_in_bounded_parts_and_is_stopped_at_the_end():
+    motor = Motor()
+    turner, time = clocked(motor)
+    run(turner.turn(Direction.WEST, 90.0))
+    assert sum(part for _, part in motor.asked) == pytest.approx(90.0)
+    assert max(part for _, part in motor.asked) <= 40.0
+    assert {direction for direction, _ in motor.asked} == {Direction.WEST}
+    assert motor.stops == 1
+    assert time[0] >= 45.0
+
+
+def test_a_cancelled_turn_stops_the_mount():
+    motor = Motor()
+    turner, _ = clocked(motor)
+    task = turner.turn(Direction.EAST, 30.0)
+    for _ in range(4):
+        next(task)
+    task.close()
+    assert motor.stops == 1
+
+
+def test_a_refusal_of_the_guard_is_passed_on_and_the_mount_stopped():
+    motor = Motor(refuse=True)
+    turner, _ = clocked(motor)
+    with pytest.raises(RefusedError, match="guard says no"):
+        run(turner.turn(Direction.EAST, 30.0))
+    assert motor.stops == 1
+    assert motor.asked == []
+
+
+def test_a_mount_that_never_comes_to_rest_is_stopped():
+    motor = Motor()
+    motor.slewing_for = 10**9
+    turner, _ = clocked(motor)
+    with pytest.raises(RefusedError, match="still moving"):
+        run(turner.turn(Direction.EAST, 10.0))
+    assert motor.stops == 1
