@@ -120,13 +120,16 @@ class AngleTable:
     index: KVector
 
 
-@lru_cache(maxsize=4)
 def angle_table(
     limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0
 ) -> AngleTable:
     """The angles of the catalogue up to ``limit_deg``; ``mag_limit`` overrides ``brightest``."""
     number = brightest if mag_limit is None else None
-    pairs = catalogue_pairs(limit_deg, brightest=number, mag_limit=mag_limit, year=year)
+    return _tabled(catalogue_pairs(limit_deg, brightest=number, mag_limit=mag_limit, year=year))
+
+
+@lru_cache(maxsize=4)
+def _tabled(pairs: Pairs) -> AngleTable:
     stars = np.stack([pairs.first, pairs.second], axis=1)[::-1].astype(np.int64)
     return AngleTable(pairs, stars, make_kvector(np.cos(pairs.angle[::-1]), LINEAR))
 

@@ -3,7 +3,8 @@
 The methods that compare angular separations share it. Kolomenkin et al. (2008, IEEE Trans. Aerosp.
 Electron. Syst. 44, 441) and the theses that follow them fill it in hours; here a k-d tree names the
 pairs: 8,870 stars (V <= 6.5) and 8 degrees give about 200,000 of them in a few hundredths of a
-second, so the table is made where it is first needed and kept in memory, 16 bytes a pair.
+second, so the table is made where it is first needed and kept, 16 bytes a pair; large ones also on
+disk.
 """
 
 from dataclasses import dataclass, replace
@@ -13,9 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from app.identify.table_cache import Arrays, kept
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Index = NDArray[np.int32]
+KEPT = ("rows", "vectors", "mag", "first", "second", "angle")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,12 +91,11 @@ def make_pairs(rows: Ints, vectors: Floats, mag: Floats, max_rad: float) -> Pair
     return Pairs(rows, vectors, mag, first[order], second[order], angle[order], max_rad)
 
 
-@lru_cache(maxsize=6)
 def catalogue_pairs(
     max_deg: float, *, brightest: int | None = None, mag_limit: float | None = None,
     year: float = 2016.0,
 ) -> Pairs:  # fmt: skip
-    """Pairs up to ``max_deg`` degrees of the shipped catalogue's bright stars; kept in memory.
+    """Pairs up to ``max_deg`` degrees of the shipped catalogue's bright stars; kept.
 
     Parameters
     ----------
@@ -103,11 +106,34 @@ def catalogue_pairs(
     mag_limit : float, optional
         Take the stars with V <= this. Exactly one of the two must be given.
     year : float
-        Julian year to which proper motion is applied.
+        Julian year to which proper motion is applied, whole: no bright star moves 6 arcsec in one.
 
     """
     if (brightest is None) == (mag_limit is None):
         raise ValueError("Give either the number of stars or the limiting magnitude.")
+    return _tabled(max_deg, brightest, mag_limit, round(year))
+
+
+@lru_cache(maxsize=6)
+def _tabled(
+    max_deg: float, brightest: int | None, mag_limit: float | None, year: int
+) -> Pairs:  # fmt: skip
+    """The table, from memory, from disk, or made."""
+    options = {
+        "max_deg": max_deg, "brightest": brightest, "mag_limit": mag_limit, "year": year
+    }  # fmt: skip
+
+    def make() -> Arrays:
+        made = make_pairs(*bright_stars(brightest, mag_limit, year), np.radians(max_deg))
+        return {name: getattr(made, name) for name in KEPT}
+
+    return Pairs(**kept("pairs", options, make), max_rad=float(np.radians(max_deg)))
+
+
+def bright_stars(
+    brightest: int | None, mag_limit: float | None, year: float
+) -> tuple[Ints, Floats, Floats]:
+    """Rows (N,), unit vectors (N, 3) and magnitudes (N,) of the catalogue's bright stars."""
     from app.sky import open_catalogue
 
     catalogue = open_catalogue()
@@ -116,4 +142,4 @@ def catalogue_pairs(
         rows = catalogue.brightest(pole, np.pi, brightest)
     else:
         rows = catalogue.cone(pole, np.pi, mag_limit)
-    return make_pairs(rows, catalogue.vectors(rows, year), catalogue.mag(rows), np.radians(max_deg))
+    return rows, catalogue.vectors(rows, year), catalogue.mag(rows)
