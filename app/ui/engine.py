@@ -68,8 +68,14 @@ class WorkflowEngine:
         return (yield from solve_open_frame(frame, options, read_ms=read_ms))
 
     def prepare(self) -> Task[None]:
-        """Load what a solve needs; make the patterns for small fields, too large to ship."""
-        for name in NEEDED:
+        """Load what a solve and the views need, and make the patterns for small fields.
+
+        Those are too large to ship.
+        """
+        from app.ui.views import VIEWS  # they know what the window is made of, and so of us
+
+        views = (made_by.partition(":")[0] for _, _, made_by in VIEWS.values())
+        for name in (*NEEDED, *views):
             yield Progress("load", None, name)
             import_module(name)
         from app.identify.volumes import fine

@@ -14,7 +14,7 @@ ToJson = Callable[[str, Solution], str]
 
 
 class Practice(Protocol):
-    """A practice rig under way: a mount that answers at ``port``, and a camera on it."""
+    """A practice night under way: a mount that answers at ``port``, and a camera on it."""
 
     @property
     def port(self) -> str:
@@ -36,6 +36,14 @@ class Practice(Protocol):
         """The rig itself (``app.simulate.rig``): its clock, weather, bolts and truth."""
         ...
 
+    def do(self, line: str) -> str:
+        """What hands do at the mount, as one typed line, and what came of it."""
+        ...
+
+    def score(self) -> Any:
+        """How far belief and axis are off now (``app.simulate.score``)."""
+        ...
+
     def stop(self) -> None:
         """End it and give the port back."""
         ...
@@ -49,8 +57,8 @@ class Wiring:
     """Callables from outside; a view that is not given what it needs says so and offers less.
 
     ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
-    rig. ``fields`` makes the simulated star fields of the Laboratory, see
-    :data:`app.workflows.laboratory.MakeField`.
+    night, with the keywords of ``app.simulate.practice.practise``; call it in a job. ``fields``
+    makes the simulated star fields of the Laboratory (:data:`app.workflows.laboratory.MakeField`).
     """
 
     to_json: ToJson | None = None

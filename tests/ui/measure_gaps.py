@@ -18,11 +18,13 @@ import numpy as np
 from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
+from app.__main__ import _simulated_field
 from app.ui.application import build
 from app.ui.background import Background
 from app.ui.engine import WorkflowEngine
 from app.ui.garbage import Garbage
 from app.ui.settings import Settings
+from app.ui.wiring import Wiring
 
 TICK_MS = 2
 LONG_S = 0.030
@@ -107,7 +109,7 @@ def main(*arguments):
         path = Path(home, "large.fits")
         size = make_frame(path, float(sizes[0]) if sizes else 61.0)
         engine = WorkflowEngine()
-        window, commands = build(engine, settings)
+        window, commands = build(engine, settings, wiring=Wiring(fields=_simulated_field))
         garbage, background = Garbage(), Background(window, engine)
         window.resize(1360, 860)
         window.show()
