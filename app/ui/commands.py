@@ -37,8 +37,9 @@ class Commands(QObject):
             self.window, self.session, wiring.to_json, red=lambda: self.looks.is_night
         )
         self.services = Services(
-            self.settings, self.session, self.looks, Jobs(self.window), wiring, self._say
-        )
+            self.settings, self.session, self.looks, Jobs(self.window), wiring, self._say,
+            self.window.workspace.view, self.window.workspace,
+        )  # fmt: skip
         self.views = Views(self.window, self.services)
         self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
         self._restore()

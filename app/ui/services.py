@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 
 from app.core.progress import Task
+from app.ui.frame_view import FrameView
 from app.ui.job import Job
 from app.ui.looks import Looks
 from app.ui.main_window import MainWindow
 from app.ui.session import Session
 from app.ui.settings import Settings
 from app.ui.wiring import Wiring
+from app.ui.workspace import Workspace
 
 if TYPE_CHECKING:
     from app.sky import Catalogue
@@ -60,6 +62,8 @@ class Services:
     (``opened``, ``solved``, ``unsolved``). ``looks`` has the theme's ``colours``, ``is_night``, and
     the signal ``changed``. ``jobs.run(task, name)`` runs a generator in a thread; ``jobs.closing``
     comes before the window ends them. ``say`` puts a sentence in the status bar for a while.
+    ``view`` shows the open frame (``clicked``: its pixels), and ``panes`` are all that stand
+    about it, for whoever brings frames of a camera.
     """
 
     settings: Settings
@@ -68,6 +72,8 @@ class Services:
     jobs: Jobs
     wiring: Wiring
     say: Callable[[str], None]
+    view: FrameView
+    panes: Workspace
     log: logging.Logger = log
 
     @staticmethod

@@ -64,6 +64,13 @@ QPushButton[role="sample"]:focus { border-color: $accent; }
 QPushButton[role="link"] { background: transparent; border: 1px solid transparent;
     text-align: left; padding: 3px 6px; color: $accent; }
 QPushButton[role="link"]:hover, QPushButton[role="link"]:focus { border-color: $accent; }
+QPushButton[off="true"] { color: $faint; background: $window; }
+QPushButton[role="main"][off="true"] { color: $faint; background: $window; border-color: $line; }
+QPushButton[off="true"]:focus { border-color: $accent; }
+QPushButton[role="stop"] { background: $stop; color: $on_stop; border: 2px solid $stop;
+    font-size: ${large}pt; font-weight: 700; min-height: 2em; }
+QPushButton[role="stop"]:focus { border-color: $text; }
+QPushButton[role="stop"][off="true"] { background: $window; color: $faint; border-color: $line; }
 QPushButton[role="small"] { padding: 2px 9px; font-size: ${small}pt; }
 
 QLineEdit, QPlainTextEdit, QTextEdit, QSpinBox, QDoubleSpinBox, QComboBox
@@ -90,7 +97,7 @@ QRadioButton::indicator { border-radius: 8px; }
 QCheckBox::indicator:checked, QRadioButton::indicator:checked, QListView::indicator:checked
     { background: $accent; border-color: $accent; image: url($glyphs/tick.png); }
 QCheckBox:focus, QRadioButton:focus { color: $accent; }
-QCheckBox:disabled { color: $faint; }
+QCheckBox:disabled, QCheckBox[off="true"] { color: $faint; }
 
 QSlider { background: transparent; min-height: 20px; }
 QSlider::groove:horizontal { height: 4px; background: $line; border-radius: 2px; }
