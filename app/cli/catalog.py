@@ -93,9 +93,10 @@ def _cache() -> Path:
 
 
 def _info(args: argparse.Namespace) -> int:
+    from app.identify.table_cache import tables
     from app.sky.inventory import inventory
 
-    told = _driven(inventory(_folder(args.catalog)))
+    told = _driven(inventory(_folder(args.catalog))) | {"tables": tables()}
     if args.json:
         print(to_line(told))
     else:
@@ -123,6 +124,10 @@ def _print_info(told: dict[str, Any]) -> None:
               f"{'as built' if file['ok'] else 'ALTERED'}")  # fmt: skip
     print(f"  {'together':14} {told['bytes']:>12,}")
     print(f"  {'patterns':14} {told['pattern_bytes']:>12,}")
+    if told["tables"]:
+        print("Tables of the classic methods, kept on this computer")
+        for name, size in told["tables"].items():
+            print(f"  {name:36} {size:>12,}")
     print("Checks")
     for check, ok in told["checks"].items():
         print(f"  {'yes' if ok else 'NO':3} {check}")
