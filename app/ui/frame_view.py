@@ -17,6 +17,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.ui.picture import Picture
+from app.ui.ready_picture import ReadyPicture
 from app.ui.screen_image import ScreenImage
 from app.ui.stretch import Stretch
 from app.ui.viewport import Viewport
@@ -55,11 +56,11 @@ class FrameView(QWidget):
 
     # what is shown ----------------------------------------------------------------------------
     @property
-    def picture(self) -> Picture | None:
+    def picture(self) -> Picture | ReadyPicture | None:
         """What is drawn, if anything."""
         return self._image.picture
 
-    def show_picture(self, picture: Picture | None, keep_view: bool = False) -> None:
+    def show_picture(self, picture: Picture | ReadyPicture | None, keep_view: bool = False) -> None:
         """Draw ``picture``, fitted unless ``keep_view``."""
         self._image.set_picture(picture)
         if not keep_view:

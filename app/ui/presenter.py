@@ -13,6 +13,7 @@ from app.ui.main_window import MainWindow
 from app.ui.overlay import Overlay
 from app.ui.picture import Picture
 from app.ui.readout import readout
+from app.ui.ready_picture import ReadyPicture
 from app.ui.session import Session
 from app.ui.settings import Settings
 
@@ -39,6 +40,7 @@ class Presenter(QObject):
         s.opening.connect(self._opening)
         s.opened.connect(self._opened)
         s.pictured.connect(self._pictured)
+        s.streamed.connect(self._streamed)
         s.solving.connect(self._solving)
         s.progressed.connect(self._progressed)
         s.solved.connect(self._solved)
@@ -95,6 +97,14 @@ class Presenter(QObject):
         panes = self.window.workspace
         panes.view.show_picture(picture)
         panes.strip.show_picture(picture)
+
+    def _streamed(self, picture: ReadyPicture) -> None:
+        view, result = self.window.workspace.view, self.session.known.result
+        before = view.picture
+        size = (picture.width, picture.height)
+        same = before is not None and (before.width, before.height) == size
+        view.show_picture(picture, keep_view=same)
+        self._show_marks(result if isinstance(result, Solution) else None)
 
     def _solving(self) -> None:
         self._clear_marks()

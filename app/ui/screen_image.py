@@ -8,6 +8,7 @@ from PySide6.QtCore import QRectF
 from PySide6.QtGui import QImage, qRgb
 
 from app.ui.picture import Picture
+from app.ui.ready_picture import ReadyPicture
 from app.ui.stretch import Stretch
 from app.ui.viewport import Viewport
 
@@ -18,7 +19,7 @@ class ScreenImage:
     """Crops the right pyramid level to the screen and runs it through the look-up table."""
 
     def __init__(self) -> None:
-        self.picture: Picture | None = None
+        self.picture: Picture | ReadyPicture | None = None
         self._stretch = Stretch()
         self._colour = True
         self._red = False
@@ -27,7 +28,7 @@ class ScreenImage:
         self._made: tuple[QImage, QRectF] | None = None
         self._pixels: NDArray[np.uint8] | None = None  # QImage borrows this memory
 
-    def set_picture(self, picture: Picture | None) -> None:
+    def set_picture(self, picture: Picture | ReadyPicture | None) -> None:
         """Another picture."""
         self.picture = picture
         self._tables, self._made, self._key = [], None, None
@@ -42,6 +43,8 @@ class ScreenImage:
         picture = self.picture
         if picture is None:
             return None
+        if isinstance(picture, ReadyPicture):
+            return picture.placed(viewport)
         key = (viewport, ratio)
         if key != self._key:
             self._made, self._key = self._render(picture, viewport, ratio), key

@@ -17,6 +17,7 @@ from app.solve.options import SolveOptions
 from app.ui.engine import Engine, Solved
 from app.ui.job import Job
 from app.ui.picture import Picture, prepare
+from app.ui.ready_picture import ReadyPicture
 
 log = logging.getLogger("kochab")
 JOIN_S = 3.0
@@ -56,6 +57,7 @@ class Session(QObject):
     solved = Signal(object)  # Solution
     unsolved = Signal(object)  # NoSolution
     failed = Signal(str)
+    streamed = Signal(object)  # ReadyPicture of a camera that runs
     stopped = Signal()  # cancelled by the person
     idle = Signal()
 
@@ -115,6 +117,23 @@ class Session(QObject):
             self._has_result(solved)
             if not self._jobs:
                 self.idle.emit()
+
+    def begin_stream(self, name: str) -> None:
+        """A camera starts: leave the open frame; :meth:`stream` brings the camera's."""
+        self._drop_all()
+        old = self.known
+        self.known = Known(last_good=old.last_good, last_good_from=old.last_good_from, name=name)
+        self.idle.emit()
+
+    def stream(
+        self, frame: Frame, picture: ReadyPicture, result: Solution | NoSolution | None
+    ) -> None:
+        """Show a frame of a running camera, made ready, with its answer if there is one yet."""
+        known = self.known
+        known.frame, known.result = frame, result
+        if isinstance(result, Solution):
+            known.last_good, known.last_good_from = result, known.name
+        self.streamed.emit(picture)
 
     def cancel(self) -> None:
         """Stop reading or solving; the views hear of it when it has stopped.

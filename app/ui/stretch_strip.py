@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QSlid
 
 from app.ui.histogram import AXIS_POWER, Histogram
 from app.ui.picture import Picture
+from app.ui.ready_picture import ReadyPicture
 from app.ui.stretch import Stretch
 
 STEPS = 1000
@@ -46,7 +47,7 @@ class StretchStrip(QWidget):
         line.addLayout(grid, 1)
         self.setEnabled(False)
 
-    def show_picture(self, picture: Picture) -> None:
+    def show_picture(self, picture: Picture | ReadyPicture) -> None:
         """Another frame: its histogram, and its automatic stretch when that is on."""
         self._automatic = picture.auto
         self.histogram.set_counts(picture.histogram)

@@ -1,0 +1,1 @@
+"""The Live view: a camera that runs, and where it points now."""
