@@ -1,0 +1,89 @@
+"""An independent truth: INDI's telescope simulator with a misaligned axis, written by other people.
+
+Its mount model is that of pointing analysis: MA is the axis' error in azimuth times the cosine of
+the latitude, positive to the west; ME its error in altitude, positive below the pole. Its positions
+while it turns west give the axis through our plane fit. (Its camera's roll does not follow its axis,
+so attitudes cannot be tested with it.)
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from app.core.hint import Site
+from app.polar.error import PolarError
+from app.polar.plane import axis_of_plane
+from app.polar.poles import Pole, pole_direction
+from app.sky.apparent import JD_UNIX, TT_MINUS_UTC_S
+
+LONGITUDE = 10.0
+NAMESPACE = ["unshare", "--net", "--pid", "--fork", "--kill-child"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_network():
+    if sys.platform != "linux":
+        pytest.skip("INDI is run in a network namespace, which only Linux has")
+    for program, package in (
+        ("indiserver", "indi-bin"), ("indi_simulator_telescope", "indi-bin"),
+        ("unshare", "util-linux"), ("ip", "iproute2"),
+    ):  # fmt: skip
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not there: apt-get install {package}")
+    if subprocess.run([*NAMESPACE, "true"], capture_output=True).returncode:
+        pytest.skip("no network of its own may be made here: run as root")
+
+
+def sidereal_deg(unix_s):
+    """Local apparent sidereal time (ERFA ``gst06a``)."""
+    import erfa
+
+    ut = JD_UNIX + unix_s / 86400.0
+    return float(np.degrees(erfa.gst06a(ut, 0.0, ut, TT_MINUS_UTC_S / 86400.0))) + LONGITUDE
+
+
+def east_north_up(unix_s, ra_deg, dec_deg, latitude_deg):
+    hour, dec, lat = np.radians([sidereal_deg(unix_s) - ra_deg, dec_deg, latitude_deg])
+    return np.array(
+        [
+            -np.cos(dec) * np.sin(hour),
+            np.sin(dec) * np.cos(lat) - np.cos(dec) * np.sin(lat) * np.cos(hour),
+            np.sin(dec) * np.sin(lat) + np.cos(dec) * np.cos(lat) * np.cos(hour),
+        ]
+    )
+
+
+def turn_west(repository, home, latitude, ma, me):
+    """What INDI's simulator says while it turns: [[unix seconds, RA, Dec], ...]."""
+    plan = {
+        "latitude": latitude, "longitude": LONGITUDE, "ma": ma, "me": me,
+        "start": [(sidereal_deg(time.time()) + 40.0) % 360.0, 70.0], "patience_s": 60.0,
+    }  # fmt: skip
+    found = subprocess.run(
+        [*NAMESPACE, sys.executable, str(repository / "tests/polar/indi_mount_model.py")],
+        input=json.dumps(plan), text=True, capture_output=True, timeout=120, cwd=repository,
+        env={**os.environ, "HOME": str(home), "PYTHONPATH": str(repository)},
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr
+    return json.loads(found.stdout)
+
+
+@pytest.mark.parametrize(("ma", "me"), [(0.5, -0.3), (-0.2, 0.4)])
+def test_the_axis_of_indis_mount_model_is_recovered(repository, tmp_path, ma, me):
+    latitude = 40.0
+    seen = turn_west(repository, tmp_path, latitude, ma, me)
+    assert len(seen) >= 8
+    boresights = np.stack([east_north_up(*row, latitude) for row in seen])
+    axis = axis_of_plane(boresights)
+    pole = pole_direction(Site(latitude, LONGITUDE), Pole.TRUE)
+    axis = axis if axis @ pole > 0 else -axis
+    error = PolarError(axis, pole, np.eye(2) * 1e-10)
+    # +MA: axis west of the pole, which is anticlockwise from above in the north; +ME: too low
+    assert error.azimuth_on_sky_arcsec / 3600.0 == pytest.approx(-ma, abs=0.01)
+    assert error.altitude_arcsec / 3600.0 == pytest.approx(-me, abs=0.01)
