@@ -18,6 +18,9 @@ ACTIONS: dict[str, tuple[str, str]] = {
     "sync": ("app.cli.mount_correct", "tell the mount where it points"),
     "goto": ("app.cli.mount_correct", "slew to coordinates or to a name"),
     "stop": ("app.cli.mount_ask", "stop every motion, now"),
+    "centre": ("app.cli.mount_centre", "go there, solve, correct, until it is in the middle"),
+    "recover": ("app.cli.mount_recover", "tell a lost mount where it is, with nobody there"),
+    "disagree": ("app.cli.mount_disagree", "name the cause when mount and sky disagree"),
 }
 """Action -> the module with its ``add_parser(actions, name, help)`` and ``run(args) -> int``."""
 

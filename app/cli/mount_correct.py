@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """Preview; then, when asked and allowed, do it and tell where the mount is."""
     ra, dec = target_deg(args)
     line = ProgressLine(args.action)
-    with _ended_by_signals(), guarded_mount(args, _limits(args)) as guard:
+    with ended_by_signals(), guarded_mount(args, _limits(args)) as guard:
         there = guard.to_mount(ra, dec)
         guard.armed = bool(getattr(args, "armed", False))
         if args.action == "goto":
@@ -88,7 +88,7 @@ def _say(told: dict[str, Any], preview: "Preview") -> None:
 
 
 @contextmanager
-def _ended_by_signals() -> Iterator[None]:
+def ended_by_signals() -> Iterator[None]:
     """A polite kill ends like Ctrl-C does: the mount is stopped on the way out."""
 
     def end(number: int, frame: FrameType | None) -> None:

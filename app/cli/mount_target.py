@@ -2,7 +2,6 @@
 
 import argparse
 
-from app.core.attitude import radec_deg
 from app.core.errors import UsageError
 
 
@@ -29,14 +28,7 @@ def target_deg(args: argparse.Namespace) -> tuple[float, float]:
 def _named(name: str) -> tuple[float, float]:
     from datetime import UTC, datetime
 
-    import numpy as np
+    from app.workflows.goto_target import named_target
 
-    from app.sky.apparent import julian_years
-    from app.sky.catalogue import open_catalogue
-
-    catalogue = open_catalogue()
-    found = catalogue.find(name)
-    if isinstance(found, int):
-        year = julian_years(datetime.now(UTC))
-        return radec_deg(catalogue.vectors([found], year)[0])
-    return radec_deg(np.asarray(found))
+    found = named_target(name, datetime.now(UTC))
+    return found.ra_deg, found.dec_deg

@@ -1,0 +1,118 @@
+"""``kochab mount recover``: a lost mount is told where it is; nobody need be there."""
+
+import argparse
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from app.cli.mount import add_line_options
+from app.cli.mount_ask import where
+from app.cli.mount_correct import ended_by_signals
+from app.cli.mount_frames import add_frames, eyes
+from app.cli.mount_line import guarded_mount
+from app.cli.output import Json, ProgressLine, dms, hms, to_line
+from app.core.hint import Site
+from app.core.progress import run as drive
+
+if TYPE_CHECKING:
+    from app.mounts.guard import Guard
+    from app.workflows.recover_mount import Recovery
+
+
+def add_parser(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
+    """Add ``recover``."""
+    parser = actions.add_parser(
+        name,
+        help=text,
+        description="Solves without any hint of the place and syncs the mount within the guard; "
+        "nothing moves. Exit code: 0 the mount knows where it is, 1 not, 2 usage.",
+    )
+    add_line_options(parser, run)
+    add_frames(parser)
+    parser.add_argument(
+        "--yes", action="store_true", help="also beyond 5 deg, and with a frame not of this minute"
+    )
+    parser.add_argument("--arm", action="store_true", help="also beyond 20 deg")
+    parser.add_argument("--dry-run", action="store_true", help="look and tell, change nothing")
+    parser.add_argument("--no-site", action="store_true", help="do without a watch on the horizon")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Recover, and tell what was done."""
+    from app.mounts.limits import Limits
+    from app.workflows.recover_mount import recover_mount
+
+    line = ProgressLine("recover")
+    limits = Limits(allow_without_site=args.no_site)
+    with ended_by_signals(), eyes(args) as seeing, guarded_mount(args, limits) as guard:
+        notes: list[str] = []
+
+        def site_known() -> None:
+            if guard.site is None and not args.no_site:
+                guard.site, told = _site(seeing.site(), guard)
+                notes.extend(told)
+
+        def solve_now() -> Any:
+            found = yield from seeing.solve_now()
+            site_known()
+            return found
+
+        try:
+            done = drive(
+                recover_mount(
+                    guard, solve_now, confirmed=args.yes, armed=args.arm, only_look=args.dry_run,
+                    taken=seeing.taken,
+                ),
+                line,
+            )  # fmt: skip
+        finally:
+            line.clear()
+        told = {**_json(done, seeing.used(), notes), **where(args, guard)}
+    if args.json:
+        print(to_line(told))
+    else:
+        _say(told)
+    return 0
+
+
+def _site(from_frame: Site | None, guard: "Guard") -> tuple[Site | None, list[str]]:
+    """The frame's own site, or else the mount's; and what is to be said of it."""
+    if from_frame is not None:
+        return from_frame, ["The site is the one in the frame's header."]
+    own = guard.beliefs().site
+    if own is not None:
+        return own, ["The site is the mount's own, which may be wrong: give --site."]
+    return None, []
+
+
+def _json(done: "Recovery", frames: list[str], notes: list[str]) -> Json:
+    s = done.solution
+    return {
+        "action": "recover",
+        "recovered": done.synced,
+        "solved_ra_deg": done.sky_deg[0],
+        "solved_dec_deg": done.sky_deg[1],
+        "roll_deg": s.roll_deg,
+        "before_ra_deg": done.before_deg[0],
+        "before_dec_deg": done.before_deg[1],
+        "after_ra_deg": done.after_deg[0],
+        "after_dec_deg": done.after_deg[1],
+        "offset_deg": done.preview.offset_deg,
+        "east_deg": done.preview.east_deg,
+        "north_deg": done.preview.north_deg,
+        "evidence": asdict(done.evidence),
+        "matches": len(s.stars),
+        "frames": frames,
+        "refusals": list(done.preview.refusals),
+        "warnings": [*notes, *done.warnings],
+    }
+
+
+def _say(told: Json) -> None:
+    print(
+        f"The telescope points at {hms(told['solved_ra_deg'])} {dms(told['solved_dec_deg'])} "
+        f"(J2000), {told['offset_deg']:.3f} deg from where the mount thought."
+    )
+    done = "The mount was told so and says it now." if told["recovered"] else "Nothing was changed."
+    print(f"  {done}")
+    for sentence in (*told["refusals"], *told["warnings"]):
+        print(f"  {sentence}")
