@@ -1,0 +1,81 @@
+"""The polar bench judges by the rig's truth, repeats itself, and cannot flatter."""
+
+import numpy as np
+import pytest
+
+from app.bench import polar as bench
+from app.bench.polar_rig import make_rig
+from app.polar.rotations import ARCSEC, angle_between
+from app.polar.sighting import to_local
+from app.sky import open_catalogue
+
+
+def row(error=5.0, **changed):
+    usual = {
+        "error_arcsec": error, "predicted_arcsec": 6.0, "inside_68": True, "inside_95": True,
+        "signs_right": True, "hidden_arcmin": 20.0, "cpu_ms": 1.0, "moves": 4,
+    }  # fmt: skip
+    return usual | changed
+
+
+def met(measured, aligned):
+    return {goal.name: goal.met for goal in bench.goals(measured, aligned)}
+
+
+def test_goals_are_judged():
+    good = [row(inside_68=k % 100 < 68, inside_95=k % 100 < 95) for k in range(200)]
+    assert all(met(good, good).values())
+    for changed, name in (
+        ({"error_arcsec": 16.0}, "median"),
+        ({"inside_68": True}, "68 %"),
+        ({"inside_95": False}, "95 %"),
+    ):
+        failed = met([r | changed for r in good], good)
+        assert [n for n, ok in failed.items() if not ok and name in n], changed
+    for one in (row(signs_right=False), row()):
+        verdict = met([one, *good[1:]], good)
+        assert verdict["runs with a wrong sign"] is one["signs_right"]
+    late = met(good, [row(error=31.0), *good[1:]])
+    assert late["alignments ending at 30 arcsec or more"] is False
+    assert late["worst end of an alignment: arcsec"] is False
+    assert met(good, [row(moves=6), *good[1:]])["most moves of the bolts"] is False
+
+
+def test_a_rig_agrees_with_our_sky_without_taking_part_in_it():
+    """Without errors in the solves, what is measured is the rig's own axis to a tenth of an arcsec."""
+    from app.polar.plan import Optics
+
+    for seed in range(4):
+        sky = make_rig(np.random.default_rng([5, seed]), open_catalogue())
+        sky.optics = Optics(1e-3, 1e-2)
+        local = to_local(sky.look(), sky.settings.site, sky.settings.air)
+        truth = sky.rig.truth(sky.rig.clock.now_unix() - 1.5)
+        assert angle_between(local.boresight, truth.enu_to_camera[2]) < 0.05 * ARCSEC
+
+
+def test_runs_are_what_they_say_and_repeat():
+    first, again = bench.measure_once(3), bench.measure_once(3)
+    first.pop("cpu_ms"), again.pop("cpu_ms")
+    assert first == again
+    assert 0.0 < first["error_arcsec"] < 6.0 * first["predicted_arcsec"]
+    assert first["turn_deg"] == pytest.approx(60.0, abs=1.5)
+    assert -60.0 <= first["latitude_deg"] <= 70.0
+
+
+def test_an_alignment_ends_where_the_rig_says(monkeypatch):
+    monkeypatch.setattr(bench, "PLACES", 8)
+    ended = bench.align_once(8)
+    assert ended["error_arcsec"] < 30.0 < ended["before_arcsec"]
+    assert 1 <= ended["moves"] <= 6
+    assert ended["rounds"] >= 2
+
+
+def test_it_runs_and_reports(monkeypatch):
+    monkeypatch.setattr(bench, "QUICK", 2)
+    monkeypatch.setattr(bench, "PLACES", 4)
+    said = []
+    result = bench.run(True, said.append)
+    assert result.bench == "polar"
+    assert {r["kind"] for r in result.rows} == {"measure", "align"}
+    assert len(result.goals) == 7
+    assert len(said) == 2
