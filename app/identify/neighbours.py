@@ -44,14 +44,14 @@ class Neighbours:
     paper: ClassVar[str] = "Liebe 1992, Initial Estimate"
 
     brightest: int = integer(
-        1107, "", 200, 20000, "stars of the catalogue above the limit of detection"
+        1107, "stars", 200, 20000, "of the catalogue, above the limit of detection"
     )
     spread: float = number(0.25, "", 0.0, 0.9, "uncertainty of a brightness, as a share of it")
     tolerance_deg: float = number(0.05, "deg", 0.0005, 0.5, "largest error of a star's place")
     distance_step_deg: float = number(0.1, "deg", 0.001, 1.0, "class of a distance")
     angle_step_deg: float = number(5.0, "deg", 0.5, 45.0, "class of an angle")
     angle_errors: float = number(1.0, "", 1.0, 3.0, "times the error of an angle (figure 11: 2)")
-    exchange: float = number(4.0, "", 0.0, 10.0, "tolerances within which neighbours change places")
+    exchange: float = number(4.0, "tolerances", 0.0, 10.0, "neighbours so near change places")
     double_deg: float = number(0.1, "deg", 0.0, 1.0, "closer stars are a double: maybe seen")
     circle: bool = switch(False, "only the circle within the frame is the picture")
 

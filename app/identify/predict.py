@@ -44,7 +44,7 @@ class Predict:
 
     paper: ClassVar[str] = "Liebe 1992, Predictional Estimate"
 
-    stars: int = integer(40, "", 6, 200, "brightest detections matched")
+    stars: int = integer(40, "stars", 6, 200, "brightest detections matched")
     roll_deg: float | None = number(
         None, "deg", -360.0, 360.0, "position angle of the frame's up, east of north",
         none="every roll is tried",
@@ -53,7 +53,7 @@ class Predict:
     reach: float = number(
         0.25, "", 0.05, 0.5, "least distance that may match, over the stars' mean distance"
     )
-    most: int = integer(150_000, "", 100, 1_000_000, "predictions tried at most")
+    most: int = integer(150_000, "predictions", 100, 1_000_000, "tried at most")
     previous: tuple[Attitude, Camera] | None = None
 
     def identify(
