@@ -81,12 +81,28 @@ class Commands(QObject):
         )
         window.welcome.open_wanted.connect(self.choose)
         window.welcome.file_wanted.connect(self.open)
+        self._offer_practice()
         window.files_dropped.connect(lambda paths: self.open(paths[0]))
         window.closing.connect(self._close)
         for signal in (self.session.opening, self.session.solving, self.session.solved,
                        self.session.idle, self.session.opened):  # fmt: skip
             signal.connect(self._enable)
         self.session.opened.connect(self._show_recent)
+
+    def _offer_practice(self) -> None:
+        able = self.services.wiring.practice is not None
+        menu = self.window.menus.practice
+        menu.setVisible(able)
+        menu.triggered.connect(lambda _=False: self.practise())
+        self.window.welcome.practice.setVisible(able)
+        self.window.welcome.practice_wanted.connect(self.practise)
+
+    def practise(self) -> None:
+        """Start a simulated telescope in the Mount view."""
+        self.views.show("mount")
+        view = self.views.docks["mount"].view
+        if view is not None:
+            view.practise()  # type: ignore[attr-defined]
 
     # files ------------------------------------------------------------------------------------
     def choose(self) -> None:

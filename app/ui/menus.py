@@ -40,6 +40,8 @@ class Menus:
         _fill(view, actions, "night", "full")
         _fill(bar.addMenu("&Solve"), actions, "solve", "cancel", "", "tab_hints")
         self.tools: QMenu = bar.addMenu("&Tools")
+        self.practice = self.tools.addAction("Practice with a &simulated telescope")
+        self.tools.addSeparator()
         _fill(self.tools, actions, "fill", "")
         _fill(bar.addMenu("&Help"), actions, "keys", "about")
 

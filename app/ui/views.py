@@ -4,14 +4,16 @@ from importlib import import_module
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
-from PySide6.QtWidgets import QDockWidget, QWidget
+from PySide6.QtWidgets import QDockWidget, QTabWidget, QWidget
 
 from app.ui.main_window import MainWindow
 from app.ui.services import Services
+from app.ui.widgets import scrolled
 
 # name -> (title with its mnemonic, shortcut, the widget, made with Services alone).
-# F1, F5 and F11 are taken. Meant for the rest: F2 live, F3 mount, F4 polar, F7 at the bolts.
+# F1, F5 and F11 are taken. Meant for the rest: F2 live, F4 polar, F7 at the bolts.
 VIEWS: dict[str, tuple[str, str, str]] = {
+    "mount": ("&Mount", "F3", "app.ui.mount.view:MountView"),
     "laboratory": ("&Laboratory", "F6", "app.ui.lab.view:LaboratoryView"),
 }
 SHARE = 0.5  # of the window's width, for the first dock that is opened
@@ -29,7 +31,7 @@ class ViewDock(QDockWidget):
     def showEvent(self, event: QShowEvent) -> None:
         if self.view is None:
             self.view = make_view(self._name, self._services)
-            self.setWidget(self.view)
+            self.setWidget(scrolled(self.view))  # a small screen must not be outgrown
             self._services.looks.dress_fields(self.view)
         super().showEvent(event)
 
@@ -49,6 +51,7 @@ class Views(QObject):
     def __init__(self, window: MainWindow, services: Services) -> None:
         super().__init__(window)
         self._window = window
+        window.setTabPosition(Qt.DockWidgetArea.RightDockWidgetArea, QTabWidget.TabPosition.North)
         self.docks: dict[str, ViewDock] = {}
         self.actions: dict[str, QAction] = {}
         for name, (title, keys, _) in VIEWS.items():

@@ -17,12 +17,18 @@ INVITATION = (
 )
 READS = "FITS, XISF, TIFF, PNG, JPEG, HEIC and camera RAW. Nothing has to be known about the frame."
 
+PRACTICE = (
+    "&Practice with a simulated telescope",
+    "A mount that stands wrong and a camera on it, under a sky of their own.",
+)
+
 
 class Welcome(QWidget):
     """Open a frame, try a sample, or take up a recent file."""
 
     open_wanted = Signal()
     file_wanted = Signal(Path)
+    practice_wanted = Signal()
 
     def __init__(self, samples: list[Sample]) -> None:
         super().__init__()
@@ -44,6 +50,12 @@ class Welcome(QWidget):
         line.addStretch(1)
         column.addLayout(line)
         column.addWidget(label(READS, "muted", wrap=True))
+        self.practice = button(
+            f"{PRACTICE[0]}\n{PRACTICE[1]}", self.practice_wanted.emit, "sample"
+        )
+        self.practice.setAccessibleName(PRACTICE[0].replace("&", ""))
+        self.practice.hide()
+        column.addWidget(self.practice)
         self.samples: list[QPushButton] = []
         self._pictures: dict[Path, np.ndarray] = {}
         self._offered = samples[:MOST_SHOWN]

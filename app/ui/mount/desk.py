@@ -153,10 +153,16 @@ class Desk(QObject):
 
     def use_camera(self, wish: CameraWish | None) -> None:
         """Look through this camera from now on."""
-        if wish is None or self.eye is None or wish != self.eye.wish:
-            old, self.eye = self.eye, None if wish is None else Eye(wish)
-            if old is not None:
+        if self.eye is not None and wish == self.eye.wish:
+            return
+        old, self.eye = self.eye, None if wish is None else Eye(wish)
+        if old is not None and self._line is not None:
+
+            def task(_: Guard) -> Task[None]:  # it is closed by the thread that opened it
+                yield Progress("camera")
                 old.close()
+
+            self._line.order("camera", task)
         self.changed.emit()
 
     def use_site(self, site: Site | None) -> None:
