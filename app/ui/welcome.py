@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from app.ui.samples import Sample
 from app.ui.thumbnails import GAP, HEIGHT, WIDTH, as_icon
-from app.ui.widgets import button, label, rule
+from app.ui.widgets import button, label, rule, scrolled
 
 MOST_SHOWN = 5
 INVITATION = (
@@ -50,9 +50,7 @@ class Welcome(QWidget):
         line.addStretch(1)
         column.addLayout(line)
         column.addWidget(label(READS, "muted", wrap=True))
-        self.practice = button(
-            f"{PRACTICE[0]}\n{PRACTICE[1]}", self.practice_wanted.emit, "sample"
-        )
+        self.practice = button(f"{PRACTICE[0]}\n{PRACTICE[1]}", self.practice_wanted.emit, "sample")
         self.practice.setAccessibleName(PRACTICE[0].replace("&", ""))
         self.practice.hide()
         column.addWidget(self.practice)
@@ -70,17 +68,23 @@ class Welcome(QWidget):
         column.addSpacing(8)
         column.addWidget(self._recent_title)
         column.addLayout(self._recent)
-        outer = QHBoxLayout(self)
-        outer.setContentsMargins(32, 32, 32, 32)
-        outer.addStretch(1)
-        outer.addWidget(inside, 4, Qt.AlignmentFlag.AlignVCenter)
-        outer.addStretch(1)
+        page = QWidget()
+        page.setObjectName("page")
+        middle = QHBoxLayout(page)
+        middle.setContentsMargins(32, 32, 32, 32)
+        middle.addStretch(1)
+        middle.addWidget(inside, 4, Qt.AlignmentFlag.AlignVCenter)
+        middle.addStretch(1)
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(0, 0, 0, 0)
+        outer.addWidget(scrolled(page))  # on a small screen
         self.show_recent([])
 
     def _sample(self, sample: Sample, index: int) -> QPushButton:
         text = f"&{index + 1}  {sample.title}"
         made = button(f"{text}\n{sample.text}" if sample.text else text,
                       lambda: self.file_wanted.emit(sample.path), "sample")  # fmt: skip
+        made.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         made.setAccessibleName(sample.title)
         made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
         return made

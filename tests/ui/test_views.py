@@ -59,6 +59,15 @@ def test_views_share_a_place_and_the_hidden_one_comes_to_the_front(
     assert not first.isHidden()
 
 
+def test_a_view_fits_a_small_screen(qtbot, make_window, engine):
+    window, commands = make_window(engine)
+    window.resize(1280, 700)
+    commands.views.show("laboratory")
+    qtbot.wait(50)
+    assert window.height() <= 700
+    assert window.width() <= 1280
+
+
 def test_keys_of_views_are_nobody_elses():
     taken = {key for spec in SPECS for key in spec.keys.split()}
     keys = [keys for _, keys, _ in views.VIEWS.values()]
