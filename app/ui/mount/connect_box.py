@@ -38,12 +38,11 @@ class ConnectBox(QWidget):
 
     def __init__(self, can_practise: bool) -> None:
         super().__init__()
-        self.port = _combo("Port of the mount", editable=True)
-        self.port.setPlaceholderText("a device, COM3 or socket://HOST:PORT")
+        self.port = _combo("Port of the mount", "a device, COM3 or socket://HOST:PORT")
         self.driver = _combo("Driver of the mount")
         for name in DRIVERS:
             self.driver.addItem(driver_class(name).title, name)
-        self.baud = _combo("Baud rate", editable=True)
+        self.baud = _combo("Baud rate", "9600")
         self.baud.addItems(BAUDS)
         self.epoch = _combo("Epoch of the mount's coordinates")
         self.epoch.addItems(list(EPOCHS))
@@ -74,6 +73,7 @@ class ConnectBox(QWidget):
         form.addRow("Port", self.port)
         form.addRow("Driver", self.driver)
         line = QHBoxLayout()
+        line.setSpacing(10)
         line.addWidget(self.baud, 1)
         line.addWidget(label("Epoch"))
         line.addWidget(self.epoch, 1)
@@ -147,15 +147,17 @@ class ConnectBox(QWidget):
             self.trouble.emit(str(error))
 
 
-def _combo(name: str, editable: bool = False) -> QComboBox:
+def _combo(name: str, example: str = "") -> QComboBox:
+    """A list to choose from; with an ``example`` one can type in it, too."""
     made = QComboBox()
-    made.setEditable(editable)
+    made.setEditable(bool(example))
     made.setAccessibleName(name)
     made.setMinimumContentsLength(8)
     made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-    if editable:
+    if example:
         made.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         field = made.lineEdit()
         assert field is not None
         field.setAccessibleName(name)
+        field.setPlaceholderText(example)
     return made

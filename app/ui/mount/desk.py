@@ -11,13 +11,14 @@ from PySide6.QtCore import QObject, Signal
 
 from app.core.errors import RefusedError
 from app.core.hint import Site
-from app.core.mount import Direction
+from app.core.mount import Direction, Pointing
 from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
 from app.mounts.guard import Guard
 from app.ui.job import Job
 from app.ui.mount.eye import CameraWish, Eye, looking
 from app.ui.mount.line_thread import MountLine
+from app.ui.mount.offset import Offset, size_text
 from app.ui.mount.opening import Opening, PracticeOpening, on_port
 from app.ui.mount.reasons import Situation
 from app.ui.mount.targets import parse_target
@@ -41,6 +42,7 @@ from app.ui.mount.words import (
 from app.ui.services import Services
 from app.workflows.centre_target import Centring
 from app.workflows.fresh_frame import SolveNow
+from app.workflows.nudge import Nudged
 from app.workflows.sync_mount import SyncDone, SyncOffer
 
 MOVING = ("goto", "centre", "nudge", "bring", "accept")
@@ -361,8 +363,17 @@ class Desk(QObject):
                 self.said.emit(result, "")
                 if name == "undo":
                     self._resync()
+            case Solution() if known.sight is not None:
+                off = Offset.between(known.sight.mount_deg, result.ra_dec_deg)
+                self.said.emit(
+                    f"Solved: the sky is {size_text(off.total_deg)} from where the mount says.", ""
+                )
+            case Nudged():
+                self.said.emit(f"Nudged {result.direction} by {result.by}.", "")
+            case Pointing():
+                self.said.emit("The star has been brought.", "")
             case _:
-                self.said.emit("", "")
+                pass
         if name in ("goto", "nudge", "bring") and self.auto_frame and self.eye is not None:
             self.take_frame()
 

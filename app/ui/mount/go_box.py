@@ -47,16 +47,16 @@ class GoBox(QWidget):
         self.tolerance.setPrefix("to ")
         self.tolerance.setSuffix("″")
         self.target.returnPressed.connect(self.goto.click)
-        line = QHBoxLayout()
-        line.addWidget(self.goto)
-        line.addWidget(self.centre)
-        line.addWidget(self.tolerance)
-        line.addStretch(1)
+        above, below = QHBoxLayout(), QHBoxLayout()
+        above.addWidget(label("Go to", "heading"))
+        above.addWidget(self.target, 1)
+        for widget in (self.goto, self.centre, self.tolerance):
+            below.addWidget(widget)
+        below.addStretch(1)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(label("Go to", "heading"))
-        column.addWidget(self.target)
-        column.addLayout(line)
+        column.addLayout(above)
+        column.addLayout(below)
 
     def offer_names(self, names: list[str]) -> None:
         """What the field completes."""

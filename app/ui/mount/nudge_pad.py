@@ -24,12 +24,15 @@ WAYS = {
 
 
 class NudgePad(QWidget):
-    """One nudge at a time: what comes while the mount moves is not kept for later."""
+    """One nudge at a time: what comes while the mount moves is not kept for later.
+
+    ``beside`` is shown at its side.
+    """
 
     nudge_wanted = Signal(object, float)  # Direction, arcsec
     explained = Signal(str)
 
-    def __init__(self) -> None:
+    def __init__(self, beside: QWidget) -> None:
         super().__init__()
         self.step = QComboBox()
         self.step.setAccessibleName("Step of a nudge")
@@ -52,6 +55,7 @@ class NudgePad(QWidget):
         title.addWidget(label("Nudge", "heading"))
         title.addWidget(label(HINT, "muted", wrap=True))
         title.addStretch(1)
+        title.addWidget(beside, 0, Qt.AlignmentFlag.AlignLeft)
         line = QHBoxLayout(self)
         line.setContentsMargins(0, 0, 0, 0)
         line.setSpacing(14)

@@ -10,8 +10,10 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from app.mounts.sky_frame import apart_deg, wrapped
 from app.ui.palette import THEMES, Colours
 
-RINGS_DEG = (10 / 3600, 1 / 60, 10 / 60, 1.0, 10.0, 90.0, 180.0)
-RING_NAMES = ("10″", "1′", "10′", "1°", "10°", "90°", "180°")
+RINGS = {
+    "10″": 10 / 3600, "30″": 30 / 3600, "1′": 1 / 60, "3′": 3 / 60, "10′": 10 / 60, "30′": 0.5,
+    "1°": 1.0, "3°": 3.0, "10°": 10.0, "30°": 30.0, "90°": 90.0, "180°": 180.0,
+}  # fmt: skip
 SHARE = 0.82  # of the half width, for the ring
 
 
@@ -45,9 +47,9 @@ def size_text(angle_deg: float) -> str:
     return f"{size * 60:.1f}′" if size >= 1 / 60 else f"{size * 3600:.0f}″"
 
 
-def ring(total_deg: float) -> int:
-    """Which ring holds the arrow."""
-    return next((i for i, r in enumerate(RINGS_DEG) if total_deg <= r), len(RINGS_DEG) - 1)
+def ring(total_deg: float) -> tuple[str, float]:
+    """Name and radius of the ring that holds the arrow."""
+    return next(((n, r) for n, r in RINGS.items() if total_deg <= r * 1.001), ("180°", 180.0))
 
 
 class OffsetArrow(QWidget):
@@ -99,7 +101,7 @@ class OffsetArrow(QWidget):
             )
             painter.drawText(box, Qt.AlignmentFlag.AlignCenter, letter)
         if self._offset is not None:
-            name = RING_NAMES[ring(self._offset.total_deg)]
+            name, _ = ring(self._offset.total_deg)
             box = QRectF(middle.x() - 30, middle.y() + radius - height * 0.6, 60, height)
             wide = painter.fontMetrics().horizontalAdvance(name) + 6
             painter.fillRect(
@@ -110,7 +112,7 @@ class OffsetArrow(QWidget):
 
     def _arrow(self, painter: QPainter, middle: QPointF, radius: float, offset: Offset) -> None:
         colour = QColor(self.colours.faint if self._old else self.colours.accent)
-        long = radius * min(1.0, offset.total_deg / RINGS_DEG[ring(offset.total_deg)])
+        long = radius * min(1.0, offset.total_deg / ring(offset.total_deg)[1])
         angle = math.atan2(offset.north_deg, -offset.east_deg)
         along = QPointF(math.cos(angle), -math.sin(angle))
         tip = middle + along * long

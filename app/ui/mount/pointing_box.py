@@ -99,10 +99,10 @@ def words_of(state: MountState) -> list[str]:
         words.append("parked")
     elif state.slewing:
         words.append("slewing")
-    elif state.tracking is False:
-        words.append("standing still, not tracking")
+    elif state.tracking is None:
+        words.append("not slewing" if state.slewing is False else "at rest or slewing: not told")
     else:
-        words.append("tracking" if state.tracking else "standing or tracking")
+        words.append("tracking" if state.tracking else "standing still, not tracking")
     if state.aligned is not None:
         words.append("aligned" if state.aligned else "not aligned")
     if state.pier_side is not None:

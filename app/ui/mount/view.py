@@ -43,7 +43,6 @@ class MountView(QWidget):
         self.camera = CameraBox()
         self.pointing = PointingBox()
         self.go = GoBox()
-        self.pad = NudgePad()
         self.take = ReasonedButton(
             "Take a frame", self.desk.take_frame, "See where it really points"
         )
@@ -54,6 +53,7 @@ class MountView(QWidget):
         self.bring = ReasonedButton(
             "Bring a star here…", self._bring, "Click a star in the frame, then where it shall go"
         )
+        self.pad = NudgePad(self.bring)
         self.tracking = ReasonedSwitch("Tracking", "Follow the sky")
         self.leave = button(
             "Disconnect", self.desk.disconnect_mount, "", "Stop, and close the port"
@@ -96,7 +96,7 @@ class MountView(QWidget):
         column.addWidget(self.connection)
         self.asking = _card(self.pointing, looking, self.camera)
         column.addWidget(self.asking)
-        self.moving = _card(self.go, rule(), self.pad, _line(self.bring))
+        self.moving = _card(self.go, rule(), self.pad)
         column.addWidget(self.moving)
         column.addStretch(1)
         doing = QHBoxLayout()
@@ -234,7 +234,9 @@ class MountView(QWidget):
         self.pad.allow(why["nudge"])
         self.tracking.allow(why["track"])
         if known.report is not None:
-            self.tracking.setChecked(known.report.state.tracking is not False)
+            tracks = known.report.state.tracking
+            self.tracking.setChecked(bool(tracks))
+            self.tracking.setText("Tracking: not told" if tracks is None else "Tracking")
         eye = self.desk.eye
         if eye is not None and eye.wish != self.camera.wish:
             self.camera.show_wish(eye.wish)
