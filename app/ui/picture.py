@@ -51,11 +51,11 @@ class Picture:
 def prepare(frame: Frame) -> Task[Picture]:
     """Build the :class:`Picture` of a frame; a few hundred ms for 61 MP."""
     yield Progress("display", None, "preparing the picture")
-    base = yield from _storable(frame.pixels)
+    base = yield from storable(frame.pixels)
     mono = yield from _pyramid(base)
     colour: tuple[Array, ...] = ()
     if frame.colour is not None:
-        colour = yield from _pyramid((yield from _storable(frame.colour)))
+        colour = yield from _pyramid((yield from storable(frame.colour)))
     elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
         colour = yield from _from_mosaic(frame, base)
     auto, low, high = automatic(mono[min(1, len(mono) - 1)] if frame.bayer else base)
@@ -92,7 +92,7 @@ def _sample(base: Array) -> NDArray[np.float64]:
     return np.asarray(base[::step, ::step], dtype=np.float64).ravel()
 
 
-def _storable(pixels: Array) -> Task[Array]:
+def storable(pixels: Array) -> Task[Array]:
     """The same picture as uint8 or uint16; other types are scaled around the sky level."""
     if pixels.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
         return pixels
