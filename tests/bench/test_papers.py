@@ -145,3 +145,17 @@ def test_the_camera_comes_out_of_its_own_star_frames() -> None:
     for what in ("focal length", "principal point in x", "principal point in y"):
         assert made[f"calibration: error of {what}"]["verdict"] == "better"
     assert made["calibration: error of k1"]["ours"] < 0.01
+
+
+def test_the_quad_tree_is_that_of_the_thesis() -> None:
+    from app.bench.papers_quad_tree import HEIGHTS, quad_tree
+
+    for level, height in HEIGHTS.items():
+        assert quad_tree(level).height_deg == pytest.approx(height, abs=0.06)
+    tree = quad_tree(5)
+    assert len(tree.corners) == 1024
+    assert int(tree.numbers.max()) + 1 == 514
+    middle = tree.corners.sum(axis=1)
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    assert tree.node_of(middle).tolist() == list(range(1024))
+    assert tree.shared(np.array([0, 0]), np.array([0, 3])).tolist() == [3, 2]
