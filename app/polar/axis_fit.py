@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.polar.rotations import about, rotation, rotation_vector, tangents
+from app.polar.rotations import about_each, rotation, rotation_vectors, tangents
 from app.polar.sighting import LocalAttitude
 from app.polar.two_frames import axis_of_two
 
@@ -117,7 +117,7 @@ def foreseen_covariance(
     axis: Floats, turns_rad: Floats, reference: Floats, covariance: Floats
 ) -> Floats:
     """Covariance (2, 2) that frames yet to be taken would give, all with the same errors."""
-    measured = np.stack([about(axis, t) @ reference for t in turns_rad])
+    measured = about_each(axis, turns_rad) @ reference
     whiten = np.repeat(np.linalg.inv(np.linalg.cholesky(covariance))[None], len(turns_rad), axis=0)
     return _conclude(axis, np.asarray(turns_rad), reference, measured, whiten).covariance
 
@@ -152,17 +152,17 @@ def _linear(
     turns but the first.
     """
     count = len(turns)
-    residual, jacobian = np.zeros((count, 3)), np.zeros((count, 3, count + 4))
     basis = np.stack([np.cross(axis, t) for t in tangents(axis)], axis=1)
-    for k in range(count):
-        turned = about(axis, turns[k])
-        model = turned @ reference
-        residual[k] = whiten[k] @ rotation_vector(measured[k].T @ model)
-        into_camera = whiten[k] @ model.T
-        jacobian[k, :, :2] = into_camera @ (basis - turned @ basis)
-        jacobian[k, :, 2:5] = into_camera @ turned
-        if k:
-            jacobian[k, :, 4 + k] = into_camera @ axis
+    turned = about_each(axis, turns)
+    model = turned @ reference
+    gaps = rotation_vectors(np.swapaxes(measured, 1, 2) @ model)
+    residual = np.einsum("kij,kj->ki", whiten, gaps)
+    into_camera = whiten @ np.swapaxes(model, 1, 2)
+    jacobian = np.zeros((count, 3, count + 4))
+    jacobian[:, :, :2] = into_camera @ (basis - turned @ basis)
+    jacobian[:, :, 2:5] = into_camera @ turned
+    later = np.arange(1, count)
+    jacobian[later, :, 4 + later] = into_camera[1:] @ axis
     return residual, jacobian.reshape(3 * count, count + 4)
 
 
@@ -191,7 +191,9 @@ def _conclude(
         axis=axis,
         turns_rad=turns,
         reference=reference,
-        residuals=np.stack([np.linalg.solve(w, r) for w, r in zip(whiten, weighted, strict=True)]),
+        residuals=np.asarray(
+            np.linalg.solve(whiten, weighted[..., None])[..., 0], dtype=np.float64
+        ),
         weighted=weighted,
         covariance=inverse[:2, :2],
         camera_covariance=seen @ inverse[:5, :5] @ seen.T,

@@ -44,6 +44,27 @@ def about(axis: Floats, angle_rad: float) -> Floats:
     return rotation(np.asarray(axis) * angle_rad)
 
 
+def about_each(axis: Floats, angles_rad: Floats) -> Floats:
+    """Rotation matrices (N, 3, 3) about one unit vector (3,) by angles (N,)."""
+    k = cross_matrix(axis)
+    sine, rest = np.sin(angles_rad), 2.0 * np.sin(np.asarray(angles_rad) / 2.0) ** 2
+    return np.asarray(np.eye(3) + sine[:, None, None] * k + rest[:, None, None] * (k @ k))
+
+
+def rotation_vectors(matrices: Floats) -> Floats:
+    """Rotation vectors (N, 3) of matrices (N, 3, 3), as :func:`rotation_vector`."""
+    m = matrices
+    skew = np.stack(
+        [m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=-1
+    )
+    twice_sine = np.sqrt(np.einsum("ij,ij->i", skew, skew))
+    angle = np.arctan2(twice_sine, np.einsum("ijj->i", m) - 1.0)
+    if angle.max() >= 3.0:
+        return np.stack([rotation_vector(one) for one in m])
+    safe = np.where(twice_sine > 1e-12, twice_sine, 1.0)
+    return np.asarray(np.where(twice_sine > 1e-12, angle / safe, 0.5)[:, None] * skew)
+
+
 def best_rotation(before: Floats, after: Floats) -> Floats:
     """The rotation (3, 3) that takes unit vectors (N, 3) ``before`` nearest to ``after``.
 
