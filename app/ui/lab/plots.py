@@ -68,6 +68,14 @@ class Plots(QWidget):
         methods = {point.method for point in self.points.values()}
         self.legend.show_names(tuple((m, _style(m)) for m in IDENTIFIERS if m in methods))
 
+    def wrong_answers(self) -> dict[str, int]:
+        """How many answers of each method were wrong, for those that gave any."""
+        counts = {
+            method: sum(p.wrong for p in self.points.values() if p.method == method)
+            for method in IDENTIFIERS
+        }
+        return {method: count for method, count in counts.items() if count}
+
     def dress(self, colours: Colours) -> None:
         """Use the colours of another theme."""
         for chart in (*self.charts.values(), self.time):

@@ -163,13 +163,21 @@ class LaboratoryView(QWidget):
         self.tabs.setCurrentIndex(tab)
         self.job = job = self._services.jobs.run(task, "laboratory")
         job.progressed.connect(self._progressed)
-        job.succeeded.connect(lambda _: self._say("Done.", "muted"))
+        job.succeeded.connect(lambda _: self._done(tab))
         job.failed.connect(lambda sentence: self._say(sentence, "wrong"))
         job.cancelled.connect(lambda: self._say("Stopped; this is what there was.", "muted"))
         job.finished.connect(lambda: self._idle() if self.job is job else None)
         for b, on in ((self.compare, False), (self.draw, False), (self.stop, True)):
             b.setEnabled(on)
         self.bar.setVisible(True)
+
+    def _done(self, tab: int) -> None:
+        wrong = self.plots.wrong_answers() if tab == 1 else {}
+        told = ", ".join(f"{method} {count}" for method, count in wrong.items())
+        if tab == 0:
+            self._say("Done.", "muted")
+        else:
+            self._say(f"Done. Wrong answers: {told or 'none'}.", "muted")
 
     def _stop(self) -> None:
         if self.job is not None:

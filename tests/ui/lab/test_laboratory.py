@@ -11,8 +11,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QListWidget
 
 from app.__main__ import _simulated_field
+from app.core.attitude import attitude_from
+from app.core.camera import Camera
 from app.core.progress import Progress
-from app.core.solution import NoSolution, Reason
+from app.core.solution import Identification, Matches, NoSolution, Reason
 from app.ui.application import build
 from app.ui.engine import WorkflowEngine
 from app.ui.lab.setup import Source, Told
@@ -157,6 +159,35 @@ def test_curves_are_drawn_round_by_round_and_can_be_stopped(qtbot, lab):
     assert view.plots.charts["noise_px"].series[0].y[0] == 1.0
     assert view.plots.charts["margin_px"].series == ()  # patterns has no such option
     assert all(y > 0 for y in view.plots.time.series[0].y)
+
+
+class Liar:
+    """A method that is sure of the wrong place."""
+
+    def identify(self, detections, hint=None, year=2016.0):
+        yield Progress("identify")
+        rows = np.arange(len(detections.xy[:6]))
+        camera = Camera.centred(detections.width, detections.height, 3000.0)
+        attitude = attitude_from(10.0, 20.0, 30.0)
+        vectors = camera.unproject(detections.xy[:6]) @ attitude.matrix
+        matches = Matches(rows, rows, detections.xy[:6], vectors)
+        return Identification(matches, camera, attitude, -20.0, "liar")
+
+
+def test_wrong_answers_are_told(qtbot, lab, monkeypatch):
+    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **_: Liar())
+    _, view = lab()
+    field_setup(view, "patterns")
+    view.run_comparison()
+    wait_for(qtbot, view)
+    assert texts(view.table, 0)[1].startswith("WRONG, ")
+    assert texts(view.table, 0)[3] == "6"
+    view.setup.fields.setValue(1)
+    view.run_curves()
+    wait_for(qtbot, view)
+    points = view.plots.points.values()
+    assert view.said.text() == f"Done. Wrong answers: patterns {len(points)}."
+    assert {p.success for p in points} == {0.0}
 
 
 class Endless:
