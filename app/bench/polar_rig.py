@@ -56,6 +56,7 @@ class RigSky:
     optics: Optics
     rng: np.random.Generator
     by_hand: bool = False
+    told_deg: float | None = None
     sights: int = 0
     stands_deg: tuple[float, float] = (0.0, 0.0)
     field_deg: tuple[float, float] = (1.2, 1.2)
@@ -94,6 +95,7 @@ class RigSky:
         self.rig.clock.sleep(degrees / RATE_DEG_S)
         self.rig.mount.halt()
         self.rig.wait_until_still(2.0)
+        self.told_deg = degrees
 
     def hand(self, told: Instruction) -> None:
         """A person follows an instruction: 5 % and a degree of the bolt's turn are not told."""

@@ -7,16 +7,16 @@ SHARE = 0.1
 
 
 def slipping(asked_deg: float, turned_deg: float) -> Finding | None:
-    """A finding when a commanded turn and the measured one differ; tracking is in neither.
+    """A finding when the turn a mount believes in and the measured one differ.
 
-    A mount's own rates are good to a part in a thousand, so a tenth and a degree and a half more
-    is not its computer but its clutch, or a declination axis that turned along.
+    A mount counts its motor's steps to a part in a thousand, so a tenth and a degree and a half
+    more is not its computer but its clutch.
     """
     missing = abs(asked_deg) - abs(turned_deg)
     if abs(missing) <= TOLERANCE_DEG + SHARE * abs(asked_deg):
         return None
     return Finding(
         Kind.SLIPPING,
-        f"The mount was asked to turn {abs(asked_deg):.0f} deg and the sky says"
+        f"The mount says that it turned {abs(asked_deg):.0f} deg and the sky says"
         f" {abs(turned_deg):.0f} deg: the RA clutch slips, or its gears were not engaged.",
     )

@@ -77,7 +77,8 @@ def measure_axis(
         )
         yield from turner.turn(path.direction, step)
         now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
-        if not turner.by_hand and (slip := slipping(step, turned_deg(seen[-1], now))):
+        asked = turner.told_deg
+        if asked is not None and (slip := slipping(asked, turned_deg(seen[-1], now))):
             slips.append(slip)
         seen.append(now)
         result = measure_local(seen, settings)

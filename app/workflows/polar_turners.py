@@ -10,14 +10,20 @@ from app.core.progress import Progress, Task
 
 RATE_DEG_S = 2.0
 AT_ONCE_S = 20.0  # one bounded motion; longer turns are several
+NEAR_ENOUGH_DEG = 1.0
 SETTLE_S = 2.0
 SLOW = 6.0  # times longer than expected is given up
+MOST_MOTIONS = 24
 
 
 class Turner(Protocol):
-    """Turns the RA axis. ``by_hand`` tells that nothing is known of how far it went."""
+    """Turns the RA axis. ``by_hand`` tells that nothing is known of how far it went.
+
+    ``told_deg`` is how far the mount itself says that it turned last, None when it does not.
+    """
 
     by_hand: bool
+    told_deg: float | None
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Turn, and return when the axis is at rest, or at once when a person does it."""
@@ -27,6 +33,7 @@ class HandTurner:
     """Says in words what to do; the frames themselves show when it was done."""
 
     by_hand = True
+    told_deg: float | None = None
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Ask for it."""
@@ -41,7 +48,9 @@ class HandTurner:
 class MountTurner:
     """Moves a mount that is given already guarded: every refusal comes from there.
 
-    ``sleep`` and ``now`` are the wall's unless a test has its own.
+    Few mounts say how fast their fast is, so it goes by the mount's own position: one bounded
+    motion, a look at where it says it is, and the next. ``sleep`` and ``now`` are the wall's
+    unless a test has its own.
     """
 
     by_hand = False
@@ -53,24 +62,43 @@ class MountTurner:
         sleep: Callable[[float], None] = time.sleep,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
+        self.told_deg: float | None = None
         self._mount = mount
         self._rate = rate_deg_s
+        self._seen_deg_s = rate_deg_s
         self._sleep = sleep
         self._now = now
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Several bounded motions, each waited for; stopped whenever this is given up."""
-        left = degrees
+        begun = self._mount.position().ra_deg
+        turned, motions = 0.0, 0
         try:
-            while left > 0.01:
-                part = min(left, self._rate * AT_ONCE_S)
-                yield Progress("turn", 1.0 - left / degrees, f"{left:.0f} deg to the {direction}")
-                self._mount.move(direction, self._rate, part / self._rate)
-                yield from self._wait(part / self._rate)
-                left -= part
+            while degrees - turned > NEAR_ENOUGH_DEG and motions < MOST_MOTIONS:
+                motions += 1
+                left = degrees - turned
+                yield Progress("turn", turned / degrees, f"{left:.0f} deg to the {direction}")
+                seconds = min(left / self._seen_deg_s, AT_ONCE_S)
+                self._mount.move(direction, self._rate, seconds)
+                yield from self._wait(seconds)
+                turned = self._moved_on(turned, begun, seconds)
         finally:
             self._mount.stop()
+        self.told_deg = turned
         self._sleep(SETTLE_S)
+
+    def _moved_on(self, before: float, begun_deg: float, seconds: float) -> float:
+        """How far it says that it has turned in all; its rate is learned from that."""
+        ra = self._mount.position().ra_deg
+        turned = abs((ra - begun_deg + 180.0) % 360.0 - 180.0)
+        step = turned - before
+        if step <= 0.02 * self._seen_deg_s * seconds:
+            raise RefusedError(
+                "The mount was told to turn and says that it has not moved: is it parked, or at a"
+                " limit?"
+            )
+        self._seen_deg_s = step / seconds
+        return turned
 
     def _wait(self, seconds: float) -> Task[None]:
         begun = self._now()

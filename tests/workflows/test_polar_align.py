@@ -1,24 +1,33 @@
 """The whole alignment on the practice rig: by the mount, by hand, and when things go wrong."""
 
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
 import pytest
 
 from app.bench.polar import follow
 from app.bench.polar_rig import make_rig
 from app.core.errors import RefusedError
-from app.core.mount import Direction, MountState
+from app.core.hint import Site
+from app.core.mount import Direction, Epoch, MountState, Pointing
 from app.core.progress import Progress, run
 from app.core.solution import NoSolution, Reason
 from app.polar.findings import Kind
+from app.polar.horizon import Air
+from app.polar.measure import Settings
 from app.polar.path import best_way, way
-from app.polar.sighting import to_local
+from app.polar.sighting import Sighting, to_local
 from app.polar.tutor import BoltTutor
+from app.simulate.camera import CameraConfig
+from app.simulate.mechanics.mount import MountConfig
+from app.simulate.rig import RigConfig
 from app.sky import open_catalogue
 from app.workflows.polar_adjust import End, adjust
 from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis, plan_way
 from app.workflows.polar_turners import HandTurner, MountTurner
 from app.workflows.polar_update import PolarControls, PolarUpdate
 from app.workflows.polar_watch import NotMeasuredError
+from tests.workflows.rig_mount import Bench
 
 
 def rig(seed=1, hour=-40.0, dec=50.0, latitude=45.0):
@@ -105,9 +114,11 @@ class Clutch:
 
     def __init__(self, sky):
         self.sky = sky
+        self.told_deg = None
 
     def turn(self, direction, degrees):
         yield from self.sky.turn(direction, 0.6 * degrees)
+        self.told_deg = degrees
 
 
 def test_a_slipping_clutch_is_told():
@@ -116,7 +127,7 @@ def test_a_slipping_clutch_is_told():
         measure_axis(sky, Clutch(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3))
     )
     assert found.findings[0].kind is Kind.SLIPPING
-    assert "asked to turn 30 deg and the sky says 18 deg" in found.findings[0].text
+    assert "says that it turned 30 deg and the sky says 18 deg" in found.findings[0].text
 
 
 class Clouds:
@@ -251,18 +262,26 @@ def test_the_planner_turns_less_near_the_pole_and_backwards_the_second_time():
 
 
 class Motor:
-    """Records what it is asked; refuses when told to; never moves by itself."""
+    """Moves as it is told, at a share of the rate asked for; refuses when told to."""
 
-    def __init__(self, refuse=False):
+    epoch = Epoch.DATE
+
+    def __init__(self, refuse=False, share=1.0):
         self.asked = []
         self.stops = 0
         self.refuse = refuse
+        self.share = share
         self.slewing_for = 0
+        self.ra = 350.0
+
+    def position(self):
+        return Pointing(self.ra % 360.0, 20.0, self.epoch)
 
     def move(self, direction, rate_deg_s, seconds):
         if self.refuse:
             raise RefusedError("The guard says no.")
-        self.asked.append((direction, rate_deg_s * seconds))
+        self.asked.append((direction, seconds))
+        self.ra += rate_deg_s * seconds * self.share * (1 if direction is Direction.EAST else -1)
 
     def state(self):
         self.slewing_for -= 1
@@ -281,15 +300,31 @@ def clocked(motor):
     return MountTurner(motor, 2.0, sleep, lambda: time[0]), time
 
 
-def test_the_mount_turns_in_bounded_parts_and_is_stopped_at_the_end():
-    motor = Motor()
+@pytest.mark.parametrize("share", [1.0, 0.5, 1.6])
+@pytest.mark.parametrize("direction", [Direction.WEST, Direction.EAST])
+def test_the_mount_turns_in_bounded_parts_and_is_stopped_at_the_end(share, direction):
+    """Whatever its fast is: the position decides."""
+    motor = Motor(share=share)
     turner, time = clocked(motor)
-    run(turner.turn(Direction.WEST, 90.0))
-    assert sum(part for _, part in motor.asked) == pytest.approx(90.0)
-    assert max(part for _, part in motor.asked) <= 40.0
-    assert {direction for direction, _ in motor.asked} == {Direction.WEST}
+    begun = motor.ra
+    run(turner.turn(direction, 60.0))
+    assert abs(motor.ra - begun) == pytest.approx(60.0, abs=20.0 if share > 1 else 1.1)
+    assert turner.told_deg == pytest.approx(abs(motor.ra - begun))
+    assert max(seconds for _, seconds in motor.asked) <= 20.0
+    assert {way for way, _ in motor.asked} == {direction}
     assert motor.stops == 1
-    assert time[0] >= 45.0
+    assert time[0] >= sum(seconds for _, seconds in motor.asked)
+    before = motor.ra
+    run(turner.turn(direction, 30.0))  # by now it knows its rate
+    assert abs(motor.ra - before) == pytest.approx(30.0, abs=1.1)
+
+
+def test_a_mount_that_does_not_move_is_told():
+    motor = Motor(share=0.0)
+    turner, _ = clocked(motor)
+    with pytest.raises(RefusedError, match="has not moved"):
+        run(turner.turn(Direction.WEST, 30.0))
+    assert motor.stops == 1
 
 
 def test_a_cancelled_turn_stops_the_mount():
@@ -318,3 +353,56 @@ def test_a_mount_that_never_comes_to_rest_is_stopped():
     with pytest.raises(RefusedError, match="still moving"):
         run(turner.turn(Direction.EAST, 10.0))
     assert motor.stops == 1
+
+
+# All of it together: star lists through the solver, the mount through the real guard.
+
+
+class SeenByTheSolver:
+    """A source over the rig's star lists, each really solved."""
+
+    def __init__(self, bench):
+        self.bench = bench
+
+    def sight(self):
+        begun = self.bench.rig.clock.now_utc()
+        found = yield from self.bench.solve_now()
+        if isinstance(found, NoSolution):
+            return found
+        return Sighting.of(found, begun + timedelta(seconds=1.0))
+
+
+def guarded(**limits):
+    site = Site(45.0, 8.0, 300.0)
+    mount = MountConfig(misalignment_arcmin=(18.0, -31.0), german=False)
+    night = datetime(2026, 1, 15, 22, 0, tzinfo=UTC).timestamp()
+    camera = CameraConfig(width=900, height=700, fov_deg=6.0)
+    bench = Bench(
+        RigConfig(
+            seed=2, site=site, mount=mount, start_deg=(-60.0, 40.0), start_unix=night, camera=camera
+        ),
+        **limits,
+    )
+    turner = MountTurner(bench.guard, 1.0, bench.wait, bench.rig.clock.now_unix)
+    return bench, turner, Settings(site, air=Air(pressure_hpa=1010.0))
+
+
+def test_within_the_guard_the_axis_of_the_rig_is_found_by_the_solver():
+    bench, turner, settings = guarded()
+    sweep = Sweep(turn_deg=45.0, frames=4, most_frames=4)
+    found = run(measure_axis(SeenByTheSolver(bench), turner, settings, sweep))
+    truth = bench.rig.truth().axis_enu
+    assert found.measurement.error.distance2(truth) < 14.0  # one in a thousand
+    assert found.measurement.error.uncertainty_arcsec < 25.0
+    assert found.measurement.turn_deg == pytest.approx(45.0, abs=3.5)
+    assert {f.kind for f in found.findings} <= {Kind.UNSEEN_FLEXURE}
+    moves = [did for did in bench.mount.did if did[0] == "move"]
+    assert len(moves) >= 3
+    assert bench.mount.did[-1] == ("stop",)
+
+
+def test_a_turn_beyond_the_guards_limits_is_refused_before_it_begins():
+    bench, turner, _ = guarded(lowest_altitude_deg=50.0)
+    with pytest.raises(RefusedError, match="deg"):
+        run(turner.turn(Direction.EAST, 60.0))
+    assert not [did for did in bench.mount.did if did[0] == "move"]
