@@ -24,9 +24,9 @@ from app.solve.stopwatch import PREPARING
 
 T = TypeVar("T")
 
-RIGHT_PX = 5.0  # an answer is right when its centre is within this of the true one
+RIGHT_PX = 5.0
+NOISE_SPARED = 4.0  # an imprecise answer to a noisy field is not a wrong one
 SAME_SCALE = 0.03
-NAMED_PX = 5.0  # a name is right when its star is within this of the detection
 TOO_LONG = "timed out"
 SCALE_SPREAD = 0.02
 
@@ -80,10 +80,20 @@ MakeField = Callable[[FieldWish, Sequence[int]], TrueField]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where the camera really pointed."""
+    """Where the camera really pointed.
+
+    An answer is right when its centre is within ``reach_px`` of the true one, and a name when its
+    star is within that of the detection.
+    """
 
     camera: Camera
     attitude: Attitude
+    reach_px: float = RIGHT_PX
+
+    @classmethod
+    def of(cls, field: TrueField, wish: FieldWish) -> "Truth":
+        """That of a simulated field."""
+        return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * wish.noise_px))
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -245,11 +255,11 @@ def judge(found: Identification, truth: Truth) -> tuple[bool, float, int]:
     a = _centre(found.camera, found.attitude)
     off_rad = float(np.linalg.norm(a - _centre(camera, truth.attitude)))
     same_scale = abs(found.camera.focal_px / camera.focal_px - 1.0) < SAME_SCALE
-    right = off_rad * camera.focal_px < RIGHT_PX and same_scale
+    right = off_rad * camera.focal_px < truth.reach_px and same_scale
     right = right and found.camera.mirrored == camera.mirrored
     true_xy = camera.project(found.matches.vectors @ truth.attitude.matrix.T)
     gap = np.hypot(*(true_xy - found.matches.xy).T)
-    wrong = int((~(gap <= NAMED_PX)).sum())  # behind the camera is NaN, and wrong
+    wrong = int((~(gap <= truth.reach_px)).sum())  # behind the camera is NaN, and wrong
     return bool(right), float(np.degrees(off_rad) * 3600.0), wrong
 
 

@@ -109,7 +109,7 @@ def curves(
             if made is None or made[0] != (at, seeds):
                 made = ((at, seeds), make_field(at, seeds))
             one = made[1]
-            truth = Truth(one.camera, one.attitude)
+            truth = Truth.of(one, at)
             hint = scale_hint(truth, PLACE_DEG if place_known else None)
             task = try_method(one.detections, varied, hint, truth, limit_s=limit_s)
             trial = yield from told_as(task, done, shown)

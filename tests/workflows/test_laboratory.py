@@ -96,6 +96,17 @@ def test_wrong_answers_and_wrong_names_are_counted(easy, truth):
     assert judge(mirrored, truth)[0] is False
 
 
+def test_what_noise_explains_is_not_wrong(easy, truth):
+    found = identification(easy)
+    beside = replace(found.camera, cx=found.camera.cx + 8.0)
+    shifted = replace(found, camera=beside)
+    noisy = Truth.of(easy, replace(EASY, noise_px=4.0))
+    assert noisy.reach_px == 16.0
+    assert Truth.of(easy, EASY).reach_px == 5.0
+    assert judge(shifted, truth)[0] is False
+    assert judge(shifted, noisy)[0] is True
+
+
 class Slow:
     """A method that makes a table the first time, or never ends."""
 

@@ -67,7 +67,7 @@ def stars_of_field(make: MakeField, wish: FieldWish, number: int) -> Task[Stars]
     """The stars of simulated field ``number``, and the truth of it."""
     yield Progress("laboratory", None, "making a field")
     field = make(wish, (number,))
-    return Stars(field.detections, Truth(field.camera, field.attitude))
+    return Stars(field.detections, Truth.of(field, wish))
 
 
 def comparison(
