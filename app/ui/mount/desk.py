@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime
 from functools import partial
 from typing import Any
 
@@ -22,7 +21,7 @@ from app.ui.mount.offset import Offset, size_text
 from app.ui.mount.opening import Opening, PracticeOpening, on_port
 from app.ui.mount.reasons import Situation
 from app.ui.mount.targets import parse_target
-from app.ui.mount.wishes import MountWish
+from app.ui.mount.wishes import MountWish, kept_camera
 from app.ui.mount.words import (
     CannotStop,
     Connected,
@@ -86,14 +85,13 @@ class Desk(QObject):
         self._line: MountLine | None = None
         self._job: Job | None = None
         self._frames = 0
-        self._clock: Callable[[], datetime] | None = None
         self._heard.connect(self._hear)
         services.jobs.closing.connect(self.stop)
 
     # the connection ---------------------------------------------------------------------------
     def connect_mount(self, wish: MountWish) -> None:
         """Open a mount; what comes of it is heard."""
-        self._begin(on_port(wish, self._services.settings.site), wish.port)
+        self.begin(on_port(wish, self._services.settings.site), wish.port)
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it as to a real one."""
@@ -101,10 +99,12 @@ class Desk(QObject):
         if start is None:
             self.said.emit("No simulated telescope is part of this program.", "wrong")
             return
-        self._begin(PracticeOpening(start, lambda word: self._tell(self._line, word)), "")
+        self.begin(PracticeOpening(start, lambda word: self._tell(self._line, word)), "")
         self.known.practice = True
+        self.changed.emit()
 
-    def _begin(self, opening: Opening, port: str) -> None:
+    def begin(self, opening: Opening, port: str) -> None:
+        """Open a line in any way; the one before is closed."""
         self.disconnect_mount()
         self.known = MountKnown("connecting", port)
         line = MountLine(opening, lambda word: self._tell(line, word), self._close_camera(opening))
@@ -112,7 +112,6 @@ class Desk(QObject):
         self._job = job = self._services.jobs.run(line.run(), "mount")
         job.failed.connect(lambda sentence: self._ended(job, sentence, "wrong"))
         job.cancelled.connect(lambda: self._ended(job, "", "muted"))
-        self._clock = opening.now
         self.said.emit("Connecting…", "muted")
         self.changed.emit()
 
@@ -130,12 +129,17 @@ class Desk(QObject):
             self.stop()
             self._job.cancel()
             self._line = None
+            self.known.phase = "leaving"
+            self.changed.emit()
 
     def _ended(self, job: Job, sentence: str, role: str) -> None:
         if job is not self._job:
             return
         self._job, self._line = None, None
-        self.known = MountKnown()
+        practised, self.known = self.known.practice, MountKnown()
+        if practised:
+            kept = kept_camera(self._services.settings)
+            self.use_camera(kept if kept.source else None)
         self.said.emit(sentence or "Disconnected; whatever moved was stopped.", role)
         self.progressed.emit(None)
         self.changed.emit()
@@ -315,6 +319,8 @@ class Desk(QObject):
                 self.said.emit(f"Connected: {word.name}.", "good")
             case Report():
                 known.report, known.trouble = word, ""
+                if word.state.slewing:
+                    known.moved_since = known.sight is not None
             case Under():
                 known.busy = word.name
                 self.progressed.emit(word.progress)

@@ -21,10 +21,6 @@ class Opening(Protocol):
         """The mount behind its guard; DeviceError with one sentence."""
         ...
 
-    def now(self) -> datetime:
-        """The time where the mount stands."""
-        ...
-
     def over(self) -> None:
         """The line is closed."""
         ...

@@ -81,6 +81,8 @@ def state_text(known: MountKnown) -> str:
         return "Not connected."
     if known.phase == "connecting":
         return "Connecting…"
+    if known.phase == "leaving":
+        return "Closing the line…"
     if known.phase == "lost":
         return "LINE LOST: what is shown is old. It is tried again by itself."
     if known.report is None:

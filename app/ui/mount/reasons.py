@@ -7,6 +7,7 @@ from app.core.mount import Ability, MountState
 
 CONNECT = "Connect a mount first, or practise with a simulated telescope."
 CONNECTING = "Wait until the mount has answered."
+LEAVING = "Wait until the line is closed."
 LOST = "The line to the mount is lost: check its cable and power; it is tried again by itself."
 PARKED = "The mount is parked: unpark it on its hand control first."
 NO_CAMERA = "No camera is chosen: choose one above, for this needs fresh frames."
@@ -29,7 +30,10 @@ MOVES = ("goto", "centre", "nudge", "bring", "sync", "track")
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """All that decides what may be done. ``phase``: "off", "connecting", "on" or "lost"."""
+    """All that decides what may be done.
+
+    ``phase`` is "off", "connecting", "on", "lost" or "leaving".
+    """
 
     phase: str = "off"
     lacks: Mapping[Ability, str] | None = None
@@ -47,7 +51,9 @@ def reasons(now: Situation) -> dict[str, str]:
 
 
 def _reason(name: str, now: Situation) -> str:
-    away = {"off": CONNECT, "connecting": CONNECTING, "lost": LOST}.get(now.phase)
+    away = {"off": CONNECT, "connecting": CONNECTING, "leaving": LEAVING, "lost": LOST}.get(
+        now.phase
+    )
     if away is not None:
         return away
     lacking = _lacking(name, now.lacks or {})
@@ -85,4 +91,4 @@ def _special(name: str, now: Situation) -> str:
 
 
 def _stop(now: Situation) -> str:
-    return CONNECT if now.phase in ("off", "connecting") else ""
+    return CONNECT if now.phase in ("off", "connecting", "leaving") else ""

@@ -13,6 +13,7 @@ from app.ui.mount import search
 from app.ui.mount.bring_mode import BringMode
 from app.ui.mount.camera_box import CameraBox
 from app.ui.mount.connect_box import ConnectBox
+from app.ui.mount.corner import StopCorner
 from app.ui.mount.desk import Desk
 from app.ui.mount.eye import CameraWish
 from app.ui.mount.go_box import GoBox
@@ -68,6 +69,7 @@ class MountView(QWidget):
         self.bar = QProgressBar()
         self._finding: Job | None = None
         self._bringing = BringMode(services, self.desk, self._say)
+        self._corner = StopCorner(self.stop_all)
         self._key = StopKey(self.stop_all, self)
         self._lay_out()
         self._listen()
@@ -241,6 +243,7 @@ class MountView(QWidget):
         if eye is not None and eye.wish != self.camera.wish:
             self.camera.show_wish(eye.wish)
         self._key.listen(not off)
+        self._corner.show(self._services.view.window(), not off)
         if not known.busy and self._finding is None:
             self.bar.setVisible(False)
 

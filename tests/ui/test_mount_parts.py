@@ -1,0 +1,153 @@
+"""The parts of the Mount view that need no window: reasons, targets, offsets, wishes, the stars' way."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from app.core.attitude import attitude_from, radec_deg
+from app.core.errors import UsageError
+from app.core.mount import Ability, Epoch, MountState
+from app.mounts.epoch import to_mount_epoch
+from app.mounts.probe import Diagnosis
+from app.mounts.sky_frame import apart_deg
+from app.ui.mount import reasons as why
+from app.ui.mount.bring import axis_angles_deg
+from app.ui.mount.offset import Offset, ring, size_text
+from app.ui.mount.reasons import Situation, reasons
+from app.ui.mount.search import words
+from app.ui.mount.targets import parse_target
+from app.ui.mount.wishes import MountWish, keep_mount, kept_mount
+from tests.ui.fakes import fake_solution
+
+NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
+ON = Situation("on", {}, MountState(slewing=False), camera=True, solved=True, can_undo=True)
+
+
+def test_everything_may_be_done_with_a_mount_that_can_and_a_camera():
+    assert not any(reasons(ON).values())
+
+
+@pytest.mark.parametrize(
+    ("phase", "reason"), [("off", why.CONNECT), ("connecting", why.CONNECTING), ("lost", why.LOST)]
+)
+def test_without_a_line_everything_says_why(phase, reason):
+    told = reasons(Situation(phase))
+    stop = told.pop("stop")
+    assert set(told.values()) == {reason}
+    assert bool(stop) == (phase != "lost"), "a lost line must not take Stop away"
+
+
+def test_what_the_mount_lacks_is_said_in_its_own_words():
+    lacks = {Ability.TRACKING: "It cannot.", Ability.MOVE: "No moves.", Ability.PULSE: "No pulses."}
+    told = reasons(Situation("on", lacks, MountState(), camera=True, solved=True, can_undo=True))
+    assert told["track"] == "It cannot."
+    assert told["nudge"] == "No moves."
+    assert told["goto"] == ""
+    assert reasons(Situation("on", {Ability.PULSE: "No."}, MountState()))["nudge"] == ""
+
+
+def test_a_mount_that_takes_no_sync_can_still_be_corrected_by_a_slew():
+    lacks = {Ability.SYNC: "It takes no sync."}
+    told = reasons(Situation("on", lacks, MountState(), camera=True, solved=True, can_undo=True))
+    assert told["sync"] == ""
+    assert told["undo"] == "It takes no sync."
+    both = lacks | {Ability.GOTO: "Nor gotos."}
+    assert reasons(Situation("on", both, MountState(), camera=True))["sync"] == "It takes no sync."
+
+
+def test_parked_busy_and_blind_have_their_own_reasons():
+    parked = reasons(Situation("on", {}, MountState(parked=True), camera=True, solved=True))
+    assert parked["goto"] == parked["nudge"] == parked["sync"] == why.PARKED
+    assert parked["take"] == ""
+    busy = reasons(Situation("on", {}, MountState(), busy="centring", camera=True, solved=True))
+    assert "centring" in busy["goto"]
+    assert busy["stop"] == ""
+    blind = reasons(Situation("on", {}, MountState()))
+    assert blind["centre"] == blind["take"] == why.NO_CAMERA
+    assert blind["sync"] == why.NO_SOLUTION
+    assert blind["bring"] == why.NO_FRAME
+    assert blind["undo"] == why.NO_SYNC_YET
+
+
+@pytest.mark.parametrize(
+    ("text", "ra", "dec"),
+    [
+        ("83.82 -5.39", 83.82, -5.39),
+        ("83.82, 5.39", 83.82, 5.39),
+        ("83,8 -5,4", 83.8, -5.4),
+        ("5h35m17s -5d23m28s", 83.8208, -5.3911),
+        ("5h35m17s, -5d23m28s", 83.8208, -5.3911),
+        ("5:35:17 +5:23:28", 83.8208, 5.3911),
+        ("5 35 17 −5 23 28", 83.8208, -5.3911),
+        ("m42", 83.8187, -5.3897),
+        ("  M  42 ", 83.8187, -5.3897),
+        ("HIP 32349", 101.283, -16.725),
+        ("61 Cyg", 316.76, 38.77),
+        ("vega", 279.2367, 38.7858),
+    ],
+)
+def test_targets_are_names_or_coordinates(text, ra, dec):
+    target = parse_target(text, NOW)
+    assert apart_deg((target.ra_deg, target.dec_deg), (ra, dec)) < 0.01
+
+
+@pytest.mark.parametrize("text", ["", "  ", "no such star", "83.8", "400 10", "10 95", "1 2 3"])
+def test_what_is_no_place_is_one_sentence(text):
+    with pytest.raises(UsageError) as error:
+        parse_target(text, NOW)
+    assert str(error.value)
+
+
+def test_an_offset_has_directions_and_a_ring():
+    off = Offset.between((359.0, 60.0), (1.0, 61.0))
+    assert off.east_deg == pytest.approx(2.0 * np.cos(np.radians(61.0)))
+    assert off.north_deg == pytest.approx(1.0)
+    assert off.total_deg == pytest.approx(np.hypot(off.east_deg, 1.0), rel=0.02)
+    assert "east" in off.parts_text
+    assert "north" in off.parts_text
+    back = Offset.between((1.0, 61.0), (359.0, 60.0))
+    assert "west" in back.parts_text
+    assert "south" in back.parts_text
+    for size in (0.0, 1e-4, 0.01, 0.2, 3.0, 170.0):
+        assert ring(size)[1] * 1.001 >= size
+    assert (size_text(3.0), size_text(-0.5), size_text(0.001)) == ("3.00°", "30.0′", "4″")
+
+
+@pytest.mark.parametrize("roll", [0.0, 27.0, -140.0])
+def test_a_star_is_brought_by_turning_the_axes_the_other_way(roll):
+    solution = fake_solution(600, 400)
+    solution = type(solution)(
+        solution.camera, attitude_from(84.05, -1.2, roll), (), 0.2, -14.0, "patterns"
+    )
+    star, here = (420.0, 90.0), (299.5, 199.5)
+    ra, dec = axis_angles_deg(solution, star, here, NOW)
+    before = to_mount_epoch(84.05, -1.2, Epoch.DATE, NOW)
+    moved = (before[0] + ra, before[1] + dec)
+    wanted = radec_deg(solution.sky_at(np.array([star]))[0])
+    assert apart_deg(moved, to_mount_epoch(*wanted, Epoch.DATE, NOW)) * 3600.0 < 1.0
+
+
+def test_a_wish_is_remembered(settings):
+    assert kept_mount(settings).port == ""
+    wish = MountWish("/dev/ttyUSB3", "ioptron", 115200, Epoch.J2000)
+    keep_mount(settings, wish)
+    assert kept_mount(settings) == wish
+    settings.keep("mount/driver", "no such")
+    settings.keep("mount/baud", "often")
+    assert kept_mount(settings) == MountWish("/dev/ttyUSB3", "lx200", None, Epoch.J2000)
+
+
+@pytest.mark.parametrize(("port", "baud"), [("", "9600"), ("COM3", "fast"), ("COM3", "12")])
+def test_a_wish_that_cannot_be_is_one_sentence(port, baud):
+    with pytest.raises(UsageError):
+        MountWish.typed(port, "lx200", baud, "its own")
+    assert MountWish.typed(" COM3 ", "lx200", "its own", "its own") == MountWish("COM3")
+
+
+def test_the_serial_doctor_s_words_name_the_mount_or_the_fix():
+    found = Diagnosis("/dev/ttyUSB0", "nexstar", 9600, "NexStar hand control", "It is not aligned.")
+    told = words([Diagnosis("/dev/ttyS0", advice="You may not open it."), found])
+    assert told.splitlines()[0] == "You may not open it."
+    assert told.splitlines()[1].startswith("NexStar hand control on /dev/ttyUSB0 at 9600 baud. It")
+    assert "no serial port" in words([])
