@@ -24,7 +24,7 @@ from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.solution import Solution
-from app.identify.pairs import Pairs, catalogue_pairs
+from app.identify.pairs import Pairs, bright_stars, catalogue_pairs, make_pairs
 from app.identify.refusals import table_deg
 from app.identify.voting import recognise, verification_votes
 from app.simulate.fields import Field, FieldPlan, random_field
@@ -297,14 +297,15 @@ def _pictures(field: Field, rng: np.random.Generator) -> tuple[Floats, Floats]:
 def _seconds(count: int, seed: int) -> list[dict[str, Any]]:
     """Table 7.3, but for centroiding and for showing the picture."""
     made = fields(count, seed)
-    catalogue_pairs.cache_clear()
-    _, tables = timed(lambda: _pairs(made[0]))
+    focal = made[0].camera.focal_px
+    angle = float(np.radians(table_deg(made[0].detections, focal)))
+    _, tables = timed(lambda: make_pairs(*bright_stars(None, MAG_LIMIT, 2016.0), angle))
     runs = [by_voting(f) for f in made]
     voting = _mean([run_[0] for run_ in runs], "seconds")
     field, kept, vectors = made[0], runs[0][1], runs[0][2]
     body = _plain(field).unproject(field.detections.xy[kept])
     valid = np.ones(len(kept), dtype=np.bool_)
-    error = MARGIN_PX / field.camera.focal_px
+    error = MARGIN_PX / focal
     _, verifying = timed(
         lambda: [verification_votes(body, vectors, valid, error) for _ in range(100)]
     )
