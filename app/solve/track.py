@@ -30,7 +30,7 @@ from app.solve.solver import Examined, examine_frame, merged_hint, year_of
 from app.solve.track_answer import tracked_solution
 from app.solve.track_camera import TrackedCamera, turn_between
 from app.solve.track_match import Tracked, match
-from app.solve.track_sky import Neighbourhood
+from app.solve.track_sky import Expected, Neighbourhood
 from app.solve.track_windows import Seen, look
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ Floats = NDArray[np.float64]
 Mode = Literal["lost", "tracking"]
 
 FEWEST_EXPECTED = 5
+ENOUGH, SECOND_LOOK_PX = 0.7, 8
 BLEND_FWHM = 2.5
 SAME_MOTION_S = 1.0  # after a longer gap the rates begin anew
 PATIENCE = 10  # frames without an answer until the scale of the frames before is doubted
@@ -98,6 +99,22 @@ class TrackUpdate:
     def sigma_arcsec(self) -> tuple[float, float, float] | None:
         """One-sigma errors of ``filtered`` along x, along y, and of roll."""
         return None if self.filtered is None else self.filtered.sigma_arcsec
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sighted:
+    """Stars looked for, what was seen, and what it matches."""
+
+    stars: Expected
+    seen: Seen
+    found: Tracked
+
+    def bettered(self, again: "_Sighted | None") -> "_Sighted":
+        """A second look if it found more. The first one's bound stands: it had no help."""
+        if again is None or len(again.found.estimate.seen) <= len(self.found.estimate.seen):
+            return self
+        alarm = self.found.log10_false_alarm
+        return _Sighted(again.stars, again.seen, Tracked(again.found.estimate, alarm))
 
 
 class Tracker:
@@ -179,25 +196,37 @@ class Tracker:
         if half is None:
             return None
         sky = self._neighbourhood(ahead.attitude, moment)
-        stars = sky.expected(self.camera, ahead.matrix, self.options.stars, 4.0)
-        if len(stars.number) < FEWEST_EXPECTED:
+        image = self._star_image(ahead, frame.hint.exposure_s)
+        sighted = self._sighted(frame, sky, ahead.matrix, half, image, self._roll_px(ahead))
+        if sighted is None:
             return None
-        seen = look(frame, stars.xy, half, self._star_image(ahead, frame.hint.exposure_s))
-        looked = perf_counter()
+        if len(sighted.found.estimate.seen) < ENOUGH * len(sighted.stars.number):
+            # many stars were beyond their windows: now it is known where they are
+            matrix = sighted.found.estimate.attitude.matrix
+            again = self._sighted(frame, sky, matrix, SECOND_LOOK_PX, image, 0.0)
+            sighted = sighted.bettered(again)
+        stars, seen, found = sighted.stars, sighted.seen, sighted.found
         vectors = sky.vectors[stars.number]
-        found = match(
-            self.camera, ahead.matrix, vectors, stars.xy, seen, half, self._roll_px(ahead)
-        )
-        if found is None:
-            return None
-        spent = {"read": 0.0, "detect": 1e3 * (looked - clock), "identify": 0.0}
-        spent["attitude"] = 1e3 * (perf_counter() - looked)
-        spent["total"] = 1e3 * (perf_counter() - clock)
+        total = 1e3 * (perf_counter() - clock)
+        spent = {"read": 0.0, "detect": total, "identify": 0.0, "attitude": 0.0, "total": total}
         solution = tracked_solution(found, self.camera, sky, stars, seen, spent, frame.warnings)
         self._learn(seen, found, ahead, frame.hint.exposure_s)
         solution = self._calibrated(solution, seen, found, vectors)
         self._failures = 0
         return self._told(solution, moment, "tracking", ahead, len(stars.number))
+
+    def _sighted(
+        self, frame: Frame, sky: Neighbourhood, matrix: Floats, half: int, image: Floats,
+        roll_px: float,
+    ) -> "_Sighted | None":  # fmt: skip
+        """Look where ``matrix`` puts the stars, and match what is there."""
+        assert self.camera is not None
+        stars = sky.expected(self.camera, matrix, self.options.stars, 4.0)
+        if len(stars.number) < FEWEST_EXPECTED:
+            return None
+        seen = look(frame, stars.xy, half, image)
+        found = match(self.camera, matrix, sky.vectors[stars.number], stars.xy, seen, half, roll_px)
+        return None if found is None else _Sighted(stars, seen, found)
 
     def _lost(self, frame: Frame, moment: datetime) -> Task[TrackUpdate]:
         """The frame solved blind, or nearly so when the scale is known."""

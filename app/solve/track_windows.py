@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from app.core.frame import Frame
 from app.detect.fit import fit_stars, refit_bright
 from app.detect.image import unweighted
+from app.detect.moments import PIXEL_VARIANCE, adaptive_moments
 from app.detect.stamps import Stamps, cut
-from app.detect.strips import halving
+from app.detect.strips import Halving, halving
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -22,6 +23,8 @@ Bools = NDArray[np.bool_]
 SNR = 5.0
 FLOOR_PX = 0.03
 SATURATED_PX = 0.4
+SHAPED, FEWEST_SHAPED = 12, 4  # finds that tell the star image
+UNLIKE = 1.8  # ratio of the largest second moments from which an image is another one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,10 +54,16 @@ def look(frame: Frame, places: Floats, half: int, covariance: Floats) -> Seen:
     how = halving(frame.bayer)
     wide = cut(frame.pixels, how, places, np.zeros(count), half)
     level, noise = _background(wide)
-    peak = _peaks(wide, level, noise)
+    peak, height = _peaks(wide, level, noise)
+    covariance, smeared = _image_here(frame, how, peak, level, height / noise, covariance)
     major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     near = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
     stamps = cut(frame.pixels, how, peak, level, near)
+    if smeared:  # the highest pixel of a trail may be anywhere along it
+        middle = adaptive_moments(stamps, major, 6)
+        moved = np.stack([middle.dx, middle.dy], axis=1) * middle.good[:, None]
+        peak = peak + moved
+        stamps = cut(frame.pixels, how, peak, level, near)
     fit = fit_stars(stamps, covariance)
     refit_bright(stamps, fit, covariance, np.maximum(level, 10.0 * noise))
     xy = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
@@ -82,15 +91,40 @@ def _background(windows: Stamps) -> tuple[Floats, Floats]:
     return level, np.maximum(noise, max(0.3 * usual, 0.3))
 
 
-def _peaks(windows: Stamps, level: Floats, noise: Floats) -> Floats:
-    """Place (W, 2) px of the highest pixel of each window after smoothing over 3 x 3."""
+def _image_here(
+    frame: Frame, how: Halving, peak: Floats, level: Floats, height: Floats, expected: Floats
+) -> tuple[Floats, bool]:
+    """The star image (2, 2) of this frame, and whether it is not as ``expected``.
+
+    It is taken from the brightest finds: a mount that begins to move smears all stars alike.
+    """
+    bright = np.argsort(-height, kind="stable")[:SHAPED]
+    bright = bright[height[bright] > 10.0]
+    if len(bright) < FEWEST_SHAPED:
+        return expected, False
+    stamps = cut(frame.pixels, how, peak[bright], level[bright], 12)
+    shapes = adaptive_moments(stamps, float(np.sqrt(np.trace(expected) / 2.0)), 8)
+    if shapes.good.sum() < FEWEST_SHAPED:
+        return expected, False
+    xx, yy, xy = (float(np.median(m[shapes.good])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    found = np.array([[xx, xy], [xy, yy]]) - PIXEL_VARIANCE * np.eye(2)
+    ratio = np.linalg.eigvalsh(found)[-1] / np.linalg.eigvalsh(expected)[-1]
+    if found[0, 0] <= 0.2 or found[1, 1] <= 0.2 or 1.0 / UNLIKE < ratio < UNLIKE:
+        return expected, False
+    return found, True
+
+
+def _peaks(windows: Stamps, level: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """Place (W, 2) px and height (W,) of the highest pixel of each window, smoothed 3 x 3."""
     value = (windows.value - level[:, None, None].astype(np.float32)) * windows.weight
     light, share = _smoothed(value), _smoothed(windows.weight)
     light = np.where(share > 0.3, light / np.sqrt(np.maximum(share, 0.3)), -np.inf)
-    at = light.reshape(len(light), -1).argmax(axis=1)
+    flat = light.reshape(len(light), -1)
+    at = flat.argmax(axis=1)
+    height = flat[np.arange(len(flat)), at].astype(np.float64)
     half, side = windows.value.shape[1] // 2, light.shape[2]
     x, y = at % side + 1 - half, at // side + 1 - half
-    return np.stack([windows.x + x, windows.y + y], axis=1).astype(np.float64)
+    return np.stack([windows.x + x, windows.y + y], axis=1).astype(np.float64), height
 
 
 def _smoothed(value: NDArray[np.float32]) -> NDArray[np.float32]:
