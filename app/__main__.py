@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from app.core.solution import Solution
     from app.simulate.practice import Practice
     from app.workflows.laboratory import FieldWish, TrueField
+    from app.workflows.live_update import LiveUpdate
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,13 +47,21 @@ def _window(paths: list[str]) -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    return run(paths, to_json=_to_json, practice=_practise, fields=_simulated_field)
+    return run(
+        paths, to_json=_to_json, practice=_practise, fields=_simulated_field, to_record=_to_record
+    )
 
 
 def _to_json(file: str, solution: "Solution") -> str:
     from app.cli.output import as_json, to_line
 
     return to_line(as_json(file, solution))
+
+
+def _to_record(update: "LiveUpdate") -> dict[str, Any]:
+    from app.cli.live_output import finite_json
+
+    return finite_json(update)
 
 
 def _practise(**wishes: Any) -> "Practice":

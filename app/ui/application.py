@@ -19,7 +19,7 @@ from app.ui.presenter import Presenter
 from app.ui.samples import Sample, samples
 from app.ui.session import Session
 from app.ui.settings import Settings
-from app.ui.wiring import StartPractice, ToJson, Wiring
+from app.ui.wiring import StartPractice, ToJson, ToRecord, Wiring
 from app.workflows.laboratory import MakeField
 
 
@@ -42,18 +42,20 @@ def run(
     to_json: ToJson | None = None,
     practice: StartPractice | None = None,
     fields: MakeField | None = None,
+    to_record: ToRecord | None = None,
 ) -> int:
     """Open the window, with the first of ``paths`` when there is one; the exit code.
 
-    ``to_json``, ``practice`` and ``fields`` come from rooms that this one may not know, see
-    :class:`app.ui.wiring.Wiring`.
+    ``to_json``, ``practice``, ``fields`` and ``to_record`` come from rooms that this one may not
+    know, see :class:`app.ui.wiring.Wiring`.
     """
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
     engine = engine or WorkflowEngine()
-    window, commands = build(engine, Settings(), wiring=Wiring(to_json, practice, fields))
+    wiring = Wiring(to_json, practice, fields, to_record)
+    window, commands = build(engine, Settings(), wiring=wiring)
     garbage = Garbage()
     background = Background(window, engine)
     window.show()

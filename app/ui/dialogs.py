@@ -22,6 +22,14 @@ def ask_save(parent: QWidget, path: Path, kinds: str, red: bool) -> Path | None:
     return _answer(dialog, red)
 
 
+def ask_folder(parent: QWidget, folder: str, title: str, red: bool) -> Path | None:
+    """A folder, or None."""
+    dialog = QFileDialog(parent, title, folder)
+    dialog.setFileMode(QFileDialog.FileMode.Directory)
+    dialog.setOption(QFileDialog.Option.ShowDirsOnly)
+    return _answer(dialog, red)
+
+
 def tell(parent: QWidget, title: str, text: str) -> None:
     """Say something that must not be missed, without waiting."""
     box = QMessageBox(parent)

@@ -40,6 +40,7 @@ class Presenter(QObject):
         s.opening.connect(self._opening)
         s.opened.connect(self._opened)
         s.pictured.connect(self._pictured)
+        s.streaming.connect(self._streaming)
         s.streamed.connect(self._streamed)
         s.solving.connect(self._solving)
         s.progressed.connect(self._progressed)
@@ -97,6 +98,14 @@ class Presenter(QObject):
         panes = self.window.workspace
         panes.view.show_picture(picture)
         panes.strip.show_picture(picture)
+
+    def _streaming(self, name: str) -> None:
+        panes = self.window.workspace
+        self._clear_marks()
+        panes.view.show_picture(None)
+        panes.card.show_working(Progress("live", None, name))
+        self._age_solution()
+        self.window.show_frame_page()
 
     def _streamed(self, picture: ReadyPicture) -> None:
         view, result = self.window.workspace.view, self.session.known.result

@@ -57,6 +57,7 @@ class Session(QObject):
     solved = Signal(object)  # Solution
     unsolved = Signal(object)  # NoSolution
     failed = Signal(str)
+    streaming = Signal(str)  # a camera of that name starts
     streamed = Signal(object)  # ReadyPicture of a camera that runs
     stopped = Signal()  # cancelled by the person
     idle = Signal()
@@ -124,6 +125,7 @@ class Session(QObject):
         old = self.known
         self.known = Known(last_good=old.last_good, last_good_from=old.last_good_from, name=name)
         self.idle.emit()
+        self.streaming.emit(name)
 
     def stream(
         self, frame: Frame, picture: ReadyPicture, result: Solution | NoSolution | None

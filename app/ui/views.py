@@ -13,7 +13,9 @@ from app.ui.widgets import scrolled
 # name -> (title with its mnemonic, shortcut, the widget, made with Services alone).
 # F1, F5 and F11 are taken. Meant for the rest: F2 live, F4 polar, F7 at the bolts.
 VIEWS: dict[str, tuple[str, str, str]] = {
+    "live": ("L&ive", "F2", "app.ui.live.view:LiveView"),
     "mount": ("&Mount", "F3", "app.ui.mount.view:MountView"),
+    "polar": ("&Polar alignment", "F4", "app.ui.polar.view:PolarView"),
     "laboratory": ("&Laboratory", "F6", "app.ui.lab.view:LaboratoryView"),
 }
 SHARE = 0.5  # of the window's width, for the first dock that is opened

@@ -9,8 +9,10 @@ from typing import Any, Protocol
 
 from app.core.solution import Solution
 from app.workflows.laboratory import MakeField
+from app.workflows.live_update import LiveUpdate
 
 ToJson = Callable[[str, Solution], str]
+ToRecord = Callable[[LiveUpdate], dict[str, Any]]
 
 
 class Practice(Protocol):
@@ -59,8 +61,10 @@ class Wiring:
     ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
     night, with the keywords of ``app.simulate.practice.practise``; call it in a job. ``fields``
     makes the simulated star fields of the Laboratory (:data:`app.workflows.laboratory.MakeField`).
+    ``to_record`` is the line of a live frame in a recording.
     """
 
     to_json: ToJson | None = None
     practice: StartPractice | None = None
     fields: MakeField | None = None
+    to_record: ToRecord | None = None

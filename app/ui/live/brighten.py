@@ -96,8 +96,9 @@ class Brightener:
         if key != self._key:
             size = 256 if kind == np.uint8 else 65536
             bright = stretch.table(size, *self._range).astype(np.uint32)
-            shade = bright << 16 if look.red else bright * np.uint32(0x010101)
-            self._table, self._key = np.uint32(0xFF000000) | shade, key
+            colour = 0x010000 if look.red else 0x010101
+            table = bright * np.uint32(colour) + np.uint32(0xFF000000)
+            self._table, self._key = table.astype(np.uint32), key
         return self._table
 
 

@@ -1,17 +1,16 @@
 """Switches recording on and off while a stream runs; everything happens in the stream's thread."""
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 from app.core.errors import UsageError
+from app.ui.wiring import ToRecord
 from app.workflows.live_record import Recorder, session_folder
 from app.workflows.live_update import LiveUpdate
 
-ToRecord = Callable[[LiveUpdate], dict[str, Any]]
 LOOK_S = 2.0  # between looks at the disk
 
 

@@ -12,15 +12,16 @@ from app.core.progress import Progress, Task
 from app.core.solution import Solution
 from app.solve.options import SolveOptions
 from app.solve.profiles import Profile
-from app.ui.live.recording import Recording, ToRecord
+from app.ui.live.recording import Recording
 from app.ui.live.tap import Tapped
+from app.ui.wiring import ToRecord
 from app.workflows.live_capture import Capture
 from app.workflows.live_session import options_json
 from app.workflows.live_solve import WARNING, Engine, live_solve
 from app.workflows.live_update import LiveSummary, LiveUpdate
 
 SOLVE_TIMEOUT_S = 10.0
-AHEAD_S = 0.15  # a solver silent for so long does not hold up what is shown
+AHEAD_S = 0.12  # a frame whose answer takes longer is shown before it has one
 MOST_SAID = 50
 DOUBT = "Your camera profile is off"
 
@@ -70,7 +71,7 @@ class Stream:
         self.recording = Recording(to_record, about)
         self._show = show
         self._make_engine = make_engine or self._engine
-        self._answered_s = float("-inf")
+        self._held: tuple[Frame, float] | None = None  # waits for its answer, since when
         self._quick = False
 
     def task(self) -> Task[LiveSummary]:
@@ -88,6 +89,7 @@ class Stream:
                     self._has(step, engine)
                     yield Progress("solved")
                 else:
+                    self._let_go()
                     if step.stage == WARNING:
                         self.said.append(step.detail)
                     yield step
@@ -101,14 +103,23 @@ class Stream:
 
     def _see(self, frame: Frame) -> None:
         """A frame has come: shown at once unless its answer will be there in a moment."""
-        if not self._quick or monotonic() - self._answered_s > AHEAD_S:
+        if self._quick:
+            self._held = (frame, monotonic())
+        else:
             self._show(frame, None)
+
+    def _let_go(self) -> None:
+        """The answer takes longer than was thought."""
+        held = self._held
+        if held is not None and monotonic() - held[1] > AHEAD_S:
+            self._held, self._quick = None, False
+            self._show(held[0], None)
 
     def _has(self, update: LiveUpdate, engine: Engine) -> None:
         if isinstance(update.result, Solution):
             update.result.attitude.quaternion  # noqa: B018  (its library loads slowly)
-        self._quick = update.mode == "tracking"
-        self._answered_s = monotonic()
+        self._held = None
+        self._quick = update.mode == "tracking" and update.latency_ms < 1e3 * AHEAD_S
         self._show(update.shot.frame, update)
         self.latest = update
         self._learn(update, engine)

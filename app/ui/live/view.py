@@ -1,0 +1,278 @@
+"""The Live view: a camera runs, and a person sees at any moment where it points now."""
+
+import json
+from collections.abc import Callable
+from time import monotonic
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QHBoxLayout, QTabWidget, QVBoxLayout, QWidget
+
+from app.core.capture import CameraDevice, CameraSource, CaptureSettings
+from app.core.progress import Progress, Task
+from app.ui.job import Job
+from app.ui.live import words
+from app.ui.live.camera_panel import TITLES, CameraPanel
+from app.ui.live.pointing_panel import PointingPanel
+from app.ui.live.record_panel import RecordPanel
+from app.ui.live.sky_points import sky_points
+from app.ui.live.stage import Stage
+from app.ui.live.stream import Stream, StreamWish
+from app.ui.palette import Colours
+from app.ui.services import Services
+from app.ui.widgets import button, label, scrolled, set_role
+from app.workflows.live_solve import Engine
+
+WRITE_EVERY_MS = 200
+READY = "Choose a camera, then Start."
+POINTING = 1
+
+
+class LiveView(QWidget):
+    """Camera and pointing in tabs; the headline, Start and Stop are always in sight."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.camera = CameraPanel()
+        self.pointing = PointingPanel()
+        self.record = RecordPanel(services.wiring.to_record is not None)
+        self.stage = Stage(services, self)
+        self.stream: Stream | None = None
+        self.job: Job | None = None
+        self._ending: Job | None = None
+        self._looking: Job | None = None
+        self._own = False  # whether this view itself is changing what is open
+        self.title = label("", "heading", wrap=True)
+        self.text = label(READY, "muted", wrap=True)
+        self.said = label("", wrap=True)
+        self.said.setVisible(False)
+        self.start = button("&Start", self.begin, "main", "Open the camera and solve its frames")
+        self.stop = button("Sto&p", self.end, tip="Give the camera back; the last frame stays")
+        self.tabs = QTabWidget()
+        self._lay_out()
+        self._timer = QTimer(self)
+        self._timer.setInterval(WRITE_EVERY_MS)
+        self._timer.timeout.connect(self.write)
+        self.camera.look_wanted.connect(self.look)
+        self.camera.settings_wanted.connect(self._set_camera)
+        self.record.wanted.connect(self._set_recording)
+        services.looks.changed.connect(self._dress)
+        services.session.opening.connect(self._another_frame)
+        services.jobs.closing.connect(self._keep)
+        self._dress(services.looks.colours)
+        self._restore()
+        self._idle()
+        self.look()
+        chart = services.jobs.run(_points(services), "sky-chart")
+        chart.succeeded.connect(self.pointing.chart.show_points)
+        chart.failed.connect(services.say)
+
+    def _lay_out(self) -> None:
+        top = QHBoxLayout()
+        top.addWidget(self.title, 1)
+        top.addWidget(self.start)
+        top.addWidget(self.stop)
+        where = QWidget()
+        where.setObjectName("page")
+        column = QVBoxLayout(where)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addWidget(self.pointing, 1)
+        self.tabs.setDocumentMode(True)
+        self.tabs.setAccessibleName("Live")
+        self.tabs.addTab(scrolled(self.camera), "Camera")
+        self.tabs.addTab(scrolled(where), "Pointing")
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(10, 8, 10, 8)
+        outer.setSpacing(6)
+        outer.addLayout(top)
+        outer.addWidget(self.text)
+        outer.addWidget(self.said)
+        outer.addWidget(self.tabs, 1)
+        outer.addWidget(self.record)
+        self.setFocusProxy(self.start)
+
+    # the person's wishes ----------------------------------------------------------------------
+    def begin(self) -> None:
+        """Open the chosen camera."""
+        choice = self.camera.choice()
+
+        def opened() -> CameraSource:
+            from app.cameras import open_camera
+
+            return open_camera(choice.source, choice.address, choice.settings)
+
+        name = " ".join((TITLES.get(choice.source, choice.source), choice.address)).strip()
+        self._keep()
+        self.run(StreamWish(opened, name, choice.profile, choice.again))
+
+    def run(self, wish: StreamWish, make_engine: Callable[[], Engine] | None = None) -> None:
+        """Run any camera, and any engine instead of the tracker."""
+        if self.stream is not None or self._ending is not None:
+            return
+        display = self.stage.begin(wish.name)
+        to_record = self._services.wiring.to_record
+        self.stream = stream = Stream(wish, display.show, to_record, make_engine)
+        if self.record.switch.isChecked():
+            stream.recording.wish = self.record.folder
+        self.pointing.clear()
+        self.pointing.style_ = self._services.settings.angle_style
+        self._services.panes.tabs.setVisible(False)  # the frame needs the room
+        self._say("")
+        self.job = job = self._services.jobs.run(stream.task(), "live")
+        job.failed.connect(lambda sentence: self._has_failed(job, sentence))
+        job.finished.connect(lambda: self._has_finished(job, stream))
+        self._running(True)
+        self.tabs.setCurrentIndex(POINTING)
+        self._headline(words.State("Opening the camera", wish.name, "heading"))
+        self._timer.start()
+
+    def end(self) -> None:
+        """Stop at once; the camera is given back by its own thread."""
+        self._end(keep=True)
+
+    def look(self) -> None:
+        """Look for cameras of the chosen kind."""
+        if self._looking is not None:
+            self._looking.abandon()
+        self._looking = job = self._services.jobs.run(
+            _devices(self.camera.kind, self.camera.where.text().strip()), "cameras"
+        )
+        job.succeeded.connect(self.camera.show_found)
+        job.failed.connect(self.camera.say)
+
+    def _end(self, keep: bool) -> None:
+        job, stream = self.job, self.stream
+        self.job = self.stream = None
+        self._timer.stop()
+        if job is None or stream is None:
+            return
+        job.cancel()
+        self._ending = job
+        self._own = True
+        self.stage.end(keep)
+        self._own = False
+        self._services.panes.tabs.setVisible(True)
+        self._headline(words.State("Stopping", "The camera is being given back.", "heading"))
+        self._running(False)
+        self.start.setEnabled(False)
+
+    def _set_camera(self, settings: CaptureSettings) -> None:
+        if self.stream is not None:
+            self.stream.capture.configure(settings)
+
+    def _set_recording(self, folder: object) -> None:
+        if self.stream is not None:
+            self.stream.recording.wish = folder  # type: ignore[assignment]
+
+    # news -------------------------------------------------------------------------------------
+    def write(self) -> None:
+        """Write what is known now; the age goes on though nothing comes."""
+        stream = self.stream
+        if stream is None:
+            return
+        while stream.said:
+            self._say(stream.said.popleft())
+        capture = stream.capture
+        if capture.name:
+            self.camera.show_limits(capture.limits, capture.in_force)
+        if self.stage.shown is not None:
+            self.camera.show_levels(self.stage.shown.levels)
+        self.record.show_state(stream.recording.state)
+        update = stream.latest
+        if update is None:
+            if self.stage.shown is not None:
+                self._headline(words.State("Searching", "The whole sky, once.", "heading"))
+            elif capture.name:
+                self._headline(words.waiting())
+            return
+        self._headline(words.state_of(update, monotonic()))
+        self.pointing.show_update(
+            update, stream.lens, stream.wish.profile, self.stage.drawn_hz, self.stage.latency_ms
+        )
+
+    def _has_failed(self, job: Job, sentence: str) -> None:
+        """The camera ended it: one sentence, and the last pointing stays, marked old."""
+        self._say(sentence, "wrong")
+        if job is self.job:
+            self.write()
+            self._end(keep=True)
+            self.pointing.old.setVisible(self.pointing.ra.text() != words.NOTHING)
+
+    def _has_finished(self, job: Job, stream: Stream) -> None:
+        for sentence in stream.said:
+            self._say(sentence, str(self.said.property("role") or ""))
+        self.record.show_state(stream.recording.state)
+        if job is self.job:
+            self._end(keep=True)
+        if job is self._ending:
+            self._ending = None
+            self._idle()
+
+    def _another_frame(self, _: object) -> None:
+        """A file was opened, or another tool shows a frame: this one makes way."""
+        if not self._own and self.stream is not None:
+            self._end(keep=False)
+            self._say("Live has stopped because another frame was opened.")
+
+    # looks and memory -------------------------------------------------------------------------
+    def _running(self, on: bool) -> None:
+        self.start.setEnabled(not on)
+        self.start.setVisible(not on)
+        self.stop.setVisible(on)
+        self.camera.run(on)
+        if on:
+            self.stop.setFocus()
+
+    def _idle(self) -> None:
+        self._running(False)
+        self._headline(words.State("Live", READY, "heading"))
+
+    def _headline(self, state: words.State) -> None:
+        if self.title.text() != state.title:
+            self.title.setText(state.title)
+        if self.title.property("role") != state.role:
+            set_role(self.title, state.role)
+        if self.text.text() != state.text:
+            self.text.setText(state.text)
+        self.text.setVisible(bool(state.text))
+
+    def _say(self, sentence: str, role: str = "") -> None:
+        """One sentence that stays until the next; all of them are in the log."""
+        if sentence:
+            self._services.log.info("%s", sentence)
+        self.said.setText(sentence)
+        self.said.setVisible(bool(sentence))
+        if self.said.property("role") != role:
+            set_role(self.said, role)
+
+    def _dress(self, colours: Colours) -> None:
+        self.camera.levels.colours = self.pointing.chart.colours = colours
+        for panel in (self.camera, self.record):
+            panel.use_red(self._services.looks.is_night)
+        self.update()
+
+    def _keep(self) -> None:
+        kept = {**self.camera.state(), **self.record.state()}
+        self._services.settings.keep("live", json.dumps(kept))
+
+    def _restore(self) -> None:
+        try:
+            kept = json.loads(self._services.settings.text("live", "{}"))
+        except ValueError:
+            return
+        if isinstance(kept, dict):
+            self.camera.restore(kept)
+            self.record.restore(kept)
+
+
+def _devices(kind: str, address: str) -> Task[list[CameraDevice]]:
+    from app.cameras import list_devices
+
+    yield Progress("look for cameras")
+    return list_devices(kind, address)
+
+
+def _points(services: Services) -> Task[object]:
+    yield Progress("chart")
+    return (yield from sky_points(services.catalogue()))
