@@ -128,7 +128,7 @@ def _begin_text(practice: "Practice") -> str:
         f"A simulated telescope stands at {place[7:]}, where it is {now}.",
         f"Its mount answers at {practice.port} as {practice.driver}. Try, in another window:",
         f"  kochab mount position {line}",
-        f"  kochab mount goto M42 {line} {place} --yes",
+        f"  kochab mount goto M42 {line} {place} --yes --allow-flip",
     ]
     if abs(practice.rig.clock.now_unix() - time.time()) > 60.0:
         lines.insert(1, "It is light there now, so its clock and the computer's do not agree.")
