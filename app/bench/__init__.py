@@ -14,6 +14,7 @@ BENCHES: dict[str, str] = {
     "detectors": "app.bench.detectors:run",
     "identify": "app.bench.identify:run",
     "live": "app.bench.live:run",
+    "mount": "app.bench.mount:run",
     "papers": "app.bench.papers:run",
     "polar": "app.bench.polar:run",
 }

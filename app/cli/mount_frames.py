@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from app.cli.choices import add_search, options_of
-from app.cli.live import add_settings, settings_of
+from app.cli.choices import add_search, number_above_zero, options_of, whole_number
+from app.core.capture import CaptureSettings
 from app.core.errors import UsageError
 from app.core.hint import Site
 
@@ -36,7 +36,9 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
         "--address", default="", metavar="WHERE", help="folder, host:port/camera or device"
     )
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
-    add_settings(parser)
+    parser.add_argument("--exposure", type=number_above_zero, metavar="S", help="seconds")
+    parser.add_argument("--gain", type=float, metavar="G", help="in the camera's own units")
+    parser.add_argument("--binning", type=whole_number, metavar="N", help="pixels a side")
     add_search(parser)
     parser.add_argument("--detector", default="auto", metavar="NAME", help="how stars are found")
     parser.set_defaults(timeout=SOLVE_TIMEOUT_S)
@@ -86,6 +88,7 @@ def eyes(args: argparse.Namespace) -> Iterator[Eyes]:
 def _camera(args: argparse.Namespace) -> "CameraSource":
     from app.cameras import open_camera
 
+    settings = CaptureSettings(args.exposure, args.gain, args.binning)
     if args.folder is not None:
-        return open_camera("folder", args.folder, settings_of(args))
-    return open_camera(args.source, args.address, settings_of(args))
+        return open_camera("folder", args.folder, settings)
+    return open_camera(args.source, args.address, settings)

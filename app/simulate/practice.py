@@ -11,11 +11,13 @@ from app.core.hint import Site
 from app.simulate.line import Line, pty_line, socket_line
 from app.simulate.line_faults import Fault, Faults
 from app.simulate.responders import RESPONDERS
-from app.simulate.responders.base import open_responder
+from app.simulate.responders.base import Responder, open_responder
+from app.simulate.responders.skywatcher import SkyWatcher
 from app.simulate.rig import PracticeRig, RigConfig
 from app.simulate.scenario import misaligned, practice_night, through, tonight
 from app.simulate.score import Score, score
 from app.simulate.source import SimulatedCamera, announce
+from app.simulate.telescope import Telescope
 
 KEPT_FRAMES = 200
 FAULT_CHANCE = {Fault.SILENCE: 0.01, Fault.GARBAGE: 0.01, Fault.LATE: 0.005, Fault.SPLIT: 0.05}
@@ -55,7 +57,7 @@ class Practice:
                 self.faults.chance(fault, chance)
         self._first = score(self.rig)
         self._over = threading.Event()
-        responder = open_responder(config.driver, self.rig.mount)
+        responder = responder_on(config.driver, self.rig)
         serve = socket_line if config.socket else pty_line
         self.line: Line = serve(responder, self.faults)
         self.trouble = ""
@@ -113,6 +115,17 @@ class Practice:
                 return
             if self.rig.clock.rate == 0.0:
                 return
+
+
+def responder_on(driver: str, rig: PracticeRig, telescope: Telescope | None = None) -> Responder:
+    """The far end of ``driver`` over the rig's mount, or over a ``telescope`` that passes it on.
+
+    A motor board knows only its counters: they read what the mount's computer believes.
+    """
+    responder = open_responder(driver, telescope or rig.mount)
+    if isinstance(responder, SkyWatcher):
+        responder.count_from_home(rig.mount.from_home_deg())
+    return responder
 
 
 def practise(

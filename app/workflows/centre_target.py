@@ -11,6 +11,7 @@ from app.core.solution import NoSolution, Solution
 from app.mounts.guard import Guard
 from app.mounts.limits import SyncEvidence
 from app.mounts.rules.meridian import ACROSS
+from app.mounts.sky_frame import apart_deg
 from app.workflows.centre_target_course import Course, How, Sight
 from app.workflows.fresh_frame import SolveNow
 from app.workflows.goto_target import Target, Wait, answered, settled
@@ -22,6 +23,7 @@ LOOKS = 3  # frames without a solution before it is given up
 AGAIN_S = 2.0
 TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
 APPROACH_DEG = 0.1
+SAYINGS, SAME_DEG = 4, 0.02
 
 
 class End(StrEnum):
@@ -39,7 +41,8 @@ class Centring:
     """The end, in one sentence too, and the way there.
 
     ``errors_arcsec`` are the distances seen, one before each correction and one at the end;
-    ``corrections`` the ways they were made. ``synced``: the mount now knows the sky.
+    ``corrections`` the ways they were made; what the mount refused or lost is in ``notes``.
+    ``synced``: the mount now knows the sky.
     """
 
     end: End
@@ -107,7 +110,7 @@ class _Centring:
         self.corrections: list[str] = []
         self.notes: list[str] = []
         self.course = Course(self.there(), tolerance_arcsec)
-        self.stops, self.troubles = mount.stops, 0
+        self.stops, self.troubles, self.failures = mount.stops, 0, 0
         self.solution: Solution | None = None
 
     def there(self) -> tuple[float, float]:
@@ -135,11 +138,20 @@ class _Centring:
         for more in range(LOOKS - 1, -1, -1):
             yield Progress("looking", None, self.target.name)
             found = yield from self.solve_now()
-            if isinstance(found, Solution) or not more:
+            if not more or (isinstance(found, Solution) and self.good(found)):
                 break
-            yield Progress("looking", None, f"{found.reason}, taking another frame")
+            reason = found.reason if isinstance(found, NoSolution) else "a doubtful solution"
+            yield Progress("looking", None, f"{reason}, taking another frame")
             self.wait(AGAIN_S)
         return found
+
+    def good(self, solution: Solution) -> bool:
+        """Whether the guard would believe it."""
+        limits = self.mount.limits
+        return (
+            solution.rms_px <= limits.worst_rms_px
+            and solution.log10_false_alarm <= limits.worst_log10_false_alarm
+        )
 
     def judged(self, solution: Solution) -> Centring | None:
         """The end, if this is one."""
@@ -170,26 +182,42 @@ class _Centring:
 
     def sight(self, solution: Solution) -> Sight:
         """The mount's word beside the sky's."""
-        said = answered(self.mount.position)
+        said = self.said()
         return Sight((said.ra_deg, said.dec_deg), self.mount.to_mount(*solution.ra_dec_deg))
+
+    def said(self) -> Pointing:
+        """What the mount says twice: a spoilt line may bring a place of long ago."""
+        before = answered(self.mount.position)
+        for _ in range(SAYINGS):
+            said = answered(self.mount.position)
+            if apart_deg((before.ra_deg, before.dec_deg), (said.ra_deg, said.dec_deg)) < SAME_DEG:
+                return said
+            before = said
+        raise NoAnswerError("The mount says another place each time it is asked.")
 
     def correct(self, solution: Solution) -> Task[None]:
         """One correction by the way that fits."""
-        how, course = self.course.how(self.may_sync and not self.synced), self.course
+        course = self.course
+        how = course.how(self.may_sync and not self.synced)
         synced = False
         if how is How.SYNC:
             synced = yield from self.sync(solution)
             how = How.SYNC if synced else How.GOTO
-        self.corrections.append(str(how))
         self.synced = self.synced or synced
         yield Progress("correcting", None, f"{_arcsec(course.error_arcsec)} off: {how}")
+        yield from self.move(how, synced)
+        self.corrections.append(str(how))
+        yield Progress("corrected", None, str(how))
+
+    def move(self, how: How, synced: bool) -> Task[None]:
+        """The motion of one correction."""
         if how is How.FINE:
             yield from self.fine()
             return
-        there = course.command(synced)
+        there = self.course.command(synced)
         if how is How.APPROACH:
             yield from self.slew((there[0], max(-90.0, there[1] - APPROACH_DEG)))
-            course.approached()
+            self.course.approached()
         yield from self.slew(there)
 
     def sync(self, solution: Solution) -> Task[bool]:
@@ -251,10 +279,11 @@ class _Centring:
             self.hold()
             self.notes.append(str(error))
             self.troubles += 1
+            self.failures += 1
             refused = isinstance(error, RefusedError)
             if refused and (self.troubles > 1 or self.mount.log.entries[-1].outcome == "refused"):
                 return False
-            if self.troubles >= TROUBLES:
+            if self.troubles >= TROUBLES or self.failures > 2 * TROUBLES:
                 raise
             return True
 

@@ -22,6 +22,7 @@ POLE_DEG = 80.0  # nearer to a pole axis angles are no measure of the way
 SYNC_FROM_ARCSEC = 300.0
 FINE_ARCSEC = 60.0
 REVERSED_ARCSEC = 3.0
+LEARN_RATE_ARCSEC = 15.0  # less is lost in the noise
 BETTER = 0.8  # of the error before, at least, or the correction was none
 
 
@@ -51,11 +52,11 @@ class Course:
     errors_arcsec: list[float] = field(default_factory=list)
     turn: complex = 1.0 + 0.0j
     slips: int = 0
-    slack: bool = False
     gain: list[float] = field(default_factory=lambda: [1.0, 1.0])
     last: Sight | None = None
     _before: Sight | None = None
     _fine: Degrees | None = None
+    _after_goto: Degrees | None = None  # declinations said and seen when the last goto had ended
     _dec_way: float = 0.0
     _learned_from: float = 0.0
 
@@ -64,6 +65,8 @@ class Course:
         self.last = sight
         error = apart_deg(sight.sky, self.target) * 3600.0
         self.errors_arcsec.append(error)
+        if self._before is not None or self._after_goto is None:
+            self._after_goto = sight.said[1], sight.sky[1]
         if self._before is not None:
             self._learn(self._before, sight)
         elif self._fine is not None and len(self.errors_arcsec) > 1:
@@ -83,26 +86,38 @@ class Course:
         return _away(self.last.sky, self.target, self.target[1])
 
     def how(self, may_sync: bool) -> How:
-        """The way of the next correction."""
+        """The way of the next correction.
+
+        The hour axis always turns with the sky, so that its gears are never loose; the other one
+        may have play, which small moves would be lost in: it is sent.
+        """
         north = 3600.0 * self.left_deg[1]
         if self.error_arcsec > SYNC_FROM_ARCSEC and may_sync:
             return How.SYNC
-        turned = north * self._dec_way < 0.0 and abs(north) > REVERSED_ARCSEC
-        matters = abs(north) > self.tolerance_arcsec / 2.0
-        if self.error_arcsec <= FINE_ARCSEC and not (matters and (self.slack or turned)):
+        if self.error_arcsec <= FINE_ARCSEC and abs(north) <= self.tolerance_arcsec / 2.0:
             return How.FINE
-        return How.APPROACH if turned or self.slack else How.GOTO
+        turned = north * self._dec_way < 0.0 and abs(north) > REVERSED_ARCSEC
+        return How.APPROACH if turned else How.GOTO
 
     def command(self, synced: bool) -> Degrees:
-        """Where to send the mount, which was just ``synced`` or says what it said."""
+        """Where to send the mount, which was just ``synced`` or says what it said.
+
+        In declination what counts is what it said after the last goto: those end alike, with the
+        play of the gears on one side, and small moves since then may have been lost in it.
+        """
         assert self.last is not None
+        sky, said = self.last.sky, self.last.said
+        if synced:
+            said = sky
+            self._after_goto = said[1], sky[1]
         east, north = self.left_deg
+        then = self._after_goto or (said[1], sky[1])
+        drift = then[0] - then[1] - (said[1] - sky[1])  # lost in the play since then
         asked = complex(east, north) / self.turn
-        said = self.last.sky if synced else self.last.said
-        self._before = Sight(said, self.last.sky)
+        self._before = Sight((said[0], said[1] + drift), sky)
         if abs(north) * 3600.0 > REVERSED_ARCSEC:
             self._dec_way = north
-        return shifted(said, asked.real / _narrow(self.target[1]), asked.imag)
+        return shifted((said[0], said[1] + drift), asked.real / _narrow(self.target[1]), asked.imag)
 
     def approached(self) -> None:
         """The last motion came from the south."""
@@ -135,17 +150,12 @@ class Course:
             self.turn, self._learned_from = turn, abs(asked)
 
     def _learn_fine(self, asked: Degrees) -> None:
-        """Guide rates are settings of a mount: see what they are; a reversed gear does nothing."""
+        """Guide rates are settings of a mount: see what they are."""
         for axis, (want, left) in enumerate(
             zip(asked, (3600.0 * part for part in self.left_deg), strict=True)
         ):
-            if abs(want) < 5.0:
-                continue
-            share = (want - left) / want
-            if axis == 1 and share < 0.4:
-                self.slack = True
-            else:
-                self.gain[axis] *= min(max(share, 0.4), 2.5)
+            if abs(want) > LEARN_RATE_ARCSEC:
+                self.gain[axis] *= min(max((want - left) / want, 0.4), 2.5)
 
 
 def _away(start: Degrees, end: Degrees, dec_deg: float) -> Degrees:

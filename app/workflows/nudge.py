@@ -13,7 +13,7 @@ from app.workflows.goto_target import Wait
 GUIDE_ARCSEC_S = 0.5 * SIDEREAL_DEG_S * 3600.0  # most mounts' setting
 MOST_PULSED_ARCSEC = 90.0
 LEAST_ARCSEC = 0.3
-MOVE_S = (0.15, 8.0)  # shorter is not accurate, longer is not patient
+SHORTEST_S, LONGEST_S = 0.08, 8.0  # less is not accurate, more is not patient
 AFTER_S = 0.4
 
 
@@ -77,6 +77,8 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait)
         raise RefusedError(f"A nudge of {amount_deg:.1f} deg is refused: go there instead.")
     rate = move_rate_deg_s(mount, amount_deg)
     left = seconds = amount_deg / rate
+    if seconds < SHORTEST_S:
+        return Nudged(direction, amount_arcsec, "nothing", 0.0)
     stops = mount.stops
     while left > 1e-3:
         _not_stopped(mount, stops)
@@ -97,7 +99,7 @@ def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:
     """The slowest of the mount's rates that takes at most some seconds for ``amount_deg``."""
     told: tuple[float, ...] = getattr(mount.mount, "rates_deg_s", ())
     rates = sorted(told or (SIDEREAL_DEG_S, 0.1, 1.0))
-    return next((r for r in rates if amount_deg / r <= MOVE_S[1]), rates[-1])
+    return next((r for r in rates if amount_deg / r <= LONGEST_S), rates[-1])
 
 
 def _not_stopped(mount: Guard, stops: int) -> None:

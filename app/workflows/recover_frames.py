@@ -30,7 +30,7 @@ class NoMoreFramesError(NoAnswerError):
 
 
 class FileFrames:
-    """Gives the answers of files, the newest last; ``time_utc`` and ``site`` are of the last one.
+    """Gives the answers of files; ``time_utc`` and ``site`` are of the one solved last.
 
     ``used`` names the frames that were solved.
     """
@@ -86,7 +86,7 @@ class FileFrames:
 
 
 def picture_files(paths: Sequence[str | Path]) -> list[Path]:
-    """The files, and of folders the newest few, oldest first.
+    """The files, and of folders the newest few, newest first.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def picture_files(paths: Sequence[str | Path]) -> list[Path]:
     for path in map(Path, paths):
         if path.is_dir():
             found = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
-            files += sorted(found, key=lambda p: p.stat().st_mtime_ns)[-NEWEST:]
+            files += sorted(found, key=lambda p: -p.stat().st_mtime_ns)[:NEWEST]
         else:
             files.append(path)
     if not files:

@@ -90,7 +90,7 @@ def recover_mount(
 def _agreeing(
     mount: Guard, solve_now: SolveNow, taken: Callable[[], datetime | None]
 ) -> Task[tuple[list[Solution], list[float]]]:
-    """Two solves in a row that agree, and how old each was, seconds."""
+    """Two solves in a row that agree, the younger one last, and how old each was, seconds."""
     from app.core.attitude import unit_vectors
     from app.mounts.sky_frame import separation_deg
 
@@ -112,7 +112,8 @@ def _agreeing(
         if before is not None:
             a, b = unit_vectors(*before[0].ra_dec_deg), unit_vectors(*found.ra_dec_deg)
             if separation_deg(a, b) * 3600.0 <= limit:
-                return [before[0], found], [before[1], age]
+                pair = sorted([before, (found, age)], key=lambda one: -one[1])
+                return [one for one, _ in pair], [seconds for _, seconds in pair]
             why = "The frames show different places: the telescope moves."
         before = found, age
     raise RefusedError(f"No two frames agree on where the telescope points. {why}".strip())

@@ -111,6 +111,12 @@ class EquatorialMount:
         with self._lock:
             return self._motors(self.clock.now_unix())
 
+    def from_home_deg(self) -> tuple[float, float]:
+        """How far from home its computer believes the axes to be."""
+        with self._lock:
+            hour, dec = self._belief.of(*self._motors(self.clock.now_unix()))
+            return hour - 90.0, dec - (90.0 if self._north else -90.0)
+
     @property
     def slewing(self) -> bool:
         """Whether an axis moves, or is about to move, faster than guiding does."""

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 
 from app.simulate.responders.base import Controller
-from app.simulate.responders.skywatcher_motor import Motor, low_first, number
+from app.simulate.responders.skywatcher_motor import MIDDLE, Motor, low_first, number
 from app.simulate.telescope import Telescope
 
 UNKNOWN, LENGTH, NOT_STOPPED, CHARACTER, NOT_INITIALISED, ASLEEP = (b"!%d\r" % k for k in range(6))
@@ -47,6 +47,11 @@ class SkyWatcher(Controller):
             b"D": lambda _: low_first(round(TIMER_HZ * 86164.0905 / STEPS_TURN)),
             b"f": lambda motor: motor.status(),
         }
+
+    def count_from_home(self, from_home_deg: tuple[float, float]) -> None:
+        """Let the counters read as if it had been switched on at home and turned so far since."""
+        for motor, angle in zip(self.motors, from_home_deg, strict=True):
+            motor.set_steps(MIDDLE + round(angle * motor.steps_deg))
 
     def _take(self) -> bytes | None:
         """``:`` up to a carriage return; a new colon begins anew."""
