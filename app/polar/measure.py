@@ -1,7 +1,7 @@
 """From sightings to the axis, its error and everything worth saying: what the callers use."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -91,7 +91,7 @@ def measure_local(attitudes: Sequence[LocalAttitude], settings: Settings) -> Mea
     movement = _first_movement(sweeps, fits, towards)
     errors = [_error(fit, towards) for fit in fits]
     return Measurement(
-        error=_combined(errors, towards),
+        error=combined(errors, towards),
         fit=fits[-1],
         attitudes=tuple(attitudes),
         last_of_fit=sweeps[-1][-1],
@@ -134,8 +134,14 @@ def _error(fit: AxisFit, pole: Floats) -> PolarError:
     return PolarError(fit.axis, pole, fit.covariance * widen)
 
 
-def _combined(errors: Sequence[PolarError], pole: Floats) -> PolarError:
-    """Several sweeps as one, each weighted with the inverse of its covariance."""
+def together(first: Measurement, again: Measurement) -> Measurement:
+    """The second of two measurements, with the error of both: nothing was moved between them."""
+    error = combined([first.error, again.error], again.error.pole)
+    return replace(again, error=error)
+
+
+def combined(errors: Sequence[PolarError], pole: Floats) -> PolarError:
+    """Several errors of one axis as one, each weighted with the inverse of its covariance."""
     if len(errors) == 1:
         return errors[0]
     weights = [np.linalg.inv(e.covariance) for e in errors]

@@ -27,7 +27,7 @@ CAUTIOUS, CONFIDENT = 0.6, 0.9
 NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
-ENOUGH = 1.2  # goals, when only another move would bring it nearer
+ENOUGH = 1.3  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
 MOST_TURNS = 6.0  # at a time; then it looks again
 

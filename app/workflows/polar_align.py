@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from app.core.progress import Task
 from app.polar.history import History
-from app.polar.measure import Measurement, Settings
+from app.polar.measure import Measurement, Settings, together
 from app.polar.tutor import BoltTutor
 from app.polar.words import angle_in_words
 from app.workflows.polar_adjust import adjust
@@ -68,10 +68,15 @@ def align(
     """
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()
-    sweep, rounds = options.sweep, 0
+    sweep, rounds, moves = options.sweep, 0, 0
+    before: Measurement | None = None
     while True:
         rounds += 1
         measured = yield from measure_axis(source, turner, settings, sweep, controls)
+        if before is not None and tutor.moves == moves:
+            # The tutor stopped at once and no bolt was turned: both measurements count.
+            measured = replace(measured, measurement=together(before, measured.measurement))
+        before, moves = measured.measurement, tutor.moves
         history.measured(measured.measurement)
         keep(history)
         error = measured.measurement.error

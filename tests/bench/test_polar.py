@@ -47,7 +47,7 @@ def test_a_rig_agrees_with_our_sky_without_taking_part_in_it():
 
     for seed in range(4):
         sky = make_rig(np.random.default_rng([5, seed]), open_catalogue())
-        sky.optics = Optics(1e-3, 1e-2)
+        sky.optics, sky.seeing_arcsec = Optics(1e-3, 1e-2), 0.0
         local = to_local(sky.look(), sky.settings.site, sky.settings.air)
         truth = sky.rig.truth(sky.rig.clock.now_unix() - 1.5)
         assert angle_between(local.boresight, truth.enu_to_camera[2]) < 0.05 * ARCSEC
