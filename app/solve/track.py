@@ -10,7 +10,7 @@ time, and only small windows around the stars expected there are read
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +31,15 @@ from app.solve.track_answer import tracked_solution
 from app.solve.track_camera import TrackedCamera, turn_between
 from app.solve.track_match import Tracked, match
 from app.solve.track_sky import Expected, Neighbourhood
+from app.solve.track_update import Mode, TrackUpdate
 from app.solve.track_windows import Seen, look
 
 if TYPE_CHECKING:
     from app.sky import Catalogue
 
+__all__ = ["Mode", "TrackOptions", "TrackUpdate", "Tracker"]
+
 Floats = NDArray[np.float64]
-Mode = Literal["lost", "tracking"]
 
 FEWEST_EXPECTED = 5
 ENOUGH, SECOND_LOOK_PX = 0.7, 8
@@ -62,43 +64,6 @@ class TrackOptions:
     half_px: int = 32
     memory_s: float = 30.0
     calibrate_every: int = 10
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackUpdate:
-    """What one frame told. Everything in it belongs to ``time_utc``, the frame's own moment.
-
-    ``solution`` is what this frame's stars say alone, None when there is none and ``reason`` says
-    why. ``mode`` tells how it was found. ``filtered`` is the attitude after all frames so far, of
-    the solution's camera, and :attr:`filtered_centre` where that points; its ``sigma_arcsec`` are
-    smaller than the solution's. ``rates_deg_s`` are the camera's angular velocities against the
-    stars about its own x, y and z (x right, y down, z out), and
-    ``rates_sigma_deg_s`` their errors. All three are None when this frame has no answer: nothing
-    old is ever told as new. ``expected`` stars were looked for and ``matched`` found.
-    """
-
-    time_utc: datetime
-    mode: Mode
-    solution: Solution | None
-    reason: NoSolution | None
-    filtered: Attitude | None = None
-    rates_deg_s: tuple[float, float, float] | None = None
-    rates_sigma_deg_s: tuple[float, float, float] | None = None
-    expected: int = 0
-    matched: int = 0
-    manoeuvre: bool = False
-
-    @property
-    def filtered_centre(self) -> Floats | None:
-        """ICRS unit vector (3,) of the frame's middle by the filter."""
-        if self.filtered is None or self.solution is None:
-            return None
-        return replace(self.solution, attitude=self.filtered).centre_vector
-
-    @property
-    def sigma_arcsec(self) -> tuple[float, float, float] | None:
-        """One-sigma errors of ``filtered`` along x, along y, and of roll."""
-        return None if self.filtered is None else self.filtered.sigma_arcsec
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,13 +162,16 @@ class Tracker:
             return None
         sky = self._neighbourhood(ahead.attitude, moment)
         image = self._star_image(ahead, frame.hint.exposure_s)
-        sighted = self._sighted(frame, sky, ahead.matrix, half, image, self._roll_px(ahead))
-        if sighted is None:
-            return None
+        roll_px = self._roll_px(ahead)
+        sighted = self._sighted(frame, sky, ahead.matrix, half, image, roll_px)
+        if sighted is None:  # perhaps the stars are smeared by a motion nobody expected
+            sighted = self._sighted(frame, sky, ahead.matrix, half, image, roll_px, adapt=True)
+            if sighted is None:
+                return None
         if len(sighted.found.estimate.seen) < ENOUGH * len(sighted.stars.number):
-            # many stars were beyond their windows: now it is known where they are
+            # many were beyond their windows, or smeared: now it is known where they are
             matrix = sighted.found.estimate.attitude.matrix
-            again = self._sighted(frame, sky, matrix, SECOND_LOOK_PX, image, 0.0)
+            again = self._sighted(frame, sky, matrix, SECOND_LOOK_PX, image, 0.0, adapt=True)
             sighted = sighted.bettered(again)
         stars, seen, found = sighted.stars, sighted.seen, sighted.found
         vectors = sky.vectors[stars.number]
@@ -217,14 +185,14 @@ class Tracker:
 
     def _sighted(
         self, frame: Frame, sky: Neighbourhood, matrix: Floats, half: int, image: Floats,
-        roll_px: float,
+        roll_px: float, *, adapt: bool = False,
     ) -> "_Sighted | None":  # fmt: skip
         """Look where ``matrix`` puts the stars, and match what is there."""
         assert self.camera is not None
         stars = sky.expected(self.camera, matrix, self.options.stars, 4.0)
         if len(stars.number) < FEWEST_EXPECTED:
             return None
-        seen = look(frame, stars.xy, half, image)
+        seen = look(frame, stars.xy, half, image, adapt=adapt)
         found = match(self.camera, matrix, sky.vectors[stars.number], stars.xy, seen, half, roll_px)
         return None if found is None else _Sighted(stars, seen, found)
 

@@ -6,7 +6,8 @@ The windows' finds first agree on a common shift, then the rotation is refined.
 How likely is it that chance alone agrees as well? A window's find that is not its star may be
 anywhere in the window. So with n finds, m of them within r of one rotation of the prediction, the
 bound is the binomial tail for p = 1 - exp(-pi r^2 / window's area), times the radii tried, times
-the room of the three angles that were fitted to the same finds. The prediction is one candidate.
+the room of the three angles that were fitted to the same finds. Each look at the prediction is a
+candidate.
 """
 
 from dataclasses import dataclass
@@ -39,12 +40,13 @@ class Tracked:
 
 def match(
     camera: Camera, matrix: Floats, vectors: Floats, places: Floats, seen: Seen, half: int,
-    roll_px: float = 0.0,
+    roll_px: float = 0.0, looks: int = 1,
 ) -> Tracked | None:  # fmt: skip
     """The attitude that W windows agree on, or None when chance could explain it.
 
     ``vectors`` (W, 3) are the expected stars, ``places`` (W, 2) where they were expected with
-    ``matrix``, ``roll_px`` what an error of roll may do at the frame's rim.
+    ``matrix``, ``roll_px`` what an error of roll may do at the frame's rim, ``looks`` how often the
+    frame was looked at so far.
     """
     finds = np.flatnonzero(seen.found)
     if len(finds) < FEWEST:
@@ -72,7 +74,7 @@ def match(
     left = seen.xy[finds] - expected_px(camera, estimate.attitude.matrix, vectors[finds])
     side = 2.0 * half + 1.0
     alarm = agreement(
-        np.sum(left**2, axis=1), len(finds), 1, side**2, float(half), candidates=1, free=3
+        np.sum(left**2, axis=1), len(finds), 1, side**2, float(half), candidates=looks, free=3
     )
     return Tracked(estimate, alarm) if alarm <= ACCEPT_LOG10 else None
 

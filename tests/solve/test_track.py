@@ -78,6 +78,18 @@ def test_a_slew_is_followed_through_its_trails(stream) -> None:
     assert updates[-1].rates_deg_s == pytest.approx((0.0, 2.0, 0.0), abs=0.02)
 
 
+def test_a_sudden_start_smears_the_stars_and_is_still_tracked(stream) -> None:
+    stream.exposure_s = 0.1  # all of the time between frames: a trail of 10 px
+    tracker = Tracker()
+    follow(tracker, stream, 6)
+    rate = np.degrees(10.0 / stream.camera.focal_px) / stream.dt_s
+    updates = follow(tracker, stream, 4, (0.0, rate, 0.0))
+    assert [u.mode for u in updates[1:]] == ["tracking"] * 3
+    assert updates[-1].matched > 20
+    assert updates[-1].rates_deg_s == pytest.approx((0.0, rate, 0.0), abs=0.05 * rate)
+    assert np.abs(stream.error_arcsec(updates[-1]))[:2].max() < 0.5 * 67
+
+
 def test_clouds_give_a_reason_and_nothing_old(stream) -> None:
     tracker = Tracker()
     follow(tracker, stream, 3)
