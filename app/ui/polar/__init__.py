@@ -1,0 +1,1 @@
+"""Polar alignment: the panel, the view at the bolts, and the page on a phone."""

@@ -1,0 +1,84 @@
+"""The report as files: the web page in a thread, the PDF of the same through Qt's printing."""
+
+import re
+from pathlib import Path
+
+from PySide6.QtCore import QMarginsF, QSizeF, QUrl
+from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
+from PySide6.QtSvg import QSvgRenderer
+
+from app.core.progress import Progress, Task
+from app.polar.history import History
+from app.polar.report import STYLE, report_html, write_report
+
+DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
+SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+
+
+def writing(path: Path, history: History) -> Task[Path]:
+    """The web page and its JSON."""
+    yield Progress("report", None, path.name)
+    write_report(path, history)
+    return path
+
+
+def write_pdf_report(path: Path, history: History) -> None:
+    """The same page on paper, A4.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+
+    """
+    with path.open("wb"):  # the writer below is silent about a place that cannot be written
+        pass
+    writer = QPdfWriter(str(path))
+    writer.setResolution(DPI)
+    margins = QMarginsF(MARGIN_MM, MARGIN_MM, MARGIN_MM, MARGIN_MM)
+    page = QPageSize(QPageSize.PageSizeId.A4)
+    layout = QPageLayout(page, QPageLayout.Orientation.Portrait, margins)
+    layout.setUnits(QPageLayout.Unit.Millimeter)
+    layout.setMargins(margins)
+    writer.setPageLayout(layout)
+    writer.setTitle("Polar alignment")
+    document = page_document(history)
+    document.documentLayout().setPaintDevice(writer)
+    document.setPageSize(QSizeF(writer.width(), writer.height()))
+    document.print_(writer)
+
+
+def page_document(history: History) -> QTextDocument:
+    """The report with its drawings as pictures, which is what a text document can hold."""
+    document = QTextDocument()
+    html = report_html(history)
+    for number, drawing in enumerate(SVG.findall(html)):
+        name = f"plot{number}.png"
+        picture = _drawn(drawing)
+        document.addResource(
+            QTextDocument.ResourceType.ImageResource.value, QUrl(name), picture
+        )  # fmt: skip
+        wide = round(picture.width() / FINE * DPI / 96.0)
+        html = html.replace(drawing, f'<img src="{name}" width="{wide}">')
+    document.setHtml(html)
+    return document
+
+
+def _drawn(drawing: str) -> QImage:
+    """A drawing with the page's own style inside it."""
+    rules = "".join(
+        f"{name.strip().split()[-1]}{{{body}}}"
+        for name, body in RULE.findall(STYLE)
+        if name.strip().startswith((".", "svg text"))
+    )
+    styled = drawing.replace(">", f"><style>{rules}</style>", 1).replace(
+        "<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1
+    )
+    renderer = QSvgRenderer(styled.encode("utf-8"))
+    image = QImage(renderer.defaultSize() * FINE, QImage.Format.Format_RGB32)
+    image.fill(0xFFFFFF)
+    painter = QPainter(image)
+    renderer.render(painter)
+    painter.end()
+    return image

@@ -1,0 +1,224 @@
+"""What an alignment begins with: frames from where, who turns the axis, which pole, which place."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
+    QFormLayout,
+    QHBoxLayout,
+    QLineEdit,
+    QListWidget,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.cameras import SOURCES
+from app.core.capture import CameraDevice
+from app.core.errors import UsageError
+from app.core.hint import Site
+from app.polar.poles import Pole, name_of
+from app.ui.angle_input import parse_positive, parse_site, site_text
+from app.ui.mount.eye import CameraWish
+from app.ui.mount.wishes import MountWish
+from app.ui.polar.wish import AlignWish, Hand, Source
+from app.ui.widgets import button, label
+
+ADVICE = (
+    "Any two frames or more between which the mount turned about its RA axis, in any part of the"
+    " sky, tracking or not. The pole need not be in sight."
+)
+POLES = {
+    Pole.REFRACTED: "Refracted pole: best tracking at middle latitudes",
+    Pole.TRUE: "True pole: without the air",
+    Pole.HALF_WAY: "Half-way between: best near latitude 20°",
+}
+PLANNED = 0.0
+
+
+class SetupPanel(QWidget):
+    """Fields alone; :meth:`wish` understands them."""
+
+    files_wanted = Signal()
+    open_frame_wanted = Signal()
+    devices_wanted = Signal(str, str)  # source, address
+
+    def __init__(self, can_practise: bool) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.source = _choice("Where the frames come from", [str(s) for s in Source])
+        self.files = QListWidget()
+        self.files.setAccessibleName("Frames to measure")
+        self.files.setFixedHeight(6 * self.files.fontMetrics().height())
+        self.add = button("&Add frames…", self.files_wanted.emit)
+        self.add_open = button("Add the &open frame", self.open_frame_wanted.emit)
+        self.clear = button("Clea&r", self.files.clear)
+        self.kind = _choice("Kind of camera", [n for n in SOURCES if n != "simulated"])
+        self.device = _choice("Camera")
+        self.device.setEditable(True)
+        self.search = button("F&ind", self._find, tip="Look for cameras of this kind")
+        self.exposure = QDoubleSpinBox()
+        self.exposure.setRange(0.05, 60.0)
+        self.exposure.setSuffix(" s")
+        self.exposure.setValue(2.0)
+        self.exposure.setAccessibleName("Exposure")
+        self.hand = _choice("Who turns the RA axis", [str(h) for h in Hand])
+        self.site = QLineEdit()
+        self.site.setAccessibleName("Your site")
+        self.site.setPlaceholderText("48.14, 11.58: latitude, longitude; empty: as the frames say")
+        self.pole = _choice("Pole", list(POLES.values()))
+        self.pole_name = label("", "muted", wrap=True)
+        self.goal = _spin("Goal", 10, 600, 30, "″")
+        self.turn = _spin("Turn of the axis", 0, 120, 0, "°")
+        self.turn.setSpecialValueText("planned from the first frame")
+        self.turn.setSingleStep(5)
+        self.fov = QLineEdit()
+        self.fov.setAccessibleName("Field width")
+        self.fov.setPlaceholderText("degrees, may stay empty")
+        self.mount = label("", "muted", wrap=True)
+        self._known_mount: MountWish | None = None
+        self._lay_out()
+        if not can_practise:
+            self.source.removeItem(0)
+        self.source.currentIndexChanged.connect(self._enable)
+        self.pole.currentIndexChanged.connect(self._name_pole)
+        self.site.textChanged.connect(self._name_pole)
+        self._enable()
+        self._name_pole()
+
+    def _lay_out(self) -> None:
+        self.form = form = QFormLayout()
+        form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+        self.file_row, self.camera_row = QWidget(), QWidget()
+        for row, parts in ((self.file_row, (self.add, self.add_open, self.clear)),
+                           (self.camera_row, (self.kind, self.device, self.search))):  # fmt: skip
+            line = QHBoxLayout(row)
+            line.setContentsMargins(0, 0, 0, 0)
+            for part in parts:
+                line.addWidget(part, 2 if part is self.device else 0)
+        form.addRow("Frames from", self.source)
+        form.addRow("", self.files)
+        form.addRow("", self.file_row)
+        form.addRow("Ca&mera", self.camera_row)
+        form.addRow("Exposure", self.exposure)
+        form.addRow("RA a&xis", self.hand)
+        form.addRow("", self.mount)
+        form.addRow("&Your site", self.site)
+        form.addRow("&Pole", self.pole)
+        form.addRow("", self.pole_name)
+        form.addRow("&Goal", self.goal)
+        form.addRow("Turn", self.turn)
+        form.addRow("Field &width", self.fov)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(12, 12, 12, 12)
+        column.addWidget(label(ADVICE, "muted", wrap=True))
+        column.addLayout(form)
+        column.addStretch(1)
+
+    # what stands there ------------------------------------------------------------------------
+    @property
+    def chosen_source(self) -> Source:
+        """Where frames come from."""
+        return Source(self.source.currentText())
+
+    @property
+    def chosen_pole(self) -> Pole:
+        """The pole to align to."""
+        return list(POLES)[self.pole.currentIndex()]
+
+    def wish(self) -> AlignWish:
+        """What was chosen; UsageError says what is wrong."""
+        site, fov = self.site.text().strip(), self.fov.text().strip()
+        address = self.device.currentData() or self.device.currentText().strip()
+        turn = float(self.turn.value())
+        return AlignWish(
+            self.chosen_source, self.chosen_pole, parse_site(site) if site else None,
+            tuple(Path(self.files.item(i).toolTip()) for i in range(self.files.count())),
+            CameraWish(self.kind.currentText(), str(address), self.exposure.value()),
+            Hand(self.hand.currentText()), self._known_mount, float(self.goal.value()),
+            None if turn == PLANNED else turn,
+            fov_deg=parse_positive(fov, "The field width", 170.0) if fov else None,
+        )  # fmt: skip
+
+    def add_files(self, paths: list[Path]) -> None:
+        """More frames, each once."""
+        there = {self.files.item(i).toolTip() for i in range(self.files.count())}
+        for path in paths:
+            if str(path) not in there:
+                self.files.addItem(path.name)
+                self.files.item(self.files.count() - 1).setToolTip(str(path))
+
+    def show_devices(self, devices: list[CameraDevice]) -> None:
+        """What was found."""
+        self.device.clear()
+        for found in devices:
+            self.device.addItem(found.description, found.address)
+
+    def show_mount(self, wish: MountWish | None) -> None:
+        """The mount that is known from the Mount view."""
+        self._known_mount = wish if wish is not None and wish.port else None
+        self._tell_mount()
+
+    def show_site(self, site: Site | None) -> None:
+        """Where the person observes, unless something is typed already."""
+        if not self.site.text().strip() and site is not None:
+            self.site.setText(site_text(site))
+
+    # inside -----------------------------------------------------------------------------------
+    def _enable(self, _: int = 0) -> None:
+        source = self.chosen_source
+        files, camera = source is Source.FILES, source is Source.CAMERA
+        for widget in (self.files, self.file_row):
+            self.form.setRowVisible(widget, files)
+        self.form.setRowVisible(self.camera_row, camera)
+        for widget in (self.exposure, self.hand, self.turn):
+            self.form.setRowVisible(widget, not files)
+        self.form.setRowVisible(self.mount, camera)
+        for widget in (self.site, self.fov):
+            self.form.setRowVisible(widget, source is not Source.PRACTICE)
+        self._tell_mount()
+        self._name_pole()
+
+    def _tell_mount(self) -> None:
+        known = self._known_mount
+        told = "No mount is known yet: connect it once in the Mount view (F3), or turn by hand."
+        if known is not None:
+            told = (
+                f"Known: {known.driver} on {known.port}. Disconnect it in the Mount view before"
+                " you begin: a port serves one at a time."
+            )
+        self.mount.setText(told)
+
+    def _name_pole(self, _: object = None) -> None:
+        text = self.site.text().strip()
+        told = "Which sky and how high is said when the site is known."
+        if text and self.chosen_source is not Source.PRACTICE:
+            try:
+                told = f"The {name_of(self.chosen_pole, parse_site(text))}."
+            except UsageError:
+                told = ""
+        self.pole_name.setText(told)
+
+    def _find(self) -> None:
+        self.devices_wanted.emit(self.kind.currentText(), self.device.currentText().strip())
+
+
+def _choice(name: str, texts: list[str] | None = None) -> QComboBox:
+    made = QComboBox()
+    made.addItems(texts or [])
+    made.setAccessibleName(name)
+    made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    made.setMinimumContentsLength(8)
+    return made
+
+
+def _spin(name: str, low: int, high: int, value: int, unit: str) -> QSpinBox:
+    made = QSpinBox()
+    made.setRange(low, high)
+    made.setValue(value)
+    made.setSuffix(unit)
+    made.setAccessibleName(name)
+    return made

@@ -1,0 +1,87 @@
+"""Who turns the RA axis: a hand that is asked in words, or a mount at a rate of its own."""
+
+import threading
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import cast
+
+from app.core.capture import CameraSource
+from app.core.errors import DeviceError, RefusedError
+from app.core.mount import Ability, Direction, Mount
+from app.core.progress import Progress, Task
+from app.mounts.guard import Guard
+from app.workflows.polar_turners import RATE_DEG_S, HandTurner, MountTurner
+
+SLICE_S = 1.0
+SLOWEST_DEG_S = 0.1  # a sweep at less would take a quarter of an hour
+
+
+@dataclass(frozen=True, slots=True)
+class TurnAsked(Progress):
+    """A hand is asked to turn the axis by so much."""
+
+    direction: Direction = Direction.WEST
+    degrees: float = 0.0
+
+
+class Asking(HandTurner):
+    """Asks in words, and says the same in numbers for whoever plays the hand."""
+
+    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+        """Ask for it."""
+        for asked in super().turn(direction, degrees):
+            words = f"{asked.detail} Then press Space, or just wait: the frames show it."
+            yield TurnAsked(asked.stage, asked.fraction, words, direction, degrees)
+
+
+class Afresh(MountTurner):
+    """Drops the frame that was exposed while the mount turned: it is trailed."""
+
+    def __init__(self, mount: Mount, rate_deg_s: float, camera: CameraSource) -> None:
+        super().__init__(mount, rate_deg_s)
+        self._camera = camera
+
+    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+        """Turn, and look away until it is over."""
+        yield from super().turn(direction, degrees)
+        yield Progress("settle")
+        self._camera.next_frame(SLICE_S)
+
+
+class Holding:
+    """The guarded mount of a running alignment, for a Stop from the window's thread."""
+
+    def __init__(self) -> None:
+        self.guard: Guard | None = None
+
+    def stop(self) -> None:
+        """Stop the mount now; returns at once, for the line may take its time."""
+        if self.guard is not None:
+            threading.Thread(
+                target=self._stop, args=(self.guard,), name="polar-stop", daemon=True
+            ).start()
+
+    @staticmethod
+    def _stop(guard: Guard) -> None:
+        with suppress(DeviceError):  # the task that moves it is being given up, and says it
+            guard.stop()
+
+
+def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
+    """Turns at the mount's own rate nearest to two degrees a second.
+
+    Raises
+    ------
+    RefusedError
+        The mount cannot be moved at a rate, or by none that is fast enough.
+
+    """
+    lacking = guard.lacks.get(Ability.MOVE)
+    if lacking is not None:
+        raise RefusedError(f"{lacking} Turn the RA axis by hand instead.")
+    rates: tuple[float, ...] = getattr(guard.mount, "rates_deg_s", ())
+    rate = min(rates, key=lambda r: abs(r - RATE_DEG_S)) if rates else RATE_DEG_S
+    if rate < SLOWEST_DEG_S:
+        raise RefusedError("The mount has no rate fast enough: turn the RA axis by hand instead.")
+    # A guard is a mount, with names that cannot be set.
+    return Afresh(cast(Mount, guard), rate, camera)
