@@ -29,6 +29,7 @@ from app.ui.mount.words import (
 
 POLL_S = 0.5
 LISTEN_S = 0.05
+REPORT_S = 0.05
 RETRY_S = 2.0
 STOPPED = "Stopped."
 LOST = "The line to the mount is lost."
@@ -61,7 +62,7 @@ class MountLine:
         self._orders: SimpleQueue[Order] = SimpleQueue()
         self._stops = 0  # an order that was wished for before a Stop is given up
         self._guard: Guard | None = None
-        self._looked = 0.0
+        self._looked = self._spoke = 0.0
 
     # from any thread --------------------------------------------------------------------------
     def order(self, name: str, make: Make) -> None:
@@ -149,12 +150,18 @@ class MountLine:
                     progress = next(task)
                 except StopIteration as end:
                     return True, end.value
-                self._tell(Under(order.name, progress))
+                self._say(order.name, progress)
                 self._look(guard)
                 yield progress
         finally:
             task.close()  # a motion under way is stopped by its own task
         return False, None
+
+    def _say(self, name: str, progress: Progress) -> None:
+        """The progress of an order, not more often than anybody can read it."""
+        if monotonic() - self._spoke >= REPORT_S:
+            self._spoke = monotonic()
+            self._tell(Under(name, progress))
 
     def _look(self, guard: Guard, now: bool = False) -> None:
         """Ask where the mount is and how it is, twice a second."""

@@ -69,6 +69,8 @@ class OffsetArrow(QWidget):
 
     def show_offset(self, offset: Offset | None, old: bool = False) -> None:
         """Draw it; ``old`` when the mount has moved since."""
+        if (offset, old) == (self._offset, self._old) and self.accessibleName():
+            return
         self._offset, self._old = offset, old
         words = "not known" if offset is None else f"{size_text(offset.total_deg)}: "
         words += "" if offset is None else offset.parts_text
