@@ -1,13 +1,14 @@
 """Drawings of an alignment as SVG: the error over time, and the ellipses shrinking to the pole."""
 
 from collections.abc import Sequence
-from math import cos, degrees, log10, sin
+from math import degrees, log10
 
 from app.polar.history import Entry
 
 WIDTH, HEIGHT, MARGIN = 640.0, 280.0, 48.0
 RINGS_ARCSEC = (30.0, 60.0, 300.0, 1800.0, 7200.0, 36000.0)
 FLOOR_ARCSEC = 1.0
+PANEL = 320.0
 
 
 def error_over_time(entries: Sequence[Entry]) -> str:
@@ -45,30 +46,41 @@ def error_over_time(entries: Sequence[Entry]) -> str:
 
 
 def ellipses(entries: Sequence[Entry]) -> str:
-    """The measured axes around the pole with their 68 % ellipses; altitude up, azimuth right."""
+    """The measured axes around the pole, 68 % ellipses: all of them, and the last one close by."""
     measured = [e for e in entries if e.kind == "measured"]
     if not measured:
         return ""
-    reach = max(e.total_arcsec + e.ellipse_arcsec[0] for e in measured) * 1.1
-    side = 320.0
-    scale = side / 2.0 / max(reach, 35.0)
-    parts = [f'<g transform="translate({side / 2:.0f},{side / 2:.0f})">']
-    rings = [r for r in RINGS_ARCSEC if r * scale < side / 2.0]
-    for ring in rings:
-        parts.append(f'<circle class="ring" r="{ring * scale:.2f}"/>')
-        parts.append(f'<text x="3" y="{-ring * scale - 3:.1f}">{_short(ring)}</text>')
+    last = measured[-1]
+    widest = max(e.total_arcsec + e.ellipse_arcsec[0] for e in measured)
+    closest = max(last.total_arcsec + last.ellipse_arcsec[0], RINGS_ARCSEC[0]) * 1.15
+    panels = [_around_pole(measured, max(widest * 1.1, closest), 0.0)]
+    if widest > 2.0 * closest:
+        panels.append(_around_pole(measured, closest, PANEL))
+    return _svg(PANEL * len(panels), PANEL, panels, "Measured axes around the pole")
+
+
+def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) -> str:
+    """One panel: rings, pole, numbered ellipses; altitude up, clockwise azimuth to the right."""
+    half = PANEL / 2.0
+    scale = half / reach_arcsec
+    parts = [f'<g transform="translate({left + half:.0f},{half:.0f})">']
+    for ring in RINGS_ARCSEC:
+        if 14.0 < ring * scale < half:
+            parts.append(f'<circle class="ring" r="{ring * scale:.2f}"/>')
+            parts.append(f'<text x="3" y="{-ring * scale - 3:.1f}">{_short(ring)}</text>')
     parts.append('<path class="bar" d="M-6,0H6M0,-6V6"/>')
     for number, entry in enumerate(measured, 1):
         long, short, angle = entry.ellipse_arcsec
         x, y = entry.azimuth_on_sky_arcsec * scale, -entry.altitude_arcsec * scale
+        if abs(x) > half or abs(y) > half:
+            continue
         parts.append(
-            f'<ellipse class="ellipse" rx="{max(long * scale, 1):.2f}"'
-            f' ry="{max(short * scale, 1):.2f}"'
+            f'<ellipse class="ellipse" rx="{max(long * scale, 1.5):.2f}"'
+            f' ry="{max(short * scale, 1.5):.2f}"'
             f' transform="translate({x:.2f},{y:.2f}) rotate({-degrees(angle):.2f})"/>'
         )
-        away = 8.0 * cos(0.8), -8.0 * sin(0.8)
-        parts.append(f'<text x="{x + away[0]:.1f}" y="{y + away[1]:.1f}">{number}</text>')
-    return _svg(side, side, [*parts, "</g>"], "Measured axes around the pole")
+        parts.append(f'<text x="{x + 6:.1f}" y="{y - 6:.1f}">{number}</text>')
+    return "".join([*parts, "</g>"])
 
 
 def _grid(place: object, across: float, most: float) -> str:

@@ -31,9 +31,10 @@ class End(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Adjusted:
-    """Why it ended, and what is to be said: the last live error is a reading, no measurement."""
+    """Why it ended, whether a bolt was asked to turn, and the last reading, no measurement."""
 
     end: End
+    turned: bool
     last: SteadyError | None
 
 
@@ -47,6 +48,7 @@ class Adjuster:
         self._heard = 0  # movements already answered
         tutor.measured_again()
         self.instruction = tutor.advise(measurement.error)
+        self.asked = self.instruction.knob is not None
 
     def see(self, live: LiveError, turned: bool) -> tuple[SteadyError, Instruction]:
         """The quiet mean and what to do; a new instruction once the axis moved and settled."""
@@ -60,6 +62,7 @@ class Adjuster:
         elif steady.frames == (SURE_FRAMES if self._stopped else QUIET_FRAMES):
             # Better known by now, and no bolt was seen to turn: nothing is learned from it.
             self.instruction = self.tutor.advise(steady.error, turned=0.0)
+        self.asked = self.asked or self.instruction.knob is not None
         return steady, self.instruction
 
     @property
@@ -82,7 +85,7 @@ def adjust(
     while True:
         found = yield from source.sight()
         if controls.take_remeasure() or controls.take_enough():
-            return Adjusted(End.ASKED, steady)
+            return Adjusted(End.ASKED, adjuster.asked, steady)
         if found is None or isinstance(found, NoSolution):
             yield _unsolved(found, steady, adjuster, measurement)
             continue
@@ -94,9 +97,9 @@ def adjust(
             history.told(found.time_utc, steady.error, instruction.words)
         yield _update(live, steady, adjuster, measurement)
         if instruction.step is Step.STOP and steady.settled and steady.frames >= SURE_FRAMES:
-            return Adjusted(End.THERE, steady)
+            return Adjusted(End.THERE, adjuster.asked, steady)
         if steady.settled and any(f.kind is Kind.REMEASURE for f in live.findings):
-            return Adjusted(End.LARGE_MOVE, steady)
+            return Adjusted(End.LARGE_MOVE, adjuster.asked, steady)
 
 
 def _update(

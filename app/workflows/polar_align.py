@@ -8,7 +8,7 @@ from app.polar.history import History
 from app.polar.measure import Measurement, Settings, together
 from app.polar.tutor import BoltTutor
 from app.polar.words import angle_in_words
-from app.workflows.polar_adjust import adjust
+from app.workflows.polar_adjust import End, adjust
 from app.workflows.polar_measure import Measured, Sweep, measure_axis
 from app.workflows.polar_sources import SightingSource
 from app.workflows.polar_turners import Turner
@@ -68,15 +68,13 @@ def align(
     """
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()
-    sweep, rounds, moves = options.sweep, 0, 0
+    sweep, rounds = options.sweep, 0
     before: Measurement | None = None
     while True:
         rounds += 1
         measured = yield from measure_axis(source, turner, settings, sweep, controls)
-        if before is not None and tutor.moves == moves:
-            # The tutor stopped at once and no bolt was turned: both measurements count.
+        if before is not None:
             measured = replace(measured, measurement=together(before, measured.measurement))
-        before, moves = measured.measurement, tutor.moves
         history.measured(measured.measurement)
         keep(history)
         error = measured.measurement.error
@@ -85,7 +83,9 @@ def align(
         if good or rounds == MOST_ROUNDS:
             yield _done(measured, good, tutor.moves)
             return Alignment(measured.measurement, good, rounds, tutor.moves, history)
-        yield from adjust(source, measured.measurement, tutor, controls, history)
+        adjusted = yield from adjust(source, measured.measurement, tutor, controls, history)
+        quiet = adjusted.end is End.THERE and not adjusted.turned
+        before = measured.measurement if quiet else None  # no bolt was turned: both count
         sweep = replace(sweep, backwards=measured.way.direction, turn_deg=measured.way.turn_deg)
 
 

@@ -40,7 +40,7 @@ def test_the_page_needs_nothing_else_and_tells_the_end(night):
     page = report_html(night)
     assert "http" not in page
     assert "src=" not in page
-    assert page.count("<svg") == 2
+    assert page.count("<svg viewBox") == 2
     total = re.search(r"class='big'>(\d+)&quot;", page)
     assert abs(int(total[1]) - night.entries[-1].total_arcsec) < 1.0
     assert "at first" in page
@@ -53,8 +53,9 @@ def test_the_drawings_are_well_formed_and_show_every_measurement(night):
         tree = ElementTree.fromstring(draw(night.entries))
         assert tree.tag == "svg"
     drawn = ElementTree.fromstring(ellipses(night.entries)).findall(".//ellipse")
-    assert len(drawn) == 2
-    assert float(drawn[0].get("rx")) > float(drawn[1].get("rx"))  # it shrank
+    assert len(drawn) == 3  # both, and the last one again close by
+    assert float(drawn[0].get("rx")) >= float(drawn[1].get("rx"))  # it shrank
+    assert float(drawn[2].get("rx")) > 3 * float(drawn[1].get("rx"))
     assert ellipses([]) == error_over_time([]) == ""
 
 
