@@ -104,7 +104,8 @@ class Stream:
     def _see(self, frame: Frame) -> None:
         """A frame has come: shown at once unless its answer will be there in a moment."""
         if self._quick:
-            self._held = (frame, monotonic())
+            held = self._held
+            self._held = (frame, monotonic() if held is None else held[1])
         else:
             self._show(frame, None)
 

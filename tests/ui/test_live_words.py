@@ -1,0 +1,146 @@
+"""What the Live view says: never an old answer as a new one, never a number without its error."""
+
+from dataclasses import replace
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from app.core.attitude import Attitude
+from app.core.capture import CaptureLimits
+from app.core.frame import Frame
+from app.core.hint import Hint
+from app.solve.profiles import new_profile
+from app.solve.track import TrackUpdate
+from app.ui.formats import AngleStyle
+from app.ui.live import words
+from app.ui.live.brighten import levels_of
+from app.ui.live.stream import Lens
+from app.workflows.live_capture import Shot
+from app.workflows.live_drift import Drift
+from app.workflows.live_update import GoodPointing, LiveUpdate
+from tests.workflows.live_sources import CAMERA, refusal, solution
+
+
+def shot(number=7, ago_s=0.1, exposure_s=0.2):
+    now = monotonic()
+    frame = Frame(np.zeros((4, 6), np.uint16), hint=Hint(exposure_s=exposure_s))
+    return Shot(number, frame, now - ago_s, now - ago_s / 2)
+
+
+def track(found, mode="tracking", **more):
+    from datetime import UTC, datetime
+
+    answer = (found, None) if not hasattr(found, "reason") else (None, found)
+    return TrackUpdate(datetime(2026, 3, 1, tzinfo=UTC), mode, *answer, **more)
+
+
+def tracked(ago_s=0.1, **more):
+    taken, found = shot(ago_s=ago_s), solution()
+    sure = Attitude(found.attitude.matrix, np.diag([1e-12, 4e-12, 1e-8]))
+    told = track(
+        found, filtered=sure, rates_deg_s=(0.001, -0.002, 0.01),
+        rates_sigma_deg_s=(1e-4, 1e-4, 1e-3), expected=40, matched=38, **more,
+    )  # fmt: skip
+    good = GoodPointing(found, taken.number, taken.shutter_s)
+    return LiveUpdate(taken, told, monotonic(), good, frames_hz=5.0, solved_hz=4.96, dropped=1200)
+
+
+def lost(good_ago_s=5.0):
+    taken = shot(9)
+    good = GoodPointing(solution(), 7, monotonic() - good_ago_s)
+    return LiveUpdate(taken, track(refusal(), "lost"), monotonic(), good)
+
+
+def test_a_new_answer_is_new_and_tells_its_error():
+    update = tracked()
+    assert not words.is_old(update, monotonic())
+    state = words.state_of(update, monotonic())
+    assert (state.title, state.role) == ("Tracking", "heading")
+    assert "38 of 40" in state.text
+    assert words.position_texts(update, AngleStyle.DECIMAL) == ("80.00000°", "+20.00000°")
+    assert words.sigma_text(update) == "± 0.413″ along x, 0.206″ along y, 20.6″ in roll"
+    assert words.rates_text(update).startswith("x +3.60 ± 0.36,  y −7.20 ± 0.36")
+    assert (
+        words.pace_text(update, 29.96) == "5.0/s solved, 5.0/s frames, 1,200 overtaken; 30/s drawn"
+    )
+
+
+def test_a_frame_without_an_answer_leaves_the_last_one_old_and_says_why():
+    update = lost()
+    assert words.is_old(update, monotonic())
+    state = words.state_of(update, monotonic())
+    assert state.role == "bad"
+    assert "clouded" in state.title
+    assert state.text == "Wait for the clouds to pass."
+    assert words.position_texts(update, AngleStyle.DECIMAL)[0] == "80.00000°"
+    assert words.sigma_text(update) == words.rates_text(update) == words.NOTHING
+
+
+def test_an_answer_ages_though_no_frame_comes():
+    update = tracked()
+    later = monotonic() + 10.0
+    assert words.is_old(update, later)
+    assert words.state_of(update, later).title == "No new frames"
+    assert "10 s" in words.state_of(update, later).text
+
+
+def test_a_long_exposure_is_not_old_while_the_next_one_is_taken():
+    taken = shot(exposure_s=60.0, ago_s=31.0)
+    good = GoodPointing(solution(), taken.number, taken.shutter_s)
+    update = LiveUpdate(taken, track(solution()), monotonic(), good)
+    assert not words.is_old(update, monotonic() + 60.0)
+
+
+def test_there_may_be_nothing_to_say():
+    update = LiveUpdate(shot(), track(refusal(), "lost"), monotonic())
+    assert not words.is_old(update, monotonic())
+    assert words.position_texts(update, AngleStyle.DECIMAL) == (words.NOTHING, words.NOTHING)
+    assert words.drift_texts(None) == (words.NOTHING, words.NOTHING)
+    assert words.recorded_text(None) == ""
+
+
+def test_rates_of_a_slew_are_in_degrees():
+    update = tracked()
+    fast = replace(update, track=replace(update.track, rates_deg_s=(2.0, -0.1, 0.0)))
+    assert words.rates_text(fast).endswith("°/s")
+    assert "x +2.00" in words.rates_text(fast)
+
+
+def test_drift_has_a_sign_a_sigma_and_a_span():
+    east, north = words.drift_texts(Drift(12.34, -3.21, 0.4, 0.5, 58.6, 200))
+    assert east == "+12.3 ± 0.40 ″/min  (over 59 s)"
+    assert north == "−3.21 ± 0.50 ″/min  (over 59 s)"
+
+
+@pytest.mark.parametrize(
+    ("age", "text"),
+    [(0.04, "0.0 s"), (4.25, "4.2 s"), (61.0, "61 s"), (600, "10 min"), (9000, "2.5 h")],
+)
+def test_ages_are_short(age, text):
+    assert words.age_text(age) == text
+
+
+def test_what_is_known_of_the_lens():
+    assert "not kept" in words.lens_text(Lens(), "")
+    assert words.lens_text(Lens(), "guide scope") == "Not known yet"
+    known = replace(new_profile("guide scope", CAMERA), frames=1234)
+    assert "3000.0" in words.lens_text(Lens(known), "guide scope")
+    assert "1,234 frames" in words.lens_text(Lens(known), "guide scope")
+
+
+@pytest.mark.parametrize(
+    ("values", "advice"),
+    [([0.3, 0.3, 0.4, 0.5], ""), ([0.001] * 50, "longer"), ([0.7] * 50, "shorter"),
+     ([0.1, 0.1, 1.0, 1.0], "clipped")],
+)  # fmt: skip
+def test_the_exposure_is_judged(values, advice):
+    text = words.levels_text(levels_of(np.array(values) * 4095, 4095.0))
+    assert advice in text
+    assert ("expose" in text) == bool(advice)
+
+
+def test_what_a_camera_does_not_allow_has_a_reason():
+    assert set(words.cannot(CaptureLimits(exposure_s=(0.1, 2.0), binning=(1, 1)))) == {
+        "gain", "binning",
+    }  # fmt: skip
