@@ -98,7 +98,7 @@ def _steps(printed: Printed) -> list[dict[str, Any]]:
     """Tables 4.1 and 4.2, 4.6 and 4.7, 4.11 and 4.12: from separations to groups."""
     tests = Tests(*np.radians(TOLERANCES))
     pairs = _pairs()
-    sight = Sight.of(list_of(printed), 12, 2700.0, False, FIELD_DEG)
+    sight = Sight.of(list_of(printed), 2700.0, False, FIELD_DEG)
     upper = np.triu_indices(len(sight.body), 1)
     seps = np.degrees(sight.separation[upper])
     off = float(np.abs(seps - printed.separations_deg).max())
@@ -239,7 +239,7 @@ def _plate_residual(xy: Floats, vectors: Floats, centre: Floats) -> float:
 def _fixed(printed: Printed, seed: int) -> list[dict[str, Any]]:
     """Tables 4.14 to 4.19: fixed against floating point."""
     n = printed.name
-    sight = Sight.of(list_of(printed), 12, 2700.0, False, FIELD_DEG)
+    sight = Sight.of(list_of(printed), 2700.0, False, FIELD_DEG)
     upper = np.triu_indices(len(sight.body), 1)
     fixed = triad_fixed.ANGLE.floats(triad_fixed.separations(sight))[upper]
     off = float(np.abs(fixed - np.degrees(sight.separation[upper])).max())

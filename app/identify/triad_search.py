@@ -39,7 +39,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """The n brightest detections of one parity.
+    """The n detections of one parity.
 
     ``body`` (n, 3) unit vectors in camera axes; ``plane`` (n, 2) px from the centre, y up, x
     reversed when mirrored; ``size_px`` (2,) of the frame, ``size_rad`` (2,) on the sky, pixels
@@ -55,11 +55,11 @@ class Sight:
 
     @classmethod
     def of(
-        cls, detections: Detections, stars: int, focal_px: float, mirrored: bool,
+        cls, detections: Detections, focal_px: float, mirrored: bool,
         field_deg: tuple[float, float] | None,
     ) -> "Sight":  # fmt: skip
-        """The brightest ``stars``; ``field_deg`` is the frame's size when it is given."""
-        xy = detections.xy[:stars]
+        """All ``detections``; ``field_deg`` is the frame's size when it is given."""
+        xy = detections.xy
         size = np.array([detections.width, detections.height])
         sign = -1.0 if mirrored else 1.0
         plane = (xy - (size - 1) / 2.0) * np.array([sign, -1.0])

@@ -30,6 +30,8 @@ from app.identify.triad_tests import Tests
 from app.identify.triad_votes import agreeing, grouped, named
 
 Floats = NDArray[np.float64]
+GLANCE = 7  # so many of the brightest look for the scale first, where it is not known
+LIKELIEST = 3  # so many scales, the nearest, are tried with all when that has found nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,37 +92,50 @@ class Triads:
         pairs = catalogue_pairs(
             table_deg(detections, focal), mag_limit=self.mag_limit, year=year
         ).within_declinations(*self.dec_deg)
-        most = 0
-        for step, scale in enumerate(self._scales(detections, focal, hint)):
-            try:
-                found, named_ = yield from self._at_scale(
-                    detections, pairs, focal * scale, year, 2 * step + 2
+        scales = self._scales(detections, focal, hint)
+        plan = [(self.stars, focal * scale) for scale in scales]
+        if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
+            plan = [(GLANCE, focal * scale) for scale in scales] + plan[:LIKELIEST]
+        most = tried = 0
+        try:
+            for stars, length in plan:
+                found, named_, looked = yield from self._at_scale(
+                    detections.take(slice(0, stars)), detections, pairs, length, year, tried
                 )
-            except FixedPointOverflowError as error:
-                return not_agreed(detections, f"fixed-point arithmetic: {error}")
-            if found is not None:
+                tried += 2 * looked
+                most = max(most, named_)
+                if found is None:
+                    continue
+                if stars < self.stars:  # the scale is known now: the others' turn
+                    whole, _, _ = yield from self._at_scale(
+                        detections.take(slice(0, self.stars)), detections, pairs,
+                        found.camera.focal_px, year, tried,
+                    )  # fmt: skip
+                    return whole or found
                 return found
-            most = max(most, named_)
+        except FixedPointOverflowError as error:
+            return not_agreed(detections, f"fixed-point arithmetic: {error}")
         return not_agreed(detections, f"{most} stars got names, too few to be sure")
 
     def _at_scale(
-        self, detections: Detections, pairs: Pairs, focal: float, year: float, parities: int
-    ) -> Task[tuple[Identification | None, int]]:
-        """The answer with one focal length, px, and how many stars got names.
+        self, bright: Detections, everyone: Detections, pairs: Pairs, focal: float, year: float,
+        before: int,
+    ) -> Task[tuple[Identification | None, int, int]]:  # fmt: skip
+        """The answer with one focal length, px, how many got names, the pairs looked at a parity.
 
-        ``parities`` counts the ways in which the same pairs were looked at up to here.
+        ``bright`` are the detections that form triads, ``before`` the pairs looked at until now.
         """
         tests = Tests(*np.radians([self.separation_deg, self.rotation_deg, self.enclosed_deg]))
         reach = max(np.radians(self.separation_deg) * focal, 3.0)
-        merge = self.merge_px * self._widest_pixel(detections, focal)
+        merge = self.merge_px * self._widest_pixel(bright, focal)
         fixed = self.arithmetic == "fixed"
-        sight = Sight.of(detections, self.stars, focal, False, self.field_deg)
+        sight = Sight.of(bright, focal, False, self.field_deg)
         separation = triad_fixed.separations(sight) if fixed else sight.separation
         unit = triad_fixed.DEGREES if fixed else Unit()
         seen, stars, looked = yield from separated(pairs, separation, tests.separation, unit)
         most = 0
         for mirrored in (False, True):
-            sight = Sight.of(detections, self.stars, focal, mirrored, self.field_deg)
+            sight = Sight.of(bright, focal, mirrored, self.field_deg)
             if fixed:
                 triads = triad_fixed.passed(sight, seen, stars, pairs, tests)
             else:
@@ -134,11 +149,12 @@ class Triads:
                 kept = np.flatnonzero(taken >= 0)
                 most = max(most, len(kept))
                 rows, vectors = pairs.rows[taken[kept]], pairs.vectors[taken[kept]]
-                names = Names(kept, rows, vectors, parities * looked, mirrored)
-                found = confirm(detections, names, focal, reach, year, "triads")
+                tried = 2 * (before + (1 + mirrored) * looked)  # each pair both ways round
+                names = Names(kept, rows, vectors, tried, mirrored)
+                found = confirm(everyone, names, focal, reach, year, "triads")
                 if found is not None:
-                    return found, most
-        return None, most
+                    return found, most, looked
+        return None, most, looked
 
     def _scales(self, detections: Detections, focal: float, hint: Hint | None) -> list[float]:
         """Factors of the focal length to try, those near one first.

@@ -20,7 +20,7 @@ FIXED_VEGA = [3.8027, 1.8848, 1.6309, 4.2861, 1.9717, 3.2715, 6.8281, 1.9912, 5.
 
 
 def both(detections: Detections, field=FIELD):
-    sight = Sight.of(detections, 12, 2700.0, False, field)
+    sight = Sight.of(detections, 2700.0, False, field)
     pairs = np.triu_indices(len(sight.body), 1)
     fixed = triad_fixed.ANGLE.floats(triad_fixed.separations(sight))[pairs]
     return fixed, np.degrees(sight.separation)[pairs]
@@ -91,7 +91,7 @@ def test_separations_are_right_or_refused(points, field) -> None:
 
 
 def both_float(detections: Detections, field: float):
-    sight = Sight.of(detections, 12, 2700.0, False, (field, field))
+    sight = Sight.of(detections, 2700.0, False, (field, field))
     return np.degrees(sight.separation)
 
 
