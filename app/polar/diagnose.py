@@ -120,6 +120,6 @@ def _flexure(errors: Sequence[PolarError]) -> Iterator[Finding]:
     if joint.distance2(second.axis) > CHI2_95:
         yield Finding(
             Kind.FLEXURE,
-            f'The sweeps disagree by {apart:.0f}", more than their errors: that much is flexure'
-            " or play, and the alignment cannot be trusted beyond it.",
+            f'The sweeps disagree by {apart:.0f}", more than their errors: that much at'
+            " least is flexure or play, and the axis may be some times further from where it seems.",
         )

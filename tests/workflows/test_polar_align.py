@@ -1,5 +1,6 @@
 """The whole alignment on the practice rig: by the mount, by hand, and when things go wrong."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -14,13 +15,15 @@ from app.core.progress import Progress, run
 from app.core.solution import NoSolution, Reason
 from app.polar.findings import Kind
 from app.polar.horizon import Air
-from app.polar.measure import Settings
+from app.polar.measure import Settings, measure_local
 from app.polar.path import best_way, way
+from app.polar.plan import Optics
 from app.polar.sighting import Sighting, to_local
 from app.polar.tutor import BoltTutor
 from app.simulate.camera import CameraConfig
+from app.simulate.mechanics.geometry import Build
 from app.simulate.mechanics.mount import MountConfig
-from app.simulate.rig import RigConfig
+from app.simulate.rig import PracticeRig, RigConfig
 from app.sky import open_catalogue
 from app.workflows.polar_adjust import End, adjust
 from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis, plan_way
@@ -406,3 +409,33 @@ def test_a_turn_beyond_the_guards_limits_is_refused_before_it_begins():
     with pytest.raises(RefusedError, match="deg"):
         run(turner.turn(Direction.EAST, 60.0))
     assert not [did for did in bench.mount.did if did[0] == "move"]
+
+
+@pytest.mark.parametrize("flexure", [0.0, 60.0])
+def test_flexure_hides_from_one_sweep_and_shows_in_a_second(flexure):
+    """A drooping tube biases the axis, and the residuals of one sweep are as good as ever."""
+    sky = rig()
+    config = sky.rig.config
+    build = Build(flexure_arcsec=flexure)
+    sky.rig = PracticeRig(
+        replace(config, mount=replace(config.mount, build=build)), open_catalogue()
+    )
+    sky.optics = Optics(0.5, 5.0)
+    seen = []
+    for sweep, dec in enumerate((20.0, 75.0)):
+        sky.point(-50.0, dec)
+        for _ in range(5):
+            local = to_local(sky.look(), sky.settings.site, sky.settings.air)
+            seen.append(replace(local, sweep=sweep))
+            run(sky.turn(Direction.WEST, 15.0))
+    one = measure_local(seen[:5], sky.settings)
+    both = measure_local(seen, sky.settings)
+    assert one.fit.chance > 0.001
+    assert {f.kind for f in one.findings} == {Kind.UNSEEN_FLEXURE}
+    shown = [f for f in both.findings if f.kind is Kind.FLEXURE]
+    if flexure:
+        assert sky.missed_arcsec(one.error) > 3.0 * one.error.uncertainty_arcsec
+        assert len(shown) == 1
+    else:
+        assert sky.missed_arcsec(both.error) < 3.0 * both.error.uncertainty_arcsec
+        assert shown == []
