@@ -121,5 +121,5 @@ def _flexure(errors: Sequence[PolarError]) -> Iterator[Finding]:
         yield Finding(
             Kind.FLEXURE,
             f'The sweeps disagree by {apart:.0f}", more than their errors: that much at'
-            " least is flexure or play, and the axis may be some times further from where it seems.",
+            " least is flexure or play, and the axis may be further off than that.",
         )
