@@ -86,6 +86,7 @@ QComboBox { combobox-popup: 0; }
 QComboBoxPrivateContainer { background: $surface; border: 1px solid $line; }
 QComboBox QAbstractItemView { background: $surface; border: 1px solid $line;
     selection-background-color: $accent; selection-color: $on_accent; }
+QAbstractSpinBox QLineEdit { background: transparent; border: 0; padding: 0 3px; }
 QAbstractSpinBox::up-button, QAbstractSpinBox::down-button { border: 0; width: 16px; }
 QAbstractSpinBox::up-arrow { image: url($glyphs/up.png); width: 9px; height: 9px; }
 QAbstractSpinBox::down-arrow { image: url($glyphs/down.png); width: 9px; height: 9px; }

@@ -11,6 +11,8 @@ from tests.mounts.bench import LIMITS, SITE, simulated
 class BenchOpening:
     """What the view would do with a port, but at the bench's own time and site."""
 
+    farewell = "Good night."
+
     def __init__(self, bench, driver):
         self.bench, self.driver, self.closed = bench, driver, False
         self.guard = None

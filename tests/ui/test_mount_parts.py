@@ -5,20 +5,16 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from app.core.attitude import attitude_from, radec_deg
 from app.core.errors import UsageError
 from app.core.mount import Ability, Epoch, MountState
-from app.mounts.epoch import to_mount_epoch
 from app.mounts.probe import Diagnosis
 from app.mounts.sky_frame import apart_deg
 from app.ui.mount import reasons as why
-from app.ui.mount.bring import axis_angles_deg
 from app.ui.mount.offset import Offset, ring, size_text
 from app.ui.mount.reasons import Situation, reasons
 from app.ui.mount.search import words
 from app.ui.mount.targets import parse_target
 from app.ui.mount.wishes import MountWish, keep_mount, kept_mount
-from tests.ui.fakes import fake_solution
 
 NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
 ON = Situation("on", {}, MountState(slewing=False), camera=True, solved=True, can_undo=True)
@@ -112,20 +108,6 @@ def test_an_offset_has_directions_and_a_ring():
     for size in (0.0, 1e-4, 0.01, 0.2, 3.0, 170.0):
         assert ring(size)[1] * 1.001 >= size
     assert (size_text(3.0), size_text(-0.5), size_text(0.001)) == ("3.00°", "30.0′", "4″")
-
-
-@pytest.mark.parametrize("roll", [0.0, 27.0, -140.0])
-def test_a_star_is_brought_by_turning_the_axes_the_other_way(roll):
-    solution = fake_solution(600, 400)
-    solution = type(solution)(
-        solution.camera, attitude_from(84.05, -1.2, roll), (), 0.2, -14.0, "patterns"
-    )
-    star, here = (420.0, 90.0), (299.5, 199.5)
-    ra, dec = axis_angles_deg(solution, star, here, NOW)
-    before = to_mount_epoch(84.05, -1.2, Epoch.DATE, NOW)
-    moved = (before[0] + ra, before[1] + dec)
-    wanted = radec_deg(solution.sky_at(np.array([star]))[0])
-    assert apart_deg(moved, to_mount_epoch(*wanted, Epoch.DATE, NOW)) * 3600.0 < 1.0
 
 
 def test_a_wish_is_remembered(settings):

@@ -230,6 +230,33 @@ def test_arrow_keys_nudge_while_the_pad_has_the_focus(qtbot, opened):
         assert 10.0 < moved * 3600.0 < 60.0
 
 
+def test_a_nudge_at_a_chosen_rate_is_one_bounded_move(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, "ioptron") as mount:
+        pad = mount.view.pad
+        assert pad.rate.count() > 3, "the mount's own rates"
+        pad.rate.setCurrentText("64 × sidereal")
+        pad.step.setCurrentText("20′")
+        before = mount.desk.known.report.icrs_deg
+        pad.buttons[Direction.SOUTH].click()
+        qtbot.waitUntil(lambda: mount.desk.known.busy == "nudge", timeout=5_000)
+        assert "nudging" in pad.buttons[Direction.NORTH].reason
+        qtbot.waitUntil(lambda: any("one move of" in s for s in mount.said), timeout=30_000)
+        moved = (mount.desk.known.report.icrs_deg[1] - before[1]) * 60.0
+        assert -30.0 < moved < -10.0
+
+
+def test_practice_is_not_begun_over_a_connected_mount(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        object.__setattr__(commands.services.wiring, "practice", lambda **_: 1 / 0)
+        commands.practise()
+        qtbot.waitUntil(lambda: any("disconnect it" in s for s in mount.said), timeout=5_000)
+        assert mount.desk.known.phase == "on"
+        mount.view.leave.click()
+        qtbot.waitUntil(lambda: any("Good night." in s for s in mount.said), timeout=15_000)
+
+
 def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
     window, commands = opened
     with connected(qtbot, commands, at=NEAR_ORION) as mount:

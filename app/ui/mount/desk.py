@@ -1,6 +1,5 @@
 """The mount as the window sees it: what is known of it, and what is asked of its line."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -10,10 +9,11 @@ from PySide6.QtCore import QObject, Signal
 
 from app.core.errors import RefusedError
 from app.core.hint import Site
-from app.core.mount import Direction, Pointing
+from app.core.mount import Direction
 from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
 from app.mounts.guard import Guard
+from app.solve.disagreement import Finding, Sighting
 from app.ui.job import Job
 from app.ui.mount.eye import CameraWish, Eye, looking
 from app.ui.mount.line_thread import MountLine
@@ -42,13 +42,17 @@ from app.ui.services import Services
 from app.workflows.centre_target import Centring
 from app.workflows.fresh_frame import SolveNow
 from app.workflows.nudge import Nudged
+from app.workflows.nudge_bring import Turn
 from app.workflows.sync_mount import SyncDone, SyncOffer
 
+SYNC_FIRST = "Use Sync… first, which shows it in numbers."
+MOST_SIGHTINGS = 6
 MOVING = ("goto", "centre", "nudge", "bring", "accept")
 TITLES = {
     "goto": "going there", "centre": "centring", "nudge": "nudging", "bring": "bringing the star",
     "take": "taking a frame", "offer": "looking at the sky twice", "accept": "syncing",
     "undo": "taking the sync back", "track": "switching the tracking",
+    "why": "looking for the cause",
 }  # fmt: skip
 
 
@@ -83,8 +87,10 @@ class Desk(QObject):
         self.eye: Eye | None = None
         self._services = services
         self._line: MountLine | None = None
+        self._opening: Opening | None = None
         self._job: Job | None = None
         self._frames = 0
+        self._sightings: tuple[Sighting, ...] = ()
         self._heard.connect(self._hear)
         services.jobs.closing.connect(self.stop)
 
@@ -95,6 +101,9 @@ class Desk(QObject):
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it as to a real one."""
+        if self.known.phase != "off":
+            self.said.emit("A mount is connected: disconnect it before you practise.", "wrong")
+            return
         start = self._services.wiring.practice
         if start is None:
             self.said.emit("No simulated telescope is part of this program.", "wrong")
@@ -108,7 +117,7 @@ class Desk(QObject):
         self.disconnect_mount()
         self.known = MountKnown("connecting", port)
         line = MountLine(opening, lambda word: self._tell(line, word), self._close_camera(opening))
-        self._line = line
+        self._line, self._opening = line, opening
         self._job = job = self._services.jobs.run(line.run(), "mount")
         job.failed.connect(lambda sentence: self._ended(job, sentence, "wrong"))
         job.cancelled.connect(lambda: self._ended(job, "", "muted"))
@@ -140,7 +149,8 @@ class Desk(QObject):
         if practised:
             kept = kept_camera(self._services.settings)
             self.use_camera(kept if kept.source else None)
-        self.said.emit(sentence or "Disconnected; whatever moved was stopped.", role)
+        farewell = self._opening.farewell if self._opening is not None else ""
+        self.said.emit(sentence or f"Disconnected; whatever moved was stopped. {farewell}", role)
         self.progressed.emit(None)
         self.changed.emit()
 
@@ -197,6 +207,13 @@ class Desk(QObject):
         elif solution is not None:
             self._order("offer", lambda guard: offer_by_hand(guard, solution))
 
+    def ask_why(self) -> None:
+        """Look at the sky and name the cause of the disagreement, as far as there is one."""
+        from app.workflows.disagree import why_they_disagree
+
+        before = self._sightings
+        self._order("why", lambda guard: why_they_disagree(guard, self._look(guard), before))
+
     def accept_sync(self, offer: SyncOffer) -> None:
         """The person said yes."""
         from app.ui.mount.by_hand import accept_by_hand
@@ -238,19 +255,23 @@ class Desk(QObject):
 
         self._order("centre", task)
 
-    def nudge(self, direction: Direction, arcsec: float) -> None:
-        """A small motion."""
+    def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
+        """A small motion, at a rate of the mount or, for 0, at whatever suits it."""
+        from app.ui.mount.paced import paced
         from app.workflows.nudge import nudge
 
-        self._order("nudge", lambda guard: nudge(guard, direction, arcsec))
+        if rate_deg_s:
+            self._order("nudge", lambda guard: paced(guard, direction, arcsec, rate_deg_s))
+        else:
+            self._order("nudge", lambda guard: nudge(guard, direction, arcsec))
 
     def bring(self, star: tuple[float, float], here: tuple[float, float]) -> None:
         """Move so that what is at pixel ``star`` of the open frame comes to pixel ``here``."""
-        from app.ui.mount.bring import bring_star
+        from app.workflows.nudge_bring import bring_here
 
         solution = self.solution
         if solution is not None:
-            self._order("bring", lambda g: bring_star(g, solution, star, here, time.sleep))
+            self._order("bring", lambda guard: bring_here(guard, solution, star, here))
 
     def track(self, on: bool) -> None:
         """Sidereal tracking."""
@@ -360,14 +381,17 @@ class Desk(QObject):
             case SyncDone():
                 self.said.emit(result.sentence, "good" if result.synced else "")
                 if result.synced:
+                    self._sightings = ()  # the mount has another idea now
                     self._resync()
             case Centring():
                 known.moved_since = False
                 self._resync()
-                self.said.emit(result.sentence, "good" if result.centred else "wrong")
+                more = f" {SYNC_FIRST}" if result.sentence.endswith("confirm it.") else ""
+                self.said.emit(result.sentence + more, "good" if result.centred else "wrong")
             case str():
                 self.said.emit(result, "")
                 if name == "undo":
+                    self._sightings = ()
                     self._resync()
             case Solution() if known.sight is not None:
                 off = Offset.between(known.sight.mount_deg, result.ra_dec_deg)
@@ -376,8 +400,11 @@ class Desk(QObject):
                 )
             case Nudged():
                 self.said.emit(f"Nudged {result.direction} by {result.by}.", "")
-            case Pointing():
+            case Turn():
                 self.said.emit("The star has been brought.", "")
+            case (Finding() as finding, sightings):
+                self._sightings = sightings[-MOST_SIGHTINGS:]
+                self.said.emit(finding.sentence, "good" if finding.agrees else "")
             case _:
                 pass
         if name in ("goto", "nudge", "bring") and self.auto_frame and self.eye is not None:

@@ -7,6 +7,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
 
 from app.core.mount import Direction
+from app.mounts.drivers.base import SIDEREAL_DEG_S
 from app.ui.mount.reasoned import ReasonedButton
 from app.ui.widgets import label
 
@@ -29,7 +30,7 @@ class NudgePad(QWidget):
     ``beside`` is shown at its side.
     """
 
-    nudge_wanted = Signal(object, float)  # Direction, arcsec
+    nudge_wanted = Signal(object, float, float)  # Direction, arcsec, deg/s or 0
     explained = Signal(str)
 
     def __init__(self, beside: QWidget) -> None:
@@ -40,6 +41,11 @@ class NudgePad(QWidget):
         for text, arcsec in STEPS_ARCSEC.items():
             self.step.addItem(text, arcsec)
         self.step.setCurrentText(FIRST)
+        self.rate = QComboBox()
+        self.rate.setAccessibleName("Rate of a nudge")
+        self.rate.setToolTip("How fast; as a rule the slowest of the mount’s rates that will do.")
+        self.rate.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.show_rates(())
         self.buttons: dict[Direction, ReasonedButton] = {}
         grid = QGridLayout()
         grid.setSpacing(4)
@@ -55,12 +61,25 @@ class NudgePad(QWidget):
         title.addWidget(label("Nudge", "heading"))
         title.addWidget(label(HINT, "muted", wrap=True))
         title.addStretch(1)
-        title.addWidget(beside, 0, Qt.AlignmentFlag.AlignLeft)
+        below = QHBoxLayout()
+        below.addWidget(self.rate)
+        below.addWidget(beside)
+        below.addStretch(1)
+        title.addLayout(below)
         line = QHBoxLayout(self)
         line.setContentsMargins(0, 0, 0, 0)
         line.setSpacing(14)
         line.addLayout(grid)
         line.addLayout(title, 1)
+
+    def show_rates(self, rates_deg_s: tuple[float, ...]) -> None:
+        """What the mount offers; the choice stays when it is still there."""
+        if [self.rate.itemData(i) for i in range(1, self.rate.count())] == list(rates_deg_s):
+            return
+        self.rate.clear()
+        self.rate.addItem("rate that suits", 0.0)
+        for rate in rates_deg_s:
+            self.rate.addItem(rate_text(rate), rate)
 
     def allow(self, reason: str) -> None:
         """Grey all four with a reason."""
@@ -78,4 +97,11 @@ class NudgePad(QWidget):
         return super().eventFilter(watched, event)
 
     def _nudge(self, way: Direction) -> None:
-        self.nudge_wanted.emit(way, float(self.step.currentData()))
+        rate = float(self.rate.currentData() or 0.0)
+        self.nudge_wanted.emit(way, float(self.step.currentData()), rate)
+
+
+def rate_text(rate_deg_s: float) -> str:
+    """In degrees a second when fast, else in times the sky's own."""
+    times = rate_deg_s / SIDEREAL_DEG_S
+    return f"{rate_deg_s:.2g}°/s" if times > 100.0 else f"{times:.3g} × sidereal"

@@ -15,7 +15,9 @@ PRACTICE_FOV_DEG = 4.0  # wide enough for the patterns that are shipped
 
 
 class Opening(Protocol):
-    """Called in the thread of the line."""
+    """Called in the thread of the line; ``farewell`` is what is said when it is over."""
+
+    farewell: str
 
     def __call__(self) -> Guard:
         """The mount behind its guard; DeviceError with one sentence."""
@@ -27,6 +29,8 @@ class Opening(Protocol):
 
 
 class _OnPort:
+    farewell = ""
+
     def __init__(self, wish: MountWish, site: Site | None) -> None:
         self._wish, self._site = wish, site
 
@@ -49,6 +53,7 @@ class PracticeOpening:
     def __init__(self, start: StartPractice, tell: Callable[[Word], None]) -> None:
         self._start, self._tell = start, tell
         self._practice: Practice | None = None
+        self.farewell = ""
 
     def __call__(self) -> Guard:
         self._practice = practice = self._start(fov_deg=PRACTICE_FOV_DEG)
@@ -64,6 +69,7 @@ class PracticeOpening:
 
     def over(self) -> None:
         if self._practice is not None:
+            self.farewell = self._practice.score().as_text()
             self._practice.stop()
 
 

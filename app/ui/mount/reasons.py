@@ -24,6 +24,7 @@ NEEDS: Mapping[str, tuple[Ability, ...]] = {
     "bring": (Ability.GOTO,),
     "track": (Ability.TRACKING,),
     "take": (),
+    "why": (),
 }
 MOVES = ("goto", "centre", "nudge", "bring", "sync", "track")
 
@@ -79,7 +80,7 @@ def _lacking(name: str, lacks: Mapping[Ability, str]) -> str:
 
 
 def _special(name: str, now: Situation) -> str:
-    if name in ("centre", "take") and not now.camera:
+    if name in ("centre", "take", "why") and not now.camera:
         return NO_CAMERA
     if name == "sync" and not (now.camera or now.solved):
         return NO_SOLUTION

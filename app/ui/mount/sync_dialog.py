@@ -10,6 +10,7 @@ from app.ui.widgets import button, label
 from app.workflows.sync_mount import SyncOffer
 
 NO_SYNC = "Instead the telescope can be slewed by the offset, to where the mount says it points."
+IF_REFUSED = "Should the mount refuse, the telescope is slewed by the offset instead."
 
 
 class SyncDialog(QDialog):
@@ -45,6 +46,8 @@ class SyncDialog(QDialog):
                 column.addWidget(label(sentence, role, wrap=True))
         if offer.no_sync:
             column.addWidget(label(f"{offer.no_sync} {NO_SYNC}", "", wrap=True))
+        elif preview.allowed:
+            column.addWidget(label(IF_REFUSED, "muted", wrap=True))
         self.yes = button(_yes(offer), self._accept, "main")
         self.yes.setVisible(preview.allowed)
         self.no = button("Cancel" if preview.allowed else "Close", self.reject)

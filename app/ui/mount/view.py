@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QVBoxLayout, QWidget
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QProgressBar, QVBoxLayout, QWidget
 
 from app.core.hint import Site
 from app.core.progress import Progress
@@ -51,11 +52,17 @@ class MountView(QWidget):
             "Sync…", self.desk.offer_sync, "Look twice, then tell the mount where it is", "main"
         )
         self.undo = ReasonedButton("Undo sync", self.desk.undo_sync, "Take the last sync back")
+        self.ask = ReasonedButton(
+            "Why?", self.desk.ask_why,
+            "Take a frame and name the cause: summer time, epoch, site, hemisphere, cone",
+        )  # fmt: skip
         self.bring = ReasonedButton(
             "Bring a star here…", self._bring, "Click a star in the frame, then where it shall go"
         )
         self.pad = NudgePad(self.bring)
         self.tracking = ReasonedSwitch("Tracking", "Follow the sky")
+        self.after = QCheckBox("A frame after each move")
+        self.after.setToolTip("Take one and solve it when a goto or a nudge is over")
         self.leave = button(
             "Disconnect", self.desk.disconnect_mount, "", "Stop, and close the port"
         )
@@ -87,7 +94,7 @@ class MountView(QWidget):
         top.addWidget(self.name, 1)
         top.addWidget(self.tracking)
         top.addWidget(self.leave)
-        looking = _line(self.take, self.sync, self.undo)
+        looking = _line(self.take, self.sync, self.undo, self.ask, self.after)
         inside = QWidget()
         inside.setObjectName("page")
         column = QVBoxLayout(inside)
@@ -145,15 +152,20 @@ class MountView(QWidget):
         camera = kept_camera(settings)
         self.camera.show_wish(camera)
         self.desk.use_camera(camera if camera.source else None)
+        self.after.toggled.connect(self._after)
+        self.after.setChecked(settings.flag("mount/after", True))
         self._dress(self._services.looks.colours)
         names = self._services.jobs.run(names_to_offer(), "names")
         names.succeeded.connect(self.go.offer_names)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
         self.look_for_ports()
 
     def _controls(self) -> dict[str, ReasonedButton]:
         return {
             "sync": self.sync, "undo": self.undo, "take": self.take, "goto": self.go.goto,
-            "centre": self.go.centre, "bring": self.bring, "stop": self.stop,
+            "centre": self.go.centre, "bring": self.bring, "why": self.ask, "stop": self.stop,
         }  # fmt: skip
 
     # wishes -----------------------------------------------------------------------------------
@@ -216,6 +228,10 @@ class MountView(QWidget):
             keep_camera(self._services.settings, wish or CameraWish(""))
         self.desk.use_camera(wish)
 
+    def _after(self, on: bool) -> None:
+        self.desk.auto_frame = on
+        self._services.settings.keep("mount/after", on)
+
     def _bring(self) -> None:
         self._bringing.begin()
 
@@ -234,6 +250,8 @@ class MountView(QWidget):
         for name, control in self._controls().items():
             control.allow(why[name])
         self.pad.allow(why["nudge"])
+        if known.connected is not None:
+            self.pad.show_rates(known.connected.rates_deg_s)
         self.tracking.allow(why["track"])
         if known.report is not None:
             tracks = known.report.state.tracking
