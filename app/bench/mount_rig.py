@@ -39,6 +39,7 @@ LOST_DEG = 3.0
 EXPOSURE_S = 2.0
 PATIENCE_S, LATE_S = 0.25, 0.4
 HEARD_S = 0.05
+UNANSWERED = ("pulse", "move", "stop")
 CHANCES = {
     Fault.SILENCE: 0.01,
     Fault.GARBAGE: 0.01,
@@ -73,8 +74,9 @@ class MountRig:
             self.timed = True
             time.sleep(seconds)
             return
-        if self.timed:  # the bytes that end a motion may still be under way
-            time.sleep(HEARD_S)
+        last = self.guard.log.entries[-1:]
+        if self.timed or any(entry.action in UNANSWERED for entry in last):
+            time.sleep(HEARD_S)  # the bytes that begin or end a motion may still be under way
             self.timed = False
         self.rig.clock.step(seconds)
 

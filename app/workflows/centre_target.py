@@ -120,7 +120,7 @@ class _Centring:
     def go(self) -> Task[Centring]:
         """The first slew, then looks and corrections in turn."""
         yield Progress("goto", None, self.target.name)
-        if not (yield from self.tried(self.slew(self.there()))):
+        if not (yield from self.begun()):
             return self.refused()
         while True:
             yield from settled(self.mount, self.wait)
@@ -132,6 +132,18 @@ class _Centring:
                 return end
             if not (yield from self.tried(self.correct(found))):
                 return self.refused()
+
+    def begun(self) -> Task[bool]:
+        """The first slew; the guard, which may have been misled by a bad line, is asked twice."""
+        for _ in range(TROUBLES):
+            sent = len(self.mount.log.sent())
+            if (yield from self.tried(self.slew(self.there()))):
+                if len(self.mount.log.sent()) > sent:
+                    return True
+            elif len(self.mount.log.sent()) > sent:
+                return False
+            self.wait(AGAIN_S)
+        return False
 
     def look(self) -> Task[Solution | NoSolution]:
         """Solve a fresh frame; another when the first has no solution."""
@@ -239,10 +251,18 @@ class _Centring:
         except StoppedError:
             raise
         except RefusedError as error:
+            if self.changed():  # not refused but spoilt: look again before anything moves
+                raise
             self.may_sync = False
             self.notes.append(f"No sync, an offset goto instead: {error}")
             return False
         return True
+
+    def changed(self) -> bool:
+        """Whether the mount says another place than at the last look."""
+        assert self.course.last is not None
+        said = self.said()
+        return apart_deg(self.course.last.said, (said.ra_deg, said.dec_deg)) > SAME_DEG
 
     def fine(self) -> Task[None]:
         """Small moves on both axes."""
@@ -267,7 +287,7 @@ class _Centring:
     def tried(self, motion: "Task[None] | Task[Pointing]") -> Task[bool]:
         """Do it; what the mount refused or lost is not repeated but looked at, a few times.
 
-        False when the guard forbids it or the mount will not.
+        False when the guard forbids it or the mount will not for a second time.
         """
         try:
             yield from motion
@@ -280,8 +300,7 @@ class _Centring:
             self.notes.append(str(error))
             self.troubles += 1
             self.failures += 1
-            refused = isinstance(error, RefusedError)
-            if refused and (self.troubles > 1 or self.mount.log.entries[-1].outcome == "refused"):
+            if isinstance(error, RefusedError) and self.troubles > 1:
                 return False
             if self.troubles >= TROUBLES or self.failures > 2 * TROUBLES:
                 raise
