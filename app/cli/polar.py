@@ -57,6 +57,8 @@ def run(args: argparse.Namespace) -> int:
     paths = [*args.files, *args.check]
     if len(args.files) < 2:
         raise UsageError("Polar alignment needs two frames or more.")
+    if len(args.check) == 1:
+        raise UsageError("A second sweep (--check) needs two frames or more as well.")
     options = SolveOptions(fov_deg=args.fov, timeout_s=args.timeout)
     files = [_solve(path, options) for path in paths]
     unsolved = [file for file in files if isinstance(file.result, NoSolution)]

@@ -115,6 +115,8 @@ def test_what_is_missing_is_said_in_one_sentence(night, capsys, tmp_path):
     code, _, err = polar(capsys, files[0])
     assert code == 2
     assert "two frames or more" in err
+    code, _, err = polar(capsys, *files, "--check", files[0])
+    assert (code, "--check" in err) == (2, True)
     from astropy.io import fits
 
     for gone, words in (("DATE", "does not say when"), ("SITE", "--site LAT,LON")):
@@ -134,6 +136,18 @@ def test_what_is_missing_is_said_in_one_sentence(night, capsys, tmp_path):
         code, _, err = polar(capsys, *files, "--site", site)
         assert code == 2
         assert "is not LAT,LON" in err
+
+
+def test_a_second_sweep_is_weighed_with_the_first(night, capsys):
+    _, files, _ = night
+    _, out, _ = polar(capsys, *files, "--json")
+    one = json.loads(out)
+    code, out, _ = polar(capsys, *files, "--json", "--check", files[0], files[2])
+    both = json.loads(out)
+    assert code == 0
+    assert both["frames"] == 5
+    assert both["sigma_arcsec"][0] < one["sigma_arcsec"][0]
+    assert not any("flexure" in text for text in both["warnings"])  # the same frames agree
 
 
 def test_a_wrong_site_is_doubted(night, capsys):
