@@ -80,7 +80,8 @@ def test_the_simulated_sky_is_found_tracked_and_shown(qtbot, live):
     qtbot.mouseClick(view.start, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: view.title.text() == "Tracking", timeout=60_000)
     assert commands.window.workspace.view.picture.width == 1280
-    assert len(commands.session.known.result.stars) > 5
+    assert len(view.stream.latest.result.stars) > 5
+    qtbot.waitUntil(lambda: commands.session.known.last_good is not None, timeout=10_000)
     assert view.pointing.ra.text().endswith("s")
     assert "″" in view.pointing.values["Sigma"].text()
     assert view.pointing.chart.trail.here is not None

@@ -21,6 +21,7 @@ ROWS = (
     ("Latency", "How far what is on the screen lags behind the sky"),
     ("Lens", "What is known of camera and lens"),
 )
+LEFT = "OLD: the last pointing before the camera stopped"
 
 
 class PointingPanel(QWidget):
@@ -80,9 +81,7 @@ class PointingPanel(QWidget):
         ra, dec = words.position_texts(update, self.style_)
         _write(self.ra, ra)
         _write(self.dec, dec)
-        for value in (self.ra, self.dec):
-            if value.property("role") != (role := "muted" if old else "value"):
-                set_role(value, role)
+        self._fade(old)
         east, north = words.drift_texts(None if old else update.drift)
         age = words.age_text(good.age_s(now)) if good is not None else words.NOTHING
         for title, text in {
@@ -99,6 +98,25 @@ class PointingPanel(QWidget):
         _write(self.doubt, lens.doubt)
         self.doubt.setVisible(bool(lens.doubt))
         self._show_place(update, old)
+
+    def leave(self) -> None:
+        """The camera runs no more: what was known stays, as old."""
+        if self.ra.text() == words.NOTHING:
+            return
+        self._fade(True)
+        for title in ("Sigma", "Age", "Drift RA", "Drift Dec", "Rates", "Pace", "Latency"):
+            _write(self.values[title], words.NOTHING)
+        _write(self.old, LEFT)
+        self.old.setVisible(True)
+        if self.chart.trail.here is not None:
+            self.chart.show_here(self.chart.trail.here, old=True)
+
+    def _fade(self, old: bool) -> None:
+        """An old position does not look like a new one."""
+        role = "muted" if old else "value"
+        for value in (self.ra, self.dec):
+            if value.property("role") != role:
+                set_role(value, role)
 
     def _show_place(self, update: LiveUpdate, old: bool) -> None:
         centre = update.track.filtered_centre

@@ -47,6 +47,7 @@ class RecordPanel(QWidget):
         if not state.going_on and self.switch.isChecked():
             with QSignalBlocker(self.switch):
                 self.switch.setChecked(False)
+            self.choose.setEnabled(True)
             self.wanted.emit(None)
 
     def use_folder(self, folder: Path) -> None:

@@ -21,7 +21,7 @@ from app.workflows.live_solve import WARNING, Engine, live_solve
 from app.workflows.live_update import LiveSummary, LiveUpdate
 
 SOLVE_TIMEOUT_S = 10.0
-AHEAD_S = 0.12  # a frame whose answer takes longer is shown before it has one
+AHEAD_S = 0.5  # a frame whose answer takes longer is shown before it has one
 MOST_SAID = 50
 DOUBT = "Your camera profile is off"
 

@@ -151,6 +151,7 @@ class LiveView(QWidget):
         self._ending = job
         self._own = True
         self.stage.end(keep)
+        self.pointing.leave()
         self._own = False
         self._services.panes.tabs.setVisible(True)
         self._headline(words.State("Stopping", "The camera is being given back.", "heading"))
@@ -197,7 +198,6 @@ class LiveView(QWidget):
         if job is self.job:
             self.write()
             self._end(keep=True)
-            self.pointing.old.setVisible(self.pointing.ra.text() != words.NOTHING)
 
     def _has_finished(self, job: Job, stream: Stream) -> None:
         for sentence in stream.said:
