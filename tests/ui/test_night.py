@@ -165,13 +165,14 @@ def test_the_corners_of_a_field_are_as_dark_as_what_is_around_it(qtbot, night):
     assert colours(window)[corner.y(), corner.x(), 2] < 60
 
 
-def test_night_is_left_for_the_theme_of_before(night):
+def test_night_is_left_for_the_theme_of_before(qtbot, night):
     window, commands = night
     commands.looks.use_theme("light")
     commands.actions["night"].trigger()
     assert commands.looks.is_night
     commands.actions["night"].trigger()
     assert commands.settings.text("theme", "") == "light"
+    qtbot.waitUntil(lambda: commands.looks.settled)
     assert colours(window)[..., :2].max() > 150
 
 
