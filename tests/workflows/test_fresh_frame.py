@@ -1,0 +1,78 @@
+"""A fresh frame was begun after it was asked for; an old one never passes for it."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from app.core.errors import NoAnswerError
+from app.core.frame import Frame
+from app.core.hint import Hint
+from app.core.progress import run
+from app.core.solution import NoSolution
+from app.workflows.fresh_frame import fresh_frame, lost_in_space, solver_of
+
+NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
+
+
+class Camera:
+    """Gives frames by name at set moments of its own clock; None is a slice without one."""
+
+    name = "scripted"
+
+    def __init__(self, frames, clock=True):
+        self.coming = list(frames)
+        self.time = NOW
+        if clock:
+            self.now_utc = lambda: self.time
+
+    def next_frame(self, timeout_s):
+        self.time += timedelta(seconds=1.0)
+        return self.coming.pop(0) if self.coming else None
+
+
+def frame(name, middle_s=None, exposure_s=2.0, **hint):
+    when = None if middle_s is None else NOW + timedelta(seconds=middle_s)
+    return Frame(
+        np.zeros((40, 60), np.uint16), path=name,
+        hint=Hint(time_utc=when, exposure_s=exposure_s, **hint),
+    )  # fmt: skip
+
+
+def test_what_was_waiting_or_begun_before_is_left() -> None:
+    camera = Camera([frame("waiting", -5.0), frame("begun before", 0.5), frame("fresh", 1.6)])
+    camera.time += timedelta(seconds=3.0)
+    camera.now_utc = iter([NOW, NOW + timedelta(seconds=3), NOW + timedelta(seconds=5)]).__next__
+    assert run(fresh_frame(camera)).path == "fresh"
+
+
+def test_without_times_the_second_to_arrive_was_begun_after() -> None:
+    camera = Camera([frame("waiting"), frame("doubtful"), None, frame("second")])
+    assert run(fresh_frame(camera)).path == "second"
+
+
+def test_a_camera_whose_clock_is_an_hour_off_still_serves() -> None:
+    for wrong_s in (3600.0, -3600.0):
+        camera = Camera([None, frame("doubtful", wrong_s), frame("second", wrong_s + 3.0)])
+        assert run(fresh_frame(camera)).path == "second"
+
+
+def test_a_camera_that_gives_nothing_is_given_up_in_a_sentence() -> None:
+    with pytest.raises(NoAnswerError, match="is it taking pictures"):
+        run(fresh_frame(Camera([]), patience_s=0.0))
+
+
+def test_the_place_in_the_header_is_not_believed() -> None:
+    told = frame("x", centre_deg=(10.0, 20.0, 5.0), scale_arcsec_px=(6.0, 7.0))
+    left = lost_in_space(told).hint
+    assert left.centre_deg is None
+    assert left.scale_arcsec_px == (6.0, 7.0)
+
+
+def test_every_answer_is_shown_to_who_wants_to_see() -> None:
+    seen = []
+    camera = Camera([frame("waiting"), frame("a"), frame("b")])
+    solve_now = solver_of(camera, seen=lambda frame, result: seen.append((frame.path, result)))
+    result = run(solve_now())
+    assert isinstance(result, NoSolution)
+    assert seen == [("b", result)]

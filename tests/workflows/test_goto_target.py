@@ -1,0 +1,91 @@
+"""Targets by name and by coordinates, and standing still."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from app.core.errors import NoAnswerError, RefusedError, UsageError
+from app.core.progress import run
+from app.workflows.goto_target import answered, goto_target, named_target, settled, target_at
+from tests.workflows.mount_nights import bench, good, target_of
+from tests.workflows.rig_mount import SILENT
+
+NIGHT = datetime(2026, 1, 15, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("name", "ra", "dec"),
+    [
+        ("Vega", 279.236, 38.786),
+        ("HIP 91262", 279.236, 38.786),
+        ("alpha Lyrae", 279.236, 38.786),
+        ("M 42", 83.82, -5.39),
+        ("NGC 7000", 314.821, 44.529),
+    ],
+)
+def test_names(name, ra, dec) -> None:
+    target = named_target(name, NIGHT)
+    assert (target.ra_deg, target.dec_deg) == (
+        pytest.approx(ra, abs=0.05), pytest.approx(dec, abs=0.05)
+    )  # fmt: skip
+    assert target.name == name
+
+
+def test_proper_motion_is_applied() -> None:
+    then, now = (named_target("HIP 87937", datetime(y, 1, 1, tzinfo=UTC)) for y in (2000, 2026))
+    assert (now.dec_deg - then.dec_deg) * 3600.0 == pytest.approx(26 * 10.33, rel=0.01)  # Barnard's
+
+
+def test_what_nothing_is_called_and_what_is_no_place() -> None:
+    with pytest.raises(UsageError, match="is called"):
+        named_target("no such star", NIGHT)
+    with pytest.raises(UsageError, match="no place"):
+        target_at(10.0, 91.0)
+    assert target_at(-10.0, 5.0).ra_deg == 350.0
+
+
+def test_a_goto_ends_at_rest() -> None:
+    b = bench(good(lost_deg=0.0))
+    target = target_of(b)
+    run(goto_target(b.guard, target, b.wait))
+    assert not b.rig.mount.slewing
+    assert b.off_arcsec(target) < 120.0  # refraction, which the mount does not know
+
+
+def test_a_goto_into_the_ground_is_refused() -> None:
+    b = bench()
+    with pytest.raises(RefusedError, match="limit"):
+        run(goto_target(b.guard, target_of(b, 0.0, -70.0), b.wait))
+    assert b.mount.did == []
+
+
+def test_settled_waits_for_a_slew_that_somebody_else_began() -> None:
+    b = bench(good(lost_deg=0.0))
+    ra, dec = b.rig.mount.believed_deg()
+    b.rig.mount.goto(ra - 20.0, dec)
+    run(settled(b.guard, b.wait))
+    assert not b.rig.mount.slewing
+
+
+def test_a_mount_that_never_rests_is_said() -> None:
+    b = bench(good(lost_deg=0.0))
+    from app.core.mount import Direction
+
+    b.rig.mount.move(Direction.EAST, 0.02)
+    with pytest.raises(NoAnswerError, match="not come to rest"):
+        run(settled(b.guard, b.wait))
+
+
+def test_a_question_is_asked_again_but_not_for_ever() -> None:
+    answers = [SILENT, SILENT, 7]
+
+    def ask():
+        value = answers.pop(0)
+        if isinstance(value, Exception):
+            raise value
+        return value
+
+    assert answered(ask) == 7
+    answers += [SILENT] * 3
+    with pytest.raises(NoAnswerError):
+        answered(ask)
