@@ -49,6 +49,6 @@ class Hearing:
 
 def spoken(words: str) -> str:
     """Words for a voice: units in full."""
-    return (
-        words.replace('"', " arc seconds").replace("'", " arc minutes").replace("±", "plus minus")
-    )
+    for sign, name in (('"', " arc seconds"), ("'", " arc minutes"), ("±", "plus or minus")):
+        words = words.replace(sign, name)
+    return words

@@ -32,7 +32,7 @@ class NightPage(QWidget):
         self.save = button("Save the &report…", self._ask, tip="Numbers and plots, HTML or PDF")
         self.told = label(NOTHING, "muted", wrap=True)
         self.chart = Chart(
-            "Error from the pole over time", Axis("minutes"), Axis("error, ″", log=True)
+            "Error from the pole over time", Axis("minutes"), Axis("error, ″", 1.0, 1e4, log=True)
         )
         self.lines = QPlainTextEdit()
         self.lines.setReadOnly(True)

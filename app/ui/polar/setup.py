@@ -148,6 +148,7 @@ class SetupPanel(QWidget):
         there = {self.files.item(i).toolTip() for i in range(self.files.count())}
         for path in paths:
             if str(path) not in there:
+                there.add(str(path))
                 self.files.addItem(path.name)
                 self.files.item(self.files.count() - 1).setToolTip(str(path))
 

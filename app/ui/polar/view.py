@@ -358,4 +358,3 @@ class PolarView(QWidget):
         self._holding.stop()
         self.cues.close()
         self.bolts.close()
-        self.bolts.deleteLater()

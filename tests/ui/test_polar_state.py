@@ -1,0 +1,206 @@
+"""What the screens know: every step of real measurements on the rig, and of a person's hand."""
+
+import numpy as np
+import pytest
+
+from app.bench.polar_rig import make_rig
+from app.core.mount import Direction
+from app.core.progress import Progress
+from app.polar.bolts import Knob
+from app.polar.findings import Finding, Kind
+from app.polar.tutor import BoltTutor
+from app.sky import open_catalogue
+from app.ui.polar.cues import Cue, Cues
+from app.ui.polar.hearing import Hearing, spoken
+from app.ui.polar.numbers import age_text, altitude_cure, azimuth_cure, more_text, total_text
+from app.ui.polar.state import HANDS_OFF, OLD_S, State, absorb
+from app.ui.polar.turning import Asking
+from app.workflows.polar_adjust import adjust
+from app.workflows.polar_measure import Sweep, measure_axis
+from app.workflows.polar_update import PolarControls, PolarUpdate
+from tests.ui.polar_cases import adjusting, error
+
+
+def follow(state, task, now_s=0.0, most=400):
+    """The states along a task, and its result."""
+    seen, result = [state], None
+    for _ in range(most):
+        try:
+            step = next(task)
+        except StopIteration as end:
+            result = end.value
+            break
+        seen.append(absorb(seen[-1], step, now_s))
+    return seen, result
+
+
+@pytest.fixture(scope="module")
+def measured():
+    sky = make_rig(np.random.default_rng([7, 1]), open_catalogue(), 45.0)
+    sky.point(-40.0, 50.0)
+    states, result = follow(State(), measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
+    return sky, states, result.measurement
+
+
+def test_measuring_tells_the_error_and_how_much_further_to_turn(measured):
+    _, states, measurement = measured
+    assert states[1].words == HANDS_OFF
+    told = [s.more_turn_deg for s in states if s.more_turn_deg]
+    assert told
+    assert told[0] >= 5.0
+    assert states[-1].error is measurement.error
+    assert not states[-1].live
+    first_with_error = next(s for s in states if s.error is not None)
+    assert more_text(first_with_error).startswith("Turn ")
+
+
+def test_adjusting_follows_the_axis_and_what_the_tutor_says(measured):
+    sky, states, measurement = measured
+    controls = PolarControls()
+    task = adjust(sky, measurement, BoltTutor(), controls)
+    first = absorb(states[-1], next(task), 10.0)
+    assert first.instruction is not None
+    assert first.hand_needed
+    assert first.words == first.instruction.words
+    assert first.measured == (measurement.error,)
+    before = first.error.total_arcsec
+    sky.hand(first.instruction)
+    controls.turned()
+    later, _ = follow(first, task, 11.0, most=40)
+    assert later[-1].live
+    assert later[-1].trail
+    assert later[-1].heard_s == 11.0
+    truth = sky.true_total_arcsec()
+    assert later[-1].error.total_arcsec == pytest.approx(truth, abs=30.0)
+    assert abs(truth - before) > 30.0
+
+
+def test_what_was_asked_of_a_hand_stands_until_it_is_measured():
+    (asked,) = list(Asking().turn(Direction.EAST, 30.0))
+    state = absorb(State("measure", HANDS_OFF), asked, 0.0)
+    assert "about 30 deg to the east" in state.words
+    assert "press Space" in state.words
+    assert state.hand_needed
+    turning = absorb(state, PolarUpdate("turn", 0.5, "turned 15 of 30 deg"), 0.0)
+    assert turning.words == state.words
+    assert turning.detail == "turned 15 of 30 deg"
+    trailed = absorb(turning, PolarUpdate("measure", None, "trailed: wait", solved=False), 0.0)
+    assert trailed.hand_needed
+    assert trailed.words == state.words
+    assert not trailed.solved
+    done = absorb(trailed, PolarUpdate("measure", 0.4, "no axis yet", frames=2), 0.0)
+    assert not done.hand_needed
+    assert done.words == HANDS_OFF
+
+
+def test_a_mount_that_turns_says_keep_clear():
+    state = absorb(State("turn", ""), Progress("turn", 0.3, "20 deg to the west"), 0.0)
+    assert "Keep clear" in state.words
+    assert "20 deg to the west" in state.words
+    assert not state.hand_needed
+
+
+def test_an_old_number_is_called_old():
+    state = adjusting(300.0, 20.0, heard_s=100.0)
+    assert not state.old(101.0)
+    assert "live 1 s ago" in age_text(state, 101.0)
+    assert state.old(100.0 + OLD_S + 0.1)
+    assert age_text(state, 120.0).startswith("OLD")
+    lost = absorb(state, PolarUpdate("adjust", None, "clouded", solved=False), 101.0)
+    assert lost.old(101.0)
+    assert "no answer" in age_text(lost, 101.0)
+
+
+@pytest.mark.parametrize(
+    ("altitude", "azimuth", "cures"),
+    [
+        (60.0, 60.0, ("▼ lower the axis", "↺ anticlockwise, seen from above")),
+        (-60.0, -60.0, ("▲ raise the axis", "↻ clockwise, seen from above")),
+    ],
+)
+def test_cures_undo_the_error(altitude, azimuth, cures):
+    off = error(altitude, azimuth)
+    assert (altitude_cure(off), azimuth_cure(off)) == cures
+    assert total_text(off).startswith("73″ ± ")
+
+
+def test_the_worse_axis_is_shown_until_a_bolt_is_named():
+    assert State(error=error(10.0, 300.0)).knob is Knob.AZIMUTH
+    assert State(error=error(300.0, 10.0)).knob is Knob.ALTITUDE
+    assert adjusting(900.0, 100.0).knob is Knob.ALTITUDE
+
+
+def test_findings_of_live_frames_replace_each_other(measured):
+    _, _, measurement = measured
+    far = Finding(Kind.REMEASURE, "measure again")
+    state = State("adjust", error=measurement.error, findings=(far,))
+    again = absorb(state, PolarUpdate("measure", 0.0, "The first frame.", findings=()), 0.0)
+    assert again.findings == (far,)  # nothing new is known yet
+
+
+# Cues.
+
+
+class Heard:
+    def __init__(self):
+        self.cues = []
+
+    def play(self, cue):
+        self.cues.append(cue)
+
+    def say(self, words):
+        self.cues.append(words)
+
+
+def test_what_is_heard():
+    heard = Heard()
+    hearing = Hearing(heard)
+    far, near = adjusting(900.0, 100.0), adjusting(200.0, 100.0)
+    hearing.hear(State("measure"), far)
+    assert heard.cues[0] is Cue.TURN
+    assert "altitude bolt" in heard.cues[1]
+    nearer = State("adjust", far.words, error=near.error, live=True, instruction=far.instruction)
+    heard.cues.clear()
+    hearing.hear(far, nearer)
+    assert heard.cues == [Cue.NEARER]
+    hearing.hear(nearer, far)
+    assert heard.cues[-1] is Cue.FURTHER
+    stop = adjusting(3.0, 3.0)
+    assert stop.stop
+    assert Hearing(Heard()).cue_of(nearer, stop) is Cue.STOP
+    lost = absorb(far, PolarUpdate("adjust", None, "clouded", solved=False), 1.0)
+    assert Hearing(Heard()).cue_of(far, lost) is Cue.LOST
+
+
+def test_units_are_spoken():
+    assert spoken("12\" ± 3'") == "12 arc seconds plus or minus 3 arc minutes"
+
+
+def test_cues_are_played_by_what_is_there_or_the_bell(tmp_path):
+    rung = []
+    silent = Cues(lambda: rung.append(1), find=lambda name: None)
+    assert "bell only" in silent.told
+    assert not silent.can_speak
+    silent.play(Cue.TURN)
+    assert not rung  # sounds are off until asked for
+    silent.on = True
+    silent.play(Cue.TURN)
+    assert rung == [1]
+    silent.close()
+
+
+def test_a_player_is_given_a_file_of_tones(tmp_path, qtbot):
+    kept = tmp_path / "heard.wav"
+    player = tmp_path / "aplay"
+    player.write_text(f'#!/bin/sh\ncp "$2" "{kept}.part"\nmv "{kept}.part" "{kept}"\n')
+    player.chmod(0o755)
+    cues = Cues(lambda: None, find=lambda name: str(player) if name == "aplay" else None)
+    assert "tones by aplay" in cues.told
+    cues.on = True
+    cues.play(Cue.STOP)
+    qtbot.waitUntil(kept.exists, timeout=10_000)
+    cues.close()
+    data = kept.read_bytes()
+    assert data[:4] == b"RIFF"
+    assert len(data) > 20_000  # 0.7 s at 22 kHz, two bytes each
+    assert len(set(data[1000:9000])) > 50

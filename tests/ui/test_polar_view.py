@@ -1,0 +1,416 @@
+"""Polar alignment as a person does it: on the practice telescope, from files, and when it fails."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QEventLoop, Qt, QTimer
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractSpinBox,
+    QComboBox,
+    QLineEdit,
+    QListWidget,
+    QPlainTextEdit,
+)
+
+from app.core.errors import KochabError, NoAnswerError, UsageError
+from app.core.hint import Site
+from app.core.mount import Ability
+from app.frames.fits_write import write_fits
+from app.polar.history import History
+from app.polar.poles import Pole
+from app.simulate.practice import PracticeConfig, start_practice
+from app.simulate.rig import PracticeRig, RigConfig
+from app.simulate.scenario import misaligned, through, tonight
+from app.ui.application import build
+from app.ui.engine import WorkflowEngine
+from app.ui.polar.state import State
+from app.ui.polar.turning import Afresh, Holding, mount_turner
+from app.ui.polar.wish import Hand, Source
+from app.ui.wiring import Wiring
+from tests.ui.polar_cases import adjusting
+from tests.ui.test_night import assert_red
+
+LIMIT_S = 200
+SITE = Site(47.0, 8.0, 450.0)
+QUICK = 6.0  # simulated seconds a second
+
+
+class Nights:
+    """Practice nights of a mount without wear: what it measures is then all there is."""
+
+    def __init__(self, rate=QUICK):
+        self.rate = rate
+        self.made = []
+
+    def __call__(self, fov_deg):
+        rig = through(misaligned(tonight(3, SITE), 40.0), fov_deg)
+        started = start_practice(PracticeConfig(replace(rig, rate=self.rate)))
+        self.made.append(started)
+        return started
+
+    @property
+    def true_arcsec(self):
+        return self.made[-1].rig.truth().axis_error().total_arcsec
+
+
+@pytest.fixture
+def polar(qtbot, settings):
+    """Windows with their polar view, and room to make another."""
+    made = []
+
+    def make(practice=None):
+        window, commands = build(WorkflowEngine(), settings, [], Wiring(practice=practice))
+        qtbot.addWidget(window)
+        window.resize(1360, 860)
+        window.show()
+        commands.views.show("polar")
+        made.append((window, commands))
+        return commands, commands.views.docks["polar"].view
+
+    yield make
+    for window, commands in made:
+        window.close()
+        commands.looks.use_theme("dark", "normal")
+        assert commands.session.close()
+    left = [t.name for t in threading.enumerate() if t.name.startswith(("kochab-", "polar-"))]
+    assert not left
+
+
+def drive(view, each=lambda: None, limit_s=LIMIT_S):
+    """Run the event loop until the alignment is over, looking now and then."""
+    loop, timer, end = QEventLoop(), QTimer(), QTimer()
+    timer.setInterval(10)
+    timer.timeout.connect(lambda: (each(), view.start.isHidden() or loop.quit()))
+    end.setSingleShot(True)
+    end.timeout.connect(loop.quit)
+    timer.start()
+    end.start(1000 * limit_s)
+    loop.exec()
+    timer.stop()
+    assert not view.start.isHidden(), f"not over: {view.state.stage}, {view.state.words}"
+
+
+def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
+    """Measure, turn the bolts as told, measure again: the axis really stands at the pole."""
+    nights = Nights()
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(Hand.PERSON)
+    stages, words, obeyed = [], [], []
+    view.begin()
+
+    def person():
+        state = view.state
+        if not stages or stages[-1] != state.stage:
+            stages.append(state.stage)
+        asked = state.asked or state.instruction
+        if state.hand_needed and asked not in obeyed:
+            obeyed.append(asked)
+            words.append(view.page.words.text())
+            assert view.obey.isVisible()
+            view.obey.click()
+
+    drive(view, person)
+    assert view.state.stage == "done", view.said.text()
+    assert nights.true_arcsec < 30.0
+    assert view.state.error.total_arcsec == pytest.approx(nights.true_arcsec, abs=15.0)
+    assert stages.count("adjust") >= 1
+    assert stages[-2:] != ["adjust", "done"]  # it measured once more by itself
+    assert any("Turn the RA axis by hand" in told for told in words)
+    assert any("A test: " in told for told in words)
+    assert len(view.state.measured) >= 2
+    # What is kept of it.
+    history = view.night.history
+    assert history.entries[0].kind == history.entries[-1].kind == "measured"
+    assert "from the pole" in view.night.told.text()
+    assert "Told: A test" in view.night.lines.toPlainText()
+    assert view.night.chart.series
+    # The practice telescope is gone with it.
+    assert view.hands is None
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    """Three frames of a perfect mount that stands 20 arcmin too high, 40 deg apart in all."""
+    folder = tmp_path_factory.mktemp("frames")
+    base = RigConfig(seed=5, site=SITE, start_deg=(-40.0, 45.0))
+    config = through(replace(base, mount=replace(base.mount, misalignment_arcmin=(20.0, 0.0))), 4.0)
+    rig = PracticeRig(config)
+    paths = []
+    for number in range(3):
+        path = folder / f"turn{number}.fits"
+        write_fits(rig.frame(1.0), path)
+        paths.append(path)
+        rig.mount.turn_by_hand(20.0)
+        rig.wait_until_still(1.0)
+    return paths
+
+
+def choose_files(view, files):
+    view.setup.source.setCurrentText(Source.FILES)
+    view.setup.add_files(files)
+
+
+def test_files_are_measured(polar, frames):
+    _, view = polar()
+    choose_files(view, [*frames, frames[0]])
+    assert view.setup.files.count() == 3  # each once
+    view.start.click()
+    drive(view)
+    assert view.state.stage == "done", view.said.text()
+    assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
+    assert view.page.numbers.altitude.text().startswith("+20.0′")
+    assert "lower" in view.page.numbers.altitude_cure.text()
+    assert "Refracted pole" in view.page.pole.text()
+    assert view.state.findings
+    assert view.page.numbers.findings.text().startswith("⚠ ")
+
+
+def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_path):
+    _, view = polar()
+    choose_files(view, frames[:2])
+    view.begin()
+    drive(view)
+    page, paper = tmp_path / "report.html", tmp_path / "report.pdf"
+    view.night.write(page)
+    qtbot.waitUntil(lambda: page.with_suffix(".json").exists(), timeout=10_000)
+    assert "<svg" in page.read_text("utf-8")
+    view.night.write(paper)
+    assert paper.read_bytes()[:5] == b"%PDF-"
+    assert paper.stat().st_size > 10_000  # with its drawings
+
+
+def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):
+    _, view = polar()
+    choose_files(view, frames)
+    view.setup.pole.setCurrentIndex(1)
+    assert view.setup.chosen_pole is Pole.TRUE
+    view.begin()
+    drive(view)
+    # At 47 deg the air lifts the pole by about 52 arcsec.
+    assert view.state.error.altitude_arcsec == pytest.approx(1252.0, abs=25.0)
+
+
+def test_one_file_is_not_enough(polar, frames):
+    _, view = polar()
+    choose_files(view, frames[:1])
+    view.begin()
+    drive(view)
+    assert "needs two frames" in view.said.text()
+    assert view.said.property("role") == "wrong"
+
+
+def test_a_site_that_is_none_is_said_before_anything_starts(polar):
+    _, view = polar(Nights())
+    view.setup.source.setCurrentText(Source.CAMERA)
+    view.setup.site.setText("nowhere")
+    view.begin()
+    assert "is not a site" in view.said.text()
+    assert view.job is None
+
+
+def test_a_camera_that_is_not_there_is_one_sentence(polar, tmp_path):
+    _, view = polar()
+    view.setup.source.setCurrentText(Source.CAMERA)
+    view.setup.kind.setCurrentText("folder")
+    view.setup.device.setEditText(str(tmp_path / "absent"))
+    view.begin()
+    drive(view)
+    assert view.said.property("role") == "wrong"
+    assert view.state.stage == "ended"
+    assert "absent" in view.said.text()
+
+
+def test_the_mount_is_asked_for_only_when_it_is_known(polar, tmp_path):
+    _, view = polar()
+    view.setup.source.setCurrentText(Source.CAMERA)
+    view.setup.kind.setCurrentText("folder")
+    view.setup.device.setEditText(str(tmp_path))
+    view.setup.site.setText("47, 8")
+    view.setup.hand.setCurrentText(Hand.MOUNT)
+    assert "No mount is known yet" in view.setup.mount.text()
+    view.begin()
+    drive(view)
+    assert "connect it once in the Mount view" in view.said.text()
+
+
+def test_cancel_ends_it_and_another_can_begin(qtbot, polar):
+    nights = Nights()
+    _, view = polar(nights)
+    view.begin()
+    qtbot.waitUntil(lambda: view.state.stage in ("measure", "turn"), timeout=30_000)
+    view.cancel.click()
+    drive(view)
+    assert view.state.stage == "ended"
+    assert "Cancelled" in view.said.text()
+    view.begin()
+    qtbot.waitUntil(lambda: view.hands is not None, timeout=30_000)
+    view.cancel.click()
+    drive(view)
+    assert len(nights.made) == 2
+
+
+def test_a_fault_of_the_practice_telescope_is_one_sentence(polar):
+    def broken(fov_deg):
+        raise KochabError("The practice telescope cannot be started.")
+
+    _, view = polar(broken)
+    view.begin()
+    drive(view)
+    assert view.said.text() == "The practice telescope cannot be started."
+
+
+def test_without_a_simulated_sky_practice_is_not_offered(polar):
+    _, view = polar(None)
+    texts = [view.setup.source.itemText(i) for i in range(view.setup.source.count())]
+    assert texts == [Source.CAMERA, Source.FILES]
+
+
+def test_what_was_chosen_is_there_again(polar, frames):
+    _, view = polar()
+    choose_files(view, frames[:1])
+    view.setup.pole.setCurrentIndex(2)
+    view.setup.goal.setValue(60)
+    view.begin()
+    drive(view)
+    _, again = polar()
+    assert again.setup.chosen_source is Source.FILES
+    assert again.setup.chosen_pole is Pole.HALF_WAY
+    assert again.setup.goal.value() == 60
+
+
+def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
+    commands, view = polar(Nights())
+    commands.window.activateWindow()
+    view.begin()
+    qtbot.waitUntil(lambda: view.state.hand_needed, timeout=60_000)
+    view.done.setFocus()
+    pressed = []
+    view.done.clicked.connect(lambda: pressed.append(1))
+    qtbot.keyClick(view.done, Qt.Key.Key_Space)
+    assert pressed
+    assert view.controls.take_turned() or "frames" in view.said.text()
+    view.cancel.click()
+    drive(view)
+
+
+def test_f7_shows_the_bolts_over_the_whole_screen(qtbot, polar):
+    _, view = polar()
+    view.state = adjusting(-900.0, 100.0)
+    view.show_bolts()
+    assert view.bolts.isFullScreen()
+    assert view.bolts.digits() == "15.0′"
+    qtbot.keyClick(view.bolts, Qt.Key.Key_S)
+    assert view.cues.on
+    assert "sounds" in view.bolts.sounding
+    qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
+    assert not view.bolts.isVisible()
+
+
+def test_every_control_can_be_reached_and_says_what_it_is(polar):
+    _, view = polar(Nights())
+    kinds = (QAbstractButton, QComboBox, QLineEdit, QListWidget, QAbstractSpinBox, QPlainTextEdit)
+    for widget in view.findChildren(kinds[0]) + [
+        w for k in kinds[1:] for w in view.findChildren(k)
+    ]:
+        if widget.objectName().startswith("qt_") or isinstance(
+            widget.parent(), QComboBox | QAbstractSpinBox
+        ):
+            continue
+        name = widget.accessibleName() or getattr(widget, "text", str)()
+        assert name, widget.metaObject().className()
+        if not widget.inherits("QScrollBar"):
+            assert widget.focusPolicy() & Qt.FocusPolicy.TabFocus, name
+
+
+def test_red_light_alone_at_night(qtbot, polar, frames):
+    commands, view = polar(Nights())
+    commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    choose_files(view, frames[:2])
+    for index in range(view.tabs.count()):
+        view.tabs.setCurrentIndex(index)
+        assert_red(commands.window)
+    view.begin()
+    drive(view)
+    for index in (1, 2):
+        view.tabs.setCurrentIndex(index)
+        assert_red(commands.window)
+    view.state = adjusting(-900.0, 100.0)
+    view._show()
+    view.tabs.setCurrentIndex(1)
+    assert_red(commands.window)
+    view.phone._host = "127.0.0.1"
+    view.phone.switch.setChecked(True)
+    qtbot.waitUntil(lambda: bool(view.phone.code.rows), timeout=15_000)
+    view.tabs.setCurrentIndex(3)
+    assert_red(commands.window)
+
+
+# The mount that turns.
+
+
+class StubGuard:
+    """What a guard is asked here: its rates, and to stop."""
+
+    def __init__(self, rates=(), lacks=None):
+        self.mount = self
+        self.rates_deg_s = rates
+        self.lacks = lacks or {}
+        self.stopped = threading.Event()
+
+    def stop(self):
+        self.stopped.set()
+        raise NoAnswerError("The mount is silent.")
+
+
+def test_the_mounts_own_rate_is_used():
+    assert isinstance(mount_turner(StubGuard((0.004, 0.5, 3.0)), None), Afresh)
+    assert mount_turner(StubGuard((0.004, 0.5, 3.0)), None)._rate == 3.0
+
+
+@pytest.mark.parametrize(
+    ("guard", "words"),
+    [
+        (StubGuard((0.004, 0.06)), "no rate fast enough"),
+        (StubGuard(lacks={Ability.MOVE: "It has no motion keys."}), "no motion keys"),
+    ],
+)
+def test_a_mount_that_cannot_turn_leaves_it_to_the_hand(guard, words):
+    with pytest.raises(KochabError, match=words):
+        mount_turner(guard, None)
+
+
+def test_stop_goes_to_the_mount_at_once_from_another_thread(qtbot):
+    holding, guard = Holding(), StubGuard()
+    holding.stop()  # nothing is held: nothing happens
+    holding.guard = guard
+    holding.stop()
+    assert guard.stopped.wait(5.0)
+    qtbot.waitUntil(lambda: not any(t.name == "polar-stop" for t in threading.enumerate()))
+
+
+def test_wishes_are_understood(polar):
+    _, view = polar()
+    view.setup.site.setText("-35.2, 149.1, 600")
+    view.setup.fov.setText("2,4")
+    wish = view.setup.wish()
+    assert wish.site == Site(-35.2, 149.1, 600.0)
+    assert wish.fov_deg == 2.4
+    assert wish.turn_deg is None
+    assert "south pole" in view.setup.pole_name.text()
+    view.setup.fov.setText("wide")
+    with pytest.raises(UsageError, match="field width"):
+        view.setup.wish()
+
+
+def test_an_empty_night_says_so(polar):
+    _, view = polar()
+    assert not view.night.save.isEnabled()
+    view.night.keep(History())
+    assert "Nothing was measured" in view.night.told.text()
+    assert view.page.target.reach_arcsec > 300.0
+    assert np.isfinite(State().fraction or 0.0)
