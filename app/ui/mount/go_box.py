@@ -17,12 +17,12 @@ TOLERANCE_ARCSEC = (2.0, 3600.0)
 
 
 class GoBox(QWidget):
-    """The target and what to do about it."""
+    """The target and what to do about it; ``beside`` stands beside the buttons."""
 
     goto_wanted = Signal(str)
     centre_wanted = Signal(str, float)
 
-    def __init__(self) -> None:
+    def __init__(self, beside: QWidget) -> None:
         super().__init__()
         self.target = QLineEdit()
         self.target.setAccessibleName("Where to go")
@@ -50,7 +50,7 @@ class GoBox(QWidget):
         above, below = QHBoxLayout(), QHBoxLayout()
         above.addWidget(label("Go to", "heading"))
         above.addWidget(self.target, 1)
-        for widget in (self.goto, self.centre, self.tolerance):
+        for widget in (self.goto, self.centre, self.tolerance, beside):
             below.addWidget(widget)
         below.addStretch(1)
         column = QVBoxLayout(self)

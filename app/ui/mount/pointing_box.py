@@ -13,9 +13,9 @@ NOT_ASKED = "not asked yet"
 
 
 class PointingBox(QWidget):
-    """Shows; decides nothing."""
+    """Shows; decides nothing. ``beside`` stands at the side of the state."""
 
-    def __init__(self) -> None:
+    def __init__(self, beside: QWidget) -> None:
         super().__init__()
         self.mount = [value_label("The mount says, right ascension"), value_label("Declination")]
         self.sky = [value_label("The sky says, right ascension"), value_label("Declination")]
@@ -27,9 +27,9 @@ class PointingBox(QWidget):
         self.total.setProperty("role", "value")
         self.age = label("", "muted", wrap=True)
         self.arrow = OffsetArrow()
-        self._lay_out()
+        self._lay_out(beside)
 
-    def _lay_out(self) -> None:
+    def _lay_out(self, beside: QWidget) -> None:
         grid = QGridLayout()
         grid.setHorizontalSpacing(16)
         grid.setVerticalSpacing(2)
@@ -47,11 +47,15 @@ class PointingBox(QWidget):
         numbers.addWidget(self.age)
         numbers.addStretch(1)
         line = QHBoxLayout()
+        line.setSpacing(14)
         line.addWidget(self.arrow)
         line.addLayout(numbers, 1)
         column_ = QVBoxLayout(self)
         column_.setContentsMargins(0, 0, 0, 0)
-        column_.addWidget(self.state)
+        first = QHBoxLayout()
+        first.addWidget(self.state, 1)
+        first.addWidget(beside)
+        column_.addLayout(first)
         column_.addLayout(grid)
         column_.addLayout(line)
 
@@ -91,7 +95,9 @@ def state_text(known: MountKnown) -> str:
     site: Site | None = known.connected.site if known.connected is not None else None
     if site is None:
         words.append("no site: give yours, or nothing may move")
-    return ", ".join(words).capitalize() + (f". {known.trouble}" if known.trouble else "")
+    told = ", ".join(words)
+    trouble = f". {known.trouble}" if known.trouble else ""
+    return f"{told[:1].upper()}{told[1:]}, on {known.port}{trouble}"
 
 
 def words_of(state: MountState) -> list[str]:

@@ -43,8 +43,6 @@ class MountView(QWidget):
         self.desk.setParent(self)
         self.connect_box = ConnectBox(services.wiring.practice is not None)
         self.camera = CameraBox()
-        self.pointing = PointingBox()
-        self.go = GoBox()
         self.take = ReasonedButton(
             "Take a frame", self.desk.take_frame, "See where it really points"
         )
@@ -61,8 +59,10 @@ class MountView(QWidget):
         )
         self.pad = NudgePad(self.bring)
         self.tracking = ReasonedSwitch("Tracking", "Follow the sky")
-        self.after = QCheckBox("A frame after each move")
+        self.after = QCheckBox("a frame after each move")
         self.after.setToolTip("Take one and solve it when a goto or a nudge is over")
+        self.go = GoBox(self.after)
+        self.pointing = PointingBox(self.tracking)
         self.leave = button(
             "Disconnect", self.desk.disconnect_mount, "", "Stop, and close the port"
         )
@@ -92,9 +92,8 @@ class MountView(QWidget):
         self.cancel_find.setVisible(False)
         top = QHBoxLayout()
         top.addWidget(self.name, 1)
-        top.addWidget(self.tracking)
         top.addWidget(self.leave)
-        looking = _line(self.take, self.sync, self.undo, self.ask, self.after)
+        looking = _line(self.take, self.sync, self.undo, self.ask)
         inside = QWidget()
         inside.setObjectName("page")
         column = QVBoxLayout(inside)
@@ -113,7 +112,8 @@ class MountView(QWidget):
         doing.addWidget(self.cancel_find)
         outer = QVBoxLayout(self)
         outer.setContentsMargins(8, 8, 8, 8)
-        outer.addWidget(scrolled(inside), 1)
+        self.area = scrolled(inside)
+        outer.addWidget(self.area, 1)
         outer.addWidget(self.said)
         outer.addWidget(self.why)
         outer.addLayout(doing)
@@ -239,10 +239,11 @@ class MountView(QWidget):
     def _show(self) -> None:
         known, why = self.desk.known, reasons(self.desk.situation)
         off = known.phase == "off"
+        if self.connection.isHidden() == off:
+            self.area.updateGeometry()  # it is as wide as what it shows
         self.connection.setVisible(off)
         self.leave.setVisible(not off)
         self.leave.setText("End practice" if known.practice else "Disconnect")
-        self.tracking.setVisible(not off)
         self.asking.setVisible(not off)
         self.moving.setVisible(not off)
         self.name.setText(self._title())
@@ -270,7 +271,7 @@ class MountView(QWidget):
         if known.phase == "off":
             return "Connect a mount"
         name = known.connected.name if known.connected is not None else "Connecting"
-        return f"{'Practice: ' if known.practice else ''}{name} on {known.port or '…'}"
+        return f"{'Practice: ' if known.practice else ''}{name}"
 
     def _say(self, sentence: str, role: str) -> None:
         if not sentence:
