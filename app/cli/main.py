@@ -22,7 +22,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "live": ("app.cli.live", "solve a camera's frames as they come"),
     "camera": ("app.cli.camera", "list cameras, take one frame"),
     "practice": ("app.cli.practice", "a simulated telescope to practise on"),
-    "mount": ("app.cli.mount", "a telescope mount: list, probe, position, sync, goto, stop"),
+    "mount": (
+        "app.cli.mount",
+        "a telescope mount: probe, sync, goto, stop, centre, recover, disagree",
+    ),
     "polar": ("app.cli.polar", "how far a mount's axis is from the pole, from two frames or more"),
     "bench": ("app.cli.bench", "measure and compare with the goals"),
 }

@@ -20,7 +20,7 @@ from app.workflows.sync_mount import agreeing_solves, hold_guard
 
 TOLERANCE_ARCSEC, TRIES = 60.0, 5
 LOOKS = 3  # frames without a solution before it is given up
-AGAIN_S = 2.0
+AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
 APPROACH_DEG = 0.1
 SAYINGS, SAME_DEG = 4, 0.02
@@ -135,6 +135,8 @@ class _Centring:
 
     def begun(self) -> Task[bool]:
         """The first slew; the guard, which may have been misled by a bad line, is asked twice."""
+        if answered(self.mount.state).slewing:
+            yield from settled(self.mount, self.wait)
         for _ in range(TROUBLES):
             sent = len(self.mount.log.sent())
             if (yield from self.tried(self.slew(self.there()))):
@@ -142,7 +144,7 @@ class _Centring:
                     return True
             elif len(self.mount.log.sent()) > sent:
                 return False
-            self.wait(AGAIN_S)
+            self.wait(SOON_S)
         return False
 
     def look(self) -> Task[Solution | NoSolution]:

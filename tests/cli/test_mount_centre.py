@@ -1,0 +1,204 @@
+"""``kochab mount centre``, ``recover`` and ``disagree``, over a simulated line with real frames."""
+
+import json
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from app.cli.main import main
+from app.core.attitude import unit_vectors
+from app.core.mount import Epoch, Pointing
+from app.frames.fits_write import write_fits
+from app.mounts.drivers import lx200
+from app.mounts.epoch import from_mount_epoch
+from app.simulate.practice import PracticeConfig, start_practice
+from app.simulate.scenario import tonight
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch):
+    from app.workflows import goto_target
+
+    monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
+    monkeypatch.setattr(goto_target, "SETTLE_S", 0.2)
+
+
+@contextmanager
+def practising(driver="nexstar", lost_deg=1.5, start=(-30.0, 35.0)):
+    """A good mount that points wrong, answering on a pty by the computer's own clock."""
+    from dataclasses import replace
+
+    night = replace(tonight(4), lost_deg=lost_deg, start_deg=start)
+    practice = start_practice(PracticeConfig(night, driver, exposure_s=0.5))
+    try:
+        yield practice
+    finally:
+        practice.stop()
+
+
+def line(practice):
+    site = practice.rig.config.site
+    return [
+        "--port", practice.port, "--driver", practice.driver,
+        f"--site={site.latitude_deg},{site.longitude_deg},{site.height_m}",
+    ]  # fmt: skip
+
+
+def frames(practice, folder, count=1):
+    paths = []
+    for k in range(count):
+        paths.append(str(folder / f"frame{k}.fits"))
+        write_fits(practice.rig.frame(1.0), paths[-1])
+    return paths
+
+
+def off_arcsec(practice, ra_deg, dec_deg):
+    truth = practice.rig.truth().ra_dec_deg
+    away = unit_vectors(*truth) - unit_vectors(ra_deg, dec_deg)
+    return np.degrees(np.linalg.norm(away)) * 3600.0
+
+
+def run(capsys, *arguments):
+    code = main(["mount", *arguments, "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("driver", ["nexstar", "lx200", "ioptron"])
+def test_recover_from_one_frame_and_nobody_there(driver, tmp_path, capsys) -> None:
+    with practising(driver) as practice:
+        files = frames(practice, tmp_path)
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files)
+        assert code == 0
+        assert told["recovered"] is True
+        assert told["offset_deg"] == pytest.approx(1.5, abs=0.02)
+        assert off_arcsec(practice, told["solved_ra_deg"], told["solved_dec_deg"]) < 15.0
+        assert off_arcsec(practice, told["after_ra_deg"], told["after_dec_deg"]) < 60.0
+        assert told["frames"] == files
+        assert max(told["evidence"]["log10_false_alarm"]) < -5.0
+        assert practice.score().pointing_arcsec < 60.0
+
+
+def test_recover_looks_only_when_told_so(tmp_path, capsys) -> None:
+    with practising() as practice:
+        files = frames(practice, tmp_path, 2)
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--dry-run")
+        assert (code, told["recovered"]) == (0, False)
+        assert practice.score().pointing_arcsec > 5000.0
+        assert main(["mount", "recover", *line(practice), "--frames", *files]) == 0
+        out = capsys.readouterr().out
+        assert "1.50" in out or "1.49" in out
+        assert "was told so" in out
+
+
+def test_recover_refuses_large_steps_until_armed(tmp_path, capsys) -> None:
+    with practising(lost_deg=24.0) as practice:
+        files = frames(practice, tmp_path)
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--yes")
+        assert code == 1
+        assert set(told) == {"error"}
+        assert "arm it" in told["error"]
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--arm")
+        assert (code, told["recovered"]) == (0, True)
+
+
+def test_recover_takes_the_site_from_the_mount_when_nobody_says(tmp_path, capsys) -> None:
+    with practising() as practice:
+        files = frames(practice, tmp_path)
+        where = line(practice)[:4]
+        code, told = run(capsys, "recover", *where, "--frames", *files)
+        assert code == 0
+        assert any("site" in warning for warning in told["warnings"])
+
+
+def test_recover_without_an_answer_is_an_error_and_exit_1(tmp_path, capsys) -> None:
+    from app.core.frame import Frame
+
+    dark = tmp_path / "dark.fits"
+    write_fits(Frame(np.random.default_rng(1).normal(500, 5, (200, 300)).astype(np.uint16)), dark)
+    with practising() as practice:
+        code, told = run(capsys, "recover", *line(practice), "--frames", str(dark))
+        assert code == 1
+        assert "No two frames agree" in told["error"]
+        assert main(["mount", "recover", *line(practice), "--frames", str(tmp_path / "no")]) == 1
+        err = capsys.readouterr().err.strip().splitlines()[-1]
+        assert err.startswith("kochab: ")
+
+
+def test_centre_from_the_simulated_camera(capsys) -> None:
+    with practising() as practice:
+        ra, dec = practice.rig.mount.believed_deg()
+        now = practice.rig.clock.now_utc()
+        ra, dec = from_mount_epoch(Pointing(ra - 1.0, dec + 1.0, Epoch.DATE), now)
+        place = ["--ra-deg", f"{ra}", "--dec-deg", f"{dec}"]
+        camera = ["--source", "simulated", "--address", practice.camera, "--exposure", "0.5"]
+        code, told = run(capsys, "centre", *place, *line(practice), *camera)
+        assert (code, told["done"]) == (0, False)
+        assert told["preview"]["allowed"] is True
+        assert off_arcsec(practice, ra, dec) > 3600.0
+        code, told = run(
+            capsys, "centre", *place, *line(practice), *camera, "--tolerance", "20", "--yes"
+        )
+        assert code == 0
+        assert told["centred"] is True
+        assert told["corrections"][0] == "sync and goto"
+        assert off_arcsec(practice, ra, dec) < 25.0
+
+
+def test_centre_below_the_horizon_is_an_error_and_exit_1(capsys) -> None:
+    with practising() as practice:
+        camera = ["--source", "simulated", "--address", practice.camera]
+        place = ["--ra-deg", f"{practice.rig.truth().ra_dec_deg[0]}", "--dec-deg", "-60"]
+        code, told = run(capsys, "centre", *place, *line(practice), *camera, "--yes")
+        assert code == 1
+        assert told["end"] == "refused"
+        assert "limit is 5 deg" in told["error"]
+        assert main(["mount", "centre", *place, *line(practice), *camera]) == 0
+        assert "limit is 5 deg" in capsys.readouterr().out
+
+
+def test_disagree_names_no_cause_for_a_mount_that_is_only_lost(tmp_path, capsys) -> None:
+    with practising() as practice:
+        files = frames(practice, tmp_path)
+        code, told = run(capsys, "disagree", *line(practice), "--frames", *files)
+        assert code == 0
+        assert told["cause"] is None
+        assert "no single cause" in told["sentence"]
+        assert told["offset_arcsec"] == pytest.approx(5400.0, rel=0.02)
+        ra, dec = practice.rig.truth().of_date_deg
+        practice.rig.mount.sync((ra + 15.041) % 360.0, dec)
+        assert main(["mount", "disagree", *line(practice), "--frames", *files]) == 0
+        out = capsys.readouterr().out
+        assert "arcmin" in out or "deg" in out
+        code, told = run(
+            capsys, "disagree", *line(practice)[:4], "--frames", *files, "--epoch", "date"
+        )
+        assert told["suspects"][0]["name"] == "summer time"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["recover"], "where frames come from"),
+        (["recover", "--frames", "a.fits", "--folder", "b"], "where frames come from"),
+        (["recover", "--source", "frob"], "no camera source"),
+        (["centre", "Vega"], "where frames come from"),
+        (["centre", "--folder", "."], "Say where"),
+        (["centre", "no such star", "--folder", "."], "is called"),
+        (["centre", "Vega", "--tolerance", "0"], "not a tolerance"),
+        (["centre", "Vega", "--tries", "x"], "not a count"),
+        (["disagree", "--frames"], "expected at least one"),
+    ],
+)
+def test_unusable_arguments_are_one_sentence_and_exit_2(arguments, sentence, capsys) -> None:
+    assert main(["mount", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_an_absent_folder_is_exit_1(tmp_path, capsys) -> None:
+    code, told = run(capsys, "centre", "Vega", "--folder", str(tmp_path / "none"))
+    assert code == 1
+    assert "does not exist" in told["error"]
