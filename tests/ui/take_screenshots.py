@@ -4,6 +4,7 @@
 ``resources/screenshots``) opens the frame in the real window with the real engine and saves
 ``window.png``, ``night.png`` and ``welcome.png``, and with ``--laboratory`` also that view after a
 comparison and curves of a minute or so; it prints what Qt drew on and what was found.
+The picture of the Mount view is ``mount.png`` of :mod:`tests.ui.practice_on_screen`.
 """
 
 import json
@@ -16,7 +17,7 @@ from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
-from app.__main__ import _simulated_field
+from app.__main__ import _practise, _simulated_field
 from app.core.solution import Solution
 from app.ui.application import build
 from app.ui.engine import WorkflowEngine
@@ -74,7 +75,8 @@ def main(folder, *arguments):
     folder = Path(folder)
     with tempfile.TemporaryDirectory() as home:
         settings = Settings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
-        window, commands = build(WorkflowEngine(), settings, wiring=Wiring(fields=_simulated_field))
+        wiring = Wiring(practice=_practise, fields=_simulated_field)
+        window, commands = build(WorkflowEngine(), settings, wiring=wiring)
         window.resize(1360, 860)
         window.show()
         window.activateWindow()
