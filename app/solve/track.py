@@ -44,7 +44,7 @@ Floats = NDArray[np.float64]
 FEWEST_EXPECTED = 5
 ENOUGH, SECOND_LOOK_PX = 0.7, 8
 BLEND_FWHM = 2.5
-SAME_MOTION_S = 1.0  # after a longer gap the rates begin anew
+SAME_MOTION_S = 3.0  # after a longer gap the rates begin anew
 PATIENCE = 10  # frames without an answer until the scale of the frames before is doubted
 KNOWN_SCALE = 1.03  # the scale of the frame before is good to so much
 
