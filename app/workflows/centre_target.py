@@ -1,8 +1,6 @@
 """Go to a target and look; correct what the sky says is left; until it is centred or cannot be."""
 
 import time
-from dataclasses import dataclass
-from enum import StrEnum
 
 from app.core.errors import NoAnswerError, RefusedError, StoppedError
 from app.core.mount import Ability, Direction, Pointing
@@ -13,10 +11,13 @@ from app.mounts.limits import SyncEvidence
 from app.mounts.rules.meridian import ACROSS
 from app.mounts.sky_frame import apart_deg
 from app.workflows.centre_target_course import Course, How, Sight
+from app.workflows.centre_target_end import Centring, End, arcsec, verdict_on
 from app.workflows.fresh_frame import SolveNow
 from app.workflows.goto_target import Target, Wait, answered, settled
 from app.workflows.nudge import nudge
 from app.workflows.sync_mount import agreeing_solves, hold_guard
+
+__all__ = ["Centring", "End", "centre_target"]
 
 TOLERANCE_ARCSEC, TRIES = 60.0, 5
 LOOKS = 3  # frames without a solution before it is given up
@@ -24,39 +25,6 @@ AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
 APPROACH_DEG = 0.1
 SAYINGS, SAME_DEG = 4, 0.02
-
-
-class End(StrEnum):
-    """How a centring ended."""
-
-    CENTRED = "centred"
-    NOT_CONVERGING = "not converging"
-    SLIPPING = "slipping"
-    REFUSED = "refused"
-    NO_SOLUTION = "no solution"
-
-
-@dataclass(frozen=True, slots=True)
-class Centring:
-    """The end, in one sentence too, and the way there.
-
-    ``errors_arcsec`` are the distances seen, one before each correction and one at the end;
-    ``corrections`` the ways they were made; what the mount refused or lost is in ``notes``.
-    ``synced``: the mount now knows the sky.
-    """
-
-    end: End
-    sentence: str
-    errors_arcsec: tuple[float, ...] = ()
-    corrections: tuple[str, ...] = ()
-    synced: bool = False
-    solution: Solution | None = None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def centred(self) -> bool:
-        """Whether the target is where it was wanted."""
-        return self.end is End.CENTRED
 
 
 def centre_target(
@@ -126,7 +94,9 @@ class _Centring:
             yield from settled(self.mount, self.wait)
             found = yield from self.look()
             if isinstance(found, NoSolution):
-                return self.ended(End.NO_SOLUTION, f"{_capital(found.reason)}: {found.advice}")
+                return self.ended(
+                    End.NO_SOLUTION, f"{found.reason[:1].upper()}{found.reason[1:]}: {found.advice}"
+                )
             end = self.judged(found)
             if end is not None:
                 return end
@@ -171,28 +141,9 @@ class _Centring:
         """The end, if this is one."""
         self.solution, course = solution, self.course
         course.target = self.there()
-        error = course.add(self.sight(solution))
-        if error <= self.tolerance:
-            return self.ended(End.CENTRED, f"{self.target.name} is centred to {_arcsec(error)}.")
-        if course.slips > 1:
-            return self.ended(
-                End.SLIPPING,
-                f"The telescope does not move as far as it is told, {_arcsec(error)} are left: a "
-                "clutch slips, a cable pulls, or the balance is wrong.",
-            )
-        if course.no_better:
-            return self.ended(
-                End.NOT_CONVERGING,
-                f"The corrections do not bring it nearer, {_arcsec(error)} are left: check "
-                "clutches, balance and wind.",
-            )
-        if len(self.corrections) >= self.tries:
-            return self.ended(
-                End.NOT_CONVERGING,
-                f"After {self.tries} corrections {_arcsec(error)} are left, more than "
-                f"{_arcsec(self.tolerance)}.",
-            )
-        return None
+        course.add(self.sight(solution))
+        verdict = verdict_on(course, self.target.name, len(self.corrections), self.tries)
+        return None if verdict is None else self.ended(*verdict)
 
     def sight(self, solution: Solution) -> Sight:
         """The mount's word beside the sky's."""
@@ -218,7 +169,7 @@ class _Centring:
             synced = yield from self.sync(solution)
             how = How.SYNC if synced else How.GOTO
         self.synced = self.synced or synced
-        yield Progress("correcting", None, f"{_arcsec(course.error_arcsec)} off: {how}")
+        yield Progress("correcting", None, f"{arcsec(course.error_arcsec)} off: {how}")
         yield from self.move(how, synced)
         self.corrections.append(str(how))
         yield Progress("corrected", None, str(how))
@@ -318,13 +269,3 @@ class _Centring:
             end, sentence, tuple(self.course.errors_arcsec), tuple(self.corrections), self.synced,
             self.solution, tuple(self.notes),
         )  # fmt: skip
-
-
-def _arcsec(value: float) -> str:
-    if value < 100.0:
-        return f"{value:.1f} arcsec"
-    return f"{value / 60.0:.1f} arcmin" if value < 6000.0 else f"{value / 3600.0:.2f} deg"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
