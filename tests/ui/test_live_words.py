@@ -83,6 +83,8 @@ def test_an_answer_ages_though_no_frame_comes():
     assert words.is_old(update, later)
     assert words.state_of(update, later).title == "No new frames"
     assert "10 s" in words.state_of(update, later).text
+    searching = words.state_of(update, later, seen_s=later - 0.1)
+    assert (searching.title, searching.role) == ("Searching", "bad")
 
 
 def test_a_long_exposure_is_not_old_while_the_next_one_is_taken():

@@ -66,7 +66,9 @@ class Stage(QObject):
             name = self._services.session.known.name
             frame, result = self.shown.frame, _result(self.shown)
             self._services.session.show(frame, name)
-            if result is not None:
+            if result is None:
+                self._services.session.solve()
+            else:
                 found = _detections(frame, result)
                 self._services.session.answer(SolvedFrame(frame.path, frame, found, result))
 

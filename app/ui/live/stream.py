@@ -54,7 +54,8 @@ class Stream:
     """Run :meth:`task` in a job; everything else may be read and set from any thread.
 
     ``show`` is given every frame to be shown: with its answer, or alone while the solver is slow.
-    ``latest`` is the newest answer, ``said`` sentences for the person that nobody has told yet.
+    ``latest`` is the newest answer, ``said`` sentences for the person that nobody has told yet, and
+    ``seen_s`` when the newest frame came.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class Stream:
         self.latest: LiveUpdate | None = None
         self.lens = Lens()
         self.said: deque[str] = deque(maxlen=MOST_SAID)
+        self.seen_s = float("-inf")
         about = {"camera": wish.name, "solve": options_json(self.options)}
         self.recording = Recording(to_record, about)
         self._show = show
@@ -103,6 +105,7 @@ class Stream:
 
     def _see(self, frame: Frame) -> None:
         """A frame has come: shown at once unless its answer will be there in a moment."""
+        self.seen_s = monotonic()
         if self._quick:
             held = self._held
             self._held = (frame, monotonic() if held is None else held[1])

@@ -149,6 +149,8 @@ class LiveView(QWidget):
             return
         job.cancel()
         self._ending = job
+        if keep:
+            self._remember(stream)
         self._own = True
         self.stage.end(keep)
         self.pointing.leave()
@@ -187,10 +189,17 @@ class LiveView(QWidget):
             elif capture.name:
                 self._headline(words.waiting())
             return
-        self._headline(words.state_of(update, monotonic()))
+        self._headline(words.state_of(update, monotonic(), stream.seen_s))
         self.pointing.show_update(
             update, stream.lens, stream.wish.profile, self.stage.drawn_hz, self.stage.latency_ms
         )
+
+    def _remember(self, stream: Stream) -> None:
+        """The rest of the window's last good pointing is this one's."""
+        good = None if stream.latest is None else stream.latest.last_good
+        if good is not None:
+            known = self._services.session.known
+            known.last_good, known.last_good_from = good.solution, stream.wish.name
 
     def _has_failed(self, job: Job, sentence: str) -> None:
         """The camera ended it: one sentence, and the last pointing stays, marked old."""

@@ -58,12 +58,17 @@ def is_old(update: LiveUpdate, now_s: float) -> bool:
     return update.is_old or good.age_s(now_s) > limit_s(update)
 
 
-def state_of(update: LiveUpdate, now_s: float) -> State:
-    """Whether the camera's place is known, and if not why and what to do."""
+def state_of(update: LiveUpdate, now_s: float, seen_s: float = float("-inf")) -> State:
+    """Whether the camera's place is known, and if not why and what to do.
+
+    ``seen_s`` is when the newest frame came, of which there may be no answer yet.
+    """
     if isinstance(update.result, NoSolution):
         return State(f"Lost in space: {update.result.reason}", update.result.advice, "bad")
     if update.age_s(now_s) > limit_s(update):
         since = age_text(update.age_s(now_s))
+        if now_s - seen_s < limit_s(update):
+            return State("Searching", f"The newest answer is {since} old.", "bad")
         return State("No new frames", f"The last one is {since} old.", "bad")
     if update.mode == "lost":
         return State("Found", "The whole sky was searched; tracking begins.", "heading")
