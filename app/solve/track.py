@@ -42,7 +42,7 @@ __all__ = ["Mode", "TrackOptions", "TrackUpdate", "Tracker"]
 Floats = NDArray[np.float64]
 
 FEWEST_EXPECTED = 5
-ENOUGH, SECOND_LOOK_PX = 0.7, 8
+ENOUGH, ROUGH_PX, SECOND_LOOK_PX = 0.7, 0.5, 8
 BLEND_FWHM = 2.5
 SAME_MOTION_S = 3.0  # after a longer gap the rates begin anew
 PATIENCE = 10  # frames without an answer until the scale of the frames before is doubted
@@ -74,9 +74,20 @@ class _Sighted:
     seen: Seen
     found: Tracked
 
+    @property
+    def poor(self) -> bool:
+        """Whether a second look may be worth it."""
+        estimate = self.found.estimate
+        few = len(estimate.seen) < ENOUGH * len(self.stars.number)
+        return few or estimate.sigma_px > ROUGH_PX
+
     def bettered(self, again: "_Sighted | None") -> "_Sighted":
-        """A second look if it found more. The first one's bound stands: it had no help."""
-        if again is None or len(again.found.estimate.seen) <= len(self.found.estimate.seen):
+        """A second look if it is better. The first one's bound stands: it had no help."""
+        if again is None:
+            return self
+        mine, its = self.found.estimate, again.found.estimate
+        sharper = its.sigma_px < mine.sigma_px and 2 * len(its.seen) > len(mine.seen)
+        if len(its.seen) <= len(mine.seen) and not sharper:
             return self
         alarm = self.found.log10_false_alarm
         return _Sighted(again.stars, again.seen, Tracked(again.found.estimate, alarm))
@@ -168,8 +179,7 @@ class Tracker:
             sighted = self._sighted(frame, sky, ahead.matrix, half, image, roll_px, adapt=True)
             if sighted is None:
                 return None
-        if len(sighted.found.estimate.seen) < ENOUGH * len(sighted.stars.number):
-            # many were beyond their windows, or smeared: now it is known where they are
+        if sighted.poor:  # many were beyond their windows, or smeared: now it is known where
             matrix = sighted.found.estimate.attitude.matrix
             again = self._sighted(frame, sky, matrix, SECOND_LOOK_PX, image, 0.0, adapt=True)
             sighted = sighted.bettered(again)

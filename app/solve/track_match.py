@@ -27,7 +27,7 @@ LEAST_SHARE = 0.5  # of the finds that must agree
 ACCEPT_LOG10 = -5.0
 ROUNDS = 4
 CLIP_SIGMA = 3.7
-WORST_PX = 2.0  # RMS of the residuals; a lens that moved or a wrong match is worse
+WORST_PX = 1.2  # RMS of the residuals; a lens that moved or a wrong match is worse
 
 
 @dataclass(frozen=True, slots=True, eq=False)

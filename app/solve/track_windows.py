@@ -24,6 +24,7 @@ SNR = 5.0
 FLOOR_PX = 0.03
 SATURATED_PX = 0.4
 SHAPED, FEWEST_SHAPED = 12, 4  # finds that tell the star image
+LONGEST_PX = 7.0  # RMS along a trail of 24 px
 UNLIKE = 1.8  # ratio of the largest second moments from which an image is another one
 
 
@@ -75,6 +76,7 @@ def look(
     snr = fit.snr / noise
     top = stamps.core(1).max(axis=(1, 2))
     found = (snr > SNR) & (snr > top / noise) & (np.hypot(*(xy - peak).T) < max(2.0, 1.5 * major))
+    found &= major < LONGEST_PX  # the middle of a trail that leaves its window is not known
     found &= np.all(np.abs(xy - places) <= half, axis=1) & _apart(xy, max(1.5, major))
     sigma = np.hypot(FLOOR_PX, 1.2 * major / np.maximum(snr, 1.0))
     if frame.saturation is not None:
