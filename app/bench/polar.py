@@ -186,6 +186,7 @@ def _rows(runs: list[Row], kind: str) -> list[dict[str, Any]]:
         if kind == "align":
             row["moves"] = float(np.mean([r["moves"] for r in own]))
             row["most_moves"] = max(r["moves"] for r in own)
+            row["over_5_moves"] = sum(r["moves"] > 5 for r in own)
         rows.append(row)
     return rows
 
