@@ -153,6 +153,13 @@ def test_windows_on_an_empty_sky_hold_hardly_anything() -> None:
     assert len(look(frame, np.empty((0, 2)), 12, np.eye(2)).xy) == 0
 
 
+def test_of_trails_too_long_for_their_windows_nothing_is_said(stream) -> None:
+    frame = stream.step()
+    places = np.array([(s.x, s.y) for s in run(Tracker().update(frame)).solution.stars[:30]])
+    assert look(frame, places, 12, np.eye(2) * 1.3).found.mean() > 0.7
+    assert not look(frame, places, 12, np.diag([60.0, 1.3])).found.any()
+
+
 def test_windows_give_places_as_good_as_they_say() -> None:
     rng = np.random.default_rng(2)
     xy = rng.uniform(20, [620, 460], (40, 2))
