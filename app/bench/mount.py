@@ -126,7 +126,7 @@ def _once(rig: MountRig, one: Run, made: int) -> tuple[Centring | None, int]:
         if isinstance(error, LineLostError):
             _replug(rig)
         return None, made + len(done)
-    one.trouble = "" if result.centred else result.sentence
+    one.trouble = "" if result.centred else " ".join([result.sentence, *result.notes])
     if result.centred or len(done) >= left:
         return result, made + len(done)
     return None, made + len(done)

@@ -23,7 +23,6 @@ TOLERANCE_ARCSEC, TRIES = 60.0, 5
 LOOKS = 3  # frames without a solution before it is given up
 AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
-APPROACH_DEG = 0.1
 SAYINGS, SAME_DEG = 4, 0.02
 
 
@@ -141,7 +140,7 @@ class _Centring:
         """The end, if this is one."""
         self.solution, course = solution, self.course
         course.target = self.there()
-        course.add(self.sight(solution))
+        course.add(self.sight(solution), len(self.corrections))
         verdict = verdict_on(course, self.target.name, len(self.corrections), self.tries)
         return None if verdict is None else self.ended(*verdict)
 
@@ -179,11 +178,8 @@ class _Centring:
         if how is How.FINE:
             yield from self.fine()
             return
-        there = self.course.command(synced)
-        if how is How.APPROACH:
-            yield from self.slew((there[0], max(-90.0, there[1] - APPROACH_DEG)))
-            self.course.approached()
-        yield from self.slew(there)
+        for there in self.course.command(synced, how is How.APPROACH):
+            yield from self.slew(there)
 
     def sync(self, solution: Solution) -> Task[bool]:
         """Sync on a second solve that agrees; False when an offset goto has to do instead."""

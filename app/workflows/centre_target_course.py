@@ -21,6 +21,7 @@ SLIP = (0.7, 1.4)  # achieved over asked; outside, something gives way
 POLE_DEG = 80.0  # nearer to a pole axis angles are no measure of the way
 SYNC_FROM_ARCSEC = 300.0
 FINE_ARCSEC = 60.0
+APPROACH_DEG = 0.1
 REVERSED_ARCSEC = 3.0
 LEARN_RATE_ARCSEC = 15.0  # less is lost in the noise
 BETTER = 0.8  # of the error before, at least, or the correction was none
@@ -31,7 +32,7 @@ class How(StrEnum):
 
     SYNC = "sync and goto"
     GOTO = "offset goto"
-    APPROACH = "offset goto from the south"
+    APPROACH = "offset goto from one side"
     FINE = "small moves"
 
 
@@ -60,16 +61,23 @@ class Course:
     _dec_way: float = 0.0
     _learned_from: float = 0.0
 
-    def add(self, sight: Sight) -> float:
-        """Take in what a frame showed; the error left, arcsec."""
+    def add(self, sight: Sight, made: int) -> float:
+        """Take in what a frame showed after ``made`` corrections; the error left, arcsec.
+
+        After one that failed on the way there is nothing to learn: it counts as another look.
+        """
         self.last = sight
         error = apart_deg(sight.sky, self.target) * 3600.0
+        if self.errors_arcsec and made < len(self.errors_arcsec):
+            self.errors_arcsec[-1] = error
+            self._before = self._fine = None
+            return error
         self.errors_arcsec.append(error)
         if self._before is not None or self._after_goto is None:
             self._after_goto = sight.said[1], sight.sky[1]
         if self._before is not None:
             self._learn(self._before, sight)
-        elif self._fine is not None and len(self.errors_arcsec) > 1:
+        elif self._fine is not None and made:
             self._learn_fine(self._fine)
         self._before = self._fine = None
         return error
@@ -96,11 +104,24 @@ class Course:
             return How.SYNC
         if self.error_arcsec <= FINE_ARCSEC and abs(north) <= self.tolerance_arcsec / 2.0:
             return How.FINE
-        turned = north * self._dec_way < 0.0 and abs(north) > REVERSED_ARCSEC
-        return How.APPROACH if turned else How.GOTO
+        return How.APPROACH if any(self._against) else How.GOTO
 
-    def command(self, synced: bool) -> Degrees:
+    @property
+    def _against(self) -> tuple[bool, bool]:
+        """Whether the axes have to turn against the way that keeps their gears' play taken up.
+
+        That is with the sky for the hour axis, and as the last time for the other one.
+        """
+        east, north = (3600.0 * part for part in self.left_deg)
+        return (
+            east > REVERSED_ARCSEC,
+            north * self._dec_way < 0.0 and abs(north) > REVERSED_ARCSEC,
+        )
+
+    def command(self, synced: bool, one_side: bool) -> list[Degrees]:
         """Where to send the mount, which was just ``synced`` or says what it said.
+
+        With ``one_side`` by way of a place east or south of there, or both.
 
         In declination what counts is what it said after the last goto: those end alike, with the
         play of the gears on one side, and small moves since then may have been lost in it.
@@ -115,13 +136,15 @@ class Course:
         drift = then[0] - then[1] - (said[1] - sky[1])  # lost in the play since then
         asked = complex(east, north) / self.turn
         self._before = Sight((said[0], said[1] + drift), sky)
+        narrow = _narrow(self.target[1])
+        there = shifted((said[0], said[1] + drift), asked.real / narrow, asked.imag)
+        hour, dec = self._against
         if abs(north) * 3600.0 > REVERSED_ARCSEC:
-            self._dec_way = north
-        return shifted((said[0], said[1] + drift), asked.real / _narrow(self.target[1]), asked.imag)
-
-    def approached(self) -> None:
-        """The last motion came from the south."""
-        self._dec_way = 1.0
+            self._dec_way = 1.0 if dec and one_side else north
+        if not one_side:
+            return [there]
+        first = shifted(there, APPROACH_DEG / narrow * hour, -APPROACH_DEG * dec)
+        return [first, there]
 
     def fine(self) -> Degrees:
         """Axis angles east and north, arcsec, for small moves; begins to learn from them."""
