@@ -114,6 +114,7 @@ class PolarView(QWidget):
         for made in (self.start, self.done, self.obey, self.cancel):
             first.addWidget(made)
         first.addWidget(self.bar, 1)
+        first.addStretch(1)
         for made in (self.again, self.enough, self.at_bolts, self.sound):
             second.addWidget(made)
         second.addStretch(1)
@@ -193,6 +194,7 @@ class PolarView(QWidget):
     def switch_sounds(self) -> None:
         """Sounds on or off, and words where the system has a voice."""
         on = self.sound.isChecked()
+        self.sound.setText("So&unds: on" if on else "So&unds")
         self.cues.on = self.cues.aloud = on
         self.bolts.sounding = f"sounds: {self.cues.told}" if on else ""
         self.bolts.update()
