@@ -35,6 +35,20 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "house")
 
 
+# Tests over real serial lines, servers, screens and child processes share the machine with whatever
+# else it does. One that fails is tried once more, and the summary tells of it (R); one that fails
+# twice has failed.
+REAL_PARTS = ("cameras", "cli", "mounts", "simulate", "ui", "workflows")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give the tests over real parts their second try."""
+    for item in items:
+        place = item.path.relative_to(REPOSITORY / "tests").parts
+        if place[0] in REAL_PARTS:
+            item.add_marker(pytest.mark.flaky(reruns=1))
+
+
 @pytest.fixture(scope="session")
 def repository() -> Path:
     """The checkout these tests belong to."""
