@@ -56,7 +56,7 @@ def test_the_chart_draws_the_trail_and_marks_an_old_place(qtbot):
     chart.resize(400, 206)
     chart.show()
     empty = _pixels(chart)
-    chart.show_points(SkyPoints(np.eye(3), np.array([0.0, 1.0, 2.0]), (np.eye(3)[:2],)))
+    chart.show_points(SkyPoints(np.eye(3), np.array([0.0, 1.0, 2.0]), np.eye(3)[None, :2]))
     stars = _pixels(chart)
     chart.show_here(np.array([1.0, 0.0, 0.0]), old=False)
     new = _pixels(chart)

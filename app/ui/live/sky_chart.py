@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QLineF, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPainterPath, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
@@ -14,6 +14,8 @@ from app.ui.palette import THEMES, Colours
 
 Floats = NDArray[np.float64]
 MARGIN_PX = 6
+CLASSES = ((-2.0, 1.0, 4.6), (1.0, 2.0, 3.6), (2.0, 3.0, 2.6), (3.0, 6.0, 1.7))
+"""Stars from one magnitude to another, and the width of their dots, px."""
 FAR_RAD = np.radians(75.0)  # from the middle meridian; beyond, the map is turned
 
 
@@ -106,14 +108,14 @@ class SkyChart(QWidget):
 
     def _draw_grid(self, painter: QPainter) -> None:
         faint = QColor(self.colours.grid)
-        faint.setAlpha(90)
-        painter.setPen(QPen(faint, 1.0, Qt.PenStyle.DotLine))
-        around = self._middle_ra_deg + np.linspace(-179.9, 179.9, 181)
-        for dec in (-60.0, -30.0, 0.0, 30.0, 60.0):
-            self._line(painter, unit_vectors(around, np.full(181, dec)))
-        up = np.linspace(-90.0, 90.0, 91)
-        for ra in range(0, 360, 45):
-            self._line(painter, unit_vectors(np.full(91, float(ra)), up))
+        faint.setAlpha(55)
+        painter.setPen(QPen(faint, 1.0))
+        around = self._middle_ra_deg + np.linspace(-179.9, 179.9, 73)
+        up = np.linspace(-90.0, 90.0, 37)
+        parallels = [unit_vectors(around, np.full(73, d)) for d in (-60.0, -30.0, 0.0, 30.0, 60.0)]
+        meridians = [unit_vectors(np.full(37, r), up) for r in np.arange(0.0, 360.0, 45.0)]
+        for line in (*parallels, *meridians):
+            self._line(painter, line)
         painter.setPen(QColor(self.colours.grid_text))
         metrics = painter.fontMetrics()
         for hours in range(0, 24, 6):
@@ -122,25 +124,28 @@ class SkyChart(QWidget):
                 painter.drawText(QPointF(x + 3, y + metrics.ascent() + 1), f"{hours}h")
 
     def _draw_sky(self, painter: QPainter, points: SkyPoints) -> None:
+        """A few calls for all of it: the window's thread has not the time for a thousand."""
         faint = QColor(self.colours.grid)
         faint.setAlpha(140)
         painter.setPen(QPen(faint, 1.0))
-        for figure in points.figures:
-            self._line(painter, figure)
-        painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(QColor(self.colours.grid_text))
-        sizes = np.clip(2.3 - 0.4 * points.mag, 0.6, 2.6)
-        for (x, y), size in zip(self._screen(points.stars).tolist(), sizes.tolist(), strict=True):
-            painter.drawEllipse(QPointF(x, y), size, size)
+        ends = self._screen(points.strokes)
+        whole = np.abs(ends[:, 0, 0] - ends[:, 1, 0]) < self._box().width() / 4.0
+        painter.drawLines([QLineF(*a, *b) for a, b in ends[whole].tolist()])
+        places = self._screen(points.stars)
+        for brightest, faintest, width in CLASSES:
+            mine = places[(points.mag >= brightest) & (points.mag < faintest)]
+            pen = QPen(QColor(self.colours.grid_text), width)
+            pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+            painter.setPen(pen)
+            painter.drawPoints([QPointF(x, y) for x, y in mine.tolist()])
 
     def _line(self, painter: QPainter, vectors: Floats) -> None:
         """A line through directions (N, 3)."""
-        flat = hammer(vectors, self._middle_ra_deg)
         box = self._box()
-        for part in pieces(flat):
-            x = box.center().x() + part[:, 0] * box.width() / 4.0
-            y = box.center().y() - part[:, 1] * box.height() / 2.0
-            painter.drawPolyline(QPolygonF([QPointF(a, b) for a, b in zip(x, y, strict=True)]))
+        middle, across, up = box.center(), box.width() / 4.0, box.height() / 2.0
+        for part in pieces(hammer(vectors, self._middle_ra_deg)):
+            xy = np.stack([middle.x() + part[:, 0] * across, middle.y() - part[:, 1] * up], axis=1)
+            painter.drawPolyline(QPolygonF([QPointF(x, y) for x, y in xy.tolist()]))
 
     def _draw_trail(self, painter: QPainter) -> None:
         here = self.trail.here

@@ -19,11 +19,11 @@ FAINTEST = 4.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkyPoints:
-    """``stars`` (N, 3) ICRS unit vectors, ``mag`` (N,); ``figures`` are lines (M, 3) of stars."""
+    """``stars`` (N, 3) ICRS unit vectors, ``mag`` (N,); ``strokes`` (M, 2, 3) make the figures."""
 
     stars: Floats
     mag: Floats
-    figures: tuple[Floats, ...]
+    strokes: Floats
 
 
 def sky_points(catalogue: "Catalogue") -> Task[SkyPoints]:
@@ -33,14 +33,15 @@ def sky_points(catalogue: "Catalogue") -> Task[SkyPoints]:
     stars, mag = catalogue.vectors(rows), catalogue.mag(rows)
     yield Progress("chart")
     numbers = catalogue.names.bright.column("hip")
-    figures = []
+    strokes = [np.zeros((0, 2, 3))]
     for line in _lines():
         places = np.searchsorted(numbers, line)
         there = places < len(numbers)
         deep = [catalogue.deep_row(int(at)) for at in places[there]]
-        figures.append(catalogue.vectors(np.array(deep, dtype=np.int64)))
+        line_of = catalogue.vectors(np.array(deep, dtype=np.int64))
+        strokes.append(np.stack([line_of[:-1], line_of[1:]], axis=1))
         yield Progress("chart")
-    return SkyPoints(stars, mag, tuple(figures))
+    return SkyPoints(stars, mag, np.concatenate(strokes))
 
 
 def _lines() -> list[NDArray[np.int64]]:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from time import monotonic
 
 from PySide6.QtCore import QTimer
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QTabWidget, QVBoxLayout, QWidget
 
 from app.core.capture import CameraDevice, CameraSource, CaptureSettings
@@ -91,6 +92,11 @@ class LiveView(QWidget):
         outer.addWidget(self.tabs, 1)
         outer.addWidget(self.record)
         self.setFocusProxy(self.start)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        if self.stream is None:
+            self.look()  # a practice telescope may have been started meanwhile
+        super().showEvent(event)
 
     # the person's wishes ----------------------------------------------------------------------
     def begin(self) -> None:
