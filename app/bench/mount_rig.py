@@ -2,7 +2,7 @@
 
 The mount's clock runs as fast as the wall's while bytes are under way or a motion is timed by this
 computer; all other waiting, and exposures, are jumps. A line that is silent is given up after
-a quarter of a second instead of five.
+half a second instead of five.
 """
 
 import sys
@@ -37,7 +37,7 @@ SITES = (Site(47.0, 8.0, 450.0), Site(-33.0, 151.0, 60.0))
 DATE_UNIX = 1_800_000_000.0
 LOST_DEG = 3.0
 EXPOSURE_S = 2.0
-PATIENCE_S, LATE_S = 0.25, 0.4
+PATIENCE_S, LATE_S = 0.5, 0.7
 HEARD_S = 0.05
 UNANSWERED = ("pulse", "move", "stop")
 CHANCES = {
