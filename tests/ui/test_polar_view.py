@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 from app.core.errors import KochabError, NoAnswerError, UsageError
 from app.core.hint import Site
 from app.core.mount import Ability
+from app.core.progress import run
 from app.frames.fits_write import write_fits
 from app.polar.history import History
 from app.polar.poles import Pole
@@ -26,6 +27,7 @@ from app.simulate.rig import PracticeRig, RigConfig
 from app.simulate.scenario import misaligned, through, tonight
 from app.ui.application import build
 from app.ui.engine import WorkflowEngine
+from app.ui.polar.keep_report import writing
 from app.ui.polar.state import State
 from app.ui.polar.turning import Afresh, Holding, mount_turner
 from app.ui.polar.wish import Hand, Source
@@ -178,9 +180,14 @@ def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_pat
     view.night.write(page)
     qtbot.waitUntil(lambda: page.with_suffix(".json").exists(), timeout=10_000)
     assert "<svg" in page.read_text("utf-8")
-    view.night.write(paper)
+    with qtbot.waitSignal(
+        view._services.jobs.run(writing(paper, view.night.history), "pdf").finished
+    ):
+        pass
     assert paper.read_bytes()[:5] == b"%PDF-"
     assert paper.stat().st_size > 10_000  # with its drawings
+    with pytest.raises(KochabError, match="cannot be written"):
+        run(writing(tmp_path / "absent" / "report.pdf", view.night.history))
 
 
 def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):

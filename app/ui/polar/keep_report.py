@@ -1,4 +1,4 @@
-"""The report as files: the web page in a thread, the PDF of the same through Qt's printing."""
+"""The report as files: the web page, and the same as a PDF through Qt's printing."""
 
 import re
 from pathlib import Path
@@ -7,19 +7,35 @@ from PySide6.QtCore import QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
 
+from app.core.errors import KochabError
 from app.core.progress import Progress, Task
 from app.polar.history import History
 from app.polar.report import STYLE, report_html, write_report
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+CLEAR = re.compile(r"fill:(#[0-9a-fA-F]{6})([0-9a-fA-F]{2})")  # which Qt's reader takes for black
 RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 
 
 def writing(path: Path, history: History) -> Task[Path]:
-    """The web page and its JSON."""
+    """The web page and its JSON, or a PDF when the name ends so; in a job, it takes 0.1 s.
+
+    Raises
+    ------
+    KochabError
+        The file cannot be written.
+
+    """
     yield Progress("report", None, path.name)
-    write_report(path, history)
+    if path.suffix.lower() != ".pdf":
+        write_report(path, history)
+        return path
+    try:
+        write_pdf_report(path, history)
+    except OSError as error:
+        why = error.strerror or error
+        raise KochabError(f"The report {path} cannot be written: {why}.") from None
     return path
 
 
@@ -60,15 +76,21 @@ def page_document(history: History) -> QTextDocument:
             QTextDocument.ResourceType.ImageResource.value, QUrl(name), picture
         )  # fmt: skip
         wide = round(picture.width() / FINE * DPI / 96.0)
-        html = html.replace(drawing, f'<img src="{name}" width="{wide}">')
+        html = html.replace(drawing, f'<p><img src="{name}" width="{wide}"></p>')
+    # Of a table's style a text document takes little.
+    html = html.replace("text-align:right;", "").replace("</td>", "&nbsp;&nbsp;</td>")
     document.setHtml(html)
     return document
+
+
+def _opaque(found: re.Match[str]) -> str:
+    return f"fill:{found[1]};fill-opacity:{int(found[2], 16) / 255.0:.2f}"
 
 
 def _drawn(drawing: str) -> QImage:
     """A drawing with the page's own style inside it."""
     rules = "".join(
-        f"{name.strip().split()[-1]}{{{body}}}"
+        f"{name.strip().split()[-1]}{{{CLEAR.sub(_opaque, body)}}}"
         for name, body in RULE.findall(STYLE)
         if name.strip().startswith((".", "svg text"))
     )

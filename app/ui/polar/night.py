@@ -9,7 +9,7 @@ from app.ui.axis import Axis
 from app.ui.chart import Chart, Series
 from app.ui.dialogs import ask_save, tell
 from app.ui.palette import Colours
-from app.ui.polar.keep_report import write_pdf_report, writing
+from app.ui.polar.keep_report import writing
 from app.ui.polar.target import typeset
 from app.ui.services import Services
 from app.ui.widgets import button, label
@@ -103,14 +103,6 @@ class NightPage(QWidget):
         """Write the report of the alignment in front; a PDF when the name ends so."""
         history = self.history
         assert history is not None, "the button is off without one"
-        try:
-            if path.suffix.lower() == ".pdf":
-                write_pdf_report(path, history)
-                self._services.say(f"Wrote {path.name}")
-                return
-        except OSError as error:
-            tell(self.window(), "Report", f"{path.name} could not be written: {error}.")
-            return
         job = self._services.jobs.run(writing(path, history), "report")
         job.succeeded.connect(lambda p: self._services.say(f"Wrote {p.name}"))
         job.failed.connect(lambda sentence: tell(self.window(), "Report", sentence))
