@@ -9,6 +9,7 @@ from app.core.frame import Frame
 from app.core.progress import Progress, Task
 from app.core.solution import NoSolution, Solution
 from app.identify import IDENTIFIERS
+from app.mounts import DRIVERS
 from app.solve.options import SolveOptions
 
 # Loaded while nobody waits: the first frame is then solved as quickly as the second.
@@ -19,7 +20,7 @@ NEEDED = (
     "app.identify.volumes",
     "app.polar.horizon",
     "erfa",
-    *(target.partition(":")[0] for target in IDENTIFIERS.values()),
+    *(target.partition(":")[0] for target in (*IDENTIFIERS.values(), *DRIVERS.values())),
 )
 
 

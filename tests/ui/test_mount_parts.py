@@ -11,10 +11,13 @@ from app.mounts.probe import Diagnosis
 from app.mounts.sky_frame import apart_deg
 from app.ui.mount import reasons as why
 from app.ui.mount.offset import Offset, ring, size_text
+from app.ui.mount.outcome import SYNC_FIRST, spoken
 from app.ui.mount.reasons import Situation, reasons
 from app.ui.mount.search import words
 from app.ui.mount.targets import parse_target
 from app.ui.mount.wishes import MountWish, keep_mount, kept_mount
+from app.workflows.centre_target import Centring, End
+from tests.ui.fakes import no_solution
 
 NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
 ON = Situation("on", {}, MountState(slewing=False), camera=True, solved=True, can_undo=True)
@@ -48,6 +51,8 @@ def test_a_mount_that_takes_no_sync_can_still_be_corrected_by_a_slew():
     told = reasons(Situation("on", lacks, MountState(), camera=True, solved=True, can_undo=True))
     assert told["sync"] == ""
     assert told["undo"] == "It takes no sync."
+    by_hand = reasons(Situation("on", lacks, MountState(), solved=True))
+    assert by_hand["sync"] == "It takes no sync.", "an open frame is no ground for a slew"
     both = lacks | {Ability.GOTO: "Nor gotos."}
     assert reasons(Situation("on", both, MountState(), camera=True))["sync"] == "It takes no sync."
 
@@ -108,6 +113,24 @@ def test_an_offset_has_directions_and_a_ring():
     for size in (0.0, 1e-4, 0.01, 0.2, 3.0, 170.0):
         assert ring(size)[1] * 1.001 >= size
     assert (size_text(3.0), size_text(-0.5), size_text(0.001)) == ("3.00°", "30.0′", "4″")
+
+
+@pytest.mark.parametrize(
+    ("end", "role"),
+    [(End.CENTRED, "good"), (End.NO_SOLUTION, "wrong"), (End.REFUSED, "wrong")],
+)
+def test_a_centring_is_told_and_a_large_sync_is_sent_to_its_preview(end, role):
+    result = Centring(end, "The sync would shift the mount by 6.0 deg: confirm it.")
+    sentence, given = spoken(result, None)
+    assert given == role
+    assert sentence.endswith(SYNC_FIRST)
+    assert spoken(Centring(end, "So it is."), None)[0] == "So it is."
+
+
+def test_results_that_need_no_words_have_none():
+    assert spoken(None, None) == ("", "")
+    assert spoken("Done.", None) == ("Done.", "")
+    assert "trailed" in spoken(no_solution(), None)[0]
 
 
 def test_a_wish_is_remembered(settings):

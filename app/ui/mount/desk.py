@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal
@@ -10,17 +9,16 @@ from PySide6.QtCore import QObject, Signal
 from app.core.errors import RefusedError
 from app.core.hint import Site
 from app.core.mount import Direction
-from app.core.progress import Progress, Task
-from app.core.solution import NoSolution, Solution
+from app.core.solution import Solution
 from app.mounts.guard import Guard
 from app.solve.disagreement import Finding, Sighting
 from app.ui.job import Job
+from app.ui.mount import orders
 from app.ui.mount.eye import CameraWish, Eye, looking
-from app.ui.mount.line_thread import MountLine
-from app.ui.mount.offset import Offset, size_text
+from app.ui.mount.line_thread import Make, MountLine
 from app.ui.mount.opening import Opening, PracticeOpening, on_port
+from app.ui.mount.outcome import spoken
 from app.ui.mount.reasons import Situation
-from app.ui.mount.targets import parse_target
 from app.ui.mount.wishes import MountWish, kept_camera
 from app.ui.mount.words import (
     CannotStop,
@@ -39,15 +37,12 @@ from app.ui.mount.words import (
     Word,
 )
 from app.ui.services import Services
-from app.workflows.centre_target import Centring
+from app.workflows.centre_target import Centring, End
 from app.workflows.fresh_frame import SolveNow
-from app.workflows.nudge import Nudged
-from app.workflows.nudge_bring import Turn
 from app.workflows.sync_mount import SyncDone, SyncOffer
 
-SYNC_FIRST = "Use Sync… first, which shows it in numbers."
 MOST_SIGHTINGS = 6
-MOVING = ("goto", "centre", "nudge", "bring", "accept")
+MOVING = ("goto", "centre", "nudge", "bring")
 TITLES = {
     "goto": "going there", "centre": "centring", "nudge": "nudging", "bring": "bringing the star",
     "take": "taking a frame", "offer": "looking at the sky twice", "accept": "syncing",
@@ -173,115 +168,56 @@ class Desk(QObject):
             return
         old, self.eye = self.eye, None if wish is None else Eye(wish)
         if old is not None and self._line is not None:
-
-            def task(_: Guard) -> Task[None]:  # it is closed by the thread that opened it
-                yield Progress("camera")
-                old.close()
-
-            self._line.order("camera", task)
+            self._line.order("camera", orders.close_camera(old))
         self.changed.emit()
 
     def use_site(self, site: Site | None) -> None:
         """Where the mount stands; the guard judges altitudes by it."""
         self._services.settings.keep_site(site)
         if self._line is not None and not self.known.practice:
-
-            def task(guard: Guard) -> Task[None]:
-                yield Progress("site")
-                guard.site = site
-
-            self._line.order("site", task)
+            self._line.order("site", orders.use_site(site))
 
     def take_frame(self) -> None:
         """A fresh frame, shown and solved."""
-        self._order("take", lambda guard: self._look(guard)())
+        self._order("take", orders.take(self._look))
 
     def offer_sync(self) -> None:
-        """Look twice and say what a sync would do; without a camera the open frame has to do."""
-        from app.ui.mount.by_hand import offer_by_hand
-        from app.workflows.sync_mount import offer_sync
-
-        solution = self.solution
-        if self.eye is not None:
-            self._order("offer", lambda guard: offer_sync(guard, self._look(guard)))
-        elif solution is not None:
-            self._order("offer", lambda guard: offer_by_hand(guard, solution))
+        """Say what a sync would do; without a camera the open frame has to do."""
+        look = None if self.eye is None else self._look
+        self._order("offer", orders.offer(look, self.solution))
 
     def ask_why(self) -> None:
-        """Look at the sky and name the cause of the disagreement, as far as there is one."""
-        from app.workflows.disagree import why_they_disagree
-
-        before = self._sightings
-        self._order("why", lambda guard: why_they_disagree(guard, self._look(guard), before))
+        """Name the cause of the disagreement, as far as there is one."""
+        self._order("why", orders.why(self._look, self._sightings))
 
     def accept_sync(self, offer: SyncOffer) -> None:
         """The person said yes."""
-        from app.ui.mount.by_hand import accept_by_hand
-        from app.workflows.sync_mount import accept_sync
-
-        if len(offer.evidence.centres_deg) < 2:
-            self._order("accept", lambda guard: accept_by_hand(guard, offer))
-        else:
-            accept = partial(accept_sync, confirmed=True, fall_back=True)
-            self._order("accept", lambda guard: accept(guard, offer))
+        self._order("accept", orders.accept(offer))
 
     def undo_sync(self) -> None:
         """Take back the last sync."""
-        from app.workflows.undo_sync import undo_sync
-
-        self._order("undo", undo_sync)
+        self._order("undo", orders.undo())
 
     def goto(self, text: str) -> None:
         """Slew to a name or coordinates."""
-
-        def task(guard: Guard) -> Task[str]:
-            from app.workflows.goto_target import goto_target
-
-            target = parse_target(text, guard.clock())
-            yield from goto_target(guard, target)
-            return f"The mount says that it has reached {target.name}."
-
-        self._order("goto", task)
+        self._order("goto", orders.goto(text))
 
     def centre(self, text: str, tolerance_arcsec: float) -> None:
         """Slew there, look and correct until it is in the middle."""
-
-        def task(guard: Guard) -> Task[Centring]:
-            from app.workflows.centre_target import centre_target
-
-            target = parse_target(text, guard.clock())
-            look = self._look(guard)
-            return (yield from centre_target(guard, look, target, tolerance_arcsec, confirmed=True))
-
-        self._order("centre", task)
+        self._order("centre", orders.centre(text, tolerance_arcsec, self._look))
 
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
         """A small motion, at a rate of the mount or, for 0, at whatever suits it."""
-        from app.ui.mount.paced import paced
-        from app.workflows.nudge import nudge
-
-        if rate_deg_s:
-            self._order("nudge", lambda guard: paced(guard, direction, arcsec, rate_deg_s))
-        else:
-            self._order("nudge", lambda guard: nudge(guard, direction, arcsec))
+        self._order("nudge", orders.nudged(direction, arcsec, rate_deg_s))
 
     def bring(self, star: tuple[float, float], here: tuple[float, float]) -> None:
         """Move so that what is at pixel ``star`` of the open frame comes to pixel ``here``."""
-        from app.workflows.nudge_bring import bring_here
-
-        solution = self.solution
-        if solution is not None:
-            self._order("bring", lambda guard: bring_here(guard, solution, star, here))
+        if self.solution is not None:
+            self._order("bring", orders.bring(self.solution, star, here))
 
     def track(self, on: bool) -> None:
         """Sidereal tracking."""
-
-        def task(guard: Guard) -> Task[str]:
-            yield Progress("tracking")
-            guard.track(on)
-            return f"Tracking is {'on' if on else 'off'}."
-
-        self._order("track", task)
+        self._order("track", orders.track(on))
 
     # what is known ----------------------------------------------------------------------------
     @property
@@ -305,8 +241,8 @@ class Desk(QObject):
         )
 
     # inside -----------------------------------------------------------------------------------
-    def _order(self, name: str, make: Callable[[Guard], Task[Any]]) -> None:
-        if self._line is None:
+    def _order(self, name: str, make: Make | None) -> None:
+        if self._line is None or make is None:
             return
         self.known.busy = name
         self._line.order(name, make)
@@ -372,47 +308,29 @@ class Desk(QObject):
 
     def _done(self, name: str, result: Any) -> None:
         known = self.known
+        sentence, role = spoken(result, known.sight)
+        if sentence:
+            self.said.emit(sentence, role)
         match result:
             case SyncOffer():
-                self.said.emit(result.in_words, "")
                 self.offered.emit(result)
-            case NoSolution():
-                self.said.emit(f"No solution, {result.reason}: {result.advice}", "wrong")
-            case SyncDone():
-                self.said.emit(result.sentence, "good" if result.synced else "")
-                if result.synced:
-                    self._sightings = ()  # the mount has another idea now
-                    self._resync()
-            case Centring():
-                known.moved_since = False
+            case SyncDone(synced=True):
                 self._resync()
-                more = f" {SYNC_FIRST}" if result.sentence.endswith("confirm it.") else ""
-                self.said.emit(result.sentence + more, "good" if result.centred else "wrong")
-            case str():
-                self.said.emit(result, "")
-                if name == "undo":
-                    self._sightings = ()
-                    self._resync()
-            case Solution() if known.sight is not None:
-                off = Offset.between(known.sight.mount_deg, result.ra_dec_deg)
-                self.said.emit(
-                    f"Solved: the sky is {size_text(off.total_deg)} from where the mount says.", ""
-                )
-            case Nudged():
-                self.said.emit(f"Nudged {result.direction} by {result.by}.", "")
-            case Turn():
-                self.said.emit("The star has been brought.", "")
-            case (Finding() as finding, sightings):
+            case SyncDone(slewed=True):
+                known.moved_since = known.sight is not None
+            case Centring() if known.sight is not None:
+                seen_last = known.sight.solution is result.solution
+                known.moved_since = not seen_last or result.end is End.REFUSED
+            case (Finding(), sightings):
                 self._sightings = sightings[-MOST_SIGHTINGS:]
-                self.said.emit(finding.sentence, "good" if finding.agrees else "")
-            case _:
-                pass
+            case str() if name == "undo":
+                self._resync()
         if name in ("goto", "nudge", "bring") and self.auto_frame and self.eye is not None:
             self.take_frame()
 
     def _resync(self) -> None:
         """After a sync the mount says something else of the place of the last frame."""
-        known = self.known
+        known, self._sightings = self.known, ()
         if known.sight is not None and known.report is not None:
             known.sight = Sight(known.sight.solution, known.report.icrs_deg, known.sight.when)
             known.moved_since = False

@@ -57,7 +57,7 @@ def _reason(name: str, now: Situation) -> str:
     )
     if away is not None:
         return away
-    lacking = _lacking(name, now.lacks or {})
+    lacking = _lacking(name, now)
     if lacking:
         return lacking
     if name in MOVES and now.state is not None and now.state.parked:
@@ -70,12 +70,14 @@ def _reason(name: str, now: Situation) -> str:
     return ""
 
 
-def _lacking(name: str, lacks: Mapping[Ability, str]) -> str:
+def _lacking(name: str, now: Situation) -> str:
+    lacks = now.lacks or {}
     if name == "nudge":
         both = Ability.PULSE in lacks and Ability.MOVE in lacks
         return lacks[Ability.MOVE] if both else ""
-    if name == "sync" and Ability.SYNC in lacks and Ability.GOTO in lacks:
-        return lacks[Ability.SYNC]
+    if name == "sync" and Ability.SYNC in lacks:
+        can_slew = Ability.GOTO not in lacks and now.camera
+        return "" if can_slew else lacks[Ability.SYNC]
     return next((lacks[a] for a in NEEDS[name] if a in lacks), "")
 
 
