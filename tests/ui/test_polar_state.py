@@ -12,10 +12,17 @@ from app.polar.tutor import BoltTutor
 from app.sky import open_catalogue
 from app.ui.polar.cues import Cue, Cues
 from app.ui.polar.hearing import Hearing, spoken
-from app.ui.polar.numbers import age_text, altitude_cure, azimuth_cure, more_text, total_text
+from app.ui.polar.numbers import (
+    Numbers,
+    age_text,
+    altitude_cure,
+    azimuth_cure,
+    more_text,
+    total_text,
+)
 from app.ui.polar.state import HANDS_OFF, OLD_S, State, absorb
 from app.ui.polar.turning import Asking
-from app.workflows.polar_adjust import adjust
+from app.workflows.polar_adjust import End, adjust
 from app.workflows.polar_measure import Sweep, measure_axis
 from app.workflows.polar_update import PolarControls, PolarUpdate
 from tests.ui.polar_cases import adjusting, error
@@ -136,6 +143,43 @@ def test_findings_of_live_frames_replace_each_other(measured):
     state = State("adjust", error=measurement.error, findings=(far,))
     again = absorb(state, PolarUpdate("measure", 0.0, "The first frame.", findings=()), 0.0)
     assert again.findings == (far,)  # nothing new is known yet
+
+
+def test_a_bolt_turned_by_two_degrees_asks_to_measure_again(qtbot, measured):
+    sky, states, measurement = measured
+    numbers = Numbers()
+    qtbot.addWidget(numbers)
+    task = adjust(sky, measurement, BoltTutor())
+    first = absorb(states[-1], next(task), 0.0)
+    sky.rig.mount.turn_bolts(180.0, 0.0)
+    later, ended = follow(first, task, 1.0)
+    sky.rig.mount.turn_bolts(-180.0, 0.0)
+    assert ended.end is End.LARGE_MOVE
+    numbers.show_state(later[-1], 1.0)
+    assert "measure again" in numbers.findings.text()
+    assert not numbers.reminder.isHidden()
+
+
+def test_stop_when_the_error_is_below_its_uncertainty(measured):
+    off = error(40.0, 10.0, sigma_arcsec=60.0)
+    told = BoltTutor().advise(off)
+    state = State("adjust", told.words, error=off, instruction=told)
+    assert state.stop
+    assert not state.hand_needed
+    assert "smaller than its uncertainty" in state.words
+
+
+def test_the_wheel_turns_while_the_number_is_old_and_stops(qtbot):
+    numbers = Numbers()
+    qtbot.addWidget(numbers)
+    numbers.show_state(adjusting(300.0, 20.0), 1.0)
+    assert not numbers.spinner.turning
+    numbers.show_state(adjusting(300.0, 20.0), 100.0)
+    assert numbers.spinner.turning
+    before = numbers.spinner.angle_deg
+    qtbot.waitUntil(lambda: numbers.spinner.angle_deg != before, timeout=5_000)
+    numbers.show_state(State("done", error=error(3.0, 3.0)), 200.0)
+    assert not numbers.spinner.turning
 
 
 # Cues.

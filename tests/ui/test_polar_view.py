@@ -391,6 +391,32 @@ def test_a_mount_that_cannot_turn_leaves_it_to_the_hand(guard, words):
         mount_turner(guard, None)
 
 
+@pytest.mark.parametrize("ending", ["cancel", "close"])
+def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, polar, ending):
+    nights = Nights(rate=1.0)  # motions are timed by the wall
+    commands, view = polar(nights)
+    view.setup.hand.setCurrentText(Hand.MOUNT)
+    view.setup.exposure.setValue(0.5)
+    view.begin()
+    qtbot.waitUntil(lambda: "The mount turns" in view.state.words, timeout=60_000)
+    assert "Keep clear" in view.page.words.text()
+    assert view.obey.isHidden() or not view.obey.isEnabled()
+    mount = nights.made[-1].rig.mount
+    qtbot.waitUntil(lambda: mount.slewing, timeout=20_000)
+    if ending == "cancel":
+        view.cancel.click()
+        drive(view)
+    else:
+        commands.window.close()
+    first = mount.axes_deg()
+    qtbot.wait(700)
+    second = mount.axes_deg()
+    assert not mount.slewing
+    # It may track, 15 arcsec a second, and no more.
+    assert abs(second[0] - first[0]) < 0.02
+    assert view._holding.guard is None
+
+
 def test_stop_goes_to_the_mount_at_once_from_another_thread(qtbot):
     holding, guard = Holding(), StubGuard()
     holding.stop()  # nothing is held: nothing happens
