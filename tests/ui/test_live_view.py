@@ -12,6 +12,7 @@ from app.core.capture import CameraDevice, CaptureLimits
 from app.core.errors import LineLostError, PortError
 from app.core.frame import Frame
 from app.core.hint import Hint
+from app.frames.fits_write import write_fits
 from app.ui.live.camera_panel import CameraPanel
 from app.ui.live.stream import StreamWish
 from app.ui.live.view import LiveView
@@ -132,6 +133,20 @@ def test_a_slow_camera_leaves_the_window_answering(qtbot, live):
     assert len(ticks) > 10
     qtbot.waitUntil(lambda: "clouded" in view.title.text(), timeout=15_000)
     assert "Wait for the clouds" in view.text.text()
+
+
+def test_a_watched_folder_is_a_camera_and_a_frame_without_answer_says_why(qtbot, live, tmp_path):
+    view, commands = live
+    view.camera.source.setCurrentIndex(view.camera.source.findData("folder"))
+    view.camera.where.setText(str(tmp_path))
+    qtbot.mouseClick(view.start, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: "Waiting" in view.title.text(), timeout=20_000)
+    write_fits(Frame(np.full((300, 400), 1000, np.uint16)), tmp_path / "one.fits")
+    qtbot.waitUntil(lambda: "Lost in space" in view.title.text(), timeout=20_000)
+    assert view.text.text()
+    assert commands.session.known.frame.width == 400
+    view.end()
+    wait_idle(qtbot, view)
 
 
 # stopping ------------------------------------------------------------------------------------------
