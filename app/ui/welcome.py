@@ -15,12 +15,13 @@ INVITATION = (
     "Open a picture of the night sky and see where it points, which stars are in it, and how sure "
     "that is."
 )
-READS = "FITS, XISF, TIFF, PNG, JPEG, HEIC and camera RAW. Nothing has to be known about the frame."
-
-PRACTICE = (
-    "&Practice with a simulated telescope",
-    "A mount that stands wrong and a camera on it, under a sky of their own.",
+READS = (
+    "Or drop a file anywhere on this window: FITS, XISF, TIFF, PNG, JPEG, HEIC and camera RAW. "
+    "Nothing has to be known about the frame."
 )
+
+PRACTICE = "&Practice with a simulated telescope"
+PRACTICE_TIP = "A mount that stands wrong and a camera on it, under a sky of their own."
 
 
 class Welcome(QWidget):
@@ -46,14 +47,12 @@ class Welcome(QWidget):
         self.first = button("&Open a frame…", self.open_wanted.emit, "main")
         line = QHBoxLayout()
         line.addWidget(self.first)
-        line.addWidget(label("or drop a file anywhere on this window", "muted"))
+        self.practice = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
+        self.practice.hide()
+        line.addWidget(self.practice)
         line.addStretch(1)
         column.addLayout(line)
         column.addWidget(label(READS, "muted", wrap=True))
-        self.practice = button(f"{PRACTICE[0]}\n{PRACTICE[1]}", self.practice_wanted.emit, "sample")
-        self.practice.setAccessibleName(PRACTICE[0].replace("&", ""))
-        self.practice.hide()
-        column.addWidget(self.practice)
         self.samples: list[QPushButton] = []
         self._pictures: dict[Path, np.ndarray] = {}
         self._offered = samples[:MOST_SHOWN]

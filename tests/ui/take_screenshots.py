@@ -81,7 +81,10 @@ def main(folder, *arguments):
         window.show()
         window.activateWindow()
         commands.add_thumbnails()
-        pause(1500)
+        for _ in range(60):  # on a busy machine they take a while
+            pause(500)
+            if not any(made.icon().isNull() for made in window.welcome.samples):
+                break
         keep(window, folder / "welcome.png")
         loop = QEventLoop()
         commands.session.idle.connect(loop.quit)
