@@ -134,21 +134,29 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     assert view.hands is None
 
 
-@pytest.fixture(scope="module")
-def frames(tmp_path_factory):
+def taken(folder, dec_deg):
     """Three frames of a perfect mount that stands 20 arcmin too high, 40 deg apart in all."""
-    folder = tmp_path_factory.mktemp("frames")
-    base = RigConfig(seed=5, site=SITE, start_deg=(-40.0, 45.0))
-    config = through(replace(base, mount=replace(base.mount, misalignment_arcmin=(20.0, 0.0))), 4.0)
-    rig = PracticeRig(config)
+    base = RigConfig(seed=5, site=SITE, start_deg=(-40.0, dec_deg))
+    mount = replace(base.mount, misalignment_arcmin=(20.0, 0.0))
+    rig = PracticeRig(through(replace(base, mount=mount), 4.0))
     paths = []
     for number in range(3):
-        path = folder / f"turn{number}.fits"
+        path = folder / f"dec{dec_deg:.0f}-{number}.fits"
         write_fits(rig.frame(1.0), path)
         paths.append(path)
         rig.mount.turn_by_hand(20.0)
         rig.wait_until_still(1.0)
     return paths
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    return taken(tmp_path_factory.mktemp("frames"), 45.0)
+
+
+@pytest.fixture(scope="module")
+def second_sweep(tmp_path_factory):
+    return taken(tmp_path_factory.mktemp("second"), 15.0)
 
 
 def choose_files(view, files):
@@ -188,6 +196,21 @@ def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_pat
     assert paper.stat().st_size > 10_000  # with its drawings
     with pytest.raises(KochabError, match="cannot be written"):
         run(writing(tmp_path / "absent" / "report.pdf", view.night.history))
+
+
+def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
+    _, view = polar()
+    choose_files(view, frames)
+    view.begin()
+    drive(view)
+    assert "One sweep cannot show flexure" in view.page.numbers.findings.text()
+    view.setup.add_files(second_sweep, 1)
+    assert "second sweep" in view.setup.files.item(3).text()
+    view.begin()
+    drive(view)
+    assert view.state.stage == "done", view.said.text()
+    assert "One sweep cannot show" not in view.page.numbers.findings.text()
+    assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
 
 
 def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
@@ -10,6 +10,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
     QListWidget,
+    QListWidgetItem,
     QSpinBox,
     QVBoxLayout,
     QWidget,
@@ -36,12 +37,14 @@ POLES = {
     Pole.HALF_WAY: "Half-way between: best near latitude 20°",
 }
 PLANNED = 0.0
+SECOND = "Frames at another declination, the RA axis turned between them: they show flexure"
+SWEEP = Qt.ItemDataRole.UserRole
 
 
 class SetupPanel(QWidget):
     """Fields alone; :meth:`wish` understands them."""
 
-    files_wanted = Signal()
+    files_wanted = Signal(bool)  # whether they are of a second sweep
     open_frame_wanted = Signal()
     devices_wanted = Signal(str, str)  # source, address
 
@@ -52,8 +55,9 @@ class SetupPanel(QWidget):
         self.files = QListWidget()
         self.files.setAccessibleName("Frames to measure")
         self.files.setFixedHeight(6 * self.files.fontMetrics().height())
-        self.add = button("&Add frames…", self.files_wanted.emit)
-        self.add_open = button("Add the &open frame", self.open_frame_wanted.emit)
+        self.add = button("&Add frames…", lambda: self.files_wanted.emit(False))
+        self.add_check = button("Second s&weep…", lambda: self.files_wanted.emit(True), tip=SECOND)
+        self.add_open = button("The &open frame", self.open_frame_wanted.emit)
         self.clear = button("Clea&r", self.files.clear)
         self.kind = _choice("Kind of camera", [n for n in SOURCES if n != "simulated"])
         self.device = _choice("Camera")
@@ -93,7 +97,7 @@ class SetupPanel(QWidget):
         form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
         self.file_row, self.camera_row = QWidget(), QWidget()
-        for row, parts in ((self.file_row, (self.add, self.add_open, self.clear)),
+        for row, parts in ((self.file_row, (self.add, self.add_check, self.add_open, self.clear)),
                            (self.camera_row, (self.kind, self.device, self.search))):  # fmt: skip
             line = QHBoxLayout(row)
             line.setContentsMargins(0, 0, 0, 0)
@@ -111,7 +115,7 @@ class SetupPanel(QWidget):
         form.addRow("", self.pole_name)
         form.addRow("&Goal", self.goal)
         form.addRow("Turn", self.turn)
-        form.addRow("Field &width", self.fov)
+        form.addRow("Field width", self.fov)
         column = QVBoxLayout(self)
         column.setContentsMargins(12, 12, 12, 12)
         column.addWidget(label(ADVICE, "muted", wrap=True))
@@ -136,21 +140,27 @@ class SetupPanel(QWidget):
         turn = float(self.turn.value())
         return AlignWish(
             self.chosen_source, self.chosen_pole, parse_site(site) if site else None,
-            tuple(Path(self.files.item(i).toolTip()) for i in range(self.files.count())),
+            self._paths(0), self._paths(1),
             CameraWish(self.kind.currentText(), str(address), self.exposure.value()),
             Hand(self.hand.currentText()), self._known_mount, float(self.goal.value()),
             None if turn == PLANNED else turn,
             fov_deg=parse_positive(fov, "The field width", 170.0) if fov else None,
         )  # fmt: skip
 
-    def add_files(self, paths: list[Path]) -> None:
-        """More frames, each once."""
+    def add_files(self, paths: list[Path], sweep: int = 0) -> None:
+        """More frames, each once; of the first sweep or the second."""
         there = {self.files.item(i).toolTip() for i in range(self.files.count())}
         for path in paths:
             if str(path) not in there:
                 there.add(str(path))
-                self.files.addItem(path.name)
-                self.files.item(self.files.count() - 1).setToolTip(str(path))
+                item = QListWidgetItem(f"{path.name}, second sweep" if sweep else path.name)
+                item.setToolTip(str(path))
+                item.setData(SWEEP, sweep)
+                self.files.addItem(item)
+
+    def _paths(self, sweep: int) -> tuple[Path, ...]:
+        items = [self.files.item(i) for i in range(self.files.count())]
+        return tuple(Path(i.toolTip()) for i in items if i.data(SWEEP) == sweep)
 
     def show_devices(self, devices: list[CameraDevice]) -> None:
         """What was found."""

@@ -322,7 +322,7 @@ class PolarView(QWidget):
         self.setup.show_mount(kept_mount(self._services.settings))
         super().showEvent(event)
 
-    def _ask_files(self) -> None:
+    def _ask_files(self, second: bool) -> None:
         start = self._services.settings.text("folder", str(Path.home()))
         dialog = QFileDialog(self.window(), "Frames to measure", start, f"{FRAMES};;All files (*)")
         dialog.setFileMode(QFileDialog.FileMode.ExistingFiles)
@@ -330,7 +330,7 @@ class PolarView(QWidget):
             dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
             dialog.setGraphicsEffect(RedLight(dialog))
         if dialog.exec():
-            self.setup.add_files([Path(p) for p in dialog.selectedFiles()])
+            self.setup.add_files([Path(p) for p in dialog.selectedFiles()], int(second))
         dialog.deleteLater()
 
     def _add_open_frame(self) -> None:

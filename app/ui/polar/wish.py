@@ -29,14 +29,16 @@ class Hand(StrEnum):
 class AlignWish:
     """Everything an alignment needs to begin.
 
-    ``site`` None takes it from the frames. ``turn_deg`` None plans the turn. ``mount`` is asked
-    only when ``hand`` is the mount and the frames come from a camera.
+    ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None
+    takes it from the frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when
+    ``hand`` is the mount and the frames come from a camera.
     """
 
     source: Source
     pole: Pole = Pole.REFRACTED
     site: Site | None = None
     files: tuple[Path, ...] = ()
+    check: tuple[Path, ...] = ()
     camera: CameraWish | None = None
     hand: Hand = Hand.PERSON
     mount: MountWish | None = None

@@ -85,9 +85,11 @@ def measure_files(wish: AlignWish, tools: Tools) -> Task[History]:
         raise UsageError("Polar alignment needs two frames or more: add another.")
     options = SolveOptions(fov_deg=wish.fov_deg)
     solved = []
-    for number, path in enumerate(wish.files):
-        told_of = f"{path.name}, {number + 1} of {len(wish.files)}"
-        yield PolarUpdate("measure", number / len(wish.files), told_of, frames=number)
+    files = (*wish.files, *wish.check)
+    sweeps = [0] * len(wish.files) + [1] * len(wish.check)
+    for number, path in enumerate(files):
+        told_of = f"{path.name}, {number + 1} of {len(files)}"
+        yield PolarUpdate("measure", number / len(files), told_of, frames=number)
         one = yield from _quietly(solve_polar_file(path, options))
         if isinstance(one.result, NoSolution):
             raise KochabError(
@@ -98,7 +100,7 @@ def measure_files(wish: AlignWish, tools: Tools) -> Task[History]:
         site = site_of(solved, wish.site)
     except UsageError as error:
         raise UsageError(str(error).replace("give --site", "fill in “Your site”")) from None
-    result = measure(sightings_of(solved, [0] * len(solved)), Settings(site, wish.pole))
+    result = measure(sightings_of(solved, sweeps), Settings(site, wish.pole))
     if isinstance(result, NoAxis):
         raise KochabError(f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}")
     history = History()
