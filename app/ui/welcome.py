@@ -70,7 +70,7 @@ class Welcome(QWidget):
         page = QWidget()
         page.setObjectName("page")
         middle = QHBoxLayout(page)
-        middle.setContentsMargins(32, 32, 32, 32)
+        middle.setContentsMargins(32, 8, 32, 8)
         middle.addStretch(1)
         middle.addWidget(inside, 4, Qt.AlignmentFlag.AlignVCenter)
         middle.addStretch(1)
