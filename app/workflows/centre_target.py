@@ -24,6 +24,7 @@ LOOKS = 3  # frames without a solution before it is given up
 AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
 SAYINGS, SAME_DEG = 4, 0.02
+NEAR_DEG = 0.5
 
 
 def centre_target(
@@ -104,8 +105,11 @@ class _Centring:
 
     def begun(self) -> Task[bool]:
         """The first slew; the guard, which may have been misled by a bad line, is asked twice."""
-        if answered(self.mount.state).slewing:
+        state = answered(self.mount.state)
+        if state.slewing:
             yield from settled(self.mount, self.wait)
+        elif state.tracking is not False and self.near():
+            return True  # it was centred before: what was learned then is not thrown away
         for _ in range(TROUBLES):
             sent = len(self.mount.log.sent())
             if (yield from self.tried(self.slew(self.there()))):
@@ -115,6 +119,11 @@ class _Centring:
                 return False
             self.wait(SOON_S)
         return False
+
+    def near(self) -> bool:
+        """Whether the mount says that it points nearly there already."""
+        said = self.said()
+        return apart_deg((said.ra_deg, said.dec_deg), self.there()) < NEAR_DEG
 
     def look(self) -> Task[Solution | NoSolution]:
         """Solve a fresh frame; another when the first has no solution."""

@@ -59,6 +59,18 @@ def test_a_good_mount_that_is_right_needs_no_correction() -> None:
     assert not result.synced
 
 
+def test_centred_again_nothing_is_thrown_away() -> None:
+    """A second centring does not first go where the mount believes the target to be."""
+    b = bench(worn(2))
+    target = target_of(b, 25.0, 40.0)
+    assert centred(b, target, tolerance_arcsec=10.0, may_sync=True).centred
+    gotos = len([did for did in b.mount.did if did[0] == "goto"])
+    again = centred(b, target, tolerance_arcsec=20.0)
+    assert again.centred
+    assert again.corrections == ()
+    assert len([did for did in b.mount.did if did[0] == "goto"]) == gotos
+
+
 def test_small_errors_are_guided_away() -> None:
     b = bench(good(lost_deg=0.008))  # half an arcminute
     target = target_of(b, -40.0, 30.0)
@@ -74,9 +86,9 @@ def test_guide_rates_other_than_usual_are_learned() -> None:
     config = replace(config, mount=replace(config.mount, guide_rate=0.9))
     b = bench(config)
     target = target_of(b, -40.0, 30.0)
-    run(b.guard.slew_icrs(target.ra_deg, target.dec_deg))
-    ra, dec = b.rig.mount.believed_deg()
-    b.rig.mount.sync(ra + 50.0 / 3600.0, dec)  # in right ascension alone, so pulses correct it
+    b.rig.mount.sync(*b.rig.truth().of_date_deg)
+    assert centred(b, target, tolerance_arcsec=2.0, tries=9).centred
+    b.rig.mount.turn_by_hand(50.0 / 3600.0)  # in right ascension alone, so pulses correct it
     result = centred(b, target, tolerance_arcsec=4.0, tries=5)
     assert result.centred
     assert set(result.corrections) == {"small moves"}
