@@ -85,6 +85,7 @@ def main(folder, *arguments):
             pause(500)
             if not any(made.icon().isNull() for made in window.welcome.samples):
                 break
+        pause(700)  # until they are laid out
         keep(window, folder / "welcome.png")
         loop = QEventLoop()
         commands.session.idle.connect(loop.quit)
