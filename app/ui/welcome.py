@@ -38,7 +38,7 @@ class Welcome(QWidget):
         self._recent_title = label("Recent", "heading")
         inside = QWidget()
         inside.setObjectName("page")
-        inside.setMaximumWidth(640)
+        inside.setMaximumWidth(680)
         column = QVBoxLayout(inside)
         column.setSpacing(10)
         column.addWidget(label("Kochab", "title"))
