@@ -33,6 +33,7 @@ def keyboard(parent: QWidget) -> QDialog:
         (s.keys.replace(" ", ", "), s.text.replace("&", "").rstrip("…")) for s in SPECS if s.keys
     ]
     rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
+    rows += [("F7", "At the bolts, when Polar alignment is open")]
     rows += [("Arrows", "Move the frame, when it has the focus"), ("Tab", "To the next pane")]
     half = (len(rows) + 1) // 2
     for i, (keys, text) in enumerate(rows):

@@ -328,10 +328,13 @@ def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
 
 
 def test_f7_shows_the_bolts_over_the_whole_screen(qtbot, polar):
-    _, view = polar()
+    commands, view = polar()
     view.state = adjusting(-900.0, 100.0)
-    view.show_bolts()
-    assert view.bolts.isFullScreen()
+    commands.window.activateWindow()
+    qtbot.waitUntil(commands.window.isActiveWindow)
+    view.start.setFocus()
+    qtbot.keyClick(view.start, Qt.Key.Key_F7)
+    qtbot.waitUntil(view.bolts.isFullScreen)
     assert view.bolts.digits() == "15.0′"
     qtbot.keyClick(view.bolts, Qt.Key.Key_S)
     assert view.cues.on

@@ -11,7 +11,7 @@ from app.ui.polar.target import Target, primes
 from app.ui.polar.wish import AlignWish, Source
 from app.ui.widgets import card, label
 
-BESIDE = 34  # widths of a letter, from which on numbers and picture stand side by side
+BESIDE = 68  # letters wide, from which on numbers and picture stand side by side
 
 
 class AlignPage(QWidget):
@@ -65,7 +65,7 @@ class AlignPage(QWidget):
 
     def resizeEvent(self, event: object) -> None:
         letter = self.fontMetrics().averageCharWidth()
-        wide = self.width() > 2.4 * BESIDE * letter
+        wide = self.width() > BESIDE * letter
         direction = QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom
         if self.parts.direction() != direction:
             self.parts.setDirection(direction)

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
     QFormLayout,
+    QGridLayout,
     QHBoxLayout,
     QLineEdit,
     QListWidget,
@@ -97,12 +98,15 @@ class SetupPanel(QWidget):
         form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
         self.file_row, self.camera_row = QWidget(), QWidget()
-        for row, parts in ((self.file_row, (self.add, self.add_check, self.add_open, self.clear)),
-                           (self.camera_row, (self.kind, self.device, self.search))):  # fmt: skip
-            line = QHBoxLayout(row)
-            line.setContentsMargins(0, 0, 0, 0)
-            for part in parts:
-                line.addWidget(part, 2 if part is self.device else 0)
+        grid = QGridLayout(self.file_row)
+        for place, made in enumerate((self.add, self.add_check, self.add_open, self.clear)):
+            grid.addWidget(made, place // 2, place % 2)
+        line = QHBoxLayout(self.camera_row)
+        line.addWidget(self.kind)
+        line.addWidget(self.device, 1)
+        line.addWidget(self.search)
+        for layout in (grid, line):
+            layout.setContentsMargins(0, 0, 0, 0)
         form.addRow("Frames from", self.source)
         form.addRow("", self.files)
         form.addRow("", self.file_row)

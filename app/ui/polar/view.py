@@ -107,7 +107,7 @@ class PolarView(QWidget):
         self.tabs.setAccessibleName("Polar alignment")
         for widget, name in (
             (scrolled(self.setup), "Set up"), (scrolled(self.page), "Align"),
-            (self.night, "Tonight"), (scrolled(self.phone), "Phone"),
+            (scrolled(self.night), "Tonight"), (scrolled(self.phone), "Phone"),
         ):  # fmt: skip
             self.tabs.addTab(widget, name)
         first, second = QHBoxLayout(), QHBoxLayout()
