@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
+
 SEEN, WORTH = 4.0, 15.0
 """A change of so many sigmas is real; one of so many corrects what was known."""
 
@@ -10,6 +12,9 @@ SHARE_OF_PLAY = 0.8
 """It is better to stop short and go on than to come back through the play again."""
 
 MOST_PLAY_TURNS = 0.5
+
+TELLING_TURNS = 10.0 / 360.0
+"""A hand is a degree off in any turn: what less than this did says little of the thread."""
 
 
 class Knob(StrEnum):
@@ -60,6 +65,8 @@ class Bolt:
             return replace(self, play_turns=lost, taken_turns=taken * reverses)
         after = replace(self, direction=sign, taken_turns=0.0)
         gain, own = self.arcsec_a_turn, change_arcsec / turns
+        if gain is not None and abs(turns) < TELLING_TURNS:
+            return self._nudged(after, taken - change_arcsec / gain * sign, gain * own > 0)
         if gain is None or gain * own < 0:
             return replace(after, arcsec_a_turn=own, sure=not reverses)
         if not self.sure:
@@ -71,6 +78,14 @@ class Bolt:
         if abs(change_arcsec) > WORTH * sigma_arcsec:
             return replace(after, arcsec_a_turn=(own + gain) / 2.0)
         return after
+
+    def _nudged(self, after: "Bolt", lost_turns: float, as_told: bool) -> "Bolt":
+        """What a very small turn teaches: that its play is taken up, and how long that took."""
+        if not as_told:
+            return self
+        if not self.sure or self.direction == after.direction:
+            return after
+        return replace(after, play_turns=float(np.clip(lost_turns, 0.0, MOST_PLAY_TURNS)))
 
 
 ALTITUDE_BOLT = Bolt(Knob.ALTITUDE, "altitude bolt")

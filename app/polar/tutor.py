@@ -27,7 +27,7 @@ CAUTIOUS, CONFIDENT = 0.6, 0.9
 NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
-ENOUGH = 1.3  # goals, when only another move would bring it nearer
+ENOUGH = 1.45  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
 MOST_TURNS = 6.0  # at a time; then it looks again
 
@@ -105,7 +105,8 @@ class BoltTutor:
         bolt, tolerance = self.bolts[knob], self.tolerance_arcsec(error, knob)
         if bolt.arcsec_a_turn is None or not bolt.direction:
             return tolerance
-        back = -_knob_arcsec(error, knob) / bolt.arcsec_a_turn * bolt.direction < 0
+        sign = float(np.sign(-_knob_arcsec(error, knob) / bolt.arcsec_a_turn))
+        back = sign == -bolt.direction and self._last != (knob, sign)  # else it is on its way
         hand = HALF_A_HAND * abs(bolt.arcsec_a_turn) * FINEST_DEG / 360.0 * _sky_share(error, knob)
         return float(np.clip(hand, tolerance * (NOT_WORTH_IT if back else 1.0), WIDEST * tolerance))
 
@@ -127,16 +128,31 @@ class BoltTutor:
         open_ = [k for k in Knob if off[k] > self._limit(error, k)]
         if not open_ or error.total_arcsec <= self.goal_arcsec:
             return _stop(error, self.goal_arcsec)
-        going_on = self._last[0]
-        chosen = going_on if going_on in open_ else max(open_, key=lambda knob: off[knob])
-        assert chosen is not None
-        bolt = self.bolts[chosen]
-        if bolt.arcsec_a_turn is None:
-            return self._test(bolt, off[chosen])
-        told = self._turn(bolt, error)
+        told = self._chosen(open_, off, error)
         if not self._goes_on(told) and error.total_arcsec <= ENOUGH * self.goal_arcsec:
             return _stop(error, self.goal_arcsec)
         return told
+
+    def _chosen(self, open_: list[Knob], off: dict[Knob, float], error: PolarError) -> Instruction:
+        """The bolt at hand first, then the larger error, and last one that went a little too far.
+
+        To come back is a new move, and the other bolt may yet drag it home or leave the total good.
+        """
+        order = sorted(open_, key=lambda knob: (knob is not self._last[0], -off[knob]))
+        told = [self._told(knob, off[knob], error) for knob in order]
+        return min(told, key=lambda one: self._only_comes_back(one, off, error))
+
+    def _only_comes_back(
+        self, told: Instruction, off: dict[Knob, float], error: PolarError
+    ) -> bool:
+        assert told.knob is not None
+        back = not self._goes_on(told) and self.bolts[told.knob].direction == -np.sign(told.turns)
+        return bool(back and off[told.knob] < NEAR * self.tolerance_arcsec(error, told.knob))
+
+    def _told(self, knob: Knob, off_arcsec: float, error: PolarError) -> Instruction:
+        bolt = self.bolts[knob]
+        untested = bolt.arcsec_a_turn is None
+        return self._test(bolt, off_arcsec) if untested else self._turn(bolt, error)
 
     def _goes_on(self, told: Instruction) -> bool:
         return self._last == (told.knob, float(np.sign(told.turns)))

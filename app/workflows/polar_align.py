@@ -83,10 +83,29 @@ def align(
         if good or rounds == MOST_ROUNDS:
             yield _done(measured, good, tutor.moves)
             return Alignment(measured.measurement, good, rounds, tutor.moves, history)
+        sweep = replace(sweep, backwards=measured.way.direction, turn_deg=measured.way.turn_deg)
+        likely = error.total_arcsec + error.sigma_total_arcsec <= options.goal_arcsec
+        if likely and before is None:  # only not sure: a second sweep costs no move of a bolt
+            before = measured.measurement
+            doubt = _once_more(measured, tutor.moves)
+            history.told(before.time_utc, error, doubt.detail)
+            yield doubt
+            continue
         adjusted = yield from adjust(source, measured.measurement, tutor, controls, history)
         quiet = adjusted.end is End.THERE and not adjusted.turned
         before = measured.measurement if quiet else None  # no bolt was turned: both count
-        sweep = replace(sweep, backwards=measured.way.direction, turn_deg=measured.way.turn_deg)
+
+
+def _once_more(measured: Measured, moves: int) -> PolarUpdate:
+    error = measured.measurement.error
+    told = (
+        f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.uncertainty_arcsec)} is"
+        " within the goal, but not surely: leave the bolts alone, it is measured once more."
+    )
+    return PolarUpdate(
+        "measure", None, told, measurement=measured.measurement, findings=measured.findings,
+        moves=moves,
+    )  # fmt: skip
 
 
 def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
