@@ -304,6 +304,40 @@ def test_skywatcher_asks_again_when_an_answer_is_lost() -> None:
         assert m.motors[0].steps_turn == 9024000
 
 
+TURN_100_STEPS = [
+    (b":j2\r", b"=000080\r"), (b":G220\r", b""), (b":G220\r", b"=\r"),
+    (b":H2640000\r", b"=\r"), (b":M20B0000\r", b"=\r"), (b":J2\r", b""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        [(b":f2\r", b"=011\r")],
+        [(b":f2\r", b"=001\r"), (b":j2\r", b"=640080\r")],
+        [(b":f2\r", b"=001\r"), (b":j2\r", b"=000080\r"), (b":J2\r", b"=\r")],
+    ],
+    ids=["it turns", "it has turned", "it has not moved"],
+)
+def test_skywatcher_looks_before_a_lost_start_is_said_again(seen) -> None:
+    script = [*MOTORS_START, *TURN_100_STEPS, *seen]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
+        m.motors[1].angle_deg()
+        m.motors[1].turn_by(100 / 9024000 * 360.0, m.talk.stops)
+
+
+def test_skywatcher_never_repeats_a_lost_start_of_a_steady_motion() -> None:
+    script = [
+        *MOTORS_START, (b":f1\r", b"=001\r"), (b":G110\r", b"=\r"),
+        (b":I16C0200\r", b"=\r"), (b":J1\r", b""), (b":f1\r", b"=001\r"),
+    ]  # fmt: skip
+    with (
+        transcript(SkyWatcher, script, site=SITE, clock=noon) as m,
+        pytest.raises(NoAnswerError),
+    ):
+        m.track(True)
+
+
 def test_skywatcher_without_a_site_says_so() -> None:
     with pytest.raises(DeviceError, match="give the site"), transcript(SkyWatcher, []):
         pass

@@ -14,6 +14,7 @@ REPLY = until(b"\r", 16, TIMEOUT_S)
 FAST_DEG_S = 0.5  # above this the board's fast mode is used
 BREAK_STEPS = 3500
 STOPPING_S = 3.0
+STILL_STEPS = 3
 
 
 class Motor:
@@ -22,14 +23,15 @@ class Motor:
     def __init__(self, talk: Conversation, axis: int) -> None:
         self.talk = talk
         self.axis = axis
+        self.seen_steps = 0
         self.steps_turn = self.number("a")
         self.timer_hz = self.number("b")
         self.ratio = max(1, int(self.query("g")[:2] or "1", 16))
 
     def angle_deg(self) -> float:
         """Where the encoder is."""
-        reply = self._asked(words.command("j", self.axis), words.parse_position)
-        return reply / self.steps_turn * 360.0
+        self.seen_steps = self._asked(words.command("j", self.axis), words.parse_position)
+        return self.seen_steps / self.steps_turn * 360.0
 
     def status(self) -> words.AxisStatus:
         """How the motor is."""
@@ -47,11 +49,38 @@ class Motor:
         return self._asked(words.command(letter, self.axis), words.parse_data)
 
     def order(self, letter: str, data: str = "", since: int | None = None) -> None:
-        """What changes something; ``!`` is the board's refusal."""
+        """What changes something; ``!`` is the board's refusal.
+
+        A setting whose answer is lost is said again: it comes to the same. A start is not.
+        """
         command = words.command(letter, self.axis, data)
-        said = self.talk.ask(command, REPLY, _answered, since)
+        for left in range(1 if letter == "J" else TRIES, 0, -1):
+            try:
+                said = self.talk.ask(command, REPLY, _answered, since)
+                break
+            except NoAnswerError:
+                if left == 1:
+                    raise
         if said:
             raise RefusedError(f"The motor board refuses: {said}.")
+
+    def begin(self, since: int, may_ask_again: bool) -> None:
+        """Start the motor; when the answer is lost, look whether it turns.
+
+        Only a turn whose encoder was read since the motor stands may be asked for again, and only
+        when it has not moved.
+        """
+        before = self.seen_steps
+        try:
+            self.order("J", since=since)
+        except NoAnswerError:
+            if self.status().running:
+                return
+            if not may_ask_again:
+                raise
+            self.angle_deg()
+            if abs(self.seen_steps - before) <= STILL_STEPS:
+                self.order("J", since=since)
 
     def turn_by(self, angle_deg: float, since: int) -> None:
         """A goto by so much; the motor must stand."""
@@ -62,14 +91,14 @@ class Motor:
         self.order("G", words.motion_mode(goto=True, fast=fast, backwards=steps < 0))
         self.order("H", words.low_first(abs(steps)))
         self.order("M", words.low_first(min(abs(steps) // 10 + 1, BREAK_STEPS)))
-        self.order("J", since=since)
+        self.begin(since, may_ask_again=True)
 
     def run(self, rate_deg_s: float, since: int) -> None:
         """Turn at a rate until stopped; the motor must stand."""
         fast = abs(rate_deg_s) > FAST_DEG_S
         self.order("G", words.motion_mode(goto=False, fast=fast, backwards=rate_deg_s < 0))
         self.order("I", words.low_first(self.period(rate_deg_s)))
-        self.order("J", since=since)
+        self.begin(since, may_ask_again=False)
 
     def period(self, rate_deg_s: float) -> int:
         """Timer ticks a step."""
