@@ -18,11 +18,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if not arguments or _is_file(arguments):
-        return _window(arguments)
-    from app.cli.main import main as cli_main
+    try:
+        if not arguments or _is_file(arguments):
+            return _window(arguments)
+        from app.cli.main import main as cli_main
 
-    return cli_main(arguments)
+        return cli_main(arguments)
+    except KeyboardInterrupt:  # while still starting
+        return 130
 
 
 def _is_file(arguments: list[str]) -> bool:

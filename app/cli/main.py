@@ -4,7 +4,6 @@
 """
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from app import __version__
+from app.cli import streams
 from app.core.errors import KochabError
 
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -41,23 +41,39 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    streams.make_ready()
+    try:
+        code = _command(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # whoever read our output has left
+        streams.give_up()
+        return 141
+    except OSError as error:  # standard output on a full disk, a folder that may not be read
+        streams.give_up()
+        streams.say(_plain(error))
+        return 2
+    return code
+
+
+def _command(arguments: list[str]) -> int:
+    """Run the command that ``arguments`` name, or say in one sentence why not."""
     try:
         args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
         code: int = args.run(args)
-        sys.stdout.flush()
     except SystemExit as end:  # argparse: --help, --version, bad arguments
         return end.code if isinstance(end.code, int) else 2
     except KochabError as error:
-        print(f"kochab: {error}", file=sys.stderr)
+        streams.say(str(error))
         return 2
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        # Whoever read our output has left; nothing may be written at exit either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 141
     return code
+
+
+def _plain(error: OSError) -> str:
+    """The system's own words; without a file's name they are about our output."""
+    what = error.filename if isinstance(error.filename, str) else "The output"
+    return f"{what} cannot be used: {error.strerror or error}."
 
 
 def _with_negative_lists(arguments: Sequence[str]) -> list[str]:

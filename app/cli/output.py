@@ -19,8 +19,11 @@ def as_json(file: str, result: Solution | NoSolution) -> Json:
 
 
 def to_line(value: Json) -> str:
-    """One line of strictly valid JSON: what is not a finite number becomes null."""
-    return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False)
+    """One line of strictly valid JSON in ASCII, so that no encoding on its way can spoil it.
+
+    What is not a finite number becomes null.
+    """
+    return json.dumps(_finite(value), allow_nan=False)
 
 
 def _solved(file: str, s: Solution) -> Json:
