@@ -10,6 +10,12 @@ room the refit had (four free numbers, each able to move the stars by ``reach`` 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+MOST_WITNESSES = 200
+LOG10_FACTORIAL = np.array([math.lgamma(k + 1) for k in range(MOST_WITNESSES + 1)]) / math.log(10.0)
 
 
 def log10_tail(m: int, n: int, p: float) -> float:
@@ -40,3 +46,24 @@ def log10_false_alarm(
     room = free * math.log10(max(1.0, reach_px / radius_px))
     tail = log10_tail(matched, detections, p)
     return min(0.0, tail + math.log10(max(1, candidates) * max(1, radii)) + room)
+
+
+def log10_by_distance(
+    squares: Floats, witnesses: int, density: float, tried: tuple[float, float]
+) -> tuple[float, int]:
+    """Bound for the agreement of few witnesses that no fit was made to, and how many it counts.
+
+    ``squares`` (M,) are the squared distances (px^2), ascending, of the witnesses that have a star
+    near, of ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
+    pointings whose proposers agree within r px, as ``a + b r``. That m of n lie within r by chance
+    has at most the probability C(n, m) p^m; the distance of the m-th nearest is taken for r, which
+    is as likely to be small as this says, so that only the choice of m is to be counted.
+    """
+    if len(squares) == 0:
+        return 0.0, 0
+    m = np.arange(1, len(squares) + 1)
+    ways = LOG10_FACTORIAL[witnesses] - LOG10_FACTORIAL[m] - LOG10_FACTORIAL[witnesses - m]
+    share = np.log10(density * math.pi * squares)
+    value = ways + m * share + np.log10(tried[0] + tried[1] * np.sqrt(squares))
+    best = int(value.argmin())
+    return min(0.0, float(value[best]) + math.log10(witnesses)), best + 1

@@ -125,11 +125,11 @@ def _pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrore
     p = xy[detections[:, :2]]
     p[mirrored, :, 0] *= -1.0
     seen = directions(np.broadcast_to(focal[:, None], p.shape[:2]), p)
-    camera, icrs = _triad(seen[:, 0], seen[:, 1]), _triad(sky[:, 0], sky[:, 1])
+    camera, icrs = triad(seen[:, 0], seen[:, 1]), triad(sky[:, 0], sky[:, 1])
     return np.asarray(camera @ icrs.transpose(0, 2, 1))
 
 
-def _triad(a: Floats, b: Floats) -> Floats:
+def triad(a: Floats, b: Floats) -> Floats:
     """Orthonormal axes (H, 3, 3), as columns, from the middle and the difference of two vectors."""
     m, d = a + b, b - a
     n = cross(m, d)

@@ -69,6 +69,11 @@ def _opened(folder: Path) -> Volume:
     return open_volume(folder)
 
 
+def is_shipped(volume: Volume) -> bool:
+    """Whether the rows of ``volume`` are those of the shipped catalogue."""
+    return volume.mark == _mark()
+
+
 @lru_cache(maxsize=1)
 def _mark() -> str:
     """The catalogue the patterns must belong to: its SHA-256 from the manifest."""
