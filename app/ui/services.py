@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Signal
@@ -20,6 +20,7 @@ from app.ui.workspace import Workspace
 
 if TYPE_CHECKING:
     from app.sky import Catalogue
+    from app.ui.mount.desk import Desk
 
 log = logging.getLogger("kochab")
 JOIN_S = 5.0
@@ -54,7 +55,7 @@ class Jobs(QObject):
                 log.warning("%s did not end in time", job.name)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Services:
     """What a view may use of the window.
 
@@ -63,7 +64,7 @@ class Services:
     the signal ``changed``. ``jobs.run(task, name)`` runs a generator in a thread; ``jobs.closing``
     comes before the window ends them. ``say`` puts a sentence in the status bar for a while.
     ``view`` shows the open frame (``clicked``: its pixels), and ``panes`` are all that stand
-    about it, for whoever brings frames of a camera.
+    about it, for whoever brings frames of a camera. ``mount`` is the one owner of the mount's line.
     """
 
     settings: Settings
@@ -75,6 +76,13 @@ class Services:
     view: FrameView
     panes: Workspace
     log: logging.Logger = log
+
+    @cached_property
+    def mount(self) -> "Desk":
+        """The mount of this window, the same for every view; made when the first asks for it."""
+        from app.ui.mount.presence import desk_in
+
+        return desk_in(self)
 
     @staticmethod
     def catalogue() -> "Catalogue":

@@ -18,6 +18,7 @@ VIEWS: dict[str, tuple[str, str, str]] = {
     "polar": ("&Polar alignment", "F4", "app.ui.polar.view:PolarView"),
     "laboratory": ("&Laboratory", "F6", "app.ui.lab.view:LaboratoryView"),
 }
+WITH_MOUNT = ("live", "mount", "polar")  # beside these it is said how the mount is
 SHARE = 0.5  # of the window's width, for the first dock that is opened
 
 
@@ -32,6 +33,8 @@ class ViewDock(QDockWidget):
 
     def showEvent(self, event: QShowEvent) -> None:
         if self.view is None:
+            if self._name in WITH_MOUNT:
+                self._services.mount  # noqa: B018  (it shows itself in the window's corner)
             self.view = make_view(self._name, self._services)
             self.setWidget(scrolled(self.view))  # a small screen must not be outgrown
             self._services.looks.dress_fields(self.view)

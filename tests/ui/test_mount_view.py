@@ -206,7 +206,7 @@ def test_closing_the_window_stops_the_mount(qtbot, opened):
 def test_disconnect_stops_and_gives_the_port_back(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
-        mount.desk.nudge(Direction.NORTH, 18000.0)
+        mount.view.asks.nudge(Direction.NORTH, 18000.0)
         qtbot.waitUntil(lambda: bool(mount.telescope.log), timeout=15_000)
         mount.view.leave.click()
         qtbot.waitUntil(lambda: mount.desk.known.phase == "off", timeout=15_000)
@@ -296,14 +296,14 @@ def test_two_clicks_in_the_frame_bring_a_star(qtbot, opened):
     window, commands = opened
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         before = mount.desk.known.report.icrs_deg
-        star = mount.desk.solution.stars[3]
+        star = mount.desk.lookout.solution.stars[3]
         mount.view.bring.click()
         frame = window.workspace.view
         for _ in range(2):  # on the star, and on it again: to the middle
             frame.clicked.emit(star.x + 1.0, star.y, 14.0)
         qtbot.waitUntil(lambda: any("been brought" in s for s in mount.said), timeout=60_000)
         after = mount.desk.known.report.icrs_deg
-        centre = mount.desk.solution.ra_dec_deg
+        centre = mount.desk.lookout.solution.ra_dec_deg
         assert after[0] - before[0] == pytest.approx(star.ra_deg - centre[0], abs=0.03)
         assert after[1] - before[1] == pytest.approx(star.dec_deg - centre[1], abs=0.03)
         frame.clicked.emit(star.x, star.y, 14.0)

@@ -29,7 +29,7 @@ from app.ui.application import build
 from app.ui.engine import WorkflowEngine
 from app.ui.polar.keep_report import writing
 from app.ui.polar.state import State
-from app.ui.polar.turning import Afresh, Holding, mount_turner
+from app.ui.polar.turning import Afresh, mount_turner
 from app.ui.polar.wish import Hand, Source
 from app.ui.wiring import Wiring
 from tests.ui.polar_cases import adjusting
@@ -440,16 +440,6 @@ def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, pola
     assert not mount.slewing
     # It may track, 15 arcsec a second, and no more.
     assert abs(second[0] - first[0]) < 0.02
-    assert view._holding.guard is None
-
-
-def test_stop_goes_to_the_mount_at_once_from_another_thread(qtbot):
-    holding, guard = Holding(), StubGuard()
-    holding.stop()  # nothing is held: nothing happens
-    holding.guard = guard
-    holding.stop()
-    assert guard.stopped.wait(5.0)
-    qtbot.waitUntil(lambda: not any(t.name == "polar-stop" for t in threading.enumerate()))
 
 
 def test_wishes_are_understood(polar):

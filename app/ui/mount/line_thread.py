@@ -63,6 +63,7 @@ class MountLine:
         self._stops = 0  # an order that was wished for before a Stop is given up
         self._guard: Guard | None = None
         self._looked = self._spoke = 0.0
+        self._stage = ""  # what was told last
 
     # from any thread --------------------------------------------------------------------------
     def order(self, name: str, make: Make) -> None:
@@ -158,9 +159,9 @@ class MountLine:
         return False, None
 
     def _say(self, name: str, progress: Progress) -> None:
-        """The progress of an order, not more often than anybody can read it."""
-        if monotonic() - self._spoke >= REPORT_S:
-            self._spoke = monotonic()
+        """The progress of an order: every new stage, else as often as anybody can read it."""
+        if progress.stage != self._stage or monotonic() - self._spoke >= REPORT_S:
+            self._spoke, self._stage = monotonic(), progress.stage
             self._tell(Under(name, progress))
 
     def _look(self, guard: Guard, now: bool = False) -> None:

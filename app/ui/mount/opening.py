@@ -52,25 +52,25 @@ class PracticeOpening:
 
     def __init__(self, start: StartPractice, tell: Callable[[Word], None]) -> None:
         self._start, self._tell = start, tell
-        self._practice: Practice | None = None
+        self.practice: Practice | None = None
         self.farewell = ""
 
     def __call__(self) -> Guard:
-        self._practice = practice = self._start(fov_deg=PRACTICE_FOV_DEG)
+        self.practice = practice = self._start(fov_deg=PRACTICE_FOV_DEG)
         self._tell(Practising(practice.port, practice.camera))
         wish = MountWish(practice.port, practice.driver)
         return guarded(wish, practice.rig.config.site, self.now)
 
     def now(self) -> datetime:
-        if self._practice is None:
+        if self.practice is None:
             return datetime.now(UTC)
-        now: datetime = self._practice.rig.clock.now_utc()
+        now: datetime = self.practice.rig.clock.now_utc()
         return now
 
     def over(self) -> None:
-        if self._practice is not None:
-            self.farewell = self._practice.score().as_text()
-            self._practice.stop()
+        if self.practice is not None:
+            self.farewell = self.practice.score().as_text()
+            self.practice.stop()
 
 
 def on_port(wish: MountWish, site: Site | None) -> Opening:

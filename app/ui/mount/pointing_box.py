@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWi
 from app.core.hint import Site
 from app.core.mount import MountState
 from app.ui.formats import AngleStyle, dec_text, ra_text
-from app.ui.mount.desk import MountKnown
+from app.ui.mount.known import MountKnown
 from app.ui.mount.offset import Offset, OffsetArrow, size_text
 from app.ui.widgets import label, set_role, value_label
 

@@ -14,7 +14,7 @@ NO_CAMERA = "No camera is chosen: choose one above, for this needs fresh frames.
 NO_SOLUTION = "Open a frame that solves, or take one: the sky has not been asked yet."
 NO_FRAME = "Take a frame and let it solve first: the star is found by its answer."
 NO_SYNC_YET = "There is no sync to take back."
-STILL = "Nothing is under way."
+BUSY = "Wait until this is over, or stop it: {}."
 
 NEEDS: Mapping[str, tuple[Ability, ...]] = {
     "sync": (),  # what cannot be synced is slewed by the offset instead
@@ -45,6 +45,12 @@ class Situation:
     can_undo: bool = False
 
 
+def unable(now: Situation) -> str:
+    """Why nothing can be ordered at all; empty when it can, be it on a line still being opened."""
+    away = {"off": CONNECT, "leaving": LEAVING, "lost": LOST}.get(now.phase, "")
+    return away or (BUSY.format(now.busy) if now.busy else "")
+
+
 def reasons(now: Situation) -> dict[str, str]:
     """Action -> why not; an empty text when it may be done."""
     names = (*NEEDS, "nudge")
@@ -66,7 +72,7 @@ def _reason(name: str, now: Situation) -> str:
     if special:
         return special
     if now.busy:
-        return f"Wait until this is over, or stop it: {now.busy}."
+        return BUSY.format(now.busy)
     return ""
 
 

@@ -2,20 +2,8 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QDoubleSpinBox,
-    QFormLayout,
-    QGridLayout,
-    QHBoxLayout,
-    QLineEdit,
-    QListWidget,
-    QListWidgetItem,
-    QSpinBox,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFormLayout, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
 
 from app.cameras import SOURCES
 from app.core.capture import CameraDevice
@@ -24,7 +12,10 @@ from app.core.hint import Site
 from app.polar.poles import Pole, name_of
 from app.ui.angle_input import parse_positive, parse_site, site_text
 from app.ui.mount.eye import CameraWish
+from app.ui.mount.known import MountKnown
 from app.ui.mount.wishes import MountWish
+from app.ui.polar.fields import choice, seconds, text, whole
+from app.ui.polar.frame_list import FrameList
 from app.ui.polar.wish import AlignWish, Hand, Source
 from app.ui.widgets import button, label
 
@@ -39,7 +30,6 @@ POLES = {
 }
 PLANNED = 0.0
 SECOND = "Frames at another declination, the RA axis turned between them: they show flexure"
-SWEEP = Qt.ItemDataRole.UserRole
 
 
 class SetupPanel(QWidget):
@@ -52,36 +42,26 @@ class SetupPanel(QWidget):
     def __init__(self, can_practise: bool) -> None:
         super().__init__()
         self.setObjectName("page")
-        self.source = _choice("Where the frames come from", [str(s) for s in Source])
-        self.files = QListWidget()
-        self.files.setAccessibleName("Frames to measure")
-        self.files.setFixedHeight(6 * self.files.fontMetrics().height())
+        self.source = choice("Where the frames come from", [str(s) for s in Source])
+        self.files = FrameList()
         self.add = button("&Add frames…", lambda: self.files_wanted.emit(False))
         self.add_check = button("Second s&weep…", lambda: self.files_wanted.emit(True), tip=SECOND)
         self.add_open = button("The &open frame", self.open_frame_wanted.emit)
         self.clear = button("Clea&r", self.files.clear)
-        self.kind = _choice("Kind of camera", [n for n in SOURCES if n != "simulated"])
-        self.device = _choice("Camera")
+        self.kind = choice("Kind of camera", [n for n in SOURCES if n != "simulated"])
+        self.device = choice("Camera")
         self.device.setEditable(True)
         self.search = button("F&ind", self._find, tip="Look for cameras of this kind")
-        self.exposure = QDoubleSpinBox()
-        self.exposure.setRange(0.05, 60.0)
-        self.exposure.setSuffix(" s")
-        self.exposure.setValue(2.0)
-        self.exposure.setAccessibleName("Exposure")
-        self.hand = _choice("Who turns the RA axis", [str(h) for h in Hand])
-        self.site = QLineEdit()
-        self.site.setAccessibleName("Your site")
-        self.site.setPlaceholderText("48.14, 11.58: latitude, longitude; empty: as the frames say")
-        self.pole = _choice("Pole", list(POLES.values()))
+        self.exposure = seconds("Exposure", 0.05, 60.0, 2.0)
+        self.hand = choice("Who turns the RA axis", [str(h) for h in Hand])
+        self.site = text("Your site", "48.14, 11.58: latitude, longitude; empty: as the frames say")
+        self.pole = choice("Pole", list(POLES.values()))
         self.pole_name = label("", "muted", wrap=True)
-        self.goal = _spin("Goal", 10, 600, 30, "″")
-        self.turn = _spin("Turn of the axis", 0, 120, 0, "°")
+        self.goal = whole("Goal", 10, 600, 30, "″")
+        self.turn = whole("Turn of the axis", 0, 120, 0, "°")
         self.turn.setSpecialValueText("planned from the first frame")
         self.turn.setSingleStep(5)
-        self.fov = QLineEdit()
-        self.fov.setAccessibleName("Field width")
-        self.fov.setPlaceholderText("degrees, may stay empty")
+        self.fov = text("Field width", "degrees, may stay empty")
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountWish | None = None
         self._lay_out()
@@ -144,7 +124,7 @@ class SetupPanel(QWidget):
         turn = float(self.turn.value())
         return AlignWish(
             self.chosen_source, self.chosen_pole, parse_site(site) if site else None,
-            self._paths(0), self._paths(1),
+            self.files.paths(0), self.files.paths(1),
             CameraWish(self.kind.currentText(), str(address), self.exposure.value()),
             Hand(self.hand.currentText()), self._known_mount, float(self.goal.value()),
             None if turn == PLANNED else turn,
@@ -153,18 +133,7 @@ class SetupPanel(QWidget):
 
     def add_files(self, paths: list[Path], sweep: int = 0) -> None:
         """More frames, each once; of the first sweep or the second."""
-        there = {self.files.item(i).toolTip() for i in range(self.files.count())}
-        for path in paths:
-            if str(path) not in there:
-                there.add(str(path))
-                item = QListWidgetItem(f"{path.name}, second sweep" if sweep else path.name)
-                item.setToolTip(str(path))
-                item.setData(SWEEP, sweep)
-                self.files.addItem(item)
-
-    def _paths(self, sweep: int) -> tuple[Path, ...]:
-        items = [self.files.item(i) for i in range(self.files.count())]
-        return tuple(Path(i.toolTip()) for i in items if i.data(SWEEP) == sweep)
+        self.files.add(paths, sweep)
 
     def show_devices(self, devices: list[CameraDevice]) -> None:
         """What was found."""
@@ -172,10 +141,10 @@ class SetupPanel(QWidget):
         for found in devices:
             self.device.addItem(found.description, found.address)
 
-    def show_mount(self, wish: MountWish | None) -> None:
-        """The mount that is known from the Mount view."""
-        self._known_mount = wish if wish is not None and wish.port else None
-        self._tell_mount()
+    def show_mount(self, wish: MountWish, known: MountKnown) -> None:
+        """The mount that the Mount view knows, and whether it is connected."""
+        self._known_mount = wish if wish.port else None
+        self.mount.setText(mount_text(self._known_mount, known))
 
     def show_site(self, site: Site | None) -> None:
         """Where the person observes, unless something is typed already."""
@@ -194,18 +163,7 @@ class SetupPanel(QWidget):
         self.form.setRowVisible(self.mount, camera)
         for widget in (self.site, self.fov):
             self.form.setRowVisible(widget, source is not Source.PRACTICE)
-        self._tell_mount()
         self._name_pole()
-
-    def _tell_mount(self) -> None:
-        known = self._known_mount
-        told = "No mount is known yet: connect it once in the Mount view (F3), or turn by hand."
-        if known is not None:
-            told = (
-                f"Known: {known.driver} on {known.port}. Disconnect it in the Mount view before"
-                " you begin: a port serves one at a time."
-            )
-        self.mount.setText(told)
 
     def _name_pole(self, _: object = None) -> None:
         text = self.site.text().strip()
@@ -221,19 +179,11 @@ class SetupPanel(QWidget):
         self.devices_wanted.emit(self.kind.currentText(), self.device.currentText().strip())
 
 
-def _choice(name: str, texts: list[str] | None = None) -> QComboBox:
-    made = QComboBox()
-    made.addItems(texts or [])
-    made.setAccessibleName(name)
-    made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-    made.setMinimumContentsLength(8)
-    return made
-
-
-def _spin(name: str, low: int, high: int, value: int, unit: str) -> QSpinBox:
-    made = QSpinBox()
-    made.setRange(low, high)
-    made.setValue(value)
-    made.setSuffix(unit)
-    made.setAccessibleName(name)
-    return made
+def mount_text(wish: MountWish | None, known: MountKnown) -> str:
+    """Which mount will turn the axis when a person leaves it to one."""
+    if known.phase not in ("off", "leaving"):
+        name = known.connected.name if known.connected is not None else known.port
+        return f"Connected: {name}. Esc stops it from anywhere."
+    if wish is not None:
+        return f"Known: {wish.driver} on {wish.port}. It is connected when you begin."
+    return "No mount is known yet: connect it once in the Mount view (F3), or turn by hand."

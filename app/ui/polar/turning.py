@@ -1,12 +1,10 @@
 """Who turns the RA axis: a hand that is asked in words, or a mount at a rate of its own."""
 
-import threading
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast
 
 from app.core.capture import CameraSource
-from app.core.errors import DeviceError, RefusedError
+from app.core.errors import RefusedError
 from app.core.mount import Ability, Direction, Mount
 from app.core.progress import Progress, Task
 from app.mounts.guard import Guard
@@ -46,25 +44,6 @@ class Afresh(MountTurner):
         yield from super().turn(direction, degrees)
         yield Progress("settle")
         self._camera.next_frame(SLICE_S)
-
-
-class Holding:
-    """The guarded mount of a running alignment, for a Stop from the window's thread."""
-
-    def __init__(self) -> None:
-        self.guard: Guard | None = None
-
-    def stop(self) -> None:
-        """Stop the mount now; returns at once, for the line may take its time."""
-        if self.guard is not None:
-            threading.Thread(
-                target=self._stop, args=(self.guard,), name="polar-stop", daemon=True
-            ).start()
-
-    @staticmethod
-    def _stop(guard: Guard) -> None:
-        with suppress(DeviceError):  # the task that moves it is being given up, and says it
-            guard.stop()
 
 
 def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
