@@ -97,6 +97,8 @@ def _sniff(path: Path) -> str:
     try:
         if path.is_dir():
             raise FrameError(f"{path} is a folder, not a picture.")
+        if path.exists() and not path.is_file():  # a pipe would keep us waiting for ever
+            raise FrameError(f"{path} is a pipe or a device, not a file.")
         with path.open("rb") as file:
             head = file.read(64)
     except FileNotFoundError:

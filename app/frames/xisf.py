@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,9 @@ def read_xisf(path: Path) -> Frame:
         When it is cut short, damaged or too large.
 
     """
-    from xisf import XISF
-
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # it prints what it does not know
-            file = XISF(str(path))
+            file = _opened(path)
         metas = file.get_images_metadata()
         if not metas:
             raise FrameError("holds no image.")
@@ -53,6 +52,34 @@ def read_xisf(path: Path) -> Frame:
         (*notes, *gaps, *doubts),
         values,
     )
+
+
+def _opened(path: Path) -> Any:
+    """The file, its properties left unread: none is used, and they may be anything."""
+    from xisf import XISF
+
+    class File(XISF):  # type: ignore[misc]  # the package has no types
+        def _process_property(self, _: Any) -> bool:
+            return False
+
+        def _read_attached_data_block(self, block: Mapping[str, Any]) -> Any:
+            codec, size, item_size = block.get("compression", ("", 0, None))
+            if not codec.startswith("zlib"):  # the other codecs are told the size themselves
+                return super()._read_attached_data_block(block)
+            packed = {key: value for key, value in block.items() if key != "compression"}
+            data = _unzipped(super()._read_attached_data_block(packed), size)
+            return self._unshuffle(data, item_size) if item_size else data
+
+    return File(str(path))
+
+
+def _unzipped(packed: bytes, size: int) -> bytes:
+    """``size`` bytes and no more, however much is packed."""
+    unpacker = zlib.decompressobj()
+    data = unpacker.decompress(packed, size)
+    if len(data) != size or unpacker.decompress(unpacker.unconsumed_tail, 1):
+        raise FrameError("is a damaged XISF: its sizes do not agree.")
+    return data
 
 
 def _samples(file: Any, meta: Mapping[str, Any]) -> Any:

@@ -1,5 +1,7 @@
 """Which reader a file gets, and the one sentence for what is no picture."""
 
+import os
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -94,6 +96,12 @@ def test_what_is_no_picture_is_said_in_one_sentence(tmp_path, content, said):
 def test_folders_and_absent_files(tmp_path):
     assert "folder" in sentence(tmp_path)
     assert "does not exist" in sentence(tmp_path / "absent.fits")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.fits")
+    assert "pipe" in sentence(tmp_path / "a.fits")
 
 
 def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
