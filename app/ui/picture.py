@@ -55,7 +55,10 @@ def prepare(frame: Frame) -> Task[Picture]:
     mono = yield from _pyramid(base)
     colour: tuple[Array, ...] = ()
     if frame.colour is not None:
-        colour = yield from _pyramid((yield from storable(frame.colour)))
+        whole = yield from storable(frame.colour)
+        if whole.dtype == np.uint8 and base.dtype == np.uint16:
+            whole = whole.astype(np.uint16) << 2  # as R + 2 G + B, the luminance of 8 bits, is
+        colour = yield from _pyramid(whole)
     elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
         colour = yield from _from_mosaic(frame, base)
     auto, low, high = automatic(mono[min(1, len(mono) - 1)] if frame.bayer else base)

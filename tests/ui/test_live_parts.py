@@ -13,7 +13,8 @@ from app.core.frame import Frame
 from app.core.progress import Progress, run
 from app.sky import open_catalogue
 from app.solve.profiles import new_profile
-from app.ui.live.brighten import Brightener, Look, binned, full_scale
+from app.ui.live.binning import binned
+from app.ui.live.brighten import Brightener, Look, full_scale
 from app.ui.live.display import Display
 from app.ui.live.recording import Recording
 from app.ui.live.sky_map import hammer, pieces

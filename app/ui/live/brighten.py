@@ -10,6 +10,9 @@ from PySide6.QtGui import QImage
 
 from app.core.frame import Frame
 from app.core.progress import run
+from app.ui.live.binning import binned
+from app.ui.live.channels import channels, sky_level
+from app.ui.live.tables import BLUE, GREEN, GREY, RED, Tables
 from app.ui.picture import BINS, storable
 from app.ui.ready_picture import ReadyPicture
 from app.ui.stretch import Stretch, automatic
@@ -17,7 +20,6 @@ from app.ui.stretch import Stretch, automatic
 Array = NDArray[Any]
 LOOK_S = 0.5  # between two looks at the statistics
 SAMPLE = 100_000
-SMALLEST_PX = 200
 FULL_16 = 65535.0
 
 
@@ -25,12 +27,14 @@ FULL_16 = 65535.0
 class Look:
     """How frames are to be shown: ``stretch`` is None for the automatic one.
 
-    ``red`` is for red light alone; ``scale`` is in screen px a px of the frame.
+    ``red`` is for red light alone; ``scale`` is in screen px a px of the frame; ``colour`` shows
+    the colours of a camera that has them, by any light but red.
     """
 
     stretch: Stretch | None = None
     red: bool = False
     scale: float = 1.0
+    colour: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,8 +60,8 @@ class Brightener:
         self._range = (0.0, 1.0)
         self._histogram = np.zeros(BINS)
         self._looked_s = float("-inf")
-        self._key: object = None
-        self._table: NDArray[np.uint32] = np.zeros(0, np.uint32)
+        self._shifts = (0.0, 0.0, 0.0)
+        self._tables = Tables()
 
     def picture(self, frame: Frame, look: Look) -> ReadyPicture:
         """The frame as it is to be shown."""
@@ -66,13 +70,42 @@ class Brightener:
         if now - self._looked_s >= LOOK_S:
             self._looked_s = now
             self._look_at(frame, stored, look)
-        shown = binned(stored, look.scale, bool(frame.bayer))
-        pixels = np.take(self._lut(stored.dtype, look), shown, mode="clip")
+        pixels = self._in_colour(frame, stored, look)
+        if pixels is None:
+            shown = binned(stored, look.scale, bool(frame.bayer))
+            light = ((RED if look.red else GREY, 0.0),)
+            pixels = self._lit((shown,), look, light)
         high, wide = pixels.shape
         image = QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGB32)
         return ReadyPicture(
             frame.width, frame.height, image, self._auto, self._histogram, pixels
         )  # fmt: skip
+
+    def _in_colour(self, frame: Frame, stored: Array, look: Look) -> NDArray[np.uint32] | None:
+        """The pixels of a colour frame, None when it is to be shown grey or red."""
+        if look.red or not look.colour:
+            return None
+        found = channels(frame, stored, look.scale)
+        if found is None:
+            return None
+        red, green, blue = self._shifts
+        return self._lit(
+            found.planes, look, ((RED, red), (GREEN, green), (BLUE, blue)), found.gain
+        )  # fmt: skip
+
+    def _lit(
+        self, planes: tuple[Array, ...], look: Look, parts: tuple[tuple[int, float], ...],
+        gain: float = 1.0,
+    ) -> NDArray[np.uint32]:  # fmt: skip
+        """0xffRRGGBB (H, W) of planes (H, W) of stored values."""
+        stretch = look.stretch or self._auto
+        tables = self._tables.get(planes[0].dtype, stretch, self._range, parts, gain)
+        first, *others = (
+            np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True)
+        )
+        for other in others:
+            first |= other
+        return np.asarray(first)
 
     def _look_at(self, frame: Frame, stored: Array, look: Look) -> None:
         """Another automatic stretch and other levels; a range that sliders stand on is held."""
@@ -84,41 +117,19 @@ class Brightener:
             whole = binned(stored, 0.5, True)[::step, ::step] if frame.bayer else sample
             self._auto, low, high = automatic(np.ascontiguousarray(whole))
             self._range = (low, high)
+            self._shifts = self._sky_shifts(frame, stored, sky_level(whole))
         low, high = self._range
         self._histogram = _counts((sample - low) / max(high - low, 1e-9))
         raw = np.asarray(frame.pixels[::step, ::step], dtype=np.float64)
         self.levels = levels_of(raw[np.isfinite(raw)], full_scale(frame))
 
-    def _lut(self, kind: np.dtype[Any], look: Look) -> NDArray[np.uint32]:
-        """Stored value -> the colour of a pixel, 0xffRRGGBB."""
-        stretch = look.stretch or self._auto
-        key = (stretch, self._range, look.red, kind)
-        if key != self._key:
-            size = 256 if kind == np.uint8 else 65536
-            bright = stretch.table(size, *self._range).astype(np.uint32)
-            colour = 0x010000 if look.red else 0x010101
-            table = bright * np.uint32(colour) + np.uint32(0xFF000000)
-            self._table, self._key = table.astype(np.uint32), key
-        return self._table
-
-
-def binned(stored: Array, scale: float, mosaic: bool = False) -> Array:
-    """Means of 2 x 2 px, again and again until a px is about one of the screen.
-
-    A mosaic is binned at least once, which makes it grey.
-    """
-    must = mosaic
-    while (scale <= 0.5 and min(stored.shape) >= 2 * SMALLEST_PX) or (
-        must and min(stored.shape) >= 2
-    ):
-        high, wide = stored.shape[0] // 2 * 2, stored.shape[1] // 2 * 2
-        kind = np.uint16 if stored.dtype == np.uint8 else np.uint32
-        rows = np.add(stored[0:high:2, :wide], stored[1:high:2, :wide], dtype=kind)
-        total = rows[:, 0::2] + rows[:, 1::2]
-        total >>= 2
-        stored = total.astype(stored.dtype)
-        scale, must = scale * 2.0, False
-    return stored
+    def _sky_shifts(self, frame: Frame, stored: Array, sky: float) -> tuple[float, float, float]:
+        """What the skies of red, green and blue stand above the mean one, to be shown grey."""
+        few = None if self._auto.mid >= 0.5 else channels(frame, stored, 1.0)
+        if few is None:
+            return 0.0, 0.0, 0.0
+        red, green, blue = few.skies()
+        return red - sky, green - sky, blue - sky
 
 
 def full_scale(frame: Frame) -> float:

@@ -87,7 +87,11 @@ class Stage(QObject):
         strip, view = self._services.panes.strip, self._services.view
         stretch = None if strip.auto.isChecked() else strip.stretch
         scale = view.viewport.scale * view.devicePixelRatioF()
-        self.display.look = Look(stretch, self._services.looks.is_night, scale)
+        self.display.look = Look(stretch, self._services.looks.is_night, scale, self._in_colour)
+
+    @property
+    def _in_colour(self) -> bool:
+        return self._services.settings.flag("colour", True)
 
     def _soon(self) -> None:
         left = self._drawn_s + SHORTEST_S - monotonic()
@@ -102,6 +106,8 @@ class Stage(QObject):
         ready = self.display.take()
         if ready is None:
             return
+        if self.display.look.colour != self._in_colour:
+            self._look()
         self._drawn_s = monotonic()
         first = self.shown is None or _size(self.shown.frame) != _size(ready.frame)
         self.shown = ready
