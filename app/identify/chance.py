@@ -10,13 +10,6 @@ room the refit had (four free numbers, each able to move the stars by ``reach`` 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-
-MOST_WITNESSES = 200
-LOG10_FACTORIAL = np.array([math.lgamma(k + 1) for k in range(MOST_WITNESSES + 1)]) / math.log(10.0)
-
 
 def log10_tail(m: int, n: int, p: float) -> float:
     """log10 of P(at least ``m`` of ``n`` successes of probability ``p``)."""
@@ -49,21 +42,21 @@ def log10_false_alarm(
 
 
 def log10_by_distance(
-    squares: Floats, witnesses: int, density: float, tried: tuple[float, float]
+    squares: list[float], witnesses: int, density: float, tried: tuple[float, float]
 ) -> tuple[float, int]:
     """Bound for the agreement of few witnesses that no fit was made to, and how many it counts.
 
-    ``squares`` (M,) are the squared distances (px^2), ascending, of the witnesses that have a star
-    near, of ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
+    ``squares`` are the squared distances (px^2), ascending, of the witnesses that have a star near,
+    of ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
     pointings whose proposers agree within r px, as ``a + b r``. That m of n lie within r by chance
     has at most the probability C(n, m) p^m; the distance of the m-th nearest is taken for r, which
     is as likely to be small as this says, so that only the choice of m is to be counted.
     """
-    if len(squares) == 0:
-        return 0.0, 0
-    m = np.arange(1, len(squares) + 1)
-    ways = LOG10_FACTORIAL[witnesses] - LOG10_FACTORIAL[m] - LOG10_FACTORIAL[witnesses - m]
-    share = np.log10(density * math.pi * squares)
-    value = ways + m * share + np.log10(tried[0] + tried[1] * np.sqrt(squares))
-    best = int(value.argmin())
-    return min(0.0, float(value[best]) + math.log10(witnesses)), best + 1
+    best, agree, ways = 0.0, 0, 1.0
+    for m, square in enumerate(squares, 1):
+        ways *= (witnesses - m + 1) / m
+        value = math.log10(witnesses * ways * (tried[0] + tried[1] * math.sqrt(square)))
+        value += m * math.log10(density * math.pi * square)
+        if value < best:
+            best, agree = value, m
+    return best, agree

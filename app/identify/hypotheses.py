@@ -114,22 +114,22 @@ def propose(volume: Volume, view: View, ask: Question) -> Hypotheses:
     ratio = volume.fields_deg[level] / frame_field
     good = (focal >= low[query]) & (focal <= high[query])
     good &= (ratio > ask.per_field[0]) & (ratio < ask.per_field[1])
-    matrix = _pointings(view.xy, detections[good], sky[good], focal[good], mirrored[good])
+    matrix = pointings(view.xy, detections[good], sky[good], focal[good], mirrored[good])
     return Hypotheses(
         matrix, focal[good], mirrored[good], level[good], detections[good], stars[good]
     )
 
 
-def _pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored: Bools) -> Floats:
+def pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored: Bools) -> Floats:
     """Attitudes (H, 3, 3) that put the two base stars of each quad where they are seen."""
     p = xy[detections[:, :2]]
     p[mirrored, :, 0] *= -1.0
     seen = directions(np.broadcast_to(focal[:, None], p.shape[:2]), p)
-    camera, icrs = triad(seen[:, 0], seen[:, 1]), triad(sky[:, 0], sky[:, 1])
+    camera, icrs = _triad(seen[:, 0], seen[:, 1]), _triad(sky[:, 0], sky[:, 1])
     return np.asarray(camera @ icrs.transpose(0, 2, 1))
 
 
-def triad(a: Floats, b: Floats) -> Floats:
+def _triad(a: Floats, b: Floats) -> Floats:
     """Orthonormal axes (H, 3, 3), as columns, from the middle and the difference of two vectors."""
     m, d = a + b, b - a
     n = cross(m, d)

@@ -5,61 +5,39 @@ detection bears witness. So few are needed that three can be enough, when their 
 false-alarm bound counts every pair of catalogue stars that any two proposers could have been.
 """
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.identify.chance import log10_by_distance
-from app.identify.hypotheses import Hypotheses, directions, triad
+from app.identify.hypotheses import Hypotheses, pointings
+from app.identify.known_pointing import two_stars
 from app.identify.known_table import PairTable
-from app.identify.known_triangles import Guesses, Sight, guess, triangles, turned
+from app.identify.known_triangles import Corners, Sight, guess, triangles, turned
 from app.identify.support import support
-from app.identify.verify import Pointing, Verdict, pair, refit
+from app.identify.verify import Pointing, Verdict, refit
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-BRIGHTEST = 8
-"""Detections whose triangles are asked about."""
-WITNESSES = 40
+ACCEPT_LOG10 = -5.0
+POOR = 8
+"""Of so many detections all triangles are asked about, and with larger errors too."""
+BRIGHTEST = 6
+"""Detections whose triangles are asked about where there are more."""
+WITNESSES = 20
 FIRST, LOOSE = 1.2e-3, 6e-3
 """Errors of a side that are allowed, over the frame's larger side: at first, and if need be."""
 SMALLEST = 0.02
-"""Triangles with a smaller side, and witnesses as near to another, over the frame's larger side."""
-CLOSER = 8
-"""So many guesses get the closer look."""
-ACCEPT_LOG10 = -5.0
+"""Triangles with a smaller side are not asked about; witnesses as near to another do not count."""
 LEAST = 1e-5
 """Agreement closer than this, over the larger side, is worth no more."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Trials:
-    """Which sides proposed, and how many pointings that made: ``per`` (2, n, n), see `add`."""
-
-    per: Floats
-    asked: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, sight: Sight, stars: int) -> "Trials":
-        """For N ``stars`` about evenly spread: N^2 / 2 pairs, two ways round, two parities."""
-        pairs = 2.0 * stars * stars * np.sin(sight.angle)
-        return cls(
-            np.stack([pairs * np.abs(sight.growth), pairs / sight.focal]),
-            np.zeros(sight.angle.shape, dtype=bool),
-        )
-
-    def add(self, corners: Ints) -> None:
-        """Count the longest sides of triangles (T, 3), the last two corners."""
-        self.asked[corners[:, 1], corners[:, 2]] = True
-        self.asked[corners[:, 2], corners[:, 1]] = True
-
-    def count(self) -> tuple[float, float]:
-        """How many pointings there were whose proposers agree within r px, as ``a + b r``."""
-        a, b = self.per[:, self.asked].sum(axis=1).tolist()
-        return 0.5 * a, 0.5 * b
+FLAT = 3.0
+"""A triangle no higher than so many errors tells nothing of the parity."""
+CLOSER = 8
+"""So many guesses of a triangle get the closer look."""
 
 
 class KnownSearch:
@@ -72,126 +50,180 @@ class KnownSearch:
     def __init__(
         self, table: PairTable, xy: Floats, half: Floats, scale: tuple[float, float]
     ) -> None:
-        self.table, self.half = table, half
-        self.xy = xy[:WITNESSES]
+        self.table, self.xy = table, xy[:WITNESSES]
+        self.complete = len(xy) <= POOR
+        self.asked = xy[: POOR if self.complete else BRIGHTEST]
+        self.places: list[list[float]] = self.asked.tolist()
         self.side = 2.0 * float(half.max())
-        self.single = self._single()
-        self.alone = np.flatnonzero(self.single)
-        self.sight = Sight.of(self.xy[self.alone[:BRIGHTEST]], scale)
-        self.trials = Trials.of(self.sight, len(table.rows))
-        self.density = self._density()
+        self.corner = math.hypot(*half.tolist())
+        self.sight = Sight.of(self.asked, scale)
+        self.density = len(table.rows) / (4.0 * math.pi) / self.sight.focal**2
+        self.proposed: set[tuple[int, int]] = set()
+        self.trials = (0.0, 0.0)
         self.least = 0.0
-
-    @property
-    def complete(self) -> bool:
-        """Whether all detections form triangles, so that no other way would find more."""
-        return len(self.alone) <= BRIGHTEST
 
     @property
     def tried(self) -> int:
         """Pointings until now."""
-        a, b = self.trials.count()
-        return int(a + b * FIRST * self.side)
+        return int(self.trials[0] + self.trials[1] * FIRST * self.side)
 
     def verdicts(self) -> Iterator[Verdict]:
         """Every answer that chance cannot explain, in the order found."""
         corners = self._corners()
-        for error_px in self._errors():
-            for batch in corners:
-                if len(batch) == 0:
-                    continue
-                self.trials.add(batch)
-                found = guess(self.table, self.sight, batch, error_px / self.sight.focal)
-                if len(found):
-                    yield from self._checked(found, error_px)
+        for error_px in self._errors(corners):
+            for triangle in corners:
+                self._count(triangle)
+                stars = guess(self.table, self.sight, triangle, error_px / self.sight.focal)
+                if len(stars):
+                    yield from self._checked(triangle, stars, error_px)
 
-    def _single(self) -> NDArray[np.bool_]:
-        """Detections (N,) that have no brighter one close by: the others would say it again."""
-        x, y = self.xy.T
-        dx, dy = x[:, None] - x, y[:, None] - y
-        close = dx * dx + dy * dy < (SMALLEST * self.side) ** 2
-        return np.asarray(np.tril(close, -1).sum(axis=1) == 0)
+    def _corners(self) -> list[Corners]:
+        """The triangles to ask about, those of the brightest first."""
+        angle = self.sight.angle
+        smallest, reach = SMALLEST * self.side / self.sight.focal, self.table.reach_rad
+        every = [turned(t, angle) for t in triangles(len(angle))]
+        return [t for t in every if angle[t[0]][t[1]] > smallest and angle[t[0]][t[2]] < reach]
 
-    def _density(self) -> float:
-        """The table's stars a square px."""
-        per_sr = len(self.table.rows) / (4.0 * np.pi)
-        return float(per_sr / self.sight.focal**2)
-
-    def _corners(self) -> list[Ints]:
-        """The triangles to ask about, those of the four brightest first, then with one more."""
-        corners = triangles(len(self.sight.xy))
-        corners = turned(corners, self.sight.angle)
-        side = self.sight.angle[corners[:, [0, 0, 1]], corners[:, [1, 2, 2]]]
-        smallest = SMALLEST * self.side / self.sight.focal
-        good = (side[:, 0] > smallest) & (side[:, 1] < self.table.reach_rad)
-        last = np.array([4, 10, 20, 35, 56])
-        return [c[g] for c, g in zip(np.split(corners, last), np.split(good, last), strict=True)]
-
-    def _errors(self) -> list[float]:
+    def _errors(self, corners: list[Corners]) -> Iterator[float]:
         """Errors of a side, px, to allow in turn: none at which nobody would be believed."""
-        most = self._believable_px()
+        most = self._believable_px(corners)
         first, loose = min(FIRST * self.side, most), min(LOOSE * self.side, most)
-        return [first] if loose < 1.5 * first or not self.complete else [first, loose]
+        if first > 0.0:
+            yield first
+        if loose > 1.5 * first and self.complete:
+            yield loose
 
-    def _believable_px(self) -> float:
+    def _believable_px(self, corners: list[Corners]) -> float:
         """The largest error at which the agreement of all would still be an answer."""
-        n = len(self.alone)
-        radii = np.geomspace(1e-5, LOOSE, 12) * self.side
-        others = self.trials.per[:, *np.triu_indices(len(self.sight.xy), 1)].sum(axis=1)
-        chance = np.minimum(self.density * np.pi * radii**2, 1.0)
-        value = (n - 2) * np.log10(chance) + np.log10((n - 2) * (others[0] + others[1] * radii))
-        fine = radii[value < ACCEPT_LOG10]
-        return 2.0 * float(fine[-1]) if len(fine) else 0.0
+        others = len(self.xy) - 2
+        if others > POOR - 2:
+            return math.inf
+        per = [self._pointings(b, c) for b, c in {tuple(sorted(t[1:])) for t in corners}]
+        a, b = (sum(column) for column in zip(*per, strict=True)) if per else (0.0, 0.0)
+        radius = LOOSE * self.side
+        while radius > LEAST * self.side:
+            chance = min(self.density * math.pi * radius * radius, 1.0)
+            if others * math.log10(chance) + math.log10(others * (a + b * radius)) < ACCEPT_LOG10:
+                return 2.0 * radius
+            radius /= 1.5
+        return 0.0
 
-    def _checked(self, found: Guesses, error_px: float) -> Iterator[Verdict]:
-        hypotheses = self._pointings(found)
-        order = range(len(found))
-        reach = 2.5 * error_px
-        if len(found) > 2:
-            votes = support(self.table.volume, self.xy, hypotheses, reach)
-            order = np.argsort(-votes, kind="stable")[:CLOSER].tolist()
-        for h in order:
-            verdict = self._check(hypotheses, h, reach)
+    def _pointings(self, b: int, c: int) -> tuple[float, float]:
+        """How many pointings two proposers make that agree within r px, as ``a + b r``.
+
+        N stars spread about evenly make N^2 / 2 pairs, which count two ways round and as two
+        parities.
+        """
+        pairs = 2.0 * len(self.table.rows) ** 2 * math.sin(self.sight.angle[b][c])
+        return pairs * self.sight.growth[b][c], pairs / self.sight.focal
+
+    def _count(self, triangle: Corners) -> None:
+        """Count the pointings that the longest side proposes, once."""
+        b, c = sorted(triangle[1:])
+        if (b, c) not in self.proposed:
+            self.proposed.add((b, c))
+            more = self._pointings(b, c)
+            self.trials = (self.trials[0] + more[0], self.trials[1] + more[1])
+
+    def _checked(self, triangle: Corners, stars: Ints, error_px: float) -> Iterator[Verdict]:
+        guesses = self._with_parity(triangle, stars, error_px)
+        if len(guesses) > 3:
+            guesses = self._likeliest(triangle, guesses, error_px)
+        for numbers, mirrored in guesses:
+            verdict = self._check(triangle, numbers, mirrored, 2.5 * error_px)
             if verdict is not None:
                 yield verdict
 
-    def _pointings(self, found: Guesses) -> Hypotheses:
-        """The pointings at which the longest sides, to the last two corners, lie where seen."""
-        b, c = found.detections[:, 1], found.detections[:, 2]
-        sky = self.table.vectors[found.stars[:, 1:]]
+    def _with_parity(
+        self, triangle: Corners, stars: Ints, error_px: float
+    ) -> list[tuple[Ints, bool]]:
+        """The stars with the parity that the triangle's sense means; both where it is flat."""
+        (ax, ay), (bx, by), (cx, cy) = (self.places[k] for k in triangle)
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        flat = abs(area) < FLAT * error_px * math.hypot(cx - bx, cy - by)
+        out = []
+        for numbers, v in zip(stars, self.table.vectors[stars].tolist(), strict=True):
+            mirrored = (area > 0.0) != (_volume(*v) > 0.0)
+            out.append((numbers, mirrored))
+            if flat:
+                out.append((numbers, not mirrored))
+        return out
+
+    def _focal(self, b: int, c: int, angle: float) -> float:
+        """The focal length at which detections b and c are ``angle`` apart, within the range."""
+        off = (self.sight.angle[b][c] - angle) / max(self.sight.growth[b][c], 1e-12)
+        return self.sight.focal * (1.0 + self.sight.room * min(max(off, -1.0), 1.0))
+
+    def _likeliest(
+        self, triangle: Corners, guesses: list[tuple[Ints, bool]], error_px: float
+    ) -> list[tuple[Ints, bool]]:
+        """Those of many guesses for which most of the other detections have a star nearby."""
+        stars = np.array([g[0] for g in guesses])
+        mirrored = np.array([g[1] for g in guesses])
+        count, (_, b, c) = len(guesses), triangle
+        sky = self.table.vectors[stars[:, 1:]]
         gap = sky[:, 0] - sky[:, 1]
         angle = 2.0 * np.arcsin(np.sqrt((gap * gap).sum(axis=1)) / 2.0)
-        growth = np.minimum(self.sight.growth[b, c], -1e-12)
-        share = np.clip((angle - self.sight.angle[b, c]) / growth, -1.0, 1.0)
-        focal = self.sight.focal * (1.0 + self.sight.room * share)
-        p = self.sight.xy[found.detections[:, 1:]]
-        p[found.mirrored, :, 0] *= -1.0
-        seen = directions(np.broadcast_to(focal[:, None], p.shape[:2]), p)
-        matrix = triad(seen[:, 0], seen[:, 1]) @ triad(sky[:, 0], sky[:, 1]).transpose(0, 2, 1)
-        level = np.full(len(found), self.table.level)
-        detections = self.alone[found.detections]
-        return Hypotheses(matrix, focal, found.mirrored, level, detections, found.stars)
+        off = (self.sight.angle[b][c] - angle) / max(self.sight.growth[b][c], 1e-12)
+        focal = self.sight.focal * (1.0 + self.sight.room * np.clip(off, -1.0, 1.0))
+        detections = np.tile(np.array([b, c, triangle[0]]), (count, 1))
+        matrix = pointings(self.xy, detections, sky, focal, mirrored)
+        level = np.full(count, self.table.level)
+        found = Hypotheses(matrix, focal, mirrored, level, detections, stars)
+        votes = support(self.table.volume, self.xy, found, 2.5 * error_px)
+        return [guesses[k] for k in np.argsort(-votes, kind="stable")[:CLOSER]]
 
-    def _check(self, found: Hypotheses, h: int, reach: float) -> Verdict | None:
-        start = Pointing(found.matrix[h], float(found.focal[h]), bool(found.mirrored[h]))
-        corner = float(np.hypot(*self.half)) + reach
-        number = self.table.near(start.matrix[2], float(np.cos(np.arctan(corner / start.focal))))
-        sky = self.table.vectors[number]
-        xy, uv = start.project(sky)
-        i, j, d2 = pair(self.xy, xy, reach)
-        proposer = (i == found.detections[h, 1]) | (i == found.detections[h, 2])
-        off = d2[proposer]
-        if len(off) < 2:
-            return None
-        floor = max(float(off.max()), (LEAST * self.side) ** 2)
-        squares = np.maximum(np.sort(d2[self.single[i] & ~proposer]), floor)
-        alarm, agree = log10_by_distance(
-            squares, len(self.alone) - 2, self.density, self.trials.count()
+    def _check(
+        self, triangle: Corners, stars: Ints, mirrored: bool, reach: float
+    ) -> Verdict | None:
+        """What the other detections say of the pointing that the longest side proposes."""
+        _, b, c = triangle
+        p, q = self.table.vectors[stars[1:]].tolist()
+        angle = 2.0 * math.asin(math.dist(p, q) / 2.0)
+        focal = self._focal(b, c, angle)
+        start = Pointing(
+            two_stars(self.places[b], self.places[c], focal, mirrored, p, q), focal, mirrored
         )
+        wide = (self.corner + reach) / focal
+        number = self.table.near(start.matrix[2], 1.0 / math.sqrt(1.0 + wide * wide))
+        xy, uv = start.project(self.table.vectors.take(number, axis=0))
+        dx, dy = self.xy[:, :1] - xy[:, 0], self.xy[:, 1:] - xy[:, 1]
+        d2 = dx * dx + dy * dy
+        nearest = d2.argmin(axis=1)
+        gap = d2[STEPS[: len(d2)], nearest]
+        alarm, radius2 = self._alarm(gap.tolist(), b, c, reach)
         self.least = min(self.least, alarm)
         if alarm > ACCEPT_LOG10:
             return None
-        kept = d2 <= squares[agree - 1]
-        i, j = i[kept], j[kept]
+        i = (gap <= radius2).nonzero()[0]
+        j = nearest[i]
         better = refit(start, self.xy[i], xy[j], uv[j], bend=len(i) >= 10)
-        return Verdict(better, i, number[j], alarm, float(np.sqrt(d2[kept].mean())), self.table.level)
+        rms = math.sqrt(float(gap[i].mean()))
+        return Verdict(better, i, number[j], alarm, rms, self.table.level)
+
+    def _alarm(self, gap: list[float], b: int, c: int, reach: float) -> tuple[float, float]:
+        """The bound, log10, and the squared radius that it counts; ``gap`` in px^2."""
+        floor = max(gap[b], gap[c], (LEAST * self.side) ** 2)
+        near = sorted((d, k) for k, d in enumerate(gap) if d < reach * reach and k not in (b, c))
+        taken, squares = [b, c], []
+        smallest = (SMALLEST * self.side) ** 2
+        places = self.xy.tolist()
+        for d, k in near:
+            x, y = places[k]
+            if all((x - places[t][0]) ** 2 + (y - places[t][1]) ** 2 > smallest for t in taken):
+                taken.append(k)
+                squares.append(max(d, floor))
+        alarm, agree = log10_by_distance(squares, len(gap) - 2, self.density, self.trials)
+        return alarm, squares[agree - 1] if agree else 0.0
+
+
+STEPS = np.arange(WITNESSES)
+
+
+def _volume(p: list[float], q: list[float], r: list[float]) -> float:
+    """The triple product of three vectors: its sign tells their sense, seen from within."""
+    return (
+        p[0] * (q[1] * r[2] - q[2] * r[1])
+        + p[1] * (q[2] * r[0] - q[0] * r[2])
+        + p[2] * (q[0] * r[1] - q[1] * r[0])
+    )

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from app.identify.index import Volume
 from app.identify.table_cache import Arrays, kept
 from app.identify.volumes import is_shipped
-from app.identify.zones import ranges
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,13 +33,12 @@ NARROWEST_DEG = 5.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairTable:
-    """The pairs of N stars up to ``reach_rad``, P of them.
+    """The pairs of N stars up to ``reach_rad``, each both ways round: P of them.
 
     The stars are those of ``volume``'s ``level``. ``rows`` (N,) are catalogue rows, ``vectors``
     (N, 3) ICRS unit vectors at the table's year, ``rough`` (3, N) the same in single precision.
-    ``first``, ``second`` (P,) number stars, ``angle`` (P,) is ascending, rad. The neighbours of
-    star s in ring r are ``neighbour[begin[s * RINGS + r] : begin[s * RINGS + r + 1]]``, as far from
-    it as ``apart`` says.
+    ``one`` and ``other`` (P,) number stars and ``angle`` (P,) rad is ascending. The neighbours of
+    star s in ring r are ``neighbour[begin[r, s] : begin[r + 1, s]]``, as far from it as ``apart``.
     """
 
     volume: Volume
@@ -48,32 +46,27 @@ class PairTable:
     rows: Ints
     vectors: Floats
     rough: NDArray[np.float32]
-    first: Index
-    second: Index
+    one: Index
+    other: Index
     angle: Floats
     begin: Index
     neighbour: Index
     apart: NDArray[np.float32]
     reach_rad: float
 
-    def ring(self, angle: Floats) -> Ints:
-        """The ring (K,) in which angles (K,) lie; the last one for all that are wider."""
-        share = angle / self.reach_rad
-        return np.minimum(share * np.abs(share) * RINGS, RINGS - 1.0).astype(np.int64)
-
     def near(self, centre: Floats, cosine: float) -> Ints:
         """Stars within the angle of ``cosine`` of a unit vector (3,): all are looked at."""
-        return np.flatnonzero(centre.astype(np.float32) @ self.rough > cosine)
+        inside: Ints = (centre.astype(np.float32) @ self.rough > cosine).nonzero()[0]
+        return inside
 
-    def about(self, star: Ints, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-        """Neighbours of stars (K,) in all the rings that reach from ``low`` to ``high`` (K,), rad.
+    def rings(self, low_rad: float, high_rad: float) -> tuple[Index, Index]:
+        """First and last entry (N,) of each star's neighbours from ``low_rad`` to ``high_rad``.
 
-        Returns the row of the question and the entry of ``neighbour`` of each.
+        Whole rings: some neighbours are nearer or farther than asked for.
         """
-        at = star * RINGS
-        start = self.begin[at + self.ring(np.maximum(low, 0.0))]
-        count = self.begin[at + self.ring(high) + 1] - start
-        return np.arange(len(star)).repeat(count), ranges(start, count)
+        first = int(max(low_rad / self.reach_rad, 0.0) ** 2 * RINGS)
+        last = int((high_rad / self.reach_rad) ** 2 * RINGS)
+        return self.begin[min(first, RINGS)], self.begin[min(last + 1, RINGS)]
 
 
 def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float) -> PairTable | None:
@@ -98,22 +91,25 @@ def _dated(volume: Volume, level: int, year: int) -> PairTable:
         "stars": sha256(np.ascontiguousarray(stars).tobytes()).hexdigest(),
         "reach": reach, "rings": RINGS,
     }  # fmt: skip
-    found = _opened(told, stars, reach)
+    found = kept("known", told, lambda: make_pairs(stars.astype(np.float64), reach))
     vectors = stars.astype(np.float64)
     if is_shipped(volume):
         from app.sky import open_catalogue
 
         vectors = open_catalogue().vectors(rows, float(year))
     rough = np.ascontiguousarray(vectors.T.astype(np.float32))
-    return PairTable(volume, level, rows, vectors, rough, **found, reach_rad=reach)
-
-
-def _opened(told: dict[str, object], stars: NDArray[np.float32], reach: float) -> Arrays:
-    return kept("known", told, lambda: make_pairs(stars.astype(np.float64), reach))
+    return PairTable(
+        volume, level, rows, vectors, rough, found["pairs"].ravel(),
+        np.ascontiguousarray(found["pairs"][:, ::-1]).ravel(), found["angle"].repeat(2),
+        _turned(found["begin"], len(rows)), found["neighbour"], found["apart"], reach,
+    )  # fmt: skip
 
 
 def make_pairs(vectors: Floats, reach_rad: float) -> Arrays:
-    """All arrays of a :class:`PairTable` but its stars' places, for unit vectors (N, 3)."""
+    """What a :class:`PairTable` is made of, but for its stars' places; of unit vectors (N, 3).
+
+    ``pairs`` (P / 2, 2) and their ``angle``, ascending; ``begin`` (N * RINGS + 1,), star by star.
+    """
     from scipy.spatial import cKDTree
 
     chord = 2.0 * np.sin(reach_rad / 2.0)
@@ -121,15 +117,23 @@ def make_pairs(vectors: Floats, reach_rad: float) -> Arrays:
     gap = vectors[pairs[:, 0]] - vectors[pairs[:, 1]]
     angle = 2.0 * np.arcsin(np.minimum(np.sqrt((gap * gap).sum(axis=1)) / 2.0, 1.0))
     order = np.argsort(angle, kind="stable")
-    first, second, angle = pairs[order, 0], pairs[order, 1], angle[order]
-    one, other = np.concatenate([first, second]), np.concatenate([second, first])
-    apart = np.concatenate([angle, angle])
-    ring = np.minimum((apart / reach_rad) ** 2 * RINGS, RINGS - 1).astype(np.int64)
-    cell = one * np.int64(RINGS) + ring
-    place = np.argsort(cell, kind="stable")
+    pairs, angle = pairs[order], angle[order]
+    cell = pairs * np.int64(RINGS) + _ring(angle, reach_rad)[:, None]
+    place = np.argsort(cell.ravel(), kind="stable")
     begin = np.zeros(len(vectors) * RINGS + 1, dtype=np.int32)
-    np.cumsum(np.bincount(cell, minlength=len(vectors) * RINGS), out=begin[1:])
+    np.cumsum(np.bincount(cell.ravel(), minlength=len(vectors) * RINGS), out=begin[1:])
     return {
-        "first": first, "second": second, "angle": angle, "begin": begin,
-        "neighbour": other[place], "apart": apart[place].astype(np.float32),
+        "pairs": pairs, "angle": angle, "begin": begin,
+        "neighbour": pairs[:, ::-1].ravel()[place],
+        "apart": angle.repeat(2)[place].astype(np.float32),
     }  # fmt: skip
+
+
+def _ring(angle: Floats, reach_rad: float) -> Ints:
+    return np.minimum((angle / reach_rad) ** 2 * RINGS, RINGS - 1).astype(np.int64)
+
+
+def _turned(begin: Index, stars: int) -> Index:
+    """Where each ring of each star begins, (RINGS + 1, N): a ring's row lies together."""
+    inner = begin[:-1].reshape(stars, RINGS)
+    return np.ascontiguousarray(np.column_stack([inner, begin[RINGS::RINGS]]).T)
