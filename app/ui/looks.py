@@ -60,8 +60,7 @@ class Looks(QObject):
             self._settings.keep("day_theme", name)
         dress(self._actions, colours)
         self._overlay.colours, self._overlay.font = colours, app.font()
-        self._panes.strip.histogram.colours = colours
-        self._panes.strip.histogram.update()
+        self._panes.strip.histogram.wear(colours)
         self._panes.view.background = QColor(colours.sky)
         _check(self._window.menus.themes, name)
         _check(self._window.menus.text_sizes, size)

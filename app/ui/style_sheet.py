@@ -127,6 +127,9 @@ QTableView:focus, QListView:focus, QTreeView:focus { border-color: $accent; }
 QTableView::item { padding: 1px 4px; }
 QTableView::item:selected, QListView::item:selected, QTreeView::item:selected
     { background: $accent; color: $on_accent; }
+QGraphicsView { border: 1px solid transparent; }
+QGraphicsView:focus { border-color: $accent; }
+QGraphicsView#histogram { border: 1px solid $line; border-radius: 4px; }
 QHeaderView { background: $raised; border: 0; }
 QHeaderView::section { background: $raised; border: 0; border-right: 1px solid $line;
     border-bottom: 1px solid $line; padding: 4px 6px; }

@@ -6,6 +6,7 @@ import threading
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
+import pyqtgraph  # noqa: F401  (else the first plot of a run would load it in a thread)
 import pytest
 from PySide6.QtCore import QSettings
 

@@ -73,6 +73,8 @@ def test_full_pixels_are_seen_in_the_histogram(qtbot):
     view = LevelView()
     qtbot.addWidget(view)
     view.resize(200, 56)
+    view.show()
+    qtbot.waitUntil(lambda: view.plot is not None)
     values = np.linspace(0, 4000, 5000)
     view.show_levels(levels_of(values, 65535.0))
     fine = _pixels(view)

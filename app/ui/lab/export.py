@@ -1,24 +1,18 @@
 """The Laboratory's results as files: numbers as CSV, what is seen as PNG."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QByteArray, QObject, QPoint
-from PySide6.QtGui import QImage, QImageWriter
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QObject
 
-from app.core.errors import KochabError
-from app.core.progress import Progress, Task
 from app.ui.dialogs import ask_save, tell
+from app.ui.kept_files import picture_of, writing_picture, writing_text
 from app.ui.services import Services
 from app.ui.widgets import button
 from app.workflows.laboratory_tables import points_csv, trials_csv
 
 if TYPE_CHECKING:
     from app.ui.lab.view import LaboratoryView
-
-RATIO = 2.0  # pixels of the picture for one of the screen
 
 
 class Exporter(QObject):
@@ -57,43 +51,11 @@ class Exporter(QObject):
         """Write the tab in front to ``path``, in a thread."""
         view = self._view
         if ending == "png":
-            picture = picture_of(view.tabs.currentWidget())
-            job = self._services.jobs.run(_written(path, lambda: _save(picture, path)), "export")
+            task = writing_picture(picture_of(view.tabs.currentWidget()), path)
         else:
             points = list(view.plots.points.values())
             text = points_csv(points) if self.curves else trials_csv(view.table.trials)
-            job = self._services.jobs.run(
-                _written(path, lambda: _write(text, path)), "export"
-            )  # fmt: skip
+            task = writing_text(text, path)
+        job = self._services.jobs.run(task, "export")
         job.succeeded.connect(lambda p: self._services.say(f"Wrote {p.name}"))
         job.failed.connect(lambda sentence: tell(view.window(), "Export", sentence))
-
-
-def picture_of(widget: QWidget) -> QImage:
-    """What a widget shows, at twice the size."""
-    size = widget.size() * RATIO
-    image = QImage(size, QImage.Format.Format_RGB32)
-    image.setDevicePixelRatio(RATIO)
-    image.fill(widget.palette().window().color())
-    widget.render(image, QPoint())
-    return image
-
-
-def _save(picture: QImage, path: Path) -> None:
-    writer = QImageWriter(str(path), QByteArray(b"PNG"))
-    if not writer.write(picture):
-        raise OSError(writer.errorString())
-
-
-def _write(text: str, path: Path) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _written(path: Path, write: Callable[[], None]) -> Task[Path]:
-    yield Progress("export", None, path.name)
-    try:
-        write()
-    except OSError as error:
-        why = error.strerror or error
-        raise KochabError(f"{path.name} could not be written: {why}.") from error
-    return path

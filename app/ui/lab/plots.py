@@ -1,20 +1,19 @@
 """The Laboratory's curves: success against what is wrong with a field, time against its stars."""
 
-import math
 from collections.abc import Callable
 
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QVBoxLayout, QWidget
 
 from app.identify import IDENTIFIERS
-from app.ui.axis import Axis
-from app.ui.chart import Chart, Series
+from app.ui.chart import Axis, Chart, Series
+from app.ui.legend import Legend
 from app.ui.palette import Colours
-from app.ui.series import Legend
 from app.workflows.laboratory_curves import SWEEPS, Point
 
-PERCENT = Axis("success, %", 0.0, 1.0, fixed=True, unit="%", scale=100.0)
-TIME = Axis("time, ms", 1.0, 100.0, log=True, unit="ms")
+SUCCESS = Axis("success", "%", (0.0, 100.0))
+TIME = Axis("time", "ms", log=True)
+SHARES = ("false", "missing")  # sweeps whose values are shares
 TITLES = {
     "noise_px": "Noise", "false": "False stars", "missing": "Missing stars",
     "stars": "Number of stars", "margin_px": "Error margin",
@@ -29,7 +28,7 @@ class Plots(QWidget):
         super().__init__()
         self.setObjectName("page")
         self.points: dict[tuple[str, float, str], Point] = {}
-        self.charts = {name: Chart(TITLES[name], _across(name), PERCENT) for name in SWEEPS}
+        self.charts = {name: Chart(TITLES[name], _across(name), SUCCESS) for name in SWEEPS}
         self.time = Chart("Time", _across("stars"), TIME)
         self.legend = Legend()
         self._grid = QGridLayout()
@@ -63,7 +62,7 @@ class Plots(QWidget):
     def draw(self) -> None:
         """Show every point there is."""
         for name, chart in self.charts.items():
-            chart.show_series(self._series(name, lambda p: p.success))
+            chart.show_series(self._series(name, lambda p: 100.0 * p.success))
         self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s))
         methods = {point.method for point in self.points.values()}
         self.legend.show_names(tuple((m, _style(m)) for m in IDENTIFIERS if m in methods))
@@ -78,10 +77,8 @@ class Plots(QWidget):
 
     def dress(self, colours: Colours) -> None:
         """Use the colours of another theme."""
-        for chart in (*self.charts.values(), self.time):
-            chart.colours = colours
-        self.legend.colours = colours
-        self.update()
+        for plot in (*self.charts.values(), self.time, self.legend):
+            plot.wear(colours)
 
     def _series(self, sweep: str, height: Callable[[Point], float]) -> tuple[Series, ...]:
         made = []
@@ -89,7 +86,7 @@ class Plots(QWidget):
             mine = [p for key, p in self.points.items() if key[0] == sweep and key[2] == method]
             mine.sort(key=lambda p: p.value)
             if mine:
-                x = tuple(p.value for p in mine)
+                x = tuple(p.value * (100.0 if sweep in SHARES else 1.0) for p in mine)
                 made.append(Series(method, x, tuple(map(height, mine)), _style(method)))
         return tuple(made)
 
@@ -100,11 +97,7 @@ def _style(method: str) -> int:
 
 def _across(name: str) -> Axis:
     sweep = SWEEPS[name]
-    percent = name in ("false", "missing")
-    unit = "%" if percent else sweep.unit
-    title = f"{sweep.title}, {unit}" if unit else sweep.title
-    low, high = min(sweep.values), max(sweep.values)
-    if sweep.option:
-        first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-        return Axis(title, 10.0**first, 10.0**last, True, True, unit)
-    return Axis(title, 0.0, high, False, True, unit, 100.0 if percent else 1.0)
+    share = name in SHARES
+    unit, times = ("%", 100.0) if share else (sweep.unit, 1.0)
+    low = min(sweep.values) if sweep.option else 0.0
+    return Axis(sweep.title, unit, (low, times * max(sweep.values)), log=sweep.option)

@@ -262,7 +262,8 @@ class LiveView(QWidget):
             set_role(self.said, role)
 
     def _dress(self, colours: Colours) -> None:
-        self.camera.levels.colours = self.pointing.chart.colours = colours
+        self.camera.levels.wear(colours)
+        self.pointing.chart.colours = colours
         for panel in (self.camera, self.record):
             panel.use_red(self._services.looks.is_night)
         self.update()

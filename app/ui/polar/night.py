@@ -5,8 +5,7 @@ from pathlib import Path
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
 
 from app.polar.history import Entry, History
-from app.ui.axis import Axis
-from app.ui.chart import Chart, Series
+from app.ui.chart import Axis, Chart, Series
 from app.ui.dialogs import ask_save, tell
 from app.ui.palette import Colours
 from app.ui.polar.keep_report import writing
@@ -32,7 +31,10 @@ class NightPage(QWidget):
         self.save = button("Save the &report…", self._ask, tip="Numbers and plots, HTML or PDF")
         self.told = label(NOTHING, "muted", wrap=True)
         self.chart = Chart(
-            "Error from the pole over time", Axis("minutes"), Axis("error, ″", 1.0, 1e4, log=True)
+            "Error from the pole over time",
+            Axis("time", "min"),
+            Axis("error", "″", log=True),
+            legend=True,
         )
         self.lines = QPlainTextEdit()
         self.lines.setReadOnly(True)
@@ -65,8 +67,7 @@ class NightPage(QWidget):
 
     def wear(self, colours: Colours) -> None:
         """The theme's colours, for what is painted."""
-        self.chart.colours = colours
-        self.chart.update()
+        self.chart.wear(colours)
 
     def _show(self, _: int = 0) -> None:
         history = self.history
@@ -82,7 +83,9 @@ class NightPage(QWidget):
         for number, (name, kind) in enumerate((("seen", "live"), ("measured", "measured"))):
             chosen = [e for e in entries if e.kind == kind]
             minutes = tuple((e.time_utc - start).total_seconds() / 60.0 for e in chosen if start)
-            series.append(Series(name, minutes, tuple(e.total_arcsec for e in chosen), number))
+            error = tuple(e.total_arcsec for e in chosen)
+            sigma = tuple(max(e.sigma_arcsec) for e in chosen) if kind == "measured" else ()
+            series.append(Series(name, minutes, error, number, sigma))
         self.chart.show_series(tuple(s for s in series if s.x))
         self.lines.setPlainText("\n".join(_line(e) for e in entries if e.kind != "live"))
 

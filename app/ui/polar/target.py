@@ -22,7 +22,8 @@ LEAST_ELLIPSE_PX = 2.5
 class Target(QWidget):
     """Altitude up, azimuth on the sky to the right when it stands clockwise; the pole inside.
 
-    Painted here, as the charts are, for a plotting library takes a second to load.
+    An instrument and not a chart: rings at round errors around the pole, the error's ellipse, and
+    arrows the way the screws must go, all in the size of the letters.
     """
 
     def __init__(self) -> None:

@@ -155,8 +155,8 @@ def test_curves_are_drawn_round_by_round_and_can_be_stopped(qtbot, lab):
     for name in ("noise_px", "false", "missing", "stars"):
         (line,) = view.plots.charts[name].series
         assert line.name == "patterns"
-        assert all(0 <= y <= 1 for y in line.y)
-    assert view.plots.charts["noise_px"].series[0].y[0] == 1.0
+        assert all(0 <= y <= 100 for y in line.y)
+    assert view.plots.charts["noise_px"].series[0].y[0] == 100.0
     assert view.plots.charts["margin_px"].series == ()  # patterns has no such option
     assert all(y > 0 for y in view.plots.time.series[0].y)
 
