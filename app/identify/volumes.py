@@ -27,6 +27,8 @@ SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     "wide": (range(9, 15), ((6, 6),) * 6, 16),
     "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
 }
+ROOM_BYTES = 600_000_000
+ELSEWHERE = "KOCHAB_CACHE names another folder"
 WAITING = "waiting for the patterns of small fields, which are being made once on this computer"
 FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)
 
@@ -108,10 +110,12 @@ def make_fine() -> Task[Volume]:
             return ready
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
+            _need_room(folder.parent)
             handle = acquire(lock)
         except OSError as error:
             raise CatalogueError(
-                f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror}."
+                f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror}"
+                f" ({ELSEWHERE})."
             ) from error
         if handle is not None:
             break
@@ -133,6 +137,16 @@ def make_fine() -> Task[Volume]:
         shutil.rmtree(scratch, ignore_errors=True)
         release(handle, lock)
     return open_volume(folder)
+
+
+def _need_room(parent: Path) -> None:
+    """Refuse at once what would fill the disk after a minute's work."""
+    free = shutil.disk_usage(parent).free
+    if free < ROOM_BYTES:
+        raise CatalogueError(
+            f"Patterns for small fields need {ROOM_BYTES // 1_000_000} MB in {parent}, where"
+            f" {free // 1_000_000} MB are free ({ELSEWHERE})."
+        )
 
 
 def _build(

@@ -129,6 +129,13 @@ def test_a_cache_that_cannot_be_written_is_one_sentence(monkeypatch, tmp_path):
         run(volumes.make_fine())
 
 
+def test_a_full_disk_is_told_before_the_work(monkeypatch, small_plan):
+    monkeypatch.setattr(volumes, "ROOM_BYTES", 10**18)
+    with pytest.raises(CatalogueError, match=r"free \(KOCHAB_CACHE names"):
+        run(volumes.make_fine())
+    assert list(small_plan.iterdir()) == []
+
+
 def test_shipped_volumes_belong_to_the_shipped_catalogue():
     import json
 
