@@ -171,7 +171,17 @@ class KnownSearch:
         level = np.full(count, self.table.level)
         found = Hypotheses(matrix, focal, mirrored, level, detections, stars)
         votes = support(self.table.volume, self.xy, found, 2.5 * error_px)
-        return [guesses[k] for k in np.argsort(-votes, kind="stable")[:CLOSER]]
+        needed = self._needed(error_px) - 1  # the third corner has agreed already
+        best = np.argsort(-votes, kind="stable")[:CLOSER]
+        return [guesses[k] for k in best if votes[k] >= needed]
+
+    def _needed(self, radius: float) -> int:
+        """The fewest witnesses within ``radius`` px that would be believed."""
+        for m in range(1, len(self.xy) - 2):
+            squares = [radius * radius] * m
+            if log10_by_distance(squares, len(self.xy) - 2, self.density, self.trials)[0] < ACCEPT_LOG10:
+                return m
+        return len(self.xy) - 2
 
     def _check(
         self, triangle: Corners, stars: Ints, mirrored: bool, reach: float

@@ -15,6 +15,7 @@ from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Reason
 from app.identify.finite import with_places
 from app.identify.index import Volume
+from app.identify.known_camera import first_answer, known_camera
 from app.identify.search import FINE, STAGES, Search, Stage
 from app.identify.verify import FEWEST, Verdict
 from app.identify.volumes import fine, make_fine, shipped
@@ -40,12 +41,17 @@ class Patterns:
         The first frame that only the patterns for small fields can answer waits while those are
         made, and says so.
         """
-        return (yield from with_places(detections, lambda d: self._identify(d, hint)))
+        return (yield from with_places(detections, lambda d: self._identify(d, hint, year)))
 
     def _identify(
-        self, detections: Detections, hint: Hint | None
+        self, detections: Detections, hint: Hint | None, year: float
     ) -> Task[Identification | NoSolution]:
         search = Search(detections, hint)
+        known = known_camera(search, self.volumes or shipped(), year)
+        if known is not None:
+            found = first_answer(search, *known, detections)
+            if found is not None:
+                return found
         if len(search.xy) < FEWEST:
             return NoSolution(
                 Reason.TOO_FEW_STARS,
@@ -53,6 +59,8 @@ class Patterns:
                 f"{len(search.xy)} stars",
                 len(detections),
             )
+        if known is not None and known[0].complete:
+            return self._none(search, detections)
         volumes = self.volumes
         if volumes is None:
             ready = fine()
@@ -63,7 +71,10 @@ class Patterns:
             if search.wants_small_fields(late):
                 made = yield from make_fine()
                 found = yield from self._search(search, (*volumes, made), late, detections)
-        return found or NoSolution(
+        return found or self._none(search, detections)
+
+    def _none(self, search: Search, detections: Detections) -> NoSolution:
+        return NoSolution(
             Reason.NO_PATTERN_AGREED,
             "Check that the frame shows stars in focus.",
             f"{search.tried} pointings from {search.asked} star patterns",

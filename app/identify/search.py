@@ -88,7 +88,7 @@ class Search:
         """The stages that the scale allows; of equal depth, the likeliest volume first."""
         kept = []
         narrow, wide = self.scale[1] / self.side, self.scale[0] / self.side
-        smallest, largest = self._field_deg(self.scale[1]), self._field_deg(self.scale[0])
+        smallest, largest = self.field_deg(self.scale[1]), self.field_deg(self.scale[0])
         for stage in stages:
             if stage.volume >= len(volumes):
                 continue
@@ -110,12 +110,20 @@ class Search:
 
     def wants_small_fields(self, stages: tuple[Stage, ...]) -> bool:
         """Whether the allowed scales reach down to fields that only the fine volume serves."""
-        field = self._field_deg(self.scale[1])
+        field = self.field_deg(self.scale[1])
         return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[4] for s in stages)
 
-    def _field_deg(self, focal_px: float) -> float:
+    def field_deg(self, focal_px: float) -> float:
         """The side of a square field as large as the frame's, degrees."""
         return math.degrees(2.0 * math.atan(math.sqrt(self.half[0] * self.half[1]) / focal_px))
+
+    def allows(self, boresight: Floats, focal: Floats | float) -> NDArray[np.bool_]:
+        """Whether the hint's place allows boresights (..., 3) with focal lengths (...), px."""
+        if self.centre is None:
+            return np.ones(np.shape(focal), dtype=bool)
+        wide = np.arctan(np.hypot(*self.half) / focal)
+        dot = boresight @ self.centre[0]
+        return np.asarray(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
 
     def alarm(self, verdict: Verdict) -> float:
         """The verdict's false-alarm bound after counting all pointings tried."""
@@ -139,9 +147,7 @@ class Search:
         per_field = self._per_field(stage)
         found = propose(volume, view, Question(quads, focal, noise, stage.slack, per_field))
         if self.centre is not None:
-            dot = found.matrix[:, 2] @ self.centre[0]
-            wide = np.arctan(np.hypot(*self.half) / found.focal)
-            found = found.take(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
+            found = found.take(self.allows(found.matrix[:, 2], found.focal))
         self.tried += len(found)
         self.asked += len(quads)
         yield from self._check(volume, view, stage, found)

@@ -1,0 +1,57 @@
+"""When the quick road of a known camera is taken, and what its answer is made of."""
+
+import numpy as np
+
+from app.core.attitude import Attitude
+from app.core.camera import Camera
+from app.core.detections import Detections
+from app.core.solution import Identification, Matches
+from app.identify.index import Volume
+from app.identify.known_search import POOR, KnownSearch
+from app.identify.known_table import PairTable, table_for
+from app.identify.search import Search
+from app.identify.verify import Verdict
+
+FEWEST = 3
+KNOWN, ROUGHLY = 1.07, 1.25
+"""Highest over lowest scale: of any frame, and of one with few stars."""
+
+
+def known_camera(
+    search: Search, volumes: tuple[Volume, ...], year: float
+) -> tuple[KnownSearch, PairTable] | None:
+    """The search by triangles and its table, or None: the scale or the field is not for it."""
+    low, high = search.scale
+    if high > low * (ROUGHLY if len(search.xy) <= POOR else KNOWN) or len(search.xy) < FEWEST:
+        return None
+    table = table_for(volumes, search.field_deg((low * high) ** 0.5), year)
+    if table is None:
+        return None
+    return KnownSearch(table, search.xy, search.half, search.scale), table
+
+
+def first_answer(
+    search: Search, known: KnownSearch, table: PairTable, detections: Detections
+) -> Identification | None:
+    """What the triangles say, if they say anything where the hint allows it."""
+    for verdict in known.verdicts():
+        if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
+            return _answer(verdict, known.tried, table, detections)
+    search.tried += known.tried
+    search.least = min(search.least, known.least)
+    return None
+
+
+def _answer(
+    verdict: Verdict, tried: int, table: PairTable, detections: Detections
+) -> Identification:
+    p = verdict.pointing
+    w, h = detections.width, detections.height
+    camera = Camera(w, h, p.focal, (w - 1) / 2, (h - 1) / 2, k1=p.k1, mirrored=p.mirrored)
+    matches = Matches(
+        verdict.detections.astype(np.int64), table.rows[verdict.stars],
+        detections.xy[verdict.detections], table.vectors[verdict.stars],
+    )  # fmt: skip
+    return Identification(
+        matches, camera, Attitude(p.matrix), verdict.log10_tail, "patterns", tried
+    )
