@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 from app.core.mount import Direction
 from app.mounts.sky_frame import apart_deg
 from app.ui.mount import reasons as why
+from app.ui.mount.corner import MountCorner
 from app.ui.mount.offset import Offset, OffsetArrow
 from app.ui.mount.sync_dialog import SyncDialog
 from tests.mounts.bench import SITE, place
@@ -115,7 +116,7 @@ def test_the_guard_refuses_in_one_sentence(qtbot, opened):
         assert mount.view.go.goto.reason == ""
 
 
-@pytest.mark.parametrize("where", ["field", "frame", "button"])
+@pytest.mark.parametrize("where", ["field", "frame", "button", "corner", "live", "polar"])
 def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
     window, commands = opened
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
@@ -123,10 +124,16 @@ def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
         mount.view.go.target.setText(f"{far[0]:.4f} {far[1]:.4f}")
         mount.view.go.goto.click()
         qtbot.waitUntil(lambda: mount.telescope.slewing, timeout=20_000)
-        focus = {
-            "field": mount.view.go.target, "frame": window.workspace.view, "button": mount.view.stop
-        }[where]  # fmt: skip
-        if where == "button":
+        if where in ("live", "polar"):
+            commands.views.show(where)
+            focus = commands.views.docks[where].view.start
+            qtbot.waitUntil(lambda: mount.view.visibleRegion().isEmpty(), timeout=5_000)
+        else:
+            focus = {
+                "field": mount.view.go.target, "frame": window.workspace.view,
+                "button": mount.view.stop, "corner": window.findChild(MountCorner).stop,
+            }[where]  # fmt: skip
+        if where in ("button", "corner"):
             focus.click()
         else:
             focus.setFocus()

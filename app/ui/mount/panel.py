@@ -53,8 +53,9 @@ class MountPanel(QWidget):
         self.said, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
         self.bar = QProgressBar()
         self._lay_out()
-        for control in (*self.controls().values(), self.tracking, self.pad):
-            control.explained.connect(self._explain)
+        explained = [control.explained for control in self.controls().values()]
+        for signal in (*explained, self.tracking.explained, self.pad.explained):
+            signal.connect(self._explain)
 
     def _lay_out(self) -> None:
         self.bar.setTextVisible(False)
