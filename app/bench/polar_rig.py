@@ -100,6 +100,10 @@ class RigSky:
         self.rig.wait_until_still(2.0)
         self.told_deg = degrees
 
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """The same with the other axis."""
+        yield from self.turn(direction, degrees)
+
     def hand(self, told: Instruction) -> None:
         """A person follows an instruction: 5 % and a degree of the bolt's turn are not told."""
         if told.knob is None:

@@ -5,7 +5,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from app.polar.axis_fit import AxisFit
-from app.polar.error import CHI2_95, PolarError
+from app.polar.bending import TUBE_ARCSEC
+from app.polar.combine import Combined, Look
+from app.polar.error import PolarError
 from app.polar.findings import Finding, Kind
 from app.polar.movement import UNLIKELY, Movement
 from app.polar.rotations import ARCSEC, angle_between
@@ -18,21 +20,29 @@ FAR_DEG = 10.0
 FLEXURE_ARCSEC = 30.0
 """What a sweep cannot see of flexure, and what small mounts commonly have."""
 
+HARDLY = 0.8
+"""A droop that is still so doubtful, in what it was before, has not been seen."""
+
+DISAGREE = 0.01
+"""Sweeps whose chi-square is less probable than this do not share one axis and droop."""
+
 
 def findings_of(
     sweeps: Sequence[Sequence[LocalAttitude]],
     fits: Sequence[AxisFit],
-    errors: Sequence[PolarError],
+    looks: Sequence[Look],
+    whole: Combined,
     movement: Movement | None,
 ) -> list[Finding]:
     """Everything worth saying of a measurement, most important first."""
+    errors = [look.error for look in looks]
     attitudes = [attitude for sweep in sweeps for attitude in sweep]
     return [
         *_place_and_time(attitudes, errors[0]),
         *_movement(fits, movement),
         *_turn(fits, errors),
         *_low(attitudes),
-        *_flexure(errors),
+        *_flexure(looks, whole),
     ]
 
 
@@ -105,21 +115,37 @@ def _low(attitudes: Sequence[LocalAttitude]) -> Iterator[Finding]:
         )
 
 
-def _flexure(errors: Sequence[PolarError]) -> Iterator[Finding]:
-    if len(errors) == 1:
-        if errors[0].uncertainty_arcsec < FLEXURE_ARCSEC:
-            yield Finding(
-                Kind.UNSEEN_FLEXURE,
-                'One sweep cannot show flexure: do not trust this beyond 30" without a second'
-                " sweep at another declination.",
-            )
-        return
-    first, second = errors[0], errors[-1]
-    apart = angle_between(first.axis, second.axis) / ARCSEC
-    joint = PolarError(first.axis, first.pole, first.covariance + second.covariance)
-    if joint.distance2(second.axis) > CHI2_95:
+def _flexure(looks: Sequence[Look], whole: Combined) -> Iterator[Finding]:
+    first, last = looks[0].error, looks[-1].error
+    if whole.chance < DISAGREE:
+        apart = angle_between(first.axis, last.axis) / ARCSEC
         yield Finding(
             Kind.FLEXURE,
-            f'The sweeps disagree by {apart:.0f}", more than their errors: that much at'
-            " least is flexure or play, and the axis may be further off than that.",
+            f'The sweeps disagree by {apart:.0f}", more than their errors and a tube that droops'
+            " explain: that much at least is flexure or play, and the axis may be further off"
+            " than that.",
         )
+        return
+    droop = whole.droop
+    if droop.sigma_arcsec > HARDLY * TUBE_ARCSEC:
+        yield from _unseen(whole.error, len(looks))
+    elif len(looks) > 1 and abs(droop.arcsec) > 2.0 * droop.sigma_arcsec:
+        way = "sinks" if droop.arcsec > 0 else "rises"
+        yield Finding(
+            Kind.DROOP,
+            f'The tube {way} by {abs(droop.arcsec):.0f}" ± {droop.sigma_arcsec:.0f}" between'
+            " zenith and horizon: that is taken out of the axis.",
+        )
+
+
+def _unseen(error: PolarError, sweeps: int) -> Iterator[Finding]:
+    """What bending may still hide; nothing where the noise itself is larger."""
+    if error.uncertainty_arcsec >= FLEXURE_ARCSEC:
+        return
+    one = "One sweep cannot" if sweeps == 1 else "Sweeps at nearly one declination cannot"
+    yield Finding(
+        Kind.UNSEEN_FLEXURE,
+        f"{one} show flexure: a tube that bends as most do shifts the axis by"
+        f' {error.unseen_total_arcsec:.0f}" besides (one sigma); do not trust this beyond'
+        f' {FLEXURE_ARCSEC:.0f}" without a second sweep at another declination.',
+    )

@@ -1,6 +1,6 @@
 """How far an axis is from its pole, and how surely."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from app.polar.rotations import ARCSEC, alt_az, angle_between
 
 Floats = NDArray[np.float64]
+
+NOTHING = np.zeros((2, 2))
 
 CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
 
@@ -18,12 +20,15 @@ class PolarError:
 
     ``covariance`` (2, 2), rad^2, is of the axis along (altitude, azimuth on the sky). Altitude is
     positive when the axis is too high, azimuth positive when it must go anticlockwise, seen from
-    above, that is when it stands too far clockwise.
+    above, that is when it stands too far clockwise. ``unseen`` (2, 2), rad^2, comes on top: what
+    the frames could not show, such as a tube that bends. It is told beside the others, never in
+    them.
     """
 
     axis: Floats
     pole: Floats
     covariance: Floats
+    unseen: Floats = field(default_factory=NOTHING.copy)
 
     @property
     def altitude_arcsec(self) -> float:
@@ -61,6 +66,22 @@ class PolarError:
     def uncertainty_arcsec(self) -> float:
         """Root mean square distance of the measured from the true axis, both directions."""
         return float(np.sqrt(np.trace(self.covariance))) / ARCSEC
+
+    @property
+    def unseen_arcsec(self) -> tuple[float, float]:
+        """One-sigma errors, altitude and azimuth on the sky, that the frames could not show."""
+        alt, az = np.sqrt(np.maximum(np.diag(self.unseen), 0.0)) / ARCSEC
+        return float(alt), float(az)
+
+    @property
+    def unseen_total_arcsec(self) -> float:
+        """Root mean square distance by what the frames could not show, both directions."""
+        return float(np.hypot(*self.unseen_arcsec))
+
+    @property
+    def whole(self) -> "PolarError":
+        """The same with everything in its covariance that may be wrong."""
+        return PolarError(self.axis, self.pole, self.covariance + self.unseen)
 
     @property
     def sigma_total_arcsec(self) -> float:

@@ -16,6 +16,7 @@ class Kind(StrEnum):
     SLIPPING = "clutch slips"
     FLEXURE = "flexure"
     UNSEEN_FLEXURE = "flexure not seen"
+    DROOP = "tube droops"
     SITE_OR_TIME = "site or time implausible"
     FAR = "far from the pole"
     UNCERTAIN = "uncertain"

@@ -67,7 +67,7 @@ class LivePhase:
         self._settings = measurement.settings
         self._start = measurement.error
         self._camera_axis = fit.reference.T @ measurement.error.axis
-        self._camera_covariance = fit.camera_covariance
+        self._camera_covariance = fit.camera_covariance + _beyond(measurement)
         self._reference = about(fit.axis, float(fit.turns_rad[-1])) @ fit.reference
         self._reference_time = last.time_utc
 
@@ -89,7 +89,7 @@ class LivePhase:
         axis = matrix @ self._camera_axis
         frame = self._of_frame(matrix, axis, covariance)
         total = frame + self._of_measurement(matrix, axis)
-        error = PolarError(axis, self._start.pole, total)
+        error = PolarError(axis, self._start.pole, total, self._start.unseen)
         moved = float(np.degrees(np.linalg.norm(axis - self._start.axis)))
         findings = tuple(self._findings(error, moved, theta, now))
         return LiveError(error, frame, now, theta, prior, moved, findings)
@@ -155,6 +155,19 @@ class LivePhase:
         if error.below_uncertainty:
             found.append(Finding(Kind.DONE, "Stop: the error is smaller than its uncertainty."))
         return found
+
+
+def _beyond(measurement: Measurement) -> Floats:
+    """Covariance (3, 3) of the axis in the camera, of what the measurement adds to its last fit.
+
+    That is what residuals or sweeps that disagree have widened it by. A measurement that is surer
+    than its last fit stays as sure as that: frame and axis share their errors.
+    """
+    error, fit = measurement.error, measurement.fit
+    values, vectors = np.linalg.eigh(error.covariance - fit.covariance)
+    more = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    into_camera = fit.reference.T @ np.stack(tangents(error.axis), axis=1)
+    return np.asarray(into_camera @ more @ into_camera.T)
 
 
 def _wrap(angle: float) -> float:

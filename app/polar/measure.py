@@ -9,19 +9,24 @@ from numpy.typing import NDArray
 
 from app.core.hint import Site
 from app.polar.axis_fit import AxisFit, fit_axis
+from app.polar.bending import UNKNOWN, Droop
+from app.polar.combine import Look, combined
 from app.polar.diagnose import findings_of
 from app.polar.error import PolarError
 from app.polar.findings import Finding
 from app.polar.horizon import STANDARD_AIR, Air
-from app.polar.movement import UNLIKELY, Movement, find_movement
+from app.polar.movement import Movement, find_movement
 from app.polar.poles import Pole, pole_direction
-from app.polar.rotations import angle_between, rotation_vector, tangents
+from app.polar.rotations import angle_between, rotation_vector
 from app.polar.sighting import LocalAttitude, Sighting, to_local
 
 Floats = NDArray[np.float64]
 
 LEAST_TURN_RAD = np.radians(0.25)
 """Below this no axis is given at all."""
+
+TOO_LARGE = 0.05
+"""Residuals less probable than this by their stated errors alone widen the covariance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +42,10 @@ class Settings:
 class Measurement:
     """An axis measured from one sweep, or from several with different declinations.
 
-    ``fit`` is that of the last sweep; ``error`` combines all. ``repeats`` are the errors of the
-    single sweeps when there are several. ``last_of_fit`` is the last attitude of the fitted
-    sweep, ``time_utc`` that of the last frame.
+    ``fit`` is that of the last sweep; ``error`` combines all. ``looks`` are the errors of the
+    single sweeps, ``before`` what was known of the tube's droop before them and ``droop`` what is
+    now. ``last_of_fit`` is the last attitude of the fitted sweep, ``time_utc`` that of the last
+    frame.
     """
 
     error: PolarError
@@ -50,7 +56,9 @@ class Measurement:
     time_utc: datetime
     findings: tuple[Finding, ...] = ()
     movement: Movement | None = None
-    repeats: tuple[PolarError, ...] = ()
+    looks: tuple[Look, ...] = ()
+    before: Droop = UNKNOWN
+    droop: Droop = UNKNOWN
 
     @property
     def turn_deg(self) -> float:
@@ -60,7 +68,7 @@ class Measurement:
     @property
     def rho_deg(self) -> float:
         """Angle between boresight and axis."""
-        return float(np.degrees(angle_between(self.fit.axis, self.fit.reference[:, 2])))
+        return float(np.degrees(_rho_rad(self.fit)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +84,13 @@ def measure(sightings: Sequence[Sighting], settings: Settings) -> Measurement | 
     return measure_local([to_local(s, settings.site, settings.air) for s in sightings], settings)
 
 
-def measure_local(attitudes: Sequence[LocalAttitude], settings: Settings) -> Measurement | NoAxis:
-    """The same from attitudes already among the things on the ground."""
+def measure_local(
+    attitudes: Sequence[LocalAttitude], settings: Settings, before: Droop = UNKNOWN
+) -> Measurement | NoAxis:
+    """The same from attitudes already among the things on the ground.
+
+    ``before`` is what earlier sweeps with this tube have told of its droop.
+    """
     towards = pole_direction(settings.site, settings.pole, settings.air)
     sweeps = _sweeps(attitudes)
     if not sweeps:
@@ -89,17 +102,20 @@ def measure_local(attitudes: Sequence[LocalAttitude], settings: Settings) -> Mea
         return refusal
     fits = [fit_axis(sweep, towards) for sweep in sweeps]
     movement = _first_movement(sweeps, fits, towards)
-    errors = [_error(fit, towards) for fit in fits]
+    looks = [Look(_error(fit, towards), _rho_rad(fit)) for fit in fits]
+    whole = combined(looks, before)
     return Measurement(
-        error=combined(errors, towards),
+        error=whole.error,
         fit=fits[-1],
         attitudes=tuple(attitudes),
         last_of_fit=sweeps[-1][-1],
         settings=settings,
         time_utc=max(a.time_utc for a in attitudes),
-        findings=tuple(findings_of(sweeps, fits, errors, movement)),
+        findings=tuple(findings_of(sweeps, fits, looks, whole, movement)),
         movement=movement,
-        repeats=tuple(errors) if len(errors) > 1 else (),
+        looks=tuple(looks),
+        before=before,
+        droop=whole.droop,
     )
 
 
@@ -130,27 +146,16 @@ def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
 
 def _error(fit: AxisFit, pole: Floats) -> PolarError:
     """The error of one fit; residuals too large for noise widen its covariance."""
-    widen = fit.chi2 / fit.freedom if fit.chance < UNLIKELY else 1.0
+    widen = fit.chi2 / fit.freedom if fit.chance < TOO_LARGE else 1.0
     return PolarError(fit.axis, pole, fit.covariance * widen)
+
+
+def _rho_rad(fit: AxisFit) -> float:
+    return angle_between(fit.axis, fit.reference[:, 2])
 
 
 def together(first: Measurement, again: Measurement) -> Measurement:
     """The second of two measurements, with the error of both: nothing was moved between them."""
-    error = combined([first.error, again.error], again.error.pole)
-    return replace(again, error=error)
-
-
-def combined(errors: Sequence[PolarError], pole: Floats) -> PolarError:
-    """Several errors of one axis as one, each weighted with the inverse of its covariance."""
-    if len(errors) == 1:
-        return errors[0]
-    weights = [np.linalg.inv(e.covariance) for e in errors]
-    covariance = np.linalg.inv(np.sum(weights, axis=0))
-    base = errors[0].axis
-    upward, clockwise = tangents(base)
-    gaps = [np.array([e.axis @ upward, e.axis @ clockwise]) for e in errors]
-    mean = covariance @ np.sum([w @ g for w, g in zip(weights, gaps, strict=True)], axis=0)
-    axis = base + mean[0] * upward + mean[1] * clockwise
-    spread = sum(float(g @ w @ g) for w, g in zip(weights, gaps - mean, strict=True))
-    widen = max(1.0, spread / (2 * (len(errors) - 1)))
-    return PolarError(axis / np.linalg.norm(axis), pole, covariance * widen)
+    looks = (*first.looks, *again.looks)
+    whole = combined(looks, first.before)
+    return replace(again, error=whole.error, looks=looks, before=first.before, droop=whole.droop)

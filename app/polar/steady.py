@@ -69,7 +69,9 @@ class Steady:
         axis = np.mean([live.error.axis for live in self._kept], axis=0)
         shared = last.error.covariance - last.frame_covariance
         covariance = shared + last.frame_covariance / count
-        return PolarError(axis / np.linalg.norm(axis), last.error.pole, covariance)
+        return PolarError(
+            axis / np.linalg.norm(axis), last.error.pole, covariance, last.error.unseen
+        )
 
     def _jumped(self, live: LiveError) -> bool:
         mean = self._mean()

@@ -27,6 +27,7 @@ class End(StrEnum):
     THERE = "there"
     LARGE_MOVE = "large move"
     ASKED = "asked"
+    SECOND_SWEEP = "second sweep"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +87,8 @@ def adjust(
         found = yield from source.sight()
         if controls.take_remeasure() or controls.take_enough():
             return Adjusted(End.ASKED, adjuster.asked, steady)
+        if controls.second_sweep_wanted:
+            return Adjusted(End.SECOND_SWEEP, adjuster.asked, steady)
         if found is None or isinstance(found, NoSolution):
             yield _unsolved(found, steady, adjuster, measurement)
             continue

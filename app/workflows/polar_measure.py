@@ -6,6 +6,7 @@ import numpy as np
 
 from app.core.mount import Direction
 from app.core.progress import Task
+from app.polar.bending import UNKNOWN, Droop
 from app.polar.findings import Finding
 from app.polar.measure import Measurement, NoAxis, Settings, measure_local
 from app.polar.path import Way, best_way, way
@@ -53,8 +54,11 @@ def measure_axis(
     settings: Settings,
     sweep: Sweep | None = None,
     controls: PolarControls | None = None,
+    before: Droop = UNKNOWN,
 ) -> Task[Measured]:
     """Take frames while ``turner`` turns the axis, and measure it.
+
+    ``before`` is what is known of the tube's droop.
 
     Raises
     ------
@@ -68,6 +72,18 @@ def measure_axis(
     seen = [(yield from watch.still())]
     path = plan_way(seen[0], settings, sweep)
     sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
+    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before=before))
+
+
+def sweep_from(
+    first: LocalAttitude, path: Way, watch: Watch, turner: Turner, sweep: Sweep,
+    earlier: tuple[LocalAttitude, ...] = (), before: Droop = UNKNOWN,
+) -> Task[Measured]:  # fmt: skip
+    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already.
+
+    ``earlier`` are attitudes of sweeps before, about an axis that has not moved since.
+    """
+    seen, settings, controls = [first], watch.settings, watch.controls
     step = path.turn_deg / (sweep.frames - 1)
     slips: list[Finding] = []
     result: Measurement | NoAxis = NoAxis("no axis yet", "Turn the RA axis.")
@@ -80,8 +96,8 @@ def measure_axis(
         asked = turner.told_deg
         if asked is not None and (slip := slipping(asked, turned_deg(seen[-1], now))):
             slips.append(slip)
-        seen.append(now)
-        result = measure_local(seen, settings)
+        seen.append(replace(now, sweep=first.sweep))
+        result = measure_local([*earlier, *seen], settings, before)
         yield _told(result, seen, slips, sweep)
         if controls.take_enough() and isinstance(result, Measurement):
             break

@@ -17,7 +17,7 @@ MOST_MOTIONS = 24
 
 
 class Turner(Protocol):
-    """Turns the RA axis. ``by_hand`` tells that nothing is known of how far it went.
+    """Turns the axes. ``by_hand`` tells that nothing is known of how far they went.
 
     ``told_deg`` is how far the mount itself says that it turned last, None when it does not.
     """
@@ -26,7 +26,10 @@ class Turner(Protocol):
     told_deg: float | None
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
-        """Turn, and return when the axis is at rest, or at once when a person does it."""
+        """Turn RA, and return when the axis is at rest, or at once when a person does it."""
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """The same with the declination axis, north or south: for a second sweep."""
 
 
 class HandTurner:
@@ -42,6 +45,15 @@ class HandTurner:
             None,
             f"Turn the RA axis by hand, about {degrees:.0f} deg to the {direction}; leave the"
             " declination locked, lock RA again and let go.",
+        )
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """Ask for that."""
+        yield Progress(
+            "turn",
+            None,
+            f"Turn the declination axis by hand, about {degrees:.0f} deg to the {direction}; leave"
+            " RA and the bolts alone, lock the declination again and let go.",
         )
 
 
@@ -71,7 +83,14 @@ class MountTurner:
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Several bounded motions, each waited for; stopped whenever this is given up."""
-        begun = self._mount.position().ra_deg
+        yield from self._turn(direction, degrees, lambda: self._mount.position().ra_deg)
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """The same in declination."""
+        yield from self._turn(direction, degrees, lambda: self._mount.position().dec_deg)
+
+    def _turn(self, direction: Direction, degrees: float, where: Callable[[], float]) -> Task[None]:
+        begun = where()
         turned, motions = 0.0, 0
         try:
             while degrees - turned > NEAR_ENOUGH_DEG and motions < MOST_MOTIONS:
@@ -81,16 +100,15 @@ class MountTurner:
                 seconds = min(left / self._seen_deg_s, AT_ONCE_S)
                 self._mount.move(direction, self._rate, seconds)
                 yield from self._wait(seconds)
-                turned = self._moved_on(turned, begun, seconds)
+                turned = self._moved_on(turned, where() - begun, seconds)
         finally:
             self._mount.stop()
         self.told_deg = turned
         self._sleep(SETTLE_S)
 
-    def _moved_on(self, before: float, begun_deg: float, seconds: float) -> float:
+    def _moved_on(self, before: float, moved_deg: float, seconds: float) -> float:
         """How far it says that it has turned in all; its rate is learned from that."""
-        ra = self._mount.position().ra_deg
-        turned = abs((ra - begun_deg + 180.0) % 360.0 - 180.0)
+        turned = abs((moved_deg + 180.0) % 360.0 - 180.0)
         step = turned - before
         if step <= 0.02 * self._seen_deg_s * seconds:
             raise RefusedError(

@@ -38,6 +38,7 @@ class PolarControls:
     _turned: threading.Event = field(default_factory=threading.Event)
     _remeasure: threading.Event = field(default_factory=threading.Event)
     _enough: threading.Event = field(default_factory=threading.Event)
+    _second: threading.Event = field(default_factory=threading.Event)
 
     def turned(self) -> None:
         """The bolt was turned as told: go on even if nothing was seen to move."""
@@ -50,6 +51,19 @@ class PolarControls:
     def enough(self) -> None:
         """Accept the frames taken, or leave the bolts, and go on to the next phase."""
         self._enough.set()
+
+    def second_sweep(self) -> None:
+        """Sweep again at another declination, to see how the tube bends."""
+        self._second.set()
+
+    @property
+    def second_sweep_wanted(self) -> bool:
+        """Whether it was pressed and nobody has answered yet."""
+        return self._second.is_set()
+
+    def take_second_sweep(self) -> bool:
+        """Whether it was pressed since last asked."""
+        return _take(self._second)
 
     def take_turned(self) -> bool:
         """Whether it was pressed since last asked."""

@@ -125,10 +125,12 @@ def test_a_second_sweep_shows_flexure_or_frees_from_the_doubt():
     rng = np.random.default_rng(8)
     first = mount.see([0, 30, 60, 90], rng)
     both = measure_local(first + other.see([0, 30, 60, 90], rng, sweep=1), settings)
+    alone = measure_local(first, settings)
     assert kinds(both) == set()
-    assert len(both.repeats) == 2
-    assert both.error.uncertainty_arcsec < both.repeats[0].uncertainty_arcsec
-    assert both.error.total_arcsec == pytest.approx(both.repeats[0].total_arcsec, abs=20)
+    assert len(both.looks) == 2
+    assert both.error.whole.uncertainty_arcsec < alone.error.whole.uncertainty_arcsec
+    assert both.droop.sigma_arcsec < 0.8 * alone.droop.sigma_arcsec
+    assert both.error.total_arcsec == pytest.approx(alone.error.total_arcsec, abs=20)
     flexed = measure_local(first + bent.see([0, 30, 60, 90], rng, sweep=1), settings)
     assert Kind.FLEXURE in kinds(flexed)
     assert flexed.error.uncertainty_arcsec > 3 * both.error.uncertainty_arcsec

@@ -446,7 +446,7 @@ def test_flexure_hides_from_one_sweep_and_shows_in_a_second(flexure):
     both = measure_local(seen, sky.settings)
     assert one.fit.chance > 0.001
     assert {f.kind for f in one.findings} == {Kind.UNSEEN_FLEXURE}
-    shown = [f for f in both.findings if f.kind is Kind.FLEXURE]
+    shown = [f for f in both.findings if f.kind is Kind.DROOP]
     if flexure:
         assert sky.missed_arcsec(one.error) > 3.0 * one.error.uncertainty_arcsec
         assert len(shown) == 1

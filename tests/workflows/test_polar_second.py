@@ -1,0 +1,210 @@
+"""The second sweep: told in words, made by the mount or by hand, and what it is worth."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from app.bench.polar import ALIGN, follow
+from app.bench.polar_rig import make_rig
+from app.core.hint import Site
+from app.core.mount import Direction, Epoch, MountState, Pointing
+from app.core.progress import Progress, run
+from app.polar.findings import Kind
+from app.simulate.mechanics.mount import MountConfig
+from app.simulate.rig import PracticeRig, RigConfig
+from app.sky import open_catalogue
+from app.workflows.polar_adjust import End, adjust
+from app.workflows.polar_measure import Sweep, measure_axis
+from app.workflows.polar_second import HELPLESS, second_sweep
+from app.workflows.polar_turners import HandTurner, MountTurner
+from app.workflows.polar_update import PolarControls, PolarUpdate
+from app.workflows.polar_watch import NotMeasuredError
+from tests.workflows.rig_mount import Bench
+
+SWEEP = Sweep(turn_deg=60.0)
+
+
+def rig(flexure=60.0, latitude=40.0, dec=70.0, hour=-45.0, seed=1):
+    sky = make_rig(np.random.default_rng([9, seed]), open_catalogue(), latitude)
+    mount = sky.rig.config.mount
+    mount = replace(mount, build=replace(mount.build, flexure_arcsec=flexure))
+    sky.rig = PracticeRig(replace(sky.rig.config, mount=mount), open_catalogue())
+    sky.point(hour, dec)
+    return sky
+
+
+@pytest.mark.parametrize("latitude", [-35.0, 40.0])
+def test_the_droop_of_the_rigs_tube_is_found_and_taken_out(latitude):
+    sky = rig(latitude=latitude, dec=np.sign(latitude) * 70.0)
+    first = run(measure_axis(sky, sky, sky.settings, SWEEP))
+    said = []
+    both = run(second_sweep(sky, sky, first, SWEEP), said.append)
+    one, two = first.measurement, both.measurement
+    assert sky.missed_arcsec(one.error) > 2.5 * one.error.uncertainty_arcsec
+    assert sky.missed_arcsec(one.error) < 3.0 * one.error.whole.uncertainty_arcsec
+    assert sky.missed_arcsec(two.error) < 0.6 * sky.missed_arcsec(one.error)
+    assert two.droop.arcsec == pytest.approx(60.0, abs=3.0 * two.droop.sigma_arcsec)
+    assert Kind.DROOP in {f.kind for f in both.findings}
+    words = said[0].detail
+    assert "Leave the bolts alone" in words
+    assert f"to the {'south' if latitude > 0 else 'north'}" in words
+    assert len(two.looks) == 2
+    assert {a.sweep for a in two.attitudes} == {0, 1}
+
+
+class Hand(HandTurner):
+    """A person who does what is asked, some frames later."""
+
+    def __init__(self, sky):
+        self.sky = sky
+        self.words = []
+        self.left = []
+
+    def _asked(self, task, direction, degrees):
+        for progress in task:
+            self.words.append(progress.detail)
+            yield progress
+        self.left = [3, direction, degrees]
+
+    def turn(self, direction, degrees):
+        yield from self._asked(super().turn(direction, degrees), direction, degrees)
+
+    def turn_declination(self, direction, degrees):
+        yield from self._asked(super().turn_declination(direction, degrees), direction, degrees)
+
+    def sight(self):
+        if self.left:
+            self.left[0] -= 1
+            if self.left[0] == 0:
+                run(self.sky.turn(*self.left[1:]))
+                self.left = []
+        return (yield from self.sky.sight())
+
+
+def test_by_hand_words_are_said_and_the_frames_show_when_it_was_done():
+    sky = rig()
+    hand = Hand(sky)
+    few = replace(SWEEP, frames=3, most_frames=3)
+    first = run(measure_axis(hand, hand, sky.settings, few))
+    both = run(second_sweep(hand, hand, first, few))
+    asked = [w for w in hand.words if "declination axis by hand" in w]
+    assert len(asked) == 1
+    assert "to the south; leave RA and the bolts alone" in asked[0]
+    assert len(both.measurement.looks) == 2
+
+
+def test_where_it_would_not_help_the_first_measurement_comes_back():
+    sky = rig(dec=3.0)
+    first = run(measure_axis(sky, sky, sky.settings, SWEEP))
+    updates = []
+    assert run(second_sweep(sky, sky, first, SWEEP), updates.append) is first
+    assert updates[-1].detail == HELPLESS
+
+
+def test_a_declination_axis_that_was_not_turned_is_no_second_sweep():
+    sky = rig()
+
+    class Stuck:
+        by_hand = False
+        told_deg = None
+
+        def turn(self, direction, degrees):
+            yield Progress("turn")
+
+        turn_declination = turn
+
+    first = run(measure_axis(sky, sky, sky.settings, SWEEP))
+    with pytest.raises(NotMeasuredError, match="too alike"):
+        run(second_sweep(sky, Stuck(), first, replace(SWEEP, frames=3, most_frames=3)))
+
+
+def test_an_alignment_with_a_second_sweep_ends_at_the_pole_in_spite_of_the_tube():
+    alone, both = rig(seed=4), rig(seed=4)
+    follow(alone)
+    done = follow(both, replace(ALIGN, second_sweep=True))
+    assert both.true_total_arcsec() < 30.0 < alone.true_total_arcsec()
+    assert done.good
+    assert done.last.droop.arcsec == pytest.approx(60.0, abs=25.0)
+    assert done.last.error.unseen_total_arcsec < 15.0
+
+
+def test_a_person_may_ask_for_it_while_adjusting():
+    sky = rig()
+    found = run(measure_axis(sky, sky, sky.settings, SWEEP))
+    from app.polar.tutor import BoltTutor
+
+    controls = PolarControls()
+    controls.second_sweep()
+    ended = run(adjust(sky, found.measurement, BoltTutor(), controls))
+    assert ended.end is End.SECOND_SWEEP
+    assert controls.take_second_sweep()  # it is for the alignment to answer
+    assert not controls.second_sweep_wanted
+
+
+def test_asked_for_before_the_first_frame_it_follows_the_first_sweep():
+    from app.workflows.polar_align import align
+
+    sky, controls, seen = rig(), PolarControls(), []
+    controls.second_sweep()
+    for update in align(sky, sky, sky.settings, ALIGN, controls):
+        if isinstance(update, PolarUpdate):
+            seen.append(update)
+            if update.stage == "adjust":
+                break
+    assert any("A second sweep shows how the tube bends" in u.detail for u in seen)
+    assert len(seen[-1].measurement.looks) == 2
+
+
+# The mount.
+
+
+class Motor:
+    """Moves in declination as it is told."""
+
+    epoch = Epoch.DATE
+
+    def __init__(self):
+        self.asked, self.stops, self.dec = [], 0, 20.0
+
+    def position(self):
+        return Pointing(100.0, self.dec, self.epoch)
+
+    def move(self, direction, rate_deg_s, seconds):
+        self.asked.append(direction)
+        self.dec += rate_deg_s * seconds * (1 if direction is Direction.NORTH else -1)
+
+    def state(self):
+        return MountState(slewing=False)
+
+    def stop(self):
+        self.stops += 1
+
+
+@pytest.mark.parametrize("direction", [Direction.NORTH, Direction.SOUTH])
+def test_the_mount_turns_its_declination_and_is_stopped_at_the_end(direction):
+    motor, time = Motor(), [0.0]
+
+    def sleep(seconds):
+        time[0] += seconds
+
+    run(MountTurner(motor, 2.0, sleep, lambda: time[0]).turn_declination(direction, 50.0))
+    assert motor.dec == pytest.approx(70.0 if direction is Direction.NORTH else -30.0, abs=1.1)
+    assert set(motor.asked) == {direction}
+    assert motor.stops == 1
+
+
+def test_within_the_guard_the_real_declination_turns():
+    night = datetime(2026, 1, 15, 22, 0, tzinfo=UTC).timestamp()
+    bench = Bench(
+        RigConfig(
+            seed=2, site=Site(45.0, 8.0, 300.0), start_deg=(-60.0, 60.0), start_unix=night,
+            mount=MountConfig(german=False),
+        )
+    )  # fmt: skip
+    turner = MountTurner(bench.guard, 1.0, bench.wait, bench.rig.clock.now_unix)
+    before = bench.rig.truth().of_date_deg[1]
+    run(turner.turn_declination(Direction.SOUTH, 30.0))
+    assert before - bench.rig.truth().of_date_deg[1] == pytest.approx(30.0, abs=3.0)
+    assert bench.mount.did[-1] == ("stop",)
