@@ -68,6 +68,14 @@ class PairTable:
         last = int((high_rad / self.reach_rad) ** 2 * RINGS)
         return self.begin[min(first, RINGS)], self.begin[min(last + 1, RINGS)]
 
+    def rings_each(self, star: Index, low_rad: Floats, high_rad: Floats) -> tuple[Index, Index]:
+        """First and last entry (K,) of the neighbours of stars (K,), each with its own limits."""
+        stars = len(self.rows)
+        first = np.minimum((low_rad / self.reach_rad) ** 2 * RINGS, RINGS).astype(np.int64)
+        last = np.minimum((high_rad / self.reach_rad) ** 2 * RINGS + 1.0, RINGS).astype(np.int64)
+        flat = self.begin.ravel()
+        return flat.take(first * stars + star), flat.take(last * stars + star)
+
 
 def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float) -> PairTable | None:
     """The table for frames of ``field_deg`` (the root of their area), or None: none fits."""

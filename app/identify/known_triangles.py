@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Corners = tuple[int, int, int]
 
+RANGE = 8.0
+"""Where the scale moves a side by so many errors, each pair is asked for rings of its own."""
 STEPS = np.arange(1024)
 NONE = np.zeros((0, 3), dtype=np.int64)
 
@@ -76,17 +78,25 @@ def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) ->
     wide, far = sight.growth[a][c], sight.growth[b][c]
     here: Floats | float = sight.angle[a][c]
     there: Floats | float = sight.angle[b][c]
-    first, last = table.rings(here - wide - error_rad, here + wide + error_rad)
     one = table.one[start:stop]
-    entry, end = first.take(one), last.take(one)
-    width = int((end - entry).max())
-    if width == 0:
-        return NONE
     loose = far > 0.1 * error_rad
     if loose:
         off = (table.angle[start:stop] - base) / room
         off = np.minimum(np.maximum(off, -1.0), 1.0)
-        here, there = (here + wide * off)[:, None], there + far * off
+    if wide > RANGE * error_rad:
+        here = here + wide * off
+        entry, end = table.rings_each(one, here - error_rad, here + error_rad)
+        here = here[:, None]
+    else:
+        first, last = table.rings(here - wide - error_rad, here + wide + error_rad)
+        entry, end = first.take(one), last.take(one)
+        if loose:
+            here = (here + wide * off)[:, None]
+    if loose:
+        there = there + far * off
+    width = int((end - entry).max())
+    if width == 0:
+        return NONE
     entries = entry[:, None] + STEPS[:width]
     near = np.abs(table.apart.take(entries, mode="clip") - here) < error_rad
     near &= entries < end[:, None]
