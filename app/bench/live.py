@@ -38,6 +38,11 @@ def run_with(draw: Draw | None, quick: bool, report: Callable[[str], None]) -> B
             calm = make_ring(*size, count=9 if quick else 16, swing_deg=CALM_DEG)
             rows[f"{name} window"] = window_row(calm, name, 5.0 if quick else 20.0)
             del calm
+            if name == "1.2 MP":
+                report(f"{name}: a colour camera in the window ...")
+                calm = make_ring(*size, count=9, swing_deg=CALM_DEG, bayer="RGGB")
+                rows["colour"] = window_row(calm, f"{name} in colour", 5.0 if quick else 20.0)
+                del calm
         if name == "1.2 MP":
             report("10 frames a second in real time ...")
             rows["paced"] = paced(ring, 5.0 if quick else 30.0, 10.0)

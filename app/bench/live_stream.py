@@ -48,21 +48,26 @@ class Ring:
 
 
 def make_ring(
-    width: int, height: int, count: int = 31, seed: int = 1, swing_deg: float = SWING_DEG
-) -> Ring:
-    """Frames of a rich field at 30 arcsec a pixel, 20 ms each, with hot pixels."""
+    width: int, height: int, count: int = 31, seed: int = 1, swing_deg: float = SWING_DEG,
+    bayer: str | None = None,
+) -> Ring:  # fmt: skip
+    """Frames of a rich field at 30 arcsec a pixel, 20 ms each, with hot pixels.
+
+    ``bayer`` is the pattern of a colour camera.
+    """
     camera = Camera.centred(width, height, float(1.0 / np.radians(SCALE_ARCSEC_PX / 3600.0)))
     middle = attitude_from(305.0, 40.0, 12.0).matrix
     phase = np.pi * np.arange(count) / max(1, count - 1)
     axis = np.radians(swing_deg) / 2.0 * np.array([0.6, 0.8, 0.3])
     matrices = np.array([small_rotation(np.cos(p) * axis) @ middle for p in phase])
-    frames = [star_frame(camera, m, seed + k) for k, m in enumerate(matrices)]
+    frames = [star_frame(camera, m, seed + k, bayer=bayer) for k, m in enumerate(matrices)]
     return Ring(camera, frames, matrices)
 
 
 def star_frame(
-    camera: Camera, matrix: Floats, seed: int, trail_px: tuple[float, float] = (0.0, 0.0)
-) -> Frame:
+    camera: Camera, matrix: Floats, seed: int, trail_px: tuple[float, float] = (0.0, 0.0),
+    bayer: str | None = None,
+) -> Frame:  # fmt: skip
     """One frame of the sky at ``matrix`` (3, 3)."""
     catalogue = open_catalogue()
     half = float(np.arctan(np.hypot(camera.width, camera.height) / 2.0 / camera.focal_px))
@@ -72,8 +77,9 @@ def star_frame(
     seen = np.isfinite(xy).all(axis=1)
     sky, image = Sky(level_e=80.0, hot_per_mp=20.0), StarImage(2.6, trail_px=trail_px)
     frame = render(
-        camera.width, camera.height, xy[seen], flux[seen], image, sky, Sensor(), seed=seed
-    )
+        camera.width, camera.height, xy[seen], flux[seen], image, sky, Sensor(bayer=bayer),
+        seed=seed,
+    )  # fmt: skip
     return replace(frame, hint=Hint(exposure_s=EXPOSURE_S))
 
 

@@ -28,7 +28,10 @@ def window_row(ring: Ring, what: str, seconds: float) -> dict[str, Any]:
     """
     with tempfile.TemporaryDirectory(prefix="kochab-bench-") as folder:
         np.save(Path(folder, "frames.npy"), np.array([frame.pixels for frame in ring.frames]))
-        about = {"fps": FPS, "seconds": seconds, "exposure_s": EXPOSURE_S}
+        about = {
+            "fps": FPS, "seconds": seconds, "exposure_s": EXPOSURE_S,
+            "bayer": ring.frames[0].bayer,
+        }  # fmt: skip
         Path(folder, "about.json").write_text(json.dumps(about), "utf-8")
         row = {"what": f"{what} in the window at {FPS:g} frames a second"}
         return row | _run(folder, seconds)

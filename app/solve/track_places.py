@@ -46,17 +46,19 @@ def places(
     less certain than that allows.
     """
     usual, far = most_px
-    seen: list[Floats] = []
+    wide: list[Floats] = []  # looked at in windows that are not small
+    least = SMALLEST_PX
     for rates in (state.rates_rad_s, np.zeros(3), SIDEREAL_RAD_S * state.matrix[:, 2]):
         ahead = predicted(_moving(state, rates, motion), time_s, motion)
-        if any(_apart_px(ahead.matrix, other, camera) < APART_PX for other in seen):
+        if any(_apart_px(ahead.matrix, other, camera) < APART_PX for other in wide):
             continue
-        seen.append(ahead.matrix)
         error_px, roll_px = _error_px(ahead, camera), _roll_px(ahead, camera)
-        half = np.ceil(error_px + 2.0 * fwhm_px + 2.0)
-        least = SMALLEST_PX if len(seen) == 1 else usual  # what was believed before was wrong
         most = usual if error_px <= usual else far
-        yield Place(ahead, int(np.clip(half, least, most)), min(roll_px, float(most)))
+        half = int(np.clip(np.ceil(error_px + 2.0 * fwhm_px + 2.0), least, most))
+        yield Place(ahead, half, min(roll_px, float(most)))
+        least = usual  # what was believed of the motion was wrong
+        if half >= usual:
+            wide.append(ahead.matrix)
 
 
 def _moving(state: State, rates: Floats, motion: Motion) -> State:

@@ -1,9 +1,9 @@
 """Measures the real window on a stream of given frames: ``python -m app.ui.live.measure FOLDER``.
 
 ``FOLDER`` holds ``frames.npy`` (N, H, W), the frames of half a swing to be shown forth and back,
-and ``about.json`` with ``fps``, ``seconds`` and ``exposure_s``. They come in real time, as from a
-camera that has no readout. One JSON object is printed: frames drawn and tracked a second, and the
-milliseconds from mid-exposure until a frame with its overlay was painted.
+and ``about.json`` with ``fps``, ``seconds``, ``exposure_s`` and perhaps ``bayer``. They come in
+real time, as from a camera that has no readout. One JSON object is printed: frames drawn and
+tracked a second, and the milliseconds from mid-exposure until a frame with its overlay was painted.
 """
 
 import json
@@ -42,8 +42,11 @@ class GivenFrames:
 
     name = "given frames"
 
-    def __init__(self, frames: NDArray[Any], fps: float, exposure_s: float) -> None:
+    def __init__(
+        self, frames: NDArray[Any], fps: float, exposure_s: float, bayer: str | None = None
+    ) -> None:
         self._frames, self._fps, self._exposure_s = frames, fps, exposure_s
+        self._bayer = bayer
         self._begun, self._given = monotonic(), -1
 
     @property
@@ -68,7 +71,8 @@ class GivenFrames:
         hint = Hint(exposure_s=self._exposure_s, time_utc=datetime.now(UTC) - middle)
         period = 2 * (len(self._frames) - 1)
         at = number % period
-        return Frame(self._frames[min(at, period - at)], saturation=65535.0, hint=hint)
+        pixels = self._frames[min(at, period - at)]
+        return Frame(pixels, bayer=self._bayer, saturation=65535.0, hint=hint)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -143,7 +147,9 @@ def main(folder: str) -> int:
         _pass(0.5)
         view = commands.views.docks["live"].view
         assert isinstance(view, LiveView)
-        source = GivenFrames(frames, float(about["fps"]), float(about["exposure_s"]))
+        source = GivenFrames(
+            frames, float(about["fps"]), float(about["exposure_s"]), about.get("bayer")
+        )
         print(json.dumps(measure(view, source, float(about["seconds"]))), flush=True)
         _pass(0.3)
         window.close()
