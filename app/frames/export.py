@@ -3,10 +3,10 @@
 import csv
 import io
 import os
-from pathlib import Path
 
 from app.core.frame import Frame
 from app.core.solution import Solution
+from app.frames.whole_file import write_whole
 
 _COLUMNS = ("x", "y", "id", "name", "mag", "ra_deg", "dec_deg", "residual_px")
 _REGION_RADIUS_PX = 8.0
@@ -41,12 +41,12 @@ def ds9_regions(solution: Solution) -> str:
 
 def write_csv(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write `stars_csv`; raises OSError when that is not possible."""
-    Path(path).write_text(stars_csv(solution), encoding="utf-8", newline="\n")
+    write_whole(path, stars_csv(solution))
 
 
 def write_regions(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write `ds9_regions`; raises OSError when that is not possible."""
-    Path(path).write_text(ds9_regions(solution), encoding="utf-8", newline="\n")
+    write_whole(path, ds9_regions(solution))
 
 
 def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
@@ -57,7 +57,9 @@ def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> 
     from app.frames.annotated import annotated_picture
 
     picture = annotated_picture(frame, solution)
+    packed = io.BytesIO()
     if str(os.fspath(path)).lower().endswith((".jpg", ".jpeg")):
-        picture.save(path, format="JPEG", quality=92)
+        picture.save(packed, format="JPEG", quality=92)
     else:
-        picture.save(path, format="PNG", compress_level=4)
+        picture.save(packed, format="PNG", compress_level=4)
+    write_whole(path, packed.getvalue())

@@ -4,13 +4,13 @@ import io
 import math
 import os
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app import __version__
 from app.core.frame import Frame
+from app.frames.whole_file import write_whole
 
 KEPT = (
     "OBJECT", "TELESCOP", "FOCALLEN", "XPIXSZ", "YPIXSZ", "XBINNING", "YBINNING", "GAIN", "OFFSET",
@@ -24,14 +24,7 @@ def write_fits(frame: Frame, path: str | os.PathLike[str]) -> None:
 
     Raises OSError when that is not possible.
     """
-    target = Path(path)
-    part = target.with_name(target.name + ".part")
-    try:
-        part.write_bytes(fits_bytes(frame))
-        part.replace(target)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    write_whole(path, fits_bytes(frame))
 
 
 def fits_bytes(frame: Frame) -> bytes:

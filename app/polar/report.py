@@ -4,6 +4,7 @@ from html import escape
 from pathlib import Path
 
 from app.core.errors import KochabError
+from app.frames.whole_file import write_whole
 from app.polar.history import Entry, History
 from app.polar.plots import ellipses, error_over_time
 from app.polar.words import angle_in_words
@@ -44,8 +45,8 @@ def write_report(path: str | Path, history: History) -> None:
     """
     page = Path(path)
     try:
-        page.write_text(report_html(history), encoding="utf-8")
-        page.with_suffix(".json").write_text(history.as_json(), encoding="utf-8")
+        write_whole(page, report_html(history))
+        write_whole(page.with_suffix(".json"), history.as_json())
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise KochabError(f"The report {path} cannot be written: {reason}.") from None

@@ -12,6 +12,7 @@ import numpy as np
 
 from app.core.camera import Camera
 from app.core.errors import KochabError
+from app.frames.whole_file import write_whole
 from app.solve.profiles import TERMS, Profile
 
 FORMAT = 1
@@ -49,11 +50,9 @@ def keep(profile: Profile, folder: Path | None = None) -> Path:
         "camera": asdict(camera), "sigma": profile.sigma, "terms": list(TERMS),
         "information": profile.information.tolist(),
     }  # fmt: skip
-    part = path.with_suffix(".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(told, indent=1), "utf-8")
-        part.replace(path)
+        write_whole(path, json.dumps(told, indent=1))
     except OSError as error:
         raise KochabError(
             f"The camera profile cannot be kept in {path.parent}: {error.strerror}."

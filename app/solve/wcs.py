@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.errors import FrameError
 from app.core.solution import Solution
+from app.frames.whole_file import write_whole
 
 if TYPE_CHECKING:
     from astropy.io.fits import Header
@@ -102,7 +103,7 @@ def wcs_text(solution: Solution) -> str:
 
 def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write the ``.wcs`` file; raises OSError when that is not possible."""
-    Path(path).write_text(wcs_text(solution), encoding="ascii", newline="\n")
+    write_whole(path, wcs_text(solution))
 
 
 def write_solved_copy(

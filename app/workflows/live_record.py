@@ -16,6 +16,7 @@ from app import __version__
 from app.core.errors import UsageError
 from app.core.progress import Progress
 from app.core.solution import Solution
+from app.frames.whole_file import write_whole
 from app.workflows.live_session import FORMAT, LINES, SESSION, Json
 from app.workflows.live_solve import WARNING, Live
 from app.workflows.live_update import LiveUpdate
@@ -120,7 +121,7 @@ class Recorder:
 
     def _write_about(self, about: Json) -> None:
         text = json.dumps(about, indent=1) + "\n"
-        (self.folder / SESSION).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(self.folder / SESSION, text)
 
 
 def recorded(live: Live, recorder: Recorder) -> Live:

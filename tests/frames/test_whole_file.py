@@ -1,0 +1,48 @@
+"""Files are written whole, or stay as they were."""
+
+import errno
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.frames.whole_file import write_whole
+
+
+def fills_the_disk(self, data):
+    with open(self, "wb") as file:
+        file.write(data[: len(data) // 2])
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("before", [None, "as it was"])
+def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch, before) -> None:
+    path = tmp_path / "a.wcs"
+    if before is not None:
+        path.write_text(before)
+    monkeypatch.setattr(Path, "write_bytes", fills_the_disk)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(path, "new and longer")
+    assert [p.read_text() for p in tmp_path.iterdir()] == ([] if before is None else [before])
+
+
+@pytest.mark.parametrize(("content", "read"), [("α\n", "α\n".encode()), (b"\0\r\n", b"\0\r\n")])
+def test_what_is_written_is_read(tmp_path, content, read) -> None:
+    path = tmp_path / ("a" * 250)  # as long as a name may be: nothing can be put to its end
+    for _ in range(2):
+        write_whole(path, content)
+    assert path.read_bytes() == read
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
+def test_a_link_stays_one(tmp_path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    write_whole(tmp_path / "link", "x")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "there").read_text() == "x"
+
+
+def test_an_absent_folder_is_an_os_error(tmp_path) -> None:
+    with pytest.raises(FileNotFoundError):
+        write_whole(tmp_path / "none" / "a", "x")
