@@ -8,7 +8,7 @@ from app.core.detections import Detections
 from app.core.solution import Identification, Matches
 from app.identify.index import Volume
 from app.identify.known_search import POOR, KnownSearch
-from app.identify.known_table import PairTable, table_for
+from app.identify.known_table import SPARSE, PairTable, table_for
 from app.identify.search import Search
 from app.identify.verify import Verdict
 
@@ -19,26 +19,37 @@ KNOWN, ROUGHLY = 1.07, 1.25
 
 def known_camera(
     search: Search, volumes: tuple[Volume, ...], year: float
-) -> tuple[KnownSearch, PairTable] | None:
-    """The search by triangles and its table, or None: the scale or the field is not for it."""
+) -> tuple[KnownSearch, ...]:
+    """The searches by triangles to make; none where the scale or the field is not for them.
+
+    Where the stars are so few that chance has room, a table of fewer stars is asked first.
+    """
     low, high = search.scale
     if high > low * (ROUGHLY if len(search.xy) <= POOR else KNOWN) or len(search.xy) < FEWEST:
-        return None
-    table = table_for(volumes, search.field_deg((low * high) ** 0.5), year)
-    if table is None:
-        return None
-    return KnownSearch(table, search.xy, search.half, search.scale), table
+        return ()
+    field_deg = search.field_deg((low * high) ** 0.5)
+    dense = table_for(volumes, field_deg, year)
+    if dense is None:
+        return ()
+    known = KnownSearch(dense, search.xy, search.half, search.scale)
+    sparse = table_for(volumes, field_deg, year, SPARSE) if known.doubtful else None
+    if sparse is None:
+        return (known,)
+    return tuple(
+        KnownSearch(table, search.xy, search.half, search.scale, 2) for table in (sparse, dense)
+    )
 
 
 def first_answer(
-    search: Search, known: KnownSearch, table: PairTable, detections: Detections
+    search: Search, searches: tuple[KnownSearch, ...], detections: Detections
 ) -> Identification | None:
     """What the triangles say, if they say anything where the hint allows it."""
-    for verdict in known.verdicts():
-        if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
-            return _answer(verdict, known.tried, table, detections)
-    search.tried += known.tried
-    search.least = min(search.least, known.least)
+    for known in searches:
+        for verdict in known.verdicts():
+            if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
+                return _answer(verdict, search.tried + known.tried, known.table, detections)
+        search.tried += known.tried
+        search.least = min(search.least, known.least)
     return None
 
 

@@ -23,12 +23,12 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ACCEPT_LOG10 = -5.0
-POOR = 8
-"""Of so many detections all triangles are asked about, and with larger errors too."""
+POOR, FEW = 8, 6
+"""Of so many detections all triangles are asked about; of so few with larger errors too."""
 BRIGHTEST = 6
 """Detections whose triangles are asked about where there are more."""
 WITNESSES = 20
-FIRST, LOOSE = 1.2e-3, 6e-3
+FIRST, LOOSE = 1.2e-3, 4e-3
 """Errors of a side that are allowed, over the frame's larger side: at first, and if need be."""
 SMALLEST = 0.02
 """Triangles with a smaller side are not asked about; witnesses as near to another do not count."""
@@ -44,20 +44,24 @@ class KnownSearch:
     """One frame's triangles in one table.
 
     ``xy`` (N, 2) px from the frame's middle, brightest first; ``half`` (2,) half its width and
-    height; ``scale`` the focal lengths allowed, px.
+    height; ``scale`` the focal lengths allowed, px; ``ways`` how many searches like this one the
+    frame gets.
     """
 
     def __init__(
-        self, table: PairTable, xy: Floats, half: Floats, scale: tuple[float, float]
+        self, table: PairTable, xy: Floats, half: Floats, scale: tuple[float, float], ways: int = 1
     ) -> None:
         self.table, self.xy = table, xy[:WITNESSES]
-        self.complete = len(xy) <= POOR
-        self.asked = xy[: POOR if self.complete else BRIGHTEST]
+        self.complete = len(xy) <= FEW
+        self.asked = xy[: POOR if len(xy) <= POOR else BRIGHTEST]
         self.places: list[list[float]] = self.asked.tolist()
         self.side = 2.0 * float(half.max())
         self.corner = math.hypot(*half.tolist())
         self.sight = Sight.of(self.asked, scale)
         self.density = len(table.rows) / (4.0 * math.pi) / self.sight.focal**2
+        self.ways = ways
+        self.corners = self._corners()
+        self.believable_px = self._believable_px()
         self.proposed: set[tuple[int, int]] = set()
         self.trials = (0.0, 0.0)
         self.least = 0.0
@@ -69,9 +73,8 @@ class KnownSearch:
 
     def verdicts(self) -> Iterator[Verdict]:
         """Every answer that chance cannot explain, in the order found."""
-        corners = self._corners()
-        for error_px in self._errors(corners):
-            for triangle in corners:
+        for error_px in self._errors():
+            for triangle in self.corners:
                 self._count(triangle)
                 stars = guess(self.table, self.sight, triangle, error_px / self.sight.focal)
                 if len(stars):
@@ -84,26 +87,32 @@ class KnownSearch:
         every = [turned(t, angle) for t in triangles(len(angle))]
         return [t for t in every if angle[t[0]][t[1]] > smallest and angle[t[0]][t[2]] < reach]
 
-    def _errors(self, corners: list[Corners]) -> Iterator[float]:
+    @property
+    def doubtful(self) -> bool:
+        """Whether the frame's stars are so few that their places must be good to be believed."""
+        return self.believable_px < LOOSE * self.side
+
+    def _errors(self) -> Iterator[float]:
         """Errors of a side, px, to allow in turn: none at which nobody would be believed."""
-        most = self._believable_px(corners)
+        most = self.believable_px
         first, loose = min(FIRST * self.side, most), min(LOOSE * self.side, most)
         if first > 0.0:
             yield first
         if loose > 1.5 * first and self.complete:
             yield loose
 
-    def _believable_px(self, corners: list[Corners]) -> float:
+    def _believable_px(self) -> float:
         """The largest error at which the agreement of all would still be an answer."""
         others = len(self.xy) - 2
         if others > POOR - 2:
             return math.inf
-        per = [self._pointings(b, c) for b, c in {tuple(sorted(t[1:])) for t in corners}]
+        per = [self._pointings(b, c) for b, c in {tuple(sorted(t[1:])) for t in self.corners}]
         a, b = (sum(column) for column in zip(*per, strict=True)) if per else (0.0, 0.0)
         radius = LOOSE * self.side
         while radius > LEAST * self.side:
             chance = min(self.density * math.pi * radius * radius, 1.0)
-            if others * math.log10(chance) + math.log10(others * (a + b * radius)) < ACCEPT_LOG10:
+            tried = self.ways * others * (a + b * radius)
+            if others * math.log10(chance) + math.log10(tried) < ACCEPT_LOG10:
                 return 2.0 * radius
             radius /= 1.5
         return 0.0
@@ -122,8 +131,8 @@ class KnownSearch:
         b, c = sorted(triangle[1:])
         if (b, c) not in self.proposed:
             self.proposed.add((b, c))
-            more = self._pointings(b, c)
-            self.trials = (self.trials[0] + more[0], self.trials[1] + more[1])
+            (a0, b0), (a1, b1) = self.trials, self._pointings(b, c)
+            self.trials = (a0 + self.ways * a1, b0 + self.ways * b1)
 
     def _checked(self, triangle: Corners, stars: Ints, error_px: float) -> Iterator[Verdict]:
         guesses = self._with_parity(triangle, stars, error_px)

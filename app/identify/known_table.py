@@ -25,8 +25,8 @@ RINGS = 48
 """Rings about each star: one neighbour in each, more or less."""
 REACH = 0.71
 """Widest pair, over the level's field: the diagonal of half a field's area."""
-FEWEST_PER_FIELD = 12.0
-"""A level's stars in a frame must be at least so many, on average."""
+DENSE, SPARSE = 12.0, 6.0
+"""So many stars of a level are at least in a frame, on average, and less than twice as many."""
 NARROWEST_DEG = 5.0
 """Levels for smaller fields have a million pairs and more: their frames are left to the quads."""
 
@@ -77,14 +77,19 @@ class PairTable:
         return flat.take(first * stars + star), flat.take(last * stars + star)
 
 
-def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float) -> PairTable | None:
-    """The table for frames of ``field_deg`` (the root of their area), or None: none fits."""
+def table_for(
+    volumes: tuple[Volume, ...], field_deg: float, year: float, density: float = DENSE
+) -> PairTable | None:
+    """The table for frames of ``field_deg`` (the root of their area), or None: none fits.
+
+    ``density`` is the fewest stars a frame.
+    """
     from app.identify.levels import PER_FIELD
 
     for volume in volumes:
         for level, size in enumerate(volume.fields_deg.tolist()):
             per_frame = PER_FIELD * (field_deg / size) ** 2
-            if size >= NARROWEST_DEG and FEWEST_PER_FIELD <= per_frame < 2.0 * FEWEST_PER_FIELD:
+            if size >= NARROWEST_DEG and density <= per_frame < 2.0 * density:
                 return _dated(volume, level, round(year))
     return None
 

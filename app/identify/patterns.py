@@ -48,10 +48,9 @@ class Patterns:
     ) -> Task[Identification | NoSolution]:
         search = Search(detections, hint)
         known = known_camera(search, self.volumes or shipped(), year)
-        if known is not None:
-            found = first_answer(search, *known, detections)
-            if found is not None:
-                return found
+        found = first_answer(search, known, detections)
+        if found is not None:
+            return found
         if len(search.xy) < FEWEST:
             return NoSolution(
                 Reason.TOO_FEW_STARS,
@@ -59,7 +58,7 @@ class Patterns:
                 f"{len(search.xy)} stars",
                 len(detections),
             )
-        if known is not None and known[0].complete:
+        if known and known[0].complete:
             return self._none(search, detections)
         volumes = self.volumes
         if volumes is None:
