@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from app.polar.error import PolarError
 from app.polar.findings import Finding, Kind
+from app.polar.live_movement import Moment, declination_moved
 from app.polar.measure import Measurement
 from app.polar.poles import northern
 from app.polar.rotations import (
@@ -70,6 +71,9 @@ class LivePhase:
         self._camera_covariance = fit.camera_covariance + _beyond(measurement)
         self._reference = about(fit.axis, float(fit.turns_rad[-1])) @ fit.reference
         self._reference_time = last.time_utc
+        self._before = self._moment(last)
+        self._clock = ""  # the last one that was believed
+        self._declination_rad = 0.0
 
     def update(self, sighting: Sighting) -> LiveError:
         """The error at a new frame."""
@@ -78,7 +82,7 @@ class LivePhase:
     def update_local(self, now: LocalAttitude) -> LiveError:
         """The same from an attitude already in E, N, U."""
         matrix, covariance = now.matrix, now.covariance
-        theta, slope = self._theta(matrix)
+        theta, slope = self._watch_declination(now)
         sigma2 = float(slope @ covariance @ slope)
         prior, expected = self._clock_says(now, theta, sigma2)
         if prior:
@@ -86,6 +90,7 @@ class LivePhase:
             matrix = matrix @ rotation(gain * (expected - theta))
             covariance = covariance - np.outer(gain, slope @ covariance)
             theta, _ = self._theta(matrix)
+            self._clock = prior
         axis = matrix @ self._camera_axis
         frame = self._of_frame(matrix, axis, covariance)
         total = frame + self._of_measurement(matrix, axis)
@@ -93,6 +98,24 @@ class LivePhase:
         moved = float(np.degrees(np.linalg.norm(axis - self._start.axis)))
         findings = tuple(self._findings(error, moved, theta, now))
         return LiveError(error, frame, now, theta, prior, moved, findings)
+
+    def _moment(self, now: LocalAttitude) -> Moment:
+        return Moment(now, *self._theta(now.matrix), now.matrix @ self._camera_axis)
+
+    def _watch_declination(self, now: LocalAttitude) -> tuple[float, Floats]:
+        """The turn and its slope at a frame, once it is compared with the frame before."""
+        moment, before = self._moment(now), self._before
+        elapsed = (now.time_utc - before.attitude.time_utc).total_seconds()
+        turns = self._clocks(elapsed)
+        known = [turns[self._clock]] if self._clock else list(turns.values())
+        self._declination_rad += declination_moved(before, moment, known) or 0.0
+        self._before = moment
+        return moment.theta_rad, moment.slope
+
+    def _clocks(self, elapsed_s: float) -> dict[str, float]:
+        """How far RA turns in a time, radians, when the mount tracks and when it stands."""
+        sign = -1.0 if northern(self._settings.site) else 1.0
+        return {"tracking": sign * SIDEREAL_RAD_S * elapsed_s, "standing": 0.0}
 
     def _theta(self, matrix: Floats) -> tuple[float, Floats]:
         """The turn about the axis since the reference, and its slope (3,) over camera rotations.
@@ -112,8 +135,7 @@ class LivePhase:
     def _clock_says(self, now: LocalAttitude, theta: float, sigma2: float) -> tuple[str, float]:
         """Which prior holds, and the turn it expects; none when both do or neither."""
         elapsed = (now.time_utc - self._reference_time).total_seconds()
-        sign = -1.0 if northern(self._settings.site) else 1.0
-        expected = {"tracking": sign * SIDEREAL_RAD_S * elapsed, "standing": 0.0}
+        expected = self._clocks(elapsed)
         scale = np.sqrt(sigma2 + PRIOR_SIGMA_RAD**2)
         off = {name: abs(_wrap(theta - value)) / scale for name, value in expected.items()}
         near, far = sorted(off, key=lambda name: off[name])
@@ -135,8 +157,16 @@ class LivePhase:
         self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude
     ) -> list[Finding]:
         found = []
+        if self._declination_rad:
+            found.append(
+                Finding(
+                    Kind.DEC_MOVED,
+                    f"The declination axis moved by {_arcmin(self._declination_rad):.1f}', and the"
+                    " error shown is wrong by as much: lock it and measure again.",
+                )
+            )
         elapsed = abs((now.time_utc - self._reference_time).total_seconds())
-        if abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
+        if not found and abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
             found.append(
                 Finding(
                     Kind.SLIPPING,
@@ -168,6 +198,10 @@ def _beyond(measurement: Measurement) -> Floats:
     more = (vectors * np.maximum(values, 0.0)) @ vectors.T
     into_camera = fit.reference.T @ np.stack(tangents(error.axis), axis=1)
     return np.asarray(into_camera @ more @ into_camera.T)
+
+
+def _arcmin(angle_rad: float) -> float:
+    return abs(angle_rad) / ARCSEC / 60.0
 
 
 def _wrap(angle: float) -> float:

@@ -3,12 +3,16 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from app.core.progress import Task
 from app.core.solution import NoSolution
+from app.polar.error import PolarError
 from app.polar.findings import Kind
 from app.polar.history import History
 from app.polar.live import LiveError, LivePhase
 from app.polar.measure import Measurement
+from app.polar.rotations import ARCSEC, tangents
 from app.polar.steady import Steady, SteadyError
 from app.polar.tutor import BoltTutor, Instruction, Step
 from app.workflows.polar_sources import SightingSource
@@ -16,6 +20,9 @@ from app.workflows.polar_update import PolarControls, PolarUpdate
 
 SURE_FRAMES = 5
 """So many quiet frames before the tutor's Stop is taken for the end."""
+
+MOVED2, LEAST_NOISE_ARCSEC = 16.0, 1.0
+"""Squared distance in sigmas beyond which the axis is not where it was measured."""
 
 QUIET_FRAMES = 40
 """After so many the same is said anew from what is known by then."""
@@ -26,8 +33,13 @@ class End(StrEnum):
 
     THERE = "there"
     LARGE_MOVE = "large move"
+    DEC_MOVED = "declination moved"
     ASKED = "asked"
     SECOND_SWEEP = "second sweep"
+
+
+SPOILT = {Kind.REMEASURE: End.LARGE_MOVE, Kind.DEC_MOVED: End.DEC_MOVED}
+"""What makes the live error worthless, so that it is measured again by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +56,7 @@ class Adjuster:
 
     def __init__(self, measurement: Measurement, tutor: BoltTutor) -> None:
         self.live = LivePhase(measurement)
+        self._measured = measurement.error
         self.steady = Steady()
         self.tutor = tutor
         self._heard = 0  # movements already answered
@@ -57,6 +70,8 @@ class Adjuster:
             self.steady.forget()
             self._heard = -1
         steady = self.steady.update(live)
+        if self._fresh_stop(steady):
+            return steady, self.instruction
         if steady.settled and self._heard != self.steady.movements:
             self._heard = self.steady.movements
             self.instruction = self.tutor.advise(steady.error, noise_arcsec=steady.noise_arcsec)
@@ -65,6 +80,13 @@ class Adjuster:
             self.instruction = self.tutor.advise(steady.error, turned=0.0)
         self.asked = self.asked or self.instruction.knob is not None
         return steady, self.instruction
+
+    def _fresh_stop(self, steady: SteadyError) -> bool:
+        """Whether a measurement said Stop and nothing was asked, turned or seen to move since.
+
+        A reading is never surer than the measurement that it leans on: it may not overrule it.
+        """
+        return self._stopped and not self.asked and not _moved(self._measured, steady)
 
     @property
     def _stopped(self) -> bool:
@@ -78,7 +100,7 @@ def adjust(
     controls: PolarControls | None = None,
     history: History | None = None,
 ) -> Task[Adjusted]:
-    """Follow the axis until the tutor says Stop, a large move asks to measure, or a person does."""
+    """Follow the axis until the tutor says Stop, or something or somebody asks to measure."""
     controls, history = controls or PolarControls(), history or History()
     adjuster, steady = Adjuster(measurement, tutor), None
     history.told(measurement.time_utc, measurement.error, adjuster.instruction.words)
@@ -101,8 +123,15 @@ def adjust(
         yield _update(live, steady, adjuster, measurement)
         if instruction.step is Step.STOP and steady.settled and steady.frames >= SURE_FRAMES:
             return Adjusted(End.THERE, adjuster.asked, steady)
-        if steady.settled and any(f.kind is Kind.REMEASURE for f in live.findings):
-            return Adjusted(End.LARGE_MOVE, adjuster.asked, steady)
+        spoilt = {f.kind for f in live.findings} & set(SPOILT)
+        if steady.settled and spoilt:
+            return Adjusted(SPOILT[spoilt.pop()], adjuster.asked, steady)
+
+
+def _moved(measured: PolarError, steady: SteadyError) -> bool:
+    """Whether a quiet reading shows the axis elsewhere than it was measured, noise considered."""
+    gap = np.stack(tangents(measured.axis)) @ (steady.error.axis - measured.axis) / ARCSEC
+    return bool(np.sum((gap / np.maximum(steady.noise_arcsec, LEAST_NOISE_ARCSEC)) ** 2) > MOVED2)
 
 
 def _update(

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from app.bench.polar import follow
+from app.bench.polar import ALIGN, follow
 from app.bench.polar_rig import make_rig
 from app.core.errors import RefusedError
 from app.core.hint import Site
@@ -19,13 +19,13 @@ from app.polar.measure import Settings, measure_local
 from app.polar.path import best_way, way
 from app.polar.plan import Optics
 from app.polar.sighting import Sighting, to_local
-from app.polar.tutor import BoltTutor
+from app.polar.tutor import BoltTutor, Step
 from app.simulate.camera import CameraConfig
 from app.simulate.mechanics.geometry import Build
 from app.simulate.mechanics.mount import MountConfig
 from app.simulate.rig import PracticeRig, RigConfig
 from app.sky import open_catalogue
-from app.workflows.polar_adjust import End, adjust
+from app.workflows.polar_adjust import Adjuster, End, adjust
 from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis, plan_way
 from app.workflows.polar_turners import HandTurner, MountTurner
 from app.workflows.polar_update import PolarControls, PolarUpdate
@@ -222,6 +222,44 @@ def test_a_large_move_measures_again():
     next(task)
     sky.rig.mount.turn_bolts(180.0, 0.0)
     assert run(task).end is End.LARGE_MOVE
+
+
+def test_a_declination_that_moves_while_adjusting_is_told_and_measured_again():
+    sky = rig(hour=-70.0)
+    found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
+    updates = []
+    task = adjust(sky, found.measurement, BoltTutor())
+    for update in task:
+        updates.append(update)
+        if isinstance(update, PolarUpdate) and update.live is not None:
+            break
+    sky.rig.mount.turn_by_hand(0.0, 0.25)
+    assert run(task, updates.append).end is End.DEC_MOVED
+    said = [f.text for f in updates[-1].findings if f.kind is Kind.DEC_MOVED]
+    assert len(said) == 1
+    assert "declination axis moved by 15." in said[0] or "moved by 14.9" in said[0]
+
+
+def test_a_noisy_reading_does_not_overrule_a_fresh_measurements_stop():
+    """20 arcsec off, and frames that say 40: it was measured, and nobody has touched a bolt."""
+    sky = rig(seed=3)
+    config = replace(sky.rig.config.mount, misalignment_arcmin=(18.0 / 60.0, 0.0))
+    sky.rig = PracticeRig(replace(sky.rig.config, mount=config), open_catalogue())
+    sky.point(-40.0, 50.0)
+    found = run(measure_axis(sky, sky, sky.settings, ALIGN.sweep))
+    adjuster = Adjuster(found.measurement, BoltTutor())
+    assert adjuster.instruction.step is Step.STOP
+    last = adjuster.live.update(sky.look())
+    for frame in range(12):
+        off = last.error.axis + 1.5 * np.sqrt(last.frame_covariance[0, 0]) * np.array([0, 0, 1.0])
+        reading = replace(last, error=replace(last.error, axis=off / np.linalg.norm(off)))
+        noisy = frame < 3
+        steady, told = adjuster.see(reading if noisy else last, False)
+        assert told.step is Step.STOP, steady
+    sky.rig.mount.turn_bolts(3.0, 0.0)
+    for _ in range(8):
+        _, told = adjuster.see(adjuster.live.update(sky.look()), False)
+    assert told.step is not Step.STOP  # what really moved is answered
 
 
 def test_every_step_can_be_the_last():
