@@ -5,7 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.attitude.belief import FocalBelief
+from app.attitude.normal import chance, inverse, remainder, solve
 from app.attitude.projection import PARAMETERS, moved, project_with_jacobian, sane
+from app.attitude.trust import BELIEF, corrections, trust
 from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.solution import Matches
@@ -13,6 +16,7 @@ from app.core.solution import Matches
 Floats = NDArray[np.float64]
 
 FEWEST_FOR_FOCAL = 4
+FOCAL = PARAMETERS.index("log_focal")
 LADDER: tuple[tuple[tuple[str, ...], int], ...] = (
     (("k1",), 8),
     (("k2",), 14),
@@ -30,6 +34,13 @@ LARGEST_CHANCE = 1e-4
 CLIP_SIGMA = 3.7
 FLOOR_PX = 0.02
 """No set of centroids is believed to be better than this, whatever the residuals say."""
+FEWEST_TO_DOUBT = 6
+"""Among fewer matches none can be told to be the wrong one."""
+SOFT_ROUNDS = 12
+CONTRADICTED_SIGMA = 4.0
+"""A belief so far from what the stars say is none."""
+TELLS_NOTHING = 10.0
+"""A belief so many times less certain than the stars changes nothing and is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,9 +48,10 @@ class Fit:
     """A camera and an attitude that agree with ``M`` matches.
 
     ``residuals_px`` (M, 2) are recorded minus computed pixels, of all matches; ``inliers`` (M,)
-    tells which took part; ``rms_px`` is the root mean square length of their residuals. ``terms``
-    are the parameters that were fitted. The attitude's covariance is that of the rotation as seen
-    in the middle of the frame, where a shift of the principal point and a turn are one thing.
+    tells which are near enough to be matches; ``rms_px`` is the root mean square length of their
+    residuals. ``terms`` are the parameters that were fitted. The attitude's covariance is that of
+    the rotation as seen in the middle of the frame, where a shift of the principal point and a
+    turn are one thing.
     """
 
     camera: Camera
@@ -58,6 +70,7 @@ def refine(
     *,
     distortion: bool = True,
     rounds: int = 4,
+    focal: FocalBelief | None = None,
 ) -> Fit:
     """Fit rotation, focal length and whatever else the matches support.
 
@@ -72,7 +85,11 @@ def refine(
     distortion : bool
         Whether terms beyond rotation and focal length may be tried at all.
     rounds : int
-        How often at most the outliers are looked for anew.
+        How often at most the outliers are looked for anew; with one round they are left out or
+        not, with more each match weighs in the end as much as it is to be trusted.
+    focal : FocalBelief, optional
+        What is believed of the focal length. It has its say in the measure of its sigma, unless
+        the stars contradict it by more than four sigma.
 
     Returns
     -------
@@ -97,10 +114,25 @@ def refine(
     if distortion and count >= ENOUGH_TO_START_PLAIN:
         camera = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
     everyone = np.ones(count, dtype=np.bool_)
-    state = _State(camera, attitude.matrix, matches, np.median(sigma) / sigma, everyone, camera)
+    state = _State(
+        camera, attitude.matrix, matches, np.median(sigma) / sigma, everyone, camera, np.ones(count)
+    )
     base = _columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
+    free, state = _settled(state.descend(base), base, distortion, rounds)
+    if focal is not None and count >= FEWEST_FOR_FOCAL:
+        pulled = state.believing(focal, free)
+        if pulled is not state:
+            free, state = _settled(pulled.descend(free), base, distortion, rounds)
+    if rounds > 1:
+        state = state.softened(free)
+    return state.conclude(free)
+
+
+def _settled(
+    state: "_State", base: NDArray[np.intp], distortion: bool, rounds: int
+) -> tuple[NDArray[np.intp], "_State"]:
+    """The terms that are asked for and the state without outliers, each seen from the other."""
     free = base
-    state = state.descend(base)
     for _ in range(rounds):
         if distortion:
             free, state = state.supported(base)
@@ -108,12 +140,16 @@ def refine(
         if np.array_equal(keep, state.inliers):
             break
         state = replace(state, inliers=keep).descend(free)
-    return state.conclude(free)
+    return free, state
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """One point of the descent."""
+    """One point of the descent.
+
+    ``weight`` (M,) are the matches' by their errors, ``trust`` (M,) how far they count at all.
+    ``pull`` is a believed log focal length and how much a step of it weighs, px.
+    """
 
     camera: Camera
     matrix: Floats
@@ -121,6 +157,9 @@ class _State:
     weight: Floats
     inliers: NDArray[np.bool_]
     plain: Camera
+    trust: Floats
+    pull: tuple[float, float] | None = None
+    share: float = 0.0
 
     def linear(self, every: bool = False) -> tuple[Floats, Floats]:
         """Residuals (M, 2) px and Jacobian (M, 2, 10), of the inliers or of every match."""
@@ -131,11 +170,17 @@ class _State:
         return self.matches.xy[chosen] - pixels, jacobian
 
     def weighted(self) -> tuple[Floats, Floats]:
-        """The same of the inliers, (2 M,) and (2 M, 10), each over its sigma."""
+        """The same of the inliers, (2 M,) and (2 M, 10), each over its sigma; then the belief."""
         residual, jacobian = self.linear()
-        w = self.weight[self.inliers]
+        w = (self.weight * np.sqrt(self.trust))[self.inliers]
         flat = (jacobian * w[:, None, None]).reshape(-1, len(PARAMETERS))
-        return (residual * w[:, None]).ravel(), flat
+        left = (residual * w[:, None]).ravel()
+        if self.pull is None:
+            return left, flat
+        row = np.zeros((1, len(PARAMETERS)))
+        row[0, FOCAL] = self.pull[1]
+        off = (self.pull[0] - np.log(self.camera.focal_px)) * self.pull[1]
+        return np.append(left, off), np.concatenate([flat, row])
 
     def descend(self, free: NDArray[np.intp], steps: int = 8) -> "_State":
         """The state at the least squares over the ``free`` parameters."""
@@ -144,7 +189,7 @@ class _State:
         cost = float(residual @ residual)
         for _ in range(steps):
             step = np.zeros(len(PARAMETERS))
-            step[free] = _solve(jacobian[:, free], residual, damping)
+            step[free] = solve(jacobian[:, free], residual, damping)
             camera, matrix = moved(state.camera, state.matrix, step)
             tried = replace(state, camera=camera, matrix=matrix)
             residual_tried, jacobian_tried = tried.weighted()
@@ -168,13 +213,13 @@ class _State:
         given = [getattr(self.camera, t) - getattr(self.plain, t) for t in PARAMETERS[4:]]
         residual = residual + jacobian[:, 4:] @ np.array(given)  # as if no term were set
         count, chosen = len(residual) // 2, [base]
-        now = _remainder(jacobian[:, base], residual)
+        now = remainder(jacobian[:, base], residual)
         for names, fewest in LADDER:
             if count < fewest or (names == ("k2",) and PARAMETERS.index("k1") not in chosen[-1]):
                 continue
             columns = np.union1d(chosen[-1], _columns(names))
-            then = _remainder(jacobian[:, columns], residual)
-            if _chance(now, then, len(residual) - len(columns)) < LARGEST_CHANCE:
+            then = remainder(jacobian[:, columns], residual)
+            if chance(now, then, len(residual) - len(columns)) < LARGEST_CHANCE:
                 chosen.append(columns)
                 now = then
         for columns in reversed(chosen[1:]):
@@ -198,30 +243,72 @@ class _State:
     def agreeing(self, parameters: int) -> NDArray[np.bool_]:
         """Which matches are within the clip, seen from the spread of all of them."""
         residual, _ = self.linear(every=True)
-        if len(residual) < 6:
+        if len(residual) < FEWEST_TO_DOUBT:
             return np.ones(len(residual), dtype=np.bool_)
-        scaled = np.abs(residual * self.weight[:, None])
-        freedom = max(2 * len(residual) - parameters, 1) / (2 * len(residual))
-        spread = 1.4826 * float(np.median(scaled)) / np.sqrt(freedom)
-        keep = np.hypot(*scaled.T) <= CLIP_SIGMA * max(spread, FLOOR_PX)
+        scaled = residual * self.weight[:, None]
+        keep = np.hypot(*scaled.T) <= CLIP_SIGMA * _spread(scaled, parameters)
         return keep if keep.sum() > len(keep) / 2 else self.inliers
+
+    def believing(self, focal: FocalBelief, free: NDArray[np.intp]) -> "_State":
+        """The state that is pulled towards a belief, itself when that tells nothing or is wrong."""
+        flat, jacobian = self.weighted()
+        level = max(float(flat @ flat) / max(len(flat) - len(free), 1), FLOOR_PX**2)
+        at = int(np.flatnonzero(free == FOCAL)[0])
+        own = float(np.sqrt(inverse(jacobian[:, free])[at, at] * level))
+        believed = float(np.log(focal.focal_px))
+        off = abs(believed - float(np.log(self.camera.focal_px)))
+        if focal.sigma > TELLS_NOTHING * own:
+            return self
+        if off > CONTRADICTED_SIGMA * float(np.hypot(own, focal.sigma)):
+            return self
+        return replace(self, pull=(believed, float(np.sqrt(level)) / max(focal.sigma, 1e-9)))
+
+    def softened(self, free: NDArray[np.intp]) -> "_State":
+        """The state at which each match weighs as much as it is to be trusted.
+
+        Itself when there are too few matches to tell, or no majority to be trusted.
+        """
+        state, share = self, BELIEF[0] / sum(BELIEF)
+        scaled = state.scaled()
+        level = _spread(scaled, len(free))
+        for _ in range(SOFT_ROUNDS if len(scaled) >= FEWEST_TO_DOUBT else 0):
+            right, share = trust(np.hypot(*scaled.T) / level, share)
+            if (right > 0.5).sum() <= len(right) / 2:
+                return self
+            done = np.abs(right - state.trust).max() < 0.005
+            state = replace(state, trust=right, inliers=right > 1e-4, share=share)
+            state = state.descend(free, 2)
+            if done:
+                break
+            scaled = state.scaled()
+            square = float(right @ np.square(scaled).sum(axis=1)) / corrections(share)[0]
+            freedom = max(2.0 * float(right.sum()) - len(free), 1.0)
+            level = max(float(np.sqrt(square / freedom)), FLOOR_PX)
+        return state
+
+    def scaled(self) -> Floats:
+        """Residuals (M, 2) of every match, each over its relative sigma."""
+        residual, _ = self.linear(every=True)
+        return np.asarray(residual * self.weight[:, None])
 
     def conclude(self, free: NDArray[np.intp]) -> Fit:
         """The fit with its covariance."""
         flat, jacobian = self.weighted()
-        freedom = len(flat) - len(free)
-        variance = float(flat @ flat) / freedom if freedom > 0 else 1.0
-        inverse = _inverse(jacobian[:, free]) * max(variance, FLOOR_PX**2)
+        short, wider = corrections(self.share) if self.share > 0.0 else (1.0, 1.0)
+        freedom = 2.0 * float(self.trust[self.inliers].sum()) - len(free) + (self.pull is not None)
+        variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
+        spread = inverse(jacobian[:, free]) * wider * max(variance, FLOOR_PX**2)
         to_rotation = _as_rotation(self.camera)[:, free]
-        covariance = to_rotation @ inverse @ to_rotation.T
+        covariance = to_rotation @ spread @ to_rotation.T
         residual, _ = self.linear(every=True)
-        length2 = np.sum(np.square(residual[self.inliers]), axis=1)
+        inliers = self.agreeing(len(free)) if self.share > 0.0 else self.inliers
+        length2 = np.sum(np.square(residual[inliers]), axis=1)
         return Fit(
             self.camera,
             Attitude(self.matrix, covariance),
             residual,
             float(np.sqrt(np.mean(length2))),
-            self.inliers,
+            inliers,
             tuple(PARAMETERS[i] for i in free),
         )
 
@@ -230,38 +317,10 @@ def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
     return np.array([PARAMETERS.index(name) for name in names], dtype=np.intp)
 
 
-def _normal(jacobian: Floats) -> tuple[Floats, Floats]:
-    """Scales of the columns and their scaled normal matrix."""
-    scale = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
-    scale = np.where(scale > 0, scale, 1.0)
-    scaled = jacobian / scale
-    return scale, scaled.T @ scaled
-
-
-def _solve(jacobian: Floats, residual: Floats, damping: float = 0.0) -> Floats:
-    scale, normal = _normal(jacobian)
-    normal[np.diag_indices_from(normal)] += damping + 1e-13
-    return np.asarray(np.linalg.solve(normal, (residual @ jacobian) / scale) / scale)
-
-
-def _remainder(jacobian: Floats, residual: Floats) -> float:
-    """Sum of squares left after a linear step."""
-    left = residual - jacobian @ _solve(jacobian, residual)
-    return float(left @ left)
-
-
-def _inverse(jacobian: Floats) -> Floats:
-    scale, normal = _normal(jacobian)
-    normal[np.diag_indices_from(normal)] += 1e-13
-    return np.asarray(np.linalg.inv(normal) / np.outer(scale, scale))
-
-
-def _chance(before: float, after: float, freedom: int) -> float:
-    """Probability, at most, that a useless term lowers the sum of squares this much."""
-    if freedom <= 0 or before <= 0:
-        return 1.0
-    ratio = max(after / before, 1e-30)
-    return float(min(ratio, 1.0) ** (freedom / 2.0))
+def _spread(scaled: Floats, parameters: int) -> float:
+    """Sigma of one coordinate from residuals (M, 2), by their median; at least the floor."""
+    freedom = max(scaled.size - parameters, 1) / scaled.size
+    return max(1.4826 * float(np.median(np.abs(scaled))) / float(np.sqrt(freedom)), FLOOR_PX)
 
 
 def _as_rotation(camera: Camera) -> Floats:

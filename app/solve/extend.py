@@ -5,6 +5,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from app.attitude.belief import FocalBelief
 from app.attitude.fit import Fit, refine
 from app.core.attitude import Attitude
 from app.core.camera import Camera
@@ -49,11 +50,13 @@ def extend(
     year: float,
     *,
     distortion: bool = True,
+    focal: FocalBelief | None = None,
 ) -> tuple[Matches, Fit]:
     """Match every detection it can against the catalogue, refitting as the set grows.
 
     The search starts where the identified stars are and works outward, so that a strong
-    distortion is learnt ring by ring. Returns the matches that agree, M of them, and their fit.
+    distortion is learnt ring by ring. ``focal`` is what the last fit may believe of the camera.
+    Returns the matches that agree, M of them, and their fit.
     """
     matches = found.matches
     fit = refine(matches, found.camera, found.attitude, distortion=distortion, rounds=1)
@@ -80,7 +83,9 @@ def extend(
             few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1
         )
     matched_sigma = sigma[matches.detection] if matches is not found.matches else None
-    fit = refine(matches, fit.camera, fit.attitude, matched_sigma, distortion=distortion)
+    fit = refine(
+        matches, fit.camera, fit.attitude, matched_sigma, distortion=distortion, focal=focal
+    )
     return _agreeing(matches, fit)
 
 

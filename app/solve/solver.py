@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING
 
+from app.attitude.belief import FocalBelief
 from app.attitude.fit import Fit, refine
 from app.core.detections import Detections
 from app.core.frame import Frame
@@ -211,7 +212,10 @@ def _conclude(
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
-    matches, fit = extend(usable, found, catalogue, year, distortion=options.distortion)
+    focal = _believed_focal(options.hint)
+    matches, fit = extend(
+        usable, found, catalogue, year, distortion=options.distortion, focal=focal
+    )
     seen = matches
     warnings: tuple[str, ...] = ()
     if options.aberration:
@@ -219,7 +223,7 @@ def _conclude(
         if moment is None:
             warnings = ("Aberration is not corrected: the frame does not say when it was taken.",)
         else:
-            seen, fit = geometric_fit(matches, fit, moment)
+            seen, fit = geometric_fit(matches, fit, moment, focal)
     if options.attitude is not None:
         sigma = centroid_sigma(usable)[seen.detection]
         fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
@@ -228,7 +232,16 @@ def _conclude(
     return replace(solution, detections=len(detections), warnings=warnings)
 
 
-def geometric_fit(matches: Matches, fit: Fit, moment: datetime) -> tuple[Matches, Fit]:
+def _believed_focal(hint: Hint | None) -> FocalBelief | None:
+    """What the hint says of the focal length; a fit leaves it out when the stars contradict it."""
+    if hint is None or hint.scale_arcsec_px is None:
+        return None
+    return FocalBelief.of_scale(*hint.scale_arcsec_px)
+
+
+def geometric_fit(
+    matches: Matches, fit: Fit, moment: datetime, focal: FocalBelief | None = None
+) -> tuple[Matches, Fit]:
     """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
 
     Its attitude says where the camera points geometrically, up to 20.5 arcsec from where the
@@ -237,4 +250,5 @@ def geometric_fit(matches: Matches, fit: Fit, moment: datetime) -> tuple[Matches
     from app.sky.apparent import with_aberration
 
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
-    return seen, refine(seen, fit.camera, fit.attitude, distortion=bool(fit.terms[4:]))
+    distortion = bool(fit.terms[4:])
+    return seen, refine(seen, fit.camera, fit.attitude, distortion=distortion, focal=focal)

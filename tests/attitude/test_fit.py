@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.attitude.belief import FocalBelief
 from app.attitude.fit import refine
 from app.core.solution import Matches
 
@@ -148,3 +149,60 @@ def test_a_star_behind_the_camera_is_an_outlier_and_not_a_crash() -> None:
     assert not fit.inliers[0]
     assert np.isfinite(fit.residuals_px).all()
     assert np.hypot(*centre_error_px(field, fit.camera, fit.attitude)) < 0.5
+
+
+def believed(field: Field, off: float = 0.0, sigma: float = 1e-4) -> FocalBelief:
+    return FocalBelief(field.camera.focal_px * (1.0 + off), sigma)
+
+
+def test_a_known_focal_length_stays_put_and_the_covariance_with_it_is_calibrated() -> None:
+    chi2, off, free = [], [], []
+    for seed in range(150):
+        field = simulate(seed, 12, 10.0, 0.5)
+        told = field.camera.focal_px * np.exp(np.random.default_rng(seed).normal(0, 1e-5))
+        fit = fitted(field, focal=FocalBelief(told, 1e-5))
+        off.append(np.log(fit.camera.focal_px / field.camera.focal_px))
+        free.append(np.log(fitted(field).camera.focal_px / field.camera.focal_px))
+        dx, dy = centre_error_px(field, fit.camera, fit.attitude) / fit.camera.focal_px
+        turn = fit.attitude.matrix @ field.attitude.matrix.T
+        error = np.array([-dy, dx, (turn[1, 0] - turn[0, 1]) / 2])
+        chi2.append(error @ np.linalg.solve(fit.attitude.covariance, error))
+    assert np.std(off) < 1.5e-5
+    assert np.std(free) > 5.0 * np.std(off)
+    assert 2.4 < np.mean(chi2) < 4.2
+
+
+def test_a_belief_far_looser_than_the_stars_changes_nothing() -> None:
+    field = simulate(8, 60, 10.0, 0.3)
+    loose = fitted(field, focal=believed(field, off=0.08, sigma=0.1))
+    assert loose.camera == fitted(field).camera
+
+
+@pytest.mark.parametrize("off", [0.01, -0.3])
+def test_a_belief_that_the_stars_contradict_is_left_out(off: float) -> None:
+    field = simulate(8, 60, 10.0, 0.3)
+    wrong = fitted(field, focal=believed(field, off=off))
+    assert wrong.camera.focal_px == pytest.approx(field.camera.focal_px, rel=1e-4)
+
+
+def test_a_range_of_scales_is_a_belief() -> None:
+    focal = FocalBelief.of_scale(9.9, 10.1)
+    assert focal.focal_px == pytest.approx(20627.0, rel=1e-3)
+    assert focal.sigma == pytest.approx(0.01, rel=0.01)
+
+
+@pytest.mark.parametrize("far", [4.2, 5.0])
+def test_a_star_a_little_too_far_off_weighs_little(far: float) -> None:
+    """It is too near to be thrown out for certain, and too far to weigh as the others do."""
+    errors = {"soft": [], "all": []}  # type: ignore[var-annotated]
+    for seed in range(80):
+        field = simulate(seed, 14, 10.0, 0.3)
+        xy = field.matches.xy.copy()
+        xy[0] = field.camera.project((field.matches.vectors @ field.attitude.matrix.T)[:1])[0]
+        xy[0] += 0.3 * far * np.array([0.6, 0.8])
+        field = replace(field, matches=replace(field.matches, xy=xy))
+        for name, rounds in (("soft", 4), ("all", 0)):
+            fit = fitted(field, distortion=False, rounds=rounds)
+            errors[name].append(centre_error_px(field, fit.camera, fit.attitude))
+    soft, kept = (np.sqrt(np.mean(np.square(errors[name]))) for name in ("soft", "all"))
+    assert soft < 0.97 * kept

@@ -1,0 +1,50 @@
+"""How far a match is trusted falls with its distance, and the weights' bias is known."""
+
+import numpy as np
+import pytest
+
+from app.attitude.trust import BELIEF, REACH_SIGMA, corrections, trust
+
+
+def test_near_stars_are_trusted_and_far_ones_are_not() -> None:
+    right, _ = trust(np.array([0.0, 1.0, 2.0, 5.0, 7.0, 100.0]), 0.05)
+    assert (np.diff(right) <= 0.0).all()
+    assert right[1] > 0.98
+    assert right[3] < 0.01
+    assert right[-1] < 1e-12
+
+
+def test_the_share_of_wrong_stars_is_learnt() -> None:
+    rng = np.random.default_rng(5)
+    good = np.hypot(*rng.normal(size=(2, 900)))
+    bad = REACH_SIGMA * np.sqrt(rng.uniform(size=100))
+    for scaled, low, high in ((good, 0.0, 0.01), (np.append(good, bad), 0.07, 0.13)):
+        share = BELIEF[0] / sum(BELIEF)
+        for _ in range(30):
+            _, share = trust(scaled, share)
+        assert low < share < high
+
+
+def test_stars_beyond_reach_have_no_say_in_the_share() -> None:
+    near = np.array([0.5, 1.0, 1.5])
+    assert trust(near, 0.05)[1] == trust(np.append(near, 50.0), 0.05)[1]
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3])
+def test_corrections_are_those_of_normal_residuals(share: float) -> None:
+    rng = np.random.default_rng(1)
+    residual = rng.normal(size=(2, 200_000))
+    weight, _ = trust(np.hypot(*residual), share)
+    short, wider = corrections(share)
+    square = (weight * np.square(residual).sum(axis=0)).sum() / (2.0 * weight.sum())
+    assert square == pytest.approx(short, rel=0.01)
+    groups = (weight * residual).reshape(2, -1, 100).sum(axis=2) / 100.0
+    step = 1e-3  # by how much the weighted sum answers to a shift
+    moved, _ = trust(np.hypot(residual[0] + step, residual[1]), share)
+    slope = (moved * (residual[0] + step) - weight * residual[0]).mean() / step
+    spread = groups.var() / slope**2 * 100.0
+    assert spread * weight.mean() == pytest.approx(wider, rel=0.05)
+
+
+def test_without_wrong_stars_nothing_is_corrected() -> None:
+    assert corrections(1e-12) == pytest.approx((1.0, 1.0), abs=1e-3)
