@@ -25,7 +25,7 @@ class CaptureLimits:
 
 
 class CameraSource(Protocol):
-    """One opened camera, or a folder that stands for one. All calls come from one thread.
+    """One opened camera, or a folder that stands for one. No two calls ever overlap.
 
     Every call raises :class:`~app.core.errors.DeviceError` with a sentence a person can act on.
     """

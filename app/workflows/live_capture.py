@@ -126,6 +126,7 @@ class Capture:
         while not self._stop.is_set():
             self._configure(source)
             frame = source.next_frame(SLICE_S)
+            self.in_force = getattr(source, "in_force", self.in_force)  # another may have set it
             self._warnings.extend(_complaints(source))
             if frame is not None:
                 self._number += 1
