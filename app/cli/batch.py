@@ -2,8 +2,9 @@
 
 import signal
 import sys
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -85,7 +86,8 @@ def _in_processes(
     )
     finished = False
     try:
-        jobs = [pool.submit(attempt, work, item) for item in items]
+        with _interrupts_left():
+            jobs = [pool.submit(attempt, work, item) for item in items]
         for item, job in zip(items, jobs, strict=True):
             try:
                 yield job.result()
@@ -103,6 +105,19 @@ def _in_processes(
 def _leave_interrupts() -> None:
     """Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _interrupts_left() -> Iterator[None]:
+    """Processes started meanwhile leave Ctrl-C to us from their first moment."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _code(outcome: Json) -> int:

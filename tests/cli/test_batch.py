@@ -1,7 +1,9 @@
 """Batches: a fault costs one file, processes end quietly, progress keeps to stderr."""
 
 import os
+import signal
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import pytest
@@ -79,3 +81,18 @@ def test_elsewhere_one_line_is_said_when_it_takes_long(monkeypatch, capsys, seco
     line(Progress("identify"))
     line.clear()
     assert capsys.readouterr().err.count("\n") == lines
+
+
+def test_processes_are_born_deaf_to_ctrl_c(monkeypatch) -> None:
+    heard = []
+
+    class Pool(ProcessPoolExecutor):
+        def submit(self, *arguments):
+            heard.append(signal.getsignal(signal.SIGINT))
+            return super().submit(*arguments)
+
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", Pool)
+    assert run_batch(work, [Item("a"), Item("b")], as_json=True, workers=2) == 0
+    assert heard == [signal.SIG_IGN, signal.SIG_IGN]
+    assert signal.getsignal(signal.SIGINT) is before
