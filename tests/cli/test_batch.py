@@ -10,6 +10,7 @@ import pytest
 
 from app.cli import output
 from app.cli.batch import attempt, run_batch
+from app.cli.main import main
 from app.cli.output import ProgressLine
 from app.core.errors import UsageError
 from app.core.progress import Progress
@@ -83,7 +84,7 @@ def test_elsewhere_one_line_is_said_when_it_takes_long(monkeypatch, capsys, seco
     assert capsys.readouterr().err.count("\n") == lines
 
 
-def test_processes_are_born_deaf_to_ctrl_c(monkeypatch) -> None:
+def test_processes_are_born_deaf_to_ctrl_c(monkeypatch, tmp_path, capsys) -> None:
     heard = []
 
     class Pool(ProcessPoolExecutor):
@@ -93,6 +94,10 @@ def test_processes_are_born_deaf_to_ctrl_c(monkeypatch) -> None:
 
     before = signal.getsignal(signal.SIGINT)
     monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", Pool)
-    assert run_batch(work, [Item("a"), Item("b")], as_json=True, workers=2) == 0
+    stars = tmp_path / "a.csv"
+    stars.write_text("1,1\n2,2\n")
+    size = ("--width", "9", "--height", "9")
+    assert main(["identify", str(stars), str(stars), *size, "--json", "--workers", "2"]) == 1
+    assert capsys.readouterr().out.count("too few stars") == 2
     assert heard == [signal.SIG_IGN, signal.SIG_IGN]
     assert signal.getsignal(signal.SIGINT) is before
