@@ -7,11 +7,12 @@ one, so that calls of the device never overlap and no thread is added between it
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from threading import Condition, Lock
 from time import monotonic
 from typing import Any
 
-from app.cameras import open_camera
+from app import cameras
 from app.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from app.core.errors import LineLostError
 from app.core.frame import Frame
@@ -25,7 +26,7 @@ Open = Callable[[str, str, CaptureSettings | None], CameraSource]
 class SharedCameras:
     """Opens cameras as :func:`app.cameras.open_camera` does, each of them once."""
 
-    def __init__(self, open_device: Open = open_camera) -> None:
+    def __init__(self, open_device: Open | None = None) -> None:
         self._open_device = open_device
         self._lock = Lock()
         self._cameras: dict[tuple[str, str], _Device] = {}
@@ -42,7 +43,8 @@ class SharedCameras:
                 device = self._cameras.get(key)
                 if device is None or device.over:
                     device = self._cameras[key] = _Device()
-            share = device.join(lambda: self._open_device(source, address, wish), wish)
+            make = self._open_device or cameras.open_camera
+            share = device.join(partial(make, source, address, wish), wish)
             if share is not None:
                 return share
 

@@ -20,6 +20,7 @@ from app.ui.workspace import Workspace
 
 if TYPE_CHECKING:
     from app.sky import Catalogue
+    from app.ui.cameras import Cameras
     from app.ui.mount.desk import Desk
 
 log = logging.getLogger("kochab")
@@ -64,7 +65,8 @@ class Services:
     the signal ``changed``. ``jobs.run(task, name)`` runs a generator in a thread; ``jobs.closing``
     comes before the window ends them. ``say`` puts a sentence in the status bar for a while.
     ``view`` shows the open frame (``clicked``: its pixels), and ``panes`` are all that stand
-    about it, for whoever brings frames of a camera. ``mount`` is the one owner of the mount's line.
+    about it, for whoever brings frames of a camera. ``mount`` is the one owner of the mount's line,
+    ``cameras`` that of every camera.
     """
 
     settings: Settings
@@ -83,6 +85,13 @@ class Services:
         from app.ui.mount.presence import desk_in
 
         return desk_in(self)
+
+    @cached_property
+    def cameras(self) -> "Cameras":
+        """The cameras of this window, shared by its views; made when the first asks for them."""
+        from app.ui.cameras import Cameras
+
+        return Cameras(self.jobs)
 
     @staticmethod
     def catalogue() -> "Catalogue":
