@@ -106,8 +106,10 @@ class KnownSearch:
         others = len(self.xy) - 2
         if others > POOR - 2:
             return math.inf
+        if not self.corners:
+            return 0.0
         per = [self._pointings(b, c) for b, c in {tuple(sorted(t[1:])) for t in self.corners}]
-        a, b = (sum(column) for column in zip(*per, strict=True)) if per else (0.0, 0.0)
+        a, b = (sum(column) for column in zip(*per, strict=True))
         radius = LOOSE * self.side
         while radius > LEAST * self.side:
             chance = min(self.density * math.pi * radius * radius, 1.0)
