@@ -4,6 +4,7 @@ The plotting library takes half a second to load. That happens in a thread, shor
 was to be seen; each plot is then made in a turn of the event loop of its own.
 """
 
+import logging
 import sys
 from importlib import import_module
 
@@ -16,6 +17,7 @@ from app.core.progress import Progress, Task
 from app.ui.job import Job
 from app.ui.palette import THEMES, Colours
 
+log = logging.getLogger("kochab")
 LIBRARY = "pyqtgraph"
 AFTER_MS = 600  # the person's first frame goes first
 
@@ -100,6 +102,7 @@ class _Library:
     def _load(self) -> None:
         self._job = job = Job(_loading(), "plots")
         job.succeeded.connect(self._has_loaded)
+        job.failed.connect(log.warning)
         QTimer.singleShot(AFTER_MS, job.start)
 
     def _has_loaded(self, _: object) -> None:

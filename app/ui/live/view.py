@@ -6,61 +6,38 @@ from time import monotonic
 
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QHBoxLayout, QTabWidget, QVBoxLayout, QWidget
 
 from app.core.capture import CameraDevice, CameraSource, CaptureSettings
 from app.core.progress import Progress, Task
 from app.ui.job import Job
 from app.ui.live import words
-from app.ui.live.camera_panel import TITLES, CameraPanel
-from app.ui.live.pointing_panel import PointingPanel
-from app.ui.live.record_panel import RecordPanel
+from app.ui.live.camera_panel import TITLES
+from app.ui.live.panel import POINTING, READY, LivePanel
 from app.ui.live.sky_points import sky_points
 from app.ui.live.stage import Stage
 from app.ui.live.stream import Stream, StreamWish
 from app.ui.palette import Colours
 from app.ui.services import Services
-from app.ui.widgets import button, label, scrolled, set_role
 from app.workflows.live_solve import Engine
 
 WRITE_EVERY_MS = 200
-READY = "Choose a camera, then Start."
-POINTING = 1
 
 
-class LiveView(QWidget):
-    """Camera and pointing in tabs; the headline, Start and Stop are always in sight."""
+class LiveView(LivePanel):
+    """Runs one camera at a time and writes what is known of it."""
 
     def __init__(self, services: Services) -> None:
-        super().__init__()
-        self.setObjectName("page")
+        super().__init__(self.begin, self.end, services.wiring.to_record is not None)
         self._services = services
-        self.camera = CameraPanel()
-        self.pointing = PointingPanel()
-        self.record = RecordPanel(services.wiring.to_record is not None)
         self.stage = Stage(services, self)
         self.stream: Stream | None = None
         self.job: Job | None = None
         self._ending: Job | None = None
-        self._looking: Job | None = None
         self._own = False  # whether this view itself is changing what is open
-        self.title = label("", "heading", wrap=True)
-        self.text = label(READY, "muted", wrap=True)
-        self.said = label("", wrap=True)
-        self.said.setVisible(False)
-        self.start = button("&Start", self.begin, "main", "Open the camera and solve its frames")
-        self.stop = button("Sto&p", self.end, tip="Give the camera back; the last frame stays")
-        self.tabs = QTabWidget()
-        self._lay_out()
         self._timer = QTimer(self)
         self._timer.setInterval(WRITE_EVERY_MS)
         self._timer.timeout.connect(self.write)
-        self.camera.look_wanted.connect(self.look)
-        self.camera.settings_wanted.connect(self._set_camera)
-        self.record.wanted.connect(self._set_recording)
-        services.looks.changed.connect(self._dress)
-        services.session.opening.connect(self._another_frame)
-        services.jobs.closing.connect(self._keep)
+        self._listen()
         self._dress(services.looks.colours)
         self._restore()
         self._idle()
@@ -69,29 +46,18 @@ class LiveView(QWidget):
         chart.succeeded.connect(self.pointing.chart.show_points)
         chart.failed.connect(services.say)
 
-    def _lay_out(self) -> None:
-        top = QHBoxLayout()
-        top.addWidget(self.title, 1)
-        top.addWidget(self.start)
-        top.addWidget(self.stop)
-        where = QWidget()
-        where.setObjectName("page")
-        column = QVBoxLayout(where)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(self.pointing, 1)
-        self.tabs.setDocumentMode(True)
-        self.tabs.setAccessibleName("Live")
-        self.tabs.addTab(scrolled(self.camera), "Camera")
-        self.tabs.addTab(scrolled(where), "Pointing")
-        outer = QVBoxLayout(self)
-        outer.setContentsMargins(10, 8, 10, 8)
-        outer.setSpacing(6)
-        outer.addLayout(top)
-        outer.addWidget(self.text)
-        outer.addWidget(self.said)
-        outer.addWidget(self.tabs, 1)
-        outer.addWidget(self.record)
-        self.setFocusProxy(self.start)
+    def _listen(self) -> None:
+        services, cameras = self._services, self._services.cameras
+        self.camera.look_wanted.connect(self.look)
+        self.camera.settings_wanted.connect(self._set_camera)
+        self.camera.chosen.connect(cameras.choose)
+        self.record.wanted.connect(self._set_recording)
+        cameras.chosen.connect(self._adopt)
+        cameras.found.connect(self._has_found)
+        cameras.missed.connect(self._has_missed)
+        services.looks.changed.connect(self._dress)
+        services.session.opening.connect(self._another_frame)
+        services.jobs.closing.connect(self._keep)
 
     def showEvent(self, event: QShowEvent) -> None:
         if self.stream is None:
@@ -101,13 +67,12 @@ class LiveView(QWidget):
     # the person's wishes ----------------------------------------------------------------------
     def begin(self) -> None:
         """Open the chosen camera."""
-        choice = self.camera.choice()
+        choice, cameras = self.camera.choice(), self._services.cameras
 
         def opened() -> CameraSource:
-            from app.cameras import open_camera
+            return cameras.open(choice.source, choice.address, choice.settings)
 
-            return open_camera(choice.source, choice.address, choice.settings)
-
+        cameras.choose(choice.source, choice.address)
         name = " ".join((TITLES.get(choice.source, choice.source), choice.address)).strip()
         self._keep()
         self.run(StreamWish(opened, name, choice.profile, choice.again))
@@ -128,9 +93,9 @@ class LiveView(QWidget):
         self.job = job = self._services.jobs.run(stream.task(), "live")
         job.failed.connect(lambda sentence: self._has_failed(job, sentence))
         job.finished.connect(lambda: self._has_finished(job, stream))
-        self._running(True)
+        self.show_running(True)
         self.tabs.setCurrentIndex(POINTING)
-        self._headline(words.State("Opening the camera", wish.name, "heading"))
+        self.show_headline(words.State("Opening the camera", wish.name, "heading"))
         self._timer.start()
 
     def end(self) -> None:
@@ -139,13 +104,7 @@ class LiveView(QWidget):
 
     def look(self) -> None:
         """Look for cameras of the chosen kind."""
-        if self._looking is not None:
-            self._looking.abandon()
-        self._looking = job = self._services.jobs.run(
-            _devices(self.camera.kind, self.camera.where.text().strip()), "cameras"
-        )
-        job.succeeded.connect(self.camera.show_found)
-        job.failed.connect(self.camera.say)
+        self._services.cameras.look(self.camera.kind, self.camera.where.text().strip())
 
     def _end(self, keep: bool) -> None:
         job, stream = self.job, self.stream
@@ -162,8 +121,8 @@ class LiveView(QWidget):
         self.pointing.leave()
         self._own = False
         self._services.panes.tabs.setVisible(True)
-        self._headline(words.State("Stopping", "The camera is being given back.", "heading"))
-        self._running(False)
+        self.show_headline(words.State("Stopping", "The camera is being given back.", "heading"))
+        self.show_running(False)
         self.start.setEnabled(False)
 
     def _set_camera(self, settings: CaptureSettings) -> None:
@@ -175,6 +134,19 @@ class LiveView(QWidget):
             self.stream.recording.wish = folder  # type: ignore[assignment]
 
     # news -------------------------------------------------------------------------------------
+    def _adopt(self, source: str, address: str) -> None:
+        """Another view has chosen a camera: it is this one's too, unless one runs."""
+        if self.stream is None:
+            self.camera.show_choice(source, address)
+
+    def _has_found(self, source: str, devices: list[CameraDevice]) -> None:
+        if source == self.camera.kind:
+            self.camera.show_found(devices)
+
+    def _has_missed(self, source: str, sentence: str) -> None:
+        if source == self.camera.kind:
+            self.camera.say(sentence)
+
     def write(self) -> None:
         """Write what is known now; the age goes on though nothing comes."""
         stream = self.stream
@@ -191,11 +163,11 @@ class LiveView(QWidget):
         update = stream.latest
         if update is None:
             if self.stage.shown is not None:
-                self._headline(words.State("Searching", "The whole sky, once.", "heading"))
+                self.show_headline(words.State("Searching", "The whole sky, once.", "heading"))
             elif capture.name:
-                self._headline(words.waiting())
+                self.show_headline(words.waiting())
             return
-        self._headline(words.state_of(update, monotonic(), stream.seen_s))
+        self.show_headline(words.state_of(update, monotonic(), stream.seen_s))
         self.pointing.show_update(
             update, stream.lens, stream.wish.profile, self.stage.drawn_hz, self.stage.latency_ms
         )
@@ -231,41 +203,18 @@ class LiveView(QWidget):
             self._say("Live has stopped because another frame was opened.")
 
     # looks and memory -------------------------------------------------------------------------
-    def _running(self, on: bool) -> None:
-        self.start.setEnabled(not on)
-        self.start.setVisible(not on)
-        self.stop.setVisible(on)
-        self.camera.run(on)
-        if on:
-            self.stop.setFocus()
-
     def _idle(self) -> None:
-        self._running(False)
-        self._headline(words.State("Live", READY, "heading"))
-
-    def _headline(self, state: words.State) -> None:
-        if self.title.text() != state.title:
-            self.title.setText(state.title)
-        if self.title.property("role") != state.role:
-            set_role(self.title, state.role)
-        if self.text.text() != state.text:
-            self.text.setText(state.text)
-        self.text.setVisible(bool(state.text))
+        self.show_running(False)
+        self.show_headline(words.State("Live", READY, "heading"))
 
     def _say(self, sentence: str, role: str = "") -> None:
         """One sentence that stays until the next; all of them are in the log."""
         if sentence:
             self._services.log.info("%s", sentence)
-        self.said.setText(sentence)
-        self.said.setVisible(bool(sentence))
-        if self.said.property("role") != role:
-            set_role(self.said, role)
+        self.show_said(sentence, role)
 
     def _dress(self, colours: Colours) -> None:
-        self.camera.levels.wear(colours)
-        self.pointing.chart.colours = colours
-        for panel in (self.camera, self.record):
-            panel.use_red(self._services.looks.is_night)
+        self.wear(colours, self._services.looks.is_night)
         self.update()
 
     def _keep(self) -> None:
@@ -280,13 +229,8 @@ class LiveView(QWidget):
         if isinstance(kept, dict):
             self.camera.restore(kept)
             self.record.restore(kept)
-
-
-def _devices(kind: str, address: str) -> Task[list[CameraDevice]]:
-    from app.cameras import list_devices
-
-    yield Progress("look for cameras")
-    return list_devices(kind, address)
+        if self._services.cameras.choice is not None:
+            self._adopt(*self._services.cameras.choice)
 
 
 def _points(services: Services) -> Task[object]:
