@@ -30,7 +30,7 @@ class MountCorner(QWidget):
         tip = f"Stop the mount now; {KEY} does it from anywhere"
         self.stop = button(f"Stop mount ({KEY})", stop, "small", tip)
         line = QHBoxLayout(self)
-        line.setContentsMargins(0, 0, 0, 0)
+        line.setContentsMargins(10, 0, 0, 0)
         line.setSpacing(8)
         line.addWidget(self.text)
         line.addWidget(self.stop)

@@ -109,15 +109,16 @@ class MountPanel(QWidget):
         if self.said.property("role") != role:
             set_role(self.said, role)
 
-    def show_progress(self, progress: Progress | None) -> None:
-        """How far what is under way has come; None when it is over."""
+    def show_progress(self, progress: Progress | None, whose: str = "") -> None:
+        """How far what is under way has come; None when it is over. ``whose`` is said before it."""
         self.bar.setVisible(progress is not None)
         if progress is None:
             return
         self.bar.setRange(0, 0 if progress.fraction is None else 1000)
         if progress.fraction is not None:
             self.bar.setValue(round(1000 * min(max(progress.fraction, 0.0), 1.0)))
-        doing = ": ".join(w for w in (progress.stage.capitalize(), progress.detail) if w)
+        told = (whose, progress.stage if whose else progress.stage.capitalize(), progress.detail)
+        doing = ": ".join(w.rstrip(".…") for w in told if w)
         self.say(f"{doing}…", "muted")
 
     def _explain(self, reason: str) -> None:
