@@ -37,5 +37,9 @@ class StoppedError(RefusedError):
     """A person said Stop: what was under way is not gone on with."""
 
 
+class StrayedError(StoppedError):
+    """The mount went where it was not sent, and the guard stopped it."""
+
+
 class LineLostError(DeviceError):
     """The line broke while in use: a cable pulled, a server gone."""

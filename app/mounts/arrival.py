@@ -4,7 +4,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from app.core.errors import NoAnswerError, RefusedError, StoppedError
+from app.core.errors import NoAnswerError, RefusedError
 from app.core.mount import Pointing
 from app.core.progress import Progress, Task
 from app.mounts.sky_frame import apart_deg
@@ -18,11 +18,11 @@ FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 
 
 def arrival(
-    guard: "Guard", target_deg: tuple[float, float], wait: Callable[[float], None]
+    guard: "Guard", target_deg: tuple[float, float], wait: Callable[[float], None], limit_s: float
 ) -> Task[Pointing]:
     """Yield the distance left until the mount says that it no longer slews."""
     stops = guard.stops
-    end = monotonic() + guard.limits.slew_timeout_s
+    end = monotonic() + limit_s
     first = left = None
     misses = idle = 0
     while True:
@@ -30,11 +30,9 @@ def arrival(
         done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
         yield Progress("slewing", done, detail)
         wait(POLL_S)
-        if guard.stops != stops:
-            raise StoppedError("The slew was stopped.")
+        guard.go_on(stops, "slew")
         if monotonic() > end:
-            limit = guard.limits.slew_timeout_s
-            raise NoAnswerError(f"The slew did not end within {limit:g} s and was stopped.")
+            raise NoAnswerError(f"The slew did not end within {limit_s:.0f} s and was stopped.")
         try:
             slewing, here = guard.state().slewing, guard.position()
         except NoAnswerError:

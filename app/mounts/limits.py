@@ -16,6 +16,8 @@ class Limits:
 
     longest_slew_deg: float = 120.0
     slew_timeout_s: float = 240.0
+    slew_start_s: float = 30.0  # a slew takes no longer than this and its angle at the slowest rate
+    slowest_slew_deg_s: float = 0.25
     allow_flip: bool = False
     crosses_meridian: bool = False
 

@@ -2,10 +2,12 @@
 
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from time import monotonic
 
 from app.core.errors import DeviceError
 from app.core.mount import Mount
+from app.mounts.watch import Watch
 
 
 @dataclass(slots=True)
@@ -14,14 +16,26 @@ class Motion:
 
     mount: Mount
     until: float = 0.0
+    watch: Watch | None = None
 
-    def begin(self, seconds: float) -> None:
+    def begin(self, seconds: float, watch: Watch | None = None) -> None:
         """Something moves for so long at most."""
         self.until = max(self.until, monotonic() + seconds)
+        self.watch = watch
 
     def end(self) -> None:
         """Everything stands, or only tracks."""
-        self.until = 0.0
+        self.until, self.watch = 0.0, None
+
+    @property
+    def watched(self) -> Watch | None:
+        """What is watched now."""
+        return self.watch if self.possible else None
+
+    @property
+    def endless(self) -> bool:
+        """Whether something moves until the mount says that it has ended."""
+        return self.until == inf
 
     @property
     def possible(self) -> bool:

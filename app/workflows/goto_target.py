@@ -100,7 +100,8 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
             wait(settle_s)
             return here
         before = here
-    raise NoAnswerError(f"The mount has not come to rest within {PATIENCE_S:g} s.")
+    mount.halt()
+    raise NoAnswerError(f"The mount did not come to rest within {PATIENCE_S:g} s and was stopped.")
 
 
 def answered(ask: Callable[[], T]) -> T:

@@ -1,9 +1,10 @@
 """A small motion in one direction: guide pulses, or moves at the slowest rate that will do."""
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 
-from app.core.errors import RefusedError, StoppedError
+from app.core.errors import NoAnswerError, RefusedError
 from app.core.mount import Ability, Direction
 from app.core.progress import Progress, Task
 from app.mounts.drivers.base import SIDEREAL_DEG_S
@@ -60,7 +61,7 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     left = round(1000.0 * amount_arcsec / GUIDE_ARCSEC_S)
     total, stops = left, mount.stops
     while left > 0:
-        _not_stopped(mount, stops)
+        mount.go_on(stops, "motion")
         part = min(left, mount.limits.longest_pulse_ms)
         yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
         mount.pulse(direction, max(part, 1))
@@ -81,15 +82,18 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait)
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
     stops = mount.stops
     while left > 1e-3:
-        _not_stopped(mount, stops)
+        mount.go_on(stops, "motion")
         part = min(left, longest_s)
         yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}")
         mount.move(direction, rate, part)
         end = part
-        while end > 0.0:  # a cancel is heard while it moves
+        while end > 0.0:  # a cancel is heard while it moves, and a mount that goes astray is seen
             yield Progress("move", 1.0 - left / seconds, f"{direction}")
             wait(min(end, 0.5))
             end -= 0.5
+            if end > 1.0:  # towards its end the line is left to the word that ends it
+                _look(mount)
+            mount.go_on(stops, "motion")
         left -= part
     wait(AFTER_S)
     return Nudged(direction, amount_arcsec, "moves", seconds)
@@ -102,6 +106,7 @@ def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:
     return next((r for r in rates if amount_deg / r <= LONGEST_S), rates[-1])
 
 
-def _not_stopped(mount: Guard, stops: int) -> None:
-    if mount.stops != stops:
-        raise StoppedError("The motion was stopped.")
+def _look(mount: Guard) -> None:
+    """Let the guard see where the mount goes; one answer that is missed ends no motion."""
+    with suppress(NoAnswerError):
+        mount.position()

@@ -79,9 +79,9 @@ def test_a_goto_with_faults_leaves_nothing_moving(bench, fault) -> None:
     """Whether it was understood or not: the mount stands, and the goto is not sent again."""
     bench.telescope._slew_deg_s = 1.0
     target = own(bench, *place(-25.0, 45.0, bench.clock))
-    preview = bench.guard.preview_goto(*target)
-    assert preview.allowed
-    bench.guard.preview_goto = lambda ra, dec: preview  # the fault is to hit the goto itself
+    judged = bench.guard._goto_judged(*target)
+    assert judged[1].allowed
+    bench.guard._goto_judged = lambda ra, dec: judged  # the fault is to hit the goto itself
     bench.faults.next(fault, 1 if fault is Fault.REFUSAL else 3)
     if said(lambda: bench.guard.goto(*target)):
         bench.faults.none()

@@ -5,72 +5,16 @@ too, which is how a camera sees the whole of an exposure; nothing needs a thread
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from math import copysign, cos, exp, pi, radians, sin, sqrt
+from math import copysign, cos, exp, inf, pi, radians, sin
 
-FAST_DEG_S = 0.05  # above: a slew, which may slip; below: tracking and guiding
+from app.simulate.mechanics.segment import FAST_DEG_S, Segment, trapezoid
+from app.simulate.mechanics.wear import AxisFailure, AxisWear
+
+__all__ = ["Axis", "AxisWear"]
+
 KEPT = 400  # segments; older motion is forgotten
-
-
-@dataclass(frozen=True, slots=True)
-class AxisWear:
-    """What keeps an axis from being where its motor has turned it.
-
-    ``backlash_deg`` is the play of its gear; ``periodic_arcsec`` the amplitude of a sine over
-    ``worm_deg`` of axis. ``slip`` is the part of every fast turn by which the clutch gives way,
-    always towards greater angles, the heavy side. ``rate_error`` is the part by which slow motion
-    is too fast. ``wobble_arcsec`` swings at ``wobble_hz`` after a fast move and dies away within
-    ``wobble_s`` (to 1/e).
-    """
-
-    backlash_deg: float = 0.0
-    periodic_arcsec: float = 0.0
-    worm_deg: float = 2.0
-    worm_phase_deg: float = 0.0
-    slip: float = 0.0
-    rate_error: float = 0.0
-    wobble_arcsec: float = 0.0
-    wobble_hz: float = 2.0
-    wobble_s: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Segment:
-    """Motion from ``start`` (unix s) on: motor angle, rate and acceleration in degrees.
-
-    ``load_deg`` is where the driven side of the gear is then, ``extra_deg`` what slips and wrong
-    rates have added to it so far.
-    """
-
-    start: float
-    angle_deg: float
-    rate_deg_s: float
-    acceleration: float
-    load_deg: float
-    extra_deg: float
-
-    def angle(self, t: float) -> float:
-        """Motor angle at ``t``."""
-        s = t - self.start
-        return self.angle_deg + s * (self.rate_deg_s + 0.5 * self.acceleration * s)
-
-    def rate(self, t: float) -> float:
-        """Motor rate at ``t``."""
-        return self.rate_deg_s + self.acceleration * (t - self.start)
-
-    def way(self, t: float) -> list[float]:
-        """Angles passed up to ``t``, between which the motion is in one direction."""
-        if self.acceleration:
-            turned = self.start - self.rate_deg_s / self.acceleration
-            if self.start < turned < t:
-                return [self.angle_deg, self.angle(turned), self.angle(t)]
-        return [self.angle_deg, self.angle(t)]
-
-    @property
-    def fast(self) -> bool:
-        """Whether this is part of a slew."""
-        return bool(self.acceleration) or abs(self.rate_deg_s) > FAST_DEG_S
 
 
 class Axis:
@@ -80,12 +24,14 @@ class Axis:
         self.wear = wear or AxisWear()
         self.acceleration = 2.0  # deg/s^2
         self.top_deg_s = 4.0
+        self.failure: AxisFailure | None = None
+        self.misread_deg = 0.0  # what the encoder has lost
         self._segments = [Segment(at, angle_deg, 0.0, 0.0, angle_deg, 0.0)]
         self._starts = [at]
 
     def motor_deg(self, t: float) -> float:
         """What the encoder reads."""
-        return self._at(t).angle(t)
+        return self._at(t).angle(t) + self.misread_deg
 
     def motor_rate_deg_s(self, t: float) -> float:
         """How fast the motor turns."""
@@ -110,6 +56,7 @@ class Axis:
 
     def place(self, t: float, angle_deg: float) -> None:
         """Stand at an angle at once, gears in the middle of their play, the past forgotten."""
+        self.misread_deg = 0.0
         self._segments = [Segment(t, angle_deg, 0.0, 0.0, angle_deg, 0.0)]
         self._starts = [t]
 
@@ -131,20 +78,25 @@ class Axis:
         which takes up the play of the gear always on the same side.
         """
         now = self._at(t)
-        way, rate = target_deg - now.angle(t), now.rate(t) - carrier_deg_s
+        way, rate = target_deg - self.motor_deg(t), now.rate(t) - carrier_deg_s
+        if self.failure is AxisFailure.RUNAWAY:
+            self.run(t, copysign(self.top_deg_s, way))
+            return inf
+        if self.failure is AxisFailure.SWAPPED:
+            way = -way
         short = approach_deg > 0.0 and way < approach_deg
         pieces = self._trapezoid(way - approach_deg if short else way, rate)
         if short:
             pieces += self._trapezoid(approach_deg, 0.0)
         end = t + sum(seconds for seconds, _ in pieces)
-        self._plan(t, pieces, carrier_deg_s, target_deg + carrier_deg_s * (end - t))
+        self._plan(t, pieces, carrier_deg_s, now.angle(t) + way + carrier_deg_s * (end - t))
         return end
 
     def nudge(self, t: float, rate_deg_s: float, seconds: float, carrier_deg_s: float) -> float:
         """Guide: this rate above the carrier for so long; returns when it ends."""
         self.run(t, carrier_deg_s + rate_deg_s, gently=False)
         end = t + seconds
-        self._append(end, self.motor_deg(end), carrier_deg_s, 0.0)
+        self._append(end, self._at(end).angle(end), carrier_deg_s, 0.0)
         return end
 
     def carry(self, t: float, change_deg_s: float) -> None:
@@ -167,13 +119,13 @@ class Axis:
             self._append(segment.start, segment.angle_deg, segment.rate_deg_s, segment.acceleration)
 
     def _trapezoid(self, way: float, rate: float) -> list[tuple[float, float]]:
-        return _trapezoid(way, rate, self.top_deg_s, self.acceleration)
+        return trapezoid(way, rate, self.top_deg_s, self.acceleration)
 
     def _plan(
         self, t: float, pieces: list[tuple[float, float]], rate: float, angle: float | None
     ) -> None:
         """Drop the future, accelerate in ``pieces`` of (s, deg/s^2), then keep ``rate``."""
-        here, speed = self.motor_deg(t), self.motor_rate_deg_s(t)
+        here, speed = self._at(t).angle(t), self.motor_rate_deg_s(t)
         self._cut(t)
         for seconds, acceleration in pieces:
             self._append(t, here, speed, acceleration)
@@ -221,22 +173,3 @@ class Axis:
                 turn = 2.0 * pi * wear.wobble_hz * since
                 return wear.wobble_arcsec * exp(-since / wear.wobble_s) * cos(turn)
         return 0.0
-
-
-def _trapezoid(way: float, rate: float, top: float, brake: float) -> list[tuple[float, float]]:
-    """Pieces (s, deg/s^2) that cover ``way`` degrees from ``rate`` and end at rest."""
-    pieces: list[tuple[float, float]] = []
-    stopping = rate * abs(rate) / (2.0 * brake)
-    if rate and (rate * way < 0.0 or abs(stopping) > abs(way) or abs(rate) > top):
-        pieces.append((abs(rate) / brake, copysign(brake, -rate)))
-        way, rate = way - stopping, 0.0
-    forward = copysign(1.0, way)
-    way, rate = abs(way), abs(rate)
-    peak = min(top, sqrt(brake * way + rate * rate / 2.0))
-    up, down = (peak - rate) / brake, peak / brake
-    cruise = way - (peak * peak - rate * rate / 2.0) / brake
-    pieces.append((up, forward * brake))
-    if cruise > 0.0 and peak >= top:
-        pieces.append((cruise / top, 0.0))
-    pieces.append((down, -forward * brake))
-    return [piece for piece in pieces if piece[0] > 1e-9]

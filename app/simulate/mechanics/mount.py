@@ -1,165 +1,19 @@
 """An equatorial mount: what its computer believes, and where it really points."""
 
-import math
-import threading
-from dataclasses import dataclass, field
+from app.core.mount import Direction
+from app.simulate.mechanics.belief import fold
+from app.simulate.mechanics.body import SIDEREAL_DEG_S
+from app.simulate.mechanics.computer import MountComputer
+from app.simulate.mechanics.config import MountConfig
 
-import numpy as np
-from numpy.typing import NDArray
+__all__ = ["SIDEREAL_DEG_S", "EquatorialMount", "MountConfig"]
 
-from app.core.hint import Site
-from app.core.mount import Direction, PierSide
-from app.simulate.clock import SimulatedClock
-from app.simulate.local_sky import Air, LocalSky, altitude_deg
-from app.simulate.mechanics.axis import Axis, AxisWear
-from app.simulate.mechanics.belief import Belief, fold, halves, unfold, wrapped
-from app.simulate.mechanics.bolts import BoltWear, Wedge
-from app.simulate.mechanics.geometry import Build, camera_to_enu
-
-Floats = NDArray[np.float64]
-SIDEREAL_DEG_S = 360.0 / 86164.0905
-NEAR_DEG = 10.0  # a goto this short does not change sides
 SIGNS = {Direction.NORTH: (1, 1), Direction.SOUTH: (1, -1), Direction.EAST: (0, -1)}
 SIGNS[Direction.WEST] = (0, 1)
 
 
-@dataclass(frozen=True, slots=True)
-class MountConfig:
-    """How a mount is built, how badly it stands and how it moves. Degrees unless named.
-
-    ``misalignment_arcmin`` is the altitude and raw azimuth error of the axis against the
-    refracted pole. ``past_meridian_deg`` is how far a German mount may follow beyond the meridian.
-    ``approach_deg`` is how far a goto at least goes towards greater angles at its end, against
-    the play of its gears, as many hand controllers do; 0 for not at all.
-    ``computer_clock_s`` and ``computer_site`` are what its own computer has wrong.
-    """
-
-    misalignment_arcmin: tuple[float, float] = (0.0, 0.0)
-    build: Build = field(default_factory=Build)
-    hour_wear: AxisWear = field(default_factory=AxisWear)
-    dec_wear: AxisWear = field(default_factory=AxisWear)
-    bolts: BoltWear = field(default_factory=BoltWear)
-    slew_deg_s: float = 4.0
-    acceleration_deg_s2: float = 2.0
-    approach_deg: float = 0.0
-    guide_rate: float = 0.5  # of sidereal
-    horizon_deg: float = 0.0
-    german: bool = True
-    past_meridian_deg: float = 15.0
-    computer_clock_s: float = 0.0
-    computer_site: Site | None = None
-    aligned: bool = True
-
-
-class EquatorialMount:
-    """A :class:`~app.simulate.telescope.Telescope` with mechanics. Safe from any thread.
-
-    The first encoder reads the hour angle and the second the declination of a perfect mount
-    whose tube is east of the pier and looks west. On the other side the second has gone through
-    the pole: beyond 90 deg in the north, below -90 in the south. Parked or at home, the weights
-    hang down and the tube looks at the pole: (90, 90), or (90, -90).
-    """
-
-    def __init__(
-        self, config: MountConfig, site: Site, clock: SimulatedClock, air: Air | None = None
-    ) -> None:
-        self.config = config
-        self.site = site
-        self.clock = clock
-        self.air = air or Air()
-        self.aligned = config.aligned
-        believed = config.computer_site or site
-        self.latitude_deg = believed.latitude_deg
-        self.longitude_deg = believed.longitude_deg
-        self._north = site.latitude_deg >= 0.0
-        self._lock = threading.RLock()
-        t = clock.now_unix()
-        pole = LocalSky(site, t, self.air).pole_enu()
-        self.wedge = Wedge(
-            float(altitude_deg(pole)), self._north, config.misalignment_arcmin, config.bolts
-        )
-        self._axes = (
-            Axis(90.0, t, config.hour_wear),
-            Axis(90.0 if self._north else -90.0, t, config.dec_wear),
-        )
-        for axis in self._axes:
-            axis.top_deg_s, axis.acceleration = config.slew_deg_s, config.acceleration_deg_s2
-        self._belief = Belief()
-        self._tracking = False
-        self._parked = False
-        self._parks_at: float | None = None
-
-    # What its computer knows.
-
-    def now_unix(self) -> float:
-        """Seconds since 1970 UTC by the simulated clock, with the computer's own error."""
-        return self.clock.now_unix() + self.config.computer_clock_s
-
-    def sidereal_deg(self) -> float:
-        """The computer's local sidereal time, from its own clock and longitude."""
-        return self._sidereal_deg(self.clock.now_unix())
-
-    def believed_deg(self) -> tuple[float, float]:
-        """RA in [0, 360) and Dec of date where it believes to point."""
-        with self._lock:
-            t = self.clock.now_unix()
-            hour, dec = unfold(*self._belief.of(*self._motors(t)))
-            return (self._sidereal_deg(t) - hour) % 360.0, dec
-
-    def axes_deg(self) -> tuple[float, float]:
-        """The two encoders."""
-        with self._lock:
-            return self._motors(self.clock.now_unix())
-
-    def from_home_deg(self) -> tuple[float, float]:
-        """How far from home its computer believes the axes to be."""
-        with self._lock:
-            hour, dec = self._belief.of(*self._motors(self.clock.now_unix()))
-            return hour - 90.0, dec - (90.0 if self._north else -90.0)
-
-    @property
-    def slewing(self) -> bool:
-        """Whether an axis moves, or is about to move, faster than guiding does."""
-        with self._lock:
-            t = self.clock.now_unix()
-            return any(axis.planned_fast(t) for axis in self._axes)
-
-    @property
-    def parked(self) -> bool:
-        """Whether it has been parked and has arrived; set, it parks or is ready again."""
-        with self._lock:
-            if self._parks_at is not None and self.clock.now_unix() >= self._parks_at:
-                self._parked, self._parks_at = True, None
-            return self._parked
-
-    @parked.setter
-    def parked(self, on: bool) -> None:
-        if on:
-            self.park()
-        else:
-            self.unpark()
-
-    @property
-    def tracking(self) -> bool:
-        """Whether the hour axis follows the stars."""
-        return self._tracking
-
-    @tracking.setter
-    def tracking(self, on: bool) -> None:
-        with self._lock:
-            if on == self._tracking or (on and self.parked):
-                return
-            self._tracking = on
-            change = SIDEREAL_DEG_S if on else -SIDEREAL_DEG_S
-            self._axes[0].carry(self.clock.now_unix(), change)
-
-    @property
-    def pier_side(self) -> PierSide:
-        """The tube's side of the pier by the second encoder; west when it looks east."""
-        _, dec = self.axes_deg()
-        return PierSide.WEST if abs(dec) > 90.0 else PierSide.EAST
-
-    # What it is told to do.
+class EquatorialMount(MountComputer):
+    """A :class:`~app.simulate.telescope.Telescope` with mechanics. Safe from any thread."""
 
     def goto(self, ra_deg: float, dec_deg: float) -> str | None:
         """Begin a slew, or say why not: "parked", "below horizon", "limits"."""
@@ -254,104 +108,36 @@ class EquatorialMount:
         with self._lock:
             self._parked, self._parks_at = False, None
 
-    # What hands do to it.
-
-    def turn_bolts(self, altitude_arcmin: float, azimuth_arcmin: float) -> None:
-        """Turn the two bolts by what they would move without play or coupling."""
+    @property
+    def parked(self) -> bool:
+        """Whether it has been parked and has arrived; set, it parks or is ready again."""
         with self._lock:
-            self.wedge.turn(altitude_arcmin, azimuth_arcmin)
+            if self._parks_at is not None and self.clock.now_unix() >= self._parks_at:
+                self._parked, self._parks_at = True, None
+            return self._parked
 
-    def turn_by_hand(self, hour_deg: float, dec_deg: float = 0.0) -> None:
-        """Open the clutches and turn the axes; the encoders do not see it."""
-        with self._lock:
-            t = self.clock.now_unix()
-            self._axes[0].displace(t, hour_deg)
-            self._axes[1].displace(t, dec_deg)
-
-    def place(self, hour_deg: float, dec_deg: float, flipped: bool = False) -> None:
-        """Stand at once at these true hour angle and declination of the mount's own axis.
-
-        Its computer then believes just that; the tube's own errors come on top.
-        """
-        with self._lock:
-            t = self.clock.now_unix()
-            for axis, angle in zip(
-                self._axes, fold(hour_deg, dec_deg, flipped, self._north), strict=True
-            ):
-                axis.place(t, angle)
-            self._belief = Belief()
-            self._axes[0].run(t, self._carrier, gently=False)
-
-    # Where it really points.
-
-    def true_axes_deg(self, t: float) -> tuple[float, float]:
-        """The axes at ``t`` (unix s) behind gears and clutches."""
-        with self._lock:
-            return self._axes[0].true_deg(t), self._axes[1].true_deg(t)
-
-    def camera_to_enu(self, t: float) -> Floats:
-        """Rotation (3, 3) from camera axes to east, north, up at ``t``, unix seconds."""
-        with self._lock:
-            hour, dec = self.true_axes_deg(t)
-            return camera_to_enu(hour, dec, self.wedge.to_enu(), self.config.build)
-
-    def attitude_enu_to_camera(self, t: float) -> Floats:
-        """Rotation (3, 3) from observed directions (E, N, U) to camera axes at ``t``."""
-        return np.asarray(self.camera_to_enu(t).T)
-
-    def busy_until(self) -> float:
-        """When the motion planned so far is over, unix s of the true clock."""
-        with self._lock:
-            return max(axis.busy_until() for axis in self._axes)
+    @parked.setter
+    def parked(self, on: bool) -> None:
+        if on:
+            self.park()
+        else:
+            self.unpark()
 
     @property
-    def _carrier(self) -> float:
-        return SIDEREAL_DEG_S if self._tracking else 0.0
+    def tracking(self) -> bool:
+        """Whether the hour axis follows the stars."""
+        return self._tracking
 
-    @property
-    def _flipped(self) -> bool:
-        return self.pier_side is PierSide.WEST
-
-    def _motors(self, t: float) -> tuple[float, float]:
-        return self._axes[0].motor_deg(t), self._axes[1].motor_deg(t)
-
-    def _sidereal_deg(self, t: float) -> float:
-        believed = Site(self.latitude_deg, self.longitude_deg)
-        sky = LocalSky(believed, t + self.config.computer_clock_s, self.air)
-        return math.degrees(sky.sidereal_rad)
-
-    def _altitude_deg(self, hour_deg: float, dec_deg: float) -> float:
-        h, d, p = (math.radians(x) for x in (hour_deg, dec_deg, self.latitude_deg))
-        sine = math.sin(p) * math.sin(d) + math.cos(p) * math.cos(d) * math.cos(h)
-        return math.degrees(math.asin(max(-1.0, min(1.0, sine))))
+    @tracking.setter
+    def tracking(self, on: bool) -> None:
+        with self._lock:
+            if on == self._tracking or (on and self.parked):
+                return
+            self._tracking = on
+            change = SIDEREAL_DEG_S if on else -SIDEREAL_DEG_S
+            self._axes[0].carry(self.clock.now_unix(), change)
 
     def _sign(self, direction: Direction) -> tuple[int, float]:
         """The axis and the way its angle goes; through the pole, north is backwards."""
         axis, sign = SIGNS[direction]
         return axis, -sign if axis == 1 and self._flipped else sign
-
-    def _reachable(self, hour_deg: float, dec_deg: float, t: float) -> tuple[float, float] | None:
-        """Encoder angles for a target: a short way on this side of the pier, else the side for it.
-
-        A tube that looks east belongs west of the pier, but near the meridian it need not go
-        round for a correction.
-        """
-        motors = self._motors(t)
-        east = wrapped(hour_deg) < 0.0
-        sides = [east, not east] if self.config.german else [False]
-        ways = [self._on_side(hour_deg, dec_deg, flipped, motors) for flipped in sides]
-        ends = [end for end in ways if end is not None]
-        near = [end for end in ends if _apart_deg(end, motors) < NEAR_DEG]
-        return next(iter(near or ends), None)
-
-    def _on_side(
-        self, hour_deg: float, dec_deg: float, flipped: bool, motors: tuple[float, float]
-    ) -> tuple[float, float] | None:
-        hour, dec = self._belief.motors_for(*fold(hour_deg, dec_deg, flipped, self._north))
-        low, high = halves(self.config.german, self.config.past_meridian_deg)
-        allowed = [h for k in (-2, -1, 0, 1, 2) if low <= (h := hour + 360.0 * k) <= high]
-        return (min(allowed, key=lambda h: abs(h - motors[0])), dec) if allowed else None
-
-
-def _apart_deg(a: tuple[float, float], b: tuple[float, float]) -> float:
-    return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
