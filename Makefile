@@ -21,9 +21,11 @@ BENCH ?= identify --quick
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
 
-# Quick checks first, so that a slip is told within seconds.
+# Quick checks first, so that a slip is told within seconds. Then one process a core: many tests
+# wait for lines, screens and exposures. A process that is done takes over from the others.
 test: lint qt
-	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest $(TESTS)
+	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
+	  -n auto --dist worksteal $(TESTS)
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -29,14 +28,6 @@ pytestmark = [
     ),
     pytest.mark.timeout(900),  # the first frame waits for the patterns of small fields
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def kept_patterns(request: pytest.FixtureRequest) -> Iterator[None]:
-    """The patterns of small fields are made once on a machine, not once a run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("KOCHAB_CACHE", str(request.config.cache.mkdir("kochab")))
-        yield
 
 
 @cache
