@@ -11,6 +11,7 @@ from app.cli.output import Json, as_json
 from app.cli.written import write_wcs_beside
 from app.core.progress import Task
 from app.core.solution import Solution
+from app.solve.contradicted import with_doubts
 from app.solve.options import SolveOptions
 from app.workflows.star_list import solve_star_list
 
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
 def identify_one(wish: Wish, options: SolveOptions) -> Task[Json]:
     """The outcome of one list."""
     result = yield from solve_star_list(wish.file, wish.width, wish.height, options)
-    outcome = as_json(wish.file, result)
+    outcome = as_json(wish.file, with_doubts(result, options))
     if wish.wcs and isinstance(result, Solution):
         outcome["failures"] = write_wcs_beside(wish.file, result)
     return outcome

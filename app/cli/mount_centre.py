@@ -107,7 +107,7 @@ def _say(result: "Centring") -> None:
     print(result.sentence)
     for way, before in zip(result.corrections, result.errors_arcsec, strict=False):
         print(f"  {before:.1f} arcsec off: {way}")
-    for note in result.notes:
+    for note in dict.fromkeys(note for note in result.notes if note != result.sentence):
         print(f"  {note}")
 
 

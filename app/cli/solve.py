@@ -14,6 +14,7 @@ from app.core.errors import UsageError
 from app.core.progress import Task
 from app.core.solution import Solution
 from app.frames.formats import SUFFIXES
+from app.solve.contradicted import with_doubts
 from app.solve.options import SolveOptions
 from app.workflows.solve_frame import SolvedFrame, solve_file
 
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 def solve_one(wish: Wish, options: SolveOptions) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it."""
     solved = yield from solve_file(wish.file, options)
-    outcome = as_json(wish.file, solved.result)
+    outcome = as_json(wish.file, with_doubts(solved.result, options, solved.frame.hint))
     if isinstance(solved.result, Solution):
         failures = _write(wish, solved, solved.result)
         if failures:
@@ -80,6 +81,8 @@ def _wishes(args: argparse.Namespace) -> list[Wish]:
 
 
 def _expand(given: str) -> list[str]:
+    if not given.strip():  # a script's empty variable, not the folder we stand in
+        raise UsageError("A file's name is empty.")
     path = Path(given)
     if not path.is_dir():
         return [given]

@@ -62,7 +62,7 @@ def examine_frame(
     yield Progress("detect", 0.1)
     with clock.stage("detect"):
         detections = detector.detect(frame)
-    said = _with_field(options, frame.width)
+    said = with_field(options, frame.width)
     hint = merged_hint(said, frame.hint if options.use_header else None)
     result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
     return Examined(detections, result)
@@ -80,7 +80,7 @@ def solve_detections(
 
     """
     options = options or SolveOptions()
-    options = replace(options, hint=_with_field(options, detections.width))
+    options = replace(options, hint=with_field(options, detections.width))
     return (yield from _solve(detections, options, Stopwatch(options.timeout_s, read_ms), None))
 
 
@@ -93,7 +93,7 @@ def merged_hint(said: Hint | None, header: Hint | None) -> Hint | None:
     return replace(header, **{k: v for k, v in told.items() if v != getattr(silent, k)})
 
 
-def _with_field(options: SolveOptions, width: int) -> Hint | None:
+def with_field(options: SolveOptions, width: int) -> Hint | None:
     """The person's hint, its scale from the field's width where that is what they gave."""
     if options.fov_deg is None:
         return options.hint

@@ -1,5 +1,6 @@
 """What the window needs from below, and the real thing, imported when first used."""
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol
@@ -64,9 +65,11 @@ class WorkflowEngine:
     def solve(self, frame: Frame, options: SolveOptions, read_ms: float) -> Task[Solved]:
         """Solve a frame that has been read."""
         yield Progress("detect", None, "looking for stars")
+        from app.solve.contradicted import with_doubts
         from app.workflows.solve_frame import solve_open_frame
 
-        return (yield from solve_open_frame(frame, options, read_ms=read_ms))
+        solved = yield from solve_open_frame(frame, options, read_ms=read_ms)
+        return replace(solved, result=with_doubts(solved.result, options, frame.hint))
 
     def prepare(self) -> Task[None]:
         """Load what a solve and the views need, and make the patterns for small fields.

@@ -1,0 +1,86 @@
+"""Wrong beliefs are told beside the answer, right ones pass in silence."""
+
+import json
+
+import pytest
+
+from app.cli.main import main
+from app.core.attitude import attitude_from
+from app.core.camera import Camera
+from app.core.hint import Hint
+from app.core.solution import NoSolution, Reason, Solution
+from app.frames.fits_write import write_fits
+from app.solve.contradicted import with_doubts
+from app.solve.options import SolveOptions
+
+CAMERA = Camera.centred(1600, 1000, 7600.0)  # 27.1 arcsec/px, 12.0 deg wide
+SOLUTION = Solution(CAMERA, attitude_from(84.0, -2.0, 25.0), (), 0.3, -40.0, "x", warnings=("A.",))
+SCALE = CAMERA.scale_arcsec_px
+
+
+def said(options=None, header=None) -> tuple[str, ...]:
+    result = with_doubts(SOLUTION, options or SolveOptions(), header)
+    assert result.warnings[0] == "A."
+    return result.warnings[1:]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        SolveOptions(),
+        SolveOptions(fov_deg=12.0),
+        SolveOptions(fov_deg=13.5),
+        SolveOptions(hint=Hint(scale_arcsec_px=(SCALE * 1.05, SCALE * 1.3))),
+        SolveOptions(hint=Hint(centre_deg=(84.0, 3.0, 1.0))),
+        SolveOptions(hint=Hint(centre_deg=(444.0, -22.0, 19.0))),
+    ],
+)
+def test_right_beliefs_pass(options) -> None:
+    assert said(options) == ()
+
+
+def test_wrong_scales_are_told() -> None:
+    (sentence,) = said(SolveOptions(fov_deg=6.0))
+    assert "given" in sentence
+    assert "factor of 2.0" in sentence
+    assert "7600 px" in sentence
+    (sentence,) = said(header=Hint(scale_arcsec_px=(SCALE / 2.2, SCALE / 1.8)))
+    assert "in the header" in sentence
+    assert said(SolveOptions(use_header=False), Hint(scale_arcsec_px=(1.0, 2.0))) == ()
+
+
+def test_wrong_places_are_told() -> None:
+    (sentence,) = said(SolveOptions(hint=Hint(centre_deg=(264.0, 2.0, 10.0))))
+    assert sentence == "The frame points 180 deg away from the place given."
+    (sentence,) = said(header=Hint(centre_deg=(84.0, 28.0, 10.0)))
+    assert sentence == "The frame points 30 deg away from the place in the header."
+
+
+def test_without_an_answer_nothing_is_contradicted() -> None:
+    none = NoSolution(Reason.TRAILED, "Wait.")
+    assert with_doubts(none, SolveOptions(fov_deg=1.0), Hint(scale_arcsec_px=(1, 2))) is none
+
+
+def test_the_command_line_tells_them(tmp_path, capsys) -> None:
+    import numpy as np
+
+    from app.core.frame import Frame
+    from app.simulate.stars import FWHM_PER_SIGMA
+    from tests.solve.fields import photograph
+
+    field = photograph(CAMERA, attitude_from(84.0, -2.0, 25.0), sigma_px=0.05)
+    y, x = np.mgrid[-8:9, -8:9]
+    pixels = np.full((1000 + 40, 1600 + 40), 100.0, np.float32)
+    spot = 2000.0 * np.exp(-(x**2 + y**2) / (2 * (3.0 / FWHM_PER_SIGMA) ** 2))
+    for column, row in np.rint(field.detections.xy).astype(int):
+        pixels[row + 12 : row + 29, column + 12 : column + 29] += spot
+    path = tmp_path / "a.fits"
+    write_fits(Frame(pixels[20:-20, 20:-20].copy()), path)
+    assert main(["solve", str(path), "--fov", "5", "--near", "264,2,5", "--json"]) == 0
+    warnings = json.loads(capsys.readouterr().out)["warnings"]
+    assert sum("given" in text for text in warnings) == 2
+
+
+def test_an_empty_name_is_not_this_folder(capsys) -> None:
+    assert main(["solve", ""]) == 2
+    assert capsys.readouterr().err == "kochab: A file's name is empty.\n"
