@@ -41,6 +41,11 @@ class Cameras(QObject):
         job.succeeded.connect(lambda devices: self.found.emit(source, devices))
         job.failed.connect(lambda sentence: self.missed.emit(source, sentence))
 
+    @property
+    def looking(self) -> bool:
+        """Whether some kind of camera is being looked for."""
+        return any(job.running for job in self._looking.values())
+
     def open(
         self, source: str, address: str = "", settings: CaptureSettings | None = None
     ) -> Share:

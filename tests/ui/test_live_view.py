@@ -56,7 +56,7 @@ def live(qtbot, make_window, engine):
     _, commands = make_window(engine)
     commands.views.show("live")
     view = commands.views.docks["live"].view
-    qtbot.waitUntil(lambda: not view._looking.running and not view.camera.told.text())
+    qtbot.waitUntil(lambda: not view._services.cameras.looking and not view.camera.told.text())
     return view, commands
 
 

@@ -52,6 +52,7 @@ class CameraPanel(QWidget):
 
     look_wanted = Signal()  # what can be opened
     settings_wanted = Signal(object)  # CaptureSettings
+    chosen = Signal(str, str)  # source and address, by a person
 
     def __init__(self) -> None:
         super().__init__()
@@ -85,7 +86,8 @@ class CameraPanel(QWidget):
         self._settle.timeout.connect(lambda: self.settings_wanted.emit(self.fields.settings()))
         self.fields.changed.connect(self._settle.start)
         self.source.currentIndexChanged.connect(self._another_kind)
-        self.found.activated.connect(self._picked)
+        self.found.activated.connect(self._activated)
+        self.where.editingFinished.connect(self._tell)
         self._lay_out()
         self._another_kind()
 
@@ -179,6 +181,13 @@ class CameraPanel(QWidget):
             "again": self.again.isChecked(), **self.fields.state(),
         }  # fmt: skip
 
+    def show_choice(self, source: str, address: str) -> None:
+        """Say what was chosen elsewhere in the window."""
+        at = self.source.findData(source)
+        if at >= 0:
+            self.source.setCurrentIndex(at)
+            self.where.setText(address)
+
     def restore(self, kept: dict[str, Any]) -> None:
         """Say what was said before, as far as it is still known."""
         at = self.source.findData(kept.get("source"))
@@ -205,8 +214,18 @@ class CameraPanel(QWidget):
         if isinstance(address, str):
             self.where.setText(address)
 
+    def _activated(self, index: int) -> None:
+        self._picked(index)
+        self._tell()
+
+    def _tell(self) -> None:
+        address = self.where.text().strip()
+        if address:
+            self.chosen.emit(self.kind, address)
+
     def _ask_folder(self) -> None:
         start = self.where.text() or str(Path.home())
         path = ask_folder(self.window(), start, "The folder to watch", self._red)
         if path is not None:
             self.where.setText(str(path))
+            self._tell()
