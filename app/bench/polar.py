@@ -10,6 +10,7 @@ camera rolled at will, bolts with play and threads of unknown pitch and sense. S
   turn of a bolt, and first points to the one of 40 places, drawn from the whole sky, where the
   planner foresees the surest axis. A move is a bolt turned one way; going on with it after a look
   at the screen is the same move.
+* ``worn``: mounts as amateurs own them, see :mod:`app.bench.polar_worn`.
 """
 
 import math
@@ -19,28 +20,19 @@ from typing import Any
 
 import numpy as np
 
+from app.bench.polar_person import follow, somewhere_good, somewhere_wide
 from app.bench.polar_rig import RigSky, make_rig
+from app.bench.polar_worn import rows_and_goals
 from app.bench.report import BenchResult, Goal
-from app.core.mount import Direction
 from app.core.progress import run as run_task
 from app.polar.error import CHI2_68, CHI2_95
-from app.polar.measure import Settings
-from app.polar.path import way
-from app.polar.sighting import to_local
-from app.polar.tutor import BoltTutor, Instruction
 from app.sky import open_catalogue
-from app.workflows.polar_align import Alignment, AlignOptions, align
-from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis
-from app.workflows.polar_update import PolarControls, PolarUpdate
+from app.workflows.polar_measure import Sweep, measure_axis
 
 SEED = 20260
 FULL, QUICK = 500, 50
 MEASURE = Sweep(turn_deg=60.0, frames=5)
-ALIGN = AlignOptions(30.0, sweep=Sweep(frames=7, most_frames=25, goal_arcsec=4.0, least_deg=60.0))
-PLACING = Sweep(turn_deg=90.0, frames=15, most_frames=15)
-PLACES = 40
-MOST_MOVES = 15
-MOST_PLACES = 2000
+WORN_FULL, WORN_QUICK = (200, 60), (30, 6)  # sweeps, alignments
 
 Row = Mapping[str, Any]
 
@@ -52,8 +44,9 @@ def run(quick: bool, report: Callable[[str], None]) -> BenchResult:
     measured = _many(measure_once, runs)
     report(f"{runs} whole alignments ...")
     aligned = _many(align_once, runs)
-    return BenchResult("polar", [*_rows(measured, "measure"), *_rows(aligned, "align")],
-                       goals(measured, aligned))  # fmt: skip
+    worn, honest = rows_and_goals(SEED, *(WORN_QUICK if quick else WORN_FULL), MEASURE, report)
+    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *worn]
+    return BenchResult("polar", rows, [*goals(measured, aligned), *honest])
 
 
 def _many(once: Callable[[int], Row], runs: int) -> list[Row]:
@@ -62,7 +55,7 @@ def _many(once: Callable[[int], Row], runs: int) -> list[Row]:
 
 def measure_once(seed: int) -> Row:
     """One sweep on a rig of its own: how far off, and where in its own ellipse."""
-    sky = _somewhere_wide(make_rig(np.random.default_rng([SEED, 1, seed]), open_catalogue()))
+    sky = somewhere_wide(make_rig(np.random.default_rng([SEED, 1, seed]), open_catalogue()))
     started = time.process_time()
     found = run_task(measure_axis(sky, sky, sky.settings, MEASURE))
     error = found.measurement.error
@@ -82,7 +75,7 @@ def measure_once(seed: int) -> Row:
 def align_once(seed: int) -> Row:
     """One whole alignment by a person with the tutor: how far off the pole it really ends."""
     sky = make_rig(np.random.default_rng([SEED, 2, seed]), open_catalogue())
-    _somewhere_good(sky, sky.settings)
+    somewhere_good(sky, sky.settings)
     started = time.process_time()
     before = sky.true_total_arcsec()
     done = follow(sky)
@@ -98,26 +91,6 @@ def align_once(seed: int) -> Row:
     }
 
 
-def follow(sky: RigSky, options: AlignOptions = ALIGN) -> Alignment:
-    """Drive an alignment while hands do what is told; they give up after too many moves."""
-    controls, told = PolarControls(), None
-
-    def person(update: Any) -> None:
-        nonlocal told
-        new: Instruction | None = getattr(update, "instruction", None)
-        if not isinstance(update, PolarUpdate) or new is None or new is told:
-            return
-        told = new
-        if update.moves > MOST_MOVES:
-            controls.enough()
-        if new.knob is not None:
-            sky.hand(new)
-            controls.turned()
-
-    task = align(sky, sky, sky.settings, options, controls, BoltTutor())
-    return run_task(task, person)
-
-
 def _about(sky: RigSky) -> dict[str, Any]:
     hidden = sky.hidden
     return {
@@ -127,30 +100,6 @@ def _about(sky: RigSky) -> dict[str, Any]:
         "hour_deg": hidden.hour_deg,
         "dec_deg": hidden.dec_deg,
     }
-
-
-def _somewhere_wide(sky: RigSky) -> RigSky:
-    """Point anew until a sweep of 60 deg stays above 15 deg one way."""
-    for _ in range(MOST_PLACES):
-        there = to_local(sky.look(), sky.settings.site, sky.settings.air)
-        ways = (way(there.boresight, sky.settings, d, 60.0) for d in
-                (Direction.WEST, Direction.EAST))  # fmt: skip
-        if any(w.good for w in ways):
-            return sky
-        sky.point_elsewhere()
-    raise RuntimeError("no part of the sky allows a sweep of 60 deg")
-
-
-def _somewhere_good(sky: RigSky, settings: Settings) -> None:
-    """Of some places anywhere, the one the planner likes best; it tells before anything turns."""
-    best, least = (sky.hidden.hour_deg, sky.hidden.dec_deg), float("inf")
-    for _ in range(PLACES):
-        first = to_local(sky.look(), settings.site, settings.air)
-        foreseen = foreseen_arcsec(first, settings, PLACING)
-        if foreseen < least:
-            best, least = sky.stands_deg, foreseen
-        sky.point_elsewhere()
-    sky.point(*best)
 
 
 def _signs_right(

@@ -7,9 +7,10 @@ weighs all directions of the field alike under the air's squeeze, as a square fr
 moves each frame as a whole by 0.7 arcsec besides, which no solve can know of.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from app.core.attitude import Attitude
@@ -31,7 +32,10 @@ from app.simulate.mechanics.mount import MountConfig
 from app.simulate.rig import PracticeRig, RigConfig
 from app.sky.catalogue import Catalogue
 
+Floats = NDArray[np.float64]
+
 ARCSEC = np.pi / 648000.0
+DOWN = np.array([0.0, 0.0, -1.0])
 EXPOSURE_S, OVERHEAD_S = 1.0, 1.0
 LOWEST_DEG = 20.0
 RATE_DEG_S = 2.0
@@ -50,7 +54,10 @@ class Hidden:
 
 @dataclass(slots=True, eq=False)
 class RigSky:
-    """A rig with the three things an alignment needs; ``optics`` are the errors of its solves."""
+    """A rig with the three things an alignment needs; ``optics`` are the errors of its solves.
+
+    ``rest_arcsec`` (3, 3) turns the camera about its own axes by so much times gravity's pull.
+    """
 
     rig: PracticeRig
     hidden: Hidden
@@ -62,6 +69,7 @@ class RigSky:
     stands_deg: tuple[float, float] = (0.0, 0.0)
     field_deg: tuple[float, float] = (1.2, 1.2)
     seeing_arcsec: float = 0.7
+    rest_arcsec: Floats = field(default_factory=lambda: np.zeros((3, 3)))
 
     @property
     def settings(self) -> Settings:
@@ -79,6 +87,7 @@ class RigSky:
         truth = self.rig.truth(start + EXPOSURE_S / 2.0)
         error = self.rng.normal(size=3) * np.sqrt(np.diag(self.optics.covariance))
         error[:2] += self.rng.normal(size=2) * self.seeing_arcsec * ARCSEC
+        error += self.rest_arcsec @ truth.enu_to_camera @ DOWN * ARCSEC
         matrix = Rotation.from_rotvec(error).as_matrix() @ truth.attitude.matrix
         self.sights += 1
         return Sighting(
@@ -124,7 +133,7 @@ class RigSky:
         self.rig.mount.place(hour_deg, dec_deg)
         self.stands_deg = (hour_deg, dec_deg)
 
-    def truth(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    def truth(self) -> Floats:
         """The axis (3,) in E, N, U as it really is."""
         return self.rig.mount.wedge.axis_enu()
 

@@ -23,6 +23,8 @@ FLEXURE_ARCSEC = 30.0
 HARDLY = 0.8
 """A droop that is still so doubtful, in what it was before, has not been seen."""
 
+OF_BENDING = (Kind.UNSEEN_FLEXURE, Kind.FLEXURE, Kind.DROOP)
+
 DISAGREE = 0.01
 """Sweeps whose chi-square is less probable than this do not share one axis and droop."""
 
@@ -42,7 +44,7 @@ def findings_of(
         *_movement(fits, movement),
         *_turn(fits, errors),
         *_low(attitudes),
-        *_flexure(looks, whole),
+        *of_bending(looks, whole),
     ]
 
 
@@ -115,7 +117,8 @@ def _low(attitudes: Sequence[LocalAttitude]) -> Iterator[Finding]:
         )
 
 
-def _flexure(looks: Sequence[Look], whole: Combined) -> Iterator[Finding]:
+def of_bending(looks: Sequence[Look], whole: Combined) -> Iterator[Finding]:
+    """What the sweeps tell of bending together, or that they do not."""
     first, last = looks[0].error, looks[-1].error
     if whole.chance < DISAGREE:
         apart = angle_between(first.axis, last.axis) / ARCSEC

@@ -11,7 +11,7 @@ from app.core.hint import Site
 from app.polar.axis_fit import AxisFit, fit_axis
 from app.polar.bending import UNKNOWN, Droop
 from app.polar.combine import Look, combined
-from app.polar.diagnose import findings_of
+from app.polar.diagnose import OF_BENDING, findings_of, of_bending
 from app.polar.error import PolarError
 from app.polar.findings import Finding
 from app.polar.horizon import STANDARD_AIR, Air
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 LEAST_TURN_RAD = np.radians(0.25)
 """Below this no axis is given at all."""
 
-TOO_LARGE = 0.05
+TOO_LARGE = 0.02
 """Residuals less probable than this by their stated errors alone widen the covariance."""
 
 
@@ -155,7 +155,14 @@ def _rho_rad(fit: AxisFit) -> float:
 
 
 def together(first: Measurement, again: Measurement) -> Measurement:
-    """The second of two measurements, with the error of both: nothing was moved between them."""
+    """The second of two measurements, with the error of both: the bolts were left alone between.
+
+    What one of them had to say of its frames is said of both; what is said of bending is new.
+    """
     looks = (*first.looks, *again.looks)
     whole = combined(looks, first.before)
-    return replace(again, error=whole.error, looks=looks, before=first.before, droop=whole.droop)
+    said = {f.kind: f for f in (*again.findings, *first.findings) if f.kind not in OF_BENDING}
+    return replace(
+        again, error=whole.error, looks=looks, before=first.before, droop=whole.droop,
+        findings=(*said.values(), *of_bending(looks, whole)),
+    )  # fmt: skip

@@ -79,7 +79,8 @@ def align(
         rounds += 1
         measured = yield from measure_axis(source, turner, settings, sweep, controls, droop)
         if before is not None:
-            measured = replace(measured, measurement=together(before, measured.measurement))
+            both = together(before, measured.measurement)
+            measured = replace(measured, measurement=both, findings=both.findings)
         history.measured(measured.measurement)
         keep(history)
         good = _good(measured, options)

@@ -72,17 +72,14 @@ def measure_axis(
     seen = [(yield from watch.still())]
     path = plan_way(seen[0], settings, sweep)
     sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
-    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before=before))
+    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before))
 
 
 def sweep_from(
     first: LocalAttitude, path: Way, watch: Watch, turner: Turner, sweep: Sweep,
-    earlier: tuple[LocalAttitude, ...] = (), before: Droop = UNKNOWN,
+    before: Droop = UNKNOWN,
 ) -> Task[Measured]:  # fmt: skip
-    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already.
-
-    ``earlier`` are attitudes of sweeps before, about an axis that has not moved since.
-    """
+    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already."""
     seen, settings, controls = [first], watch.settings, watch.controls
     step = path.turn_deg / (sweep.frames - 1)
     slips: list[Finding] = []
@@ -96,8 +93,8 @@ def sweep_from(
         asked = turner.told_deg
         if asked is not None and (slip := slipping(asked, turned_deg(seen[-1], now))):
             slips.append(slip)
-        seen.append(replace(now, sweep=first.sweep))
-        result = measure_local([*earlier, *seen], settings, before)
+        seen.append(now)
+        result = measure_local(seen, settings, before)
         yield _told(result, seen, slips, sweep)
         if controls.take_enough() and isinstance(result, Measurement):
             break

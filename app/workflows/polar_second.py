@@ -4,13 +4,14 @@ from dataclasses import replace
 
 from app.core.mount import Direction
 from app.core.progress import Task
-from app.polar.measure import Measurement
+from app.polar.findings import Kind
+from app.polar.measure import Measurement, together
 from app.polar.second import SecondSweep, plan_second
 from app.workflows.polar_measure import Measured, Sweep, optics_of, sweep_from
 from app.workflows.polar_sources import SightingSource
 from app.workflows.polar_turners import Turner
 from app.workflows.polar_update import PolarControls, PolarUpdate
-from app.workflows.polar_watch import NotMeasuredError, Watch
+from app.workflows.polar_watch import Watch
 
 
 def second_sweep(
@@ -27,7 +28,7 @@ def second_sweep(
 
     Raises
     ------
-    NotMeasuredError
+    app.workflows.polar_watch.NotMeasuredError
         Frames stop coming or have no answer, or the second axis cannot be had from them.
 
     """
@@ -46,14 +47,11 @@ def second_sweep(
         last = yield from watch.still(last, plan.back_deg if turner.by_hand else 0.0)
     yield from turner.turn_declination(plan.direction, plan.degrees)
     begin = yield from watch.still(last, plan.degrees if turner.by_hand else 0.0)
-    begin = replace(begin, sweep=measurement.attitudes[-1].sweep + 1)
     again = replace(sweep, frames=frames, backwards=None)
-    measured = yield from sweep_from(
-        begin, plan.way, watch, turner, again, measurement.attitudes, measurement.before
-    )
-    if len(measured.measurement.looks) <= len(measurement.looks):
-        raise NotMeasuredError("The second sweep has no axis of its own: begin it again.")
-    return measured
+    second = yield from sweep_from(begin, plan.way, watch, turner, again, measurement.before)
+    both = together(measurement, second.measurement)
+    slips = [f for f in second.findings if f.kind is Kind.SLIPPING]
+    return replace(second, measurement=both, findings=(*slips, *both.findings))
 
 
 HELPLESS = (

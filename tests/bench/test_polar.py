@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from app.bench import polar as bench
+from app.bench import polar_person, polar_worn
 from app.bench.polar_rig import make_rig
 from app.polar.rotations import ARCSEC, angle_between
 from app.polar.sighting import to_local
@@ -63,7 +64,7 @@ def test_runs_are_what_they_say_and_repeat():
 
 
 def test_an_alignment_ends_where_the_rig_says(monkeypatch):
-    monkeypatch.setattr(bench, "PLACES", 8)
+    monkeypatch.setattr(polar_person, "PLACES", 8)
     ended = bench.align_once(8)
     assert ended["error_arcsec"] < 30.0 < ended["before_arcsec"]
     assert 1 <= ended["moves"] <= 5
@@ -80,10 +81,38 @@ def test_five_moves_are_enough_where_hands_went_too_far(seed):
 
 def test_it_runs_and_reports(monkeypatch):
     monkeypatch.setattr(bench, "QUICK", 2)
-    monkeypatch.setattr(bench, "PLACES", 4)
+    monkeypatch.setattr(polar_person, "PLACES", 4)
+    monkeypatch.setattr(bench, "WORN_QUICK", (2, 1))
     said = []
     result = bench.run(True, said.append)
     assert result.bench == "polar"
-    assert {r["kind"] for r in result.rows} == {"measure", "align"}
-    assert len(result.goals) == 7
-    assert len(said) == 2
+    worn = {"one sweep", "two sweeps", "align", "align, two sweeps"}
+    kinds = {r["kind"] for r in result.rows}
+    assert kinds == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
+    assert len(result.goals) == 11
+    assert len(said) == 4
+
+
+def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():
+    sky = polar_worn.worn(np.random.default_rng([6, 1]))
+    mount = sky.rig.config.mount
+    assert mount.build.flexure_arcsec > 0.0
+    assert mount.hour_wear.periodic_arcsec >= 3.5
+    assert mount.dec_wear.backlash_deg > 0.0
+    assert np.abs(sky.rest_arcsec).max() > 0.0
+    one, two = polar_worn.measure_worn((6, 1), bench.MEASURE)
+    for row in (one, two):
+        assert row["whole_arcsec"] > row["noise_arcsec"]
+        assert row["whole_95"] or not row["noise_95"]  # the wider holds what the narrower does
+
+
+def test_what_bends_beside_the_tube_bends_the_rigs_frames_alone():
+    sky = make_rig(np.random.default_rng([5, 1]), open_catalogue(), 45.0)
+    from app.polar.plan import Optics
+
+    sky.optics, sky.seeing_arcsec = Optics(1e-3, 1e-2), 0.0
+    sky.rest_arcsec = np.diag([100.0, 0.0, 0.0])
+    local = to_local(sky.look(), sky.settings.site, sky.settings.air)
+    truth = sky.rig.truth(sky.rig.clock.now_unix() - 1.5)
+    apart = angle_between(local.boresight, truth.enu_to_camera[2]) / ARCSEC
+    assert apart == pytest.approx(100.0 * abs(truth.enu_to_camera[0, 2]), abs=0.1)

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from app.bench.polar import ALIGN, follow
+from app.bench.polar_person import ALIGN, follow
 from app.bench.polar_rig import make_rig
 from app.core.errors import RefusedError
 from app.core.hint import Site
