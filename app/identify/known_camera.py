@@ -7,12 +7,14 @@ from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.solution import Identification, Matches
 from app.identify.index import Volume
-from app.identify.known_search import POOR, KnownSearch
-from app.identify.known_table import SPARSE, PairTable, table_for
+from app.identify.known_search import BRIGHTEST, POOR, KnownSearch
+from app.identify.known_table import DENSE, SPARSE, PairTable, table_for
+from app.identify.known_triangles import Sight
 from app.identify.search import Search
 from app.identify.verify import Verdict
 
-FEWEST = 3
+FEWEST, FEW = 3, 4
+"""So many detections are tried; with so few chance has room, and a table of fewer stars is first."""
 KNOWN, ROUGHLY = 1.07, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 
@@ -28,16 +30,14 @@ def known_camera(
     if high > low * (ROUGHLY if len(search.xy) <= POOR else KNOWN) or len(search.xy) < FEWEST:
         return ()
     field_deg = search.field_deg((low * high) ** 0.5)
-    dense = table_for(volumes, field_deg, year)
-    if dense is None:
+    wanted = (DENSE,) if len(search.xy) > FEW else (SPARSE, DENSE)
+    tables = [table_for(volumes, field_deg, year, density) for density in wanted]
+    there = [table for table in tables if table is not None]
+    if not there:
         return ()
-    known = KnownSearch(dense, search.xy, search.half, search.scale)
-    sparse = table_for(volumes, field_deg, year, SPARSE) if known.doubtful else None
-    if sparse is None:
-        return (known,)
-    return tuple(
-        KnownSearch(table, search.xy, search.half, search.scale, 2) for table in (sparse, dense)
-    )
+    asked = POOR if len(search.xy) <= POOR else BRIGHTEST
+    sight = Sight.of(search.xy[:asked], search.scale)
+    return tuple(KnownSearch(t, search.xy, search.half, sight, len(there)) for t in there)
 
 
 def first_answer(

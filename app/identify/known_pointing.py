@@ -2,44 +2,45 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Vector = tuple[float, float, float] | list[float]
+Vector = tuple[float, float, float]
 
 
 def two_stars(
-    p: list[float], q: list[float], focal_px: float, mirrored: bool, star_p: Vector, star_q: Vector
-) -> Floats:
-    """Rotation (3, 3), ICRS to camera, for two detections and the stars that they are.
+    p: Vector, q: Vector, star_p: list[float], star_q: list[float]
+) -> tuple[Vector, Vector, Vector]:
+    """Rotation, three rows, ICRS to camera, for two directions and the stars that they are.
 
-    ``p`` and ``q`` are px from the frame's middle, the stars ICRS unit vectors. What the two
-    separations differ by is shared evenly: the middles agree, and the planes.
+    ``p`` and ``q`` point where the two are seen, in camera axes, of any length; the stars are ICRS
+    unit vectors. What the separations differ by is shared: the middles agree, and the planes.
     """
-    sign = -1.0 if mirrored else 1.0
-    seen = _axes(_unit((sign * p[0], p[1], focal_px)), _unit((sign * q[0], q[1], focal_px)))
-    sky = _axes(star_p, star_q)
-    return np.array([
-        [sum(seen[k][i] * sky[k][j] for k in (0, 1, 2)) for j in (0, 1, 2)] for i in (0, 1, 2)
-    ])  # fmt: skip
-
-
-def _axes(a: Vector, b: Vector) -> tuple[Vector, Vector, Vector]:
-    """Right-handed axes from the middle of two unit vectors and the plane they lie in."""
-    middle = _unit((a[0] + b[0], a[1] + b[1], a[2] + b[2]))
-    normal = _unit(_cross(a, b))
-    return middle, normal, _cross(middle, normal)
-
-
-def _cross(a: Vector, b: Vector) -> tuple[float, float, float]:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
+    (m, n, o), (k, l, r) = _axes(_unit(*p), _unit(*q)), _axes(star_p, star_q)  # noqa: E741
+    return tuple(  # type: ignore[return-value]
+        (
+            m[i] * k[0] + n[i] * l[0] + o[i] * r[0],
+            m[i] * k[1] + n[i] * l[1] + o[i] * r[1],
+            m[i] * k[2] + n[i] * l[2] + o[i] * r[2],
+        )
+        for i in (0, 1, 2)
     )
 
 
-def _unit(v: tuple[float, float, float]) -> tuple[float, float, float]:
-    length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) or 1.0
-    return v[0] / length, v[1] / length, v[2] / length
+def triple(p: list[float], q: list[float], r: list[float]) -> float:
+    """The triple product of three vectors: its sign tells their sense, seen from within."""
+    return (
+        p[0] * (q[1] * r[2] - q[2] * r[1])
+        + p[1] * (q[2] * r[0] - q[0] * r[2])
+        + p[2] * (q[0] * r[1] - q[1] * r[0])
+    )
+
+
+def _axes(a: Vector | list[float], b: Vector | list[float]) -> tuple[Vector, Vector, Vector]:
+    """Right-handed axes from the middle of two unit vectors and the plane they lie in."""
+    m = _unit(a[0] + b[0], a[1] + b[1], a[2] + b[2])
+    n = _unit(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    across = (m[1] * n[2] - m[2] * n[1], m[2] * n[0] - m[0] * n[2], m[0] * n[1] - m[1] * n[0])
+    return m, n, across
+
+
+def _unit(x: float, y: float, z: float) -> Vector:
+    length = math.sqrt(x * x + y * y + z * z) or 1.0
+    return x / length, y / length, z / length

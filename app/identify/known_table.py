@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.identify.index import Volume
+from app.identify.levels import PER_FIELD
 from app.identify.table_cache import Arrays, kept
 from app.identify.volumes import is_shipped
 
@@ -21,6 +22,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Index = NDArray[np.int32]
 
+STEPS = np.arange(4096, dtype=np.int32)
 RINGS = 48
 """Rings about each star: one neighbour in each, more or less."""
 REACH = 0.71
@@ -54,27 +56,43 @@ class PairTable:
     apart: NDArray[np.float32]
     reach_rad: float
 
-    def near(self, centre: Floats, cosine: float) -> Ints:
+    def near(self, centre: list[float], cosine: float) -> Ints:
         """Stars within the angle of ``cosine`` of a unit vector (3,): all are looked at."""
-        inside: Ints = (centre.astype(np.float32) @ self.rough > cosine).nonzero()[0]
+        inside: Ints = (np.array(centre, dtype=np.float32) @ self.rough > cosine).nonzero()[0]
         return inside
 
-    def rings(self, low_rad: float, high_rad: float) -> tuple[Index, Index]:
-        """First and last entry (N,) of each star's neighbours from ``low_rad`` to ``high_rad``.
+    def rings(self, star: Index, low_rad: float, high_rad: float) -> tuple[Index, Index]:
+        """First entry, and the one after the last, of the neighbours of stars (K,).
 
-        Whole rings: some neighbours are nearer or farther than asked for.
+        Whole rings: some are nearer than ``low_rad`` or farther than ``high_rad``.
         """
         first = int(max(low_rad / self.reach_rad, 0.0) ** 2 * RINGS)
-        last = int((high_rad / self.reach_rad) ** 2 * RINGS)
-        return self.begin[min(first, RINGS)], self.begin[min(last + 1, RINGS)]
+        last = int((high_rad / self.reach_rad) ** 2 * RINGS) + 1
+        return (
+            self.begin[min(first, RINGS)].take(star), self.begin[min(last, RINGS)].take(star)
+        )  # fmt: skip
 
-    def rings_each(self, star: Index, low_rad: Floats, high_rad: Floats) -> tuple[Index, Index]:
-        """First and last entry (K,) of the neighbours of stars (K,), each with its own limits."""
-        stars = len(self.rows)
-        first = np.minimum((low_rad / self.reach_rad) ** 2 * RINGS, RINGS).astype(np.int64)
-        last = np.minimum((high_rad / self.reach_rad) ** 2 * RINGS + 1.0, RINGS).astype(np.int64)
+    def rings_each(
+        self, star: Index, low_rad: float, high_rad: float, more_rad: Floats
+    ) -> tuple[Index, Index]:
+        """The same with ``more_rad`` (K,) added to the limits."""
+        stars, scale = len(self.rows), RINGS / self.reach_rad**2
+        low, high = np.maximum(more_rad + low_rad, 0.0), more_rad + high_rad
+        first = np.minimum(low * low * scale, RINGS).astype(np.int64)
+        last = np.minimum(high * high * scale + 1.0, RINGS).astype(np.int64)
         flat = self.begin.ravel()
         return flat.take(first * stars + star), flat.take(last * stars + star)
+
+    def neighbours(
+        self, entry: Index, end: Index, wanted_rad: Floats | float, error_rad: float
+    ) -> tuple[Ints, Index]:
+        """Of the entries (K,) up to ``end`` (K,) those as far away as wanted: rows, and stars."""
+        width = int((end - entry).max())
+        entries = entry[:, None] + STEPS[:width]
+        near = np.abs(self.apart.take(entries, mode="clip") - wanted_rad) < error_rad
+        near &= entries < end[:, None]
+        row, column = near.nonzero()
+        return row, self.neighbour.take(entry.take(row) + column)
 
 
 def table_for(
@@ -84,14 +102,20 @@ def table_for(
 
     ``density`` is the fewest stars a frame.
     """
-    from app.identify.levels import PER_FIELD
-
-    for volume in volumes:
-        for level, size in enumerate(volume.fields_deg.tolist()):
-            per_frame = PER_FIELD * (field_deg / size) ** 2
-            if size >= NARROWEST_DEG and density <= per_frame < 2.0 * density:
-                return _dated(volume, level, round(year))
+    for volume, level, size in _levels(volumes):
+        if density <= PER_FIELD * (field_deg / size) ** 2 < 2.0 * density:
+            return _dated(volume, level, round(year))
     return None
+
+
+@lru_cache(maxsize=4)
+def _levels(volumes: tuple[Volume, ...]) -> list[tuple[Volume, int, float]]:
+    return [
+        (volume, level, size)
+        for volume in volumes
+        for level, size in enumerate(volume.fields_deg.tolist())
+        if size >= NARROWEST_DEG
+    ]
 
 
 @lru_cache(maxsize=8)

@@ -14,13 +14,10 @@ from numpy.typing import NDArray
 from app.identify.known_table import PairTable
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Corners = tuple[int, int, int]
 
-RANGE = 8.0
-"""Where the scale moves a side by so many errors, each pair is asked for rings of its own."""
-STEPS = np.arange(1024)
-NONE = np.zeros((0, 3), dtype=np.int64)
+PART = 0.2
+"""Where the scale moves a side by less than this share of the error, it is left out of account."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,51 +57,46 @@ def triangles(n: int) -> tuple[Corners, ...]:
 def turned(corners: Corners, angle: list[list[float]]) -> Corners:
     """The same triangle: first the corner of its two shorter sides, of which the shortest first."""
     i, j, k = corners
-    opposite = sorted(((angle[j][k], i), (angle[k][i], j), (angle[i][j], k)), reverse=True)
-    return opposite[0][1], opposite[1][1], opposite[2][1]
+    a, b, c = angle[j][k], angle[i][k], angle[i][j]  # opposite the corners
+    if a < b:
+        i, j, a, b = j, i, b, a
+    if b < c:
+        j, k, b, c = k, j, c, b
+        if a < b:
+            i, j = j, i
+    return i, j, k
 
 
-def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) -> Ints:
-    """Every triangle (H, 3) of stars with the sides of ``corners``, which `turned` gave.
+def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) -> list[Corners]:
+    """Every triangle of stars with the sides of ``corners``, which `turned` gave.
 
     ``error_rad`` is allowed in each side, after the scale has been taken from the first.
     """
     a, b, c = corners
     base, room = sight.angle[a][b], sight.growth[a][b]
-    start = int(table.angle.searchsorted(base - room - error_rad))
-    stop = int(table.angle.searchsorted(base + room + error_rad))
-    if start == stop:
-        return NONE
+    here, there = sight.angle[a][c], sight.angle[b][c]
     wide, far = sight.growth[a][c], sight.growth[b][c]
-    here: Floats | float = sight.angle[a][c]
-    there: Floats | float = sight.angle[b][c]
+    start = table.angle.searchsorted(base - room - error_rad)
+    stop = table.angle.searchsorted(base + room + error_rad)
     one = table.one[start:stop]
-    loose = far > 0.1 * error_rad
-    if loose:
-        off = (table.angle[start:stop] - base) / room
-        off = np.minimum(np.maximum(off, -1.0), 1.0)
-    if wide > RANGE * error_rad:
-        here = here + wide * off
-        entry, end = table.rings_each(one, here - error_rad, here + error_rad)
-        here = here[:, None]
+    if len(one) == 0:
+        return []
+    if far < PART * error_rad:
+        entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)
+        row, third = table.neighbours(entry, end, here, error_rad)
     else:
-        first, last = table.rings(here - wide - error_rad, here + wide + error_rad)
-        entry, end = first.take(one), last.take(one)
-        if loose:
-            here = (here + wide * off)[:, None]
-    if loose:
-        there = there + far * off
-    width = int((end - entry).max())
-    if width == 0:
-        return NONE
-    entries = entry[:, None] + STEPS[:width]
-    near = np.abs(table.apart.take(entries, mode="clip") - here) < error_rad
-    near &= entries < end[:, None]
-    row, column = near.nonzero()
-    third = table.neighbour.take(entry.take(row) + column)
+        off = (table.angle[start:stop] - base) / room
+        np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
+        entry, end = table.rings_each(one, here - error_rad, here + error_rad, wide * off)
+        row, third = table.neighbours(entry, end, (here + wide * off)[:, None], error_rad)
+        there = there + far * off.take(row)
+    if len(row) == 0:
+        return []
     second = table.other[start:stop].take(row)
     v = table.vectors
     cosine = (v.take(second, axis=0) * v.take(third, axis=0)).sum(axis=1)
-    apart = np.arccos(np.minimum(cosine, 1.0))
-    fits = (np.abs(apart - (there[row] if loose else there)) < error_rad).nonzero()[0]
-    return np.stack([one[row[fits]], second[fits], third[fits]], axis=1).astype(np.int64)
+    fits = (np.abs(np.arccos(np.minimum(cosine, 1.0)) - there) < error_rad).nonzero()[0]
+    if len(fits) == 0:
+        return []
+    stars = one.take(row.take(fits)), second.take(fits), third.take(fits)
+    return list(zip(*(column.tolist() for column in stars), strict=True))

@@ -58,8 +58,6 @@ class Patterns:
                 f"{len(search.xy)} stars",
                 len(detections),
             )
-        if known and known[0].complete:
-            return self._none(search, detections)
         volumes = self.volumes
         if volumes is None:
             ready = fine()
