@@ -65,6 +65,7 @@ class Session(QObject):
     def __init__(self, engine: Engine, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.known = Known()
+        self.streams = False  # whether a camera's frames are shown as they come
         self.options_for: Callable[[Frame], SolveOptions | None] = lambda _: None
         self._engine = engine
         self._jobs: dict[str, Job] = {}
@@ -80,6 +81,7 @@ class Session(QObject):
         self._drop_all()
         old = self.known
         self.known = Known(Path(path), last_good=old.last_good, last_good_from=old.last_good_from)
+        self.streams = False
         log.info("opening %s", self.known.path)
         self.opening.emit(self.known.path)
         job = self._job("read", _timed(self._engine.read(Path(path))))
@@ -108,6 +110,7 @@ class Session(QObject):
         self.known = Known(
             frame=frame, last_good=old.last_good, last_good_from=old.last_good_from, name=name
         )
+        self.streams = False
         self.opening.emit(Path(name))
         self.opened.emit(frame)
         self._display(frame)
@@ -124,6 +127,7 @@ class Session(QObject):
         self._drop_all()
         old = self.known
         self.known = Known(last_good=old.last_good, last_good_from=old.last_good_from, name=name)
+        self.streams = True
         self.idle.emit()
         self.streaming.emit(name)
 

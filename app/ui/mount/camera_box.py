@@ -11,8 +11,9 @@ from PySide6.QtWidgets import (
 )
 
 from app.cameras import SOURCES
+from app.core.capture import CameraDevice
 from app.ui.mount.eye import CameraWish
-from app.ui.widgets import label
+from app.ui.widgets import button, label
 
 TITLES = {
     "": "none: use the open frame", "simulated": "simulated camera", "folder": "folder of frames",
@@ -29,6 +30,7 @@ class CameraBox(QWidget):
     """Source, address and exposure; ``chosen`` when a person has changed one."""
 
     chosen = Signal(object)  # CameraWish, or None
+    look_wanted = Signal(str, str)  # source, address: which cameras there are
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,6 +38,14 @@ class CameraBox(QWidget):
         self.source.setAccessibleName("Camera on the mount")
         for name in ("", *SOURCES):
             self.source.addItem(TITLES.get(name, name), name)
+        self.found = QComboBox()
+        self.found.setAccessibleName("Cameras that were found")
+        self.found.setPlaceholderText("none found yet")
+        self.found.setMinimumContentsLength(12)
+        self.found.setSizeAdjustPolicy(
+            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        )
+        self.look = button("Fin&d", self._look, tip="Look for cameras of this kind")
         self.address = QLineEdit()
         self.address.setAccessibleName("Address of the camera")
         self.exposure = QDoubleSpinBox()
@@ -53,8 +63,13 @@ class CameraBox(QWidget):
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(6)
         column.addLayout(line)
+        finding = QHBoxLayout()
+        finding.addWidget(self.found, 1)
+        finding.addWidget(self.look)
+        column.addLayout(finding)
         column.addWidget(self.address)
         self.source.activated.connect(self._picked)
+        self.found.activated.connect(self._take)
         self.address.editingFinished.connect(self._tell)
         self.exposure.editingFinished.connect(self._tell)
         self._example()
@@ -65,6 +80,20 @@ class CameraBox(QWidget):
         self.address.setText(wish.address)
         self.exposure.setValue(wish.exposure_s)
         self._example()
+        self._point_out()
+
+    def show_found(self, source: str, devices: list[CameraDevice]) -> None:
+        """Cameras that can be chosen now; the only one is taken if none was named."""
+        if source != str(self.source.currentData()):
+            return
+        self.found.clear()
+        for device in devices:
+            self.found.addItem(device.description, device.address)
+        self.found.setPlaceholderText("" if devices else "none found")
+        self.found.setEnabled(bool(devices))
+        if len(devices) == 1 and not self.address.text().strip():
+            self._take(0)
+        self._point_out()
 
     @property
     def wish(self) -> CameraWish | None:
@@ -76,13 +105,28 @@ class CameraBox(QWidget):
 
     def _picked(self) -> None:
         self.address.clear()
+        self.found.clear()
         self._example()
         self._tell()
+        if not self.found.isHidden():
+            self._look()
+
+    def _look(self) -> None:
+        self.look_wanted.emit(str(self.source.currentData()), self.address.text().strip())
+
+    def _take(self, index: int) -> None:
+        self.address.setText(str(self.found.itemData(index)))
+        self._tell()
+
+    def _point_out(self) -> None:
+        self.found.setCurrentIndex(self.found.findData(self.address.text().strip()))
 
     def _example(self) -> None:
         source = str(self.source.currentData())
         self.address.setPlaceholderText(EXAMPLES.get(source, ""))
         self.address.setVisible(source in EXAMPLES)
+        for widget in (self.found, self.look):
+            widget.setVisible(source not in ("", "folder"))
         self.exposure.setEnabled(bool(source) and source != "folder")
 
     def _tell(self) -> None:

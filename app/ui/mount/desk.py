@@ -48,7 +48,7 @@ class Desk(QObject):
     def __init__(self, services: Services) -> None:
         super().__init__(services.jobs)
         self.known = MountKnown()
-        self.lookout = Lookout(services.session)
+        self.lookout = Lookout(services.session, services.cameras)
         self._services = services
         self._line: MountLine | None = None
         self._opening: Opening | None = None
@@ -118,6 +118,8 @@ class Desk(QObject):
         if practised:
             kept = kept_camera(self._services.settings)
             self.use_camera(kept if kept.source else None)
+            gone = ("simulated", "new")
+            self._services.cameras.choose(*(kept.source, kept.address) if kept.source else gone)
         farewell = self._opening.farewell if self._opening is not None else ""
         self._opening = None
         for name in list(self._errands):
@@ -212,6 +214,7 @@ class Desk(QObject):
         match word:
             case Practising():
                 self.use_camera(CameraWish("simulated", word.camera))
+                self._services.cameras.choose("simulated", word.camera)
             case Connected():
                 self.said.emit(f"Connected: {word.name}.", "good")
             case Under():

@@ -19,6 +19,8 @@ from app.workflows.solve_frame import solve_open_frame
 
 LIMIT_S = 40.0
 
+OpenCamera = Callable[[str, str, CaptureSettings], CameraSource]
+
 
 @dataclass(frozen=True, slots=True)
 class CameraWish:
@@ -37,8 +39,9 @@ class Eye:
 
     name = "camera"
 
-    def __init__(self, wish: CameraWish) -> None:
+    def __init__(self, wish: CameraWish, open_camera: OpenCamera | None = None) -> None:
         self.wish = wish
+        self._open_camera = open_camera
         self._camera: CameraSource | None = None
 
     @property
@@ -72,10 +75,11 @@ class Eye:
 
     def _opened(self) -> CameraSource:
         if self._camera is None:
-            from app.cameras import open_camera
+            from app import cameras
 
+            opened = self._open_camera or cameras.open_camera
             settings = CaptureSettings(exposure_s=self.wish.exposure_s)
-            self._camera = open_camera(self.wish.source, self.wish.address, settings)
+            self._camera = opened(self.wish.source, self.wish.address, settings)
             self.name = self._camera.name
         return self._camera
 

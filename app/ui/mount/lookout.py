@@ -6,6 +6,7 @@ from app.core.errors import RefusedError
 from app.core.solution import Solution
 from app.mounts.guard import Guard
 from app.solve.disagreement import Sighting
+from app.ui.cameras import Cameras
 from app.ui.mount.eye import CameraWish, Eye, looking
 from app.ui.mount.words import Seen, Shown, Word
 from app.ui.session import Session
@@ -17,10 +18,10 @@ MOST_SIGHTINGS = 6
 class Lookout:
     """``tell`` hears what is seen; it is called in the thread of the mount's line."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, cameras: Cameras) -> None:
         self.eye: Eye | None = None
         self.sightings: tuple[Sighting, ...] = ()
-        self._session = session
+        self._session, self._cameras = session, cameras
         self._frames = 0
 
     @property
@@ -31,7 +32,7 @@ class Lookout:
 
     def use(self, wish: CameraWish | None) -> Eye | None:
         """Look through this camera from now on; the one before, for its thread to close."""
-        before, self.eye = self.eye, None if wish is None else Eye(wish)
+        before, self.eye = self.eye, None if wish is None else Eye(wish, self._cameras.open)
         return before
 
     def look(self, guard: Guard, tell: Callable[[Word], None]) -> SolveNow:
@@ -43,6 +44,8 @@ class Lookout:
     def hear(self, word: Word) -> None:
         """Show what the camera saw."""
         if isinstance(word, Shown):
+            if self._session.streams:
+                return  # the Live view shows what its camera sees, this frame too
             self._frames += 1
             self._session.show(word.frame, f"Camera frame {self._frames}")
         elif isinstance(word, Seen):

@@ -7,6 +7,7 @@ from app.ui.mount.asks import Asks
 from app.ui.mount.bring_mode import BringMode
 from app.ui.mount.eye import CameraWish
 from app.ui.mount.finder import Finder
+from app.ui.mount.known import POLAR
 from app.ui.mount.panel import MountPanel
 from app.ui.mount.reasons import reasons
 from app.ui.mount.sync_dialog import SyncDialog
@@ -15,6 +16,8 @@ from app.ui.mount.wishes import MountWish, keep_camera, keep_mount, kept_camera,
 from app.ui.palette import Colours
 from app.ui.services import Services
 from app.workflows.sync_mount import SyncOffer
+
+ALIGNING = "Polar alignment (F4) has the mount"
 
 
 class MountView(MountPanel):
@@ -37,7 +40,7 @@ class MountView(MountPanel):
         desk, asks, box = self.desk, self.asks, self.connect_box
         desk.changed.connect(self._show)
         desk.said.connect(self.say)
-        desk.progressed.connect(self.show_progress)
+        desk.progressed.connect(self._doing)
         asks.offered.connect(self._offer)
         self._finder.said.connect(self.say)
         self._finder.progressed.connect(self._finding)
@@ -46,7 +49,11 @@ class MountView(MountPanel):
         box.practice_wanted.connect(self.practise)
         box.site_given.connect(desk.use_site)
         box.trouble.connect(lambda sentence: self.say(sentence, "wrong"))
+        cameras = self._services.cameras
         self.camera.chosen.connect(self._camera_chosen)
+        self.camera.look_wanted.connect(cameras.look)
+        cameras.found.connect(self.camera.show_found)
+        cameras.chosen.connect(self._adopt_camera)
         self.go.goto_wanted.connect(asks.goto)
         self.go.centre_wanted.connect(asks.centre)
         self.pad.nudge_wanted.connect(asks.nudge)
@@ -61,6 +68,8 @@ class MountView(MountPanel):
         self.connect_box.show_wish(kept_mount(settings))
         if not self.desk.known.practice:
             camera = kept_camera(settings)
+            if self._services.cameras.choice is not None:  # another view's
+                camera = CameraWish(*self._services.cameras.choice, camera.exposure_s)
             self.camera.show_wish(camera)
             self.desk.use_camera(camera if camera.source else None)
         self.after.toggled.connect(self._after)
@@ -89,6 +98,18 @@ class MountView(MountPanel):
         if not self.desk.known.practice:
             keep_camera(self._services.settings, wish or CameraWish(""))
         self.desk.use_camera(wish)
+        if wish is not None:
+            self._services.cameras.choose(wish.source, wish.address)
+
+    def _adopt_camera(self, source: str, address: str) -> None:
+        """Look through the camera that another view has chosen."""
+        if self.desk.known.practice:
+            return  # the telescope's own
+        wish = CameraWish(source, address, self.camera.exposure.value())
+        if wish != self.camera.wish:
+            self.camera.show_wish(wish)
+            keep_camera(self._services.settings, wish)
+            self.desk.use_camera(wish)
 
     def _after(self, on: bool) -> None:
         self.asks.auto_frame = on
@@ -129,6 +150,9 @@ class MountView(MountPanel):
             return "Connect a mount"
         name = known.connected.name if known.connected is not None else "Connecting"
         return f"{'Practice: ' if known.practice else ''}{name}"
+
+    def _doing(self, progress: Progress | None) -> None:
+        self.show_progress(progress, ALIGNING if self.desk.known.busy == POLAR else "")
 
     def _finding(self, progress: Progress | None) -> None:
         self.cancel_find.setVisible(progress is not None)

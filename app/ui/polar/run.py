@@ -37,7 +37,7 @@ class Run(QObject):
         self._desk = services.mount
         self._tools = Tools(
             self.controls, self.step.emit, self.kept.emit, self.practising.emit,
-            services.wiring.practice, lambda: self._desk.practice,
+            services.wiring.practice, lambda: self._desk.practice, services.cameras.open,
         )  # fmt: skip
 
     def start(self) -> Job | Errand:

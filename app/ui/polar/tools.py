@@ -6,6 +6,7 @@ from typing import TypeVar
 
 from app.core.progress import Progress, Task
 from app.polar.history import History
+from app.ui.mount.eye import OpenCamera
 from app.ui.wiring import Practice, StartPractice
 from app.workflows.polar_update import PolarControls
 
@@ -19,6 +20,7 @@ class Tools:
 
     ``practice`` starts a practice night; ``practising`` hears of the one that is used. ``there``
     gives the one that is under way already, if any: it goes on when the alignment is over.
+    ``open_camera`` opens a camera that other views may use too.
     """
 
     controls: PolarControls
@@ -27,6 +29,7 @@ class Tools:
     practising: Callable[[Practice], None] = lambda practice: None
     practice: StartPractice | None = None
     there: Callable[[], Practice | None] = lambda: None
+    open_camera: OpenCamera | None = None
 
 
 def told(task: Task[T], tell: Tell) -> Task[T]:
