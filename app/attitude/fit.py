@@ -112,13 +112,16 @@ def refine(
     count = len(matches)
     sigma = np.broadcast_to(1.0 if sigma_px is None else sigma_px, count)
     if distortion and count >= ENOUGH_TO_START_PLAIN:
-        camera = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+        camera = straightened(camera)
     everyone = np.ones(count, dtype=np.bool_)
     state = _State(
         camera, attitude.matrix, matches, np.median(sigma) / sigma, everyone, camera, np.ones(count)
     )
     base = _columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
     free, state = _settled(state.descend(base), base, distortion, rounds)
+    if distortion and rounds > 1 and not state.earned(free):
+        bare = state.straight()
+        free, state = _settled(bare.descend(base), base, distortion, rounds)
     if focal is not None and count >= FEWEST_FOR_FOCAL:
         pulled = state.believing(focal, free)
         if pulled is not state:
@@ -126,6 +129,11 @@ def refine(
     if rounds > 1:
         state = state.softened(free)
     return state.conclude(free)
+
+
+def straightened(camera: Camera) -> Camera:
+    """The same camera without distortion."""
+    return replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
 
 
 def _settled(
@@ -248,6 +256,19 @@ class _State:
         scaled = residual * self.weight[:, None]
         keep = np.hypot(*scaled.T) <= CLIP_SIGMA * _spread(scaled, parameters)
         return keep if keep.sum() > len(keep) / 2 else self.inliers
+
+    def earned(self, free: NDArray[np.intp]) -> bool:
+        """Whether a distortion that was given, and not fitted, is one that the stars ask for."""
+        if not self.plain.distorted:
+            return True
+        bent, _ = self.weighted()
+        flat, _ = self.straight().descend(free).weighted()
+        freedom = len(flat) - len(free) - 1
+        return chance(float(flat @ flat), float(bent @ bent), freedom) < LARGEST_CHANCE
+
+    def straight(self) -> "_State":
+        """The same without any distortion."""
+        return replace(self, camera=straightened(self.camera), plain=straightened(self.plain))
 
     def believing(self, focal: FocalBelief, free: NDArray[np.intp]) -> "_State":
         """The state that is pulled towards a belief, itself when that tells nothing or is wrong."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.attitude.belief import FocalBelief
-from app.attitude.fit import Fit, refine
+from app.attitude.fit import Fit, refine, straightened
 from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.detections import Detections
@@ -59,7 +59,8 @@ def extend(
     Returns the matches that agree, M of them, and their fit.
     """
     matches = found.matches
-    fit = refine(matches, found.camera, found.attitude, distortion=distortion, rounds=1)
+    camera = found.camera if distortion else straightened(found.camera)
+    fit = refine(matches, camera, found.attitude, distortion=distortion, rounds=1)
     rows = _pool(detections, found, fit, catalogue, year)
     vectors = catalogue.vectors(rows, year)
     sigma = centroid_sigma(detections)

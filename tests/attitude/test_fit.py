@@ -206,3 +206,18 @@ def test_a_star_a_little_too_far_off_weighs_little(far: float) -> None:
             errors[name].append(centre_error_px(field, fit.camera, fit.attitude))
     soft, kept = (np.sqrt(np.mean(np.square(errors[name]))) for name in ("soft", "all"))
     assert soft < 0.97 * kept
+
+
+def test_a_given_distortion_that_the_stars_do_not_ask_for_is_dropped() -> None:
+    kept = 0
+    for seed in range(40):
+        field = simulate(seed, 12, 20.0, 0.3)
+        bent = replace(field.first_camera, k1=0.02)
+        kept += fitted(replace(field, first_camera=bent)).camera.distorted
+    assert kept <= 1
+
+
+def test_a_given_distortion_that_few_stars_do_ask_for_is_kept() -> None:
+    field = simulate(2, 12, 40.0, 0.3, 0.03)
+    fit = fitted(replace(field, first_camera=field.camera))
+    assert fit.camera.k1 == pytest.approx(field.camera.k1, rel=0.2)

@@ -63,3 +63,11 @@ def test_few_matches_are_kept_when_nothing_can_be_added() -> None:
     matches, _, right = grown(field, told(field, 5))
     assert len(matches) == 5
     assert right.all()
+
+
+def test_without_distortion_the_camera_has_none_whatever_the_method_found() -> None:
+    field = orion()
+    found = told(field, 6, 0.4)
+    bent = replace(found, camera=replace(found.camera, k1=0.01))
+    _, fit = extend(field.detections, bent, open_catalogue(), YEAR, distortion=False)
+    assert not fit.camera.distorted
