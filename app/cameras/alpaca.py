@@ -1,13 +1,13 @@
 """A camera behind an ASCOM Alpaca server, here or on another computer."""
 
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime, timedelta
 from time import monotonic, sleep
 from typing import Any
 
 from app.cameras.address import NetAddress, net_address
 from app.cameras.alpaca_image import ACCEPT, image_of, sensor_numbers
-from app.cameras.alpaca_link import AlpacaLink, NotOfferedError, discover
+from app.cameras.alpaca_link import AlpacaLink, NotOfferedError, discover, making_sense
 from app.cameras.within import check_within
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from app.core.errors import DeviceError, LineLostError, PortError, RefusedError
@@ -57,19 +57,20 @@ class AlpacaCamera:
         return found
 
     @classmethod
+    @making_sense()
     def open(cls, address: str, settings: CaptureSettings) -> "AlpacaCamera":
         """The camera at ``host:port/number``; without a number, the server's only one."""
         where = net_address(address, PORT)
         link = AlpacaLink(where)
-        try:
+        with ExitStack() as failing:
+            failing.callback(link.close)
             camera = cls(link, _chosen(link.cameras(), where))
             camera._whole_sensor(1)
             camera.configure(settings)
-        except DeviceError:
-            link.close()
-            raise
+            failing.pop_all()
         return camera
 
+    @making_sense()
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """Set exposure, gain and binning; an exposure under way is begun anew.
 
@@ -93,6 +94,7 @@ class AlpacaCamera:
             self._exposure_s, None if gain is None else float(gain), self._binned
         )
 
+    @making_sense()
     def next_frame(self, timeout_s: float) -> Frame | None:
         """The picture of the exposure under way, when it arrives in time.
 

@@ -4,6 +4,7 @@ ASCOM's arrays are [x][y] or [x][y][colour]; here they become rows.
 """
 
 import json
+import math
 import struct
 from typing import Any
 
@@ -44,7 +45,7 @@ def _from_bytes(data: bytes) -> Pixels:
     if kind not in _TYPES or rank not in (2, 3) or min(shape, default=0) < 1 or start < 0:
         raise NoAnswerError("The camera's picture is in a form Kochab does not know.")
     dtype = np.dtype(_TYPES[kind])
-    size = int(np.prod(shape, dtype=np.int64))
+    size = math.prod(shape)
     if size > _LARGEST or len(data) - start < size * dtype.itemsize:
         raise NoAnswerError("The camera's picture was cut short.")
     return _rows(np.frombuffer(data, dtype, size, start).reshape(shape))
@@ -55,7 +56,7 @@ def _from_json(data: bytes) -> Pixels:
         told = json.loads(data)
         raise_refusal(int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", "")))
         array = np.asarray(told["Value"], dtype=np.float64 if told.get("Type") == 3 else np.int32)
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise NoAnswerError("The camera's picture is in a form Kochab does not know.") from None
     if array.ndim not in (2, 3) or not array.size:
         raise NoAnswerError("The camera's picture is in a form Kochab does not know.")

@@ -7,8 +7,8 @@ a picture too; the usual client waits for that for ever. Facts: ASCOM Alpaca API
 import http.client
 import json
 import socket
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from itertools import count
 from time import monotonic
 from typing import Any
@@ -18,6 +18,7 @@ from app.cameras.address import NetAddress
 from app.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
 
 ANSWER_S = 5.0
+LARGEST_BYTES = 1_500_000_000
 DISCOVERY_PORT = 32227
 QUESTION = b"alpacadiscovery1"
 
@@ -54,11 +55,12 @@ class AlpacaLink:
     def cameras(self) -> list[tuple[int, str]]:
         """Number and name of every camera the server has."""
         found = self._value(self.fetch("/management/v1/configureddevices", ANSWER_S)[0])
-        return sorted(
-            (int(d["DeviceNumber"]), str(d.get("DeviceName", "camera")))
-            for d in found
-            if str(d.get("DeviceType", "")).lower() == "camera"
-        )
+        with making_sense():
+            return sorted(
+                (int(d["DeviceNumber"]), str(d.get("DeviceName", "camera")))
+                for d in found
+                if str(d.get("DeviceType", "")).lower() == "camera"
+            )
 
     def fetch(self, path: str, limit_s: float, accept: str = "*/*") -> tuple[bytes, str]:
         """The bytes of an answer and their content type.
@@ -109,6 +111,9 @@ class AlpacaLink:
         self._http.request(method, path, body, headers)
         answer = self._http.getresponse()
         data = _read(answer, monotonic() + limit_s)
+        if data is None:
+            self._http.close()
+            raise NoAnswerError(f"{self._address.server} sends more than any picture.")
         self._answered = True
         if answer.status != 200:
             text = " ".join(data.decode("utf-8", "replace").split())[:200] or answer.reason
@@ -119,7 +124,7 @@ class AlpacaLink:
         try:
             told = json.loads(data)
             number, message = int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", ""))
-        except (ValueError, AttributeError):
+        except (ValueError, AttributeError, TypeError, RecursionError):
             raise NoAnswerError(f"{self._address.server} is no Alpaca server.") from None
         raise_refusal(number, message)
         return told.get("Value")
@@ -149,6 +154,15 @@ def raise_refusal(number: int, message: str) -> None:
     raise RefusedError(f"The camera refused: {text}.")
 
 
+@contextmanager
+def making_sense() -> Iterator[None]:
+    """Turn what comes of values of the wrong kind into one sentence: None, "x", 1e999, {}."""
+    try:
+        yield
+    except (ValueError, TypeError, AttributeError, ArithmeticError, LookupError) as error:
+        raise NoAnswerError("The camera's server tells values that make no sense.") from error
+
+
 def discover(wait_s: float = 1.0) -> list[str]:
     """``host:port`` of every Alpaca server that answers a call on the local network (IPv4)."""
     found: list[str] = []
@@ -166,11 +180,14 @@ def discover(wait_s: float = 1.0) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _read(answer: http.client.HTTPResponse, deadline: float) -> bytes:
-    """The whole body; a trickle that would take longer than the limit is a lost line."""
-    parts = []
+def _read(answer: http.client.HTTPResponse, deadline: float) -> bytes | None:
+    """The whole body, None when it is too large; a trickle past the limit is a lost line."""
+    parts, size = [], 0
     while part := answer.read1(1 << 20):
         parts.append(part)
+        size += len(part)
+        if size > LARGEST_BYTES:
+            return None
         if monotonic() > deadline:
             raise TimeoutError
     missing = answer.length

@@ -1,5 +1,6 @@
 """Bytes that came over a line to a frame."""
 
+import re
 import tempfile
 import zlib
 from dataclasses import replace
@@ -26,6 +27,7 @@ def frame_of(data: bytes, suffix: str, name: str) -> Frame:
     from app.frames import read_frame
     from app.frames.fits import read_fits_bytes
 
+    suffix = re.sub(r"[^A-Za-z0-9.]", "", suffix)[-12:]  # a server's word becomes a file's name
     if suffix.endswith(".z"):
         data, suffix = _unpacked(data, name), suffix.removesuffix(".z")
     if data.startswith(b"SIMPLE  ="):

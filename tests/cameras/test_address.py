@@ -2,6 +2,7 @@
 
 import io
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,3 +79,17 @@ def test_what_is_no_picture_is_a_sentence(data, suffix) -> None:
         frame_of(data, suffix, "Camera 7")
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("Camera 7 ")
+
+
+@pytest.mark.parametrize(
+    "suffix", ["/../../outside.png", "\\..\\..\\outside.png", "\0.png", "." * 300]
+)
+def test_a_suffix_names_no_other_place(tmp_path, monkeypatch, suffix) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    written = []
+    write = Path.write_bytes
+    monkeypatch.setattr(Path, "write_bytes", lambda self, d: (written.append(self), write(self, d)))
+    with pytest.raises(FrameError, match="Camera 7"):
+        frame_of(b"no picture", suffix, "Camera 7")
+    assert written[0].parent.parent == tmp_path
+    assert written[0].name.startswith("frame")

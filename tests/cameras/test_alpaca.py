@@ -275,3 +275,48 @@ def test_any_header_is_a_picture_or_a_sentence(numbers, rest) -> None:
         image_of(struct.pack("<11i", *numbers) + rest, "application/imagebytes")
     except DeviceError as error:
         assert str(error).endswith(".")  # noqa: PT017
+
+
+HOSTILE = (None, "x", [], {}, [[]], 0, -1, 1e999, 10**400, True, "9" * 5000)
+PROPERTIES = (
+    "sensortype", "bayeroffsetx", "maxadu", "exposuremin", "exposuremax", "gainmax", "gain", "maxbinx",
+    "binx", "cameraxsize", "camerastate", "imageready", "lastexposureduration", "lastexposurestarttime",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PROPERTIES)
+def test_values_that_make_no_sense_are_a_sentence(server, device, name, monkeypatch) -> None:
+    monkeypatch.setattr("app.cameras.alpaca.DOWNLOAD_S", 0.1)
+    truly = device.get
+    for value in HOSTILE:
+        device.get = lambda asked, value=value: value if asked == name else truly(asked)
+        try:
+            camera = open_camera("alpaca", server.address, QUICK)
+            try:
+                camera.next_frame(0.1)
+            finally:
+                camera.close()
+        except DeviceError as error:
+            assert str(error).endswith(".")  # noqa: PT017
+            assert "\n" not in str(error)  # noqa: PT017
+
+
+@pytest.mark.parametrize(
+    "answer", [b"[]", b"[" * 100_000, b'{"ErrorNumber": null}', b'{"Value": 7}']
+)
+def test_any_json_is_a_sentence(server, device, monkeypatch, answer) -> None:
+    monkeypatch.setattr("app.cameras.alpaca_link.AlpacaLink.fetch", lambda *_: (answer, ""))
+    with pytest.raises(DeviceError, match=r"^.*\.$"):
+        open_camera("alpaca", server.address, QUICK)
+
+
+def test_an_answer_without_an_end_is_not_kept(device, camera, monkeypatch) -> None:
+    monkeypatch.setattr("app.cameras.alpaca_link.LARGEST_BYTES", 4000)
+    with pytest.raises(NoAnswerError, match="more than any picture"):
+        until_lost(camera)
+
+
+def test_sides_whose_product_overflows_are_refused() -> None:
+    head = struct.pack("<11i", 1, 0, 1, 1, 44, 2, 2, 3, 2**30, 2**30, 16)
+    with pytest.raises(NoAnswerError):
+        image_of(head, "application/imagebytes")
