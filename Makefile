@@ -25,7 +25,7 @@ run: $(STAMP) qt
 # wait for lines, screens and exposures. A process that is done takes over from the others.
 test: lint qt
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
-	  -n auto --dist worksteal $(TESTS)
+	  -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .

@@ -107,6 +107,7 @@ def test_what_was_printed_is_whole() -> None:
         assert len(printed.separations_deg) == len(printed.fixed_deg) == n * (n - 1) // 2
 
 
+@pytest.mark.timeout(900)  # it may have to wait for the patterns of small fields
 def test_table_62_counts_fields_as_the_thesis_does() -> None:
     table = angle_table(6.94, 8118, None)
     none = triangles.tallied(Angles(pivots=1), table, 1e-6, 1e-6, 10, 3)
