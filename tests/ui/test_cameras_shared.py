@@ -1,0 +1,127 @@
+"""One owner of the cameras for the whole window: chosen in one view, used by all, opened once."""
+
+import pytest
+
+from app.core.capture import CameraDevice
+from app.core.errors import PortError
+from app.core.frame import Frame
+from app.ui.live.stream import StreamWish
+from app.ui.mount.camera_box import CameraBox
+from app.ui.mount.eye import CameraWish
+from app.ui.mount.words import Shown
+from tests.ui.fakes import fake_solution
+from tests.workflows.live_sources import Clockwork, Told
+
+
+class Named(Clockwork):
+    def __init__(self):
+        super().__init__(0.02, size=(400, 600))
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Cameras that were opened; nothing of the computer's own is asked."""
+    opened = []
+
+    def open_camera(source, address, settings=None):
+        opened.append(Named())
+        return opened[-1]
+
+    def list_devices(source, address=""):
+        if source == "alpaca":
+            raise PortError("No Alpaca server answers.")
+        return [CameraDevice(source, f"{source}:1/{n}", f"camera {n}") for n in "ab"]
+
+    monkeypatch.setattr("app.cameras.open_camera", open_camera)
+    monkeypatch.setattr("app.cameras.list_devices", list_devices)
+    return opened
+
+
+@pytest.fixture
+def commands(make_window, engine, made):
+    return make_window(engine)[1]
+
+
+def view_of(commands, name):
+    commands.views.show(name)
+    return commands.views.docks[name].view
+
+
+def pick(box, data):
+    index = box.findData(data)
+    box.setCurrentIndex(index)
+    box.activated.emit(index)
+
+
+def test_what_live_chooses_the_mount_uses(qtbot, commands):
+    live, mount = view_of(commands, "live"), view_of(commands, "mount")
+    live.camera.source.setCurrentIndex(live.camera.source.findData("indi"))
+    qtbot.waitUntil(lambda: live.camera.found.count() == 2)
+    pick(live.camera.found, "indi:1/b")
+    assert mount.camera.wish == CameraWish("indi", "indi:1/b", 2.0)
+    assert mount.desk.lookout.eye.wish == mount.camera.wish
+
+
+def test_what_the_mount_chooses_live_uses_unless_it_runs(qtbot, commands):
+    live, mount = view_of(commands, "live"), view_of(commands, "mount")
+    pick(mount.camera.source, "webcam")
+    qtbot.waitUntil(lambda: mount.camera.found.count() == 2)
+    pick(mount.camera.found, "webcam:1/a")
+    assert (live.camera.kind, live.camera.where.text()) == ("webcam", "webcam:1/a")
+    live.run(StreamWish(Named, "a camera"), lambda: Told(lambda n: fake_solution(600, 400)))
+    pick(mount.camera.found, "webcam:1/b")
+    assert live.camera.where.text() == "webcam:1/a"
+    live.end()
+    qtbot.waitUntil(lambda: live._ending is None)
+
+
+def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, commands, made):
+    live, mount = view_of(commands, "live"), view_of(commands, "mount")
+    cameras = mount._services.cameras
+    live.run(
+        StreamWish(lambda: cameras.open("indi", "one"), "a camera"),
+        lambda: Told(lambda n: fake_solution(600, 400)),
+    )
+    qtbot.waitUntil(lambda: len(live.stage.moments) > 2, timeout=15_000)
+    mount.desk.use_camera(CameraWish("indi", "one"))
+    eye = mount.desk.lookout.eye
+    frame = eye.next_frame(5.0)
+    assert isinstance(frame, Frame)
+    mount.desk.lookout.hear(Shown(frame))
+    drawn = live.stage.display
+    assert live.stream is not None
+    assert drawn is not None
+    assert len(made) == 1
+    live.end()
+    qtbot.waitUntil(lambda: live._ending is None)
+    assert made[0].closed == 0
+    assert eye.next_frame(5.0) is not None
+    eye.close()
+    assert made[0].closed == 1
+    mount.desk.lookout.hear(Shown(frame))  # now it is shown in its place
+    assert commands.session.known.frame is frame
+
+
+def test_the_mount_s_box_lists_what_is_found_and_takes_the_only_one(qtbot):
+    box, told, looks = CameraBox(), [], []
+    qtbot.addWidget(box)
+    box.chosen.connect(told.append)
+    box.look_wanted.connect(lambda *what: looks.append(what))
+    pick(box.source, "indi")
+    assert looks == [("indi", "")]
+    box.show_found("alpaca", [CameraDevice("alpaca", "x/0", "another kind")])
+    assert box.found.count() == 0
+    box.show_found("indi", [CameraDevice("indi", "host/Cam", "Cam on host")])
+    assert box.found.currentText() == "Cam on host"
+    assert told[-1] == CameraWish("indi", "host/Cam", 2.0)
+    box.show_found("indi", [])
+    assert not box.found.isEnabled()
+    box.show_wish(CameraWish("folder", "/tmp"))
+    assert box.found.isHidden()
+    assert box.look.isHidden()
+
+
+def test_a_kind_that_cannot_be_asked_says_why_in_the_live_view(qtbot, commands):
+    live = view_of(commands, "live")
+    live.camera.source.setCurrentIndex(live.camera.source.findData("alpaca"))
+    qtbot.waitUntil(lambda: live.camera.told.text() == "No Alpaca server answers.")
