@@ -11,7 +11,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-from app.bench.papers_row import BETTER, WITHIN, WORSE
+from app.bench.papers_row import BETTER, EVEN, WITHIN, WORSE
 from app.bench.report import BenchResult, Goal, machine
 
 SEED = 20260101
@@ -73,7 +73,7 @@ def goals(rows: Sequence[Mapping[str, Any]], spent: float, quick: bool) -> list[
         made.append(Goal.at_most(f"{paper}: rows not reproduced, of {len(judged)}", len(lost), 0))
         compared = [row for row in mine if row.get("default_wins")]
         behind = [row for row in compared if row["default_wins"] == "worse"]
-        even = [row for row in compared if row["default_wins"] == "equal"]
+        even = [row for row in compared if row["default_wins"] in ("equal", EVEN)]
         what = f"{paper}: rows on which the default is"
         made.append(Goal.at_most(f"{what} worse, of {len(compared)}", len(behind), 0))
         made.append(Goal.at_most(f"{what} only equal, of {len(compared)}", len(even), 0))

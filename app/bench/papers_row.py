@@ -13,12 +13,13 @@ T = TypeVar("T")
 Better = Literal["less", "more", ""]
 WITHIN, BETTER, WORSE = "within its error", "better", "not reproduced"
 NO_FIGURE = "no figure"
+EVEN = "equal within the error, paired"
 
 
 def row(
     table: str, what: str, *, paper: float | None, ours: float | None,
     default: float | None = None, unit: str = "", error: float = 0.0, better: Better = "",
-    note: str = "", best: float | None = None,
+    note: str = "", best: float | None = None, paired: tuple[float, float] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """A row of the report.
 
@@ -37,15 +38,22 @@ def row(
         Which way is better, "" when neither is.
     best : float, optional
         The best number there can be; of a percentage, 0 or 100. Nothing can be ahead of it.
+    paired : (float, float), optional
+        Where both were measured on the same fields: the mean of ``default`` minus ``ours``, field
+        by field, and the standard error of that mean. Within two of those they are equal.
     note : str
         Which reading was tried, or the cause of a difference.
 
     """
+    default_wins = wins(ours, default, better, _best(best, unit, better))
+    if paired is not None and default_wins in ("better", "worse"):
+        note = f"{note}; paired difference {paired[0]:+.2f} +- {paired[1]:.2f}".lstrip("; ")
+        if abs(paired[0]) <= 2.0 * paired[1]:
+            default_wins = EVEN
     return {
         "table": table, "what": what, "unit": unit, "paper": paper, "ours": ours,
         "default": default, "verdict": verdict(paper, ours, error, better), "error": error,
-        "better": better, "default_wins": wins(ours, default, better, _best(best, unit, better)),
-        "note": note,
+        "better": better, "default_wins": default_wins, "note": note,
     }  # fmt: skip
 
 

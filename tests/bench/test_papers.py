@@ -160,3 +160,13 @@ def test_the_quad_tree_is_that_of_the_thesis() -> None:
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     assert tree.node_of(middle).tolist() == list(range(1024))
     assert tree.shared(np.array([0, 0]), np.array([0, 3])).tolist() == [3, 2]
+
+
+def test_a_difference_within_its_paired_error_is_no_win() -> None:
+    def one(paired):  # type: ignore[no-untyped-def]
+        return row("1", "x", paper=14.6, ours=14.2, default=14.1, better="less", paired=paired)
+
+    assert one(None)["default_wins"] == "better"
+    assert one((-0.1, 0.08))["default_wins"] == "equal within the error, paired"
+    assert one((-0.1, 0.02))["default_wins"] == "better"
+    assert "-0.10 +- 0.02" in one((-0.1, 0.02))["note"]
