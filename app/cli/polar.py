@@ -2,9 +2,11 @@
 
 import argparse
 import json
+import math
 import sys
 from typing import Any
 
+from app.cli.choices import number_above_zero
 from app.cli.output import Json, ProgressLine
 from app.core.errors import UsageError
 from app.core.hint import Site
@@ -15,6 +17,7 @@ from app.polar.horizon import Air
 from app.polar.measure import Measurement, NoAxis, Settings, measure
 from app.polar.plan import more_turn_deg
 from app.polar.poles import Pole, name_of
+from app.polar.second import plan_second
 from app.polar.words import altitude_in_words, angle_in_words, azimuth_in_words
 from app.solve.options import SolveOptions
 from app.workflows.polar_measure import optics_of
@@ -27,8 +30,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "polar",
         help="how far a mount's axis is from the pole, from two frames or more",
         description="Frames between which the mount turned about its RA axis only, by hand or by"
-        " motor, anywhere in the sky, tracking or not. Exit code: 0 measured, 1 a frame has no"
-        " solution or no axis can be had, 2 unusable input.",
+        " motor, anywhere in the sky, tracking or not; 30 degrees or more from the first to the"
+        " last. What is told after ± is one sigma of the frames' own errors; how the tube bends is"
+        " seen by a second sweep alone (--check). Exit code: 0 measured, 1 a frame has no solution"
+        " or no axis can be had, 2 unusable input.",
     )
     parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -42,12 +47,24 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )  # fmt: skip
     parser.add_argument(
         "--check", nargs="+", default=[], metavar="FRAME",
-        help="a second sweep at another declination: it shows flexure",
+        help="two frames or more of a second sweep at another declination, the bolts left alone:"
+        " they show how the tube bends",
     )  # fmt: skip
-    parser.add_argument("--pressure", type=float, metavar="HPA", help="0 is without refraction")
-    parser.add_argument("--temperature", type=float, default=10.0, metavar="C")
-    parser.add_argument("--fov", type=float, metavar="DEG", help="the frames' width, about")
-    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="limit a frame")
+    parser.add_argument(
+        "--pressure", type=_pressure, metavar="HPA",
+        help="of the air; 0 is without refraction (default: usual at the site's height)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--temperature", type=_temperature, default=10.0, metavar="C",
+        help="of the air, degrees Celsius (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fov", type=number_above_zero, metavar="DEG", help="the frames' width, about"
+    )
+    parser.add_argument(
+        "--timeout", type=number_above_zero, default=30.0, metavar="S",
+        help="limit a frame (default: %(default)g)",
+    )  # fmt: skip
     parser.add_argument("--report", metavar="HTML", help="write a page to keep")
     parser.set_defaults(run=run)
 
@@ -70,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     sweeps = [0] * len(args.files) + [1] * len(args.check)
     result = measure(sightings_of(files, sweeps), settings)
     if isinstance(result, NoAxis):
-        return _fail([f"{result.reason}; {result.advice}"], args.json)
+        return _fail([f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}"], args.json)
     if args.report is not None:
         _write_report(args.report, result)
     print(json.dumps(as_json(result)) if args.json else as_text(result))
@@ -87,6 +104,9 @@ def as_json(m: Measurement) -> Json:
         "total_arcsec": error.total_arcsec,
         "sigma_arcsec": list(error.sigma_arcsec),
         "sigma_total_arcsec": error.sigma_total_arcsec,
+        "unseen_arcsec": list(error.unseen_arcsec),
+        "droop_arcsec": m.droop.arcsec if len(m.looks) > 1 else None,
+        "sigma_droop_arcsec": m.droop.sigma_arcsec,
         "pole": str(m.settings.pole),
         "turn_deg": m.turn_deg,
         "frames": len(m.attitudes),
@@ -112,6 +132,13 @@ def as_text(m: Measurement) -> str:
     more = more_turn_deg(optics_of(m.attitudes[0]), m.rho_deg, m.fit.turns_rad, 30.0)
     if more:
         lines.append(f'better    turn {more:.0f} deg more to know the axis to 30"')
+    if len(m.looks) == 1 and (
+        second := plan_second(m, optics_of(m.attitudes[0]), len(m.attitudes))
+    ):
+        lines.append(
+            f"better    a second sweep (--check) at declination {second.declination_deg:+.0f} deg:"
+            f' then the axis is known to {second.foreseen_arcsec:.0f}", bending and all'
+        )
     return "\n  ".join(lines + [f"note      {finding.text}" for finding in m.findings])
 
 
@@ -148,6 +175,24 @@ def _write_report(path: str, m: Measurement) -> None:
     history = History()
     history.measured(m)
     write_report(path, history)
+
+
+def _pressure(text: str) -> float:
+    return _within(text, 0.0, 1100.0, "hPa")
+
+
+def _temperature(text: str) -> float:
+    return _within(text, -90.0, 60.0, "deg C")
+
+
+def _within(text: str, low: float, high: float, unit: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not low <= number <= high:
+        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
+    return number
 
 
 def _site(text: str) -> Site:

@@ -1,6 +1,7 @@
 """What is wrong, or may be, with the frames an axis was measured from; one check a function."""
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,13 +11,18 @@ from app.polar.combine import Combined, Look
 from app.polar.error import PolarError
 from app.polar.findings import Finding, Kind
 from app.polar.movement import UNLIKELY, Movement
+from app.polar.poles import Pole, pole_direction
 from app.polar.rotations import ARCSEC, angle_between
 from app.polar.sighting import LocalAttitude
+
+if TYPE_CHECKING:
+    from app.polar.measure import Settings
 
 SMALL_TURN_DEG = 15.0
 ALIKE_DEG = 2.0
 LOW_DEG = 15.0
 FAR_DEG = 10.0
+EQUATOR_DEG, WORTH_TELLING_ARCSEC = 15.0, 60.0
 FLEXURE_ARCSEC = 30.0
 """What a sweep cannot see of flexure, and what small mounts commonly have."""
 
@@ -35,6 +41,7 @@ def findings_of(
     looks: Sequence[Look],
     whole: Combined,
     movement: Movement | None,
+    settings: "Settings",
 ) -> list[Finding]:
     """Everything worth saying of a measurement, most important first."""
     errors = [look.error for look in looks]
@@ -44,6 +51,7 @@ def findings_of(
         *_movement(fits, movement),
         *_turn(fits, errors),
         *_low(attitudes),
+        *_pole(errors[0], settings),
         *of_bending(looks, whole),
     ]
 
@@ -79,6 +87,12 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Fi
                 f"The camera turned by {size} in its holder {told}: tighten it, and start again.",
             )
         return
+    if all(fit.freedom <= 0 for fit in fits):
+        yield Finding(
+            Kind.UNCHECKED,
+            "Two frames share an axis whatever happened: only a third shows whether the declination"
+            " or the camera moved between them.",
+        )
     for fit in fits:
         if fit.chance < UNLIKELY:
             worst = float(np.abs(fit.residuals[:, :2]).max()) / ARCSEC
@@ -117,6 +131,21 @@ def _low(attitudes: Sequence[LocalAttitude]) -> Iterator[Finding]:
         )
 
 
+def _pole(error: PolarError, settings: "Settings") -> Iterator[Finding]:
+    """Near the Earth's equator the air lifts the pole by far more than what is observed."""
+    if settings.pole is Pole.TRUE or abs(settings.site.latitude_deg) > EQUATOR_DEG:
+        return
+    true = pole_direction(settings.site, Pole.TRUE, settings.air)
+    lifted = angle_between(error.pole, true) / ARCSEC
+    if lifted < WORTH_TELLING_ARCSEC:
+        return
+    yield Finding(
+        Kind.POLE,
+        f"So near the equator the air lifts the {settings.pole} pole by {lifted / 60.0:.1f}', and"
+        " what stands high by far less: aligned to the true pole the mount tracks better.",
+    )
+
+
 def of_bending(looks: Sequence[Look], whole: Combined) -> Iterator[Finding]:
     """What the sweeps tell of bending together, or that they do not."""
     first, last = looks[0].error, looks[-1].error
@@ -142,8 +171,8 @@ def of_bending(looks: Sequence[Look], whole: Combined) -> Iterator[Finding]:
 
 
 def _unseen(error: PolarError, sweeps: int) -> Iterator[Finding]:
-    """What bending may still hide; nothing where the noise itself is larger."""
-    if error.uncertainty_arcsec >= FLEXURE_ARCSEC:
+    """What bending may still hide; nothing where noise is larger, or at a pole of the Earth."""
+    if error.uncertainty_arcsec >= FLEXURE_ARCSEC or error.unseen_total_arcsec < 1.0:
         return
     one = "One sweep cannot" if sweeps == 1 else "Sweeps at nearly one declination cannot"
     yield Finding(

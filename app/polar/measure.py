@@ -111,7 +111,7 @@ def measure_local(
         last_of_fit=sweeps[-1][-1],
         settings=settings,
         time_utc=max(a.time_utc for a in attitudes),
-        findings=tuple(findings_of(sweeps, fits, looks, whole, movement)),
+        findings=tuple(findings_of(sweeps, fits, looks, whole, movement, settings)),
         movement=movement,
         looks=tuple(looks),
         before=before,

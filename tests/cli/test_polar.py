@@ -10,6 +10,7 @@ from app.cli.main import main
 from app.core.hint import Site
 from app.frames.fits_write import write_fits
 from app.simulate.camera import CameraConfig
+from app.simulate.mechanics.geometry import Build
 from app.simulate.mechanics.mount import MountConfig
 from app.simulate.rig import PracticeRig, RigConfig
 
@@ -81,6 +82,7 @@ def test_people_get_words_and_the_true_pole_is_lower(night, capsys):
     assert "too high: lower it" in out
     assert "anticlockwise (towards west): turn the mount clockwise, seen from above" in out
     assert re.search(r"2 frames over (29.9|30.[0-2]) deg of turn", out)
+    assert "only a third shows whether the declination" in out
 
 
 def test_the_pole_changes_altitude_by_refraction(night, capsys):
@@ -149,6 +151,90 @@ def test_a_second_sweep_is_weighed_with_the_first(night, capsys):
     assert both["sigma_arcsec"][0] < one["sigma_arcsec"][0]
     # The same frames agree, and yet at one declination they tell nothing of flexure.
     assert any("nearly one declination cannot show flexure" in text for text in both["warnings"])
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory):
+    """Two sweeps of three frames at declinations 70 and 20, by hand, of a tube that sinks by 60"."""
+    folder = tmp_path_factory.mktemp("bent")
+    mount = MountConfig(
+        misalignment_arcmin=(22.0, -35.0), build=Build(flexure_arcsec=60.0), german=False
+    )
+    camera = CameraConfig(width=900, height=700, fov_deg=6.0)
+    rig = PracticeRig(
+        RigConfig(seed=5, site=SITE, start_deg=(-50.0, 70.0), mount=mount, camera=camera)
+    )
+    sweeps = []
+    for sweep in range(2):
+        sweeps.append([])
+        for k in range(3):
+            path = folder / f"sweep-{sweep}-{k}.fits"
+            write_fits(rig.frame(2.0), path)
+            sweeps[-1].append(str(path))
+            rig.mount.turn_by_hand(30.0 if k < 2 else -60.0, -50.0 if k == 2 else 0.0)
+            rig.clock.sleep(5.0)
+    return rig, *sweeps
+
+
+def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
+    rig, first, second = bent
+    truth = rig.truth().axis_error().altitude_arcsec
+    _, out, _ = polar(capsys, *first, "--json", "--pressure", "1010")
+    one = json.loads(out)
+    _, out, _ = polar(capsys, *first, "--check", *second, "--json", "--pressure", "1010")
+    both = json.loads(out)
+    low = 60.0 * np.cos(np.radians(47.0)) * np.cos(np.radians(20.0))
+    assert one["altitude_error_arcsec"] == pytest.approx(truth - low, abs=8.0)
+    assert one["droop_arcsec"] is None
+    assert one["unseen_arcsec"][0] > 15.0
+    assert one["sigma_arcsec"][0] < 5.0
+    assert both["altitude_error_arcsec"] == pytest.approx(truth, abs=8.0)
+    assert both["droop_arcsec"] == pytest.approx(60.0, abs=4.0 * both["sigma_droop_arcsec"])
+    assert both["unseen_arcsec"][0] < 0.6 * one["unseen_arcsec"][0]
+    assert [w for w in both["warnings"] if w.startswith("The tube sinks by")]
+    code, out, _ = polar(capsys, *first)
+    assert code == 0
+    assert re.search(r"second sweep \(--check\) at declination [+-][0-9]+ deg", out)
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (("--pressure", "-5"), "between 0 and 1100 hPa"),
+        (("--temperature", "nan"), "between -90 and 60 deg C"),
+        (("--fov", "-3"), "not more than zero"),
+        (("--timeout", "0"), "not more than zero"),
+    ],
+)
+def test_numbers_that_make_no_sense_are_one_sentence(option, words, capsys):
+    code, out, err = polar(capsys, "a.fits", "b.fits", *option)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_frames_of_different_sizes_and_scales_share_an_axis(night, capsys, tmp_path):
+    rig, files, _ = night
+    from dataclasses import replace
+
+    from app.frames import read_frame
+
+    whole = read_frame(files[1])
+    part = replace(whole, pixels=whole.pixels[100:600, 50:800])
+    cut = tmp_path / "cut.fits"
+    write_fits(part, cut)
+    _, out, err = polar(capsys, files[0], str(cut), files[2], "--json", "--pressure", "1010")
+    assert err == ""
+    truth = rig.truth().axis_error()
+    assert json.loads(out)["total_arcsec"] == pytest.approx(truth.total_arcsec, abs=40.0)
+
+
+def test_a_folder_is_one_sentence(night, capsys, tmp_path):
+    _, files, _ = night
+    code, _, err = polar(capsys, files[0], str(tmp_path))
+    assert code == 2
+    assert "is a folder" in err
+    assert err.count("\n") == 1
 
 
 def test_a_wrong_site_is_doubted(night, capsys):

@@ -80,6 +80,34 @@ def test_an_axis_far_from_the_pole_is_doubted():
     assert Kind.FAR in kinds(found)
 
 
+@pytest.mark.parametrize(("latitude", "told"), [(0.0, True), (-8.0, True), (40.0, False)])
+def test_near_the_equator_the_refracted_pole_is_doubted(latitude, told):
+    mount = Mount(latitude, 600.0, 400.0)
+    for pole in Pole:
+        found = measure_local(mount.see([0, 20, 40, 60]), Settings(mount.site, pole))
+        assert (Kind.POLE in kinds(found)) == (told and pole is not Pole.TRUE)
+
+
+def test_two_frames_say_that_nothing_checks_them():
+    assert Kind.UNCHECKED in kinds(measured(Mount(), [0, 40]))
+    assert Kind.UNCHECKED not in kinds(measured(Mount(), [0, 20, 40]))
+
+
+def test_residuals_that_are_too_large_widen_the_live_error_too():
+    """What the adjusting phase leans on is no surer than the measurement that it came from."""
+    from app.polar.live import LivePhase
+
+    mount = Mount(40.0, 600.0, 400.0)
+    quiet = mount.see([0, 15, 30, 45, 60, 75], np.random.default_rng(3))
+    claimed = [type(a)(a.matrix, a.covariance / 100.0, a.time_utc, a.label) for a in quiet]
+    found = measure_local(claimed, Settings(mount.site, Pole.TRUE, VACUUM))
+    live = LivePhase(found).update_local(quiet[-1])
+    shared = live.error.covariance - live.frame_covariance
+    assert np.trace(found.error.covariance) > 20 * np.trace(found.fit.covariance)
+    assert np.trace(shared) > 0.5 * np.trace(found.error.covariance)
+    assert live.error.unseen_arcsec == found.error.unseen_arcsec
+
+
 def dec_moved(mount, arcmin):
     """A turn about the declination axis, which is across boresight and polar axis."""
     matrix = mount.attitude(0.0)
