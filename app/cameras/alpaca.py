@@ -7,7 +7,8 @@ from typing import Any
 
 from app.cameras.address import NetAddress, net_address
 from app.cameras.alpaca_image import ACCEPT, image_of, sensor_numbers
-from app.cameras.alpaca_link import AlpacaLink, NotOfferedError, discover, making_sense
+from app.cameras.alpaca_link import AlpacaLink, NotOfferedError, discover
+from app.cameras.sense import making_sense
 from app.cameras.within import check_within
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from app.core.errors import DeviceError, LineLostError, PortError, RefusedError

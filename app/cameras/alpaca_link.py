@@ -7,14 +7,15 @@ a picture too; the usual client waits for that for ever. Facts: ASCOM Alpaca API
 import http.client
 import json
 import socket
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from itertools import count
 from time import monotonic
 from typing import Any
 from urllib.parse import urlencode
 
 from app.cameras.address import NetAddress
+from app.cameras.sense import making_sense
 from app.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
 
 ANSWER_S = 5.0
@@ -152,15 +153,6 @@ def raise_refusal(number: int, message: str) -> None:
     if number == NOT_IMPLEMENTED:
         raise NotOfferedError(f"The camera does not offer this: {text}.")
     raise RefusedError(f"The camera refused: {text}.")
-
-
-@contextmanager
-def making_sense() -> Iterator[None]:
-    """Turn what comes of values of the wrong kind into one sentence: None, "x", 1e999, {}."""
-    try:
-        yield
-    except (ValueError, TypeError, AttributeError, ArithmeticError, LookupError) as error:
-        raise NoAnswerError("The camera's server tells values that make no sense.") from error
 
 
 def discover(wait_s: float = 1.0) -> list[str]:

@@ -1,6 +1,6 @@
 """A camera behind an INDI server, here or on another computer."""
 
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from importlib.util import find_spec
@@ -9,6 +9,7 @@ from time import monotonic
 from app.cameras.address import net_address
 from app.cameras.blob import frame_of
 from app.cameras.indi_link import IndiLink
+from app.cameras.sense import making_sense
 from app.cameras.within import check_within
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from app.core.errors import DeviceError, FrameError, LineLostError, PortError, RefusedError
@@ -63,17 +64,17 @@ class IndiCamera:
         return [CameraDevice("indi", f"{where.server}/{n}", f"{n} on {where.host}") for n in names]
 
     @classmethod
+    @making_sense()
     def open(cls, address: str, settings: CaptureSettings) -> "IndiCamera":
         """The camera at ``host:port/name``; the name may be left out when there is one only."""
         where = net_address(address, PORT)
         link = IndiLink(where)
-        try:
+        with ExitStack() as failing:
+            failing.callback(link.close)
             camera = cls(link, _chosen(_told(link, where.rest), where.rest, where.server))
             camera._power_up()
             camera.configure(settings)
-        except DeviceError:
-            link.close()
-            raise
+            failing.pop_all()
         return camera
 
     @property
@@ -87,6 +88,7 @@ class IndiCamera:
             bins and (int(bins[0]), int(bins[1])),
         )
 
+    @making_sense()
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """Set exposure, gain and binning; an exposure under way is begun anew.
 

@@ -18,6 +18,7 @@ from app.core.errors import LineLostError, NoAnswerError, PortError
 T = TypeVar("T")
 CONNECT_S = 5.0
 CALL_S = 5.0
+LARGEST_BYTES = 1_600_000_000  # of a message, in which three bytes are written as four
 CCD_INTERFACE = 1 << 1  # INDI's DriverInterface bit of a camera
 
 
@@ -157,12 +158,18 @@ class IndiLink:
         link = self
 
         class Client(IPyClient):  # type: ignore[misc]
+            _reader: Any
+
             async def rxevent(self, event: Any) -> None:
+                if isinstance(self._reader, _Measured):
+                    self._reader.unheard_bytes = 0
                 link._hear(event)
 
             async def hardware(self) -> None:
                 # The client takes the end of the stream for silence and would wait for ever.
                 while not self._stop:
+                    if self._reader is not None and not isinstance(self._reader, _Measured):
+                        self._reader = _Measured(self._reader)
                     if self._reader is not None and self._reader.at_eof():
                         link._lose()
                         self.shutdown()
@@ -197,6 +204,24 @@ class IndiLink:
             elif kind == "Message" and "[ERROR]" in str(event.message):
                 self.message = " ".join(str(event.message).replace("[ERROR]", "").split())
             self._news.notify_all()
+
+
+class _Measured:
+    """A stream that ends when what it brings never becomes a whole message."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+        self.unheard_bytes = 0
+
+    async def read(self, most: int) -> bytes:
+        """The next piece."""
+        data: bytes = await self._stream.read(most)
+        self.unheard_bytes += len(data)
+        return data
+
+    def at_eof(self) -> bool:
+        """Whether nothing more comes, or nothing that can be used."""
+        return bool(self._stream.at_eof()) or self.unheard_bytes > LARGEST_BYTES
 
 
 def _knock(address: NetAddress) -> None:
