@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 
 from app.core.errors import KochabError, NoAnswerError, UsageError
 from app.core.hint import Site
-from app.core.mount import Ability
+from app.core.mount import Ability, Direction
 from app.core.progress import run
 from app.frames.fits_write import write_fits
 from app.polar.history import History
@@ -132,6 +132,36 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     assert view.night.chart.series
     # The practice telescope is gone with it.
     assert view.hands is None
+
+
+def test_a_second_sweep_is_at_another_declination(qtbot, polar):
+    """Pressed while it measures: the first sweep ends, then hands are told to turn declination."""
+    nights = Nights()
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.begin()
+    assert view.second.isVisible()
+    view.second.click()
+    assert "another declination" in view.said.text()
+    assert view.controls.second_sweep_wanted
+    obeyed, ways, decs = [], [], []
+
+    def person():
+        asked = view.state.asked
+        if view.state.hand_needed and asked is not None and not any(asked is o for o in obeyed):
+            obeyed.append(asked)
+            ways.append(asked.direction)
+            decs.append(nights.made[-1].rig.truth().ra_dec_deg[1])
+            view.obey.click()
+        if view.state.stage == "adjust":
+            view.cancel.click()
+
+    drive(view, person, limit_s=100)
+    across = [w for w in ways if w in (Direction.NORTH, Direction.SOUTH)]
+    assert len(across) == 1
+    assert abs(decs[-1] - decs[0]) > 5.0, "it really is another declination"
+    assert ways[-1] in (Direction.EAST, Direction.WEST)
+    assert len(view.state.measured) == 1, "from both sweeps"
 
 
 def taken(folder, dec_deg):

@@ -15,7 +15,7 @@ def keep_fields(panel: SetupPanel, settings: Settings) -> None:
         "address": panel.device.currentData() or panel.device.currentText(),
         "exposure": panel.exposure.value(), "hand": panel.hand.currentText(),
         "pole": panel.pole.currentText(), "goal": panel.goal.value(), "turn": panel.turn.value(),
-        "fov": panel.fov.text(),
+        "fov": panel.fov.text(), "second": panel.second.isChecked(),
     }  # fmt: skip
     settings.keep(NAME, json.dumps(values))
 
@@ -37,6 +37,7 @@ def restore_fields(panel: SetupPanel, settings: Settings) -> None:
         panel.device.setEditText(kept["address"])
     if isinstance(kept.get("fov"), str):
         panel.fov.setText(kept["fov"])
+    panel.second.setChecked(kept.get("second") is True)
     for name, spin in (("goal", panel.goal), ("turn", panel.turn)):
         if isinstance(kept.get(name), int):
             spin.setValue(kept[name])

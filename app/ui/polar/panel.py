@@ -15,7 +15,7 @@ from app.ui.polar.bolts_view import BoltsView
 from app.ui.polar.cues import Cues
 from app.ui.polar.night import NightPage
 from app.ui.polar.phone import PhonePanel
-from app.ui.polar.setup import SetupPanel
+from app.ui.polar.setup import SECOND_TIP, SetupPanel
 from app.ui.polar.state import State
 from app.ui.services import Services
 from app.ui.widgets import label, scrolled, set_role
@@ -40,9 +40,10 @@ class PolarPanel(QWidget):
         self.done = _button("Done, &go on", "I have turned what was asked (Space)")
         self.again = _button("&Measure again", "Leave the bolts; measure now")
         self.enough = _button("Eno&ugh", "Go on with the frames there are")
+        self.second = _button("Second s&weep", SECOND_TIP)
         self.at_bolts = _button("At the bo&lts", "Huge digits (F7)")
         self.obey = _button("&Practice hands: do it", "Turn what is asked for")
-        self.sound = _button("So&unds", f"Heard beside the mount: {self.cues.told}")
+        self.sound = _button("Soun&ds", f"Heard beside the mount: {self.cues.told}")
         self.sound.setCheckable(True)
         self.cancel = _button("Cancel", "Give up; a mount that turns is stopped")
         self.bar = QProgressBar()
@@ -68,7 +69,7 @@ class PolarPanel(QWidget):
             first.addWidget(made)
         first.addWidget(self.bar, 1)
         first.addStretch(1)
-        for made in (self.again, self.enough, self.at_bolts, self.sound):
+        for made in (self.again, self.enough, self.second, self.at_bolts, self.sound):
             second.addWidget(made)
         second.addStretch(1)
         column = QVBoxLayout(self)
@@ -80,11 +81,17 @@ class PolarPanel(QWidget):
         column.addLayout(second)
         self.setFocusProxy(self.start)
 
+    def heightForWidth(self, width: int) -> int:
+        """As low as can be: the pages scroll, and the buttons stay in sight on a small screen."""
+        layout = self.layout()
+        return -1 if layout is None else layout.minimumHeightForWidth(width)
+
     def enable(self, running: bool, hands: bool) -> None:
         """What can be pressed while an alignment runs, and while none does."""
         within = self.isAncestorOf(self.window().focusWidget() or self.window())
-        for made in (self.done, self.again, self.enough, self.cancel, self.bar):
+        for made in (self.done, self.enough, self.second, self.cancel, self.bar):
             made.setVisible(running)
+        self.again.setVisible(False)
         self.start.setVisible(not running)
         self.setup.setEnabled(not running)
         self.obey.setVisible(running and hands)
@@ -104,7 +111,9 @@ class PolarPanel(QWidget):
         if state.fraction is not None:
             self.bar.setValue(round(1000 * state.fraction))
         if state.running:
-            self.again.setEnabled(state.stage == "adjust")
+            adjusting = state.stage == "adjust"
+            self.again.setVisible(adjusting)  # one of the two: they mean the same while adjusting
+            self.enough.setVisible(not adjusting)
             self.enough.setEnabled(state.stage != "opening")
             self.obey.setEnabled(state.hand_needed)
 

@@ -5,12 +5,17 @@ How far a turn of a bolt moves the axis, and which way, is hidden here as it is 
 
 import random
 
+from app.core.mount import Direction
 from app.polar.bolts import Knob
 from app.polar.tutor import Instruction
 from app.ui.polar.state import State
 from app.ui.wiring import Practice
 
 ARCMIN_A_TURN = (15.0, 60.0)
+AXES = {
+    Direction.WEST: ("ra", 1.0), Direction.EAST: ("ra", -1.0),
+    Direction.NORTH: ("dec", 1.0), Direction.SOUTH: ("dec", -1.0),
+}  # fmt: skip
 CARELESS = 0.05  # of every turn; hands are no machines
 SLACK_TURNS = 1.0 / 360.0
 
@@ -37,10 +42,11 @@ class PracticeHands:
 
     def _turn_axis(self, state: State) -> str:
         assert state.asked is not None
-        sign = 1.0 if state.asked.direction == "west" else -1.0
+        axis, sign = AXES[state.asked.direction]
         degrees = sign * state.asked.degrees * self._chance.gauss(1.0, CARELESS)
-        self._practice.do(f"ra {degrees:.3f}")
-        return f"The RA axis was turned by {abs(degrees):.0f}°."
+        self._practice.do(f"{axis} {degrees:.3f}")
+        name = "RA" if axis == "ra" else "declination"
+        return f"The {name} axis was turned by {abs(degrees):.0f}°."
 
     def _turn_bolt(self, told: Instruction) -> str:
         assert told.knob is not None

@@ -3,7 +3,14 @@
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFormLayout, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QFormLayout,
+    QGridLayout,
+    QHBoxLayout,
+    QVBoxLayout,
+    QWidget,
+)
 
 from app.cameras import SOURCES
 from app.core.capture import CameraDevice
@@ -29,6 +36,7 @@ POLES = {
     Pole.HALF_WAY: "Half-way between: best near latitude 20°",
 }
 PLANNED = 0.0
+SECOND_TIP = "It shows how the tube bends with gravity, which one sweep cannot tell from the axis"
 SECOND = "Frames at another declination, the RA axis turned between them: they show flexure"
 
 
@@ -61,6 +69,9 @@ class SetupPanel(QWidget):
         self.turn = whole("Turn of the axis", 0, 120, 0, "°")
         self.turn.setSpecialValueText("planned from the first frame")
         self.turn.setSingleStep(5)
+        self.second = QCheckBox("show it by a second sweep")
+        self.second.setAccessibleName("Second sweep at another declination")
+        self.second.setToolTip(SECOND_TIP)
         self.fov = text("Field width", "degrees, may stay empty")
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountWish | None = None
@@ -99,6 +110,7 @@ class SetupPanel(QWidget):
         form.addRow("", self.pole_name)
         form.addRow("&Goal", self.goal)
         form.addRow("Turn", self.turn)
+        form.addRow("Bending", self.second)
         form.addRow("Field width", self.fov)
         column = QVBoxLayout(self)
         column.setContentsMargins(12, 12, 12, 12)
@@ -129,6 +141,7 @@ class SetupPanel(QWidget):
             Hand(self.hand.currentText()), self._known_mount, float(self.goal.value()),
             None if turn == PLANNED else turn,
             fov_deg=parse_positive(fov, "The field width", 170.0) if fov else None,
+            second_sweep=self.second.isChecked(),
         )  # fmt: skip
 
     def add_files(self, paths: list[Path], sweep: int = 0) -> None:
@@ -140,6 +153,15 @@ class SetupPanel(QWidget):
         self.device.clear()
         for found in devices:
             self.device.addItem(found.description, found.address)
+
+    def show_camera(self, source: str, address: str) -> None:
+        """The camera that another view has chosen; a simulated one has a mount of its own."""
+        at = self.kind.findText(source)
+        if at >= 0:
+            self.kind.setCurrentIndex(at)
+            self.device.setCurrentIndex(self.device.findData(address))
+            if self.device.currentIndex() < 0:
+                self.device.setEditText(address)
 
     def show_mount(self, wish: MountWish, known: MountKnown) -> None:
         """The mount that the Mount view knows, and whether it is connected."""
@@ -158,7 +180,7 @@ class SetupPanel(QWidget):
         for widget in (self.files, self.file_row):
             self.form.setRowVisible(widget, files)
         self.form.setRowVisible(self.camera_row, camera)
-        for widget in (self.exposure, self.hand, self.turn):
+        for widget in (self.exposure, self.hand, self.turn, self.second):
             self.form.setRowVisible(widget, not files)
         self.form.setRowVisible(self.mount, camera)
         for widget in (self.site, self.fov):

@@ -16,7 +16,7 @@ SLOWEST_DEG_S = 0.1  # a sweep at less would take a quarter of an hour
 
 @dataclass(frozen=True, slots=True)
 class TurnAsked(Progress):
-    """A hand is asked to turn the axis by so much."""
+    """A hand is asked to turn an axis by so much: RA east or west, declination north or south."""
 
     direction: Direction = Direction.WEST
     degrees: float = 0.0
@@ -27,9 +27,11 @@ class Asking(HandTurner):
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Ask for it."""
-        for asked in super().turn(direction, degrees):
-            words = f"{asked.detail} Then press Space, or just wait: the frames show it."
-            yield TurnAsked(asked.stage, asked.fraction, words, direction, degrees)
+        yield from _asked(super().turn(direction, degrees), direction, degrees)
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """Ask for that, north or south."""
+        yield from _asked(super().turn_declination(direction, degrees), direction, degrees)
 
 
 class Afresh(MountTurner):
@@ -42,8 +44,22 @@ class Afresh(MountTurner):
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Turn, and look away until it is over."""
         yield from super().turn(direction, degrees)
+        yield from self._look_away()
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """The same with the declination axis."""
+        yield from super().turn_declination(direction, degrees)
+        yield from self._look_away()
+
+    def _look_away(self) -> Task[None]:
         yield Progress("settle")
         self._camera.next_frame(SLICE_S)
+
+
+def _asked(task: Task[None], direction: Direction, degrees: float) -> Task[None]:
+    for asked in task:
+        words = f"{asked.detail} Then press Space, or just wait: the frames show it."
+        yield TurnAsked(asked.stage, asked.fraction, words, direction, degrees)
 
 
 def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:

@@ -43,6 +43,8 @@ class PolarView(PolarPanel):
         self._connect()
         self._dress(services.looks.colours)
         restore_fields(self.setup, services.settings)
+        if services.cameras.choice is not None:
+            self.setup.show_camera(*services.cameras.choice)
         self._idle()
 
     def _connect(self) -> None:
@@ -50,7 +52,7 @@ class PolarView(PolarPanel):
             (self.start, self.begin), (self.done, self.go_on), (self.again, self.remeasure),
             (self.enough, self.leave), (self.at_bolts, self.show_bolts),
             (self.obey, self.play_hands), (self.sound, self.switch_sounds),
-            (self.cancel, self.stop),
+            (self.second, self.sweep_again), (self.cancel, self.stop),
         ):  # fmt: skip
             made.clicked.connect(lambda _=False, do=do: do())
         Chooser(self.setup, self._services).said.connect(self.say)
@@ -61,6 +63,7 @@ class PolarView(PolarPanel):
         self._services.looks.changed.connect(self._dress)
         self._services.jobs.closing.connect(self._close)
         self._services.mount.changed.connect(self._show_mount)
+        self._services.cameras.chosen.connect(self.setup.show_camera)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
         self._clock = QTimer(self)
         self._clock.setInterval(LOOK_EVERY_MS)
@@ -99,6 +102,12 @@ class PolarView(PolarPanel):
         if self.state.running:
             self.controls.enough()
 
+    def sweep_again(self) -> None:
+        """A second sweep, at another declination, as soon as the present one is over."""
+        if self.state.running:
+            self.controls.second_sweep()
+            self.say("A second sweep follows, at another declination: it shows bending.", "muted")
+
     def play_hands(self) -> None:
         """The practice telescope's hands do what is asked."""
         if self.hands is None:
@@ -113,7 +122,7 @@ class PolarView(PolarPanel):
     def switch_sounds(self) -> None:
         """Sounds on or off, and words where the system has a voice."""
         on = self.sound.isChecked()
-        self.sound.setText("So&unds: on" if on else "So&unds")
+        self.sound.setText("Soun&ds: on" if on else "Soun&ds")
         self.cues.on = self.cues.aloud = on
         self.bolts.sounding = f"sounds: {self.cues.told}" if on else ""
         self.bolts.update()
@@ -137,6 +146,8 @@ class PolarView(PolarPanel):
         keep_fields(self.setup, self._services.settings)
         if wish.site is not None and wish.source is not Source.PRACTICE:
             self._services.settings.keep_site(wish.site)
+        if wish.source is Source.CAMERA and wish.camera is not None:
+            self._services.cameras.choose(wish.camera.source, wish.camera.address)
 
     def _new_run(self, wish: AlignWish) -> Run:
         """One of its own for each: what an older one still says is not heard."""

@@ -31,7 +31,8 @@ class AlignWish:
 
     ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None
     takes it from the frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when
-    ``hand`` is the mount and the frames come from a camera.
+    ``hand`` is the mount and the frames come from a camera. With ``second_sweep`` nothing is called
+    good before a sweep at another declination.
     """
 
     source: Source
@@ -46,3 +47,4 @@ class AlignWish:
     turn_deg: float | None = None
     frames: int = 5
     fov_deg: float | None = None
+    second_sweep: bool = False

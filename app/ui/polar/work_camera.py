@@ -51,7 +51,7 @@ def align_camera(wish: AlignWish, tools: Tools, guard: Guard | None = None) -> T
     with ExitStack() as opened:
         yield Progress("opening", None, "Opening the camera…")
         place = _place(wish, tools, opened)
-        camera = _camera(place.camera)
+        camera = _camera(place.camera, tools)
         opened.callback(camera.close)
         site = place.site
         if site is None:
@@ -76,7 +76,7 @@ def options_of(wish: AlignWish) -> AlignOptions:
         wish.turn_deg, wish.frames, max(wish.frames, MOST_FRAMES),
         SHARE_OF_GOAL * wish.goal_arcsec, LEAST_TURN_DEG,
     )  # fmt: skip
-    return AlignOptions(wish.goal_arcsec, sweep=sweep)
+    return AlignOptions(wish.goal_arcsec, sweep=sweep, second_sweep=wish.second_sweep)
 
 
 def _place(wish: AlignWish, tools: Tools, opened: ExitStack) -> Place:
@@ -105,10 +105,11 @@ def _of_practice(practice: Practice, wish: AlignWish) -> Place:
     return Place(camera, practice.rig.config.site, practice.rig.clock.now_utc)
 
 
-def _camera(wish: CameraWish) -> CameraSource:
-    from app.cameras import open_camera
+def _camera(wish: CameraWish, tools: Tools) -> CameraSource:
+    from app import cameras
 
-    return open_camera(wish.source, wish.address, CaptureSettings(exposure_s=wish.exposure_s))
+    opened = tools.open_camera or cameras.open_camera
+    return opened(wish.source, wish.address, CaptureSettings(exposure_s=wish.exposure_s))
 
 
 def _site_of_frames(camera: CameraSource) -> Task[Site]:
