@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+
 def log10_tail(m: int, n: int, p: float) -> float:
     """log10 of P(at least ``m`` of ``n`` successes of probability ``p``)."""
     if m <= 0:

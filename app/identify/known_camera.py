@@ -13,8 +13,8 @@ from app.identify.known_triangles import Sight
 from app.identify.search import Search
 from app.identify.verify import Verdict
 
-FEWEST, FEW = 3, 4
-"""So many detections are tried; with so few chance has room, and a table of fewer stars is first."""
+FEWEST, FEW = 3, 5
+"""So many detections are tried; with so few chance has room: a table of fewer stars is first."""
 KNOWN, ROUGHLY = 1.07, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 

@@ -55,8 +55,9 @@ class KnownSearch:
         self.table, self.xy, self.sight, self.ways = table, xy[:WITNESSES], sight, ways
         self.places: list[tuple[float, float]] = self.xy.tolist()
         width, height = half.tolist()
-        self.side, self.corner = 2.0 * max(width, height), math.hypot(width, height)
-        self.density = len(table.rows) / (4.0 * math.pi) / sight.focal**2
+        self.side: float = 2.0 * max(width, height)
+        self.corner = math.hypot(width, height)
+        self.density: float = len(table.rows) / (4.0 * math.pi) / sight.focal**2
         self.proposed: set[tuple[int, int]] = set()
         self.trials = (0.0, 0.0)
         self.least = 0.0
@@ -94,11 +95,11 @@ class KnownSearch:
             return most
         ends = {tuple(sorted(corners[1:])) for corners in self._corners()}
         per = [self._pointings(b, c) for b, c in ends]
+        one, more = (self.ways * others * sum(part[k] for part in per) for k in (0, 1))
         radius, least = most, LEAST * self.side
         while per and radius > least:
             chance = min(self.density * math.pi * radius * radius, 1.0)
-            tried = self.ways * others * sum(a + b * radius for a, b in per)
-            if others * math.log10(chance) + math.log10(tried) < ACCEPT_LOG10:
+            if others * math.log10(chance) + math.log10(one + more * radius) < ACCEPT_LOG10:
                 return min(2.0 * radius, most)
             radius /= 1.5
         return least
@@ -132,9 +133,7 @@ class KnownSearch:
             if verdict is not None:
                 yield verdict
 
-    def _with_parity(
-        self, triangle: Corners, stars: list[Corners], error_px: float
-    ) -> list[Guess]:
+    def _with_parity(self, triangle: Corners, stars: list[Corners], error_px: float) -> list[Guess]:
         """The stars with the parity that the triangle's sense means; both where it is flat."""
         (ax, ay), (bx, by), (cx, cy) = (self.places[k] for k in triangle)
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
@@ -148,9 +147,7 @@ class KnownSearch:
                 out.append((numbers, not mirrored))
         return out
 
-    def _likeliest(
-        self, triangle: Corners, guesses: list[Guess], error_px: float
-    ) -> list[Guess]:
+    def _likeliest(self, triangle: Corners, guesses: list[Guess], error_px: float) -> list[Guess]:
         """Those of many guesses for which most of the other detections have a star nearby."""
         a, b, c = triangle
         stars = np.array([g[0] for g in guesses])

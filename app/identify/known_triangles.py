@@ -43,9 +43,7 @@ class Sight:
         both = np.array([focal * focal, scale[1] * scale[1]])[:, None, None] + dot
         length = np.sqrt(both.diagonal(axis1=1, axis2=2))
         angle = np.arccos(np.minimum(both / (length[:, :, None] * length[:, None]), 1.0))
-        return cls(
-            focal, scale[1] / focal - 1.0, angle[0].tolist(), (angle[0] - angle[1]).tolist()
-        )
+        return cls(focal, scale[1] / focal - 1.0, angle[0].tolist(), (angle[0] - angle[1]).tolist())
 
 
 @lru_cache(maxsize=16)
@@ -74,7 +72,8 @@ def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) ->
     """
     a, b, c = corners
     base, room = sight.angle[a][b], sight.growth[a][b]
-    here, there = sight.angle[a][c], sight.angle[b][c]
+    here: float = sight.angle[a][c]
+    there: Floats | float = sight.angle[b][c]
     wide, far = sight.growth[a][c], sight.growth[b][c]
     start = table.angle.searchsorted(base - room - error_rad)
     stop = table.angle.searchsorted(base + room + error_rad)

@@ -1,7 +1,8 @@
 """Five or six stars in a field of several degrees: every pair of the bright sky is tried.
 
 Too few stars for patterns can still be enough when every one of them finds its place: two stars
-propose a pointing, the others must all confirm it.
+propose a pointing, the others must all confirm it. Where the scale is known, triangles have been
+looked up already (:mod:`app.identify.known_search`), and only five stars are left to this.
 """
 
 from dataclasses import dataclass
@@ -15,13 +16,14 @@ from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
 from app.core.solution import Identification, Matches
+from app.identify.known_camera import ROUGHLY
 from app.solve.extend import Stars
 from app.solve.pairing import mutual_nearest, without_companions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-FEWEST, MOST = 5, 6
+FEWEST, MOST, MOST_HINTED = 5, 6, 5
 DEPTH = 1.6
 """Catalogue stars taken a field, over the number of detections."""
 MOST_STARS = 12000
@@ -52,7 +54,7 @@ def identify_few(
     ``log10_false_alarm`` is the number of pairs tried times the chance that the confirming stars
     all fall as near to a catalogue star as they do, taken at the largest of their distances.
     """
-    if not FEWEST <= len(detections) <= MOST:
+    if not FEWEST <= len(detections) <= (MOST_HINTED if _asked_already(hint) else MOST):
         return None
     found: list[Checked] = []
     tried = 0
@@ -77,6 +79,12 @@ def identify_few(
         return None
     attitude = wahba(camera.unproject(matches.xy), matches.vectors)
     return Identification(matches, camera, attitude, alarm, "few stars", tried)
+
+
+def _asked_already(hint: Hint | None) -> bool:
+    """Whether the scale is known well enough for triangles."""
+    scale = hint.scale_arcsec_px if hint is not None else None
+    return scale is not None and max(scale) <= ROUGHLY * min(scale)
 
 
 def _focal_windows(detections: Detections, hint: Hint | None) -> list[tuple[float, float]]:

@@ -131,11 +131,13 @@ def _solve(
                 yield Progress("attitude", 0.8)
                 return _finished(detections, found, year, options, clock, frame)
             refusal = found
-        few = yield from _few(detections, options, year, clock)
+        few = _few(detections, options, year, clock)
         if few is not None:
+            yield Progress("attitude", 0.8)
             return _finished(detections, few, year, options, clock, frame)
     except TimedOut:
         return timed_out(evidence, options.timeout_s or 0.0, clock.elapsed_ms())
+    yield Progress("diagnose", 0.9)
     return diagnose(evidence, refusal, clock.elapsed_ms())
 
 
@@ -155,18 +157,14 @@ def _finished(
 
 def _few(
     detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
-) -> Task[Identification | None]:
-    """The last resort of the default method when stars are few and the scale is believed."""
-    from app.solve.few_stars import MOST, identify_few
-    from app.solve.known_scale import identify_known_scale
+) -> Identification | None:
+    """The last resort of the default method when stars are few."""
+    from app.solve.few_stars import identify_few
 
     if options.method != DEFAULT_METHOD:
         return None
     with clock.stage("identify"):
-        found = yield from clock.watch(identify_known_scale(detections, options.hint, year))
-        if found is None and len(detections) <= MOST:
-            found = identify_few(detections, options.hint, _catalogue(), year)
-    return found
+        return identify_few(detections, options.hint, _catalogue(), year)
 
 
 @cache
