@@ -161,7 +161,7 @@ class Tracker:
             self._failures += 1
             return TrackUpdate(moment, "lost", None, examined.result)
         camera = self.camera
-        solution = self._begin_again(examined, frame.hint.camera)
+        solution = self._begin_again(examined, frame)
         self._failures = 0
         if before is not None:
             before = seen_by(before, camera, solution.camera)
@@ -181,13 +181,14 @@ class Tracker:
         same = (lens.camera.width, lens.camera.height) == (frame.width, frame.height)
         return lens.hint if same else None
 
-    def _begin_again(self, examined: Examined, name: str) -> Solution:
+    def _begin_again(self, examined: Examined, frame: Frame) -> Solution:
         """Learn camera, star image and limit of detection from a frame solved as a whole."""
         assert isinstance(examined.result, Solution)
         solution = examined.result
-        sentence = self._calibration.begin(solution, name)
+        sentence = self._calibration.begin(solution, frame.hint.camera)
         self._faintest = float(np.percentile([star.mag for star in solution.stars], 90))
-        self._image = StarImage.of(examined.detections)
+        xy = np.array([(star.x, star.y) for star in solution.stars]).reshape(-1, 2)
+        self._image = StarImage.of(examined.detections, frame, xy)
         self._sky = None
         return _warned(solution, sentence)
 

@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 FEWEST_EXPECTED = 5
 ENOUGH, ROUGH_PX, SECOND_LOOK_PX = 0.7, 0.5, 8
+JUDGED, MOSTLY = 40, 0.5  # stars that tell whether they are sharp, and their share
+SHARP_PX2 = 0.36 - PIXEL_VARIANCE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +81,8 @@ class Looking:
             return None
         self.looks += 1
         image = self._image.during(place, self._camera, self._frame.hint.exposure_s)
-        seen = look(self._frame, stars.xy, half, image, adapt=adapt)
+        sharp = self._image.sharp
+        seen = look(self._frame, stars.xy, half, image, adapt=adapt and not sharp, sharp=sharp)
         vectors = sky.vectors[stars.number]
         found = match(
             self._camera, matrix, vectors, stars.xy, seen, half, roll_px, looks=self.looks
@@ -88,14 +91,29 @@ class Looking:
 
 
 class StarImage:
-    """The image of a star at rest, which follows focus and seeing; ``size_px2`` second moment."""
+    """The image of a star at rest, which follows focus and seeing; ``size_px2`` second moment.
 
-    def __init__(self, size_px2: float = 1.5) -> None:
-        self.size_px2 = size_px2
+    ``sharp`` stars are as small as a pixel: what else looks so, the match has to tell.
+    """
+
+    def __init__(self, size_px2: float = 1.5, *, sharp: bool = False) -> None:
+        self.size_px2, self.sharp = size_px2, sharp
 
     @classmethod
-    def of(cls, detections: Detections) -> "StarImage":
-        """That of the brightest unsaturated stars of a frame."""
+    def of(cls, detections: Detections, frame: Frame, xy: Floats) -> "StarImage":
+        """That of the brightest unsaturated stars of a frame, whose stars are at ``xy`` (N, 2)."""
+        image = cls._of(detections)
+        if len(xy) < FEWEST_EXPECTED:
+            return image
+        seen = look(frame, xy[:JUDGED], SECOND_LOOK_PX, image.size_px2 * np.eye(2))
+        if seen.found.mean() >= MOSTLY:
+            return image
+        sharp = cls(SHARP_PX2, sharp=True)
+        again = look(frame, xy[:JUDGED], SECOND_LOOK_PX, SHARP_PX2 * np.eye(2), sharp=True)
+        return sharp if again.found.mean() > max(MOSTLY, seen.found.mean()) else image
+
+    @classmethod
+    def _of(cls, detections: Detections) -> "StarImage":
         fwhm = detections.fwhm_px[~detections.saturated][:40]
         fwhm = fwhm[np.isfinite(fwhm)]
         middle = float(np.median(fwhm)) if len(fwhm) else 2.8
@@ -118,7 +136,7 @@ class StarImage:
         """Follow what was seen, slowly, while nothing trails."""
         xx, yy, _ = seen.moments
         still = float(np.hypot(*_trail_px(place, camera, exposure_s))) < 1.0
-        if still and np.isfinite(xx * yy) and xx > 0 and yy > 0:
+        if still and not self.sharp and np.isfinite(xx * yy) and xx > 0 and yy > 0:
             size = float(np.sqrt(xx * yy))
             self.size_px2 += 0.1 * float(np.clip(size / self.size_px2 - 1.0, -0.5, 0.5))
 

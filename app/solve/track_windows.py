@@ -44,12 +44,14 @@ class Seen:
 
 
 def look(
-    frame: Frame, places: Floats, half: int, covariance: Floats, *, adapt: bool = False
-) -> Seen:
+    frame: Frame, places: Floats, half: int, covariance: Floats, *, adapt: bool = False,
+    sharp: bool = False,
+) -> Seen:  # fmt: skip
     """Look for stars in windows of ``2 half + 1`` px a side around ``places`` (W, 2) px.
 
     ``covariance`` (2, 2) px^2 are the second moments of the star image; with ``adapt`` it is
-    measured first, which costs a third more.
+    measured first, which costs a third more. ``sharp`` stars are single pixels; else such are held
+    for hot ones.
     """
     count = len(places)
     if count == 0:
@@ -75,7 +77,11 @@ def look(
     xy = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
     snr = fit.snr / noise
     top = stamps.core(1).max(axis=(1, 2))
-    found = (snr > SNR) & (snr > top / noise) & (np.hypot(*(xy - peak).T) < max(2.0, 1.5 * major))
+    found = (
+        (snr > SNR)
+        & (sharp | (snr > top / noise))
+        & (np.hypot(*(xy - peak).T) < max(2.0, 1.5 * major))
+    )
     found &= major < LONGEST_PX  # the middle of a trail that leaves its window is not known
     found &= np.all(np.abs(xy - places) <= half, axis=1) & _apart(xy, max(1.5, major))
     sigma = np.hypot(FLOOR_PX, 1.2 * major / np.maximum(snr, 1.0))

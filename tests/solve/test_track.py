@@ -6,15 +6,18 @@ import pytest
 
 import app.solve.track as track
 from app.attitude.wahba import small_rotation
+from app.core.frame import Frame
+from app.core.hint import Hint
 from app.core.progress import run
 from app.core.solution import Solution
 from app.simulate.stars import Sky, render
+from app.solve.options import SolveOptions
 from app.solve.track import Tracker, TrackOptions
 from app.solve.track_camera import turn_between
 from app.solve.track_match import match
 from app.solve.track_windows import Seen, look
 
-from .stream import Stream, wide_camera
+from .stream import Stream, bright_sky, wide_camera
 
 
 @pytest.fixture
@@ -88,6 +91,33 @@ def test_a_sudden_start_smears_the_stars_and_is_still_tracked(stream) -> None:
     assert updates[-1].matched > 20
     assert updates[-1].rates_deg_s == pytest.approx((0.0, rate, 0.0), abs=0.05 * rate)
     assert np.abs(stream.error_arcsec(updates[-1]))[:2].max() < 0.5 * 67
+
+
+def test_stars_of_a_single_pixel_are_tracked_and_hot_pixels_are_not(stream) -> None:
+    """A short lens before large pixels; the detector that takes such stars finds them once."""
+    rng = np.random.default_rng(8)
+    vectors, mag = bright_sky()
+
+    def frame():
+        stream.step((0.0, 0.01, 0.0))
+        near = vectors @ stream.matrix[2] > np.cos(np.radians(stream.camera.fov_deg[0]))
+        x, y = np.rint(stream.camera.project(vectors[near] @ stream.matrix.T)).T
+        pixels = rng.normal(200.0, 6.0, (480, 640))
+        inside = (x >= 0) & (x < 640) & (y >= 0) & (y < 480)
+        flux = 2000.0 * 10 ** (-0.4 * (mag[near] - 8.0))
+        pixels[y[inside].astype(int), x[inside].astype(int)] += flux[inside]
+        hint = Hint(time_utc=stream.moment, exposure_s=0.02)
+        return Frame(np.clip(pixels, 0, 65535).astype(np.uint16), saturation=65535.0, hint=hint)
+
+    tracker = Tracker(options=TrackOptions(solve=SolveOptions(detector="peaks")))
+    updates = [run(tracker.update(frame())) for _ in range(6)]
+    assert [u.mode for u in updates] == ["lost"] + ["tracking"] * 5
+    assert np.abs(stream.error_arcsec(updates[-1]))[:2].max() < 0.3 * 67
+    assert updates[-1].matched > 20
+    tracker = Tracker()
+    round_stars = [run(tracker.update(stream.step())) for _ in range(2)]
+    assert round_stars[-1].mode == "tracking"
+    assert not tracker._image.sharp
 
 
 def test_clouds_give_a_reason_and_nothing_old(stream) -> None:
