@@ -64,7 +64,7 @@ class Chart(PlotPlace):
         self._legend = legend
         self._job: Job | None = None
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumSize(160, 100)
+        self.setMinimumSize(160, 140)
 
     def sizeHint(self) -> QSize:
         return QSize(300, 220)

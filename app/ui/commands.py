@@ -155,10 +155,11 @@ class Commands(QObject):
             self.actions["fill"].setChecked(False)
 
     def _tab(self, index: int) -> None:
-        tabs = self.window.workspace.tabs
-        tabs.setCurrentIndex(index)
-        (tabs.tabBar(), self.window.workspace.stars.table,
-         self.window.workspace.hints.fov)[index].setFocus()  # fmt: skip
+        panes = self.window.workspace
+        if panes.turn_to(index):
+            (panes.tabs.tabBar(), panes.stars.table, panes.hints.fov)[index].setFocus()
+        else:
+            panes.view.setFocus()
 
     def _escape(self) -> None:
         if self.session.busy:

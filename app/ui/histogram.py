@@ -25,7 +25,7 @@ class Histogram(PlotPlace):
         self.heights: NDArray[np.float64] = np.zeros(0)
         self._stretch: Stretch | None = None
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.setMinimumWidth(120)
+        self.setMinimumWidth(60)
 
     def sizeHint(self) -> QSize:
         return QSize(240, 56)

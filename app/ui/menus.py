@@ -68,7 +68,7 @@ def make_toolbar(window: QMainWindow, actions: Actions) -> QToolBar:
     bar.setIconSize(QSize(22, 22))
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
     groups = (("open", "solve", "cancel"), ("fit", "one", "in", "out"), ("stretch", "colour"),
-              MARKS, ("copy", "night"))  # fmt: skip
+              MARKS, ("night", "copy"))  # fmt: skip
     for i, group in enumerate(groups):
         if i:
             bar.addSeparator()

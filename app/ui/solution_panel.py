@@ -9,8 +9,8 @@ from app.ui.solution_text import attitude_forms, attitude_plain, rows, summary
 from app.ui.widgets import button, copy_text, fixed_font_family, label, rule, value_label
 
 STYLES = {
-    AngleStyle.SEXAGESIMAL: "hours, minutes (hms)",
-    AngleStyle.DEGREES: "degrees, minutes (dms)",
+    AngleStyle.SEXAGESIMAL: "hours (hms)",
+    AngleStyle.DEGREES: "degrees (dms)",
     AngleStyle.DECIMAL: "decimal degrees",
 }
 

@@ -87,6 +87,6 @@ class StretchStrip(QWidget):
         slider = QSlider(Qt.Orientation.Horizontal)
         slider.setRange(0, STEPS)
         slider.setPageStep(STEPS // 20)
-        slider.setMinimumWidth(120)
+        slider.setMinimumWidth(60)
         slider.setAccessibleName(name)
         return slider

@@ -88,7 +88,7 @@ class LiveView(LivePanel):
             stream.recording.wish = self.record.folder
         self.pointing.clear()
         self.pointing.style_ = self._services.settings.angle_style
-        self._services.panes.tabs.setVisible(False)  # the frame needs the room
+        self._services.panes.show_side(False)  # the frame needs the room
         self._say("")
         self.job = job = self._services.jobs.run(stream.task(), "live")
         job.failed.connect(lambda sentence: self._has_failed(job, sentence))
@@ -120,7 +120,7 @@ class LiveView(LivePanel):
         self.stage.end(keep)
         self.pointing.leave()
         self._own = False
-        self._services.panes.tabs.setVisible(True)
+        self._services.panes.show_side(True)
         self.show_headline(words.State("Stopping", "The camera is being given back.", "heading"))
         self.show_running(False)
         self.start.setEnabled(False)

@@ -49,6 +49,7 @@ class NightPage(QWidget):
         column.addWidget(self.told)
         column.addWidget(self.chart, 2)
         column.addWidget(self.lines, 3)
+        column.addStretch(0)
         self._show()
 
     @property
@@ -71,7 +72,8 @@ class NightPage(QWidget):
 
     def _show(self, _: int = 0) -> None:
         history = self.history
-        self.save.setEnabled(history is not None)
+        for part in (self.which, self.save, self.chart, self.lines):
+            part.setVisible(history is not None)
         if history is None:
             self.told.setText(NOTHING)
             return
