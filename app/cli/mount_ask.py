@@ -19,13 +19,15 @@ def add_parser(actions: "argparse._SubParsersAction[Any]", name: str, text: str)
 
 def _position(args: argparse.Namespace) -> int:
     with guarded_mount(args) as guard:
-        told = {**where(args, guard), **_state(guard)}
+        told = {**where(args, guard), **_state(guard), "epoch_doubt": guard.epoch_doubt()}
     if args.json:
         print(to_line(told))
         return 0
     print(told["name"])
     print(f"  {hms(told['ra_deg'])} {dms(told['dec_deg'])}  (J2000)")
     print(f"  its own: {told['mount_ra_deg']:.4f} {told['mount_dec_deg']:+.4f} {told['epoch']}")
+    if told["epoch_doubt"]:
+        print(f"  {told['epoch_doubt']}")
     for key, value in told["state"].items():
         if value is not None:
             print(f"  {key.replace('_', ' ')}: {value}")

@@ -7,6 +7,7 @@ from app.core.hint import Site
 from app.core.mount import Ability, Epoch, Mount, MountState, Pointing
 from app.mounts.beliefs import Beliefs
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
+from app.mounts.epoch_told import epoch_told
 from app.mounts.limits import Limits
 from app.mounts.motion import Motion
 
@@ -65,6 +66,17 @@ class Asked:
         """What the mount believes of its place and time; empty when its driver cannot ask."""
         ask: Callable[[], Beliefs] = getattr(self.mount, "beliefs", Beliefs)
         return ask()
+
+    def epoch_doubt(self) -> str:
+        """One sentence when the mount's own altitude and azimuth speak for the other epoch."""
+        told = epoch_told(self.mount)
+        if told is None or told is self.epoch:
+            return ""
+        option = "J2000" if told is Epoch.J2000 else "date"
+        return (
+            f"By its own altitude and azimuth the mount's coordinates are {told}, "
+            f"they are taken as {self.epoch}: choose the epoch {option} (--epoch {option})."
+        )
 
     def to_mount(self, ra_deg: float, dec_deg: float) -> tuple[float, float]:
         """ICRS degrees in the mount's epoch, now."""

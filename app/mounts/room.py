@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.core.attitude import radec_deg, unit_vectors
-from app.core.hint import Site
 from app.mounts.rules.meridian import crosses
 from app.mounts.rules.plan import Plan
-from app.mounts.sky_frame import sidereal_deg, wrapped
+from app.mounts.sky_frame import horizon_frame, sidereal_deg, wrapped
 
 Floats = NDArray[np.float64]
 Degrees = tuple[float, float]
@@ -25,7 +24,7 @@ def room_of(plan: Plan) -> Floats:
     start, target = plan.start_deg, plan.target_deg
     rooms = [*plan.paths, _between(start, target)]
     if plan.site is not None:
-        level = _from_horizon(plan.site, sidereal_deg(plan.site, plan.time_utc))
+        level = horizon_frame(plan.site, sidereal_deg(plan.site, plan.time_utc))
         here, there = (radec_deg(v @ level) for v in (plan.start, plan.target))
         rooms.append(_between(here, there, both_ways=plan.limits.crosses_meridian) @ level.T)
     if may_flip(plan):
@@ -71,10 +70,3 @@ def _grid(west_deg: float, east_deg: float, low_deg: float, high_deg: float) -> 
     )
     grid = np.meshgrid(longitudes, latitudes)
     return unit_vectors(grid[0].ravel(), grid[1].ravel())
-
-
-def _from_horizon(site: Site, sidereal: float) -> Floats:
-    """Rotation (3, 3) to vectors of date from ones that have the zenith for their pole."""
-    zenith = unit_vectors(sidereal, site.latitude_deg)
-    east = unit_vectors(sidereal + 90.0, 0.0)
-    return np.stack([np.cross(east, zenith), east, zenith], axis=1)

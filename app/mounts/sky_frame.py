@@ -37,6 +37,13 @@ def altitude_deg(vectors: Floats, site: Site, time_utc: datetime) -> Floats:
     return np.degrees(np.arcsin(np.clip(vectors @ zenith, -1.0, 1.0)))
 
 
+def horizon_frame(site: Site, sidereal: float) -> Floats:
+    """Rotation (3, 3) to vectors of date from (south, east, up); ``sidereal`` in degrees."""
+    up = unit_vectors(sidereal, site.latitude_deg)
+    east = unit_vectors(sidereal + 90.0, 0.0)
+    return np.stack([np.cross(east, up), east, up], axis=1)
+
+
 def sun_vector(time_utc: datetime) -> Floats:
     """Apparent direction (3,) of the Sun, true equator and equinox of date (ERFA ``epv00``)."""
     import erfa

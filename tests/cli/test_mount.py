@@ -53,6 +53,17 @@ def test_position_is_icrs_and_the_mounts_own(capsys) -> None:
         assert told["lacks"] == {}
 
 
+def test_position_tells_when_the_mount_speaks_in_the_other_epoch(capsys) -> None:
+    with simulated("ioptron") as (telescope, port):
+        telescope.sync(sidereal_deg(SITE, datetime.now(UTC)), 0.0)  # 20 arcmin everywhere there
+        line = ["--port", port, "--driver", "ioptron"]
+        assert run(capsys, "position", *line)[1]["epoch_doubt"] == ""
+        doubt = run(capsys, "position", *line, "--epoch", "J2000")[1]["epoch_doubt"]
+        assert doubt.endswith("they are taken as J2000: choose the epoch date (--epoch date).")
+        assert main(["mount", "position", *line, "--epoch", "J2000"]) == 0
+        assert doubt in capsys.readouterr().out
+
+
 def test_position_for_people(capsys) -> None:
     with simulated("lx200") as (_, port):
         assert main(["mount", "position", "--port", port, "--driver", "lx200"]) == 0
@@ -104,9 +115,7 @@ def test_without_yes_nothing_is_sent(action, capsys) -> None:
         assert "site is not known" in capsys.readouterr().out
 
 
-def test_goto_with_yes_arrives(capsys, monkeypatch) -> None:
-    night = datetime(2026, 1, 15, 22, tzinfo=UTC)
-    monkeypatch.setattr("app.mounts.guard.utc_now", lambda: night)
+def test_goto_with_yes_arrives(capsys) -> None:
     with simulated("onstep") as (telescope, port):
         arguments = [
             "--port",

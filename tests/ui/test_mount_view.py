@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.core.mount import Direction
+from app.core.mount import Direction, Epoch
 from app.mounts.sky_frame import apart_deg
 from app.ui.mount import reasons as why
 from app.ui.mount.corner import MountCorner
@@ -74,6 +74,18 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
         assert bool(mount.view.tracking.reason) == (
             "tracking on and off" in {str(a) for a in mount.opening.guard.lacks}
         )
+
+
+def test_a_mount_taken_for_another_epoch_than_it_speaks_in_is_told(qtbot, opened, monkeypatch):
+    monkeypatch.setattr("app.mounts.drivers.nexstar.NexStar.default_epoch", Epoch.J2000)
+    _, commands = opened
+    commands.views.show("mount")
+    said = []
+    desk = commands.views.docks["mount"].view.desk
+    desk.said.connect(lambda sentence, role: said.append((sentence, role)))
+    with connected(qtbot, commands, "nexstar"):
+        qtbot.waitUntil(lambda: said[-1:] and said[-1][1] == "wrong", timeout=15_000)
+        assert "choose the epoch date (--epoch date)" in said[-1][0]
 
 
 def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):

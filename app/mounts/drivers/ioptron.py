@@ -41,6 +41,10 @@ class Ioptron(SerialMount):
         place = self.place()
         return Pointing(place.ra_deg, place.dec_deg, self.epoch)
 
+    def horizontal_deg(self) -> tuple[float, float]:
+        """Altitude and azimuth."""
+        return self.talk.query(words.LEVEL, until(b"#", 24, self.timeout_s), words.parse_level)
+
     def state(self) -> MountState:
         """``:GLS#``, and the pier side from ``:GEP#``."""
         reader = until(b"#", 26, self.timeout_s)

@@ -105,6 +105,12 @@ class Lx200(SerialMount):
         dec = self.talk.query(words.GET_DEC, reader, words.parse_dec)
         return Pointing(ra, dec, self.epoch)
 
+    def horizontal_deg(self) -> tuple[float, float]:
+        """Altitude and azimuth, which some count from south."""
+        reader = until(b"#", 16, self.timeout_s)
+        altitude = self.talk.query(where.ALTITUDE, reader, where.parse_latitude)
+        return altitude, self.talk.query(where.AZIMUTH, reader, where.parse_azimuth)
+
     def state(self) -> MountState:
         """Slewing from the distance bars, the rest where the dialect tells."""
         slewing = self.talk.query(words.BARS, until(b"#", 40, self.timeout_s), words.parse_slewing)

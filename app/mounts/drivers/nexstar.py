@@ -52,6 +52,14 @@ class NexStar(SerialMount):
         reader = exactly(length, self.timeout_s)
         return Pointing(*self.talk.query(command, reader, words.parse_position), self.epoch)
 
+    def horizontal_deg(self) -> tuple[float, float]:
+        """Altitude and azimuth: ``z``, or ``Z`` of old versions."""
+        precise = self.version >= PRECISE_SINCE
+        command, length = (words.LEVEL_PRECISE, 18) if precise else (words.LEVEL_COARSE, 10)
+        reader = exactly(length, self.timeout_s)
+        azimuth, altitude = self.talk.query(command, reader, words.parse_position)
+        return altitude, azimuth
+
     def state(self) -> MountState:
         """Slewing, aligned, tracking; the side of the pier where the version tells it."""
         reader = exactly(2, self.timeout_s)

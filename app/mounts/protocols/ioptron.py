@@ -9,7 +9,7 @@ from app.core.mount import Direction, MountState, PierSide
 from app.mounts.conversation import ProtocolError
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-TIME = b":GUT#"
+TIME, LEVEL = b":GUT#", b":GAC#"
 MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
 SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
 TRACK_ON, TRACK_OFF = b":ST1#", b":ST0#"
@@ -63,6 +63,17 @@ def parse_position(reply: bytes) -> Place:
         raise ProtocolError(f"{reply!r} is no place on the sky.")
     side = {b"0": PierSide.EAST, b"1": PierSide.WEST}.get(found[3])
     return Place(ra % 360.0, dec, side)
+
+
+def parse_level(reply: bytes) -> tuple[float, float]:
+    """Altitude and azimuth, degrees, of ``sAAAAAAAAZZZZZZZZZ#`` in 0.01 arcsec."""
+    found = re.fullmatch(rb"([+-]\d{8})(\d{9})#", reply)
+    if found is None:
+        raise ProtocolError(f"{reply!r} is no altitude and azimuth.")
+    altitude, azimuth = (int(part) / PARTS_DEG for part in found.groups())
+    if abs(altitude) > 90.0 or azimuth > 360.0:
+        raise ProtocolError(f"{reply!r} is no altitude and azimuth.")
+    return altitude, azimuth
 
 
 def parse_status(reply: bytes) -> MountState:

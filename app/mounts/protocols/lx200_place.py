@@ -6,11 +6,12 @@ from app.mounts.conversation import ProtocolError
 
 LATITUDE, LONGITUDE, ZONE = b":Gt#", b":Gg#", b":GG#"
 TIME, DATE = b":GL#", b":GC#"
+ALTITUDE, AZIMUTH = b":GA#", b":GZ#"
 _ANGLE = re.compile(rb"\s*([+-]?)(\d{1,3})[*:\xdf\xb0](\d{2})(?:[:'](\d{2})(?:\.\d+)?)?#")
 
 
 def parse_latitude(reply: bytes) -> float:
-    """Degrees of ``sDD*MM#``."""
+    """Degrees of ``sDD*MM#``, of an altitude too."""
     angle = _angle(reply)
     if abs(angle) > 90.0:
         raise ProtocolError(f"{reply!r} is no latitude.")
@@ -23,6 +24,14 @@ def parse_longitude(reply: bytes) -> float:
     if abs(angle) > 360.0:
         raise ProtocolError(f"{reply!r} is no longitude.")
     return (180.0 - angle) % 360.0 - 180.0
+
+
+def parse_azimuth(reply: bytes) -> float:
+    """Degrees of ``DDD*MM#`` or ``DDD*MM'SS#``."""
+    angle = _angle(reply)
+    if not 0.0 <= angle <= 360.0:
+        raise ProtocolError(f"{reply!r} is no azimuth.")
+    return angle
 
 
 def parse_zone(reply: bytes) -> float:

@@ -14,6 +14,7 @@ from app.mounts.conversation import ProtocolError
 
 TURN = 1 << 32
 GET_PRECISE, GET_COARSE = b"e", b"E"
+LEVEL_PRECISE, LEVEL_COARSE = b"z", b"Z"
 VERSION, MODEL, ALIGNED, SLEWING = b"V", b"m", b"J", b"L"
 TRACKING, CANCEL, PIER = b"t", b"M", b"p"
 AZM, ALT = 16, 17  # the motor boards: RA or azimuth, Dec or altitude
@@ -50,7 +51,7 @@ def sync(ra_deg: float, dec_deg: float) -> bytes:
 
 
 def parse_position(reply: bytes) -> tuple[float, float]:
-    """RA and Dec, degrees, of ``34AB0500,12CE0500#`` or ``34AB,12CE#``."""
+    """RA and Dec (azimuth and altitude), degrees, of ``34AB0500,12CE0500#`` or ``34AB,12CE#``."""
     found = re.fullmatch(
         rb"([0-9A-Fa-f]{8}|[0-9A-Fa-f]{4}),([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8})#", reply
     )

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from app.core.mount import Direction
 from app.simulate.responders.base import SIDEREAL_DEG_S, Controller
+from app.simulate.responders.horizontal import horizontal_deg
 from app.simulate.responders.lx200_site import SiteAndTime
 from app.simulate.responders.sexagesimal import degrees, hours, parse
 from app.simulate.telescope import Telescope
@@ -35,6 +36,7 @@ class Lx200(Controller):
         self.site = SiteAndTime(telescope, self.mark, self.decimals)
         self.plain: dict[bytes, Callable[[], bytes]] = {
             ACKNOWLEDGE: self.alignment, b"GR": self.ra, b"GD": self.dec, b"D": self.distance_bars,
+            b"GA": lambda: self.level()[0], b"GZ": lambda: self.level()[1],
             b"Gr": lambda: self.written_ra(self.target_deg[0]),
             b"Gd": lambda: self.written_dec(self.target_deg[1]),
             b"MS": self.slew, b"CM": self.sync, b"U": self.toggle_precision,
@@ -94,6 +96,14 @@ class Lx200(Controller):
     def dec(self) -> bytes:
         """Where it believes to be."""
         return self.written_dec(self.telescope.believed_deg()[1])
+
+    def level(self) -> tuple[bytes, bytes]:
+        """Altitude, and azimuth from north."""
+        altitude, azimuth = horizontal_deg(self.telescope, self.site.settings.latitude_deg)
+        return (
+            degrees(altitude, self.precise, self.mark) + b"#",
+            degrees(azimuth, self.precise, self.mark, width=3, signed=False) + b"#",
+        )
 
     def distance_bars(self) -> bytes:
         """The two rows of the hand controller's display: 32 places, full while it slews."""
@@ -170,6 +180,14 @@ class Autostar(Lx200):
             b"GW": self.how, b"hP": self.park,
         }  # fmt: skip
         self.prefixed[b"Mg"] = self.pulse
+
+    def level(self) -> tuple[bytes, bytes]:
+        """Altitude, and azimuth from north."""
+        altitude, azimuth = horizontal_deg(self.telescope, self.site.settings.latitude_deg)
+        return (
+            degrees(altitude, self.precise, self.mark) + b"#",
+            degrees(azimuth, self.precise, self.mark, width=3, signed=False) + b"#",
+        )
 
     def distance_bars(self) -> bytes:
         """One bar while it slews."""

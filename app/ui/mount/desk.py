@@ -21,6 +21,7 @@ from app.ui.mount.words import (
     CannotStop,
     Connected,
     Done,
+    Doubted,
     Failed,
     Lost,
     Practising,
@@ -217,6 +218,8 @@ class Desk(QObject):
                 self._services.cameras.choose("simulated", word.camera)
             case Connected():
                 self.said.emit(f"Connected: {word.name}.", "good")
+            case Doubted():
+                self.said.emit(word.sentence, "wrong")
             case Under():
                 self.progressed.emit(word.progress)
             case Done() | Failed():

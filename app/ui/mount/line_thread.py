@@ -18,6 +18,7 @@ from app.ui.mount.words import (
     CannotStop,
     Connected,
     Done,
+    Doubted,
     Failed,
     Lost,
     Report,
@@ -63,6 +64,7 @@ class MountLine:
         self._stops = 0  # an order that was wished for before a Stop is given up
         self._guard: Guard | None = None
         self._looked = self._spoke = 0.0
+        self._unasked = True  # which epoch it speaks in
         self._stage = ""  # what was told last
 
     # from any thread --------------------------------------------------------------------------
@@ -113,6 +115,7 @@ class MountLine:
                 yield Progress("listening")
                 try:
                     self._look(guard)
+                    self._ask_once(guard)
                     yield from self._next(guard)
                 except LineLostError as error:
                     yield from self._wait_for(guard, error)
@@ -177,6 +180,14 @@ class MountLine:
             self._tell(Silent(str(error)))
         else:
             self._tell(said)
+
+    def _ask_once(self, guard: Guard) -> None:
+        """The question that may take a while, after the first report."""
+        if self._unasked:
+            self._unasked = False
+            doubt = guard.epoch_doubt()
+            if doubt:
+                self._tell(Doubted(doubt))
 
     def _wait_for(self, guard: Guard, error: LineLostError) -> Task[None]:
         """The line is lost: try it again and again; when it is back, what moved is stopped."""

@@ -25,6 +25,13 @@ class Connected:
 
 
 @dataclass(frozen=True, slots=True)
+class Doubted:
+    """Something of the mount's settings is not as it is taken to be."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """Where it says it points, ICRS degrees, and how it is."""
 
@@ -118,6 +125,6 @@ class Lost:
 
 
 Word = (
-    Connected | Report | Practising | Shown | Seen | Under | Done | Failed | Stopped | CannotStop
-    | Silent | Lost
+    Connected | Doubted | Report | Practising | Shown | Seen | Under | Done | Failed | Stopped
+    | CannotStop | Silent | Lost
 )  # fmt: skip
