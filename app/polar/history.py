@@ -18,7 +18,8 @@ SPARSE_S = 2.0  # live errors are kept this far apart
 class Entry:
     """One moment: ``kind`` is "measured", "live" or "told" (an instruction); angles in arcsec.
 
-    ``ellipse_arcsec`` is (long, short, angle in radians from azimuth to altitude), 68 %.
+    ``ellipse_arcsec`` is (long, short, angle in radians from azimuth to altitude), 68 %;
+    ``unseen_arcsec`` one sigma, both directions, of bending that no frame showed.
     """
 
     time_utc: datetime
@@ -30,6 +31,7 @@ class Entry:
     sigma_arcsec: tuple[float, float]
     ellipse_arcsec: tuple[float, float, float]
     text: str = ""
+    unseen_arcsec: float = 0.0
 
     @classmethod
     def of(cls, time_utc: datetime, kind: str, error: PolarError, text: str = "") -> "Entry":
@@ -37,7 +39,7 @@ class Entry:
         return cls(
             time_utc, kind, error.altitude_arcsec, error.azimuth_arcsec,
             error.azimuth_on_sky_arcsec, error.total_arcsec, error.sigma_arcsec,
-            error.ellipse_arcsec(), text,
+            error.ellipse_arcsec(), text, error.unseen_total_arcsec,
         )  # fmt: skip
 
 

@@ -67,6 +67,7 @@ def _summary(history: History, measured: list[Entry]) -> str:
         f"<p class='big'>{_words(last.total_arcsec)} &plusmn; {_words(max(last.sigma_arcsec))}</p>"
         f"<p>from the {escape(str(history.pole))} pole{change}; {last.time_utc:%Y-%m-%d %H:%M} UTC"
         f"{where}.</p>"
+        f"<p>Bending that no frame showed may shift it by {_words(last.unseen_arcsec)} more.</p>"
     )
 
 

@@ -38,6 +38,9 @@ def night():
 
 def test_the_page_needs_nothing_else_and_tells_the_end(night):
     page = report_html(night)
+    unseen = night.entries[-1].unseen_arcsec
+    assert unseen == pytest.approx(measured(15.0, -10.0).error.unseen_total_arcsec)
+    assert f"may shift it by {unseen:.0f}&quot; more" in page
     assert "http" not in page
     assert "src=" not in page
     assert page.count("<svg viewBox") == 2
