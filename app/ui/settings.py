@@ -1,5 +1,6 @@
 """What the window remembers between starts."""
 
+import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from app.ui.formats import AngleStyle
 from app.ui.overlay import Switches
 
 MOST_RECENT = 10
+LARGEST = 2**31 - 1  # what Qt counts with; neither infinity nor NaN is below it
 
 
 class Settings:
@@ -32,6 +34,14 @@ class Settings:
         """A word."""
         value = self._store.value(name, default)
         return value if isinstance(value, str) else default
+
+    def table(self, name: str) -> dict[str, Any]:
+        """Named values, kept as JSON; without those that no field of a window could show."""
+        try:
+            kept = json.loads(self.text(name, "{}"))
+        except (ValueError, RecursionError):
+            return {}
+        return {k: v for k, v in kept.items() if _showable(v)} if isinstance(kept, dict) else {}
 
     def data(self, name: str) -> QByteArray | None:
         """Bytes, such as a window's geometry."""
@@ -89,3 +99,7 @@ class Settings:
     def clear_recent(self) -> None:
         """Forget the recent files."""
         self.keep("recent", [])
+
+
+def _showable(value: Any) -> bool:
+    return not isinstance(value, int | float) or abs(value) <= LARGEST

@@ -213,10 +213,6 @@ class LaboratoryView(QWidget):
         self.plots.dress(colours)
 
     def _restore(self) -> None:
-        try:
-            kept = json.loads(self._services.settings.text("laboratory", "{}"))
-        except ValueError:
-            return
-        if isinstance(kept, dict):
+        if kept := self._services.settings.table("laboratory"):
             self.setup.restore(kept)
             self.methods.restore(kept)

@@ -222,11 +222,7 @@ class LiveView(LivePanel):
         self._services.settings.keep("live", json.dumps(kept))
 
     def _restore(self) -> None:
-        try:
-            kept = json.loads(self._services.settings.text("live", "{}"))
-        except ValueError:
-            return
-        if isinstance(kept, dict):
+        if kept := self._services.settings.table("live"):
             self.camera.restore(kept)
             self.record.restore(kept)
         if self._services.cameras.choice is not None:

@@ -22,11 +22,8 @@ def keep_fields(panel: SetupPanel, settings: Settings) -> None:
 
 def restore_fields(panel: SetupPanel, settings: Settings) -> None:
     """As last time; what is damaged stays at its default."""
-    try:
-        kept = json.loads(settings.text(NAME, "{}"))
-    except ValueError:
-        return
-    if not isinstance(kept, dict):
+    kept = settings.table(NAME)
+    if not kept:
         return
     for name, box in (("source", panel.source), ("kind", panel.kind), ("hand", panel.hand),
                       ("pole", panel.pole)):  # fmt: skip
