@@ -7,11 +7,18 @@ from app.core.solution import Solution
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The guard's numbers. A fork or alt-azimuth mount ``crosses_meridian`` without a flip."""
+    """The guard's numbers. A fork or alt-azimuth mount ``crosses_meridian`` without a flip.
+
+    Hour angles are not limited by themselves: a German mount chooses the side of its pier in a
+    slew, so the same hour angle may be safe on one side and not on the other, and a fork reaches
+    them all. What does not flip, a move of the axis, is kept near the meridian where the mount
+    tells its side.
+    """
 
     lowest_altitude_deg: float = 5.0
     highest_altitude_deg: float = 90.0
     hour_angle_deg: tuple[float, float] = (-180.0, 180.0)  # only its owner knows where the pier is
+    past_meridian_deg: float = 15.0  # for a move of the axis, which never flips
     allow_without_site: bool = False
 
     longest_slew_deg: float = 120.0

@@ -40,7 +40,7 @@ class MountPanel(QWidget):
         )
         self.pad = NudgePad(self.bring)
         self.tracking = ReasonedSwitch("Tracking", "Follow the sky")
-        self.after = QCheckBox("a frame after each move")
+        self.after = QCheckBox("a frame afterwards")
         self.after.setToolTip("Take one and solve it when a goto or a nudge is over")
         self.go = GoBox(self.after)
         self.pointing = PointingBox(self.tracking)
