@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from app.core.attitude import radec_deg
-from app.core.errors import NoAnswerError, UsageError
+from app.core.errors import NoAnswerError, StrayedError, UsageError
 from app.core.mount import Pointing
 from app.core.progress import Progress, Task
 from app.mounts.guard import Guard
@@ -23,6 +23,7 @@ STILL_ARCSEC = 20.0  # between two looks; a mount that rounds to 15 may jump by 
 SETTLE_S = 3.0
 PATIENCE_S = 60.0
 MISSES = 3  # answers that may be missed in a row
+RUNS_DEG, LOOKS = 0.25, 6  # a mount that goes on so far from look to look, though not slewing
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +88,11 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
     ------
     NoAnswerError
         It does not come to rest within a minute, or does not answer.
+    StrayedError
+        It runs away, saying that it does not slew, and was stopped.
 
     """
-    before = None
+    before, running = None, 0
     for _ in range(round(PATIENCE_S / POLL_S)):
         yield Progress("settling")
         wait(POLL_S)
@@ -99,6 +102,10 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
             yield Progress("settling")
             wait(settle_s)
             return here
+        running = running + 1 if before and not slewing and _runs(before, here) else 0
+        if running == LOOKS:
+            mount.halt()
+            raise StrayedError("The mount ran away, saying that it does not slew: it was stopped.")
         before = here
     mount.halt()
     raise NoAnswerError(f"The mount did not come to rest within {PATIENCE_S:g} s and was stopped.")
@@ -115,5 +122,12 @@ def answered(ask: Callable[[], T]) -> T:
 
 
 def _still(before: Pointing, here: Pointing) -> bool:
-    away = apart_deg((before.ra_deg, before.dec_deg), (here.ra_deg, here.dec_deg))
-    return away * 3600.0 <= STILL_ARCSEC
+    return _moved_deg(before, here) * 3600.0 <= STILL_ARCSEC
+
+
+def _runs(before: Pointing, here: Pointing) -> bool:
+    return _moved_deg(before, here) > RUNS_DEG
+
+
+def _moved_deg(before: Pointing, here: Pointing) -> float:
+    return apart_deg((before.ra_deg, before.dec_deg), (here.ra_deg, here.dec_deg))

@@ -1,10 +1,11 @@
 """Targets by name and by coordinates, and standing still."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
 
-from app.core.errors import NoAnswerError, RefusedError, UsageError
+from app.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
 from app.core.progress import run
 from app.workflows.goto_target import answered, goto_target, named_target, settled, target_at
 from tests.workflows.mount_nights import bench, good, target_of
@@ -74,6 +75,21 @@ def test_a_mount_that_never_rests_is_said() -> None:
     b.rig.mount.move(Direction.EAST, 0.02)
     with pytest.raises(NoAnswerError, match="not come to rest"):
         run(settled(b.guard, b.wait))
+    assert b.mount.did == [("stop",)]
+
+
+def test_a_mount_that_runs_away_and_says_that_it_stands_is_stopped() -> None:
+    b = bench(good(lost_deg=0.0))
+    from app.core.mount import Direction
+
+    b.rig.mount.move(Direction.EAST, 2.0)
+    told = b.mount.state
+    b.mount.state = lambda: replace(told(), slewing=False)
+    with pytest.raises(StrayedError, match="ran away"):
+        run(settled(b.guard, b.wait))
+    assert b.mount.did == [("stop",)]
+    b.rig.clock.step(3.0)
+    assert not b.rig.mount.slewing
 
 
 def test_a_question_is_asked_again_but_not_for_ever() -> None:
