@@ -7,14 +7,13 @@ from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.solution import Identification, Matches
 from app.identify.index import Volume
-from app.identify.known_search import BRIGHTEST, POOR, KnownSearch
+from app.identify.known_search import BRIGHTEST, FEW, POOR, KnownSearch
 from app.identify.known_table import DENSE, SPARSE, PairTable, table_for
 from app.identify.known_triangles import Sight
 from app.identify.search import Search
 from app.identify.verify import Verdict
 
-FEWEST, FEW = 3, 5
-"""So many detections are tried; with so few chance has room: a table of fewer stars is first."""
+FEWEST = 3
 KNOWN, ROUGHLY = 1.07, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 
@@ -30,7 +29,7 @@ def known_camera(
     if high > low * (ROUGHLY if len(search.xy) <= POOR else KNOWN) or len(search.xy) < FEWEST:
         return ()
     field_deg = search.field_deg((low * high) ** 0.5)
-    wanted = (DENSE,) if len(search.xy) > FEW else (SPARSE, DENSE)
+    wanted = (SPARSE, DENSE) if len(search.xy) <= FEW else (DENSE,)
     tables = [table_for(volumes, field_deg, year, density) for density in wanted]
     there = [table for table in tables if table is not None]
     if not there:

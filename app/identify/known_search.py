@@ -7,6 +7,7 @@ false-alarm bound counts every pair of catalogue stars that any two proposers co
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,15 @@ Guess = tuple[Corners, bool]
 """Three stars and the parity."""
 
 ACCEPT_LOG10 = -5.0
+FEW = 5
+"""With so few detections chance has room."""
 POOR, BRIGHTEST = 8, 6
 """Of so many detections all triangles are asked about; where there are more, of the brightest."""
 WITNESSES = 20
-ERROR = 2e-3
-"""Error of a side that is allowed, over the frame's larger side."""
+FIRST, ERROR = 1e-3, 2e-3
+"""Errors of a side that are allowed, over the frame's larger side: at first, and of any."""
+GLANCE = 4
+"""So many triangles are asked about with the small error, which is quick and mostly enough."""
 REACH = 2.5
 """How far a witness may be off, in errors of a side."""
 SMALLEST = 0.02
@@ -72,8 +77,13 @@ class KnownSearch:
 
         Its pointing is the proposers' own, good to a pixel or two.
         """
-        error_px = self._error_px()
-        for triangle in self._corners():
+        most, first = self._error_px(), FIRST * self.side
+        if most > first and len(self.xy) > FEW:
+            yield from self._asked(islice(self._corners(), GLANCE), first)
+        yield from self._asked(self._corners(), most)
+
+    def _asked(self, corners: Iterator[Corners], error_px: float) -> Iterator[Verdict]:
+        for triangle in corners:
             self._count(triangle)
             stars = guess(self.table, self.sight, triangle, error_px / self.sight.focal)
             if stars:
@@ -91,7 +101,7 @@ class KnownSearch:
     def _error_px(self) -> float:
         """The error of a side to allow, px: none at which nobody would be believed."""
         others, most = len(self.xy) - 2, ERROR * self.side
-        if others > BRIGHTEST - 2:
+        if others > FEW - 2:
             return most
         ends = {tuple(sorted(corners[1:])) for corners in self._corners()}
         per = [self._pointings(b, c) for b, c in ends]
@@ -200,7 +210,7 @@ class KnownSearch:
             return None
         nearest, gap = d2.argmin(axis=1), d2.min(axis=1)
         i = (gap <= radius2).nonzero()[0]
-        rms = math.sqrt(float(gap[i].mean()))
+        rms = math.sqrt(float(gap[i].sum()) / len(i))
         start = Pointing(matrix, focal, mirrored)
         return Verdict(start, i, number[nearest[i]], alarm, rms, self.table.level)
 
@@ -208,11 +218,15 @@ class KnownSearch:
         """The bound, log10, and the squared radius that it counts; ``gap`` in px^2."""
         floor = max(gap[b], gap[c], (LEAST * self.side) ** 2)
         most, smallest = reach * reach, (SMALLEST * self.side) ** 2
-        places = self.places
-        taken, squares = [places[b], places[c]], []
-        for d, k in sorted((d, k) for k, d in enumerate(gap) if d < most and k != b and k != c):
-            x, y = places[k]
-            if all((x - u) ** 2 + (y - v) ** 2 > smallest for u, v in taken):
+        taken, squares = [self.places[b], self.places[c]], []
+        for d, k in sorted(zip(gap, range(len(gap)), strict=True)):
+            if d > most:
+                break
+            x, y = self.places[k]
+            for u, v in taken:
+                if (x - u) * (x - u) + (y - v) * (y - v) < smallest:
+                    break
+            else:
                 taken.append((x, y))
                 squares.append(max(d, floor))
         alarm, agree = log10_by_distance(squares, len(gap) - 2, self.density, self.trials)

@@ -25,6 +25,8 @@ Index = NDArray[np.int32]
 STEPS = np.arange(4096, dtype=np.int32)
 RINGS = 48
 """Rings about each star: one neighbour in each, more or less."""
+BINS = 8192
+"""Bins of angle, to find pairs without a search."""
 REACH = 0.71
 """Widest pair, over the level's field: the diagonal of half a field's area."""
 DENSE, SPARSE = 12.0, 6.0
@@ -39,7 +41,8 @@ class PairTable:
 
     The stars are those of ``volume``'s ``level``. ``rows`` (N,) are catalogue rows, ``vectors``
     (N, 3) ICRS unit vectors at the table's year, ``rough`` (3, N) the same in single precision.
-    ``one`` and ``other`` (P,) number stars and ``angle`` (P,) rad is ascending. The neighbours of
+    ``one`` and ``other`` (P,) number stars and ``angle`` (P,) rad is ascending; ``first`` has where
+    each of its bins begins. The neighbours of
     star s in ring r are ``neighbour[begin[r, s] : begin[r + 1, s]]``, as far from it as ``apart``.
     """
 
@@ -51,10 +54,17 @@ class PairTable:
     one: Index
     other: Index
     angle: Floats
+    first: list[int]
     begin: Index
     neighbour: Index
     apart: NDArray[np.float32]
     reach_rad: float
+
+    def between(self, low_rad: float, high_rad: float) -> slice:
+        """The pairs of which the angle is from ``low_rad`` to ``high_rad``, and a few more."""
+        scale = BINS / self.reach_rad
+        low, high = int(max(low_rad, 0.0) * scale), int(high_rad * scale) + 1
+        return slice(self.first[min(low, BINS)], self.first[min(high, BINS)])
 
     def near(self, centre: list[float], cosine: float) -> Ints:
         """Stars within the angle of ``cosine`` of a unit vector (3,): all are looked at."""
@@ -71,6 +81,10 @@ class PairTable:
         return (
             self.begin[min(first, RINGS)].take(star), self.begin[min(last, RINGS)].take(star)
         )  # fmt: skip
+
+    def in_one_ring(self, angle: float, wide: float) -> bool:
+        """Whether ``wide`` either way of ``angle`` is less than a ring, rad."""
+        return 4.0 * RINGS * angle * wide < self.reach_rad * self.reach_rad
 
     def rings_each(
         self, star: Index, low_rad: float, high_rad: float, more_rad: Floats
@@ -134,10 +148,12 @@ def _dated(volume: Volume, level: int, year: int) -> PairTable:
         from app.sky import open_catalogue
 
         vectors = open_catalogue().vectors(rows, float(year))
+    angle = found["angle"].repeat(2)
+    first = angle.searchsorted(np.linspace(0.0, reach, BINS + 1), "left").tolist()
     rough = np.ascontiguousarray(vectors.T.astype(np.float32))
     return PairTable(
         volume, level, rows, vectors, rough, found["pairs"].ravel(),
-        np.ascontiguousarray(found["pairs"][:, ::-1]).ravel(), found["angle"].repeat(2),
+        np.ascontiguousarray(found["pairs"][:, ::-1]).ravel(), angle, first,
         _turned(found["begin"], len(rows)), found["neighbour"], found["apart"], reach,
     )  # fmt: skip
 

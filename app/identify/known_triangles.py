@@ -75,27 +75,32 @@ def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) ->
     here: float = sight.angle[a][c]
     there: Floats | float = sight.angle[b][c]
     wide, far = sight.growth[a][c], sight.growth[b][c]
-    start = table.angle.searchsorted(base - room - error_rad)
-    stop = table.angle.searchsorted(base + room + error_rad)
-    one = table.one[start:stop]
+    pairs = table.between(base - room - error_rad, base + room + error_rad)
+    one = table.one[pairs]
     if len(one) == 0:
         return []
     if far < PART * error_rad:
-        entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)
+        entry, end = table.rings(one, here - error_rad, here + error_rad)
         row, third = table.neighbours(entry, end, here, error_rad)
     else:
-        off = (table.angle[start:stop] - base) / room
+        off = (table.angle[pairs] - base) / room
         np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
-        entry, end = table.rings_each(one, here - error_rad, here + error_rad, wide * off)
+        if table.in_one_ring(here, wide):
+            entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)
+        else:
+            entry, end = table.rings_each(one, here - error_rad, here + error_rad, wide * off)
         row, third = table.neighbours(entry, end, (here + wide * off)[:, None], error_rad)
         there = there + far * off.take(row)
     if len(row) == 0:
         return []
-    second = table.other[start:stop].take(row)
+    second = table.other[pairs].take(row)
     v = table.vectors
     cosine = (v.take(second, axis=0) * v.take(third, axis=0)).sum(axis=1)
-    fits = (np.abs(np.arccos(np.minimum(cosine, 1.0)) - there) < error_rad).nonzero()[0]
+    off_rad = np.abs(np.arccos(np.minimum(cosine, 1.0)) - there)
+    fits = (off_rad < error_rad).nonzero()[0]
     if len(fits) == 0:
         return []
+    if len(fits) > 1:
+        fits = fits.take(off_rad.take(fits).argsort())  # the likeliest first
     stars = one.take(row.take(fits)), second.take(fits), third.take(fits)
     return list(zip(*(column.tolist() for column in stars), strict=True))
