@@ -24,7 +24,7 @@ from app.core.solution import Identification, NoSolution, Solution
 from app.detect import make_detector
 from app.identify import make_identifier, triad_fixed, triad_tests
 from app.identify.pairs import Pairs, catalogue_pairs
-from app.identify.triad_search import Sight, Unit, separated
+from app.identify.triad_search import Allowance, Sight, Unit, separated
 from app.identify.triad_tests import Tests
 from app.identify.triad_votes import grouped
 from app.sky import open_catalogue
@@ -102,7 +102,9 @@ def _steps(printed: Printed) -> list[dict[str, Any]]:
     upper = np.triu_indices(len(sight.body), 1)
     seps = np.degrees(sight.separation[upper])
     off = float(np.abs(seps - printed.separations_deg).max())
-    seen, stars, looked = run(separated(pairs, sight.separation, tests.separation, Unit()))
+    seen, stars, looked = run(
+        separated(pairs, sight.separation, tests.separation, Unit(), Allowance(10**9))
+    )
     found = triad_tests.passed(sight, seen, stars, pairs, tests, planar=True)
     groups = grouped(found, np.radians(5.0))
     table = {"Vega": "4.1, 4.2", "Deneb": "4.6, 4.7", "Sadr": "4.11, 4.12"}[printed.name]

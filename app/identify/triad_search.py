@@ -17,7 +17,31 @@ Ints = NDArray[np.int64]
 Numbers = NDArray[Any]
 """Angles in the numbers of some arithmetic: radians as floats, or fixed-point integers."""
 SLACK_RAD = 2e-5  # the first look at a third side is a little generous
-TOGETHER = 4_000_000  # catalogue triads that are looked at in one go
+TOGETHER = 1_000_000  # catalogue triads that are looked at in one go
+
+
+class TooManyTriadsError(Exception):
+    """More catalogue triads than may be looked at for one frame."""
+
+
+@dataclass(slots=True)
+class Allowance:
+    """How many catalogue triads may still be looked at for one frame."""
+
+    left: int
+
+    def take(self, count: int) -> None:
+        """Look at so many.
+
+        Raises
+        ------
+        TooManyTriadsError
+            There are not so many left.
+
+        """
+        if count > self.left:
+            raise TooManyTriadsError
+        self.left -= count
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +111,17 @@ class Found:
 
 
 def separated(
-    pairs: Pairs, separation: Numbers, tolerance_rad: float, unit: Unit
+    pairs: Pairs, separation: Numbers, tolerance_rad: float, unit: Unit, allowance: Allowance
 ) -> Task[tuple[Ints, Ints, int]]:
     """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree.
 
     ``separation`` (n, n) is in ``unit``. The third result counts the catalogue pairs looked at.
+
+    Raises
+    ------
+    TooManyTriadsError
+        It would take more triads than ``allowance`` has left.
+
     """
     n = len(separation)
     tolerance = unit.of(np.array(tolerance_rad))
@@ -99,11 +129,11 @@ def separated(
     rough = pairs.vectors.astype(np.float32)  # half the memory to gather from
     seen, stars = [np.zeros((0, 3), dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)]
     for k, corners in enumerate(combinations(range(n), 3)):
-        if k % 20 == 0:
-            yield Progress("identify", 0.8 * k / (n * (n - 1) * (n - 2) / 6), "triads")
+        yield Progress("identify", 0.8 * k / (n * (n - 1) * (n - 2) / 6), "triads")
         turns = (corners, corners[1:] + corners[:1], corners[2:] + corners[:2])
         v, a, b = min(turns, key=lambda t: len(lists[t[:2]].one) * len(lists[t[0], t[2]].one))
         side = separation[a, b]
+        allowance.take(_joined(lists[v, a], lists[v, b]))
         found = _third_sides(pairs, rough, lists[v, a], lists[v, b], side, tolerance, unit)
         stars.append(found)
         seen.append(np.repeat(np.array([[v, a, b]]), len(found), axis=0))
@@ -120,6 +150,11 @@ class _List:
     one: Ints
     other: Ints
     first: Ints
+
+
+def _joined(one: _List, other: _List) -> int:
+    """How many triads two lists with the same first star make."""
+    return int((other.first[one.one + 1] - other.first[one.one]).sum())
 
 
 def _lists(

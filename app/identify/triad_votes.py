@@ -3,11 +3,15 @@
 The thesis "Attitude from stellar images", section 2.3.4.3 and its tables 4.2 to 4.4.
 """
 
+import cmath
+from bisect import bisect_left, insort
+
 import numpy as np
 from numpy.typing import NDArray
 
 from app.identify.pairs import Pairs
 from app.identify.triad_search import Found
+from app.identify.triad_tests import wrapped
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -18,23 +22,28 @@ def grouped(triads: Found, tolerance: float) -> list[Ints]:
 
     One after the other, as in the thesis; each joins the group with the nearest mean.
     """
-    total = np.zeros(0, dtype=np.complex128)
-    mean = np.zeros((0, 2))  # the groups' mean directions
-    least = float(np.cos(tolerance))
     groups: list[list[int]] = []
-    for number, turn in enumerate(np.exp(1j * triads.rotation).tolist()):
-        near = mean @ (turn.real, turn.imag)
-        nearest = int(near.argmax()) if len(near) else 0
-        if len(near) and near[nearest] >= least:
-            groups[nearest].append(number)
+    total: list[complex] = []
+    means: list[tuple[float, int]] = []  # the groups' mean rotations, ascending
+    for number, turn in enumerate(wrapped(triads.rotation).tolist()):
+        place = bisect_left(means, (turn, -1))
+        beside = {(place - 1) % len(means), place % len(means)} if means else set()
+        gap, at = min(((abs(_turned(turn - means[k][0])), k) for k in beside), default=(np.inf, -1))
+        if gap <= tolerance:
+            _, group = means.pop(at)
+            groups[group].append(number)
         else:
-            nearest = len(groups)
+            group = len(groups)
             groups.append([number])
-            total, mean = np.append(total, 0.0), np.append(mean, [[0.0, 0.0]], axis=0)
-        total[nearest] += turn
-        one = total[nearest] / max(abs(total[nearest]), 1e-12)
-        mean[nearest] = one.real, one.imag
+            total.append(0j)
+        total[group] += cmath.rect(1.0, turn)
+        insort(means, (cmath.phase(total[group]), group))
     return [np.array(g) for g in sorted(groups, key=len, reverse=True)]
+
+
+def _turned(angle: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def named(

@@ -25,11 +25,18 @@ from app.identify.confirm import Names, confirm
 from app.identify.finite import with_places
 from app.identify.pairs import Pairs, catalogue_pairs
 from app.identify.refusals import known_focal, no_scale, not_agreed, table_deg, too_few
-from app.identify.triad_search import Sight, Unit, separated
+from app.identify.triad_search import (
+    Allowance,
+    Sight,
+    TooManyTriadsError,
+    Unit,
+    separated,
+)
 from app.identify.triad_tests import Tests
 from app.identify.triad_votes import agreeing, grouped, named
 
 Floats = NDArray[np.float64]
+GRACE = 40_000_000  # triads more for all stars, once some have told the scale
 GLANCE = 7  # so many of the brightest look for the scale first, where it is not known
 LIKELIEST = 3  # so many scales, the nearest, are tried with all when that has found nothing
 
@@ -71,6 +78,9 @@ class Triads:
     scales: int = integer(
         15, "scales", 1, 101, "scales tried within the hint's range (the thesis knows its own: 1)"
     )
+    most: int = integer(
+        60, "million triads", 1, 10_000, "of the catalogue looked at before it is given up"
+    )
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
@@ -97,10 +107,17 @@ class Triads:
         if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
             plan = [(GLANCE, focal * scale) for scale in scales] + plan[:LIKELIEST]
         most = tried = 0
+        allowance = Allowance(self.most * 1_000_000)
         try:
             for stars, length in plan:
                 found, named_, looked = yield from self._at_scale(
-                    detections.take(slice(0, stars)), detections, pairs, length, year, tried
+                    detections.take(slice(0, stars)),
+                    detections,
+                    pairs,
+                    length,
+                    year,
+                    tried,
+                    allowance,
                 )
                 tried += 2 * looked
                 most = max(most, named_)
@@ -109,17 +126,23 @@ class Triads:
                 if stars < self.stars:  # the scale is known now: the others' turn
                     whole, _, _ = yield from self._at_scale(
                         detections.take(slice(0, self.stars)), detections, pairs,
-                        found.camera.focal_px, year, tried,
+                        found.camera.focal_px, year, tried, Allowance(allowance.left + GRACE),
                     )  # fmt: skip
                     return whole or found
                 return found
         except FixedPointOverflowError as error:
             return not_agreed(detections, f"fixed-point arithmetic: {error}")
+        except TooManyTriadsError:
+            return not_agreed(
+                detections,
+                f"{self.most} million triads of catalogue stars, the most it looks at; a field so "
+                "wide needs its scale told more closely",
+            )
         return not_agreed(detections, f"{most} stars got names, too few to be sure")
 
     def _at_scale(
         self, bright: Detections, everyone: Detections, pairs: Pairs, focal: float, year: float,
-        before: int,
+        before: int, allowance: Allowance,
     ) -> Task[tuple[Identification | None, int, int]]:  # fmt: skip
         """The answer with one focal length, px, how many got names, the pairs looked at a parity.
 
@@ -132,7 +155,9 @@ class Triads:
         sight = Sight.of(bright, focal, False, self.field_deg)
         separation = triad_fixed.separations(sight) if fixed else sight.separation
         unit = triad_fixed.DEGREES if fixed else Unit()
-        seen, stars, looked = yield from separated(pairs, separation, tests.separation, unit)
+        seen, stars, looked = yield from separated(
+            pairs, separation, tests.separation, unit, allowance
+        )
         most = 0
         for mirrored in (False, True):
             sight = Sight.of(bright, focal, mirrored, self.field_deg)

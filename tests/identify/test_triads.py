@@ -97,3 +97,25 @@ def test_what_it_cannot_work_with(stars, hint, reason) -> None:
     )
     assert isinstance(found, NoSolution)
     assert found.reason == reason
+
+
+def test_it_gives_up_with_a_reason_where_the_triads_are_too_many() -> None:
+    field = random_field(
+        open_catalogue(), np.random.default_rng(3), FieldPlan(40.0, 2048, brightest=20)
+    )
+    scale = field.camera.scale_arcsec_px
+    method = make_identifier("triads", most=1)
+    found = run(method.identify(field.detections, Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1))))
+    assert isinstance(found, NoSolution)
+    assert "1 million triads" in found.tried
+
+
+def test_there_is_a_place_to_cancel_at_every_triad() -> None:
+    field = random_field(
+        open_catalogue(), np.random.default_rng(3), FieldPlan(10.0, 2048, brightest=12)
+    )
+    scale = field.camera.scale_arcsec_px
+    task = make_identifier("triads").identify(
+        field.detections, Hint(scale_arcsec_px=(scale, scale))
+    )
+    assert sum(1 for _ in task) >= 220
