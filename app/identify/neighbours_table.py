@@ -17,17 +17,20 @@ The text's is the default, as it comes nearer to the paper's number of entries; 
 is the figure's.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from app.identify.table_cache import Arrays, kept
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+KEPT = ("rows", "vectors", "mag", "certain", "key", "star")
 PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 
 
@@ -170,16 +173,22 @@ def angle_at(middle: Floats, first: Floats, second: Floats) -> Floats:
     return np.asarray(np.degrees(np.arctan2(sine, (a * b).sum(axis=1))))
 
 
-@lru_cache(maxsize=4)
 def catalogue_table(
     brightest: int, spread: float, double_deg: float, quanta: Quanta, year: float = 2016.0
 ) -> NeighbourTable:
-    """The table of the shipped catalogue; kept in memory.
+    """The table of the shipped catalogue, from memory, from disk, or made.
 
     The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share
     ``spread``, stars are certain above ``1 + spread`` times that limit and maybe there down to ``1
     - spread``; so are both stars of a pair closer than ``double_deg``.
     """
+    return _tabled(brightest, spread, double_deg, quanta, round(year))
+
+
+@lru_cache(maxsize=4)
+def _tabled(
+    brightest: int, spread: float, double_deg: float, quanta: Quanta, year: int
+) -> NeighbourTable:
     from app.sky import open_catalogue
 
     catalogue = open_catalogue()
@@ -187,9 +196,21 @@ def catalogue_table(
     rows = catalogue.brightest(pole, np.pi, brightest)
     faintest = float(catalogue.mag(rows)[-1])
     rows = catalogue.cone(pole, np.pi, faintest - 2.5 * float(np.log10(1.0 - spread)), year)
-    mag, vectors = catalogue.mag(rows), catalogue.vectors(rows, year)
-    certain = mag < faintest - 2.5 * np.log10(1.0 + spread)
-    chord = 2.0 * np.sin(np.radians(double_deg) / 2.0)
-    if len(double := cKDTree(vectors).query_pairs(chord, output_type="ndarray")):
-        certain[double.ravel()] = False
-    return make_table(rows, vectors, mag, certain, quanta, faintest)
+
+    def make() -> Arrays:
+        mag, vectors = catalogue.mag(rows), catalogue.vectors(rows, year)
+        certain = mag < faintest - 2.5 * np.log10(1.0 + spread)
+        chord = 2.0 * np.sin(np.radians(double_deg) / 2.0)
+        if len(double := cKDTree(vectors).query_pairs(chord, output_type="ndarray")):
+            certain[double.ravel()] = False
+        table = make_table(rows, vectors, mag, certain, quanta, faintest)
+        arrays = {name: getattr(table, name) for name in KEPT}
+        return {**arrays, "triplets": np.array(table.triplets)}
+
+    options = {
+        "brightest": brightest, "spread": spread, "double_deg": double_deg, "year": year,
+        **asdict(quanta),
+    }  # fmt: skip
+    found = kept("neighbours", options, make)
+    triplets = int(found.pop("triplets"))
+    return NeighbourTable(**found, triplets=triplets, faintest=faintest)

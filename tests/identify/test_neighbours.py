@@ -149,3 +149,19 @@ def test_what_it_cannot_work_with(stars, hint, reason) -> None:
     found = run(method.identify(Detections.from_list(points, 900, 900), hint))
     assert not isinstance(found, Identification)
     assert found.reason == reason
+
+
+def test_its_table_comes_from_disk_the_second_time(tmp_path, monkeypatch) -> None:
+    from app.identify import neighbours_table, table_cache
+
+    monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
+    monkeypatch.setattr(table_cache, "WORTH_S", 0.0)
+    method = Neighbours(brightest=300)
+    neighbours_table._tabled.cache_clear()
+    made = method.table()
+    neighbours_table._tabled.cache_clear()
+    monkeypatch.setattr(neighbours_table, "make_table", None)
+    again = method.table()
+    np.testing.assert_array_equal(made.key, again.key)
+    assert (made.triplets, made.faintest) == (again.triplets, again.faintest)
+    neighbours_table._tabled.cache_clear()
