@@ -54,8 +54,10 @@ class SecondSweep:
         return self.foreseen_arcsec * (BACK_COSTS if self.back_deg else 1.0)
 
 
-def plan_second(measurement: Measurement, optics: Optics, frames: int) -> SecondSweep | None:
-    """The declination where a sweep like the last one leaves the least in doubt.
+def plan_second(
+    measurement: Measurement, optics: Optics, frames: int, turn_deg: float | None = None
+) -> SecondSweep | None:
+    """The declination where a sweep of ``turn_deg``, None as the last, leaves the least in doubt.
 
     None when no other declination within reach helps: too low there, or no bending is in the
     axis from here.
@@ -68,19 +70,21 @@ def plan_second(measurement: Measurement, optics: Optics, frames: int) -> Second
     ways = [
         way
         for back_deg, start in starts
-        for way in _ways(measurement, optics, frames, back_deg, start)
+        for way in _ways(measurement, optics, frames, turn_deg, back_deg, start)
         if way.shows
     ]
     return min(ways, key=lambda second: second.cost_arcsec, default=None)
 
 
 def _ways(
-    m: Measurement, optics: Optics, frames: int, back_deg: float, start: LocalAttitude
-) -> Iterator[SecondSweep]:
+    m: Measurement, optics: Optics, frames: int, turn_deg: float | None, back_deg: float,
+    start: LocalAttitude,
+) -> Iterator[SecondSweep]:  # fmt: skip
     for move in MOVES_DEG:
         if not NEAREST_DEG <= m.rho_deg + move <= FURTHEST_DEG:
             continue
-        path = best_way(away_from_axis(start, m.fit.axis, move), m.settings, m.turn_deg)
+        begin = away_from_axis(start, m.fit.axis, move)
+        path = best_way(begin, m.settings, turn_deg or m.turn_deg)
         if path.good:
             yield _foreseen(m, optics, frames, back_deg, move, path)
 

@@ -23,8 +23,8 @@ MOST_ROUNDS = 6
 class AlignOptions:
     """When it is good: the total and ``sure`` of its sigmas are within ``goal_arcsec``.
 
-    ``sweep`` is how to measure. With ``second_sweep`` nothing is called good before a sweep at
-    another declination has shown how the tube bends; without it only when a person asks.
+    ``sweep`` is how to measure. With ``second_sweep`` one at another declination follows the first,
+    before any bolt is turned, and shows how the tube bends; without it only when a person asks.
     """
 
     goal_arcsec: float = 30.0
@@ -73,7 +73,7 @@ def align(
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()
     sweep, rounds, droop = options.sweep, 0, UNKNOWN
-    checked = not options.second_sweep
+    wanted = options.second_sweep
     before: Measurement | None = None
     while True:
         rounds += 1
@@ -83,15 +83,15 @@ def align(
             measured = replace(measured, measurement=both, findings=both.findings)
         history.measured(measured.measurement)
         keep(history)
-        good = _good(measured, options)
-        if controls.take_second_sweep() or (good and not checked):
-            checked = True
-            measured = yield from second_sweep(source, turner, measured, sweep, controls)
-            droop = measured.measurement.droop
-            history.measured(measured.measurement)
-            keep(history)
-            good = _good(measured, options)
+        if controls.take_second_sweep() or wanted:
+            both_sweeps = yield from second_sweep(source, turner, measured, sweep, controls)
+            wanted, droop = False, both_sweeps.measurement.droop
+            if both_sweeps is not measured:
+                measured = both_sweeps
+                history.measured(measured.measurement)
+                keep(history)
         error = measured.measurement.error
+        good = _good(measured, options)
         if good or rounds == MOST_ROUNDS:
             yield _done(measured, good, tutor.moves)
             return Alignment(measured.measurement, good, rounds, tutor.moves, history)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from app.core.mount import Direction
 from app.core.progress import Task
 from app.polar.findings import Kind
-from app.polar.measure import Measurement, together
+from app.polar.measure import together
 from app.polar.second import SecondSweep, plan_second
 from app.workflows.polar_measure import Measured, Sweep, optics_of, sweep_from
 from app.workflows.polar_sources import SightingSource
@@ -35,8 +35,9 @@ def second_sweep(
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     measurement = first.measurement
     last = measurement.attitudes[-1]
-    frames = max(sweep.frames, min(sweep.most_frames, _of_last_sweep(measurement)))
-    plan = plan_second(measurement, optics_of(last), frames)
+    frames = max(sweep.frames, sweep.most_frames)
+    turn = sweep.turn_deg or max(sweep.most_deg, measurement.turn_deg)
+    plan = plan_second(measurement, optics_of(last), frames, turn)
     if plan is None:
         yield PolarUpdate("turn", 1.0, HELPLESS, measurement=measurement, findings=first.findings)
         return first
@@ -62,10 +63,6 @@ HELPLESS = (
 
 def _back(direction: Direction) -> Direction:
     return Direction.EAST if direction is Direction.WEST else Direction.WEST
-
-
-def _of_last_sweep(measurement: Measurement) -> int:
-    return len(measurement.fit.turns_rad)
 
 
 def _announced(plan: SecondSweep) -> str:
