@@ -13,7 +13,8 @@ from app.identify.known_triangles import Sight
 from app.identify.search import Search
 from app.identify.verify import Verdict
 
-FEWEST = 3
+FEWEST, MOST = 3, 24
+"""So many detections are looked at so; of more the quads make as short work without a table."""
 KNOWN, ROUGHLY = 1.07, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 
@@ -26,7 +27,8 @@ def known_camera(
     Where the stars are so few that chance has room, a table of fewer stars is asked first.
     """
     low, high = search.scale
-    if high > low * (ROUGHLY if len(search.xy) <= POOR else KNOWN) or len(search.xy) < FEWEST:
+    known = ROUGHLY if len(search.xy) <= POOR else KNOWN
+    if high > low * known or not FEWEST <= len(search.xy) <= MOST:
         return ()
     field_deg = search.field_deg((low * high) ** 0.5)
     wanted = (SPARSE, DENSE) if len(search.xy) <= FEW else (DENSE,)

@@ -6,7 +6,7 @@ detections may be, and each star's own by distance, in rings of equal area, to f
 10,000 stars make 225,000 pairs in a twentieth of a second.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 
@@ -31,7 +31,7 @@ REACH = 0.71
 """Widest pair, over the level's field: the diagonal of half a field's area."""
 DENSE, SPARSE = 12.0, 6.0
 """So many stars of a level are at least in a frame, on average, and less than twice as many."""
-NARROWEST_DEG = 5.0
+NARROWEST_DEG = 7.0
 """Levels for smaller fields have a million pairs and more: their frames are left to the quads."""
 
 
@@ -135,27 +135,35 @@ def _levels(volumes: tuple[Volume, ...]) -> list[tuple[Volume, int, float]]:
 @lru_cache(maxsize=8)
 def _dated(volume: Volume, level: int, year: int) -> PairTable:
     """The table with its stars where they are in ``year``: their pairs outlive decades."""
-    a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
-    rows, stars = volume.rows[a:b].astype(np.int64), volume.stars[a:b]
-    reach = float(min(np.radians(REACH * volume.fields_deg[level]), 1.0))
-    told = {
-        "stars": sha256(np.ascontiguousarray(stars).tobytes()).hexdigest(),
-        "reach": reach, "rings": RINGS,
-    }  # fmt: skip
-    found = kept("known", told, lambda: make_pairs(stars.astype(np.float64), reach))
-    vectors = stars.astype(np.float64)
-    if is_shipped(volume):
-        from app.sky import open_catalogue
+    table = _opened(volume, level)
+    if not is_shipped(volume):
+        return table
+    from app.sky import open_catalogue
 
-        vectors = open_catalogue().vectors(rows, float(year))
+    vectors = open_catalogue().vectors(table.rows, float(year))
+    return replace(table, vectors=vectors, rough=_rough(vectors))
+
+
+@lru_cache(maxsize=4)
+def _opened(volume: Volume, level: int) -> PairTable:
+    """The table with its stars where the index has them."""
+    a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
+    stars = np.ascontiguousarray(volume.stars[a:b])
+    vectors = stars.astype(np.float64)
+    reach = float(min(np.radians(REACH * volume.fields_deg[level]), 1.0))
+    told = {"stars": sha256(stars.tobytes()).hexdigest(), "reach": reach, "rings": RINGS}
+    found = kept("known", told, lambda: make_pairs(vectors, reach))
     angle = found["angle"].repeat(2)
-    first = angle.searchsorted(np.linspace(0.0, reach, BINS + 1), "left").tolist()
-    rough = np.ascontiguousarray(vectors.T.astype(np.float32))
     return PairTable(
-        volume, level, rows, vectors, rough, found["pairs"].ravel(),
-        np.ascontiguousarray(found["pairs"][:, ::-1]).ravel(), angle, first,
-        _turned(found["begin"], len(rows)), found["neighbour"], found["apart"], reach,
+        volume, level, volume.rows[a:b].astype(np.int64), vectors, _rough(vectors),
+        found["pairs"].ravel(), np.ascontiguousarray(found["pairs"][:, ::-1]).ravel(), angle,
+        angle.searchsorted(np.linspace(0.0, reach, BINS + 1)).tolist(),
+        _turned(found["begin"], len(vectors)), found["neighbour"], found["apart"], reach,
     )  # fmt: skip
+
+
+def _rough(vectors: Floats) -> NDArray[np.float32]:
+    return np.ascontiguousarray(vectors.T.astype(np.float32))
 
 
 def make_pairs(vectors: Floats, reach_rad: float) -> Arrays:
