@@ -5,11 +5,14 @@ import pytest
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QFontMetricsF, QImage, QPainter
 
+from app.core.mount import Direction
 from app.polar.bolts import Knob
 from app.ui.palette import THEMES
 from app.ui.polar.arrows import draw_arrow
-from app.ui.polar.bolts_view import BoltsView
+from app.ui.polar.bolts_painting import digit_font
+from app.ui.polar.bolts_view import KEYS, TURNING, BoltsView
 from app.ui.polar.state import State
+from app.ui.polar.turning import TurnAsked
 from tests.ui.polar_cases import adjusting
 from tests.ui.test_night import assert_red, colours
 
@@ -55,7 +58,7 @@ def test_digits_are_a_third_of_the_screen_high(bolts, size):
     bolts.resize(*size)
     bolts.show_state(adjusting(-44.0, 10.0), 0.0)
     assert bolts.digits() == "44″"
-    font = bolts.digit_font(QRectF(0, 0, 0.6 * size[0], 400))
+    font = digit_font(bolts.font(), bolts.digits(), size[1], 0.6 * size[0])
     assert QFontMetricsF(font).capHeight() == pytest.approx(size[1] / 3.0, rel=0.05)
     rows = colours(bolts).max(axis=2).astype(int)
     ground = rows[2, 2]
@@ -67,8 +70,8 @@ def test_digits_are_a_third_of_the_screen_high(bolts, size):
 def test_wide_numbers_shrink_rather_than_being_cut(bolts):
     bolts.resize(800, 768)
     bolts.show_state(adjusting(-5000.0, 10.0), 0.0)
-    box = QRectF(0, 0, 400, 400)
-    wide = QFontMetricsF(bolts.digit_font(box)).horizontalAdvance(bolts.digits())
+    font = digit_font(bolts.font(), bolts.digits(), bolts.height(), 400.0)
+    wide = QFontMetricsF(font).horizontalAdvance(bolts.digits())
     assert wide <= 401
 
 
@@ -124,3 +127,11 @@ def test_the_end_is_a_tick_and_the_whole_error(bolts):
     bolts.show_state(adjusting(3.0, 3.0), 0.0)
     assert bolts.digits() == "4″"
     assert bolts.way() == ""
+
+
+def test_escape_is_said_to_stop_the_mount_while_that_turns(bolts):
+    bolts.show_state(State("turn", "The mount turns: 30 deg to the west."), 0.0)
+    assert bolts.face.keys == TURNING
+    asked = TurnAsked("turn", 0.0, "Turn the RA axis by hand.", Direction.WEST, 30.0)
+    bolts.show_state(State("turn", "Turn it.", asked=asked), 0.0)
+    assert bolts.face.keys == KEYS

@@ -57,6 +57,11 @@ class State:
         return asked or (self.stage == "adjust" and waits)
 
     @property
+    def mount_turns(self) -> bool:
+        """Whether it is the mount that turns the axis now, by itself."""
+        return self.stage == "turn" and self.asked is None
+
+    @property
     def stop(self) -> bool:
         """Whether the tutor says that it is enough."""
         return self.instruction is not None and self.instruction.step is Step.STOP
