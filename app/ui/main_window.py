@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QChildEvent, Qt, Signal
+from PySide6.QtCore import QChildEvent, QSize, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QMainWindow, QStackedWidget, QWidget
 
@@ -36,7 +36,7 @@ class MainWindow(QMainWindow):
         self.tools = make_toolbar(self, self.actions_by_name)
         self.welcome = Welcome(samples)
         self.workspace = Workspace(methods, detectors)
-        self.pages = QStackedWidget()
+        self.pages = _Pages()
         self.pages.addWidget(self.welcome)
         self.pages.addWidget(self.workspace)
         self.setCentralWidget(self.pages)
@@ -72,6 +72,18 @@ class MainWindow(QMainWindow):
         self.closing.emit()
         self.log.detach()
         super().closeEvent(event)
+
+
+class _Pages(QStackedWidget):
+    """Needs no more room than the page that is seen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.currentChanged.connect(self.updateGeometry)
+
+    def minimumSizeHint(self) -> QSize:
+        page = self.currentWidget()
+        return super().minimumSizeHint() if page is None else page.minimumSizeHint()
 
 
 def _files(event: QDragEnterEvent | QDropEvent) -> list[Path]:

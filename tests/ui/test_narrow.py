@@ -63,3 +63,12 @@ def test_a_side_that_was_away_when_the_window_closed_comes_back(qtbot, opened, m
     resize(qtbot, again, 1366)
     assert again.workspace.tabs.isVisible()
     assert again.workspace.tabs.width() >= 320
+
+
+def test_a_page_that_is_not_seen_takes_no_room(opened):
+    window, _ = opened
+    wide = window.welcome.minimumSizeHint().width()
+    window.welcome.setMinimumWidth(wide + 800)
+    assert window.pages.minimumSizeHint() == window.workspace.minimumSizeHint()
+    window.pages.setCurrentWidget(window.welcome)
+    assert window.pages.minimumSizeHint() == window.welcome.minimumSizeHint()

@@ -83,13 +83,14 @@ class LaboratoryView(QWidget):
         buttons = QHBoxLayout()
         for b in (self.compare, self.draw, self.stop):
             buttons.addWidget(b)
-        buttons.addWidget(self.bar, 1)
+        buttons.addStretch(1)
         for b in (self.export.csv, self.export.png):
             buttons.addWidget(b)
         below = QWidget()
         column = QVBoxLayout(below)
         column.setContentsMargins(0, 4, 0, 0)
         column.addLayout(buttons)
+        column.addWidget(self.bar)
         column.addWidget(self.said)
         column.addWidget(self.tabs, 1)
         parts = QSplitter(Qt.Orientation.Vertical)
