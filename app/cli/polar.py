@@ -12,6 +12,7 @@ from app.core.errors import UsageError
 from app.core.hint import Site
 from app.core.progress import run as run_task
 from app.core.solution import NoSolution
+from app.polar.findings import Kind
 from app.polar.history import History
 from app.polar.horizon import Air
 from app.polar.measure import Measurement, NoAxis, Settings, measure
@@ -22,6 +23,9 @@ from app.polar.words import altitude_in_words, angle_in_words, azimuth_in_words
 from app.solve.options import SolveOptions
 from app.workflows.polar_measure import optics_of
 from app.workflows.polar_sources import SolvedFile, sightings_of, site_of, solve_polar_file
+
+SPOILT = {Kind.FAR, Kind.SITE_OR_TIME, Kind.DEC_MOVED, Kind.CAMERA_TURNED, Kind.DISAGREE}
+"""What must be put right first: nothing is better after it."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -119,27 +123,33 @@ def as_json(m: Measurement) -> Json:
 def as_text(m: Measurement) -> str:
     """A card for people."""
     error = m.error
+    sweeps = f" of {len(m.looks)} sweeps" if len(m.looks) > 1 else ""
     lines = [
         f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.sigma_total_arcsec)}"
         f" from the {name_of(m.settings.pole, m.settings.site)}",
         f"altitude  {altitude_in_words(error)}",
         f"azimuth   {azimuth_in_words(error)}",
-        f"measured  {len(m.attitudes)} frames over {m.turn_deg:.1f} deg of turn,"
+        f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
         f" {m.rho_deg:.0f} deg from the axis" + _chi2(m),
     ]
     if error.below_uncertainty:
         lines.append("stop      the error is smaller than its uncertainty")
-    more = more_turn_deg(optics_of(m.attitudes[0]), m.rho_deg, m.fit.turns_rad, 30.0)
-    if more:
+    if not SPOILT & {finding.kind for finding in m.findings}:
+        lines += _better(m)
+    return "\n  ".join(lines + [f"note      {finding.text}" for finding in m.findings])
+
+
+def _better(m: Measurement) -> list[str]:
+    """How the axis could be known better: by a longer turn, by a second sweep."""
+    lines, optics = [], optics_of(m.attitudes[0])
+    if more := more_turn_deg(optics, m.rho_deg, m.fit.turns_rad, 30.0):
         lines.append(f'better    turn {more:.0f} deg more to know the axis to 30"')
-    if len(m.looks) == 1 and (
-        second := plan_second(m, optics_of(m.attitudes[0]), len(m.attitudes))
-    ):
+    if len(m.looks) == 1 and (second := plan_second(m, optics, len(m.attitudes))):
         lines.append(
             f"better    a second sweep (--check) at declination {second.declination_deg:+.0f} deg:"
             f' then the axis is known to {second.foreseen_arcsec:.0f}", bending and all'
         )
-    return "\n  ".join(lines + [f"note      {finding.text}" for finding in m.findings])
+    return lines
 
 
 def _chi2(m: Measurement) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +20,9 @@ from app.workflows.solve_frame import solve_file, solve_open_frame
 NEAR_DEG = 20.0
 SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
+
+APART_DEG = 12.0
+"""One sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination."""
 
 
 class SightingSource(Protocol):
@@ -49,6 +53,8 @@ def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile
 def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sighting]:
     """The sightings of files that are all solved.
 
+    Frames that are all said to be of one sweep, and stand at two declinations far apart, are two.
+
     Raises
     ------
     UsageError
@@ -66,7 +72,26 @@ def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sig
         if isinstance(file.result, Solution):
             label = Path(file.path).name
             sightings.append(Sighting.of(file.result, file.time_utc, label, sweep))
-    return sightings
+    return sightings if len(set(sweeps)) > 1 else _by_declination(sightings)
+
+
+def _by_declination(sightings: list[Sighting]) -> list[Sighting]:
+    """The same as two sweeps, when two groups of two or more stand far apart in declination."""
+    ordered = sorted(sightings, key=_declination_deg)
+    gaps = [_declination_deg(b) - _declination_deg(a) for a, b in pairwise(ordered)]
+    if not gaps or max(gaps) < APART_DEG:
+        return sightings
+    cut = gaps.index(max(gaps)) + 1
+    groups = ordered[:cut], ordered[cut:]
+    within = (_declination_deg(g[-1]) - _declination_deg(g[0]) for g in groups)
+    if min(map(len, groups)) < 2 or max(within) > APART_DEG:
+        return sightings
+    second = groups[sightings[0] in groups[0]]
+    return [replace(s, sweep=1) if s in second else s for s in sightings]
+
+
+def _declination_deg(sighting: Sighting) -> float:
+    return sighting.attitude.ra_dec_deg[1]
 
 
 def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:

@@ -192,9 +192,21 @@ def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
     assert both["droop_arcsec"] == pytest.approx(60.0, abs=4.0 * both["sigma_droop_arcsec"])
     assert both["unseen_arcsec"][0] < 0.6 * one["unseen_arcsec"][0]
     assert [w for w in both["warnings"] if w.startswith("The tube sinks by")]
+    shuffled = [second[1], first[2], first[0], second[0], second[2], first[1]]
+    _, out, _ = polar(capsys, *shuffled, "--json", "--pressure", "1010")
+    assert json.loads(out)["droop_arcsec"] == pytest.approx(both["droop_arcsec"], abs=1.0)
     code, out, _ = polar(capsys, *first)
     assert code == 0
     assert re.search(r"second sweep \(--check\) at declination [+-][0-9]+ deg", out)
+
+
+def test_one_frame_elsewhere_is_no_second_sweep_and_nothing_is_promised(bent, capsys):
+    _, first, second = bent
+    code, out, _ = polar(capsys, *first, second[1])
+    assert code == 0
+    assert "note" in out
+    assert "of 2 sweeps" not in out
+    assert "better" not in out
 
 
 @pytest.mark.parametrize(
