@@ -173,10 +173,19 @@ def _window(
 def open_volume(folder: Path) -> Volume:
     """Open a volume, memory mapped; raises CatalogueError when it is absent or damaged."""
     try:
-        facts: dict[str, Any] = json.loads((folder / "index.json").read_text("utf-8"))
-        arrays = {n: np.load(folder / f"{n}.npy", mmap_mode="r") for n in ARRAYS}
-    except (OSError, ValueError, EOFError) as error:
-        raise CatalogueError(f"The pattern index in {folder} cannot be opened: {error}") from error
+        return _opened(folder)
+    except (OSError, ValueError, EOFError, LookupError, TypeError, AttributeError) as error:
+        raise CatalogueError(
+            f"The patterns in {folder} are missing or damaged and cannot be opened: install Kochab"
+            " again."
+        ) from error
+
+
+def _opened(folder: Path) -> Volume:
+    facts: dict[str, Any] = json.loads((folder / "index.json").read_text("utf-8"))
+    arrays = {n: np.load(folder / f"{n}.npy", mmap_mode="r") for n in ARRAYS}
+    if int(arrays["cells"][-1]) != len(arrays["codes"]):
+        raise ValueError("cut short")
     plain = {n: a.view(np.ndarray) for n, a in arrays.items()}
     return Volume(
         Grid(int(facts["steps"])),

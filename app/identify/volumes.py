@@ -61,9 +61,12 @@ def shipped() -> tuple[Volume, ...]:
 
 
 def fine() -> Volume | None:
-    """The volume of small fields when it has been made, else None."""
+    """The volume of small fields when it has been made and is whole, else None."""
     folder = fine_folder()
-    return _opened(folder) if (folder / "index.json").exists() else None
+    try:
+        return _opened(folder) if (folder / "index.json").exists() else None
+    except CatalogueError:  # the power failed while it was written: it is made again
+        return None
 
 
 @lru_cache(maxsize=1)
@@ -128,6 +131,7 @@ def make_fine() -> Task[Volume]:
             return ready
         shutil.rmtree(scratch, ignore_errors=True)
         yield from _build(scratch, *FINE)
+        shutil.rmtree(folder, ignore_errors=True)
         scratch.rename(folder)
     except OSError as error:
         raise CatalogueError(

@@ -87,6 +87,19 @@ def test_the_fine_volume_is_made_once_and_kept(small_plan):
     assert [p.name for p in small_plan.iterdir()] == [volumes.fine_folder().name]
 
 
+@pytest.mark.parametrize("name", ["codes.npy", "index.json", "cells.npy"])
+def test_a_volume_that_was_damaged_is_made_again(small_plan, name):
+    made = run(volumes.make_fine())
+    damaged = volumes.fine_folder() / name
+    damaged.unlink()  # for what is mapped into memory may not be cut
+    damaged.write_bytes(b"")
+    volumes._opened.cache_clear()
+    assert volumes.fine() is None
+    again = run(volumes.make_fine())
+    assert np.array_equal(made.cells, again.cells)
+    assert volumes.fine() is not None
+
+
 def test_a_cancelled_build_leaves_nothing_behind(small_plan):
     task = volumes.make_fine()
     for _ in range(4):
