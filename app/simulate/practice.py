@@ -16,7 +16,7 @@ from app.simulate.responders.skywatcher import SkyWatcher
 from app.simulate.rig import PracticeRig, RigConfig
 from app.simulate.scenario import misaligned, practice_night, through, tonight
 from app.simulate.score import Score, score
-from app.simulate.source import SimulatedCamera, announce
+from app.simulate.source import SimulatedCamera, announce, withdraw
 from app.simulate.telescope import Telescope
 
 KEPT_FRAMES = 200
@@ -92,6 +92,7 @@ class Practice:
         if self._writer is not None:
             self._writer.join(timeout=10.0)
         self.line.stop()
+        withdraw(self.camera)
 
     def _write_frames(self) -> None:
         from app.frames.fits_write import write_fits

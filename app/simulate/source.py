@@ -26,6 +26,11 @@ def announce(rig: PracticeRig) -> str:
     return f"rig {number}"
 
 
+def withdraw(name: str) -> None:
+    """Let nobody open the camera of that name any more; who has it keeps it."""
+    RUNNING.pop(name, None)
+
+
 class SimulatedCamera:
     """Exposes one after the other; frames that nobody fetched are never made.
 

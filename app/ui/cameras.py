@@ -18,6 +18,7 @@ class Cameras(QObject):
     chosen = Signal(str, str)  # source, a name of app.cameras.SOURCES, and its address
     found = Signal(str, list)  # source and its CameraDevices
     missed = Signal(str, str)  # source, and why it cannot be asked
+    gone = Signal(str, str)  # source and address of a camera that will not come back
 
     def __init__(self, jobs: Jobs) -> None:
         super().__init__(jobs)
@@ -31,6 +32,12 @@ class Cameras(QObject):
         if source and (source, address) != self.choice:
             self.choice = source, address
             self.chosen.emit(source, address)
+
+    def forget(self, source: str, address: str) -> None:
+        """Tell that this camera is there no more."""
+        if self.choice == (source, address):
+            self.choice = None
+        self.gone.emit(source, address)
 
     def look(self, source: str, address: str = "") -> None:
         """Look for cameras of one kind; the newest answer alone is told."""

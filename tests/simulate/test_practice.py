@@ -246,6 +246,17 @@ def test_an_unplugged_camera_says_so_at_once():
         camera.next_frame(20.0)
 
 
+def test_a_practice_that_has_ended_lends_its_camera_no_more():
+    rig = replace(misaligned(tonight(3), 40.0, 3.0), camera=SMALL, rate=50.0)
+    running = start_practice(PracticeConfig(rig, socket=True))
+    camera = open_camera("simulated", running.camera)
+    running.stop()
+    assert running.camera not in [device.address for device in list_devices("simulated")]
+    with pytest.raises(PortError, match="No practice telescope"):
+        open_camera("simulated", running.camera)
+    camera.close()
+
+
 def test_a_rig_that_is_gone_is_listed_no_more():
     rig = PracticeRig(RigConfig(rate=0.0, camera=SMALL))
     from app.simulate.source import announce

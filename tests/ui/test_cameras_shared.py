@@ -62,6 +62,30 @@ def test_what_live_chooses_the_mount_uses(qtbot, commands):
     assert mount.desk.lookout.eye.wish == mount.camera.wish
 
 
+def test_the_alignment_uses_it_too_though_its_view_is_made_later(qtbot, commands):
+    live = view_of(commands, "live")
+    live.camera.source.setCurrentIndex(live.camera.source.findData("indi"))
+    qtbot.waitUntil(lambda: live.camera.found.count() == 2)
+    pick(live.camera.found, "indi:1/b")
+    setup = view_of(commands, "polar").setup
+    assert setup.kind.currentText() == "indi"
+    assert "indi:1/b" in (setup.device.currentText(), setup.device.currentData())
+    pick(live.camera.found, "indi:1/a")
+    assert "indi:1/a" in (setup.device.currentText(), setup.device.currentData())
+    live._services.cameras.choose("simulated", "rig 1")  # it has a mount of its own
+    assert setup.kind.currentText() == "indi"
+
+
+def test_a_camera_that_will_not_come_back_is_not_offered_any_more(qtbot, commands):
+    live = view_of(commands, "live")
+    cameras = live._services.cameras
+    cameras.choose("simulated", "rig 1")
+    assert live.camera.address == "rig 1"
+    cameras.forget("simulated", "rig 1")
+    assert cameras.choice is None
+    qtbot.waitUntil(lambda: live.camera.address == "simulated:1/a")
+
+
 def test_what_the_mount_chooses_live_uses_unless_it_runs(qtbot, commands):
     live, mount = view_of(commands, "live"), view_of(commands, "mount")
     pick(mount.camera.source, "webcam")

@@ -124,10 +124,15 @@ class CameraPanel(QWidget):
         """The chosen source, a name of :data:`app.cameras.SOURCES`."""
         return str(self.source.currentData())
 
+    @property
+    def address(self) -> str:
+        """Where it is, as typed or picked."""
+        return self.where.text().strip()
+
     def choice(self) -> CameraChoice:
         """What is wanted now."""
         return CameraChoice(
-            self.kind, self.where.text().strip(), self.lens.text().strip(),
+            self.kind, self.address, self.lens.text().strip(),
             self.again.isChecked(), self.fields.settings(),
         )  # fmt: skip
 
@@ -140,11 +145,11 @@ class CameraPanel(QWidget):
                 self.found.addItem(device.description, device.address)
             self.found.setToolTip("\n".join(f"{d.address}: {d.description}" for d in devices))
             self.found.setEnabled(bool(devices))
-            at = self.found.findData(self.where.text().strip())
+            at = self.found.findData(self.address)
             self.found.setCurrentIndex(max(at, 0) if devices else -1)
         silent = bool(devices) or self.kind == "folder"
         self.say("" if silent else NONE_FOUND)
-        if devices and not self.where.text().strip():
+        if devices and not self.address:
             self._picked(0)
 
     def say(self, sentence: str) -> None:
@@ -219,9 +224,8 @@ class CameraPanel(QWidget):
         self._tell()
 
     def _tell(self) -> None:
-        address = self.where.text().strip()
-        if address:
-            self.chosen.emit(self.kind, address)
+        if self.address:
+            self.chosen.emit(self.kind, self.address)
 
     def _ask_folder(self) -> None:
         start = self.where.text() or str(Path.home())

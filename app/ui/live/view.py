@@ -53,6 +53,7 @@ class LiveView(LivePanel):
         self.camera.chosen.connect(cameras.choose)
         self.record.wanted.connect(self._set_recording)
         cameras.chosen.connect(self._adopt)
+        cameras.gone.connect(self._has_gone)
         cameras.found.connect(self._has_found)
         cameras.missed.connect(self._has_missed)
         services.looks.changed.connect(self._dress)
@@ -104,7 +105,7 @@ class LiveView(LivePanel):
 
     def look(self) -> None:
         """Look for cameras of the chosen kind."""
-        self._services.cameras.look(self.camera.kind, self.camera.where.text().strip())
+        self._services.cameras.look(self.camera.kind, self.camera.address)
 
     def _end(self, keep: bool) -> None:
         job, stream = self.job, self.stream
@@ -138,6 +139,11 @@ class LiveView(LivePanel):
         """Another view has chosen a camera: it is this one's too, unless one runs."""
         if self.stream is None:
             self.camera.show_choice(source, address)
+
+    def _has_gone(self, source: str, address: str) -> None:
+        if self.stream is None and (source, address) == (self.camera.kind, self.camera.address):
+            self.camera.show_choice(source, "")
+            self.look()
 
     def _has_found(self, source: str, devices: list[CameraDevice]) -> None:
         if source == self.camera.kind:

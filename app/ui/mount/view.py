@@ -139,8 +139,9 @@ class MountView(MountPanel):
             self.tracking.setChecked(bool(tracks))
             self.tracking.setText("Tracking: not told" if tracks is None else "Tracking")
         eye = self.desk.lookout.eye
-        if eye is not None and eye.wish != self.camera.wish:
-            self.camera.show_wish(eye.wish)
+        wish = None if eye is None else eye.wish
+        if wish != self.camera.wish:
+            self.camera.show_wish(wish or CameraWish("", "", self.camera.exposure.value()))
         if not known.busy and not self._finder.running:
             self.bar.setVisible(False)
 
