@@ -13,7 +13,7 @@ from app.ui.mount.corner import MountCorner, corner_text
 from app.ui.mount.errand import Errand
 from app.ui.mount.known import POLAR, MountKnown
 from app.ui.mount.words import Connected, Done, Failed, Lost, Report, Under
-from app.ui.polar.run import OTHER_SKY
+from app.ui.polar.run import OTHER_SKY, stands
 from app.ui.polar.wish import Hand, Source
 from tests.mounts.bench import place
 from tests.ui.mount_bench import connected
@@ -136,6 +136,43 @@ def test_an_errand_ends_with_the_line(qtbot, opened):
         qtbot.waitUntil(lambda: heard == ["cancelled", "finished"], timeout=15_000)
         with pytest.raises(RefusedError, match="Connect a mount first"):
             mount.desk.order("goto", waits)
+
+
+@pytest.mark.parametrize("ending", ["plugged", "stopped"])
+def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, opened, ending):
+    """Bolts are turned for minutes: the measurement is not lost with the cable."""
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        seen, told = [], []
+
+        def follows(guard):
+            while len(seen) < 5:
+                yield Progress("adjust")
+                if mount.desk.known.phase == "on" and told:
+                    seen.append(1)
+            return "followed"
+
+        errand = mount.desk.order(POLAR, follows, stands)
+        for name in ("succeeded", "failed", "cancelled"):
+            getattr(errand, name).connect(lambda *_, n=name: told.append(n))
+        mount.bench.line.unplug()
+        qtbot.waitUntil(lambda: mount.desk.known.phase == "lost", timeout=15_000)
+        assert mount.desk.known.busy == POLAR
+        assert not told
+        if ending == "stopped":
+            mount.desk.stop()
+            qtbot.waitUntil(lambda: told == ["failed"], timeout=10_000)
+            assert mount.desk.known.phase == "lost"
+        mount.bench.line.plug()
+        qtbot.waitUntil(lambda: mount.desk.known.phase == "on", timeout=20_000)
+        if ending == "plugged":
+            told.append("back")
+            qtbot.waitUntil(lambda: told == ["back", "succeeded"], timeout=10_000)
+
+
+@pytest.mark.parametrize(("stage", "waits"), [("adjust", True), ("measure", True), ("turn", False)])
+def test_what_turns_the_mount_never_waits(stage, waits):
+    assert stands(Progress(stage)) is waits
 
 
 @pytest.mark.parametrize(

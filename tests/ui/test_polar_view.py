@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QPlainTextEdit,
 )
 
-from app.core.errors import KochabError, NoAnswerError, UsageError
+from app.core.errors import KochabError, LineLostError, NoAnswerError, UsageError
 from app.core.hint import Site
 from app.core.mount import Ability, Direction
 from app.core.progress import run
@@ -27,11 +27,15 @@ from app.simulate.rig import PracticeRig, RigConfig
 from app.simulate.scenario import misaligned, through, tonight
 from app.ui.application import build
 from app.ui.engine import WorkflowEngine
+from app.ui.mount.eye import CameraWish
 from app.ui.polar.keep_report import writing
 from app.ui.polar.state import State
+from app.ui.polar.tools import Tools
 from app.ui.polar.turning import Afresh, mount_turner
-from app.ui.polar.wish import Hand, Source
+from app.ui.polar.wish import AlignWish, Hand, Source
+from app.ui.polar.work import working
 from app.ui.wiring import Wiring
+from app.workflows.polar_update import PolarControls
 from tests.ui.polar_cases import adjusting
 from tests.ui.test_night import assert_red
 
@@ -470,6 +474,28 @@ def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, pola
     assert not mount.slewing
     # It may track, 15 arcsec a second, and no more.
     assert abs(second[0] - first[0]) < 0.02
+
+
+class Unplugged:
+    """A camera whose cable is pulled after it was opened."""
+
+    name = "unplugged"
+
+    def next_frame(self, timeout_s):
+        raise LineLostError("The camera was unplugged.")
+
+    def close(self):
+        pass
+
+
+def test_a_camera_that_goes_is_not_taken_for_the_mounts_line():
+    tools = Tools(
+        PolarControls(), lambda step: None, lambda history: None,
+        open_camera=lambda *wish: Unplugged(),
+    )  # fmt: skip
+    wish = AlignWish(Source.CAMERA, site=SITE, camera=CameraWish("folder", "somewhere"))
+    with pytest.raises(NoAnswerError, match="unplugged"):
+        run(working(wish, tools))
 
 
 def test_wishes_are_understood(polar):

@@ -8,7 +8,7 @@ from app.core.mount import Direction
 from app.solve.disagreement import Finding
 from app.ui.mount import orders
 from app.ui.mount.desk import Desk
-from app.ui.mount.line_thread import Make
+from app.ui.mount.line_order import Make
 from app.ui.mount.outcome import spoken
 from app.ui.mount.words import Done, Failed
 from app.workflows.centre_target import Centring, End

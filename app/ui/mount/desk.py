@@ -12,7 +12,8 @@ from app.ui.mount import orders
 from app.ui.mount.errand import Errand
 from app.ui.mount.eye import CameraWish
 from app.ui.mount.known import MountKnown
-from app.ui.mount.line_thread import Make, MountLine
+from app.ui.mount.line_order import Make, Outlives, never
+from app.ui.mount.line_thread import MountLine
 from app.ui.mount.lookout import Lookout
 from app.ui.mount.opening import Opening, PracticeOpening, on_port
 from app.ui.mount.reasons import Situation, unable
@@ -117,10 +118,10 @@ class Desk(QObject):
         self._job, self._line = None, None
         practised, self.known = self.known.practice, MountKnown()
         if practised:
-            kept = kept_camera(self._services.settings)
+            kept, eye = kept_camera(self._services.settings), self.lookout.eye
             self.use_camera(kept if kept.source else None)
-            gone = ("simulated", "new")
-            self._services.cameras.choose(*(kept.source, kept.address) if kept.source else gone)
+            if eye is not None:
+                self._services.cameras.forget(eye.wish.source, eye.wish.address)
         farewell = self._opening.farewell if self._opening is not None else ""
         self._opening = None
         for name in list(self._errands):
@@ -130,10 +131,11 @@ class Desk(QObject):
         self.changed.emit()
 
     # what is asked of it ----------------------------------------------------------------------
-    def order(self, name: str, make: Make) -> Errand:
+    def order(self, name: str, make: Make, outlives: Outlives = never) -> Errand:
         """Do this on the line's guard, in the line's thread; one order at a time.
 
-        A line that is being opened does it when it is open.
+        A line that is being opened does it when it is open. ``outlives`` tells by its progress
+        whether it waits for a line that is lost, or ends.
 
         Raises
         ------
@@ -146,7 +148,7 @@ class Desk(QObject):
             raise RefusedError(why)
         self.known.busy = name
         self._errands[name] = errand = Errand(name, self.stop, self)
-        self._line.order(name, make)
+        self._line.order(name, make, outlives)
         self.changed.emit()
         return errand
 

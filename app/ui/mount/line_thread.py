@@ -6,7 +6,6 @@ of :mod:`app.ui.mount.words`. Stop does not pass through here at all; see :meth:
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from time import monotonic, sleep
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 from app.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError
 from app.core.progress import Progress, Task
 from app.mounts.guard import Guard
+from app.ui.mount.line_order import Make, Order, Outlives, never
 from app.ui.mount.words import (
     CannotStop,
     Connected,
@@ -34,17 +34,6 @@ REPORT_S = 0.05
 RETRY_S = 2.0
 STOPPED = "Stopped."
 LOST = "The line to the mount is lost."
-
-Make = Callable[[Guard], Task[Any]]
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Something to do; ``stops`` is how often all was stopped when it was wished for."""
-
-    name: str
-    make: Make
-    stops: int
 
 
 class MountLine:
@@ -68,9 +57,9 @@ class MountLine:
         self._stage = ""  # what was told last
 
     # from any thread --------------------------------------------------------------------------
-    def order(self, name: str, make: Make) -> None:
+    def order(self, name: str, make: Make, outlives: Outlives = never) -> None:
         """Do this when the orders before it are done; Done or Failed tells of its end."""
-        self._orders.put(Order(name, make, self._stops))
+        self._orders.put(Order(name, make, self._stops, outlives))
 
     def cancel(self) -> None:
         """Give up the present order, at its next yield, and those that wait; what moves stops."""
@@ -155,7 +144,12 @@ class MountLine:
                 except StopIteration as end:
                     return True, end.value
                 self._say(order.name, progress)
-                self._look(guard)
+                try:
+                    self._look(guard)
+                except LineLostError as error:
+                    if not order.outlives(progress):
+                        raise
+                    yield from self._wait_for(guard, error, order)
                 yield progress
         finally:
             task.close()  # a motion under way is stopped by its own task
@@ -189,13 +183,20 @@ class MountLine:
             if doubt:
                 self._tell(Doubted(doubt))
 
-    def _wait_for(self, guard: Guard, error: LineLostError) -> Task[None]:
-        """The line is lost: try it again and again; when it is back, what moved is stopped."""
+    def _wait_for(
+        self, guard: Guard, error: LineLostError, order: Order | None = None
+    ) -> Task[None]:
+        """The line is lost: try it again and again; when it is back, what moved is stopped.
+
+        An ``order`` that waits too is over when a person stops everything meanwhile.
+        """
         self._tell(Lost(str(error)))
         tried = monotonic()
         while True:
             yield Progress("line lost")
             self._drop_orders()
+            if order is not None and self._given_up(order):
+                raise error
             if monotonic() - tried < RETRY_S:
                 sleep(LISTEN_S)
                 continue

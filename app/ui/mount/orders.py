@@ -13,7 +13,7 @@ from app.core.solution import Solution
 from app.mounts.guard import Guard
 from app.solve.disagreement import Sighting
 from app.ui.mount.eye import Eye
-from app.ui.mount.line_thread import Make
+from app.ui.mount.line_order import Make
 from app.ui.mount.targets import parse_target
 from app.workflows.centre_target import Centring
 from app.workflows.fresh_frame import SolveNow

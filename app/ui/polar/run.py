@@ -3,7 +3,7 @@
 from PySide6.QtCore import QObject, Signal
 
 from app.core.errors import UsageError
-from app.core.progress import Task
+from app.core.progress import Progress, Task
 from app.mounts.guard import Guard
 from app.polar.history import History
 from app.ui.job import Job
@@ -17,10 +17,16 @@ from app.ui.services import Services
 from app.workflows.polar_update import PolarControls
 
 NO_MOUNT = "No mount is known yet: connect it once in the Mount view (F3), or turn by hand."
+MOVING = ("opening", "turn", "settle")
 OTHER_SKY = (
     "The practice telescope is connected: choose it above, or end the practice in the Mount view"
     " (F3)."
 )
+
+
+def stands(progress: Progress) -> bool:
+    """Whether the alignment does not move the mount: a loose cable then costs no measurement."""
+    return progress.stage not in MOVING
 
 
 class Run(QObject):
@@ -53,7 +59,7 @@ class Run(QObject):
         if wish.source is Source.FILES or wish.hand is Hand.PERSON:
             return self._services.jobs.run(working(wish, self._tools), POLAR)
         made = self._connect()
-        errand = self._desk.order(POLAR, self._on_line)
+        errand = self._desk.order(POLAR, self._on_line, stands)
         if made:  # a practice telescope that was begun for this ends with it
             errand.finished.connect(self._desk.disconnect_mount)
         return errand

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from app.core.capture import CameraSource, CaptureSettings
+from app.core.capture import CameraSource
 from app.core.errors import KochabError, UsageError
 from app.core.frame import Frame
 from app.core.hint import Site
@@ -14,7 +14,7 @@ from app.mounts.guard import Guard
 from app.polar.history import History
 from app.polar.measure import Settings
 from app.solve.options import SolveOptions
-from app.ui.mount.eye import CameraWish
+from app.ui.mount.eye import CameraWish, Eye
 from app.ui.polar.tools import Tools
 from app.ui.polar.turning import Asking, mount_turner
 from app.ui.polar.wish import AlignWish, Source
@@ -51,7 +51,7 @@ def align_camera(wish: AlignWish, tools: Tools, guard: Guard | None = None) -> T
     with ExitStack() as opened:
         yield Progress("opening", None, "Opening the camera…")
         place = _place(wish, tools, opened)
-        camera = _camera(place.camera, tools)
+        camera = Eye(place.camera, tools.open_camera)
         opened.callback(camera.close)
         site = place.site
         if site is None:
@@ -103,13 +103,6 @@ def _of_practice(practice: Practice, wish: AlignWish) -> Place:
     exposure_s = 2.0 if wish.camera is None else wish.camera.exposure_s
     camera = CameraWish("simulated", practice.camera, exposure_s)
     return Place(camera, practice.rig.config.site, practice.rig.clock.now_utc)
-
-
-def _camera(wish: CameraWish, tools: Tools) -> CameraSource:
-    from app import cameras
-
-    opened = tools.open_camera or cameras.open_camera
-    return opened(wish.source, wish.address, CaptureSettings(exposure_s=wish.exposure_s))
 
 
 def _site_of_frames(camera: CameraSource) -> Task[Site]:
