@@ -5,12 +5,14 @@ import numpy as np
 from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.detections import Detections
+from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches
 from app.identify.index import Volume
 from app.identify.known_search import BRIGHTEST, FEW, POOR, KnownSearch
 from app.identify.known_table import DENSE, SPARSE, PairTable, table_for
 from app.identify.known_triangles import Sight
 from app.identify.search import Search
+from app.identify.verify import FEWEST as FEWEST_OF_QUADS
 from app.identify.verify import Verdict
 
 FEWEST, MOST = 3, 24
@@ -38,18 +40,19 @@ def known_camera(
         return ()
     asked = POOR if len(search.xy) <= POOR else BRIGHTEST
     sight = Sight.of(search.xy[:asked], search.scale)
-    return tuple(KnownSearch(t, search.xy, search.half, sight, len(there)) for t in there)
+    search.ways = len(there) + (len(search.xy) >= FEWEST_OF_QUADS)
+    return tuple(KnownSearch(t, search.xy, search.half, sight, search.ways) for t in there)
 
 
 def first_answer(
     search: Search, searches: tuple[KnownSearch, ...], detections: Detections
-) -> Identification | None:
+) -> Task[Identification | None]:
     """What the triangles say, if they say anything where the hint allows it."""
     for known in searches:
+        yield Progress("identify", 0.0, "triangles of the known camera")
         for verdict in known.verdicts():
             if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
-                return _answer(verdict, search.tried + known.tried, known.table, detections)
-        search.tried += known.tried
+                return _answer(verdict, known.tried, known.table, detections)
         search.least = min(search.least, known.least)
     return None
 

@@ -99,14 +99,14 @@ class PairTable:
 
     def neighbours(
         self, entry: Index, end: Index, wanted_rad: Floats | float, error_rad: float
-    ) -> tuple[Ints, Index]:
-        """Of the entries (K,) up to ``end`` (K,) those as far away as wanted: rows, and stars."""
+    ) -> tuple[Ints, Ints]:
+        """Of the entries (K,) up to ``end`` (K,) those as far away as wanted: rows, and entries."""
         width = int((end - entry).max())
         entries = entry[:, None] + STEPS[:width]
         near = np.abs(self.apart.take(entries, mode="clip") - wanted_rad) < error_rad
         near &= entries < end[:, None]
         row, column = near.nonzero()
-        return row, self.neighbour.take(entry.take(row) + column)
+        return row, entry.take(row) + column
 
 
 def table_for(

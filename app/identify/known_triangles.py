@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from app.identify.known_table import PairTable
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.int32]
 Corners = tuple[int, int, int]
 
 PART = 0.2
@@ -68,39 +69,61 @@ def turned(corners: Corners, angle: list[list[float]]) -> Corners:
 def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) -> list[Corners]:
     """Every triangle of stars with the sides of ``corners``, which `turned` gave.
 
-    ``error_rad`` is allowed in each side, after the scale has been taken from the first.
+    ``error_rad`` is allowed in each side, at the scale that the longest side means.
     """
     a, b, c = corners
     base, room = sight.angle[a][b], sight.growth[a][b]
-    here: float = sight.angle[a][c]
-    there: Floats | float = sight.angle[b][c]
-    wide, far = sight.growth[a][c], sight.growth[b][c]
+    here, wide = sight.angle[a][c], sight.growth[a][c]
     pairs = table.between(base - room - error_rad, base + room + error_rad)
     one = table.one[pairs]
     if len(one) == 0:
         return []
-    if far < PART * error_rad:
+    fixed = sight.growth[b][c] < PART * error_rad
+    if fixed:
         entry, end = table.rings(one, here - error_rad, here + error_rad)
-        row, third = table.neighbours(entry, end, here, error_rad)
+        row, found = table.neighbours(entry, end, here, error_rad)
     else:
+        # the shortest side tells the scale, but no better than its own error
         off = (table.angle[pairs] - base) / room
         np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
+        error = error_rad + min(error_rad * wide / room, 2.0 * wide)
         if table.in_one_ring(here, wide):
             entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)
         else:
-            entry, end = table.rings_each(one, here - error_rad, here + error_rad, wide * off)
-        row, third = table.neighbours(entry, end, (here + wide * off)[:, None], error_rad)
-        there = there + far * off.take(row)
+            entry, end = table.rings_each(one, here - error, here + error, wide * off)
+        row, found = table.neighbours(entry, end, (here + wide * off)[:, None], error)
     if len(row) == 0:
         return []
-    second = table.other[pairs].take(row)
-    v = table.vectors
-    cosine = (v.take(second, axis=0) * v.take(third, axis=0)).sum(axis=1)
-    off_rad = np.abs(np.arccos(np.minimum(cosine, 1.0)) - there)
+    first, second, third = one.take(row), table.other[pairs].take(row), table.neighbour.take(found)
+    far = _apart(table, second, third)
+    if fixed:
+        off_rad = np.abs(far - sight.angle[b][c])
+    else:
+        near = table.angle[pairs].take(row), _apart(table, first, third)
+        off_rad = _misfit(sight, corners, (*near, far))
     fits = (off_rad < error_rad).nonzero()[0]
     if len(fits) == 0:
         return []
     if len(fits) > 1:
         fits = fits.take(off_rad.take(fits).argsort())  # the likeliest first
-    stars = one.take(row.take(fits)), second.take(fits), third.take(fits)
+    stars = first.take(fits), second.take(fits), third.take(fits)
     return list(zip(*(column.tolist() for column in stars), strict=True))
+
+
+def _apart(table: PairTable, one: Index, other: Index) -> Floats:
+    """Angles (K,) between stars, rad."""
+    v = table.vectors
+    cosine = (v.take(one, axis=0) * v.take(other, axis=0)).sum(axis=1)
+    return np.asarray(np.arccos(np.minimum(cosine, 1.0)))
+
+
+def _misfit(sight: Sight, corners: Corners, sides: tuple[Floats, Floats, Floats]) -> Floats:
+    """The largest error (K,) of a side, rad, where the last and longest side gives the scale."""
+    a, b, c = corners
+    off = (sides[2] - sight.angle[b][c]) / sight.growth[b][c]
+    np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
+    worst = np.abs(sides[2] - sight.angle[b][c] - sight.growth[b][c] * off)
+    for side, (one, other) in zip(sides, ((a, b), (a, c)), strict=False):
+        error = side - sight.angle[one][other] - sight.growth[one][other] * off
+        np.maximum(worst, np.abs(error), out=worst)
+    return worst

@@ -48,7 +48,7 @@ class Patterns:
     ) -> Task[Identification | NoSolution]:
         search = Search(detections, hint)
         known = known_camera(search, self.volumes or shipped(), year)
-        found = first_answer(search, known, detections)
+        found = yield from first_answer(search, known, detections)
         if found is not None:
             return found
         if len(search.xy) < FEWEST:

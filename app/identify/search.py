@@ -69,6 +69,7 @@ class Search:
         self.half = np.array([detections.width / 2, detections.height / 2])
         self.side = float(max(detections.width, detections.height))
         self.tried = 0
+        self.ways = 1  # so many searches may answer: each gets its share of the false alarms
         self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
         self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
@@ -126,8 +127,8 @@ class Search:
         return np.asarray(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
 
     def alarm(self, verdict: Verdict) -> float:
-        """The verdict's false-alarm bound after counting all pointings tried."""
-        return min(0.0, verdict.log10_tail + float(np.log10(max(1, self.tried))))
+        """The verdict's false-alarm bound after counting all pointings and ways tried."""
+        return min(0.0, verdict.log10_tail + math.log10(max(1, self.tried) * self.ways))
 
     def round(self, volume: Volume, stage: Stage) -> Iterator[Verdict]:
         """Accepted verdicts of one stage in one volume, best first."""
