@@ -1,6 +1,5 @@
 """How fast a stream is tracked: frames a second, latency, processor time, memory over two hours."""
 
-import resource
 import sys
 import time
 from collections.abc import Callable
@@ -96,7 +95,14 @@ def soak(count: int, report: Callable[[str], None], fps: float = 10.0) -> dict[s
 
 
 def resident_mb() -> float:
-    """Memory of this process now, MB; where the system does not tell, the most there ever was."""
+    """Memory of this process now, MB; where the system does not tell, the most there ever was.
+
+    NaN on Windows, which tells neither.
+    """
+    try:
+        import resource
+    except ImportError:
+        return float("nan")
     statm = Path("/proc/self/statm")
     if statm.exists():
         return int(statm.read_text("ascii").split()[1]) * resource.getpagesize() / 1e6

@@ -5,12 +5,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
+from app.cli.choices import number
 from app.cli.output import ProgressLine, to_line
 from app.core.errors import CatalogueError, KochabError
 from app.core.progress import Task
 from app.core.progress import run as drive
 
 T = TypeVar("T")
+MOST_FIELDS = 2_000_000
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -28,7 +30,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
     reach = actions.add_parser("coverage", help="fewest and median stars that a field holds")
     reach.add_argument("--fov", type=float, default=1.2, metavar="DEG", help="square, default 1.2")
-    reach.add_argument("--mag-limit", type=float, metavar="V", help="count no fainter stars")
+    reach.add_argument("--mag-limit", type=number, metavar="V", help="count no fainter stars")
     reach.add_argument("--fields", type=int, metavar="N", help="places tried over the sky")
     reach.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
@@ -42,7 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     bring.add_argument("--name", default="imported", help="what to keep it as (imported)")
     bring.add_argument("--epoch", type=float, metavar="YEAR", help="when its files do not say")
-    bring.add_argument("--mag-limit", type=float, metavar="V", help="leave fainter stars out")
+    bring.add_argument("--mag-limit", type=number, metavar="V", help="leave fainter stars out")
 
     for action in (build, info, reach, bring):
         action.add_argument(
@@ -142,8 +144,8 @@ def _coverage(args: argparse.Namespace) -> int:
     from app.sky.catalogue import open_catalogue
     from app.sky.coverage import coverage
 
-    if args.fields is not None and args.fields < 1:
-        raise CatalogueError("--fields must be at least 1.")
+    if args.fields is not None and not 1 <= args.fields <= MOST_FIELDS:
+        raise CatalogueError(f"--fields must be from 1 to {MOST_FIELDS:,}.")
     catalogue = open_catalogue(_folder(args.catalog) / "deep.kcat")
     told = _driven(coverage(catalogue, args.fov, args.mag_limit, args.fields))
     if args.json:

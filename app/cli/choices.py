@@ -82,7 +82,7 @@ def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions
 
 def number_above_zero(text: str) -> float:
     """An argument that must be a positive number."""
-    value = _number(text)
+    value = number(text)
     if not value > 0:
         raise argparse.ArgumentTypeError(f"{text} is not more than zero")
     return value
@@ -106,13 +106,14 @@ def _near(text: str) -> tuple[float, float, float]:
     parts = text.split(",")
     if len(parts) != 3:
         raise argparse.ArgumentTypeError(f"{text} is not RA,DEC,RADIUS in degrees")
-    ra, dec, radius = (_number(part) for part in parts)
+    ra, dec, radius = (number(part) for part in parts)
     if not -360 <= ra <= 360 or not -90 <= dec <= 90 or not 0 < radius <= 180:
         raise argparse.ArgumentTypeError(f"{text} is not a place on the sky and a radius, degrees")
     return ra % 360.0, dec, radius
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float:
+    """An argument that must be a finite number."""
     try:
         value = float(text)
     except ValueError:

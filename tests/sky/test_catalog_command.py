@@ -60,3 +60,13 @@ def test_the_readme_states_the_hashes_of_the_shipped_files():
     text = (shipped_folder() / "README.md").read_text("utf-8")
     for name, facts in read_manifest(shipped_folder())["files"].items():
         assert re.search(rf"`{re.escape(name)}`.*{facts['bytes']:,}.*{facts['sha256']}", text), name
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--fields", "0"), ("--fields", "1000000000000"), ("--mag-limit", "nan")]
+)
+def test_coverage_refuses_what_cannot_be_counted(arguments, capsys):
+    assert main(["catalog", "coverage", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1

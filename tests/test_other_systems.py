@@ -1,0 +1,56 @@
+"""What only POSIX has is imported where it is used: elsewhere everything still starts."""
+
+import subprocess
+import sys
+
+PROBE = """
+import builtins, importlib, os, pkgutil, sys
+
+POSIX = {"fcntl", "termios", "pty", "tty", "pwd", "grp", "resource", "posix", "syslog", "readline"}
+truly = builtins.__import__
+
+def without(name, globals=None, locals=None, fromlist=(), level=0):
+    who = (globals or {}).get("__name__", "")
+    if level == 0 and name.split(".")[0] in POSIX and who.split(".")[0] == "app":
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+    return truly(name, globals, locals, fromlist, level)
+
+builtins.__import__ = without
+for gone in ("fork", "getuid", "geteuid", "nice", "sched_getaffinity", "mkfifo", "openpty", "ttyname",
+             "killpg", "setsid", "uname", "getloadavg", "statvfs"):
+    if hasattr(os, gone) and gone != "uname":
+        delattr(os, gone)
+import app
+for module in pkgutil.walk_packages(app.__path__, "app."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+from app.bench.live_speed import resident_mb
+from app.bench.report import machine
+from app.cli.main import main
+assert resident_mb() != resident_mb()
+assert machine()["cpus"] > 0
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_everything_is_imported_without_what_only_posix_has(repository, tmp_path) -> None:
+    stars = tmp_path / "a.csv"
+    stars.write_text("1,1\n2,2\n")
+    size = ("--width", "9", "--height", "9")
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE, "identify", str(stars), *size],
+        cwd=repository, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.stderr == ""
+    assert done.returncode == 1
+    assert "too few stars" in done.stdout
+
+
+def test_names_of_files_differ_by_more_than_their_case(repository) -> None:
+    told = subprocess.run(
+        ["git", "ls-files"], cwd=repository, capture_output=True, text=True, check=False
+    )
+    names = told.stdout.splitlines()
+    assert len({name.lower() for name in names}) == len(names)
+    assert not [name for name in names if set(name) & set('<>:"|?*\\')]
+    assert max(map(len, names), default=0) < 120  # Windows' paths end at 260 letters
