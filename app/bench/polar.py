@@ -32,7 +32,7 @@ from app.workflows.polar_measure import Sweep, measure_axis
 SEED = 20260
 FULL, QUICK = 500, 50
 MEASURE = Sweep(turn_deg=60.0, frames=5)
-WORN_FULL, WORN_QUICK = (200, 60), (30, 6)  # sweeps, alignments
+WORN_FULL, WORN_QUICK = (200, 40), (20, 4)  # sweeps, alignments
 
 Row = Mapping[str, Any]
 

@@ -57,9 +57,9 @@ class AxisFit:
         """Probability of so large a chi-square by noise alone; 1 without degrees of freedom."""
         if self.freedom <= 0:
             return 1.0
-        from scipy.stats import chi2
+        from scipy.special import chdtrc  # scipy.stats takes two seconds to load
 
-        return float(chi2.sf(self.chi2, self.freedom))
+        return float(chdtrc(self.freedom, self.chi2))
 
     @property
     def turn_rad(self) -> float:

@@ -1,5 +1,6 @@
 """How surely an axis will be known, before and during: how much to turn, and whether it helps."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,10 +65,10 @@ def turn_needed_deg(
     optics: Optics, rho_deg: float, goal_arcsec: float, frames: int = 3
 ) -> float | None:
     """The smallest turn, in steps of 5 deg, that gets the axis that sure; None: not by 120 deg."""
-    for turn in np.arange(STEP_DEG, MOST_DEG + 1.0, STEP_DEG):
-        if weighted_arcsec(optics, rho_deg, float(turn), frames) <= goal_arcsec:
-            return float(turn)
-    return None
+    return _least(
+        MOST_DEG,
+        lambda turn: weighted_arcsec(optics, rho_deg, turn, frames) <= goal_arcsec,
+    )
 
 
 def more_turn_deg(
@@ -78,11 +79,27 @@ def more_turn_deg(
         return 0.0
     first, last = float(np.min(turns_rad)), float(np.max(turns_rad))
     room = MOST_DEG - np.degrees(last - first)
-    for more in np.arange(STEP_DEG, room + 1.0, STEP_DEG):
-        turns = np.append(turns_rad, last + np.radians(more))
-        if _uncertainty_arcsec(optics, rho_deg, turns) <= goal_arcsec:
-            return float(more)
-    return None
+    return _least(
+        room,
+        lambda more: (
+            _uncertainty_arcsec(optics, rho_deg, np.append(turns_rad, last + np.radians(more)))
+            <= goal_arcsec
+        ),
+    )
+
+
+def _least(most_deg: float, enough: Callable[[float], bool]) -> float | None:
+    """The smallest turn in steps that is enough, up to the most; None: not even that one.
+
+    Turning further never makes it worse, up to half a turn, so the steps are halved.
+    """
+    low, high = 0, int(np.ceil((most_deg + 1.0) / STEP_DEG)) - 1
+    if high < 1 or not enough(high * STEP_DEG):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle * STEP_DEG) else (middle, high)
+    return high * STEP_DEG
 
 
 def _uncertainty_arcsec(optics: Optics, rho_deg: float, turns_rad: Floats) -> float:
