@@ -1,6 +1,7 @@
 """A solution as lines of text: what the panel shows and what is copied."""
 
 import json
+import math
 from collections.abc import Mapping
 
 from app.core.solution import NoSolution, Solution
@@ -81,19 +82,39 @@ def summary(s: Solution, style: AngleStyle, source: str = "") -> str:
     return "\n".join([*lines, attitude_plain(s)])
 
 
+# The ending of a measured number's name, what stands behind it, and what it is multiplied by.
+UNITS = (
+    ("_px", " px", 1.0), ("_deg", "°", 1.0), ("_arcsec", "″", 1.0), ("_ms", " ms", 1.0),
+    ("_share", " %", 100.0), ("_sigma", " σ", 1.0),
+)  # fmt: skip
+
+
 def measured_rows(n: NoSolution) -> list[tuple[str, str]]:
     """(what, how much) that was measured on a frame without a solution."""
     out = [("stars detected", f"{n.detections}")]
     for key, value in n.measured.items():
-        name = key
-        unit = ""
-        for suffix, mark in (("_px", " px"), ("_deg", "°"), ("_arcsec", "″"), ("_ms", " ms")):
+        name, unit, times = key, "", 1.0
+        for suffix, mark, factor in UNITS:
             if name.endswith(suffix):
-                name, unit = name.removesuffix(suffix), mark
+                name, unit, times = name.removesuffix(suffix), mark, factor
         if name in ("detections", "detected", "stars_found") and value == n.detections:
             continue
-        out.append((name.replace("_", " ").replace("fwhm", "FWHM"), f"{value:.4g}{unit}"))
+        out.append(
+            (
+                name.replace("_", " ").replace("fwhm", "FWHM"),
+                f"{_plain_number(times * value)}{unit}",
+            )
+        )
     return out
+
+
+def _plain_number(value: float) -> str:
+    """Three figures, as many decimals as that takes, and no power of ten."""
+    if not math.isfinite(value):
+        return "unknown"
+    if value == 0 or abs(value) >= 100:
+        return f"{value:.0f}"
+    return f"{value:.{min(2 - math.floor(math.log10(abs(value))), 6)}f}".rstrip("0").rstrip(".")
 
 
 def failure_plain(n: NoSolution, source: str = "") -> str:

@@ -13,6 +13,7 @@ from app.ui.stretch_strip import StretchStrip
 from app.ui.widgets import scrolled
 
 SIDE_PX, LEAST_SIDE_PX = 400, 320
+LEAST_FRAME_PX = 420  # beside the side; a frame that is smaller is better seen alone
 
 
 class Workspace(QSplitter):
@@ -77,7 +78,8 @@ class Workspace(QSplitter):
 
     def _share(self) -> None:
         """Give the room to both, or to one."""
-        both = self.width() >= self._left.minimumSizeHint().width() + LEAST_SIDE_PX
+        least = max(self._left.minimumSizeHint().width(), LEAST_FRAME_PX)
+        both = self.width() >= least + LEAST_SIDE_PX
         if both or not self._side_wanted:
             self._side_alone = False
         self.tabs.setVisible(self._side_wanted and (both or self._side_alone))

@@ -119,3 +119,15 @@ def test_the_number_of_stars_is_told_once():
         measured={"stars_found": 4.0, "stars_expected": 61.0},
     )  # fmt: skip
     assert measured_rows(failure) == [("stars detected", "4"), ("stars expected", "61")]
+
+
+def test_what_was_measured_has_its_unit_and_no_power_of_ten():
+    measured = {
+        "background_share": 0.9084, "saturated_share": 1.667e-5, "contrast_sigma": 3.107,
+        "trail_px": 12.34, "scale_arcsec": 10345.6, "fwhm_px": 0.0,
+    }  # fmt: skip
+    failure = NoSolution(Reason.TOO_FEW_STARS, "Expose longer.", detections=0, measured=measured)
+    assert measured_rows(failure)[1:] == [
+        ("background", "90.8 %"), ("saturated", "0.00167 %"), ("contrast", "3.11 σ"),
+        ("trail", "12.3 px"), ("scale", "10346″"), ("FWHM", "0 px"),
+    ]  # fmt: skip
