@@ -67,8 +67,8 @@ def make_toolbar(window: QMainWindow, actions: Actions) -> QToolBar:
     bar.setMovable(False)
     bar.setIconSize(QSize(22, 22))
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
-    groups = (("open", "solve", "cancel"), ("fit", "one", "in", "out"), ("stretch", "colour", "night"),
-              MARKS, ("copy",))  # fmt: skip
+    groups = (("open", "solve", "cancel"), ("fit", "one", "in", "out"),
+              ("stretch", "colour", "night"), MARKS, ("copy",))  # fmt: skip
     for i, group in enumerate(groups):
         if i:
             bar.addSeparator()
