@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
-from app.core.options import integer, number
+from app.core.options import integer, number, switch
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
@@ -57,6 +57,9 @@ class Angles:
     pivots: int = integer(9, "pivots", 1, 1000, "most pivots (table 6.2: 9)")
     most: int = integer(
         10_000, "solutions", 10, 1_000_000, "angles with more are left out (6.1: 10,000)"
+    )
+    as_printed: bool = switch(
+        False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists"
     )
 
     def identify(
@@ -108,7 +111,7 @@ class Angles:
             return figures, Chain(np.zeros(0, dtype=np.int64), None, 0, 0)
         order = pivot_order(angle, figures, self.pivots)
         lists = [np.arange(start[f], stop[f]) for f in order]
-        return figures, approach(order, lists, table.stars)
+        return figures, approach(order, lists, table.stars, self.as_printed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,11 +128,12 @@ def angle_table(
 ) -> AngleTable:
     """The angles of the catalogue up to ``limit_deg``; ``mag_limit`` overrides ``brightest``."""
     number = brightest if mag_limit is None else None
-    return _tabled(catalogue_pairs(limit_deg, brightest=number, mag_limit=mag_limit, year=year))
+    return angles_of(catalogue_pairs(limit_deg, brightest=number, mag_limit=mag_limit, year=year))
 
 
 @lru_cache(maxsize=4)
-def _tabled(pairs: Pairs) -> AngleTable:
+def angles_of(pairs: Pairs) -> AngleTable:
+    """The angles of any pairs; kept while they are."""
     stars = np.stack([pairs.first, pairs.second], axis=1)[::-1].astype(np.int64)
     return AngleTable(pairs, stars, make_kvector(np.cos(pairs.angle[::-1]), LINEAR))
 

@@ -46,8 +46,11 @@ def pivot_order(size: Floats, keys: Ints, limit: int) -> Ints:
     return np.array(order, dtype=np.int64)
 
 
-def join(finalists: Ints, pivots: Ints) -> tuple[Ints, Ints]:
-    """Numbers of the rows of two key tables (A, c) and (B, c) that share a key, each pair once."""
+def join(finalists: Ints, pivots: Ints, once: bool = True) -> tuple[Ints, Ints]:
+    """Numbers of the rows of two key tables (A, c) and (B, c) that share a key.
+
+    Each pair of rows comes once, or, unless ``once``, for every key that they share.
+    """
     c = pivots.shape[1]
     flat = pivots.ravel()
     order = np.argsort(flat, kind="stable")
@@ -58,15 +61,20 @@ def join(finalists: Ints, pivots: Ints) -> tuple[Ints, Ints]:
         raise OverflowError
     asked = np.repeat(np.arange(finalists.size), length)
     place = np.arange(len(asked)) - (np.cumsum(length) - length)[asked] + start[asked]
-    both = np.unique(asked // c * len(pivots) + order[place] // c)
+    both = asked // c * len(pivots) + order[place] // c
+    both = np.unique(both) if once else both
     return both // max(1, len(pivots)), both % max(1, len(pivots))
 
 
-def approach(order: Ints, candidates: list[Ints], keys: Ints) -> Chain:
+def approach(order: Ints, candidates: list[Ints], keys: Ints, as_printed: bool = False) -> Chain:
     """Pivot through the figures ``order`` (F,) until one solution is left.
 
     ``candidates[f]`` are the catalogue's entries for the ``f``-th figure of the order, ``keys``
     (N, c) what entries may share. Two figures of a frame are never one entry of the catalogue.
+
+    ``as_printed`` follows the thesis' programs (E.34, E.35) where they differ: an entry may stand
+    for two figures, counts for every key it shares, and when a pivot leaves more finalists than
+    there were, the search is given up.
     """
     finalists = candidates[0][:, None]
     compared = len(finalists)
@@ -74,11 +82,13 @@ def approach(order: Ints, candidates: list[Ints], keys: Ints) -> Chain:
         if step:
             compared += len(candidates[step])
             try:
-                a, b = join(keys[finalists[:, -1]], keys[candidates[step]])
+                a, b = join(keys[finalists[:, -1]], keys[candidates[step]], not as_printed)
             except OverflowError:
                 return Chain(order[: step + 1], None, step, compared)
             new = candidates[step][b]
-            fresh = (finalists[a] != new[:, None]).all(axis=1)
+            if as_printed and len(new) > len(finalists):
+                return Chain(order[: step + 1], None, step - 1, compared)
+            fresh = (finalists[a] != new[:, None]).all(axis=1) | as_printed
             finalists = np.column_stack([finalists[a], new])[fresh]
         if len(finalists) == 1:
             return Chain(order[: step + 1], finalists[0], step, compared)

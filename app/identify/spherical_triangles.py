@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
-from app.core.options import integer, number
+from app.core.options import integer, number, switch
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution
 from app.identify.confirm import Names, confirm
@@ -71,6 +71,9 @@ class SphericalTriangles:
     most: int = integer(
         10_000, "solutions", 10, 1_000_000, "triangles with more are left out (6.1: 10,000)"
     )
+    as_printed: bool = switch(
+        False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists"
+    )
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
@@ -122,12 +125,13 @@ class SphericalTriangles:
             return figures, Chain(np.zeros(0, dtype=np.int64), None, 0, 0)
         order = pivot_order(size, two_shared(figures), self.pivots)
         moment = polar_moment(body[figures[order]])
-        room = self.bound_sigma * polar_moment_sigma(moment, sigma)
+        of = moment[:1].repeat(len(moment)) if self.as_printed else moment
+        room = self.bound_sigma * polar_moment_sigma(of, sigma)
         lists = []
         for f, m, r in zip(order, moment, room, strict=True):
             inside = np.abs(table.moment[start[f] : stop[f]] - m) <= r
             lists.append(np.flatnonzero(inside) + start[f])
-        return figures, approach(order, lists, table.keys)
+        return figures, approach(order, lists, table.keys, self.as_printed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,9 +169,14 @@ def _tabled(
         "limit_deg": limit_deg, "brightest": brightest, "mag_limit": mag_limit, "year": year
     }  # fmt: skip
     found = kept("triangles", options, lambda: make_triangles(pairs, limit_deg))
-    stars = found["stars"].astype(np.int64)
-    index = make_kvector(found["area"], PARABOLIC)
-    return TriangleTable(pairs, stars, two_shared(stars), found["moment"], index)
+    return triangles_of(pairs, found)
+
+
+def triangles_of(pairs: Pairs, made: Arrays) -> TriangleTable:
+    """The table of what `make_triangles` gave of ``pairs``."""
+    stars = made["stars"].astype(np.int64)
+    index = make_kvector(made["area"], PARABOLIC)
+    return TriangleTable(pairs, stars, two_shared(stars), made["moment"], index)
 
 
 def make_triangles(pairs: Pairs, limit_deg: float) -> Arrays:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.bench import papers, papers_robotic, papers_robotic_camera, papers_robotic_detect
+from app.bench import papers_spherical_programs as programs
 from app.bench import papers_spherical_triangles as triangles
 from app.bench import papers_stellar_images as stellar
 from app.bench.papers_row import row, share_error, verdict, wins
@@ -170,3 +171,30 @@ def test_a_difference_within_its_paired_error_is_no_win() -> None:
     assert one((-0.1, 0.08))["default_wins"] == "equal within the error, paired"
     assert one((-0.1, 0.02))["default_wins"] == "better"
     assert "-0.10 +- 0.02" in one((-0.1, 0.02))["note"]
+
+
+def test_the_programs_tree_leaves_out_triangles_between_nodes_that_do_not_touch() -> None:
+    from app.bench.papers_quad_tree import quad_tree
+    from app.identify.pairs import make_pairs
+    from app.identify.spherical_triangles import make_triangles, triangles_of
+
+    rng = np.random.default_rng(4)
+    stars = rng.normal(size=(1500, 3))
+    stars /= np.linalg.norm(stars, axis=1, keepdims=True)
+    pairs = make_pairs(np.arange(1500), stars, np.zeros(1500), np.radians(6.94))
+    whole = triangles_of(pairs, make_triangles(pairs, 6.94))
+    deep = programs.triangles_by_tree(whole, quad_tree(5))
+    shallow = programs.triangles_by_tree(whole, quad_tree(4))
+    assert len(shallow.stars) == len(whole.stars)
+    assert 0.9 * len(whole.stars) < len(deep.stars) < len(whole.stars)
+    assert set(map(tuple, deep.stars)) <= set(map(tuple, whole.stars))
+
+
+def test_directions_even_in_altitude_crowd_at_the_poles() -> None:
+    from app.bench.papers_spherical_fields import towards
+
+    rng = np.random.default_rng(1)
+    height = np.array([[abs(towards(rng, poles)[2]) for _ in range(2000)] for poles in (0, 1)])
+    near = (height > np.sin(np.radians(60.0))).mean(axis=1)
+    assert near[0] == pytest.approx(1.0 - np.sin(np.radians(60.0)), abs=0.03)
+    assert near[1] == pytest.approx(1.0 / 3.0, abs=0.03)

@@ -13,6 +13,7 @@ from app.core.hint import Hint
 from app.core.progress import run
 from app.core.solution import Identification, NoSolution, Reason
 from app.identify.angles import Angles, angle_table
+from app.identify.pivoting import approach, join
 from app.identify.spherical_triangles import SphericalTriangles, triangle_table
 from app.simulate.fields import FieldPlan, random_field, random_points
 from app.sky import open_catalogue
@@ -89,3 +90,21 @@ def test_scale_and_stars_are_asked_for(kind, make):
     assert "field of view" in run(kind().identify(points)).advice
     few = run(kind().identify(points.take(slice(2)), Hint(scale_arcsec_px=(28.0, 28.0))))
     assert few.reason == Reason.TOO_FEW_STARS
+
+
+def test_the_programs_give_up_when_a_pivot_leaves_more_finalists() -> None:
+    keys = np.array([[0, 1], [2, 3], [0, 4], [0, 5], [1, 6], [2, 7], [7, 8]], dtype=np.int64)
+    lists = [np.array([0, 1]), np.array([2, 3, 4, 5]), np.array([6])]
+    order = np.arange(3)
+    ours = approach(order, lists, keys)
+    assert ours.entries is not None
+    assert ours.entries.tolist() == [1, 5, 6]
+    theirs = approach(order, lists, keys, as_printed=True)
+    assert theirs.entries is None
+    assert theirs.pivots == 0
+
+
+def test_an_entry_counts_for_each_key_it_shares_in_the_programs() -> None:
+    keys = np.array([[0, 1], [1, 2]], dtype=np.int64)
+    assert len(join(keys[:1], keys)[0]) == 2
+    assert len(join(keys[:1], keys, once=False)[0]) == 3
