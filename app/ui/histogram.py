@@ -20,6 +20,8 @@ CURVE_POINTS = 160
 class Histogram(PlotPlace):
     """Counts on a logarithmic height; drawn, not asked anything."""
 
+    after_ms = 600  # it is seen with the person's first frame, which goes first
+
     def __init__(self, title: str = "Histogram of pixel values") -> None:
         super().__init__(title)
         self.heights: NDArray[np.float64] = np.zeros(0)

@@ -1,7 +1,7 @@
 """A place for a plot, which is made when it is first seen.
 
-The plotting library takes half a second to load. That happens in a thread, shortly after a plot
-was to be seen; each plot is then made in a turn of the event loop of its own.
+The plotting library takes half a second to load. That happens in a thread, and not before a plot
+is to be seen; each plot is then made in a turn of the event loop of its own.
 """
 
 import logging
@@ -19,11 +19,12 @@ from app.ui.palette import THEMES, Colours
 
 log = logging.getLogger("kochab")
 LIBRARY = "pyqtgraph"
-AFTER_MS = 600  # the person's first frame goes first
 
 
 class PlotPlace(QWidget):
     """Holds one plot; a kind of plot says how it is made and what it is to show."""
+
+    after_ms = 0  # to wait before the library is loaded
 
     def __init__(self, title: str) -> None:
         super().__init__()
@@ -97,13 +98,13 @@ class _Library:
         if LIBRARY in sys.modules:
             QTimer.singleShot(0, self._next)
         else:
-            self._load()
+            self._load(place.after_ms)
 
-    def _load(self) -> None:
+    def _load(self, after_ms: int) -> None:
         self._job = job = Job(_loading(), "plots")
         job.succeeded.connect(self._has_loaded)
         job.failed.connect(log.warning)
-        QTimer.singleShot(AFTER_MS, job.start)
+        QTimer.singleShot(after_ms, job.start)
 
     def _has_loaded(self, _: object) -> None:
         self._job = None

@@ -9,7 +9,7 @@ from app.ui.chart import Axis, Chart, Series
 from app.ui.dialogs import ask_save, tell
 from app.ui.palette import Colours
 from app.ui.polar.keep_report import writing
-from app.ui.polar.target import typeset
+from app.ui.polar.target import primes, typeset
 from app.ui.services import Services
 from app.ui.widgets import button, label
 
@@ -33,7 +33,7 @@ class NightPage(QWidget):
         self.chart = Chart(
             "Error from the pole over time",
             Axis("time", "min"),
-            Axis("error", "″", log=True),
+            Axis("error", "arcsec", log=True),
             legend=True,
         )
         self.lines = QPlainTextEdit()
@@ -126,6 +126,5 @@ def _summary(measured: list[Entry]) -> str:
 def _line(entry: Entry) -> str:
     sigma = typeset(max(entry.sigma_arcsec))
     what = "Measured." if entry.kind == "measured" else "Told:"
-    return (
-        f"{entry.time_utc:%H:%M:%S}  {typeset(entry.total_arcsec)} ± {sigma}  {what} {entry.text}"
-    )
+    moment, error = f"{entry.time_utc:%H:%M:%S}", typeset(entry.total_arcsec)
+    return f"{moment}  {error} ± {sigma}  {what} {primes(entry.text)}"
