@@ -155,6 +155,7 @@ def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, opened, ending):
         errand = mount.desk.order(POLAR, follows, stands)
         for name in ("succeeded", "failed", "cancelled"):
             getattr(errand, name).connect(lambda *_, n=name: told.append(n))
+        qtbot.waitUntil(lambda: mount.desk.known.at_rest, timeout=10_000)  # it has begun
         mount.bench.line.unplug()
         qtbot.waitUntil(lambda: mount.desk.known.phase == "lost", timeout=15_000)
         assert mount.desk.known.busy == POLAR

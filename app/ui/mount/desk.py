@@ -1,14 +1,12 @@
 """The one owner of the mount's line in a window: every view that wants the mount asks here."""
 
-from collections.abc import Callable
-
 from PySide6.QtCore import QObject, Signal
 
 from app.core.errors import RefusedError
 from app.core.hint import Site
 from app.mounts.guard import Guard
-from app.ui.job import Job
 from app.ui.mount import orders
+from app.ui.mount.connection import Connection
 from app.ui.mount.errand import Errand
 from app.ui.mount.eye import CameraWish
 from app.ui.mount.known import MountKnown
@@ -38,25 +36,23 @@ PRACTISE_LATER = "A mount is connected: disconnect it before you practise."
 
 
 class Desk(QObject):
-    """Opens the line, gives orders and listens; widgets hold nothing and ask only here."""
+    """Connects, gives orders and listens; widgets hold nothing and ask only here."""
 
     changed = Signal()
     said = Signal(str, str)  # a sentence and its role
     progressed = Signal(object)  # Progress, or None when nothing is under way
     ended = Signal(object)  # Done or Failed, after every order
     stopping = Signal()  # somebody wants everything to stand still
-    _heard = Signal(object)
 
     def __init__(self, services: Services) -> None:
         super().__init__(services.jobs)
         self.known = MountKnown()
         self.lookout = Lookout(services.session, services.cameras)
         self._services = services
-        self._line: MountLine | None = None
-        self._opening: Opening | None = None
-        self._job: Job | None = None
+        self._connection = Connection(services.jobs, self)
         self._errands: dict[str, Errand] = {}
-        self._heard.connect(self._hear)
+        self._connection.heard.connect(self._hear)
+        self._connection.closed.connect(self._closed)
         services.jobs.closing.connect(self.stop)
 
     # the connection ---------------------------------------------------------------------------
@@ -80,55 +76,43 @@ class Desk(QObject):
     @property
     def practice(self) -> Practice | None:
         """The practice night that the line leads to, once it has begun."""
-        opening = self._opening
-        return opening.practice if isinstance(opening, PracticeOpening) else None
+        return self._connection.practice
 
     def begin(self, opening: Opening, port: str) -> None:
         """Open a line in any way; the one before is closed."""
         self.disconnect_mount()
         self.known = MountKnown("connecting", port)
-        line = MountLine(opening, lambda word: self._tell(line, word), self._close_camera(opening))
-        self._line, self._opening = line, opening
-        self._job = job = self._services.jobs.run(line.run(), "mount")
-        job.failed.connect(lambda sentence: self._over(job, sentence, "wrong"))
-        job.cancelled.connect(lambda: self._over(job, "", "muted"))
+        self._connection.open(opening, self.lookout.close)
         self.said.emit("Connecting…", "muted")
         self.changed.emit()
 
-    def _close_camera(self, opening: Opening) -> Callable[[], None]:
-        def close() -> None:
-            if self.lookout.eye is not None:
-                self.lookout.eye.close()
-            opening.over()
-
-        return close
-
     def disconnect_mount(self) -> None:
         """Stop what moves and give the port back; a practice telescope ends with it."""
-        if self._job is not None:
-            self.stop()
-            self._job.cancel()
-            self._line = None
+        if self._connection.leave():
+            self.stopping.emit()
             self.known.phase = "leaving"
             self.changed.emit()
 
-    def _over(self, job: Job, sentence: str, role: str) -> None:
-        if job is not self._job:
-            return
-        self._job, self._line = None, None
+    def _closed(self, sentence: str, farewell: str) -> None:
         practised, self.known = self.known.practice, MountKnown()
         if practised:
             kept, eye = kept_camera(self._services.settings), self.lookout.eye
             self.use_camera(kept if kept.source else None)
             if eye is not None:
                 self._services.cameras.forget(eye.wish.source, eye.wish.address)
-        farewell = self._opening.farewell if self._opening is not None else ""
-        self._opening = None
         for name in list(self._errands):
             self._errands.pop(name).end(Failed(name, sentence, stopped=not sentence))
-        self.said.emit(sentence or f"Disconnected; whatever moved was stopped. {farewell}", role)
+        told = sentence or f"Disconnected; whatever moved was stopped. {farewell}"
+        self.said.emit(told, "wrong" if sentence else "muted")
         self.progressed.emit(None)
         self.changed.emit()
+
+    @property
+    def _line(self) -> MountLine | None:
+        return self._connection.line
+
+    def _tell(self, line: MountLine | None, word: Word) -> None:
+        self._connection.tell(line, word)
 
     # what is asked of it ----------------------------------------------------------------------
     def order(self, name: str, make: Make, outlives: Outlives = never) -> Errand:
@@ -201,17 +185,7 @@ class Desk(QObject):
         )
 
     # what is heard ----------------------------------------------------------------------------
-    def _tell(self, line: MountLine | None, word: Word) -> None:
-        """From the line's threads."""
-        try:
-            self._heard.emit((line, word))
-        except RuntimeError:  # the window is gone
-            return
-
-    def _hear(self, told: tuple[MountLine | None, Word]) -> None:
-        line, word = told
-        if line is not self._line:
-            return
+    def _hear(self, word: Word) -> None:
         self.known.hear(word)
         self.lookout.hear(word)
         match word:

@@ -35,6 +35,11 @@ class Lookout:
         before, self.eye = self.eye, None if wish is None else Eye(wish, self._cameras.open)
         return before
 
+    def close(self) -> None:
+        """Let the camera go until it is asked again; in the thread of the line."""
+        if self.eye is not None:
+            self.eye.close()
+
     def look(self, guard: Guard, tell: Callable[[Word], None]) -> SolveNow:
         """A solver for the thread of the line."""
         if self.eye is None:

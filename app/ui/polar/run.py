@@ -87,7 +87,5 @@ class Run(QObject):
 
     def _on_line(self, guard: Guard) -> Task[History]:
         """In the thread of the mount's line; the Mount view's camera is let go for this."""
-        eye = self._desk.lookout.eye
-        if eye is not None:
-            eye.close()
+        self._desk.lookout.close()
         return working(self._wish, self._tools, guard)
