@@ -1,5 +1,6 @@
 """What a person types to name a camera on another computer: ``host:port/camera``."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.core.errors import PortError
@@ -41,3 +42,29 @@ def net_address(text: str, default_port: int) -> NetAddress:
     if not 1 <= number <= 65535:
         raise PortError(f"'{port}' is not a port; write the address as host:{default_port}.")
     return NetAddress(host or "localhost", number, rest.strip("/"))
+
+
+def chosen(cameras: Sequence[tuple[str, str]], where: NetAddress, kind: str) -> str:
+    """Which of a server's ``cameras``, each its address there and its name, ``where.rest`` names.
+
+    The only one need not be named. ``kind`` says of what protocol the server is.
+
+    Raises
+    ------
+    PortError
+        There is no such camera, none, or one has to be named: with those that there are.
+
+    """
+    for address, name in cameras:
+        if where.rest in (address, name):
+            return address
+    there = ", ".join(a if a == name else f"{a} ({name})" for a, name in cameras)
+    if where.rest:
+        others = f"; there is {there}" if cameras else ""
+        raise PortError(f"{where.server} has no camera {where.rest}{others}.")
+    if not cameras:
+        raise PortError(f"The {kind} server {where.server} has no camera.")
+    if len(cameras) > 1:
+        example = f"{where.server}/{cameras[0][0]}"
+        raise PortError(f"{where.server} has several cameras: {there}. Write {example}.")
+    return cameras[0][0]

@@ -200,7 +200,7 @@ def test_the_server_goes_in_the_middle(server, camera) -> None:
 
 
 def test_a_download_that_hangs_ends(device, camera, monkeypatch) -> None:
-    monkeypatch.setattr("app.cameras.alpaca.DOWNLOAD_S", 0.3)
+    monkeypatch.setattr("app.cameras.alpaca_device.DOWNLOAD_S", 0.3)
     device.hang.clear()
     with pytest.raises(LineLostError, match="went away"):
         until_lost(camera)
@@ -286,7 +286,7 @@ PROPERTIES = (
 
 @pytest.mark.parametrize("name", PROPERTIES)
 def test_values_that_make_no_sense_are_a_sentence(server, device, name, monkeypatch) -> None:
-    monkeypatch.setattr("app.cameras.alpaca.DOWNLOAD_S", 0.1)
+    monkeypatch.setattr("app.cameras.alpaca_device.DOWNLOAD_S", 0.1)
     truly = device.get
     for value in HOSTILE:
         device.get = lambda asked, value=value: value if asked == name else truly(asked)

@@ -127,7 +127,7 @@ def test_what_is_out_of_range_is_refused_and_nothing_changes(server) -> None:
 
 
 def test_a_camera_that_is_not_there_is_named_with_those_that_are(server) -> None:
-    with pytest.raises(PortError, match="no camera called Toupcam; there is CCD Simulator"):
+    with pytest.raises(PortError, match="no camera Toupcam; there is CCD Simulator"):
         open_camera("indi", f"{ADDRESS}/Toupcam")
 
 
@@ -170,7 +170,7 @@ def test_the_server_goes_in_the_middle_of_an_exposure(server) -> None:
 
 
 def test_a_picture_that_never_comes_is_a_lost_line(server, monkeypatch) -> None:
-    monkeypatch.setattr("app.cameras.indi.DOWNLOAD_S", 0.5)
+    monkeypatch.setattr("app.cameras.exposure.DOWNLOAD_S", 0.5)
     camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.5))
     os.kill(server.driver(), signal.SIGSTOP)  # hangs, as a driver whose cable was pulled
     try:
