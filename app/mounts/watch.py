@@ -20,7 +20,7 @@ RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its room: the play of gears, and an approach from one side
 FASTEST_DEG_S = 20.0  # no mount slews faster
 THERE_DEG = 0.5
-LOOK_S = 0.5  # whoever asks a moving mount how it is asks where it is, too, so often
+LOOK_S = 1.5  # whoever asks only how a moving mount is asks where it is, too, so often
 
 
 class Watch:
