@@ -72,6 +72,7 @@ class NightPage(QWidget):
 
     def _show(self, _: int = 0) -> None:
         history = self.history
+        self.save.setEnabled(history is not None)
         for part in (self.which, self.save, self.chart, self.lines):
             part.setVisible(history is not None)
         if history is None:
