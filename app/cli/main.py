@@ -59,6 +59,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(arguments: list[str]) -> int:
     """Run the command that ``arguments`` name, or say in one sentence why not."""
+    if _is_astap(arguments):
+        from app.cli.astap import run
+
+        return run(arguments)
     try:
         args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
         code: int = args.run(args)
@@ -68,6 +72,11 @@ def _command(arguments: list[str]) -> int:
         streams.say(str(error))
         return 2
     return code
+
+
+def _is_astap(arguments: Sequence[str]) -> bool:
+    """Whether these are ASTAP's arguments: ``-f``, among words of one dash."""
+    return "-f" in arguments[:-1] and re.match("-[a-z]", arguments[0]) is not None
 
 
 def _plain(error: OSError) -> str:
@@ -92,7 +101,8 @@ def build_parser(arguments: Sequence[str]) -> Parser:
     parser = Parser(
         prog="kochab",
         description="Where your camera points. Without a command the window opens.",
-        epilog="kochab COMMAND --help tells more about each command.",
+        epilog="kochab COMMAND --help tells more about each command."
+        " kochab -f FILE ... understands ASTAP's options, for programs that call it.",
     )
     parser.add_argument("--version", action="version", version=f"kochab {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)

@@ -6,9 +6,13 @@ from app.core.solution import Solution
 
 def write_wcs_beside(file: str, solution: Solution) -> list[str]:
     """Write ``FILE.wcs``."""
+    return write_wcs_to(f"{file}.wcs", solution)
+
+
+def write_wcs_to(target: str, solution: Solution) -> list[str]:
+    """Write a ``.wcs`` file."""
     from app.solve.wcs import write_wcs
 
-    target = f"{file}.wcs"
     try:
         write_wcs(solution, target)
     except OSError as error:
