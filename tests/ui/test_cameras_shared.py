@@ -140,6 +140,12 @@ def test_the_mount_s_box_lists_what_is_found_and_takes_the_only_one(qtbot):
     assert told[-1] == CameraWish("indi", "host/Cam", 2.0)
     box.show_found("indi", [])
     assert not box.found.isEnabled()
+    box.show_missed("indi", "No INDI server listens at pi:7624; start indiserver there.")
+    assert "start indiserver" in box.found.toolTip()
+    box.show_wish(CameraWish("alpaca", "pi:11111/0"))
+    assert looks[-1] == ("alpaca", "pi:11111/0")
+    box.show_wish(CameraWish("alpaca", "pi:11111/1"))
+    assert len(looks) == 2
     box.show_wish(CameraWish("folder", "/tmp"))
     assert box.found.isHidden()
     assert box.look.isHidden()

@@ -75,11 +75,16 @@ class CameraBox(QWidget):
         self._example()
 
     def show_wish(self, wish: CameraWish) -> None:
-        """Fill the fields."""
+        """Fill the fields, and ask which cameras there are of this kind."""
+        other = wish.source != str(self.source.currentData())
         self.source.setCurrentIndex(max(0, self.source.findData(wish.source)))
         self.address.setText(wish.address)
         self.exposure.setValue(wish.exposure_s)
         self._example()
+        if other:
+            self.found.clear()
+            if not self.found.isHidden():
+                self._look()
         self._point_out()
 
     def show_found(self, source: str, devices: list[CameraDevice]) -> None:
@@ -90,10 +95,18 @@ class CameraBox(QWidget):
         for device in devices:
             self.found.addItem(device.description, device.address)
         self.found.setPlaceholderText("" if devices else "none found")
+        self.found.setToolTip("")
         self.found.setEnabled(bool(devices))
         if len(devices) == 1 and not self.address.text().strip():
             self._take(0)
         self._point_out()
+
+    def show_missed(self, source: str, sentence: str) -> None:
+        """Why they cannot be asked for."""
+        if source == str(self.source.currentData()):
+            self.show_found(source, [])
+            self.found.setToolTip(sentence)
+            self.found.setAccessibleDescription(sentence)
 
     @property
     def wish(self) -> CameraWish | None:

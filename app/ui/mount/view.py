@@ -53,6 +53,7 @@ class MountView(MountPanel):
         self.camera.chosen.connect(self._camera_chosen)
         self.camera.look_wanted.connect(cameras.look)
         cameras.found.connect(self.camera.show_found)
+        cameras.missed.connect(self.camera.show_missed)
         cameras.chosen.connect(self._adopt_camera)
         self.go.goto_wanted.connect(asks.goto)
         self.go.centre_wanted.connect(asks.centre)
