@@ -5,7 +5,7 @@ field. The sky's simulator is not known here: :data:`MakeField` is handed in.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import thread_time
 from typing import Any, Protocol, TypeVar
 
@@ -241,11 +241,12 @@ def _trial(
         said = "Allow it more time." if found is None else found.tried or found.advice
         right = None if truth is None else False
         return Trial(method, paper, seconds, tables_s, right=right, reason=reason, advice=said)
+    found, sigma = pointed(found)
     right, off, wrong = (None, None, None) if truth is None else judge(found, truth)
     return Trial(
         method, paper, seconds, tables_s,
         radec_deg(_centre(found.camera, found.attitude)), right, len(found.matches), wrong, off,
-        _sigma(found), found.log10_false_alarm,
+        sigma, found.log10_false_alarm,
     )  # fmt: skip
 
 
@@ -268,10 +269,19 @@ def _centre(camera: Camera, attitude: Attitude) -> np.ndarray:
     return np.asarray(attitude.matrix.T @ camera.unproject(middle)[0])
 
 
-def _sigma(found: Identification) -> tuple[float, float, float] | None:
-    """One-sigma errors of the pointing that the method's own matches give, arcsec: x, y, roll."""
+def pointed(
+    found: Identification,
+) -> tuple[Identification, tuple[float, float, float] | None]:
+    """The answer with the pointing that its names give, and its one-sigma errors, arcsec.
+
+    Methods end with names and a pointing good to some pixels; what they are worth is what a fit
+    makes of the names, as it does in every solve. The errors are along x, y and in roll; None
+    with fewer than three matches, which leave the pointing as it is.
+    """
     if len(found.matches) < 3:
-        return None
+        return found, None
     fit = refine(found.matches, found.camera, found.attitude, distortion=False)
     sigma = fit.attitude.sigma_arcsec
-    return sigma if all(np.isfinite(sigma)) else None
+    if not all(np.isfinite(sigma)):
+        return found, None
+    return replace(found, camera=fit.camera, attitude=fit.attitude), sigma

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.__main__ import _simulated_field
-from app.core.attitude import attitude_from
+from app.attitude.wahba import small_rotation
+from app.core.attitude import Attitude, attitude_from
 from app.core.detections import Detections
 from app.core.errors import UsageError
 from app.core.progress import Progress, run
@@ -21,6 +22,7 @@ from app.workflows.laboratory import (
     Truth,
     compare,
     judge,
+    pointed,
     scale_hint,
     try_method,
 )
@@ -243,3 +245,13 @@ def test_tables_export_every_number(easy, truth):
     assert tuple(lines[0]) == POINTS
     assert [float(r["value"]) for r in lines] == list(SWEEPS["missing"].values)
     assert float(lines[0]["success"]) == points[0].success
+
+
+def test_an_answer_is_judged_by_what_a_fit_makes_of_its_names(easy, truth):
+    found = identification(easy)
+    turn = small_rotation(np.array([9.0, 0.0, 0.0]) / found.camera.focal_px)
+    nudged = replace(found, attitude=Attitude(turn @ found.attitude.matrix))
+    assert judge(nudged, truth)[0] is False
+    better, sigma = pointed(nudged)
+    assert judge(better, truth)[0] is True
+    assert 0.0 < max(sigma[:2]) < 60.0
