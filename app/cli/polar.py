@@ -92,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
     result = measure(sightings_of(files, sweeps), settings)
     if isinstance(result, NoAxis):
         return _fail([f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}"], args.json)
+    print(json.dumps(as_json(result)) if args.json else as_text(result))
     if args.report is not None:
         _write_report(args.report, result)
-    print(json.dumps(as_json(result)) if args.json else as_text(result))
     return 0
 
 

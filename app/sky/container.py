@@ -15,6 +15,7 @@ import mmap
 import struct
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -84,12 +85,19 @@ def write_container(
         offset = _aligned(offset + dtype.itemsize * len(column))
     text = json.dumps({**facts, "sections": sections}, sort_keys=True).encode("ascii")
     temporary = path.with_name(path.name + ".part")
-    with open(temporary, "wb") as file:
-        file.write(MAGIC + struct.pack("<II", len(text), zlib.crc32(text)) + text)
-        for column in columns.values():
-            file.write(b"\0" * (-file.tell() % ALIGN))
-            file.write(np.ascontiguousarray(column, column.dtype.newbyteorder("<")).tobytes())
-    temporary.replace(path)
+    try:
+        with open(temporary, "wb") as file:
+            file.write(MAGIC + struct.pack("<II", len(text), zlib.crc32(text)) + text)
+            for column in columns.values():
+                file.write(b"\0" * (-file.tell() % ALIGN))
+                file.write(np.ascontiguousarray(column, column.dtype.newbyteorder("<")).tobytes())
+        temporary.replace(path)
+    except OSError as error:
+        why = error.strerror or error
+        raise CatalogueError(f"The star catalogue {path} cannot be written: {why}.") from None
+    finally:
+        with suppress(OSError):  # it has its name by now, unless something failed
+            temporary.unlink()
 
 
 def _aligned(offset: int) -> int:

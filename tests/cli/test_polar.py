@@ -74,6 +74,15 @@ def test_the_axis_is_found_from_files_alone(night, capsys, tmp_path):
     assert json.loads(page.with_suffix(".json").read_text())["entries"][0]["kind"] == "measured"
 
 
+def test_a_report_that_cannot_be_written_costs_no_number(night, capsys, tmp_path):
+    _, files, _ = night
+    page = tmp_path / "none" / "night.html"
+    code, out, err = polar(capsys, *files[:2], "--json", "--report", str(page))
+    assert code == 2
+    assert json.loads(out)["frames"] == 2
+    assert "cannot be written" in err
+
+
 def test_people_get_words_and_the_true_pole_is_lower(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files[:2], "--pole", "true", "--site", "47,8,450")

@@ -96,3 +96,16 @@ def test_a_header_of_another_kind_is_said(tmp_path):
     path.write_bytes(head + b"\0" * (-len(head) % 64) + b"\0" * 4)
     with pytest.raises(CatalogueError, match="lacks the column"):
         open_catalogue(path)
+
+
+def test_a_full_disk_leaves_the_old_catalogue(file, monkeypatch):
+    before = file.read_bytes()
+
+    def full(self, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(file), "replace", full)
+    with pytest.raises(CatalogueError, match=r"cannot be written: No space left on device\.$"):
+        write_deep(file, few(10))
+    assert file.read_bytes() == before
+    assert [p.name for p in file.parent.iterdir()] == [file.name]

@@ -56,7 +56,10 @@ def combine(
     )  # fmt: skip
     column = shipped.container.column
     link = np.stack([column("link_deep"), column("link_bright")], axis=1).astype(np.int64)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CatalogueError(f"{folder} cannot be made: {error.strerror or error}.") from None
     yield Progress("Writing the catalogue", 0.85)
     write_deep(folder / "deep.kcat", Stars.joined(old, added), link)
     return _manifest(folder, foreign, at, int(keep.sum()), len(added))
