@@ -1,13 +1,21 @@
 """The two small boxes of the help menu."""
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QGridLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QGridLayout,
+    QSpacerItem,
+    QVBoxLayout,
+    QWidget,
+)
 
 from app import __version__
 from app.ui.actions import SPECS
 from app.ui.views import VIEWS
 from app.ui.widgets import label
 
+LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
 ABOUT = (
     f"Kochab {__version__}",
     "Where your camera points: every star in the frame named, with nothing to download.",
@@ -34,7 +42,8 @@ def keyboard(parent: QWidget) -> QDialog:
     ]
     rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
     rows += [("F7", "At the bolts, when Polar alignment is open")]
-    rows += [("Arrows", "Move the frame, when it has the focus"), ("Tab", "To the next pane")]
+    rows += [("Arrows", "Move the frame or a chart that has the focus")]
+    rows += [("Home", "All of a chart"), ("Tab", "To the next pane")]
     half = (len(rows) + 1) // 2
     for i, (keys, text) in enumerate(rows):
         row, column_number = i % half, i // half * 2
@@ -55,10 +64,10 @@ def _box(parent: QWidget, title: str) -> tuple[QDialog, QVBoxLayout]:
     column = QVBoxLayout(box)
     column.setContentsMargins(20, 20, 20, 16)
     column.setSpacing(12)
+    column.addSpacerItem(QSpacerItem(LEAST_PX, 0))
     buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
     for made in buttons.buttons():
         made.setIcon(made.icon().__class__())  # the style's own icon is not in the theme's colours
     buttons.rejected.connect(box.reject)
     column.addWidget(buttons)
-    box.setMinimumWidth(420)
     return box, column

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtCore import QEvent, QSize, Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from app.ui.samples import Sample
+from app.ui.theme import BASE_POINT
 from app.ui.thumbnails import GAP, HEIGHT, WIDTH, as_icon
 from app.ui.widgets import button, label, rule, scrolled
 
@@ -23,6 +24,8 @@ READS = (
 PRACTICE = "&Practice with a simulated telescope"
 PRACTICE_TIP = "A mount that stands wrong and a camera on it, under a sky of their own."
 
+WIDEST_PX = 680  # of the page, with letters of the normal size
+
 
 class Welcome(QWidget):
     """Open a frame, try a sample, or take up a recent file."""
@@ -36,9 +39,9 @@ class Welcome(QWidget):
         self.setObjectName("page")
         self._recent = QVBoxLayout()
         self._recent_title = label("Recent", "heading")
-        inside = QWidget()
+        self._inside = inside = QWidget()
         inside.setObjectName("page")
-        inside.setMaximumWidth(680)
+        inside.setMaximumWidth(WIDEST_PX)
         column = QVBoxLayout(inside)
         column.setSpacing(10)
         column.addWidget(label("Kochab", "title"))
@@ -78,6 +81,13 @@ class Welcome(QWidget):
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(scrolled(page))  # on a small screen
         self.show_recent([])
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Larger letters need a wider page."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.FontChange:
+            larger = max(self.font().pointSizeF() / BASE_POINT, 1.0)
+            self._inside.setMaximumWidth(round(WIDEST_PX * larger))
 
     def _sample(self, sample: Sample, index: int) -> QPushButton:
         text = f"&{index + 1}  {sample.title}"

@@ -2,6 +2,7 @@
 
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QDialog, QLabel
 
 from app.ui.views import VIEWS
 
@@ -72,3 +73,19 @@ def test_a_page_that_is_not_seen_takes_no_room(opened):
     assert window.pages.minimumSizeHint() == window.workspace.minimumSizeHint()
     window.pages.setCurrentWidget(window.welcome)
     assert window.pages.minimumSizeHint() == window.welcome.minimumSizeHint()
+
+
+def test_the_list_of_keys_is_whole_with_huge_letters(qtbot, opened):
+    window, commands = opened
+    commands.looks.use_theme(text_size="huge")
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.actions["keys"].trigger()
+    (dialog,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
+    qtbot.wait(50)
+    for text in dialog.findChildren(QLabel):
+        assert text.width() >= text.sizeHint().width(), text.text()
+    dialog.close()
+    widest = max(made.sizeHint().width() for made in window.welcome.samples)
+    assert window.welcome._inside.maximumWidth() >= widest
+    commands.looks.use_theme(text_size="normal")
+    qtbot.waitUntil(lambda: window.welcome._inside.maximumWidth() == 680)
