@@ -67,7 +67,7 @@ UNITS = {"pivots": "mean", "seconds": "s"}
 def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     """All rows; ``quick`` runs 60 attitudes of one reading."""
     number = QUICK if quick else ATTITUDES
-    out = _counts() + papers_spherical_programs.rows(number, seed, 2 if quick else 5)
+    out = _counts() + papers_spherical_programs.rows(number, seed, 3 if quick else 5)
     for k, (what, bound, noise) in enumerate(READINGS[: 1 if quick else None]):
         attitudes = number if k == 0 else number // 2
         out += _reading(what, bound, noise, attitudes, seed, first=k == 0)
