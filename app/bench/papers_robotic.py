@@ -179,11 +179,16 @@ def _number_of_stars(count: int, seed: int) -> list[dict[str, Any]]:
         )  # fmt: skip
         out.append(
             row("7.18", f"time of matching with {stars} stars", unit="ms",
-                paper=1e3 * WHOLE_S if stars == 15 else None, ours=1e3 * _mean(ours, "seconds"),
-                default=1e3 * _mean(theirs, "seconds"), better="less",
+                paper=1e3 * WHOLE_S if stars == 15 else None, ours=1e3 * _middle(ours),
+                default=1e3 * _middle(theirs), better="less",
                 note="the thesis: its whole program")
         )  # fmt: skip
     return out
+
+
+def _middle(outcomes: list[Outcome]) -> float:
+    """Median seconds a field: what others do to the machine is left out."""
+    return float(np.median([o.seconds for o in outcomes]))
 
 
 def _mean(outcomes: list[Outcome], what: str) -> float:

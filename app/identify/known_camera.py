@@ -12,11 +12,12 @@ from app.identify.known_search import BRIGHTEST, FEW, POOR, KnownSearch
 from app.identify.known_table import DENSE, SPARSE, PairTable, table_for
 from app.identify.known_triangles import Sight
 from app.identify.search import Search
-from app.identify.verify import FEWEST as FEWEST_OF_QUADS
 from app.identify.verify import Verdict
 
 FEWEST, MOST = 3, 24
 """So many detections are looked at so; of more the quads make as short work without a table."""
+COMPLETE = 6
+"""Of so many detections quads have found none that triangles had not."""
 KNOWN, ROUGHLY = 1.07, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 
@@ -40,7 +41,7 @@ def known_camera(
         return ()
     asked = POOR if len(search.xy) <= POOR else BRIGHTEST
     sight = Sight.of(search.xy[:asked], search.scale)
-    search.ways = len(there) + (len(search.xy) >= FEWEST_OF_QUADS)
+    search.ways = len(there) + (len(search.xy) > COMPLETE)
     return tuple(KnownSearch(t, search.xy, search.half, sight, search.ways) for t in there)
 
 
@@ -54,6 +55,8 @@ def first_answer(
             if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
                 return _answer(verdict, known.tried, known.table, detections)
         search.least = min(search.least, known.least)
+        search.before += known.tried
+        search.asked += known.triangles
     return None
 
 

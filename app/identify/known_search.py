@@ -65,6 +65,7 @@ class KnownSearch:
         self.density: float = len(table.rows) / (4.0 * math.pi) / sight.focal**2
         self.proposed: set[tuple[int, int]] = set()
         self.trials = (0.0, 0.0)
+        self.triangles = 0
         self.least = 0.0
 
     @property
@@ -84,6 +85,7 @@ class KnownSearch:
 
     def _asked(self, corners: Iterator[Corners], error_px: float) -> Iterator[Verdict]:
         for triangle in corners:
+            self.triangles += 1
             self._count(triangle)
             stars = guess(self.table, self.sight, triangle, error_px / self.sight.focal)
             if stars:

@@ -1,8 +1,10 @@
 """The default method: quads of neighbouring stars, looked up by shape and verified.
 
-Blind at any scale and for both parities. The brightest detections are tried first; each stage
-takes more of them and allows larger errors. A pointing is accepted only when chance cannot explain
-it (:mod:`app.identify.chance`), whatever the stage that found it.
+Blind at any scale and for both parities. Where the scale is known and the stars are few, their
+triangles are looked up first (:mod:`app.identify.known_search`): that needs fewer stars. Of quads,
+the brightest detections are tried first; each stage takes more of them and allows larger errors. A
+pointing is accepted only when chance cannot explain it (:mod:`app.identify.chance`), whatever found
+it.
 """
 
 import numpy as np
@@ -15,7 +17,7 @@ from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Reason
 from app.identify.finite import with_places
 from app.identify.index import Volume
-from app.identify.known_camera import first_answer, known_camera
+from app.identify.known_camera import COMPLETE, first_answer, known_camera
 from app.identify.search import FINE, STAGES, Search, Stage
 from app.identify.verify import FEWEST, Verdict
 from app.identify.volumes import fine, make_fine, shipped
@@ -58,6 +60,8 @@ class Patterns:
                 f"{len(search.xy)} stars",
                 len(detections),
             )
+        if known and len(search.xy) <= COMPLETE:
+            return self._none(search, detections)
         volumes = self.volumes
         if volumes is None:
             ready = fine()
@@ -74,9 +78,9 @@ class Patterns:
         return NoSolution(
             Reason.NO_PATTERN_AGREED,
             "Check that the frame shows stars in focus.",
-            f"{search.tried} pointings from {search.asked} star patterns",
+            f"{search.before + search.tried} pointings from {search.asked} star patterns",
             len(detections),
-            measured={"pointings": search.tried, "log10_false_alarm": search.least},
+            measured={"pointings": search.before + search.tried, "log10_false_alarm": search.least},
         )
 
     def _search(

@@ -69,6 +69,7 @@ class Search:
         self.half = np.array([detections.width / 2, detections.height / 2])
         self.side = float(max(detections.width, detections.height))
         self.tried = 0
+        self.before = 0  # pointings of another search, which has counted them itself
         self.ways = 1  # so many searches may answer: each gets its share of the false alarms
         self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
