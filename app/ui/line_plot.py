@@ -17,7 +17,7 @@ from app.ui.palette import THEMES, Colours
 Floats = NDArray[np.float64]
 STEP = 0.1  # of what is seen, for an arrow key
 ZOOM = 0.8
-PADDING = 0.04  # so that a marker at the end of a span is whole
+PADDING = 0.04, 0.08  # across and up: markers and numbers at the ends of a span are whole
 GRID_ALPHA, BEHIND_ALPHA = 60, 190
 BELOW = -10.0  # the grid lies under the lines
 MARGINS_PX = (6, 8, 12, 7)  # the library lets the titles of axes hang over by five
@@ -81,7 +81,7 @@ class LinePlot(pg.PlotWidget):
                 continue
             low, high = (log10(v) if axis.log else v for v in axis.span)
             set_range = box.setXRange if side == "bottom" else box.setYRange
-            set_range(low, high, padding=PADDING)
+            set_range(low, high, padding=PADDING[number])
 
     def zoom(self, nearer: bool) -> None:
         """Show less, or more, around the middle."""
