@@ -26,6 +26,8 @@ EQUATOR_DEG, WORTH_TELLING_ARCSEC = 15.0, 60.0
 FLEXURE_ARCSEC = 30.0
 """What a sweep cannot see of flexure, and what small mounts commonly have."""
 
+RESTLESS_ARCSEC = 10.0  # residuals that are no fault, only larger than the frames' own errors
+
 HARDLY = 0.8
 """A droop that is still so doubtful, in what it was before, has not been seen."""
 
@@ -96,6 +98,13 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Fi
     for fit in fits:
         if fit.chance < UNLIKELY:
             worst = float(np.abs(fit.residuals[:, :2]).max()) / ARCSEC
+            if worst < RESTLESS_ARCSEC:
+                yield Finding(
+                    Kind.RESTLESS,
+                    f'The frames are up to {worst:.0f}" apart, more than their errors: wind or'
+                    " bending; the uncertainty is widened by it.",
+                )
+                return
             yield Finding(
                 Kind.DISAGREE,
                 f'The frames do not share one axis ({worst:.0f}" apart, far beyond their errors):'

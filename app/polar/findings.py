@@ -13,6 +13,7 @@ class Kind(StrEnum):
     DEC_MOVED = "declination moved"
     CAMERA_TURNED = "camera turned in its holder"
     DISAGREE = "frames do not share one axis"
+    RESTLESS = "residuals larger than noise"
     UNCHECKED = "two frames only"
     SLIPPING = "clutch slips"
     FLEXURE = "flexure"

@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 UNLIKELY = 1e-3
 """Chi-squares less probable than this are not noise."""
 
+LEAST_ARCSEC = 30.0  # less is bending or wind, and no axis that was left unlocked
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Movement:
@@ -47,7 +49,8 @@ def find_movement(
     ]
     best = min(suppositions, key=lambda m: m.fit.chi2)
     explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
-    return best if explained and abs(best.angle_arcsec) > 3.0 * best.sigma_arcsec else None
+    clear = abs(best.angle_arcsec) > max(3.0 * best.sigma_arcsec, LEAST_ARCSEC)
+    return best if explained and clear else None
 
 
 def _suppose(

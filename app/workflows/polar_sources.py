@@ -136,6 +136,7 @@ class CameraSightings:
         self._options = options or SolveOptions(timeout_s=10.0)
         self._clock = clock
         self._last: Solution | None = None
+        self._near_last = False
 
     def sight(self) -> Task[Sighting | NoSolution | None]:
         """Wait a little for the newest frame and solve it."""
@@ -146,8 +147,9 @@ class CameraSightings:
         moment = self._time_of(frame)
         solved = yield from solve_open_frame(frame, self._near(frame))
         if isinstance(solved.result, NoSolution):
+            self._near_last = False  # an axis may have been turned further than that
             return solved.result
-        self._last = solved.result
+        self._last, self._near_last = solved.result, True
         return Sighting.of(solved.result, moment)
 
     def _time_of(self, frame: Frame) -> datetime:
@@ -158,13 +160,16 @@ class CameraSightings:
         return self._clock()
 
     def _near(self, frame: Frame) -> SolveOptions:
-        """The options with the last answer as a hint: a bolt or a turn moves it only so far."""
+        """The options with the last answer as a hint: a bolt or a turn moves it only so far.
+
+        After a frame without an answer only its scale is kept.
+        """
         if self._last is None:
             return self._options
         scale = self._last.camera.scale_arcsec_px
         hint = replace(
-            self._options.hint or frame.hint,
-            scale_arcsec_px=(scale * 0.97, scale * 1.03),
-            centre_deg=(*self._last.ra_dec_deg, NEAR_DEG),
+            self._options.hint or frame.hint, scale_arcsec_px=(scale * 0.97, scale * 1.03)
         )
+        if self._near_last:
+            hint = replace(hint, centre_deg=(*self._last.ra_dec_deg, NEAR_DEG))
         return replace(self._options, hint=hint)

@@ -145,6 +145,16 @@ def test_frames_that_nothing_explains_widen_the_ellipse():
     assert found.error.covariance[0, 0] > 20 * found.fit.covariance[0, 0]
 
 
+def test_small_residuals_beyond_noise_are_no_fault():
+    mount = Mount(40.0, 600.0, 400.0, sigma=5.0, sigma_roll=5.0)
+    shaken = mount.see([0, 15, 30, 45, 60, 75], np.random.default_rng(4))
+    claimed = [type(a)(a.matrix, a.covariance / 25.0, a.time_utc, a.label) for a in shaken]
+    found = measure_local(claimed, Settings(mount.site, Pole.TRUE, VACUUM))
+    assert Kind.RESTLESS in kinds(found)
+    assert not {Kind.DISAGREE, Kind.DEC_MOVED, Kind.CAMERA_TURNED} & kinds(found)
+    assert found.error.covariance[0, 0] > 10 * found.fit.covariance[0, 0]
+
+
 def test_a_second_sweep_shows_flexure_or_frees_from_the_doubt():
     mount = Mount(40.0, 600.0, 400.0, hour_deg=-45.0)
     other = Mount(40.0, 600.0, 400.0, rho_deg=30.0, hour_deg=-45.0)

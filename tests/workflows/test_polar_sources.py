@@ -1,5 +1,6 @@
 """Frames from a camera, solved as they come; and what files must say to be of use."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -42,6 +43,22 @@ def test_a_cameras_frames_become_sightings_where_the_rig_points(rig):
         assert off < 5.0
         assert max(seen.attitude.sigma_arcsec[:2]) < 3.0
         assert seen.field_deg == pytest.approx((5.0, 3.76), abs=0.02)
+
+
+def test_a_turn_further_than_the_last_answers_hint_is_not_looked_for_there_for_ever(rig):
+    """The declination turned by 40 deg: the frame after one without an answer is solved afresh."""
+    source = CameraSightings(SimulatedCamera(rig))
+    assert isinstance(run(source.sight()), Sighting)
+    assert source._near(dark(WHEN)).hint.centre_deg is not None
+    rig.mount.turn_by_hand(0.0, -40.0)
+    source._options = replace(source._options, timeout_s=0.001)
+    assert isinstance(run(source.sight()), NoSolution)
+    source._options = replace(source._options, timeout_s=10.0)
+    assert source._near(dark(WHEN)).hint.centre_deg is None
+    assert source._near(dark(WHEN)).hint.scale_arcsec_px is not None
+    seen = run(source.sight())
+    assert isinstance(seen, Sighting)
+    assert source._near(dark(WHEN)).hint.centre_deg is not None
 
 
 class Canned:
