@@ -32,7 +32,7 @@ def frame_of(data: bytes, suffix: str, name: str) -> Frame:
         data, suffix = _unpacked(data, name), suffix.removesuffix(".z")
     if data.startswith(b"SIMPLE  ="):
         return read_fits_bytes(data, name)
-    with tempfile.TemporaryDirectory(prefix="kochab-") as folder:
+    with tempfile.TemporaryDirectory(prefix="kochab-", ignore_cleanup_errors=True) as folder:
         path = Path(folder, f"frame{suffix}")
         path.write_bytes(data)
         try:

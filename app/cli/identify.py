@@ -7,6 +7,7 @@ from typing import Any
 
 from app.cli.batch import run_batch
 from app.cli.choices import add_choices, options_of
+from app.cli.files import named
 from app.cli.output import Json, as_json
 from app.cli.written import write_wcs_beside
 from app.core.progress import Task
@@ -45,7 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Identify every list, print as they are done."""
-    wishes = [Wish(file, args.width, args.height, args.wcs) for file in args.files]
+    wishes = [Wish(file, args.width, args.height, args.wcs) for file in named(args.files)]
     work = partial(identify_one, options=options_of(args))
     return run_batch(work, wishes, args.json, args.workers)
 

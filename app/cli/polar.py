@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 from app.cli.choices import number_above_zero
+from app.cli.files import named
 from app.cli.output import Json, ProgressLine
 from app.core.errors import UsageError
 from app.core.hint import Site
@@ -75,6 +76,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve the frames, measure the axis, say it."""
+    args.files, args.check = named(args.files), named(args.check)
     paths = [*args.files, *args.check]
     if len(args.files) < 2:
         raise UsageError("Polar alignment needs two frames or more.")

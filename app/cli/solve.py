@@ -8,6 +8,7 @@ from typing import Any
 
 from app.cli.batch import run_batch
 from app.cli.choices import add_choices, options_of
+from app.cli.files import named
 from app.cli.output import Json, as_json
 from app.cli.written import write_picture, write_wcs_beside
 from app.core.errors import UsageError
@@ -67,7 +68,7 @@ def solve_one(wish: Wish, options: SolveOptions) -> Task[Json]:
 
 
 def _wishes(args: argparse.Namespace) -> list[Wish]:
-    files = [name for given in args.files for name in _expand(given)]
+    files = [name for given in named(args.files) for name in _expand(given)]
     target = None if args.annotate is None else Path(args.annotate)
     if target is None:
         return [Wish(file, args.wcs) for file in files]
@@ -81,8 +82,6 @@ def _wishes(args: argparse.Namespace) -> list[Wish]:
 
 
 def _expand(given: str) -> list[str]:
-    if not given.strip():  # a script's empty variable, not the folder we stand in
-        raise UsageError("A file's name is empty.")
     path = Path(given)
     if not path.is_dir():
         return [given]
