@@ -38,5 +38,6 @@ def test_points_that_are_no_stars_are_refused() -> None:
     rng = np.random.default_rng(9)
     for stars in (4, 5, 6, 8, 12):
         points = random_points(rng, stars, 2048)
-        found = run(solve_detections(points, SolveOptions(hint=knowing(14.1, 1e-3))))
+        options = SolveOptions(hint=knowing(14.1, 1e-3), blind_after_hint=False)
+        found = run(solve_detections(points, options))
         assert not isinstance(found, Solution)
