@@ -105,7 +105,10 @@ class Cues:
 
     def _file(self, cue: Cue) -> Path:
         if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(prefix="kochab-")
+            self._folder = tempfile.TemporaryDirectory(
+                prefix="kochab-",
+                ignore_cleanup_errors=True,  # Windows may still play from it
+            )
         path = Path(self._folder.name) / f"{cue.name.lower()}.wav"
         if not path.exists():
             write_tones(path, cue.value)
