@@ -36,7 +36,9 @@ FLOOR_PX = 0.02
 """No set of centroids is believed to be better than this, whatever the residuals say."""
 FEWEST_TO_DOUBT = 6
 """Among fewer matches none can be told to be the wrong one."""
-SOFT_ROUNDS = 12
+SOFT_ROUNDS = 10
+SETTLED = 0.01
+"""Trust that changes by less in a round has settled."""
 CONTRADICTED_SIGMA = 4.0
 """A belief so far from what the stars say is none."""
 TELLS_NOTHING = 10.0
@@ -179,8 +181,9 @@ class _State:
 
     def weighted(self) -> tuple[Floats, Floats]:
         """The same of the inliers, (2 M,) and (2 M, 10), each over its sigma; then the belief."""
-        residual, jacobian = self.linear()
-        w = (self.weight * np.sqrt(self.trust))[self.inliers]
+        return self._flat(*self.linear(), (self.weight * np.sqrt(self.trust))[self.inliers])
+
+    def _flat(self, residual: Floats, jacobian: Floats, w: Floats) -> tuple[Floats, Floats]:
         flat = (jacobian * w[:, None, None]).reshape(-1, len(PARAMETERS))
         left = (residual * w[:, None]).ravel()
         if self.pull is None:
@@ -289,28 +292,24 @@ class _State:
 
         Itself when there are too few matches to tell, or no majority to be trusted.
         """
-        state, share = self, BELIEF[0] / sum(BELIEF)
-        scaled = state.scaled()
-        level = _spread(scaled, len(free))
-        for _ in range(SOFT_ROUNDS if len(scaled) >= FEWEST_TO_DOUBT else 0):
+        state, share, level, right = self, BELIEF[0] / sum(BELIEF), 0.0, self.trust
+        for _ in range(SOFT_ROUNDS if len(self.matches) >= FEWEST_TO_DOUBT else 0):
+            residual, jacobian = state.linear(every=True)
+            scaled = residual * state.weight[:, None]
+            first = level == 0.0
+            level = _spread(scaled, len(free)) if first else _level(scaled, right, share, len(free))
             right, share = trust(np.hypot(*scaled.T) / level, share)
             if (right > 0.5).sum() <= len(right) / 2:
                 return self
-            done = np.abs(right - state.trust).max() < 0.005
-            state = replace(state, trust=right, inliers=right > 1e-4, share=share)
-            state = state.descend(free, 2)
+            left, flat = state._flat(residual, jacobian, state.weight * np.sqrt(right))
+            step = np.zeros(len(PARAMETERS))
+            step[free] = solve(flat[:, free], left)
+            camera, matrix = moved(state.camera, state.matrix, step)
+            done = np.abs(right - state.trust).max() < SETTLED
+            state = replace(state, camera=camera, matrix=matrix, trust=right, share=share)
             if done:
                 break
-            scaled = state.scaled()
-            square = float(right @ np.square(scaled).sum(axis=1)) / corrections(share)[0]
-            freedom = max(2.0 * float(right.sum()) - len(free), 1.0)
-            level = max(float(np.sqrt(square / freedom)), FLOOR_PX)
-        return state
-
-    def scaled(self) -> Floats:
-        """Residuals (M, 2) of every match, each over its relative sigma."""
-        residual, _ = self.linear(every=True)
-        return np.asarray(residual * self.weight[:, None])
+        return replace(state, inliers=state.trust > 1e-4)
 
     def conclude(self, free: NDArray[np.intp]) -> Fit:
         """The fit with its covariance."""
@@ -342,6 +341,13 @@ def _spread(scaled: Floats, parameters: int) -> float:
     """Sigma of one coordinate from residuals (M, 2), by their median; at least the floor."""
     freedom = max(scaled.size - parameters, 1) / scaled.size
     return max(1.4826 * float(np.median(np.abs(scaled))) / float(np.sqrt(freedom)), FLOOR_PX)
+
+
+def _level(scaled: Floats, right: Floats, share: float, parameters: int) -> float:
+    """Sigma of one coordinate from residuals (M, 2) that are ``right`` (M,) so far."""
+    square = float(right @ np.square(scaled).sum(axis=1)) / corrections(share)[0]
+    freedom = max(2.0 * float(right.sum()) - parameters, 1.0)
+    return max(float(np.sqrt(square / freedom)), FLOOR_PX)
 
 
 def _as_rotation(camera: Camera) -> Floats:
