@@ -100,6 +100,8 @@ def main(folder, *arguments):
         if "--laboratory" in arguments:
             show_laboratory(commands, folder / "laboratory.png")
         commands.actions["night"].trigger()
+        while not commands.looks.settled:
+            pause(100)
         pause(300)
         keep(window, folder / "night.png")
         result = commands.session.known.result
