@@ -5,7 +5,7 @@ How far a turn of a bolt moves the axis, and which way, is hidden here as it is 
 
 import random
 
-from app.core.mount import Direction
+from app.core.mount import Direction, PierSide
 from app.polar.bolts import Knob
 from app.polar.tutor import Instruction
 from app.ui.polar.state import State
@@ -43,6 +43,8 @@ class PracticeHands:
     def _turn_axis(self, state: State) -> str:
         assert state.asked is not None
         axis, sign = AXES[state.asked.direction]
+        if axis == "dec" and self._practice.rig.mount.pier_side is PierSide.WEST:
+            sign = -sign  # the tube hangs the other way round there
         degrees = sign * state.asked.degrees * self._chance.gauss(1.0, CARELESS)
         self._practice.do(f"{axis} {degrees:.3f}")
         name = "RA" if axis == "ra" else "declination"
