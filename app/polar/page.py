@@ -9,6 +9,7 @@ import json
 import secrets
 import socket
 import threading
+from contextlib import suppress
 from hmac import compare_digest
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -19,7 +20,8 @@ from app.core.errors import PortError
 from app.polar.page_html import PAGE
 
 TOKEN_BYTES = 16
-CONNECTION_S = 10.0
+CONNECTION_S = 10.0  # of silence
+LONGEST_S = 15.0  # in all
 MOST_CONNECTIONS = 16
 LONGEST_PATH = 200
 
@@ -129,10 +131,14 @@ class _Server(ThreadingHTTPServer):
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Give the place back, however it ends."""
+        """Give the place back, however it ends; who asks letter by letter is hung up on."""
+        limit = threading.Timer(LONGEST_S, _hang_up, (request,))
+        limit.daemon = True
+        limit.start()
         try:
             super().process_request_thread(request, client_address)
         finally:
+            limit.cancel()
             self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -171,6 +177,11 @@ class _Request(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing is written about who asked."""
+
+
+def _hang_up(request: socket.socket) -> None:
+    with suppress(OSError):
+        request.shutdown(socket.SHUT_RDWR)
 
 
 def local_address() -> str:

@@ -134,6 +134,25 @@ def test_many_idle_connections_are_hung_up_on(page):
     pytest.fail("the page did not come back")
 
 
+def test_who_asks_letter_by_letter_is_hung_up_on(page, monkeypatch):
+    monkeypatch.setattr("app.polar.page.LONGEST_S", 0.3)
+    url = urlsplit(page.url)
+    with socket.create_connection((url.hostname, url.port), timeout=5) as line:
+        line.settimeout(0.05)
+        for _ in range(400):
+            try:
+                line.sendall(b"G")
+                if line.recv(1) == b"":
+                    break
+            except TimeoutError:
+                continue
+            except OSError:
+                break
+        else:
+            pytest.fail("still listened to")
+    assert ask(page)[0] == 200
+
+
 def test_the_qr_code_is_a_picture_of_the_address(page):
     import segno
 
