@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.cameras import SOURCES, list_devices, missing, open_camera, source_kind
+from app.cameras.shared import SharedCameras
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from app.core.errors import DeviceError, LineLostError, RefusedError, UsageError
 from app.core.frame import Frame
@@ -98,11 +99,12 @@ def stand(request, tmp_path):
         yield name, address, unplug
 
 
-@pytest.fixture
-def camera(stand):
+@pytest.fixture(params=["alone", "shared"])
+def camera(request, stand):
     name, address, _ = stand
     settings = CaptureSettings() if name in ("folder", "webcam") else QUICK
-    camera = open_camera(name, address, settings)
+    opened = open_camera if request.param == "alone" else SharedCameras().open
+    camera = opened(name, address, settings)
     yield camera
     camera.close()
 
