@@ -42,6 +42,7 @@ def keyboard(parent: QWidget) -> QDialog:
     ]
     rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
     rows += [("F7", "At the bolts, when Polar alignment is open")]
+    rows += [("Esc", "Stop the mount, from every view, while one is connected")]
     rows += [("Arrows", "Move the frame or a chart that has the focus")]
     rows += [("Home", "All of a chart"), ("Tab", "To the next pane")]
     half = (len(rows) + 1) // 2
