@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from app.identify.chance import log10_false_alarm, log10_tail
+from app.identify.chance import log10_by_distance, log10_false_alarm, log10_tail
 
 
 @given(st.integers(1, 60), st.integers(0, 60), st.floats(1e-6, 0.9))
@@ -51,3 +51,31 @@ def test_the_bound_holds_for_points_thrown_at_random():
     for level in (-0.5, -1.0, -2.0, -3.0):
         share = (least < level).mean()
         assert share <= 10**level + 3 * math.sqrt(10**level / trials)
+
+
+def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():
+    rng, witnesses, density, tried = np.random.default_rng(2), 4, 1e-5, (20.0, 3.0)
+    reached = []
+    for _ in range(1500):
+        # the nearest star of each witness, for each of the pointings that there are
+        count = int(tried[0] + tried[1] * 200.0)
+        square = rng.exponential(1.0 / (density * math.pi), (count, witnesses))
+        agree = rng.uniform(-tried[0] / tried[1], 200.0, count)  # at which radius the ends agree
+        worst = np.maximum(np.sort(square, axis=1), np.maximum(agree, 0.0)[:, None] ** 2)
+        best = np.argsort(worst[:, 1])[:3]
+        reached.append(
+            min(
+                log10_by_distance(row.tolist(), witnesses, density, tried)[0] for row in worst[best]
+            )
+        )
+    for k in (0.5, 1.0, 2.0):
+        share = float((np.array(reached) < -k).mean())
+        assert share <= 10.0**-k + 3.0 * math.sqrt(10.0**-k / len(reached))
+    assert min(reached) < -1.0
+
+
+def test_no_witness_is_no_evidence_and_a_nearer_one_is_more():
+    assert log10_by_distance([], 3, 1e-5, (10.0, 1.0)) == (0.0, 0)
+    far, near = (log10_by_distance([d2] * 3, 3, 1e-5, (10.0, 1.0)) for d2 in (4.0, 1.0))
+    assert near[0] < far[0] < -5.0
+    assert near[1] == 3
