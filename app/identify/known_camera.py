@@ -18,7 +18,7 @@ FEWEST, MOST = 3, 24
 """So many detections are looked at so; of more the quads make as short work without a table."""
 COMPLETE = 6
 """Of so many detections quads have found none that triangles had not."""
-KNOWN, ROUGHLY = 1.07, 1.25
+KNOWN, ROUGHLY = 1.03, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 
 
@@ -30,8 +30,8 @@ def known_camera(
     Where the stars are so few that chance has room, a table of fewer stars is asked first.
     """
     low, high = search.scale
-    known = ROUGHLY if len(search.xy) <= POOR else KNOWN
-    if high > low * known or not FEWEST <= len(search.xy) <= MOST:
+    poor = len(search.xy) <= POOR
+    if high > low * (ROUGHLY if poor else KNOWN) or not FEWEST <= len(search.xy) <= MOST:
         return ()
     field_deg = search.field_deg((low * high) ** 0.5)
     wanted = (SPARSE, DENSE) if len(search.xy) <= FEW else (DENSE,)
@@ -39,7 +39,7 @@ def known_camera(
     there = [table for table in tables if table is not None]
     if not there:
         return ()
-    asked = POOR if len(search.xy) <= POOR else BRIGHTEST
+    asked = POOR if poor and high <= low * KNOWN else BRIGHTEST
     sight = Sight.of(search.xy[:asked], search.scale)
     search.ways = len(there) + (len(search.xy) > COMPLETE)
     return tuple(KnownSearch(t, search.xy, search.half, sight, search.ways) for t in there)

@@ -28,7 +28,7 @@ ACCEPT_LOG10 = -5.0
 FEW = 5
 """With so few detections chance has room."""
 POOR, BRIGHTEST = 8, 6
-"""Of so many detections all triangles are asked about; where there are more, of the brightest."""
+"""Of so many detections all triangles are asked about, else only those of the brightest."""
 WITNESSES = 20
 FIRST, ERROR = 1e-3, 2e-3
 """Errors of a side that are allowed, over the frame's larger side: at first, and of any."""
