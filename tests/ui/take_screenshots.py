@@ -39,8 +39,8 @@ def keep(window, path):
     window.grab().save(str(path))
     with Image.open(path) as picture:
         red, green, blue = picture.convert("RGB").split()
-    if green.getextrema() == blue.getextrema() == (0, 0):  # night: one shade of red in six
-        small = red.point([min(round(shade / 6) * 6, 255) for shade in range(256)])
+    if green.getextrema() == blue.getextrema() == (0, 0):  # night: one shade of red in five
+        small = red.point([round(shade / 5) * 5 for shade in range(256)])
         small.putpalette([value for shade in range(256) for value in (shade, 0, 0)])
     else:
         whole = Image.merge("RGB", (red, green, blue))
