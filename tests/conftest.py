@@ -1,5 +1,6 @@
 """What every test may lean on: a screenless Qt, settings of its own, and the real frames."""
 
+import contextlib
 import hashlib
 import os
 import tempfile
@@ -47,6 +48,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         place = item.path.relative_to(REPOSITORY / "tests").parts
         if place[0] in REAL_PARTS:
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+# A session of so many tests needs the patterns of small fields, and makes them on no test's time:
+# on a busy machine they take longer than a test may.
+MANY = 1000
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """One process makes the patterns, the others wait for them."""
+    if len(session.items) < MANY or session.config.option.collectonly:
+        return
+    from app.core.errors import CatalogueError
+    from app.core.progress import run
+    from app.identify.volumes import make_fine
+
+    with contextlib.suppress(CatalogueError):  # the tests that need them will say so
+        run(make_fine())
 
 
 @pytest.fixture(scope="session")
