@@ -14,7 +14,7 @@ from app.core.frame import Frame
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Solution
-from app.solve.diagnose import Evidence, diagnose, timed_out
+from app.solve.diagnose import FEWEST_STARS, Evidence, diagnose, timed_out
 from app.solve.options import DEFAULT_METHOD, UNKNOWN_YEAR, SolveOptions
 from app.solve.pick import known, pick
 from app.solve.stopwatch import Stopwatch, TimedOut
@@ -23,6 +23,7 @@ FEWEST_TO_TRY = 3
 """With fewer stars than a triangle no method has anything to look for."""
 
 if TYPE_CHECKING:
+    from app.detect.auto import AutoDetector
     from app.sky import Catalogue
 
 __all__ = ["Examined", "SolveOptions", "examine_frame", "solve_detections", "solve_frame"]
@@ -65,7 +66,20 @@ def examine_frame(
     said = with_field(options, frame.width)
     hint = merged_hint(said, frame.hint if options.use_header else None)
     result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
+    if isinstance(result, NoSolution) and options.detector == "auto":
+        points = _single_pixels(frame, detector, detections)
+        if len(points) >= FEWEST_STARS:
+            second = yield from _solve(points, replace(options, hint=hint), clock, frame)
+            if isinstance(second, Solution):
+                return Examined(points, second)
     return Examined(detections, result)
+
+
+def _single_pixels(frame: Frame, detector: "AutoDetector", found: Detections) -> Detections:
+    """What to look at again when hardly anything was ``found``; none when enough was."""
+    from app.detect.points import single_pixels
+
+    return single_pixels(frame, detector) if len(found) < FEWEST_STARS else found.take(slice(0))
 
 
 def solve_detections(
