@@ -99,7 +99,10 @@ class Camera:
             du, dv = np.moveaxis(uvd - self._distort(uv), -1, 0)
             det = uu * vv - uv_ * uv_
             step = np.stack([vv * du - uv_ * dv, uu * dv - uv_ * du], axis=-1)
-            uv = uv + step / np.where(np.abs(det) > 0.01, det, 1.0)[..., None]
+            step /= np.where(np.abs(det) > 0.01, det, 1.0)[..., None]
+            uv = uv + step
+            if not (np.abs(step) > 1e-14).any():
+                break
         return uv
 
     def _pixels(self, uvd: Floats) -> Floats:

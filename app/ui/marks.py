@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPen, QPixmap
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen, QPixmap
 
 from app.core.solution import Solution
 from app.ui.labels import LabelSpace
@@ -39,15 +39,49 @@ class Brush:
 
     def text(self, at: QPointF, text: str, colour: str) -> None:
         """Text on a dark ground, unless its place is taken."""
-        box = QFontMetricsF(self.painter.font()).boundingRect(text).translated(at)
-        placed = self.space.place(box)
-        if placed is None:
-            return
-        halo = QColor(self.colours.halo)
-        halo.setAlpha(165)
-        self.painter.fillRect(placed.adjusted(-3, -1, 3, 1), halo)
-        self.painter.setPen(QColor(colour))
-        self.painter.drawText(at + (placed.topLeft() - box.topLeft()), text)
+        ratio = self.painter.device().devicePixelRatio()
+        font = self.painter.font().toString()
+        box, picture = _words(text, font, colour, self.colours.halo, ratio)
+        placed = self.space.place(box.translated(at))
+        if placed is not None:
+            self.painter.drawPixmap(placed.topLeft() - QPointF(AROUND_X, AROUND_Y), picture)
+
+    def width(self, text: str) -> float:
+        """How wide ``text`` is."""
+        return _width(text, self.painter.font().toString())
+
+
+AROUND_X, AROUND_Y = 3.0, 1.0  # of the dark ground beside and above its text
+
+
+@lru_cache(maxsize=512)
+def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[QRectF, QPixmap]:
+    """The box of a text from its base line, and the text drawn once on its dark ground."""
+    written = _font(font)
+    box = QFontMetricsF(written).boundingRect(text)
+    ground = box.adjusted(-AROUND_X, -AROUND_Y, AROUND_X, AROUND_Y)
+    picture = QPixmap(*(int(np.ceil(side * ratio)) for side in (ground.width(), ground.height())))
+    picture.setDevicePixelRatio(ratio)
+    shade = QColor(halo)
+    shade.setAlpha(165)
+    picture.fill(shade)
+    painter = QPainter(picture)
+    painter.setFont(written)
+    painter.setPen(QColor(colour))
+    painter.drawText(-ground.topLeft(), text)
+    painter.end()
+    return box, picture
+
+
+@lru_cache(maxsize=512)
+def _width(text: str, font: str) -> float:
+    return QFontMetricsF(_font(font)).horizontalAdvance(text)
+
+
+def _font(told: str) -> QFont:
+    font = QFont()
+    font.fromString(told)
+    return font
 
 
 def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) -> None:
@@ -94,7 +128,7 @@ def name(brush: Brush, text: str, at: Floats, colour: str) -> None:
     """One label beside its circle: to the right, or to the left where the widget ends."""
     away = IDENTIFIED_PX + 4
     x = float(at[0]) + away
-    width = QFontMetricsF(brush.painter.font()).horizontalAdvance(text)
+    width = brush.width(text)
     if x + width > brush.view.width - 6:
         x = float(at[0]) - away - width
     brush.text(QPointF(x, at[1] + 4), text, colour)
@@ -142,15 +176,15 @@ def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
 
 def _path(xy: Floats) -> QPainterPath:
     path = QPainterPath()
+    with np.errstate(invalid="ignore"):
+        seen = (np.abs(xy) <= 1e5).all(axis=1).tolist()
     pen_down = False
-    for x, y in xy:
-        if x != x or y != y or abs(x) > 1e5 or abs(y) > 1e5:
-            pen_down = False
-        elif pen_down:
+    for (x, y), near in zip(xy.tolist(), seen, strict=True):
+        if near and pen_down:
             path.lineTo(x, y)
-        else:
+        elif near:
             path.moveTo(x, y)
-            pen_down = True
+        pen_down = near
     return path
 
 

@@ -1,6 +1,6 @@
 """Lines of right ascension and declination across a solved frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,18 +48,19 @@ def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -
     # Near a pole meridians are dear: a step is never finer than a dozen lines over the view.
     ra_step = _step(RA_STEPS_DEG, max(size / WANTED / shrink, (ra1 - ra0) / 12.0))
     near = np.cos(min(reach * 1.15 + 1e-6, np.pi))
-    lines = []
+    lines: list[GridLine] = []
     for value in _multiples(dec0, dec1, dec_step):
         ra = np.linspace(ra0, ra1, POINTS if ra1 - ra0 < 180 else 4 * POINTS)
-        lines.append(_line(solution, "dec", value, dec_step, ra, value, middle, near))
+        lines.append(_line("dec", value, dec_step, ra, value))
     for value in _multiples(ra0, ra1, ra_step):
         if ra1 - ra0 >= 360.0 and value >= ra0 + 360.0 - 1e-9:
             continue
         top = min(90.0 - dec_step / 2, dec1) if dec1 > 90.0 - 1e-6 else dec1
         low = max(-90.0 + dec_step / 2, dec0) if dec0 < -90.0 + 1e-6 else dec0
         dec = np.linspace(low, top, POINTS)
-        lines.append(_line(solution, "ra", value % 360.0, ra_step, value, dec, middle, near))
-    return [line for line in lines if np.isfinite(line.xy).all(axis=1).sum() > 1]
+        lines.append(_line("ra", value % 360.0, ra_step, value, dec))
+    drawn = _projected(solution, lines, middle, near)
+    return [line for line in drawn if np.isfinite(line.xy).all(axis=1).sum() > 1]
 
 
 def _middle_dec(dec0: float, dec1: float) -> float:
@@ -93,14 +94,24 @@ def _multiples(low: float, high: float, step: float) -> list[float]:
 
 
 def _line(
-    solution: Solution, kind: str, value: float, step: float, ra: Floats | float,
-    dec: Floats | float, middle: Floats, near: float,
-) -> GridLine:  # fmt: skip
-    ra, dec = np.broadcast_arrays(ra, dec)
-    vectors = unit_vectors(np.asarray(ra, dtype=np.float64), np.asarray(dec, dtype=np.float64))
+    kind: str, value: float, step: float, ra: Floats | float, dec: Floats | float
+) -> GridLine:
+    """One line whose ``xy`` are still (RA, Dec), degrees."""
+    return GridLine(kind, value, step, np.stack(np.broadcast_arrays(ra, dec), axis=-1))
+
+
+def _projected(
+    solution: Solution, lines: list[GridLine], middle: Floats, near: float
+) -> list[GridLine]:
+    """The lines in image px: all at once, as a camera's live picture asks for them often."""
+    if not lines:
+        return []
+    ra, dec = np.concatenate([line.xy for line in lines]).T
+    vectors = unit_vectors(ra, dec)
     xy = solution.pixels_of(vectors)
     xy[vectors @ middle < near] = np.nan  # a distortion polynomial folds far outside the frame
-    return GridLine(kind, value, step, xy)
+    ends = np.cumsum([len(line.xy) for line in lines])[:-1]
+    return [replace(line, xy=part) for line, part in zip(lines, np.split(xy, ends), strict=True)]
 
 
 def label(line: GridLine) -> str:
