@@ -177,14 +177,14 @@ def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
 def _path(xy: Floats) -> QPainterPath:
     path = QPainterPath()
     with np.errstate(invalid="ignore"):
-        seen = (np.abs(xy) <= 1e5).all(axis=1)
+        seen: list[bool] = np.all(np.abs(xy) <= 1e5, axis=1).tolist()
     pen_down = False
     for (x, y), near in zip(xy.tolist(), seen, strict=True):
         if near and pen_down:
             path.lineTo(x, y)
         elif near:
             path.moveTo(x, y)
-        pen_down = bool(near)
+        pen_down = near
     return path
 
 
