@@ -40,6 +40,9 @@ NAMESPACE = ["--net", "--pid", "--fork", "--kill-child"]
 # A telescope that tracks goes on while a driver asks, and an LX200 counts whole seconds of time.
 TOLERANCE_DEG = {"indi_eqmod_telescope": 0.02}
 TOLERANCE_ELSE_DEG = 0.006
+# INDI takes aberration and nutation (20.5 and up to 18 arcsec) out of what it tells a mount that
+# counts in J2000, and puts them back when it reads; a mount's computer knows precession alone.
+BELIEF_DEG = {"indi_synscan_telescope": 0.015}
 
 
 def apart_deg(one, other):
@@ -152,7 +155,8 @@ def test_a_driver_of_indi_connects_syncs_goes_and_reads_back(driven, driver):
         if plan[act] is None:
             continue
         assert apart_deg(told[driver][act], plan[act]) < tolerance
-    assert apart_deg(telescope.believed_deg(), plan["goto"]) < tolerance
+    believed = BELIEF_DEG.get(driver, tolerance)
+    assert apart_deg(telescope.believed_deg(), plan["goto"]) < believed
     if isinstance(telescope, BenchTelescope):
         begun = [entry[0] for entry in telescope.log if entry[0] in ("sync", "goto", "turn to")]
         if driver in GOTO_ONLY:
