@@ -1,13 +1,16 @@
 """Matches to attitude and camera: a robust fit that adds a term only when the stars ask for it."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.attitude.belief import FocalBelief
-from app.attitude.normal import chance, inverse, remainder, solve
-from app.attitude.projection import PARAMETERS, moved, project_with_jacobian, sane
+from app.attitude.descent import FOCAL, State
+from app.attitude.normal import Indices
+from app.attitude.projection import PARAMETERS, project_with_jacobian
+from app.attitude.terms import columns, earned, straight, straightened, supported
 from app.attitude.trust import BELIEF, corrections, trust
 from app.core.attitude import Attitude
 from app.core.camera import Camera
@@ -16,21 +19,8 @@ from app.core.solution import Matches
 Floats = NDArray[np.float64]
 
 FEWEST_FOR_FOCAL = 4
-FOCAL = PARAMETERS.index("log_focal")
-LADDER: tuple[tuple[tuple[str, ...], int], ...] = (
-    (("k1",), 8),
-    (("k2",), 14),
-    (("cx", "cy"), 14),
-    (("p1", "p2"), 18),
-)
-"""Terms tried one after the other, each with the fewest stars that may speak for it."""
-
 ENOUGH_TO_START_PLAIN = 18
 """From so many stars on, every term of the distortion has to earn its place anew."""
-
-LARGEST_CHANCE = 1e-4
-"""A term stays when chance alone would improve the fit as much with less than this probability."""
-
 CLIP_SIGMA = 3.7
 FLOOR_PX = 0.02
 """No set of centroids is believed to be better than this, whatever the residuals say."""
@@ -116,238 +106,126 @@ def refine(
     if distortion and count >= ENOUGH_TO_START_PLAIN:
         camera = straightened(camera)
     everyone = np.ones(count, dtype=np.bool_)
-    state = _State(
-        camera, attitude.matrix, matches, np.median(sigma) / sigma, everyone, camera, np.ones(count)
+    state = State(
+        camera, attitude.matrix, matches, _median(sigma) / sigma, everyone, camera, np.ones(count)
     )
-    base = _columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
+    base = columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
     free, state = _settled(state.descend(base), base, distortion, rounds)
-    if distortion and rounds > 1 and not state.earned(free):
-        bare = state.straight()
-        free, state = _settled(bare.descend(base), base, distortion, rounds)
+    if distortion and rounds > 1 and not earned(state, free):
+        free, state = _settled(straight(state).descend(base), base, distortion, rounds)
     if focal is not None and count >= FEWEST_FOR_FOCAL:
-        pulled = state.believing(focal, free)
+        pulled = _believing(state, focal, free)
         if pulled is not state:
             free, state = _settled(pulled.descend(free), base, distortion, rounds)
     if rounds > 1:
-        state = state.softened(free)
-    return state.conclude(free)
+        state = _softened(state, free)
+    return _concluded(state, free)
 
 
-def straightened(camera: Camera) -> Camera:
-    """The same camera without distortion."""
-    return replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
-
-
-def _settled(
-    state: "_State", base: NDArray[np.intp], distortion: bool, rounds: int
-) -> tuple[NDArray[np.intp], "_State"]:
+def _settled(state: State, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, State]:
     """The terms that are asked for and the state without outliers, each seen from the other."""
     free = base
     for _ in range(rounds):
         if distortion:
-            free, state = state.supported(base)
-        keep = state.agreeing(len(free))
+            free, state = supported(state, base)
+        keep = _agreeing(state, len(free))
         if np.array_equal(keep, state.inliers):
             break
         state = replace(state, inliers=keep).descend(free)
     return free, state
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    """One point of the descent.
+def _agreeing(state: State, parameters: int) -> NDArray[np.bool_]:
+    """Which matches are within the clip, seen from the spread of all of them."""
+    scaled = state.residuals() * state.weight[:, None]
+    if len(scaled) < FEWEST_TO_DOUBT:
+        return np.ones(len(scaled), dtype=np.bool_)
+    limit = CLIP_SIGMA * _spread(scaled, parameters)
+    keep = np.square(scaled).sum(axis=1) <= limit * limit
+    return keep if 2 * int(keep.sum()) > len(keep) else state.inliers
 
-    ``weight`` (M,) are the matches' by their errors, ``trust`` (M,) how far they count at all.
-    ``pull`` is a believed log focal length and how much a step of it weighs, px.
-    """
 
-    camera: Camera
-    matrix: Floats
-    matches: Matches
-    weight: Floats
-    inliers: NDArray[np.bool_]
-    plain: Camera
-    trust: Floats
-    pull: tuple[float, float] | None = None
-    share: float = 0.0
-
-    def linear(self, every: bool = False) -> tuple[Floats, Floats]:
-        """Residuals (M, 2) px and Jacobian (M, 2, 10), of the inliers or of every match."""
-        chosen = slice(None) if every else self.inliers
-        vectors = self.matches.vectors[chosen] @ self.matrix.T
-        vectors[:, 2] = np.maximum(vectors[:, 2], 1e-3)  # behind the camera: far outside, finite
-        pixels, jacobian = project_with_jacobian(self.camera, vectors)
-        return self.matches.xy[chosen] - pixels, jacobian
-
-    def weighted(self) -> tuple[Floats, Floats]:
-        """The same of the inliers, (2 M,) and (2 M, 10), each over its sigma; then the belief."""
-        return self._flat(*self.linear(), (self.weight * np.sqrt(self.trust))[self.inliers])
-
-    def _flat(self, residual: Floats, jacobian: Floats, w: Floats) -> tuple[Floats, Floats]:
-        flat = (jacobian * w[:, None, None]).reshape(-1, len(PARAMETERS))
-        left = (residual * w[:, None]).ravel()
-        if self.pull is None:
-            return left, flat
-        row = np.zeros((1, len(PARAMETERS)))
-        row[0, FOCAL] = self.pull[1]
-        off = (self.pull[0] - np.log(self.camera.focal_px)) * self.pull[1]
-        return np.append(left, off), np.concatenate([flat, row])
-
-    def descend(self, free: NDArray[np.intp], steps: int = 8) -> "_State":
-        """The state at the least squares over the ``free`` parameters."""
-        state, damping = self, 0.0
-        residual, jacobian = state.weighted()
-        cost = float(residual @ residual)
-        for _ in range(steps):
-            step = np.zeros(len(PARAMETERS))
-            step[free] = solve(jacobian[:, free], residual, damping)
-            camera, matrix = moved(state.camera, state.matrix, step)
-            tried = replace(state, camera=camera, matrix=matrix)
-            residual_tried, jacobian_tried = tried.weighted()
-            cost_tried = float(residual_tried @ residual_tried)
-            if not cost_tried <= cost * (1.0 + 1e-9):
-                damping = max(10.0 * damping, 1e-3)
-                continue
-            gain, state, damping = cost - cost_tried, tried, damping / 10.0
-            residual, jacobian, cost = residual_tried, jacobian_tried, cost_tried
-            if gain <= 1e-6 * cost + 1e-18 * len(residual):
-                break
+def _believing(state: State, focal: FocalBelief, free: Indices) -> State:
+    """The state that is pulled towards a belief, itself when that tells nothing or is wrong."""
+    flat, normal = state.linear()
+    freedom = 2 * int(state.inliers.sum()) - len(free)
+    level = max(float(flat @ flat) / max(freedom, 1), FLOOR_PX**2)
+    at = int(np.flatnonzero(free == FOCAL)[0])
+    own = float(np.sqrt(normal.only(free).inverse()[at, at] * level))
+    believed = math.log(focal.focal_px)
+    off = abs(believed - math.log(state.camera.focal_px))
+    if focal.sigma > TELLS_NOTHING * own:
         return state
-
-    def supported(self, base: NDArray[np.intp]) -> tuple[NDArray[np.intp], "_State"]:
-        """``base`` and the terms that the inliers ask for, and the state at their optimum.
-
-        Terms are judged to first order from where the state is; the last ones are given up again
-        when the camera they lead to is none.
-        """
-        residual, jacobian = self.weighted()
-        given = [getattr(self.camera, t) - getattr(self.plain, t) for t in PARAMETERS[4:]]
-        residual = residual + jacobian[:, 4:] @ np.array(given)  # as if no term were set
-        count, chosen = len(residual) // 2, [base]
-        now = remainder(jacobian[:, base], residual)
-        for names, fewest in LADDER:
-            if count < fewest or (names == ("k2",) and PARAMETERS.index("k1") not in chosen[-1]):
-                continue
-            columns = np.union1d(chosen[-1], _columns(names))
-            then = remainder(jacobian[:, columns], residual)
-            if chance(now, then, len(residual) - len(columns)) < LARGEST_CHANCE:
-                chosen.append(columns)
-                now = then
-        for columns in reversed(chosen[1:]):
-            tried = self.plain_but(columns).descend(columns)
-            if sane(tried.camera) and tried.centre_plausible():
-                return columns, tried
-        return base, self if not any(given) else self.plain_but(base).descend(base)
-
-    def plain_but(self, free: NDArray[np.intp]) -> "_State":
-        """The state with the terms of the ladder that are not ``free`` as they were given."""
-        names = [t for t in PARAMETERS[4:] if PARAMETERS.index(t) not in free]
-        given = {name: getattr(self.plain, name) for name in names}
-        return replace(self, camera=replace(self.camera, **given))
-
-    def centre_plausible(self) -> bool:
-        """Whether the principal point is inside the frame's middle half."""
-        c = self.camera
-        middle_x, middle_y = (c.width - 1) / 2, (c.height - 1) / 2
-        return abs(c.cx - middle_x) < c.width / 4 and abs(c.cy - middle_y) < c.height / 4
-
-    def agreeing(self, parameters: int) -> NDArray[np.bool_]:
-        """Which matches are within the clip, seen from the spread of all of them."""
-        residual, _ = self.linear(every=True)
-        if len(residual) < FEWEST_TO_DOUBT:
-            return np.ones(len(residual), dtype=np.bool_)
-        scaled = residual * self.weight[:, None]
-        keep = np.hypot(*scaled.T) <= CLIP_SIGMA * _spread(scaled, parameters)
-        return keep if keep.sum() > len(keep) / 2 else self.inliers
-
-    def earned(self, free: NDArray[np.intp]) -> bool:
-        """Whether a distortion that was given, and not fitted, is one that the stars ask for."""
-        if not self.plain.distorted:
-            return True
-        bent, _ = self.weighted()
-        flat, _ = self.straight().descend(free).weighted()
-        freedom = len(flat) - len(free) - 1
-        return chance(float(flat @ flat), float(bent @ bent), freedom) < LARGEST_CHANCE
-
-    def straight(self) -> "_State":
-        """The same without any distortion."""
-        return replace(self, camera=straightened(self.camera), plain=straightened(self.plain))
-
-    def believing(self, focal: FocalBelief, free: NDArray[np.intp]) -> "_State":
-        """The state that is pulled towards a belief, itself when that tells nothing or is wrong."""
-        flat, jacobian = self.weighted()
-        level = max(float(flat @ flat) / max(len(flat) - len(free), 1), FLOOR_PX**2)
-        at = int(np.flatnonzero(free == FOCAL)[0])
-        own = float(np.sqrt(inverse(jacobian[:, free])[at, at] * level))
-        believed = float(np.log(focal.focal_px))
-        off = abs(believed - float(np.log(self.camera.focal_px)))
-        if focal.sigma > TELLS_NOTHING * own:
-            return self
-        if off > CONTRADICTED_SIGMA * float(np.hypot(own, focal.sigma)):
-            return self
-        return replace(self, pull=(believed, float(np.sqrt(level)) / max(focal.sigma, 1e-9)))
-
-    def softened(self, free: NDArray[np.intp]) -> "_State":
-        """The state at which each match weighs as much as it is to be trusted.
-
-        Itself when there are too few matches to tell, or no majority to be trusted.
-        """
-        state, share, level, right = self, BELIEF[0] / sum(BELIEF), 0.0, self.trust
-        for _ in range(SOFT_ROUNDS if len(self.matches) >= FEWEST_TO_DOUBT else 0):
-            residual, jacobian = state.linear(every=True)
-            scaled = residual * state.weight[:, None]
-            first = level == 0.0
-            level = _spread(scaled, len(free)) if first else _level(scaled, right, share, len(free))
-            right, share = trust(np.hypot(*scaled.T) / level, share)
-            if (right > 0.5).sum() <= len(right) / 2:
-                return self
-            left, flat = state._flat(residual, jacobian, state.weight * np.sqrt(right))
-            step = np.zeros(len(PARAMETERS))
-            step[free] = solve(flat[:, free], left)
-            camera, matrix = moved(state.camera, state.matrix, step)
-            done = np.abs(right - state.trust).max() < SETTLED
-            state = replace(state, camera=camera, matrix=matrix, trust=right, share=share)
-            if done:
-                break
-        return replace(state, inliers=state.trust > 1e-4)
-
-    def conclude(self, free: NDArray[np.intp]) -> Fit:
-        """The fit with its covariance."""
-        flat, jacobian = self.weighted()
-        short, wider = corrections(self.share) if self.share > 0.0 else (1.0, 1.0)
-        freedom = 2.0 * float(self.trust[self.inliers].sum()) - len(free) + (self.pull is not None)
-        variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
-        spread = inverse(jacobian[:, free]) * wider * max(variance, FLOOR_PX**2)
-        to_rotation = _as_rotation(self.camera)[:, free]
-        covariance = to_rotation @ spread @ to_rotation.T
-        residual, _ = self.linear(every=True)
-        inliers = self.agreeing(len(free)) if self.share > 0.0 else self.inliers
-        length2 = np.sum(np.square(residual[inliers]), axis=1)
-        return Fit(
-            self.camera,
-            Attitude(self.matrix, covariance),
-            residual,
-            float(np.sqrt(np.mean(length2))),
-            inliers,
-            tuple(PARAMETERS[i] for i in free),
-        )
+    if off > CONTRADICTED_SIGMA * math.hypot(own, focal.sigma):
+        return state
+    return replace(state, pull=(believed, math.sqrt(level) / max(focal.sigma, 1e-9)))
 
 
-def _columns(names: tuple[str, ...]) -> NDArray[np.intp]:
-    return np.array([PARAMETERS.index(name) for name in names], dtype=np.intp)
+def _softened(state: State, free: Indices) -> State:
+    """The state at which each match weighs as much as it is to be trusted.
+
+    Itself when there are too few matches to tell, or no majority to be trusted.
+    """
+    before, share, level, right = state, BELIEF[0] / sum(BELIEF), 0.0, state.trust
+    _, jacobian = state.slopes()
+    for _ in range(SOFT_ROUNDS if len(state.matches) >= FEWEST_TO_DOUBT else 0):
+        residual = state.residuals()
+        scaled = residual * state.weight[:, None]
+        length2 = np.square(scaled).sum(axis=1)
+        first = level == 0.0
+        level = _spread(scaled, len(free)) if first else _level(length2, right, share, len(free))
+        right, share = trust(np.sqrt(length2) / level, share)
+        if 2 * int((right > 0.5).sum()) <= len(right):
+            return before
+        counts = state.weight * np.sqrt(right)
+        step = state.normal(jacobian, counts).only(free).step(state.flat(residual.T, counts))
+        done = float(np.abs(right - state.trust).max()) < SETTLED
+        state = replace(state.moved(free, step), trust=right, share=share)
+        if done:
+            break
+    return replace(state, inliers=state.trust > 1e-4)
+
+
+def _concluded(state: State, free: Indices) -> Fit:
+    """The fit with its covariance."""
+    flat, normal = state.linear()
+    short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
+    freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
+    variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
+    spread = normal.only(free).inverse() * wider * max(variance, FLOOR_PX**2)
+    to_rotation = _as_rotation(state.camera)[:, free]
+    covariance = to_rotation @ spread @ to_rotation.T
+    residual = state.residuals()
+    inliers = _agreeing(state, len(free)) if state.share > 0.0 else state.inliers
+    length2 = np.square(residual[inliers]).sum(axis=1)
+    return Fit(
+        state.camera,
+        Attitude(state.matrix, covariance),
+        residual,
+        math.sqrt(float(length2.sum()) / max(len(length2), 1)),
+        inliers,
+        tuple(PARAMETERS[i] for i in free),
+    )
+
+
+def _median(values: Floats) -> float:
+    """The median of a few numbers, ten times as quick as NumPy's for them."""
+    ordered = np.sort(values, axis=None)
+    half = len(ordered) // 2
+    return float(ordered[half] + ordered[~half]) / 2.0
 
 
 def _spread(scaled: Floats, parameters: int) -> float:
     """Sigma of one coordinate from residuals (M, 2), by their median; at least the floor."""
     freedom = max(scaled.size - parameters, 1) / scaled.size
-    return max(1.4826 * float(np.median(np.abs(scaled))) / float(np.sqrt(freedom)), FLOOR_PX)
+    return max(1.4826 * _median(np.abs(scaled)) / math.sqrt(freedom), FLOOR_PX)
 
 
-def _level(scaled: Floats, right: Floats, share: float, parameters: int) -> float:
-    """Sigma of one coordinate from residuals (M, 2) that are ``right`` (M,) so far."""
-    square = float(right @ np.square(scaled).sum(axis=1)) / corrections(share)[0]
+def _level(length2: Floats, right: Floats, share: float, parameters: int) -> float:
+    """Sigma of one coordinate from squared residuals (M,) that are ``right`` (M,) so far."""
+    square = float(right @ length2) / corrections(share)[0]
     freedom = max(2.0 * float(right.sum()) - parameters, 1.0)
-    return max(float(np.sqrt(square / freedom)), FLOOR_PX)
+    return max(math.sqrt(square / freedom), FLOOR_PX)
 
 
 def _as_rotation(camera: Camera) -> Floats:

@@ -1,6 +1,6 @@
 """How pixels move when the attitude or the camera changes a little."""
 
-from dataclasses import replace
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,50 +17,56 @@ PARAMETERS = ("rx", "ry", "rz", "log_focal", "cx", "cy", "k1", "k2", "p1", "p2")
 def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floats]:
     """Pixels (N, 2) of camera-axes vectors (N, 3), z > 0, and their derivatives (N, 2, 10).
 
-    The derivatives are by :data:`PARAMETERS`, at no change. The model is that of
-    ``app.core.camera`` (Brown 1966, Photogramm. Eng. 32, 444).
+    The derivatives are by :data:`PARAMETERS`, at no change; in memory a parameter's lie together.
+    The model is that of ``app.core.camera`` (Brown 1966, Photogramm. Eng. 32, 444).
     """
-    u = vectors[:, 0] / vectors[:, 2]
-    v = vectors[:, 1] / vectors[:, 2]
-    uu, vv, uv = u * u, v * v, u * v
-    r2 = uu + vv
-    k1, k2, p1, p2 = camera.k1, camera.k2, camera.p1, camera.p2
-    radial = 1.0 + r2 * (k1 + k2 * r2)
-    slope = 2.0 * (k1 + 2.0 * k2 * r2)
-    ud = u * radial + 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu)
-    vd = v * radial + p1 * (r2 + 2.0 * vv) + 2.0 * p2 * uv
-    cross = slope * uv + 2.0 * (p1 * u + p2 * v)
-    by_u = (radial + slope * uu + 2.0 * p1 * v + 6.0 * p2 * u, cross)
-    by_v = (cross, radial + slope * vv + 6.0 * p1 * v + 2.0 * p2 * u)
-
-    jacobian = np.empty((len(u), 2, len(PARAMETERS)))
-    for axis in (0, 1):  # the picture's x, then y, in units of the focal length
-        du, dv, row = by_u[axis], by_v[axis], jacobian[:, axis]
-        row[:, 0] = -du * uv - dv * (1.0 + vv)
-        row[:, 1] = du * (1.0 + uu) + dv * uv
-        row[:, 2] = dv * u - du * v
-        row[:, 3] = (ud, vd)[axis]
-        row[:, 4:6] = 0.0
-        row[:, 6] = (u, v)[axis] * r2
-        row[:, 7] = row[:, 6] * r2
-        row[:, 8] = (2.0 * uv, r2 + 2.0 * vv)[axis]
-        row[:, 9] = (r2 + 2.0 * uu, 2.0 * uv)[axis]
-    sign = -1.0 if camera.mirrored else 1.0
+    flat = vectors[:, :2].T / vectors[:, 2]
+    u, v = flat
+    square = flat * flat
+    uu, vv = square
+    uv, r2 = u * v, uu + vv
+    jacobian = np.empty((len(PARAMETERS), 2, len(u)))
+    turn = jacobian[:3]
+    turn[0, 0], turn[0, 1] = -uv, -1.0 - vv
+    turn[1, 0], turn[1, 1] = 1.0 + uu, uv
+    turn[2, 0], turn[2, 1] = -v, u
+    bent = flat
+    if camera.distorted:
+        k1, k2, p1, p2 = camera.k1, camera.k2, camera.p1, camera.p2
+        radial, slope = 1.0 + r2 * (k1 + k2 * r2), 2.0 * (k1 + 2.0 * k2 * r2)
+        bent = np.stack([
+            u * radial + 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu),
+            v * radial + p1 * (r2 + 2.0 * vv) + 2.0 * p2 * uv,
+        ])  # fmt: skip
+        cross = slope * uv + 2.0 * (p1 * u + p2 * v)
+        by_u = radial + slope * uu + 2.0 * p1 * v + 6.0 * p2 * u
+        by_v = radial + slope * vv + 6.0 * p1 * v + 2.0 * p2 * u
+        across, down = by_u * turn[:, 0] + cross * turn[:, 1], by_v * turn[:, 1]
+        turn[:, 1] = down + cross * turn[:, 0]
+        turn[:, 0] = across
+    jacobian[3] = bent
+    np.multiply(flat, r2, out=jacobian[6])
+    np.multiply(jacobian[6], r2, out=jacobian[7])
+    jacobian[8, 0] = jacobian[9, 1] = 2.0 * uv
+    jacobian[8, 1], jacobian[9, 0] = r2 + 2.0 * square[::-1]
     f = camera.focal_px
-    jacobian[:, 0] *= sign * f
-    jacobian[:, 1] *= f
-    jacobian[:, 0, 4] = 1.0
-    jacobian[:, 1, 5] = 1.0
-    pixels = np.stack([camera.cx + sign * f * ud, camera.cy + f * vd], axis=1)
-    return pixels, jacobian
+    shape = np.array([[-f if camera.mirrored else f], [f]])
+    jacobian *= shape
+    jacobian[4:6] = 0.0
+    jacobian[4, 0] = jacobian[5, 1] = 1.0
+    pixels = shape * bent + np.array([[camera.cx], [camera.cy]])
+    return pixels.T, jacobian.T
 
 
 def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]:
     """The camera and the attitude matrix (3, 3) after a ``step`` (10,) of the parameters."""
-    change = dict(zip(PARAMETERS[4:], (float(s) for s in step[4:]), strict=True))
-    terms = {name: getattr(camera, name) + d for name, d in change.items()}
-    focal = camera.focal_px * float(np.exp(np.clip(step[3], -1.0, 1.0)))
-    return replace(camera, focal_px=focal, **terms), small_rotation(step[:3]) @ matrix
+    x, y, z, focal, cx, cy, k1, k2, p1, p2 = step.tolist()
+    c = camera
+    after = Camera(
+        c.width, c.height, c.focal_px * math.exp(min(max(focal, -1.0), 1.0)), c.cx + cx, c.cy + cy,
+        c.k1 + k1, c.k2 + k2, c.p1 + p1, c.p2 + p2, c.mirrored,
+    )  # fmt: skip
+    return after, small_rotation(np.array([x, y, z])) @ matrix
 
 
 def sane(camera: Camera) -> bool:

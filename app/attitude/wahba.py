@@ -1,5 +1,7 @@
 """The optimal rotation between two sets of directions, with its covariance."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,10 +52,13 @@ def wahba(camera: Floats, icrs: Floats, sigma_rad: Floats | float = 1.0) -> Atti
 
 def small_rotation(angles_rad: Floats) -> Floats:
     """The matrix (3, 3) that turns by ``angles_rad`` (3,): ``v + angles x v`` when small."""
-    angle = float(np.linalg.norm(angles_rad))
-    x, y, z = angles_rad
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < 1e-12:
-        return np.asarray(np.eye(3) + cross)
-    a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
-    return np.asarray(np.eye(3) + a * cross + b * (cross @ cross))
+    x, y, z = np.asarray(angles_rad, dtype=np.float64).tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    a, b = 1.0, 0.5
+    if angle > 1e-6:
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
+    return np.array([
+        [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+        [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
+        [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
+    ])  # fmt: skip

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.attitude.wahba import small_rotation
 from app.identify.chance import log10_false_alarm
 from app.identify.hypotheses import View
 from app.identify.index import Volume
@@ -92,7 +93,7 @@ def refit(pointing: Pointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) 
         step = np.linalg.solve(normal, flat @ off.ravel()).tolist()
     except np.linalg.LinAlgError:
         return pointing
-    turn = _turn(*(_within(s, 0.2) for s in step[:3]))
+    turn = small_rotation(np.array([_within(s, 0.2) for s in step[:3]]))
     k1 = _within(pointing.k1 + step[4], 0.6) if bend else pointing.k1
     focal = pointing.focal * math.exp(_within(step[3], 0.2))
     return Pointing(turn @ pointing.matrix, focal, pointing.mirrored, k1)
@@ -100,19 +101,6 @@ def refit(pointing: Pointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) 
 
 def _within(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
-
-
-def _turn(x: float, y: float, z: float) -> Floats:
-    """Rotation matrix (3, 3) of a small rotation vector, by Rodrigues' formula."""
-    angle = math.sqrt(x * x + y * y + z * z)
-    a, b = 1.0, 0.5
-    if angle > 1e-6:
-        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
-    return np.array([
-        [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
-        [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
-        [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
-    ])  # fmt: skip
 
 
 def verify(
