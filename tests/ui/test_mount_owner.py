@@ -97,9 +97,17 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
     view.begin()
     qtbot.waitUntil(lambda: view.hands is not None, timeout=30_000)
     assert len(nights.made) == 1
-    assert mount.go.goto.reason == "", "the mount's line is free"
+    assert mount.go.goto.reason == mount.go.centre.reason == why.BY_HAND
+    assert mount.pad.buttons[Direction.NORTH].reason == why.BY_HAND
+    assert mount.pad.buttons[Direction.EAST].reason == "", "that is a way to turn the RA axis"
+    assert mount.stop.reason == ""
+    with pytest.raises(RefusedError, match="by hand"):
+        mount.desk.order("goto", lambda guard: iter(()))
+    mount.asks.nudge(Direction.NORTH, 60.0)
+    assert mount.said.text() == why.BY_HAND
     view.cancel.click()
     drive(view)
+    assert mount.go.goto.reason == ""
     assert mount.desk.known.phase == "on"
     assert nights.made[0].rig.frame(0.1) is not None
 
@@ -116,6 +124,10 @@ def test_one_order_at_a_time_whoever_gives_it(qtbot, opened):
         view.begin()
         assert view.said.text() == why.BUSY.format("going there")
         assert not view.start.isHidden()
+        view.setup.hand.setCurrentText(Hand.PERSON)
+        view.begin()
+        assert view.said.text() == why.BUSY.format("going there")
+        assert not mount.desk.by_hand
         mount.desk.stop()
         qtbot.waitUntil(lambda: not mount.desk.known.busy, timeout=10_000)
 

@@ -1,5 +1,6 @@
 """The parts of the Mount view that need no window: reasons, targets, offsets, wishes, the stars' way."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -69,6 +70,13 @@ def test_parked_busy_and_blind_have_their_own_reasons():
     assert blind["sync"] == why.NO_SOLUTION
     assert blind["bring"] == why.NO_FRAME
     assert blind["undo"] == why.NO_SYNC_YET
+
+
+def test_while_a_hand_turns_the_axis_only_that_axis_may_turn():
+    told = reasons(replace(ON, by_hand=True))
+    held = {name for name, reason in told.items() if reason == why.BY_HAND}
+    assert held == {"goto", "centre", "bring", "sync", "nudge dec"}
+    assert not any(told[name] for name in ("nudge", "take", "track", "undo", "why", "stop"))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from app.ui.mount import orders
 from app.ui.mount.desk import Desk
 from app.ui.mount.line_order import Make
 from app.ui.mount.outcome import spoken
+from app.ui.mount.reasons import BY_HAND
 from app.ui.mount.words import Done, Failed
 from app.workflows.centre_target import Centring, End
 from app.workflows.sync_mount import SyncDone, SyncOffer
@@ -61,6 +62,10 @@ class Asks(QObject):
 
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
         """A small motion, at a rate of the mount or, for 0, at whatever suits it."""
+        dec = direction in (Direction.NORTH, Direction.SOUTH)
+        if self._desk.by_hand and dec:
+            self._desk.said.emit(BY_HAND, "wrong")
+            return
         self._desk.ask("nudge", orders.nudged(direction, arcsec, rate_deg_s))
 
     def bring(self, star: tuple[float, float], here: tuple[float, float]) -> None:

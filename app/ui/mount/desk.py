@@ -9,12 +9,12 @@ from app.ui.mount import orders
 from app.ui.mount.connection import Connection
 from app.ui.mount.errand import Errand
 from app.ui.mount.eye import CameraWish
-from app.ui.mount.known import MountKnown
+from app.ui.mount.known import POLAR, MountKnown
 from app.ui.mount.line_order import Make, Outlives, never
 from app.ui.mount.line_thread import MountLine
 from app.ui.mount.lookout import Lookout
 from app.ui.mount.opening import Opening, PracticeOpening, on_port
-from app.ui.mount.reasons import Situation, unable
+from app.ui.mount.reasons import BY_HAND, Situation, unable
 from app.ui.mount.wishes import MountWish, kept_camera
 from app.ui.mount.words import (
     CannotStop,
@@ -32,6 +32,7 @@ from app.ui.services import Services
 from app.ui.wiring import Practice
 from app.workflows.fresh_frame import SolveNow
 
+AXES = ("goto", "centre", "bring", "offer", "accept", POLAR)
 PRACTISE_LATER = "A mount is connected: disconnect it before you practise."
 
 
@@ -48,6 +49,7 @@ class Desk(QObject):
         super().__init__(services.jobs)
         self.known = MountKnown()
         self.lookout = Lookout(services.session, services.cameras)
+        self.by_hand = False  # a person turns the RA axis for an alignment
         self._services = services
         self._connection = Connection(services.jobs, self)
         self._errands: dict[str, Errand] = {}
@@ -127,7 +129,7 @@ class Desk(QObject):
             No mount is connected, or another order is under way; one sentence.
 
         """
-        why = unable(self.situation)
+        why = unable(self.situation) or (BY_HAND if self.by_hand and name in AXES else "")
         if self._line is None or why:
             raise RefusedError(why)
         self.known.busy = name
@@ -148,6 +150,11 @@ class Desk(QObject):
         if self._line is not None:
             self._line.stop()
         self.stopping.emit()
+
+    def leave_to_hand(self, by_hand: bool) -> None:
+        """Whether a person turns the RA axis now: nothing else of the mount is to be turned."""
+        self.by_hand = by_hand
+        self.changed.emit()
 
     def use_camera(self, wish: CameraWish | None) -> None:
         """Look through this camera from now on."""
@@ -182,6 +189,7 @@ class Desk(QObject):
             self.lookout.eye is not None,
             self.lookout.solution is not None,
             known.report is not None and known.report.can_undo,
+            self.by_hand,
         )
 
     # what is heard ----------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from app.ui.mount.words import (
 
 POLAR = "polar"
 MOVING = ("goto", "centre", "nudge", "bring", POLAR)
+MAY_MOVE = (*MOVING, "accept")  # a sync that is refused becomes a slew
 QUIET = ("site", "camera")  # over in a moment: nobody need wait for these
 TITLES = {
     "goto": "going there", "centre": "centring", "nudge": "nudging", "bring": "bringing the star",
@@ -53,13 +54,18 @@ class MountKnown:
         return TITLES.get(self.busy, self.busy)
 
     @property
+    def slewing(self) -> bool:
+        """Whether it said so last."""
+        return self.report is not None and bool(self.report.state.slewing)
+
+    @property
     def at_rest(self) -> bool:
         """Whether it says that it stands or tracks, and no order moves it at this moment."""
-        if self.phase == "lost" or (self.report is not None and self.report.state.slewing):
+        if self.phase == "lost" or self.slewing:
             return False
         if self.busy == POLAR:  # while the bolts are turned the mount stands
             return self.doing is not None and self.doing.stage not in (POLAR, "turn")
-        return self.busy not in (*MOVING, "accept")
+        return self.busy not in MAY_MOVE
 
     def hear(self, word: Word) -> None:
         """What a word of the line changes."""

@@ -81,10 +81,10 @@ class NudgePad(QWidget):
         for rate in rates_deg_s:
             self.rate.addItem(rate_text(rate), rate)
 
-    def allow(self, reason: str) -> None:
-        """Grey all four with a reason."""
-        for made in self.buttons.values():
-            made.allow(reason)
+    def allow(self, reason: str, dec_reason: str) -> None:
+        """Grey them with a reason: those of the RA axis, and those of the declination axis."""
+        for way, made in self.buttons.items():
+            made.allow(reason if way in (Direction.EAST, Direction.WEST) else dec_reason)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):

@@ -15,6 +15,10 @@ NO_SOLUTION = "Open a frame that solves, or take one: the sky has not been asked
 NO_FRAME = "Take a frame and let it solve first: the star is found by its answer."
 NO_SYNC_YET = "There is no sync to take back."
 BUSY = "Wait until this is over, or stop it: {}."
+BY_HAND = (
+    "A polar alignment by hand (F4) is under way, in which only the RA axis may turn: end it"
+    " first, or begin it anew with the mount turning the axis."
+)
 
 NEEDS: Mapping[str, tuple[Ability, ...]] = {
     "sync": (),  # what cannot be synced is slewed by the offset instead
@@ -25,15 +29,18 @@ NEEDS: Mapping[str, tuple[Ability, ...]] = {
     "track": (Ability.TRACKING,),
     "take": (),
     "why": (),
+    "nudge dec": (),
 }
-MOVES = ("goto", "centre", "nudge", "bring", "sync", "track")
+MOVES = ("goto", "centre", "nudge", "nudge dec", "bring", "sync", "track")
+TURNS_DEC = ("goto", "centre", "nudge dec", "bring", "sync")  # a sync may fall back to a slew
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
     """All that decides what may be done.
 
-    ``phase`` is "off", "connecting", "on", "lost" or "leaving".
+    ``phase`` is "off", "connecting", "on", "lost" or "leaving"; ``by_hand`` says that a polar
+    alignment is under way whose axis a person turns.
     """
 
     phase: str = "off"
@@ -43,6 +50,7 @@ class Situation:
     camera: bool = False
     solved: bool = False
     can_undo: bool = False
+    by_hand: bool = False
 
 
 def unable(now: Situation) -> str:
@@ -68,6 +76,8 @@ def _reason(name: str, now: Situation) -> str:
         return lacking
     if name in MOVES and now.state is not None and now.state.parked:
         return PARKED
+    if now.by_hand and name in TURNS_DEC:
+        return BY_HAND
     special = _special(name, now)
     if special:
         return special
@@ -78,7 +88,7 @@ def _reason(name: str, now: Situation) -> str:
 
 def _lacking(name: str, now: Situation) -> str:
     lacks = now.lacks or {}
-    if name == "nudge":
+    if name in ("nudge", "nudge dec"):
         both = Ability.PULSE in lacks and Ability.MOVE in lacks
         return lacks[Ability.MOVE] if both else ""
     if name == "sync" and Ability.SYNC in lacks:

@@ -131,7 +131,7 @@ class MountView(MountPanel):
         self.pointing.show_known(known, self._services.settings.angle_style)
         for name, control in self.controls().items():
             control.allow(why[name])
-        self.pad.allow(why["nudge"])
+        self.pad.allow(why["nudge"], why["nudge dec"])
         if known.connected is not None:
             self.pad.show_rates(known.connected.rates_deg_s)
         self.tracking.allow(why["track"])

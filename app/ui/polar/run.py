@@ -9,7 +9,8 @@ from app.polar.history import History
 from app.ui.job import Job
 from app.ui.mount.desk import PRACTISE_LATER, Desk
 from app.ui.mount.errand import Errand
-from app.ui.mount.known import POLAR
+from app.ui.mount.known import MAY_MOVE, POLAR
+from app.ui.mount.reasons import BUSY
 from app.ui.polar.tools import Tools
 from app.ui.polar.wish import AlignWish, Hand, Source
 from app.ui.polar.work import working
@@ -17,6 +18,7 @@ from app.ui.services import Services
 from app.workflows.polar_update import PolarControls
 
 NO_MOUNT = "No mount is known yet: connect it once in the Mount view (F3), or turn by hand."
+SLEWING = "The mount slews: wait until it stands, or stop it."
 MOVING = ("opening", "turn", "settle")
 OTHER_SKY = (
     "The practice telescope is connected: choose it above, or end the practice in the Mount view"
@@ -56,13 +58,27 @@ class Run(QObject):
 
         """
         wish = self._wish
-        if wish.source is Source.FILES or wish.hand is Hand.PERSON:
+        if wish.source is Source.FILES:
             return self._services.jobs.run(working(wish, self._tools), POLAR)
+        if wish.hand is Hand.PERSON:
+            return self._by_hand()
         made = self._connect()
         errand = self._desk.order(POLAR, self._on_line, stands)
         if made:  # a practice telescope that was begun for this ends with it
             errand.finished.connect(self._desk.disconnect_mount)
         return errand
+
+    def _by_hand(self) -> Job:
+        """A person turns the axis: meanwhile nobody sends the mount anywhere."""
+        desk = self._desk
+        if desk.known.busy in MAY_MOVE:
+            raise UsageError(BUSY.format(desk.known.user))
+        if desk.known.slewing:
+            raise UsageError(SLEWING)
+        job = self._services.jobs.run(working(self._wish, self._tools), POLAR)
+        desk.leave_to_hand(True)
+        job.finished.connect(lambda: desk.leave_to_hand(False))
+        return job
 
     def _connect(self) -> bool:
         """See to it that the right mount is connected; whether a practice night was begun."""
