@@ -77,8 +77,9 @@ def refine(
     distortion : bool
         Whether terms beyond rotation and focal length may be tried at all.
     rounds : int
-        How often at most the outliers are looked for anew; with one round they are left out or
-        not, with more each match weighs in the end as much as it is to be trusted.
+        How often at most the outliers are looked for anew. With one round they are left out or
+        not, and the attitude has no covariance; with more each match weighs in the end as much
+        as it is to be trusted.
     focal : FocalBelief, optional
         What is believed of the focal length. It has its say in the measure of its sigma, unless
         the stars contradict it by more than four sigma.
@@ -119,7 +120,7 @@ def refine(
             free, state = _settled(pulled.descend(free), base, distortion, rounds)
     if rounds > 1:
         state = _softened(state, free)
-    return _concluded(state, free)
+    return _concluded(state, free, covariance=rounds > 1)
 
 
 def _settled(state: State, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, State]:
@@ -186,26 +187,29 @@ def _softened(state: State, free: Indices) -> State:
     return replace(state, inliers=state.trust > 1e-4)
 
 
-def _concluded(state: State, free: Indices) -> Fit:
-    """The fit with its covariance."""
+def _concluded(state: State, free: Indices, covariance: bool) -> Fit:
+    residual = state.residuals()
+    inliers = _agreeing(state, len(free)) if state.share > 0.0 else state.inliers
+    length2 = np.square(residual[inliers]).sum(axis=1)
+    return Fit(
+        state.camera,
+        Attitude(state.matrix, _covariance(state, free) if covariance else None),
+        residual,
+        math.sqrt(float(length2.sum()) / max(len(length2), 1)),
+        inliers,
+        tuple(PARAMETERS[i] for i in free),
+    )
+
+
+def _covariance(state: State, free: Indices) -> Floats:
+    """Of the small rotation (3, 3), rad^2."""
     flat, normal = state.linear()
     short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
     freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
     spread = normal.only(free).inverse() * wider * max(variance, FLOOR_PX**2)
     to_rotation = _as_rotation(state.camera)[:, free]
-    covariance = to_rotation @ spread @ to_rotation.T
-    residual = state.residuals()
-    inliers = _agreeing(state, len(free)) if state.share > 0.0 else state.inliers
-    length2 = np.square(residual[inliers]).sum(axis=1)
-    return Fit(
-        state.camera,
-        Attitude(state.matrix, covariance),
-        residual,
-        math.sqrt(float(length2.sum()) / max(len(length2), 1)),
-        inliers,
-        tuple(PARAMETERS[i] for i in free),
-    )
+    return np.asarray(to_rotation @ spread @ to_rotation.T)
 
 
 def _median(values: Floats) -> float:

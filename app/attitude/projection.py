@@ -44,7 +44,7 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
         across, down = by_u * turn[:, 0] + cross * turn[:, 1], by_v * turn[:, 1]
         turn[:, 1] = down + cross * turn[:, 0]
         turn[:, 0] = across
-    jacobian[3] = bent
+    jacobian[3], jacobian[4:6] = bent, 0.0
     np.multiply(flat, r2, out=jacobian[6])
     np.multiply(jacobian[6], r2, out=jacobian[7])
     jacobian[8, 0] = jacobian[9, 1] = 2.0 * uv
@@ -52,7 +52,6 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     f = camera.focal_px
     shape = np.array([[-f if camera.mirrored else f], [f]])
     jacobian *= shape
-    jacobian[4:6] = 0.0
     jacobian[4, 0] = jacobian[5, 1] = 1.0
     pixels = shape * bent + np.array([[camera.cx], [camera.cy]])
     return pixels.T, jacobian.T

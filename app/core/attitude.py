@@ -1,5 +1,6 @@
 """Where the camera points: a rotation from ICRS to camera axes, in every form people use."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,10 +75,10 @@ def unit_vectors(ra_deg: Floats | float, dec_deg: Floats | float) -> Floats:
 
 def radec_deg(vector: Floats) -> tuple[float, float]:
     """RA in [0, 360) and Dec, degrees, of one vector (3,)."""
-    x, y, z = (float(c) for c in vector)
-    ra, dec = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, np.hypot(x, y)))
-    ra = float(ra % 360.0)
-    return (ra if ra < 360.0 else 0.0), float(dec)  # -1e-20 % 360 rounds up to 360
+    x, y, z = np.asarray(vector).tolist()
+    ra = math.degrees(math.atan2(y, x)) % 360.0
+    dec = math.degrees(math.atan2(z, math.hypot(x, y)))
+    return (ra if ra < 360.0 else 0.0), dec  # -1e-20 % 360 rounds up to 360
 
 
 def roll_at(matrix: Floats, direction: Floats) -> float:

@@ -156,7 +156,8 @@ class Catalogue:
         if not int(self._flag[row]) & HIPPARCOS:
             return None
         deep = self.container.column("link_deep")
-        return int(self.container.column("link_bright")[np.searchsorted(deep, row)])
+        at = deep.searchsorted(deep.dtype.type(row))  # a number of its own type: nothing is copied
+        return int(self.container.column("link_bright")[at])
 
     def deep_row(self, bright_row: int) -> int:
         """The row of this list that holds a row of the bright list."""

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.attitude.belief import FocalBelief
-from app.attitude.fit import Fit, refine, straightened
+from app.attitude.fit import Fit, refine
+from app.attitude.terms import straightened
 from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.detections import Detections
