@@ -7,26 +7,19 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 
 from app.ui.palette import Colours
+from app.ui.still_plot import StillPlot
 
 Floats = NDArray[np.float64]
 SHADE = 120  # alpha of the counts
 EDGE = 0.05  # of the height stays free above and below
 
 
-class HistogramPlot(pg.PlotWidget):
-    """Over 0 to 1 both ways; it takes neither the mouse nor the focus."""
+class HistogramPlot(StillPlot):
+    """Over 0 to 1 both ways."""
 
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("histogram")
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-        item = self.getPlotItem()
-        item.setMenuEnabled(False)
-        item.hideButtons()
-        item.hideAxis("bottom")
-        item.hideAxis("left")
-        self.getViewBox().setMouseEnabled(x=False, y=False)
         self.getViewBox().setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=EDGE / 2.0)
         self.counts = pg.PlotCurveItem(fillLevel=0.0, pen=None, antialias=True)
         self.curve = pg.PlotCurveItem(antialias=True)

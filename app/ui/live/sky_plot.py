@@ -12,6 +12,7 @@ from app.ui.live.sky_map import hammer, pieces
 from app.ui.live.sky_points import SkyPoints
 from app.ui.live.trail import Trail
 from app.ui.palette import Colours
+from app.ui.still_plot import StillPlot
 
 Floats = NDArray[np.float64]
 SIZES_PX = ((1.0, 4.6), (2.0, 3.6), (3.0, 2.6), (9.0, 1.7))  # up to a magnitude, the dot's width
@@ -22,20 +23,12 @@ PADDING = 0.03
 HERE_PX = 24
 
 
-class SkyPlot(pg.PlotWidget):
-    """It takes neither the mouse nor the focus: all of the sky is always seen."""
+class SkyPlot(StillPlot):
+    """All of the sky, always."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-        item = self.getPlotItem()
-        item.setMenuEnabled(False)
-        item.hideButtons()
-        item.hideAxis("bottom")
-        item.hideAxis("left")
         box = self.getViewBox()
-        box.setMouseEnabled(x=False, y=False)
         box.setAspectLocked(True)
         box.setRange(xRange=(-2.0, 2.0), yRange=(-1.0, 1.0), padding=PADDING)
         self._edge = QGraphicsEllipseItem(-2.0, -1.0, 4.0, 2.0)
