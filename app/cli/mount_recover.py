@@ -1,6 +1,7 @@
 """``kochab mount recover``: a lost mount is told where it is; nobody need be there."""
 
 import argparse
+import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from app.cli.mount_frames import add_frames, eyes
 from app.cli.mount_line import guarded_mount
 from app.cli.output import Json, ProgressLine, dms, hms, to_line
 from app.core.hint import Site
+from app.core.mount import Ability
 from app.core.progress import run as drive
 
 if TYPE_CHECKING:
@@ -24,12 +26,16 @@ def add_parser(actions: "argparse._SubParsersAction[Any]", name: str, text: str)
         name,
         help=text,
         description="Solves without any hint of the place and syncs the mount within the guard; "
-        "nothing moves. Exit code: 0 the mount knows where it is, 1 not, 2 usage.",
+        "nothing moves. With nobody there, as from a script or a timer, it is done at once; at a "
+        "terminal it is only previewed until --yes is given, as a sync is. Exit code: 0 the mount "
+        "knows where it is (or it was previewed), 1 not, 2 usage.",
     )
     add_line_options(parser, run)
     add_frames(parser)
     parser.add_argument(
-        "--yes", action="store_true", help="also beyond 5 deg, and with a frame not of this minute"
+        "--yes",
+        action="store_true",
+        help="do it, also beyond 5 deg, and with a frame not of this minute",
     )
     parser.add_argument("--arm", action="store_true", help="also beyond 20 deg")
     parser.add_argument("--dry-run", action="store_true", help="look and tell, change nothing")
@@ -42,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from app.workflows.recover_mount import recover_mount
 
     line = ProgressLine("recover")
+    asked = not (args.yes or args.arm or args.dry_run) and somebody_there()
     limits = Limits(allow_without_site=args.no_site)
     with ended_by_signals(), eyes(args) as seeing, guarded_mount(args, limits) as guard:
         notes: list[str] = []
@@ -57,21 +64,27 @@ def run(args: argparse.Namespace) -> int:
             return found
 
         try:
-            done = drive(
-                recover_mount(
-                    guard, solve_now, confirmed=args.yes, armed=args.arm, only_look=args.dry_run,
-                    taken=seeing.taken,
-                ),
-                line,
+            task = recover_mount(
+                guard, solve_now, confirmed=args.yes, armed=args.arm,
+                only_look=args.dry_run or asked, taken=seeing.taken,
             )  # fmt: skip
+            done = drive(task, line)
         finally:
             line.clear()
         told = {**_json(done, seeing.used(), notes), **where(args, guard)}
+        asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks
     if args.json:
         print(to_line(told))
     else:
         _say(told)
+        if asked:
+            print("  nothing was sent; repeat with --yes to do it")
     return 0
+
+
+def somebody_there() -> bool:
+    """Whether a person can read a preview and repeat the command: not a timer, not a script."""
+    return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _site(from_frame: Site | None, guard: "Guard") -> tuple[Site | None, list[str]]:
@@ -103,6 +116,7 @@ def _json(done: "Recovery", frames: list[str], notes: list[str]) -> Json:
         "matches": len(s.stars),
         "frames": frames,
         "refusals": list(done.preview.refusals),
+        "confirmations": list(done.preview.confirmations),
         "warnings": [*notes, *done.warnings],
     }
 
@@ -114,5 +128,6 @@ def _say(told: Json) -> None:
     )
     done = "The mount was told so and says it now." if told["recovered"] else "Nothing was changed."
     print(f"  {done}")
-    for sentence in (*told["refusals"], *told["warnings"]):
+    asking = () if told["recovered"] else told["confirmations"]
+    for sentence in (*told["refusals"], *asking, *told["warnings"]):
         print(f"  {sentence}")

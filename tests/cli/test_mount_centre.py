@@ -2,6 +2,7 @@
 
 import json
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,6 +90,20 @@ def test_recover_looks_only_when_told_so(tmp_path, capsys) -> None:
         out = capsys.readouterr().out
         assert "1.50" in out or "1.49" in out
         assert "was told so" in out
+
+
+def test_recover_previews_where_somebody_is_there_to_say_yes(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    with practising() as practice:
+        files = frames(practice, tmp_path)
+        assert main(["mount", "recover", *line(practice), "--frames", *files]) == 0
+        out = capsys.readouterr().out
+        assert "Nothing was changed." in out
+        assert "repeat with --yes" in out
+        assert practice.score().pointing_arcsec > 5000.0
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--yes")
+        assert (code, told["recovered"]) == (0, True)
+        assert practice.score().pointing_arcsec < 60.0
 
 
 def test_recover_refuses_large_steps_until_armed(tmp_path, capsys) -> None:
