@@ -60,7 +60,16 @@ class Wardrobe(QObject):
         if not self._waiting:
             self._timer.stop()
         if not (self._waiting and self._waiting[0].isVisible()):
-            self._window.setUpdatesEnabled(True)
+            self._show()
+
+    def _show(self) -> None:
+        """Let the window be painted again."""
+        if self._window.updatesEnabled():
+            return
+        self._window.setUpdatesEnabled(True)
+        screen = self._window.windowHandle()
+        if screen is not None:  # Qt forgot what was asked of it meanwhile, and waits for ever
+            screen.requestUpdate()
 
     def _meet(self, part: QWidget) -> None:
         """A dialog, or the tabs of docks that share a place: made after the sheet was put on."""

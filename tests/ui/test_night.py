@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QToolTip
 
@@ -203,3 +203,29 @@ def test_text_can_be_read_in_every_theme(theme):
     assert contrast(c.on_accent, c.accent) >= 4.5
     for mark in (c.detected, c.identified, c.grid_text, c.centre):
         assert contrast(mark, c.sky) >= 2.9
+
+
+class Painted(QObject):
+    """Counts how often a widget is painted by itself, which a grab would hide."""
+
+    def __init__(self, widget):
+        super().__init__(widget)
+        self.times = 0
+        widget.installEventFilter(self)
+
+    def eventFilter(self, watched, event):  # noqa: N802
+        self.times += event.type() == QEvent.Type.Paint
+        return False
+
+
+def test_the_screen_shows_the_new_theme_and_goes_on_to_be_painted(qtbot, opened):
+    window, commands = opened
+    qtbot.wait(100)
+    painted = Painted(window.workspace.view)
+    commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: painted.times > 0)
+    before = painted.times
+    window.workspace.view.update()
+    qtbot.waitUntil(lambda: painted.times > before)
+    commands.looks.use_theme("dark", "normal")
