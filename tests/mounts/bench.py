@@ -42,7 +42,7 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
     clock = Night()
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, slew_deg_s, clock.unix)
     telescope.aligned = aligned
-    faults = Faults(late_s=0.8)
+    faults = Faults(late_s=0.5)
     line = pty_line(open_responder(driver, telescope), faults)
     start = place(-20.0, 40.0, clock)
     telescope.sync(*start)

@@ -1,10 +1,16 @@
-"""A classic LX200 is silent to a question that every opening asks: tests wait less for it."""
+"""Silence is waited for less than at a telescope: a simulated line has no slow controller behind it.
+
+A classic LX200 is silent to a question that every opening asks, and after each silence the line must
+have been quiet for a while before it is trusted again.
+"""
 
 import pytest
 
+from app.mounts import conversation
 from app.mounts.drivers import lx200
 
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
     monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
+    monkeypatch.setattr(conversation, "QUIET_S", 0.1)

@@ -4,12 +4,12 @@ import time
 
 import pytest
 
+from app.core.attitude import apart_deg
 from app.core.errors import DeviceError, LineLostError, NoAnswerError
 from app.core.mount import Direction
 from app.core.progress import run
 from app.mounts import DRIVERS, open_mount
 from app.mounts.guard import CANNOT_STOP, Guard
-from app.mounts.sky_frame import apart_deg
 from app.simulate.line_faults import Fault
 from tests.mounts.bench import LIMITS, SITE, moved, opened, simulated, still, where
 from tests.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
@@ -19,11 +19,11 @@ BAD_ANSWERS = [Fault.SILENCE, Fault.GARBAGE, Fault.LATE, Fault.WRONG]
 
 @pytest.fixture(params=DRIVERS)
 def bench(request, monkeypatch):
-    """A driver that waits half a second for an answer; the late fault is later than that."""
+    """A driver that waits a quarter of a second for an answer; the late fault is later than that."""
     with simulated(request.param) as bench:
         bench.driver = request.param
         bench.mount = bench.open()
-        monkeypatch.setattr(type(bench.mount), "timeout_s", 0.4)
+        monkeypatch.setattr(type(bench.mount), "timeout_s", 0.25)
         bench.guard = Guard(
             bench.mount, SITE, LIMITS, clock=bench.clock,
             reopen=bench.open, wait=lambda seconds: time.sleep(0.02),
@@ -69,7 +69,7 @@ def test_after_a_bad_answer_the_next_is_right(bench, fault) -> None:
     bench.faults.next(fault, 1)
     said(bench.mount.position)
     wait_for(lambda: bench.faults.happened[fault] == 1)
-    time.sleep(0.9 if fault is Fault.LATE else 0.0)  # the late one is on its way
+    wait_for(lambda: not bench.line._outgoing)  # a late one is on its way
     here = bench.mount.position()
     assert apart_deg((here.ra_deg, here.dec_deg), own(bench, *where(bench))) < CLOSE_DEG
 
