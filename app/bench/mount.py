@@ -17,10 +17,10 @@ import numpy as np
 from app.bench.mount_rig import MountRig, mount_rig
 from app.bench.mount_watch import unguarded
 from app.bench.report import BenchResult, Goal
+from app.core.attitude import apart_deg
 from app.core.errors import DeviceError, LineLostError
 from app.core.progress import run as drive
 from app.mounts import DRIVERS
-from app.mounts.sky_frame import apart_deg
 from app.sky.catalogue import Catalogue
 from app.workflows.centre_target import Centring, centre_target
 

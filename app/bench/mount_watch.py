@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from app.core.attitude import apart_deg
 from app.core.mount import Direction, Epoch, PierSide, Pointing
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.guard import Guard
 from app.mounts.motion_log import LogEntry
-from app.mounts.sky_frame import apart_deg
 from app.simulate.mechanics.mount import EquatorialMount
 
 SIDEREAL_DEG_S = 360.0 / 86164.0905

@@ -81,6 +81,21 @@ def radec_deg(vector: Floats) -> tuple[float, float]:
     return (ra if ra < 360.0 else 0.0), dec  # -1e-20 % 360 rounds up to 360
 
 
+def angle_between(a: Floats, b: Floats) -> float:
+    """Angle between two vectors (3,), radians, exact for small ones too."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def separation_deg(a: Floats, b: Floats) -> float:
+    """Angle between two vectors (3,), degrees."""
+    return float(np.degrees(angle_between(a, b)))
+
+
+def apart_deg(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
+    """Angle between two places given as (RA, Dec), degrees."""
+    return separation_deg(unit_vectors(*a_deg), unit_vectors(*b_deg))
+
+
 def roll_at(matrix: Floats, direction: Floats) -> float:
     """Position angle (deg east of north) of the camera's up, seen at an ICRS direction (3,)."""
     x, y, _ = direction

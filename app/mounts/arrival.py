@@ -4,10 +4,10 @@ from collections.abc import Callable
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from app.core.attitude import apart_deg
 from app.core.errors import NoAnswerError, RefusedError
 from app.core.mount import Pointing
 from app.core.progress import Progress, Task
-from app.mounts.sky_frame import apart_deg
 
 if TYPE_CHECKING:
     from app.mounts.guard import Guard

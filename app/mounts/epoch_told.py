@@ -10,13 +10,13 @@ from datetime import datetime
 
 import numpy as np
 
-from app.core.attitude import radec_deg
+from app.core.attitude import apart_deg, radec_deg
 from app.core.errors import NoAnswerError
 from app.core.hint import Site
 from app.core.mount import Epoch, Mount, Pointing
 from app.mounts.beliefs import Beliefs
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
-from app.mounts.sky_frame import apart_deg, horizon_frame, sidereal_deg
+from app.mounts.sky_frame import horizon_frame, sidereal_deg
 
 Degrees = tuple[float, float]
 ALIKE_DEG, UNLIKE_DEG = 4.0 / 60.0, 12.0 / 60.0  # some tell their angles in whole arcminutes

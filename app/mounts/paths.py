@@ -8,7 +8,7 @@ goes over the pole. A slew is allowed when all of them are.
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.attitude import unit_vectors
+from app.core.attitude import angle_between, unit_vectors
 from app.mounts.sky_frame import wrapped
 
 Floats = NDArray[np.float64]
@@ -19,7 +19,7 @@ STEP_DEG = 1.0
 def great_circle(start_deg: Degrees, target_deg: Degrees) -> Floats:
     """Unit vectors (N, 3) along the shortest way, both ends included."""
     a, b = unit_vectors(*start_deg), unit_vectors(*target_deg)
-    angle = float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+    angle = angle_between(a, b)
     if angle < 1e-9 or np.pi - angle < 1e-6:
         return np.stack([a, b])
     t = np.linspace(0.0, angle, _count(np.degrees(angle)))[:, None]

@@ -51,13 +51,3 @@ def sun_vector(time_utc: datetime) -> Floats:
     heliocentric, _ = erfa.epv00(julian_date_tt(time_utc), 0.0)
     towards = -np.asarray(heliocentric["p"], dtype=np.float64)
     return np.asarray(apparent(np.atleast_2d(towards / np.linalg.norm(towards)), time_utc)[0])
-
-
-def separation_deg(a: Floats, b: Floats) -> float:
-    """Angle between two vectors (3,), degrees, exact when small."""
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
-
-
-def apart_deg(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
-    """Angle between two places given as (RA, Dec), degrees."""
-    return separation_deg(unit_vectors(*a_deg), unit_vectors(*b_deg))

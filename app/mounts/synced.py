@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from app.core.attitude import apart_deg
 from app.core.errors import RefusedError
 from app.core.mount import Ability
 from app.mounts.judged import Judged
@@ -9,7 +10,7 @@ from app.mounts.limits import SyncEvidence
 from app.mounts.planning import here_deg
 from app.mounts.preview import preview_of
 from app.mounts.rules import SYNC_RULES
-from app.mounts.sky_frame import apart_deg, wrapped
+from app.mounts.sky_frame import wrapped
 
 
 class Synced(Judged):

@@ -7,13 +7,12 @@ from time import monotonic
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.attitude import unit_vectors
+from app.core.attitude import separation_deg, unit_vectors
 from app.core.mount import PierSide, Pointing
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.rules.horizon import horizon
 from app.mounts.rules.plan import Plan, Severity
 from app.mounts.rules.sun import sun
-from app.mounts.sky_frame import separation_deg
 
 Floats = NDArray[np.float64]
 RULES = (horizon, sun)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.core.attitude import angle_between
 from app.polar.axis_fit import AxisFit
 from app.polar.bending import TUBE_ARCSEC
 from app.polar.combine import Combined, Look
@@ -12,7 +13,7 @@ from app.polar.error import PolarError
 from app.polar.findings import Finding, Kind
 from app.polar.movement import UNLIKELY, Movement
 from app.polar.poles import Pole, pole_direction
-from app.polar.rotations import ARCSEC, angle_between
+from app.polar.rotations import ARCSEC
 from app.polar.sighting import LocalAttitude
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from app.polar.rotations import ARCSEC, alt_az, angle_between
+from app.core.attitude import angle_between
+from app.polar.rotations import ARCSEC, alt_az
 
 Floats = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from app.core.attitude import angle_between
 from app.core.hint import Site
 from app.polar.axis_fit import AxisFit, fit_axis
 from app.polar.bending import UNKNOWN, Droop
@@ -17,7 +18,7 @@ from app.polar.findings import Finding
 from app.polar.horizon import STANDARD_AIR, Air
 from app.polar.movement import Movement, find_movement
 from app.polar.poles import Pole, pole_direction
-from app.polar.rotations import angle_between, rotation_vector
+from app.polar.rotations import rotation_vector
 from app.polar.sighting import LocalAttitude, Sighting, to_local
 
 Floats = NDArray[np.float64]

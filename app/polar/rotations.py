@@ -98,8 +98,3 @@ def direction(altitude_rad: float, azimuth_rad: float) -> Floats:
     return np.array(
         [level * np.sin(azimuth_rad), level * np.cos(azimuth_rad), np.sin(altitude_rad)]
     )
-
-
-def angle_between(first: Floats, second: Floats) -> float:
-    """Angle, radians, between two unit vectors, exact for small ones too."""
-    return float(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second))

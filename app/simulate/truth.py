@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.attitude import Attitude
+from app.core.attitude import Attitude, separation_deg
 from app.simulate.local_sky import LocalSky, altitude_deg, azimuth_deg
 
 Floats = NDArray[np.float64]
@@ -84,5 +84,4 @@ def axis_error(axis: Floats, pole: Floats) -> AxisError:
     """How an axis (3,) stands against a pole (3,), both east, north, up."""
     high = float(altitude_deg(axis) - altitude_deg(pole))
     turned = float((azimuth_deg(axis) - azimuth_deg(pole) + 180.0) % 360.0 - 180.0)
-    away = 2.0 * np.arcsin(np.linalg.norm(axis - pole) / 2.0)
-    return AxisError(high * 3600.0, turned * 3600.0, float(np.degrees(away)) * 3600.0)
+    return AxisError(high * 3600.0, turned * 3600.0, separation_deg(axis, pole) * 3600.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.core.attitude import apart_deg
 from app.core.hint import Hint
 from app.core.solution import NoSolution, Solution
 from app.solve.options import SolveOptions
@@ -50,15 +51,7 @@ def _of_place(solution: Solution, hint: Hint, where: str) -> tuple[str, ...]:
     if hint.centre_deg is None:
         return ()
     ra, dec, radius = hint.centre_deg
-    away = _separation_deg((ra, dec), solution.ra_dec_deg)
+    away = apart_deg((ra, dec), solution.ra_dec_deg)
     if away <= radius + float(np.hypot(*solution.camera.fov_deg)) / 2.0:
         return ()
     return (f"The frame points {away:.3g} deg away from the place {where}.",)
-
-
-def _separation_deg(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """Degrees between two places (RA, Dec) in degrees."""
-    (ra, dec), (other_ra, other_dec) = np.radians(a), np.radians(b)
-    half = np.sin((other_dec - dec) / 2.0) ** 2
-    half += np.cos(dec) * np.cos(other_dec) * np.sin((other_ra - ra) / 2.0) ** 2
-    return float(np.degrees(2.0 * np.arcsin(np.sqrt(min(1.0, half)))))

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from math import exp, inf, log, pi
 
+from app.core.attitude import apart_deg
 from app.core.hint import Site
 from app.core.mount import PierSide, Pointing
 from app.mounts.beliefs import Beliefs
 from app.mounts.epoch import to_mount_epoch
-from app.mounts.sky_frame import apart_deg
 
 Degrees = tuple[float, float]
 

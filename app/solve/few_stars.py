@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.attitude.wahba import wahba
-from app.core.attitude import unit_vectors
+from app.core.attitude import angle_between, unit_vectors
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
@@ -151,7 +151,7 @@ def _pairs(
 def _base_angle(detections: Detections, focal: float) -> float:
     camera = Camera.centred(detections.width, detections.height, float(focal))
     a, b = camera.unproject(detections.xy[list(_base(detections))])
-    return float(2.0 * np.arcsin(np.linalg.norm(a - b) / 2.0))
+    return angle_between(a, b)
 
 
 def _promising(

@@ -2,6 +2,7 @@
 
 import time
 
+from app.core.attitude import apart_deg
 from app.core.errors import NoAnswerError, RefusedError, StoppedError
 from app.core.mount import Ability, Direction, Pointing
 from app.core.progress import Progress, Task
@@ -9,7 +10,6 @@ from app.core.solution import NoSolution, Solution
 from app.mounts.guard import Guard
 from app.mounts.limits import SyncEvidence
 from app.mounts.rules.meridian import ACROSS
-from app.mounts.sky_frame import apart_deg
 from app.workflows.centre_target_course import Course, How, Sight
 from app.workflows.centre_target_end import Centring, End, arcsec, verdict_on
 from app.workflows.fresh_frame import SolveNow

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import cos, radians
 
-from app.mounts.sky_frame import apart_deg, wrapped
+from app.core.attitude import apart_deg
+from app.mounts.sky_frame import wrapped
 from app.workflows.sync_mount import shifted
 
 Degrees = tuple[float, float]

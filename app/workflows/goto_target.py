@@ -8,12 +8,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.core.attitude import radec_deg
+from app.core.attitude import apart_deg, radec_deg
 from app.core.errors import NoAnswerError, StrayedError, UsageError
 from app.core.mount import Pointing
 from app.core.progress import Progress, Task
 from app.mounts.guard import Guard
-from app.mounts.sky_frame import apart_deg
 
 T = TypeVar("T")
 Wait = Callable[[float], None]

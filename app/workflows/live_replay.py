@@ -7,9 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
 
-import numpy as np
-
-from app.core.attitude import unit_vectors
+from app.core.attitude import separation_deg, unit_vectors
 from app.core.errors import FrameError
 from app.core.frame import Frame
 from app.core.progress import Progress
@@ -107,5 +105,4 @@ def _apart(found: Solution | None, line: Json) -> float | None:
         then = unit_vectors(float(line["ra_deg"]), float(line["dec_deg"]))
     except (KeyError, TypeError, ValueError):
         return None
-    chord = float(np.linalg.norm(found.centre_vector - then))
-    return float(np.degrees(2.0 * np.arcsin(min(1.0, chord / 2.0))) * 3600.0)
+    return separation_deg(found.centre_vector, then) * 3600.0

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.core.attitude import angle_between
 from app.core.mount import Direction
 from app.core.progress import Task
 from app.polar.bending import UNKNOWN, Droop
@@ -12,7 +13,7 @@ from app.polar.measure import Measurement, NoAxis, Settings, measure_local
 from app.polar.path import Way, best_way, way
 from app.polar.plan import Optics, more_turn_deg, turn_needed_deg, weighted_arcsec
 from app.polar.poles import pole_direction
-from app.polar.rotations import ARCSEC, angle_between
+from app.polar.rotations import ARCSEC
 from app.polar.sighting import LocalAttitude
 from app.polar.slip import slipping
 from app.workflows.polar_sources import SightingSource

@@ -91,8 +91,7 @@ def _agreeing(
     mount: Guard, solve_now: SolveNow, taken: Callable[[], datetime | None]
 ) -> Task[tuple[list[Solution], list[float]]]:
     """Two solves in a row that agree, the younger one last, and how old each was, seconds."""
-    from app.core.attitude import unit_vectors
-    from app.mounts.sky_frame import separation_deg
+    from app.core.attitude import separation_deg, unit_vectors
 
     limit = mount.limits.solves_agree_arcsec
     before: tuple[Solution, float] | None = None

@@ -7,7 +7,7 @@ keeps its wrong idea of the sky, and is sent as far beside its target as that id
 import time
 from dataclasses import dataclass
 
-from app.core.attitude import unit_vectors
+from app.core.attitude import apart_deg, separation_deg, unit_vectors
 from app.core.errors import RefusedError
 from app.core.mount import Ability, Pointing
 from app.core.progress import Progress, Task
@@ -16,7 +16,7 @@ from app.mounts.epoch import to_mount_epoch
 from app.mounts.guard import Guard
 from app.mounts.limits import SyncEvidence
 from app.mounts.preview import Preview
-from app.mounts.sky_frame import apart_deg, separation_deg, wrapped
+from app.mounts.sky_frame import wrapped
 from app.workflows.fresh_frame import SolveNow
 from app.workflows.goto_target import Wait, answered, settled
 

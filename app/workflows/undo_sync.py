@@ -1,8 +1,8 @@
 """A person takes back the last sync."""
 
+from app.core.attitude import apart_deg
 from app.core.progress import Progress, Task
 from app.mounts.guard import Guard
-from app.mounts.sky_frame import apart_deg
 from app.workflows.goto_target import answered
 
 

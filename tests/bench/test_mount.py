@@ -40,7 +40,7 @@ def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None
         with mount_rig(4, driver, open_catalogue()) as rig:
             said = rig.guard.position_icrs()
             true = rig.rig.truth().ra_dec_deg
-            from app.mounts.sky_frame import apart_deg
+            from app.core.attitude import apart_deg
 
             assert apart_deg(said, true) == pytest.approx(3.0, abs=0.05)
             assert rig.watched.orders == []

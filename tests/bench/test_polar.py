@@ -6,7 +6,8 @@ import pytest
 from app.bench import polar as bench
 from app.bench import polar_person, polar_worn
 from app.bench.polar_rig import make_rig
-from app.polar.rotations import ARCSEC, angle_between
+from app.core.attitude import angle_between
+from app.polar.rotations import ARCSEC
 from app.polar.sighting import to_local
 from app.sky import open_catalogue
 

@@ -8,10 +8,11 @@ import pytest
 
 from app.cli import mount as mount_cli
 from app.cli.main import main
+from app.core.attitude import apart_deg
 from app.core.hint import Site
 from app.mounts import driver_class, probe
 from app.mounts.drivers import lx200
-from app.mounts.sky_frame import apart_deg, sidereal_deg
+from app.mounts.sky_frame import sidereal_deg
 from app.simulate.line import serve_pty
 from app.simulate.responders.base import open_responder
 from app.simulate.responders.bench_telescope import BenchTelescope

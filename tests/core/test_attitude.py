@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.core.attitude import Attitude, attitude_from, radec_deg, unit_vectors
+from app.core.attitude import Attitude, apart_deg, attitude_from, radec_deg, unit_vectors
 from app.core.camera import Camera
 from app.core.solution import Solution
 
@@ -39,6 +39,13 @@ def test_ra_dec_roll_come_back(ra, dec, roll):
 def test_right_ascension_stays_below_a_full_turn(ra, dec):
     found, _ = radec_deg(unit_vectors(ra, dec))
     assert 0 <= found < 360
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 0.2 / 3600.0, 30.0, 179.999999, 180.0])
+def test_places_are_as_far_apart_as_they_were_put(apart):
+    start = 80.0, -20.0
+    assert apart_deg(start, (80.0, -20.0 + apart)) == pytest.approx(apart, abs=1e-13)
+    assert apart_deg((0.0, 0.0), (-apart, 0.0)) == pytest.approx(apart, abs=1e-13)
 
 
 @given(ra, dec, roll)

@@ -5,13 +5,13 @@ from contextlib import suppress
 
 import pytest
 
+from app.core.attitude import apart_deg
 from app.core.errors import DeviceError, RefusedError
 from app.core.mount import Ability, Direction, Epoch
 from app.core.progress import run
 from app.mounts import DRIVERS
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.guard import Guard
-from app.mounts.sky_frame import apart_deg
 from app.simulate.responders import RESPONDERS
 from tests.mounts.bench import LIMITS, SITE, moved, place, simulated, still, where
 

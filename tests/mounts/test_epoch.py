@@ -7,19 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.core.attitude import apart_deg
 from app.core.hint import Site
 from app.core.mount import Epoch, PierSide, Pointing
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.equatorial_axes import natural_side, to_axes, to_sky
 from app.mounts.paths import by_axes, great_circle, over_the_pole, turned
-from app.mounts.sky_frame import (
-    altitude_deg,
-    apart_deg,
-    hour_angle_deg,
-    sidereal_deg,
-    sun_vector,
-    wrapped,
-)
+from app.mounts.sky_frame import altitude_deg, hour_angle_deg, sidereal_deg, sun_vector, wrapped
 
 WHEN = datetime(2026, 11, 21, 22, tzinfo=UTC)
 

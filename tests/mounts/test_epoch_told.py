@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.core.attitude import apart_deg
 from app.core.errors import NoAnswerError
 from app.core.hint import Site
 from app.core.mount import Epoch, Pointing
@@ -13,7 +14,6 @@ from app.mounts.drivers.synscan import SynScan
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.epoch_told import epoch_of, epoch_told, of_date
 from app.mounts.protocols import ioptron, lx200_place
-from app.mounts.sky_frame import apart_deg
 from tests.mounts.bench import simulated
 from tests.mounts.imaginary import NIGHT, SITE, Imaginary, at
 

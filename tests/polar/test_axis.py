@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from app.core.attitude import angle_between
 from app.polar.axis_fit import fit_axis
 from app.polar.plane import axis_of_plane
-from app.polar.rotations import angle_between
 from app.polar.two_frames import axis_of_two
 from tests.polar.mounts import ARCSEC, Mount
 

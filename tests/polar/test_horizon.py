@@ -5,12 +5,12 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from app.core.attitude import Attitude, attitude_from, unit_vectors
+from app.core.attitude import Attitude, angle_between, attitude_from, unit_vectors
 from app.core.hint import Site
 from app.polar.error import PolarError
 from app.polar.horizon import Air, Horizon
 from app.polar.poles import Pole, name_of, northern, pole_direction
-from app.polar.rotations import ARCSEC, alt_az, angle_between
+from app.polar.rotations import ARCSEC, alt_az
 from app.polar.sighting import Sighting, covariance_of, to_local
 
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)

@@ -211,7 +211,7 @@ def test_systematics_have_the_expected_size():
         Sighting(s.attitude, s.time_utc + timedelta(seconds=60), s.field_deg) for s in sightings
     ]
     wrong = measure(late, settings)
-    from app.polar.rotations import angle_between
+    from app.core.attitude import angle_between
 
     assert angle_between(wrong.error.axis, right.error.axis) / ARCSEC == pytest.approx(
         12.6, abs=1.0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from app.core.attitude import angle_between
 from app.polar.axis_fit import fit_axis
 from app.polar.plan import (
     Optics,
@@ -13,7 +14,6 @@ from app.polar.plan import (
     weighted_arcsec,
 )
 from app.polar.plane import axis_of_plane
-from app.polar.rotations import angle_between
 from tests.polar.mounts import ARCSEC, Mount
 
 USUAL = Optics(2.0, 20.0)

@@ -16,9 +16,8 @@ from PySide6.QtCore import QEventLoop, QSettings, Qt, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
-from app.core.attitude import radec_deg
+from app.core.attitude import apart_deg, radec_deg
 from app.core.hint import Site
-from app.mounts.sky_frame import apart_deg
 from app.simulate.practice import PracticeConfig, start_practice
 from app.simulate.scenario import misaligned, practice_night, through, tonight
 from app.sky import open_catalogue

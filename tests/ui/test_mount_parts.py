@@ -6,10 +6,10 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from app.core.attitude import apart_deg
 from app.core.errors import UsageError
 from app.core.mount import Ability, Epoch, MountState
 from app.mounts.probe import Diagnosis
-from app.mounts.sky_frame import apart_deg
 from app.ui.mount import reasons as why
 from app.ui.mount.offset import Offset, ring, size_text
 from app.ui.mount.outcome import SYNC_FIRST, spoken

@@ -14,8 +14,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.core.attitude import apart_deg
 from app.core.mount import Direction, Epoch
-from app.mounts.sky_frame import apart_deg
 from app.ui.mount import reasons as why
 from app.ui.mount.corner import MountCorner
 from app.ui.mount.offset import Offset, OffsetArrow

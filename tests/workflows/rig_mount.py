@@ -116,7 +116,7 @@ class Bench:
 
     def off_arcsec(self, target):
         """From where the rig really points to a target in ICRS."""
-        from app.mounts.sky_frame import apart_deg
+        from app.core.attitude import apart_deg
 
         return apart_deg(self.rig.truth().ra_dec_deg, (target.ra_deg, target.dec_deg)) * 3600.0
 

@@ -7,11 +7,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.attitude import unit_vectors
+from app.core.attitude import separation_deg, unit_vectors
 from app.core.hint import Site
 from app.core.mount import MountState
 from app.mounts.limits import Limits, SyncEvidence
-from app.mounts.sky_frame import hour_angle_deg, separation_deg, sidereal_deg
+from app.mounts.sky_frame import hour_angle_deg, sidereal_deg
 
 Floats = NDArray[np.float64]
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from app.core.attitude import separation_deg
 from app.mounts.rules.plan import Finding, Plan, refuse
-from app.mounts.sky_frame import altitude_deg, separation_deg, sun_vector
+from app.mounts.sky_frame import altitude_deg, sun_vector
 
 
 def sun(plan: Plan) -> list[Finding]:

@@ -2,10 +2,9 @@
 
 from itertools import combinations
 
-from app.core.attitude import unit_vectors
+from app.core.attitude import separation_deg, unit_vectors
 from app.mounts.limits import Limits
 from app.mounts.rules.plan import Finding, Plan, confirm, refuse
-from app.mounts.sky_frame import separation_deg
 
 
 def sync(plan: Plan) -> list[Finding]:

@@ -2,10 +2,11 @@
 
 from datetime import UTC, datetime
 
+from app.core.attitude import apart_deg
 from app.core.mount import PierSide
 from app.simulate.responders.nexstar import NexStar
 from app.simulate.responders.nexstar_words import read_pair, written_pair
-from app.simulate.responders.precession import from_j2000, separation_deg, to_j2000
+from app.simulate.responders.precession import from_j2000, to_j2000
 from app.simulate.telescope import Telescope
 
 SYNC_LIMIT_DEG = 6.0
@@ -41,7 +42,7 @@ class SynScan(NexStar):
         if there is None:
             return b""
         there = from_j2000(*there, self._year())
-        if separation_deg(there, self.telescope.believed_deg()) <= SYNC_LIMIT_DEG:
+        if apart_deg(there, self.telescope.believed_deg()) <= SYNC_LIMIT_DEG:
             self._sync(*there)
         return b"#"
 

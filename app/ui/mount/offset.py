@@ -7,7 +7,8 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app.mounts.sky_frame import apart_deg, wrapped
+from app.core.attitude import apart_deg
+from app.mounts.sky_frame import wrapped
 from app.ui.palette import THEMES, Colours
 
 RINGS = {
