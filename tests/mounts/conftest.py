@@ -11,6 +11,6 @@ from app.mounts.drivers import lx200
 
 
 @pytest.fixture(autouse=True)
-def _impatient(monkeypatch):
+def _soon_quiet(monkeypatch):
     monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
     monkeypatch.setattr(conversation, "QUIET_S", 0.1)
