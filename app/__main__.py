@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from app.core.solution import Solution
+    from app.simulate.fields import FieldPlan
     from app.simulate.practice import Practice
-    from app.workflows.laboratory import FieldWish, TrueField
+    from app.workflows.laboratory import FieldWish, TrueField, TruePicture
     from app.workflows.live_update import LiveUpdate
 
 
@@ -51,8 +52,9 @@ def _window(paths: list[str]) -> int:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
     return run(
-        paths, to_json=_to_json, practice=_practise, fields=_simulated_field, to_record=_to_record
-    )
+        paths, to_json=_to_json, practice=_practise, fields=_simulated_field,
+        pictures=_simulated_picture, to_record=_to_record,
+    )  # fmt: skip
 
 
 def _to_json(file: str, solution: "Solution") -> str:
@@ -78,13 +80,28 @@ def _simulated_field(wish: "FieldWish", seeds: "Sequence[int]") -> "TrueField":
     """A star field for the Laboratory, from the room that the window does not know."""
     import numpy as np
 
-    from app.simulate.fields import FieldPlan, random_field
+    from app.simulate.fields import random_field
     from app.sky import open_catalogue
 
-    plan = FieldPlan(
+    return random_field(open_catalogue(), np.random.default_rng(list(seeds)), _plan(wish))
+
+
+def _simulated_picture(wish: "FieldWish", seeds: "Sequence[int]") -> "TruePicture":
+    """The same as a picture."""
+    import numpy as np
+
+    from app.simulate.pictures import random_picture
+    from app.sky import open_catalogue
+
+    return random_picture(open_catalogue(), np.random.default_rng(list(seeds)), _plan(wish))
+
+
+def _plan(wish: "FieldWish") -> "FieldPlan":
+    from app.simulate.fields import FieldPlan
+
+    return FieldPlan(
         wish.fov_deg, wish.size_px, wish.noise_px, wish.missing, wish.false, brightest=wish.stars
     )
-    return random_field(open_catalogue(), np.random.default_rng(list(seeds)), plan)
 
 
 if __name__ == "__main__":

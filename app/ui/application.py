@@ -20,7 +20,7 @@ from app.ui.samples import Sample, samples
 from app.ui.session import Session
 from app.ui.settings import Settings
 from app.ui.wiring import StartPractice, ToJson, ToRecord, Wiring
-from app.workflows.laboratory import MakeField
+from app.workflows.laboratory import MakeField, MakePicture
 
 
 def build(
@@ -43,18 +43,19 @@ def run(
     practice: StartPractice | None = None,
     fields: MakeField | None = None,
     to_record: ToRecord | None = None,
+    pictures: MakePicture | None = None,
 ) -> int:
     """Open the window, with the first of ``paths`` when there is one; the exit code.
 
-    ``to_json``, ``practice``, ``fields`` and ``to_record`` come from rooms that this one may not
-    know, see :class:`app.ui.wiring.Wiring`.
+    ``to_json``, ``practice``, ``fields``, ``pictures`` and ``to_record`` come from rooms that this
+    one may not know, see :class:`app.ui.wiring.Wiring`.
     """
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
     engine = engine or WorkflowEngine()
-    wiring = Wiring(to_json, practice, fields, to_record)
+    wiring = Wiring(to_json, practice, fields, to_record, pictures)
     window, commands = build(engine, Settings(), wiring=wiring)
     garbage = Garbage()
     background = Background(window, engine)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from app.core.solution import Solution
-from app.workflows.laboratory import MakeField
+from app.workflows.laboratory import MakeField, MakePicture
 from app.workflows.live_update import LiveUpdate
 
 ToJson = Callable[[str, Solution], str]
@@ -60,7 +60,8 @@ class Wiring:
 
     ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
     night, with the keywords of ``app.simulate.practice.practise``; call it in a job. ``fields``
-    makes the simulated star fields of the Laboratory (:data:`app.workflows.laboratory.MakeField`).
+    makes the simulated star fields of the Laboratory (:data:`app.workflows.laboratory.MakeField`),
+    ``pictures`` the same to look for stars in (:data:`app.workflows.laboratory.MakePicture`).
     ``to_record`` is the line of a live frame in a recording.
     """
 
@@ -68,3 +69,4 @@ class Wiring:
     practice: StartPractice | None = None
     fields: MakeField | None = None
     to_record: ToRecord | None = None
+    pictures: MakePicture | None = None

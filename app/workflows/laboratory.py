@@ -1,27 +1,31 @@
-"""A person compares methods of identification on the same stars, with the truth beside them.
+"""A person compares the parts of a solve on the same stars, with the truth beside them.
 
-The stars are those of a frame, whose accepted solution stands for the truth, or of a simulated
-field. The sky's simulator is not known here: :data:`MakeField` is handed in.
+Methods, detectors or estimators of the attitude, see :mod:`app.workflows.laboratory_kinds`. The
+stars are those of a frame, whose accepted solution stands for the truth, or of a simulated field.
+The sky's simulator is not known here: :data:`MakeField` and :data:`MakePicture` are handed in.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from time import thread_time
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from app.attitude.fit import refine
 from app.core.attitude import Attitude, radec_deg
 from app.core.camera import Camera
 from app.core.detections import Detections
+from app.core.frame import Frame
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
-from app.core.solution import Identification, NoSolution
-from app.identify import make_identifier
-from app.identify.options import checked_options, paper_of
+from app.core.solution import NoSolution
 from app.solve.stopwatch import PREPARING
+from app.workflows.laboratory_kinds import Kind, paper_for
 
+if TYPE_CHECKING:
+    from app.workflows.laboratory_detectors import Found
+
+Floats = NDArray[np.float64]
 T = TypeVar("T")
 
 RIGHT_PX = 5.0
@@ -33,9 +37,9 @@ SCALE_SPREAD = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One method with the options that were changed."""
+    """One method, detector or estimator with the options that were changed."""
 
-    method: str
+    name: str
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -55,13 +59,8 @@ class FieldWish:
     size_px: int = 2048
 
 
-class TrueField(Protocol):
-    """A list of stars together with the camera that saw them."""
-
-    @property
-    def detections(self) -> Detections:
-        """What was detected, brightest first."""
-        ...
+class Seen(Protocol):
+    """The camera that saw something, and where it pointed."""
 
     @property
     def camera(self) -> Camera:
@@ -74,8 +73,33 @@ class TrueField(Protocol):
         ...
 
 
+class TrueField(Seen, Protocol):
+    """A list of stars together with the camera that saw them."""
+
+    @property
+    def detections(self) -> Detections:
+        """What was detected, brightest first."""
+        ...
+
+
+class TruePicture(Seen, Protocol):
+    """A simulated picture together with its camera and its stars."""
+
+    @property
+    def frame(self) -> Frame:
+        """The picture."""
+        ...
+
+    @property
+    def places(self) -> Floats:
+        """Where its stars are, (N, 2) px."""
+        ...
+
+
 MakeField = Callable[[FieldWish, Sequence[int]], TrueField]
 """Makes a field at a random place; the same seeds make the same field."""
+MakePicture = Callable[[FieldWish, Sequence[int]], TruePicture]
+"""The same as a picture: the faintest star is as bright as its noise of a position asks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +115,7 @@ class Truth:
     reach_px: float = RIGHT_PX
 
     @classmethod
-    def of(cls, field: TrueField, wish: FieldWish) -> "Truth":
+    def of(cls, field: Seen, wish: FieldWish) -> "Truth":
         """That of a simulated field."""
         return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * wish.noise_px))
 
@@ -103,16 +127,20 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What one method made of one list of stars.
+    """What came of the stars with one method, detector or estimator.
 
-    ``seconds`` is processor time, with the method's tables at hand; ``tables_s`` is what making
+    ``seconds`` is its processor time, with a method's tables at hand; ``tables_s`` is what making
     those took, when this was their first use. ``right`` and ``wrong`` (names that are not the
     star's) are None when the truth is not known. ``off_arcsec`` is between the centres.
+    ``found`` is what a detector saw. ``from_fit_arcsec`` is how far an estimator's attitude is
+    from that of the fit, on the sky and in roll. ``sigma_arcsec`` are one-sigma errors along x,
+    along y, and of roll.
     """
 
-    method: str
+    kind: Kind
+    name: str
     paper: str
-    seconds: float
+    seconds: float = 0.0
     tables_s: float = 0.0
     ra_dec_deg: tuple[float, float] | None = None
     right: bool | None = None
@@ -121,103 +149,30 @@ class Trial:
     off_arcsec: float | None = None
     sigma_arcsec: tuple[float, float, float] | None = None
     log10_false_alarm: float | None = None
+    rms_px: float | None = None
+    found: "Found | None" = None
+    from_fit_arcsec: tuple[float, float] | None = None
     reason: str = ""
     advice: str = ""
 
     @property
     def answered(self) -> bool:
-        """Whether the method gave an answer, right or wrong."""
+        """Whether there was an answer, right or wrong."""
         return self.ra_dec_deg is not None
 
 
 def compare(
-    detections: Detections,
-    choices: Sequence[Choice],
-    hint: Hint | None,
-    truth: Truth | None,
-    year: float = 2016.0,
-    limit_s: float = 30.0,
-    tell: Callable[[Trial], None] = lambda _: None,
+    tries: Sequence[tuple[str, Task[Trial]]], tell: Callable[[Trial], None] = lambda _: None
 ) -> Task[list[Trial]]:
-    """Run every chosen method on the same detections; ``tell`` hears of each as it is done.
-
-    Raises
-    ------
-    UsageError
-        A method is not known, or one of its options is not allowed.
-
-    """
+    """One after the other, each by its name; ``tell`` hears of each as it is done."""
     trials = []
-    for number, choice in enumerate(choices):
-        share = number / len(choices)
-        yield Progress("laboratory", share, choice.method)
-        task = try_method(detections, choice, hint, truth, year, limit_s)
-        trial = yield from told_as(task, share, choice.method)
+    for number, (name, task) in enumerate(tries):
+        share = number / len(tries)
+        yield Progress("laboratory", share, name)
+        trial = yield from told_as(task, share, name)
         trials.append(trial)
         tell(trial)
     return trials
-
-
-def try_method(
-    detections: Detections,
-    choice: Choice,
-    hint: Hint | None,
-    truth: Truth | None,
-    year: float = 2016.0,
-    limit_s: float = 30.0,
-) -> Task[Trial]:
-    """Run one method; a second time when the first had to make its tables."""
-    identifier = make_identifier(choice.method, **checked_options(choice.method, choice.options))
-    found, seconds = yield from _limited(identifier.identify(detections, hint, year), limit_s)
-    tables = 0.0
-    if found is not None and _first_use(choice, hint, detections):
-        first = seconds
-        found, seconds = yield from _limited(identifier.identify(detections, hint, year), limit_s)
-        tables = max(0.0, first - seconds)
-    return _trial(choice.method, found, truth, seconds, tables)
-
-
-def scale_hint(truth: Truth, radius_deg: float | None = None) -> Hint:
-    """The scale to 2 %, and with ``radius_deg`` the place to within that, as a hint."""
-    scale = truth.camera.scale_arcsec_px
-    centre = None if radius_deg is None else (*truth.centre, radius_deg)
-    span = (scale / (1.0 + SCALE_SPREAD), scale * (1.0 + SCALE_SPREAD))
-    return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
-
-
-_used: set[object] = set()
-
-
-def _first_use(choice: Choice, hint: Hint | None, detections: Detections) -> bool:
-    """Whether this may have made tables: they depend on method, options and field."""
-    scale = hint.scale_arcsec_px[0] if hint is not None and hint.scale_arcsec_px else 0.0
-    field_deg = round(scale * detections.width / 3600.0)
-    key = (choice.method, tuple(sorted((k, str(v)) for k, v in choice.options.items())), field_deg)
-    new = key not in _used
-    _used.add(key)
-    return new
-
-
-def _limited(
-    task: Task[Identification | NoSolution], limit_s: float
-) -> Task[tuple[Identification | NoSolution | None, float]]:
-    """The task's result, None when it took longer than ``limit_s``; and its processor time, s."""
-    spent, stage = 0.0, ""
-    try:
-        while True:
-            start = thread_time()
-            try:
-                progress = next(task)
-            except StopIteration as end:
-                return end.value, spent + thread_time() - start
-            if stage != PREPARING:
-                spent += thread_time() - start
-            stage = progress.stage
-            if spent > limit_s:
-                return None, spent
-            yield progress
-    finally:
-        task.close()
 
 
 def told_as(task: Task[T], share: float, detail: str) -> Task[T]:
@@ -231,57 +186,54 @@ def told_as(task: Task[T], share: float, detail: str) -> Task[T]:
         yield progress if progress.stage == PREPARING else told
 
 
-def _trial(
-    method: str, found: Identification | NoSolution | None, truth: Truth | None, seconds: float,
-    tables_s: float,
+def scale_hint(truth: Truth, radius_deg: float | None = None) -> Hint:
+    """The scale to 2 %, and with ``radius_deg`` the place to within that, as a hint."""
+    scale = truth.camera.scale_arcsec_px
+    centre = None if radius_deg is None else (*truth.centre, radius_deg)
+    span = (scale / (1.0 + SCALE_SPREAD), scale * (1.0 + SCALE_SPREAD))
+    return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
+
+
+def none_of(kind: Kind, name: str, refusal: NoSolution | None, truth: Truth | None) -> Trial:
+    """No answer and the reason for it; None when the time was over."""
+    reason = TOO_LONG if refusal is None else str(refusal.reason)
+    said = "Allow it more time." if refusal is None else refusal.tried or refusal.advice
+    right = None if truth is None else False
+    return Trial(kind, name, paper_for(kind, name), right=right, reason=reason, advice=said)
+
+
+def answer_of(
+    kind: Kind, name: str, camera: Camera, attitude: Attitude, xy: Floats, vectors: Floats,
+    truth: Truth | None,
 ) -> Trial:  # fmt: skip
-    paper = paper_of(method) or "Kochab's own"
-    if not isinstance(found, Identification):
-        reason = TOO_LONG if found is None else str(found.reason)
-        said = "Allow it more time." if found is None else found.tried or found.advice
-        right = None if truth is None else False
-        return Trial(method, paper, seconds, tables_s, right=right, reason=reason, advice=said)
-    found, sigma = pointed(found)
-    right, off, wrong = (None, None, None) if truth is None else judge(found, truth)
-    return Trial(
-        method, paper, seconds, tables_s,
-        radec_deg(_centre(found.camera, found.attitude)), right, len(found.matches), wrong, off,
-        sigma, found.log10_false_alarm,
-    )  # fmt: skip
+    """An answer and what is to be said of it.
+
+    The stars at ``xy`` (M, 2) px were taken for those at ICRS unit ``vectors`` (M, 3).
+    """
+    centre = radec_deg(_centre(camera, attitude))
+    trial = Trial(kind, name, paper_for(kind, name), ra_dec_deg=centre, matches=len(xy))
+    if truth is None:
+        return trial
+    right, off_arcsec = judge(camera, attitude, truth)
+    return replace(trial, right=right, off_arcsec=off_arcsec, wrong=wrong_names(xy, vectors, truth))
 
 
-def judge(found: Identification, truth: Truth) -> tuple[bool, float, int]:
-    """Whether an answer is right, how far its centre is off (arcsec), and how many names wrong."""
-    camera = truth.camera
-    a = _centre(found.camera, found.attitude)
-    off_rad = float(np.linalg.norm(a - _centre(camera, truth.attitude)))
-    same_scale = abs(found.camera.focal_px / camera.focal_px - 1.0) < SAME_SCALE
-    right = off_rad * camera.focal_px < truth.reach_px and same_scale
-    right = right and found.camera.mirrored == camera.mirrored
-    true_xy = camera.project(found.matches.vectors @ truth.attitude.matrix.T)
-    gap = np.hypot(*(true_xy - found.matches.xy).T)
-    wrong = int((~(gap <= truth.reach_px)).sum())  # behind the camera is NaN, and wrong
-    return bool(right), float(np.degrees(off_rad) * 3600.0), wrong
+def judge(camera: Camera, attitude: Attitude, truth: Truth) -> tuple[bool, float]:
+    """Whether an answer is right, and how far its centre is off, arcsec."""
+    true = truth.camera
+    off_rad = float(np.linalg.norm(_centre(camera, attitude) - _centre(true, truth.attitude)))
+    right = off_rad * true.focal_px < truth.reach_px and camera.mirrored == true.mirrored
+    right = right and abs(camera.focal_px / true.focal_px - 1.0) < SAME_SCALE
+    return bool(right), float(np.degrees(off_rad) * 3600.0)
 
 
-def _centre(camera: Camera, attitude: Attitude) -> np.ndarray:
+def wrong_names(xy: Floats, vectors: Floats, truth: Truth) -> int:
+    """How many of the stars at ``xy`` (M, 2) px are not those at unit ``vectors`` (M, 3)."""
+    true_xy = truth.camera.project(vectors @ truth.attitude.matrix.T)
+    gap = np.hypot(*(true_xy - xy).T)
+    return int((~(gap <= truth.reach_px)).sum())  # behind the camera is NaN, and wrong
+
+
+def _centre(camera: Camera, attitude: Attitude) -> Floats:
     middle = np.array([[(camera.width - 1) / 2.0, (camera.height - 1) / 2.0]])
     return np.asarray(attitude.matrix.T @ camera.unproject(middle)[0])
-
-
-def pointed(
-    found: Identification,
-) -> tuple[Identification, tuple[float, float, float] | None]:
-    """The answer with the pointing that its names give, and its one-sigma errors, arcsec.
-
-    Methods end with names and a pointing good to some pixels; what they are worth is what a fit
-    makes of the names, as it does in every solve. The errors are along x, y and in roll; None
-    with fewer than three matches, which leave the pointing as it is.
-    """
-    if len(found.matches) < 3:
-        return found, None
-    fit = refine(found.matches, found.camera, found.attitude, distortion=False)
-    sigma = fit.attitude.sigma_arcsec
-    if not all(np.isfinite(sigma)):
-        return found, None
-    return replace(found, camera=fit.camera, attitude=fit.attitude), sigma

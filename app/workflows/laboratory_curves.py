@@ -11,7 +11,6 @@ from statistics import median
 from typing import Any
 
 from app.core.progress import Progress, Task
-from app.identify.options import method_options
 from app.workflows.laboratory import (
     Choice,
     FieldWish,
@@ -20,8 +19,9 @@ from app.workflows.laboratory import (
     Truth,
     scale_hint,
     told_as,
-    try_method,
 )
+from app.workflows.laboratory_kinds import Kind, options_for
+from app.workflows.laboratory_methods import try_method
 
 PLACE_DEG = 10.0
 
@@ -96,14 +96,14 @@ def curves(
         for choice in choices
         if not SWEEPS[name].option or _has(choice, name)
     ]
-    tallies = {(name, value, choice.method): _Tally() for name, value, choice in jobs}
+    tallies = {(name, value, choice.name): _Tally() for name, value, choice in jobs}
     points: dict[tuple[str, float, str], Point] = {}
     made: tuple[object, TrueField] | None = None
     for turn in range(fields):
         for number, (name, value, choice) in enumerate(jobs):
             done = (turn + number / len(jobs)) / fields
             shown = f"{SWEEPS[name].title} {value:g} {SWEEPS[name].unit}".rstrip()
-            yield Progress("laboratory", done, f"{shown}: {choice.method}")
+            yield Progress("laboratory", done, f"{shown}: {choice.name}")
             at, varied = _varied(wish, choice, name, value)
             seeds = (seed, turn, _place(name, value))
             if made is None or made[0] != (at, seeds):
@@ -113,12 +113,12 @@ def curves(
             hint = scale_hint(truth, PLACE_DEG if place_known else None)
             task = try_method(one.detections, varied, hint, truth, limit_s=limit_s)
             trial = yield from told_as(task, done, shown)
-            tally = tallies[name, value, choice.method]
+            tally = tallies[name, value, choice.name]
             tally.right += bool(trial.right)
             tally.wrong += trial.answered and not trial.right
             tally.seconds.append(trial.seconds)
-            point = tally.point(name, value, choice.method)
-            points[name, value, choice.method] = point
+            point = tally.point(name, value, choice.name)
+            points[name, value, choice.name] = point
             tell(point)
     return list(points.values())
 
@@ -135,12 +135,12 @@ def _in_turn(sweeps: Sequence[str]) -> list[tuple[str, float]]:
 
 
 def _has(choice: Choice, option: str) -> bool:
-    return any(known.name == option for known in method_options(choice.method))
+    return any(known.name == option for known in options_for(Kind.METHOD, choice.name))
 
 
 def _varied(wish: FieldWish, choice: Choice, name: str, value: float) -> tuple[FieldWish, Choice]:
     if SWEEPS[name].option:
-        return wish, Choice(choice.method, {**choice.options, name: value})
+        return wish, Choice(choice.name, {**choice.options, name: value})
     if name == "stars":
         return replace(wish, stars=int(value)), choice
     changed: dict[str, Any] = {name: value}

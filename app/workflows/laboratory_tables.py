@@ -3,13 +3,16 @@
 import csv
 import io
 from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 
 from app.workflows.laboratory import Trial
 from app.workflows.laboratory_curves import SWEEPS, Point
 
 TRIALS = (
-    "method", "answered", "right", "ra_deg", "dec_deg", "off_arcsec", "matches", "wrong",
-    "time_ms", "tables_ms", "sigma_x_arcsec", "sigma_y_arcsec", "sigma_roll_arcsec",
+    "compared", "name", "answered", "right", "ra_deg", "dec_deg", "off_arcsec",
+    "stars_found", "stars_true", "stars_there", "place_error_px", "matches", "wrong",
+    "from_fit_arcsec", "from_fit_roll_arcsec", "time_ms", "tables_ms", "rms_px",
+    "sigma_x_arcsec", "sigma_y_arcsec", "sigma_roll_arcsec",
     "log10_false_alarm", "reason", "tried", "paper",
 )  # fmt: skip
 POINTS = (
@@ -18,7 +21,7 @@ POINTS = (
 
 
 def trials_csv(trials: Iterable[Trial]) -> str:
-    """A line for each method; what is not known is empty."""
+    """A line for each; what is not known is empty."""
     return _csv(TRIALS, (_trial(t) for t in trials))
 
 
@@ -30,11 +33,13 @@ def points_csv(points: Iterable[Point]) -> str:
 
 
 def _trial(t: Trial) -> Sequence[object]:
-    ra, dec = t.ra_dec_deg or ("", "")
+    ra, dec = (f"{angle:.7f}" for angle in t.ra_dec_deg) if t.ra_dec_deg else ("", "")
     sigma = t.sigma_arcsec or ("", "", "")
+    found = astuple(t.found) if t.found else ("", "", "", "")
     return (
-        t.method, t.answered, t.right, ra, dec, t.off_arcsec, t.matches, t.wrong,
-        1e3 * t.seconds, 1e3 * t.tables_s, *sigma, t.log10_false_alarm, t.reason, t.advice, t.paper,
+        t.kind, t.name, t.answered, t.right, ra, dec, t.off_arcsec, *found, t.matches, t.wrong,
+        *(t.from_fit_arcsec or ("", "")), 1e3 * t.seconds, 1e3 * t.tables_s, t.rms_px, *sigma,
+        t.log10_false_alarm, t.reason, t.advice, t.paper,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ HOSTILE = ({}, 10**40, [[]], None, "x", 1e999, {"x": {"y": []}}, [5, {}], True, 
 KEPT = {
     "live": "source where lens again exposure gain binning record",
     "laboratory": "width_deg size_px stars noise_px false missing seed fields limit_s source told"
-    " ticked options",
+    " compared method detector attitude",
     "polar": "source kind address exposure hand pole goal turn fov second",
 }
 

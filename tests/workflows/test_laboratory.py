@@ -14,19 +14,20 @@ from app.core.detections import Detections
 from app.core.errors import UsageError
 from app.core.progress import Progress, run
 from app.core.solution import Identification, NoSolution, Reason
-from app.identify import IDENTIFIERS
-from app.workflows import laboratory
+from app.identify import IDENTIFIERS, make_identifier
+from app.workflows import laboratory_kinds, laboratory_methods
 from app.workflows.laboratory import (
     Choice,
     FieldWish,
     Truth,
     compare,
     judge,
-    pointed,
     scale_hint,
-    try_method,
+    wrong_names,
 )
 from app.workflows.laboratory_curves import SWEEPS, curves
+from app.workflows.laboratory_kinds import Kind
+from app.workflows.laboratory_methods import pointed, try_method
 from app.workflows.laboratory_tables import POINTS, TRIALS, points_csv, trials_csv
 
 EASY = FieldWish(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
@@ -43,17 +44,25 @@ def truth(easy):
 
 
 def identification(easy, attitude=None):
-    found = run(laboratory.make_identifier("patterns").identify(easy.detections, None))
+    found = run(make_identifier("patterns").identify(easy.detections, None))
     assert isinstance(found, Identification)
     return found if attitude is None else replace(found, attitude=attitude)
+
+
+def with_methods(detections, choices, hint, truth, **more):
+    tell = more.pop("tell", lambda _: None)
+    tries = [(c.name, try_method(detections, c, hint, truth, **more)) for c in choices]
+    return compare(tries, tell)
 
 
 def test_methods_side_by_side_on_the_same_stars(easy, truth):
     heard = []
     choices = [Choice("patterns"), Choice("voting", {"margin_px": 1.0})]
-    trials = run(compare(easy.detections, choices, scale_hint(truth), truth, tell=heard.append))
+    trials = run(
+        with_methods(easy.detections, choices, scale_hint(truth), truth, tell=heard.append)
+    )
     assert heard == trials
-    assert [t.method for t in trials] == ["patterns", "voting"]
+    assert [t.name for t in trials] == ["patterns", "voting"]
     first = trials[0]
     assert first.right
     assert first.wrong == 0
@@ -68,7 +77,7 @@ def test_methods_side_by_side_on_the_same_stars(easy, truth):
 
 
 def test_no_answer_says_why_and_is_not_a_wrong_one(easy, truth):
-    (trial,) = run(compare(easy.detections, [Choice("voting")], None, truth))
+    (trial,) = run(with_methods(easy.detections, [Choice("voting")], None, truth))
     assert not trial.answered
     assert trial.right is False
     assert trial.reason == Reason.NO_PATTERN_AGREED
@@ -77,41 +86,40 @@ def test_no_answer_says_why_and_is_not_a_wrong_one(easy, truth):
 
 
 def test_without_a_truth_nobody_is_called_right_or_wrong(easy):
-    (trial,) = run(compare(easy.detections, [Choice("patterns")], None, None))
+    (trial,) = run(with_methods(easy.detections, [Choice("patterns")], None, None))
     assert trial.answered
     assert trial.right is trial.wrong is trial.off_arcsec is None
 
 
 def test_wrong_answers_and_wrong_names_are_counted(easy, truth):
     found = identification(easy)
-    right, _, wrong = judge(found, truth)
-    assert right
-    assert wrong == 0
-    elsewhere = replace(found, attitude=attitude_from(10.0, 20.0, 30.0))
-    assert judge(elsewhere, truth)[0] is False
-    assert judge(elsewhere, truth)[1] > 1000
-    swapped = replace(found.matches, vectors=np.roll(found.matches.vectors, 1, axis=0))
-    assert judge(replace(found, matches=swapped), truth)[2] == len(swapped)
-    behind = replace(found.matches, vectors=-found.matches.vectors)
-    assert judge(replace(found, matches=behind), truth)[2] == len(behind)
-    mirrored = replace(found, camera=replace(found.camera, mirrored=not found.camera.mirrored))
-    assert judge(mirrored, truth)[0] is False
+    matches = found.matches
+    assert judge(found.camera, found.attitude, truth)[0]
+    assert wrong_names(matches.xy, matches.vectors, truth) == 0
+    right, off_arcsec = judge(found.camera, attitude_from(10.0, 20.0, 30.0), truth)
+    assert right is False
+    assert off_arcsec > 1000
+    swapped = np.roll(matches.vectors, 1, axis=0)
+    assert wrong_names(matches.xy, swapped, truth) == len(matches)
+    assert wrong_names(matches.xy, -matches.vectors, truth) == len(matches)  # behind the camera
+    mirrored = replace(found.camera, mirrored=not found.camera.mirrored)
+    assert judge(mirrored, found.attitude, truth)[0] is False
 
 
 def test_what_noise_explains_is_not_wrong(easy, truth):
     found = identification(easy)
     beside = replace(found.camera, cx=found.camera.cx + 8.0)
-    shifted = replace(found, camera=beside)
     noisy = Truth.of(easy, replace(EASY, noise_px=4.0))
     assert noisy.reach_px == 16.0
     assert Truth.of(easy, EASY).reach_px == 5.0
-    assert judge(shifted, truth)[0] is False
-    assert judge(shifted, noisy)[0] is True
+    assert judge(beside, found.attitude, truth)[0] is False
+    assert judge(beside, found.attitude, noisy)[0] is True
 
 
 class Slow:
     """A method that makes a table the first time, or never ends."""
 
+    paper = "a paper"
     made = 0
     closed = 0
 
@@ -135,10 +143,12 @@ class Slow:
 @pytest.fixture
 def slow(monkeypatch):
     Slow.made = Slow.closed = 0
-    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **options: Slow(**options))
-    monkeypatch.setattr(laboratory, "checked_options", lambda name, options: options)
-    monkeypatch.setattr(laboratory, "paper_of", lambda name: "a paper")
-    monkeypatch.setattr(laboratory, "_used", set())
+    room = laboratory_methods
+    monkeypatch.setattr(room, "make_identifier", lambda name, **options: Slow(**options))
+    monkeypatch.setattr(room, "allowed", lambda kind, name, options: options)
+    monkeypatch.setattr(room, "_used", set())
+    registry = {"slow": f"{__name__}:Slow"}
+    monkeypatch.setitem(laboratory_kinds.REGISTRIES, Kind.METHOD, registry)
 
 
 def test_making_tables_is_told_apart_from_the_search(slow, easy, truth):
@@ -160,7 +170,7 @@ def test_a_method_that_takes_too_long_is_stopped_and_said(slow, easy, truth):
 
 def test_a_comparison_can_be_stopped_in_the_middle(slow, easy, truth):
     choices = [Choice("slow", {"forever": True}), Choice("slow")]
-    task = compare(easy.detections, choices, None, truth)
+    task = with_methods(easy.detections, choices, None, truth)
     for _ in range(3):
         assert next(task).stage == "laboratory"
     task.close()
@@ -169,7 +179,7 @@ def test_a_comparison_can_be_stopped_in_the_middle(slow, easy, truth):
 
 def test_an_option_that_is_not_there_is_refused(easy, truth):
     with pytest.raises(UsageError, match="no option colour"):
-        run(compare(easy.detections, [Choice("voting", {"colour": 1})], None, truth))
+        run(with_methods(easy.detections, [Choice("voting", {"colour": 1})], None, truth))
 
 
 @pytest.mark.parametrize("method", IDENTIFIERS)
@@ -180,7 +190,7 @@ def test_every_method_can_stand_in_the_laboratory(method):
     hint = scale_hint(truth, 10.0)
     for xy in (np.zeros((0, 2)), points[:2]):
         found = Detections.from_list(xy, 1024, 1024)
-        (trial,) = run(compare(found, [Choice(method)], hint, truth))
+        (trial,) = run(with_methods(found, [Choice(method)], hint, truth))
         assert not trial.answered
         assert trial.reason
 
@@ -233,7 +243,7 @@ def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields():
 
 
 def test_tables_export_every_number(easy, truth):
-    trials = run(compare(easy.detections, [Choice("patterns"), Choice("voting")], None, truth))
+    trials = run(with_methods(easy.detections, [Choice("patterns"), Choice("voting")], None, truth))
     rows = list(csv.DictReader(io.StringIO(trials_csv(trials))))
     assert tuple(rows[0]) == TRIALS
     assert rows[0]["answered"] == "yes"
@@ -251,7 +261,7 @@ def test_an_answer_is_judged_by_what_a_fit_makes_of_its_names(easy, truth):
     found = identification(easy)
     turn = small_rotation(np.array([9.0, 0.0, 0.0]) / found.camera.focal_px)
     nudged = replace(found, attitude=Attitude(turn @ found.attitude.matrix))
-    assert judge(nudged, truth)[0] is False
+    assert judge(nudged.camera, nudged.attitude, truth)[0] is False
     better, sigma = pointed(nudged)
-    assert judge(better, truth)[0] is True
+    assert judge(better.camera, better.attitude, truth)[0] is True
     assert 0.0 < max(sigma[:2]) < 60.0

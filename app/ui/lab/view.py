@@ -1,4 +1,4 @@
-"""The Laboratory: any set of methods on the open frame or on a simulated field."""
+"""The Laboratory: methods, detectors or estimators on the open frame or a simulated field."""
 
 import json
 
@@ -20,15 +20,24 @@ from app.ui.lab.methods import MethodsPanel
 from app.ui.lab.plots import Plots
 from app.ui.lab.setup import SetupPanel, Told
 from app.ui.lab.table import TrialTable
-from app.ui.lab.work import Stars, comparison, stars_of_field, stars_of_frame
 from app.ui.palette import Colours
 from app.ui.services import Services
 from app.ui.widgets import button, label, scrolled, set_role
 from app.workflows.laboratory import Trial
 from app.workflows.laboratory_curves import curves
+from app.workflows.laboratory_kinds import Kind
+from app.workflows.laboratory_scene import (
+    Scene,
+    comparison,
+    scene_of_field,
+    scene_of_frame,
+    scene_of_picture,
+)
 
 DRAW_EVERY_MS = 150
-READY = "Compare methods on the same stars, or draw how they fare as the stars get worse."
+READY = "Compare on the same stars, or draw how methods fare as the stars get worse."
+CURVES = "Simulated fields, getting worse"
+METHODS_ONLY = "Curves are drawn of methods of identification"
 
 
 class _Relay(QObject):
@@ -39,7 +48,7 @@ class _Relay(QObject):
 
 
 class LaboratoryView(QWidget):
-    """Methods side by side: set-up above, table and curves below."""
+    """The parts of a solve side by side: set-up above, table and curves below."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
@@ -59,8 +68,8 @@ class LaboratoryView(QWidget):
         self.bar.setTextVisible(False)
         self.bar.setRange(0, 1000)
         self.bar.setAccessibleName("Progress of the Laboratory")
-        self.compare = button("Compare", self.run_comparison, "main", "A line for each method")
-        self.draw = button("Draw curves", self.run_curves, tip="Simulated fields, getting worse")
+        self.compare = button("Compare", self.run_comparison, "main", "A line for each")
+        self.draw = button("Draw curves", self.run_curves, tip=CURVES)
         self.stop = button("Stop", self._stop, tip="Keep what there is so far")
         self.export = Exporter(self, services)
         self.job: Job | None = None
@@ -72,6 +81,7 @@ class LaboratoryView(QWidget):
         services.looks.changed.connect(self._dress)
         self._dress(services.looks.colours)
         self._restore()
+        self.methods.kind_changed.connect(self._offer_curves)
         self._idle()
 
     def _lay_out(self) -> None:
@@ -113,10 +123,10 @@ class LaboratoryView(QWidget):
             self._say(str(error), "wrong")
             return
         relay = self._begin()
-        self.table.clear_trials()
+        self.table.begin(self.methods.kind)
         relay.trial.connect(self._has_trial)
         task = comparison(
-            self._stars(), choices, told is not Told.NOTHING, told is Told.PLACE,
+            self._scene(), self.methods.kind, choices, told is not Told.NOTHING, told is Told.PLACE,
             self.setup.limit.value(), relay.trial.emit,
         )  # fmt: skip
         self._start(task, 0)
@@ -141,14 +151,17 @@ class LaboratoryView(QWidget):
         )  # fmt: skip
         self._start(task, 1)
 
-    def _stars(self) -> "Task[Stars] | None":
-        if self.setup.from_field and self._services.wiring.fields is not None:
-            make = self._services.wiring.fields
-            return stars_of_field(make, self.setup.wish, self.setup.seed.value())
+    def _scene(self) -> "Task[Scene] | None":
+        wiring, wish, number = self._services.wiring, self.setup.wish, self.setup.seed.value()
+        if self.setup.from_field and wiring.fields is not None:
+            if self.methods.kind is not Kind.DETECTOR:
+                return scene_of_field(wiring.fields, wish, number)
+            if wiring.pictures is not None:
+                return scene_of_picture(wiring.pictures, wish, number)
         known = self._services.session.known
         if known.frame is None:
             return None
-        return stars_of_frame(known.frame, known.detections, known.result, known.options.hint)
+        return scene_of_frame(known.frame, known.detections, known.result, known.options.hint)
 
     def _begin(self) -> _Relay:
         """A relay of its own for each run: what an older one still says is not heard."""
@@ -200,9 +213,15 @@ class LaboratoryView(QWidget):
         self.plots.draw()
         self.bar.setVisible(False)
         self.compare.setEnabled(True)
-        self.draw.setEnabled(self._services.wiring.fields is not None)
         self.stop.setEnabled(False)
+        self._offer_curves()
         self.export.enable()
+
+    def _offer_curves(self) -> None:
+        of_methods = self.methods.kind is Kind.METHOD
+        idle = not self.stop.isEnabled()
+        self.draw.setEnabled(idle and of_methods and self._services.wiring.fields is not None)
+        self.draw.setToolTip(CURVES if of_methods else METHODS_ONLY)
 
     def _say(self, text: str, role: str) -> None:
         self.said.setText(text)

@@ -20,7 +20,7 @@ from app.ui.engine import WorkflowEngine
 from app.ui.lab.setup import Source, Told
 from app.ui.samples import samples
 from app.ui.wiring import Wiring
-from app.workflows import laboratory
+from app.workflows import laboratory_methods
 from tests.ui.test_night import assert_red
 
 LIMIT_MS = 30_000
@@ -138,7 +138,7 @@ def test_options_reach_the_method_and_survive_looking_at_another(lab):
     assert "margin_px" not in view.methods.options.fields
     view.methods.list.setCurrentRow(1)
     assert view.methods.options.fields["margin_px"].text() == "1.5"
-    chosen = {c.method: c.options for c in view.methods.choices()}
+    chosen = {c.name: c.options for c in view.methods.choices()}
     assert chosen["voting"] == {"margin_px": 1.5}
 
 
@@ -175,7 +175,7 @@ class Liar:
 
 
 def test_wrong_answers_are_told(qtbot, lab, monkeypatch):
-    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **_: Liar())
+    monkeypatch.setattr(laboratory_methods, "make_identifier", lambda name, **_: Liar())
     _, view = lab()
     field_setup(view, "patterns")
     view.run_comparison()
@@ -199,7 +199,7 @@ class Endless:
 
 
 def test_stop_ends_a_method_that_does_not(qtbot, lab, monkeypatch):
-    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **_: Endless())
+    monkeypatch.setattr(laboratory_methods, "make_identifier", lambda name, **_: Endless())
     _, view = lab()
     field_setup(view, "patterns")
     view.setup.limit.setValue(600)
@@ -211,7 +211,7 @@ def test_stop_ends_a_method_that_does_not(qtbot, lab, monkeypatch):
 
 
 def test_closing_the_window_ends_a_run(qtbot, lab, monkeypatch):
-    monkeypatch.setattr(laboratory, "make_identifier", lambda name, **_: Endless())
+    monkeypatch.setattr(laboratory_methods, "make_identifier", lambda name, **_: Endless())
     commands, view = lab()
     field_setup(view, "patterns")
     view.run_comparison()
@@ -234,7 +234,7 @@ def test_export_of_both_tabs(qtbot, lab, tmp_path):
     qtbot.waitUntil(lambda: table.exists() and picture.exists(), timeout=LIMIT_MS)
     qtbot.waitUntil(lambda: not view._services.jobs._jobs[-1].running, timeout=LIMIT_MS)
     (row,) = csv.DictReader(io.StringIO(table.read_text("utf-8")))
-    assert row["method"] == "patterns"
+    assert row["name"] == "patterns"
     assert row["right"] == "yes"
     with Image.open(picture) as image:
         assert image.size == (2 * view.table.width(), 2 * view.table.height())
@@ -265,7 +265,7 @@ def test_what_was_chosen_comes_back(qtbot, lab):
     assert again.setup.wish.fov_deg == 25.0
     assert again.setup.from_field
     assert again.setup.told.currentText() == Told.PLACE
-    assert [c.method for c in again.methods.choices()] == ["patterns"]
+    assert [c.name for c in again.methods.choices()] == ["patterns"]
     again.methods.tick(["voting"])
     assert again.methods.choices()[0].options == {"stars": 10}
 
@@ -273,7 +273,8 @@ def test_what_was_chosen_comes_back(qtbot, lab):
 def test_what_was_kept_and_makes_no_sense_is_forgotten(settings, lab):
     settings.keep(
         "laboratory",
-        '{"width_deg": "wide", "ticked": 3, "options": {"voting": {"stars": 900}, "gone": {}}}',
+        '{"width_deg": "wide", "compared": "colour", "detector": 4,'
+        ' "method": {"ticked": 3, "options": {"voting": {"stars": 900}, "gone": {}}}}',
     )
     _, view = lab()
     assert view.setup.wish.fov_deg == 20.0
@@ -342,12 +343,11 @@ def test_a_tool_may_fill_the_window(qtbot, lab):
 
 def test_a_frame_that_nobody_solved_has_no_truth(qtbot, lab):
     from app.core.progress import run
-    from app.ui.lab.work import stars_of_frame
+    from app.workflows.laboratory_scene import scene_of_frame
     from tests.ui.fakes import star_field
 
     failure = NoSolution(Reason.TIMED_OUT, "Wait.")
-    stars = run(stars_of_frame(star_field(), None, failure, None))
-    assert len(stars.detections) > 10
-    assert stars.truth is None
-    assert not stars.hint(True, True).helps
-    assert stars.hint(False, False) is None
+    scene = run(scene_of_frame(star_field(), None, failure, None))
+    assert scene.truth is None
+    assert not scene.hint(True, True).helps
+    assert scene.hint(False, False) is None

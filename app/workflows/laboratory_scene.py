@@ -1,0 +1,155 @@
+"""What a comparison looks at: a frame or a simulated field, and all that is known of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+from app.core.detections import Detections
+from app.core.errors import UsageError
+from app.core.frame import Frame
+from app.core.hint import Hint
+from app.core.progress import Progress, Task
+from app.core.solution import NoSolution, Solution
+from app.sky.apparent import julian_years
+from app.solve.options import UNKNOWN_YEAR
+from app.workflows.laboratory import (
+    Choice,
+    FieldWish,
+    Floats,
+    MakeField,
+    MakePicture,
+    Trial,
+    Truth,
+    compare,
+    scale_hint,
+)
+from app.workflows.laboratory_attitudes import name_stars, try_attitude
+from app.workflows.laboratory_curves import PLACE_DEG
+from app.workflows.laboratory_detectors import try_detector
+from app.workflows.laboratory_kinds import Kind
+from app.workflows.laboratory_methods import try_method
+
+LARGEST_PX = 8192
+"""Side of a simulated picture; a larger one takes gigabytes."""
+OPEN_FIRST = "Open a frame first, or choose a simulated field."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A ``frame``, or the ``detections`` of one, or both.
+
+    ``places`` (N, 2) px are all stars of a simulated picture. ``believed`` is the hint when no
+    truth is known.
+    """
+
+    detections: Detections | None = None
+    frame: Frame | None = None
+    truth: Truth | None = None
+    places: Floats | None = None
+    believed: Hint | None = None
+
+    @property
+    def time_utc(self) -> datetime | None:
+        """When the frame was taken."""
+        return None if self.frame is None else self.frame.hint.time_utc
+
+    @property
+    def year(self) -> float:
+        """The Julian year of it, or the one taken for frames that do not say."""
+        return UNKNOWN_YEAR if self.time_utc is None else julian_years(self.time_utc)
+
+    def hint(self, scale: bool, place: bool) -> Hint | None:
+        """What the methods are told."""
+        if not scale:
+            return None
+        if self.truth is not None:
+            return scale_hint(self.truth, PLACE_DEG if place else None)
+        if self.believed is None or place:
+            return self.believed
+        return replace(self.believed, centre_deg=None)
+
+
+def scene_of_frame(
+    frame: Frame,
+    detections: Detections | None,
+    result: Solution | NoSolution | None,
+    believed: Hint | None,
+) -> Task[Scene]:
+    """The open frame; its solution, where there is one, stands for the truth."""
+    yield Progress("laboratory", None, "taking the open frame")
+    truth = Truth(result.camera, result.attitude) if isinstance(result, Solution) else None
+    return Scene(
+        detections, frame, truth, believed=believed if believed is not None else frame.hint
+    )
+
+
+def scene_of_field(make: MakeField, wish: FieldWish, number: int) -> Task[Scene]:
+    """The stars of simulated field ``number``, and the truth of it."""
+    yield Progress("laboratory", None, "making a field")
+    field = make(wish, (number,))
+    return Scene(field.detections, truth=Truth.of(field, wish))
+
+
+def scene_of_picture(make: MakePicture, wish: FieldWish, number: int) -> Task[Scene]:
+    """The picture of simulated field ``number``, and the truth of it."""
+    if wish.size_px > LARGEST_PX:
+        raise UsageError(f"A simulated picture is {LARGEST_PX} px wide at most.")
+    yield Progress("laboratory", None, "making a picture")
+    picture = make(wish, (number,))
+    return Scene(frame=picture.frame, truth=Truth.of(picture, wish), places=picture.places)
+
+
+def comparison(
+    source: Task[Scene] | None,
+    kind: Kind,
+    choices: Sequence[Choice],
+    scale: bool,
+    place: bool,
+    limit_s: float,
+    tell: Callable[[Trial], None],
+) -> Task[list[Trial]]:
+    """Get the stars and run the choices on them; UsageError when there are none to get.
+
+    ``scale`` and ``place`` say what is told beforehand.
+    """
+    if source is None:
+        raise UsageError(OPEN_FIRST)
+    scene = yield from source
+    hint = scene.hint(scale, place)
+    if kind is Kind.DETECTOR:
+        tries = _with_detectors(scene, choices, hint, limit_s)
+    else:
+        stars = yield from _stars_of(scene)
+        if kind is Kind.ATTITUDE:
+            named = yield from name_stars(stars, hint, scene.year, limit_s)
+            tries = [try_attitude(named, choice, scene.truth) for choice in choices]
+        else:
+            tries = [
+                try_method(stars, choice, hint, scene.truth, scene.year, limit_s)
+                for choice in choices
+            ]
+    names = [choice.name for choice in choices]
+    return (yield from compare(list(zip(names, tries, strict=True)), tell))
+
+
+def _with_detectors(
+    scene: Scene, choices: Sequence[Choice], hint: Hint | None, limit_s: float
+) -> list[Task[Trial]]:
+    if scene.frame is None:
+        raise UsageError("A list of stars has no picture to look for stars in.")
+    told = replace(hint or Hint(), time_utc=scene.time_utc)
+    return [
+        try_detector(scene.frame, choice, told, scene.truth, scene.places, limit_s)
+        for choice in choices
+    ]
+
+
+def _stars_of(scene: Scene) -> Task[Detections]:
+    """The stars of a scene, detected unless they are there."""
+    if scene.detections is not None:
+        return scene.detections
+    assert scene.frame is not None, "a scene without stars is a frame"
+    yield Progress("detect", None, "looking for stars")
+    from app.detect import make_detector
+
+    return make_detector().detect(scene.frame)
