@@ -46,6 +46,9 @@ def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int])
     parser.add_argument("--baud", type=_baud, metavar="N", help="when it is not the usual one")
     parser.add_argument("--epoch", choices=["J2000", "date"], help="of the mount's own coordinates")
     parser.add_argument("--site", type=site, metavar="LAT,LON[,H]", help="east positive")
+    parser.add_argument(
+        "--fork", action="store_true", help="a fork or wedge: crosses the meridian without a flip"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.set_defaults(run=told(run))
 

@@ -1,6 +1,7 @@
 """Opening the mount that the arguments mean, behind its guard."""
 
 import argparse
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ def guarded_mount(
     """The mount of ``--port`` and ``--driver``, either of which may be left to be found."""
     from app.mounts import DRIVERS, open_mount
     from app.mounts.guard import Guard
+    from app.mounts.limits import Limits
 
     if args.driver is not None and args.driver not in DRIVERS:
         raise UsageError(f"There is no mount driver {args.driver!r}: use {', '.join(DRIVERS)}.")
@@ -27,6 +29,7 @@ def guarded_mount(
     if args.driver is None:
         args.driver, args.baud = _found(args.port, args.baud)
     opened = partial(open_mount, args.driver, args.port, args.baud, epoch_of(args), args.site)
+    limits = replace(limits or Limits(), crosses_meridian=args.fork)
     again = partial(opened, stop_first=True)
     return Guard((again if stop_first else opened)(), args.site, limits, reopen=again)
 

@@ -80,7 +80,9 @@ class Held(Asked):
             state = super().state()
             found = watch.side_finding(state.pier_side)
             if found:
-                self._stray(f"{found}: allow the flip, and watch the cables")
+                self._stray(
+                    f"{found}: allow the flip (Meridian, or --allow-flip), and watch the cables"
+                )
         if watch is not None and watch.due:
             self.position()
         return state

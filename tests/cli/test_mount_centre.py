@@ -160,6 +160,19 @@ def test_centre_from_the_simulated_camera(capsys) -> None:
         assert off_arcsec(practice, ra, dec) < 25.0
 
 
+def test_a_fork_says_so_and_goes_across_the_meridian(capsys) -> None:
+    with practising(start=(-10.0, 35.0), lost_deg=0.0) as practice:
+        ra, dec = practice.rig.mount.believed_deg()
+        goto = ["goto", "--ra-deg", str((ra - 20.0) % 360.0), "--dec-deg", str(dec)]
+        code, told = run(capsys, *goto, *line(practice), "--yes")
+        assert code == 1
+        assert "--fork" in told["error"]
+        assert "--allow-flip" in told["error"]
+        code, told = run(capsys, *goto, *line(practice), "--fork")
+        assert (code, told["preview"]["allowed"]) == (0, True)
+        assert not told["preview"]["warnings"]
+
+
 def test_centre_below_the_horizon_is_an_error_and_exit_1(capsys) -> None:
     with practising() as practice:
         camera = ["--source", "simulated", "--address", practice.camera]

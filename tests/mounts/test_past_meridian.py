@@ -50,8 +50,9 @@ def test_moves_that_stay_clear_of_the_pier(side, start, way, degrees):
 )
 def test_moves_into_the_pier_are_refused(side, start, way, degrees, past):
     guard, mount = on_pier(side, start, dec_deg=80.0)
-    with pytest.raises(RefusedError, match=past):
+    with pytest.raises(RefusedError, match=past) as refused:
         guard.move(way, 2.0, degrees / 2.0)
+    assert "--fork" in str(refused.value), "it may be a fork: where to say so"
     assert mount.did == []
 
 

@@ -4,7 +4,7 @@ from app.mounts.rules.plan import Finding, Plan, refuse, warn
 
 ACROSS = (
     "The sync would carry the mount across the meridian and so to the other side of its pier: "
-    "slew away from the meridian first."
+    "slew away from the meridian first; a fork or wedge goes on (choose Meridian, or --fork)."
 )
 
 
@@ -25,7 +25,8 @@ def flip(plan: Plan) -> list[Finding]:
     return [
         refuse(
             f"The way crosses the meridian and would flip the mount from the {plan.state.pier_side}"
-            " side of its pier: allow the flip or choose a target on this side."
+            " side of its pier: choose a target on this side, or allow the flip (Meridian in the"
+            " Mount view, or --allow-flip); a fork or wedge goes on without (--fork)."
         )
     ]
 

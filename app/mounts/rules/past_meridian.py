@@ -31,6 +31,7 @@ def past_meridian(plan: Plan) -> list[Finding]:
         refuse(
             f"The move would carry the telescope {worst:.0f} deg past the meridian on the {side}"
             f" side of its pier, where it may hit it; the limit is {limit:g} deg. Begin further"
-            " from the meridian, or move the other way."
+            " from the meridian, or move the other way; a fork or wedge goes on (choose Meridian in"
+            " the Mount view, or --fork)."
         )
     ]

@@ -5,6 +5,7 @@ from PySide6.QtCore import QObject, Signal
 from app.core.errors import RefusedError
 from app.core.hint import Site
 from app.mounts.guard import Guard
+from app.mounts.limits import Limits
 from app.ui.mount import orders
 from app.ui.mount.connection import Connection
 from app.ui.mount.errand import Errand
@@ -13,6 +14,7 @@ from app.ui.mount.known import POLAR, MountKnown
 from app.ui.mount.line_order import Make, Outlives, never
 from app.ui.mount.line_thread import MountLine
 from app.ui.mount.lookout import Lookout
+from app.ui.mount.meridian import Meridian, keep_meridian, kept_meridian, limits_at
 from app.ui.mount.opening import Opening, PracticeOpening, on_port
 from app.ui.mount.reasons import BY_HAND, Situation, unable
 from app.ui.mount.wishes import MountWish, kept_camera
@@ -60,7 +62,7 @@ class Desk(QObject):
     # the connection ---------------------------------------------------------------------------
     def connect_mount(self, wish: MountWish) -> None:
         """Open a mount; what comes of it is heard."""
-        self.begin(on_port(wish, self._services.settings.site), wish.port)
+        self.begin(on_port(wish, self._services.settings.site, self.limits), wish.port)
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it as to a real one."""
@@ -71,7 +73,7 @@ class Desk(QObject):
         if start is None:
             self.said.emit("No simulated telescope is part of this program.", "wrong")
             return
-        self.begin(PracticeOpening(start, lambda word: self._tell(self._line, word)), "")
+        self.begin(PracticeOpening(start, lambda w: self._tell(self._line, w), self.limits), "")
         self.known.practice = True
         self.changed.emit()
 
@@ -171,6 +173,17 @@ class Desk(QObject):
         self._services.settings.keep_site(site)
         if self._line is not None and not self.known.practice:
             self._line.order("site", orders.use_site(site))
+
+    def use_meridian(self, meridian: Meridian) -> None:
+        """What the mount does at the meridian; the guard judges by it from the next motion on."""
+        keep_meridian(self._services.settings, meridian)
+        if self._line is not None:
+            self._line.order("meridian", orders.use_limits(limits_at(meridian)))
+
+    @property
+    def limits(self) -> Limits:
+        """What the guard of a mount begins with."""
+        return limits_at(kept_meridian(self._services.settings))
 
     def look(self, guard: Guard) -> SolveNow:
         """A solver for the line's thread; what it sees is told in this one."""

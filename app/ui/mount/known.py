@@ -21,7 +21,7 @@ from app.ui.mount.words import (
 POLAR = "polar"
 MOVING = ("goto", "centre", "nudge", "bring", POLAR)
 MAY_MOVE = (*MOVING, "accept")  # a sync that is refused becomes a slew
-QUIET = ("site", "camera")  # over in a moment: nobody need wait for these
+QUIET = ("site", "camera", "meridian")  # over in a moment: nobody need wait for these
 TITLES = {
     "goto": "going there", "centre": "centring", "nudge": "nudging", "bring": "bringing the star",
     "take": "taking a frame", "offer": "looking at the sky twice", "accept": "syncing",

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from app.core.hint import Site
 from app.mounts.guard import Guard
+from app.mounts.limits import Limits
 from app.ui.mount.wishes import MountWish
 from app.ui.mount.words import Practising, Word
 from app.ui.wiring import Practice, StartPractice
@@ -31,11 +32,11 @@ class Opening(Protocol):
 class _OnPort:
     farewell = ""
 
-    def __init__(self, wish: MountWish, site: Site | None) -> None:
-        self._wish, self._site = wish, site
+    def __init__(self, wish: MountWish, site: Site | None, limits: Limits) -> None:
+        self._wish, self._site, self._limits = wish, site, limits
 
     def __call__(self) -> Guard:
-        return guarded(self._wish, self._site, self.now)
+        return guarded(self._wish, self._site, self.now, self._limits)
 
     def now(self) -> datetime:
         return datetime.now(UTC)
@@ -50,8 +51,8 @@ class PracticeOpening:
     ``tell`` hears of it, in the thread of the line.
     """
 
-    def __init__(self, start: StartPractice, tell: Callable[[Word], None]) -> None:
-        self._start, self._tell = start, tell
+    def __init__(self, start: StartPractice, tell: Callable[[Word], None], limits: Limits) -> None:
+        self._start, self._tell, self._limits = start, tell, limits
         self.practice: Practice | None = None
         self.farewell = ""
 
@@ -59,7 +60,7 @@ class PracticeOpening:
         self.practice = practice = self._start(fov_deg=PRACTICE_FOV_DEG)
         self._tell(Practising(practice.port, practice.camera))
         wish = MountWish(practice.port, practice.driver)
-        return guarded(wish, practice.rig.config.site, self.now)
+        return guarded(wish, practice.rig.config.site, self.now, self._limits)
 
     def now(self) -> datetime:
         if self.practice is None:
@@ -73,12 +74,14 @@ class PracticeOpening:
             self.practice.stop()
 
 
-def on_port(wish: MountWish, site: Site | None) -> Opening:
+def on_port(wish: MountWish, site: Site | None, limits: Limits) -> Opening:
     """A mount on a serial port or a socket."""
-    return _OnPort(wish, site)
+    return _OnPort(wish, site, limits)
 
 
-def guarded(wish: MountWish, site: Site | None, clock: Callable[[], datetime]) -> Guard:
+def guarded(
+    wish: MountWish, site: Site | None, clock: Callable[[], datetime], limits: Limits
+) -> Guard:
     """Open it behind its guard; the line can be opened again when it was lost."""
     from app.mounts import open_mount
 
@@ -86,4 +89,4 @@ def guarded(wish: MountWish, site: Site | None, clock: Callable[[], datetime]) -
         open_mount, wish.driver, wish.port, wish.baud, wish.epoch, site, clock, stop_first=True
     )
     first = open_mount(wish.driver, wish.port, wish.baud, wish.epoch, site, clock)
-    return Guard(first, site, clock=clock, reopen=again)
+    return Guard(first, site, limits, clock=clock, reopen=again)

@@ -11,6 +11,7 @@ from app.core.mount import Direction
 from app.core.progress import Progress, Task
 from app.core.solution import Solution
 from app.mounts.guard import Guard
+from app.mounts.limits import Limits
 from app.solve.disagreement import Sighting
 from app.ui.mount.eye import Eye
 from app.ui.mount.line_order import Make
@@ -125,6 +126,15 @@ def use_site(site: Site | None) -> Make:
         guard.site = site
 
     return _at_once("site", do)
+
+
+def use_limits(limits: Limits) -> Make:
+    """Let the guard judge by these from the next motion on."""
+
+    def do(guard: Guard) -> None:
+        guard.limits = limits
+
+    return _at_once("meridian", do)
 
 
 def close_camera(eye: Eye) -> Make:

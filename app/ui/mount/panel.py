@@ -9,6 +9,7 @@ from app.ui.mount.camera_box import CameraBox
 from app.ui.mount.connect_box import ConnectBox
 from app.ui.mount.desk import Desk
 from app.ui.mount.go_box import GoBox
+from app.ui.mount.meridian_box import MeridianBox
 from app.ui.mount.nudge_pad import NudgePad
 from app.ui.mount.pointing_box import PointingBox
 from app.ui.mount.reasoned import ReasonedButton, ReasonedSwitch
@@ -43,6 +44,7 @@ class MountPanel(QWidget):
         self.after = QCheckBox("a frame afterwards")
         self.after.setToolTip("Take one and solve it when a goto or a nudge is over")
         self.go = GoBox(self.after)
+        self.meridian = MeridianBox()
         self.pointing = PointingBox(self.tracking)
         self.leave = button("Disconnect", desk.disconnect_mount, "", "Stop, and close the port")
         self.stop = ReasonedButton(
@@ -79,7 +81,7 @@ class MountPanel(QWidget):
         looking = _line(self.take, self.sync, self.undo, self.ask)
         self.connection = _card(self.connect_box)
         self.asking = _card(self.pointing, looking, self.camera)
-        self.moving = _card(self.go, rule(), self.pad)
+        self.moving = _card(self.go, self.meridian, rule(), self.pad)
         inside = QWidget()
         inside.setObjectName("page")
         column = QVBoxLayout(inside)

@@ -8,6 +8,7 @@ from app.ui.mount.bring_mode import BringMode
 from app.ui.mount.eye import CameraWish
 from app.ui.mount.finder import Finder
 from app.ui.mount.known import POLAR
+from app.ui.mount.meridian import kept_meridian
 from app.ui.mount.panel import MountPanel
 from app.ui.mount.reasons import reasons
 from app.ui.mount.sync_dialog import SyncDialog
@@ -59,6 +60,7 @@ class MountView(MountPanel):
         self.go.centre_wanted.connect(asks.centre)
         self.pad.nudge_wanted.connect(asks.nudge)
         self.tracking.wanted.connect(asks.track)
+        self.meridian.chosen.connect(desk.use_meridian)
         session = self._services.session
         for signal in (session.solved, session.unsolved, session.opened):
             signal.connect(lambda _=None: self._show())
@@ -67,6 +69,7 @@ class MountView(MountPanel):
     def _restore(self) -> None:
         settings = self._services.settings
         self.connect_box.show_wish(kept_mount(settings))
+        self.meridian.show_meridian(kept_meridian(settings))
         if not self.desk.known.practice:
             camera = kept_camera(settings)
             if self._services.cameras.choice is not None:  # another view's
