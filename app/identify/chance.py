@@ -11,6 +11,9 @@ import math
 
 import numpy as np
 
+ACCEPT_LOG10 = -5.0
+"""No pointing is believed that chance would give to one frame in so many, or more often."""
+
 
 def log10_tail(m: int, n: int, p: float) -> float:
     """log10 of P(at least ``m`` of ``n`` successes of probability ``p``)."""
@@ -43,21 +46,21 @@ def log10_false_alarm(
 
 
 def log10_by_distance(
-    squares: list[float], witnesses: int, density: float, tried: tuple[float, float]
+    distances: list[float], witnesses: int, density: float, tried: tuple[float, float]
 ) -> tuple[float, int]:
     """Bound for the agreement of few witnesses that no fit was made to, and how many it counts.
 
-    ``squares`` are the squared distances (px^2), ascending, of the witnesses that have a star near,
-    of ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
+    ``distances`` are those (px), ascending, of the witnesses that have a star near, of
+    ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
     pointings whose proposers agree within r px, as ``a + b r``. That m of n lie within r by chance
     has at most the probability C(n, m) p^m; the distance of the m-th nearest is taken for r, which
     is as likely to be small as this says, so that only the choice of m is to be counted.
     """
     best, agree, ways = 0.0, 0, 1.0
-    for m, square in enumerate(squares, 1):
+    for m, distance in enumerate(distances, 1):
         ways *= (witnesses - m + 1) / m
-        value = math.log10(witnesses * ways * (tried[0] + tried[1] * math.sqrt(square)))
-        value += m * math.log10(density * math.pi * square)
+        value = math.log10(witnesses * ways * (tried[0] + tried[1] * distance))
+        value += m * math.log10(density * math.pi * distance * distance)
         if value < best:
             best, agree = value, m
     return best, agree

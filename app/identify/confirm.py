@@ -16,14 +16,13 @@ from app.core.attitude import Attitude
 from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.solution import Identification, Matches
-from app.identify.chance import log10_false_alarm
+from app.identify.chance import ACCEPT_LOG10, log10_false_alarm
 from app.identify.verify import RADII, Pointing, pair, refit
 from app.sky import open_catalogue
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ACCEPT_LOG10 = -5.0
 WITNESSES = 40  # so many of the brightest detections may testify
 PROPOSERS = 15  # so many pairs of named stars, the widest first, are let propose
 FEWEST = 3

@@ -14,9 +14,10 @@ Answer = Identification | NoSolution
 
 def with_places(detections: Detections, work: Callable[[Detections], Task[Answer]]) -> Task[Answer]:
     """What ``work`` makes of the detections whose x and y are finite, numbered as they came."""
-    finite = np.flatnonzero(np.isfinite(detections.xy).all(axis=1))
-    if len(finite) == len(detections):
+    there = np.isfinite(detections.xy)
+    if there.all():
         return (yield from work(detections))
+    finite = np.flatnonzero(there.all(axis=1))
     found = yield from work(detections.take(finite))
     if isinstance(found, NoSolution):
         return replace(found, detections=len(detections))

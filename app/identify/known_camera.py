@@ -1,18 +1,14 @@
 """When the quick road of a known camera is taken, and what its answer is made of."""
 
-import numpy as np
-
-from app.core.attitude import Attitude
-from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.progress import Progress, Task
-from app.core.solution import Identification, Matches
+from app.core.solution import Identification
+from app.identify.answer import answered
 from app.identify.index import Volume
 from app.identify.known_search import BRIGHTEST, FEW, POOR, KnownSearch
-from app.identify.known_table import DENSE, SPARSE, PairTable, table_for
+from app.identify.known_table import DENSE, SPARSE, table_for
 from app.identify.known_triangles import Sight
 from app.identify.search import Search
-from app.identify.verify import Verdict
 
 FEWEST, MOST = 3, 24
 """So many detections are looked at so; of more the quads make as short work without a table."""
@@ -53,23 +49,11 @@ def first_answer(
         yield Progress("identify", 0.0, "triangles of the known camera")
         for verdict in known.verdicts():
             if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
-                return _answer(verdict, known.tried, known.table, detections)
+                table = known.table
+                return answered(
+                    verdict, detections, table.rows, table.vectors, verdict.log10_tail, known.tried
+                )
         search.least = min(search.least, known.least)
         search.before += known.tried
         search.asked += known.triangles
     return None
-
-
-def _answer(
-    verdict: Verdict, tried: int, table: PairTable, detections: Detections
-) -> Identification:
-    p = verdict.pointing
-    w, h = detections.width, detections.height
-    camera = Camera(w, h, p.focal, (w - 1) / 2, (h - 1) / 2, k1=p.k1, mirrored=p.mirrored)
-    matches = Matches(
-        verdict.detections.astype(np.int64), table.rows[verdict.stars],
-        detections.xy[verdict.detections], table.vectors[verdict.stars],
-    )  # fmt: skip
-    return Identification(
-        matches, camera, Attitude(p.matrix), verdict.log10_tail, "patterns", tried
-    )

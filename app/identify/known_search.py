@@ -12,7 +12,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from app.identify.chance import log10_by_distance
+from app.identify.chance import ACCEPT_LOG10, log10_by_distance
 from app.identify.hypotheses import Hypotheses, pointings
 from app.identify.known_pointing import triple, two_stars
 from app.identify.known_table import PairTable
@@ -24,7 +24,6 @@ Floats = NDArray[np.float64]
 Guess = tuple[Corners, bool]
 """Three stars and the parity."""
 
-ACCEPT_LOG10 = -5.0
 FEW = 5
 """With so few detections chance has room."""
 POOR, BRIGHTEST = 8, 6
@@ -59,6 +58,7 @@ class KnownSearch:
     ) -> None:
         self.table, self.xy, self.sight, self.ways = table, xy[:WITNESSES], sight, ways
         self.places: list[tuple[float, float]] = self.xy.tolist()
+        self.points = np.array([[complex(x, y)] for x, y in self.places])
         width, height = half.tolist()
         self.side: float = 2.0 * max(width, height)
         self.corner = math.hypot(width, height)
@@ -105,16 +105,16 @@ class KnownSearch:
         others, most = len(self.xy) - 2, ERROR * self.side
         if others > FEW - 2:
             return most
-        ends = {tuple(sorted(corners[1:])) for corners in self._corners()}
+        ends = {(b, c) if b < c else (c, b) for _, b, c in self._corners()}
         per = [self._pointings(b, c) for b, c in ends]
+        if not per:
+            return most
         one, more = (self.ways * others * sum(part[k] for part in per) for k in (0, 1))
-        radius, least = most, LEAST * self.side
-        while per and radius > least:
-            chance = min(self.density * math.pi * radius * radius, 1.0)
-            if others * math.log10(chance) + math.log10(one + more * radius) < ACCEPT_LOG10:
-                return min(2.0 * radius, most)
-            radius /= 1.5
-        return least
+        radius = most
+        for _ in range(3):  # more pointings agree within a wider radius: it settles at once
+            share = (10.0**ACCEPT_LOG10 / (one + more * radius)) ** (1.0 / others)
+            radius = math.sqrt(share / (self.density * math.pi))
+        return min(max(2.0 * radius, LEAST * self.side), most)
 
     def _pointings(self, b: int, c: int) -> tuple[float, float]:
         """How many pointings two proposers make that agree within r px, as ``a + b r``.
@@ -182,8 +182,8 @@ class KnownSearch:
         """The fewest witnesses within ``radius`` px that would be believed."""
         others = len(self.xy) - 2
         for m in range(1, others):
-            squares = [radius * radius] * m
-            if log10_by_distance(squares, others, self.density, self.trials)[0] < ACCEPT_LOG10:
+            alarm, _ = log10_by_distance([radius] * m, others, self.density, self.trials)
+            if alarm < ACCEPT_LOG10:
                 return m
         return others
 
@@ -197,32 +197,29 @@ class KnownSearch:
         off = min(max(off / max(self.sight.growth[b][c], 1e-12), -1.0), 1.0)
         focal, sign = self.sight.focal * (1.0 + self.sight.room * off), -1.0 if mirrored else 1.0
         (bx, by), (cx, cy) = self.places[b], self.places[c]
-        rows = two_stars((sign * bx, by, focal), (sign * cx, cy, focal), p, q)
-        matrix = np.array(rows)
+        across, down, ahead = two_stars((sign * bx, by, focal), (sign * cx, cy, focal), p, q)
         wide = (self.corner + reach) / focal
-        number = self.table.near(matrix[2], 1.0 / math.sqrt(1.0 + wide * wide))
-        x, y, z = matrix @ self.table.vectors.take(number, axis=0).T
-        z /= focal
-        dx = self.xy[:, :1] - sign * x / z
-        dy = self.xy[:, 1:] - y / z
-        d2 = dx * dx + dy * dy
-        alarm, radius2 = self._alarm(d2.min(axis=1).tolist(), b, c, reach)
+        number = self.table.near(ahead, 1.0 / math.sqrt(1.0 + wide * wide))
+        sky = self.table.vectors.take(number, axis=0).T
+        plane = np.array([complex(sign * x, y) for x, y in zip(across, down, strict=True)])
+        gap = np.abs(self.points - plane @ sky / (np.array(ahead) / focal @ sky))
+        closest = gap.min(axis=1)
+        alarm, radius = self._alarm(closest.tolist(), b, c, reach)
         self.least = min(self.least, alarm)
         if alarm > ACCEPT_LOG10:
             return None
-        nearest, gap = d2.argmin(axis=1), d2.min(axis=1)
-        i = (gap <= radius2).nonzero()[0]
-        rms = math.sqrt(float(gap[i].sum()) / len(i))
-        start = Pointing(matrix, focal, mirrored)
-        return Verdict(start, i, number[nearest[i]], alarm, rms, self.table.level)
+        i = (closest <= radius).nonzero()[0]
+        rms = math.sqrt(float(np.square(closest[i]).mean()))
+        start = Pointing(np.array([across, down, ahead]), focal, mirrored)
+        return Verdict(start, i, number[gap.argmin(axis=1)[i]], alarm, rms, self.table.level)
 
     def _alarm(self, gap: list[float], b: int, c: int, reach: float) -> tuple[float, float]:
-        """The bound, log10, and the squared radius that it counts; ``gap`` in px^2."""
-        floor = max(gap[b], gap[c], (LEAST * self.side) ** 2)
-        most, smallest = reach * reach, (SMALLEST * self.side) ** 2
-        taken, squares = [self.places[b], self.places[c]], []
+        """The bound, log10, and the radius that it counts; ``gap`` in px."""
+        floor = max(gap[b], gap[c], LEAST * self.side)
+        smallest = (SMALLEST * self.side) ** 2
+        taken, radii = [self.places[b], self.places[c]], []
         for d, k in sorted(zip(gap, range(len(gap)), strict=True)):
-            if d > most:
+            if d > reach:
                 break
             x, y = self.places[k]
             for u, v in taken:
@@ -230,6 +227,6 @@ class KnownSearch:
                     break
             else:
                 taken.append((x, y))
-                squares.append(max(d, floor))
-        alarm, agree = log10_by_distance(squares, len(gap) - 2, self.density, self.trials)
-        return alarm, squares[agree - 1] if agree else 0.0
+                radii.append(max(d, floor))
+        alarm, agree = log10_by_distance(radii, len(gap) - 2, self.density, self.trials)
+        return alarm, radii[agree - 1] if agree else 0.0

@@ -66,7 +66,7 @@ class PairTable:
         low, high = int(max(low_rad, 0.0) * scale), int(high_rad * scale) + 1
         return slice(self.first[min(low, BINS)], self.first[min(high, BINS)])
 
-    def near(self, centre: list[float], cosine: float) -> Ints:
+    def near(self, centre: tuple[float, float, float], cosine: float) -> Ints:
         """Stars within the angle of ``cosine`` of a unit vector (3,): all are looked at."""
         inside: Ints = (np.array(centre, dtype=np.float32) @ self.rough > cosine).nonzero()[0]
         return inside

@@ -85,7 +85,6 @@ def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) ->
     else:
         # the shortest side tells the scale, but no better than its own error
         off = (table.angle[pairs] - base) / room
-        np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
         error = error_rad + min(error_rad * wide / room, 2.0 * wide)
         if table.in_one_ring(here, wide):
             entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)
@@ -99,8 +98,9 @@ def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) ->
     if fixed:
         off_rad = np.abs(far - sight.angle[b][c])
     else:
-        near = table.angle[pairs].take(row), _apart(table, first, third)
-        off_rad = _misfit(sight, corners, (*near, far))
+        sides = np.empty((3, len(row)))
+        sides[0], sides[1], sides[2] = table.angle[pairs].take(row), table.apart.take(found), far
+        off_rad = _misfit(sight, corners, sides)
     fits = (off_rad < error_rad).nonzero()[0]
     if len(fits) == 0:
         return []
@@ -117,13 +117,13 @@ def _apart(table: PairTable, one: Index, other: Index) -> Floats:
     return np.asarray(np.arccos(np.minimum(cosine, 1.0)))
 
 
-def _misfit(sight: Sight, corners: Corners, sides: tuple[Floats, Floats, Floats]) -> Floats:
-    """The largest error (K,) of a side, rad, where the last and longest side gives the scale."""
+def _misfit(sight: Sight, corners: Corners, sides: Floats) -> Floats:
+    """The largest error (K,) of sides (3, K), rad, where the last and longest gives the scale."""
     a, b, c = corners
-    off = (sides[2] - sight.angle[b][c]) / sight.growth[b][c]
+    pairs = ((a, b), (a, c), (b, c))
+    growth = np.array([[sight.growth[i][j]] for i, j in pairs])
+    sides -= np.array([[sight.angle[i][j]] for i, j in pairs])
+    off = sides[2] / growth[2]
     np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
-    worst = np.abs(sides[2] - sight.angle[b][c] - sight.growth[b][c] * off)
-    for side, (one, other) in zip(sides, ((a, b), (a, c)), strict=False):
-        error = side - sight.angle[one][other] - sight.growth[one][other] * off
-        np.maximum(worst, np.abs(error), out=worst)
-    return worst
+    sides -= growth * off
+    return np.asarray(np.abs(sides).max(axis=0))

@@ -7,19 +7,16 @@ pointing is accepted only when chance cannot explain it (:mod:`app.identify.chan
 it.
 """
 
-import numpy as np
-
-from app.core.attitude import Attitude
-from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
-from app.core.solution import Identification, Matches, NoSolution, Reason
+from app.core.solution import Identification, NoSolution, Reason
+from app.identify.answer import answered
 from app.identify.finite import with_places
 from app.identify.index import Volume
 from app.identify.known_camera import COMPLETE, first_answer, known_camera
 from app.identify.search import FINE, STAGES, Search, Stage
-from app.identify.verify import FEWEST, Verdict
+from app.identify.verify import FEWEST
 from app.identify.volumes import fine, make_fine, shipped
 
 
@@ -95,23 +92,8 @@ class Patterns:
             yield Progress("identify", k / len(plan), f"{stage.stars} brightest stars")
             volume = volumes[stage.volume]
             for verdict in search.round(volume, stage):
-                return self._answer(volume, search, verdict, detections)
+                return answered(
+                    verdict, detections, volume.rows, volume.stars, search.alarm(verdict),
+                    search.tried,
+                )  # fmt: skip
         return None
-
-    def _answer(
-        self, volume: Volume, search: Search, verdict: Verdict, detections: Detections
-    ) -> Identification:
-        p = verdict.pointing
-        w, h = detections.width, detections.height
-        camera = Camera(
-            w, h, p.focal, (w - 1) / 2, (h - 1) / 2, k1=p.k1, mirrored=p.mirrored
-        )  # fmt: skip
-        matches = Matches(
-            verdict.detections,
-            volume.rows[verdict.stars].astype(np.int64),
-            detections.xy[verdict.detections],
-            volume.stars[verdict.stars].astype(np.float64),
-        )
-        return Identification(
-            matches, camera, Attitude(p.matrix), search.alarm(verdict), "patterns", search.tried
-        )

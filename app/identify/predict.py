@@ -20,6 +20,7 @@ from app.core.hint import Hint
 from app.core.options import choice, integer, number
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, Matches, NoSolution, Reason
+from app.identify.chance import ACCEPT_LOG10
 from app.identify.predict_match import agreement, expected_px, predictional_estimate
 from app.identify.refusals import known_focal, not_agreed, too_few
 from app.identify.verify import Pointing, improve, pair
@@ -28,7 +29,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FEWEST = 6
-ACCEPT_LOG10 = -5.0
 LOOKED_AT = 40  # so many predictions, the best supported first, are refined
 BATCH = 256
 SCALES = (1.0, 0.93, 1.075)  # a hint's range is a tenth to either side

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from app.core.detections import Detections
 from app.core.hint import Hint
+from app.identify.chance import ACCEPT_LOG10
 from app.identify.hypotheses import SUPPOSED, Hypotheses, Question, View, propose
 from app.identify.imagequads import image_quads, quad_marks
 from app.identify.index import Volume
@@ -19,7 +20,6 @@ from app.identify.verify import Pointing, Verdict, verify
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ACCEPT_LOG10 = -5.0
 POOR = 16  # frames with no more stars than this are searched exhaustively
 CROWD = 400  # more pointings than this are thinned before the closer look
 FINE = 2  # the volume that may have to be made first

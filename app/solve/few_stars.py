@@ -16,6 +16,7 @@ from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.hint import Hint
 from app.core.solution import Identification, Matches
+from app.identify.chance import ACCEPT_LOG10
 from app.identify.known_camera import ROUGHLY
 from app.solve.extend import Stars
 from app.solve.pairing import mutual_nearest, without_companions
@@ -33,7 +34,6 @@ SCALE_STEP = 1.21
 """Ratio of the scales that are tried together."""
 BLIND_WIDTHS_DEG = (7.0, 45.0)
 """Frames tried when the scale is unknown; narrower ones have too many pairs."""
-ACCEPT_LOG10 = -5.0
 
 Checked = tuple[float, Matches, Camera]
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.core.camera import Camera
+from app.identify.chance import ACCEPT_LOG10
 from app.identify.predict_match import Estimate, agreement, concluded, differential, expected_px
 from app.solve.track_windows import Seen
 
@@ -24,7 +25,6 @@ Ints = NDArray[np.int64]
 
 FEWEST = 4
 LEAST_SHARE = 0.5  # of the finds that must agree
-ACCEPT_LOG10 = -5.0
 ROUNDS = 4
 CLIP_SIGMA = 3.7
 WORST_PX = 1.2  # RMS of the residuals; a lens that moved or a wrong match is worse

@@ -65,7 +65,8 @@ def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():
         best = np.argsort(worst[:, 1])[:3]
         reached.append(
             min(
-                log10_by_distance(row.tolist(), witnesses, density, tried)[0] for row in worst[best]
+                log10_by_distance(row.tolist(), witnesses, density, tried)[0]
+                for row in np.sqrt(worst[best])
             )
         )
     for k in (0.5, 1.0, 2.0):
@@ -76,6 +77,6 @@ def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():
 
 def test_no_witness_is_no_evidence_and_a_nearer_one_is_more():
     assert log10_by_distance([], 3, 1e-5, (10.0, 1.0)) == (0.0, 0)
-    far, near = (log10_by_distance([d2] * 3, 3, 1e-5, (10.0, 1.0)) for d2 in (4.0, 1.0))
+    far, near = (log10_by_distance([d] * 3, 3, 1e-5, (10.0, 1.0)) for d in (2.0, 1.0))
     assert near[0] < far[0] < -5.0
     assert near[1] == 3

@@ -10,8 +10,9 @@ from app.core.hint import Hint
 from app.core.progress import run
 from app.core.solution import Identification, NoSolution, Reason
 from app.identify import IDENTIFIERS, make_identifier
+from app.identify.chance import ACCEPT_LOG10
 from app.identify.patterns import Patterns
-from app.identify.search import ACCEPT_LOG10, Stage
+from app.identify.search import Stage
 
 STAGES = (
     Stage(12, 6, 1.0, 0.004, 40, focal=(1.9, 1.42, 1.08)),
