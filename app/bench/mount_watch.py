@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from app.core.attitude import apart_deg
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction, Epoch, PierSide, Pointing
 from app.mounts.epoch import from_mount_epoch, to_mount_epoch
 from app.mounts.guard import Guard
 from app.mounts.motion_log import LogEntry
 from app.simulate.mechanics.mount import EquatorialMount
 
-SIDEREAL_DEG_S = 360.0 / 86164.0905
 TRACKING_DEG_S = 2.0 * SIDEREAL_DEG_S  # a bare motor follows the sky, guided or not
 SAME_DEG = 0.02  # two writings of one place, the coarsest to 15 arcsec, nutation and aberration
 LATE_S = 8.0  # a bare motor's goto ends in several turns

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.core.earth import SIDEREAL_RAD_S
 from app.polar.error import PolarError
 from app.polar.findings import Finding, Kind
 from app.polar.live_movement import Moment, declination_moved
@@ -34,7 +35,6 @@ from app.polar.sighting import LocalAttitude, Sighting, to_local
 
 Floats = NDArray[np.float64]
 
-SIDEREAL_RAD_S = 7.292115e-5
 PRIOR_SIGMA_RAD = 20.0 * ARCSEC
 GATE = 3.0
 AMBIGUOUS = 4.0  # one hypothesis must be this many sigmas worse before the other is believed

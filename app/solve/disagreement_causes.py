@@ -8,13 +8,14 @@ from functools import partial
 import numpy as np
 
 from app.core.attitude import radec_deg, unit_vectors
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.hint import Site
 from app.core.mount import Epoch, PierSide
 from app.mounts.epoch import to_mount_epoch
 from app.mounts.sky_frame import hour_angle_deg, sidereal_deg, wrapped
 from app.solve.disagreement import TIGHT_DEG, Cause, Degrees, Sighting
 
-SIDEREAL_DEG_H = 15.041068
+SIDEREAL_DEG_H = 3600.0 * SIDEREAL_DEG_S
 CLOCK_S, PLACE_DEG = 60.0, 0.2  # within these a mount's own clock and site are right
 TOLD, DENIED = 20.0, 0.02  # what a witness is worth
 CONE_DEG = 5.0 / 60.0

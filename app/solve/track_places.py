@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from app.attitude.filter import ARCSEC, Motion, State, predicted, rotation_vector
 from app.core.camera import Camera
+from app.core.earth import SIDEREAL_RAD_S
 
 Floats = NDArray[np.float64]
 
-SIDEREAL_RAD_S = 7.292115e-5
-"""The Earth's rotation against the stars."""
 SMALLEST_PX = 8  # half a window's side at least
 APART_PX = 8.0  # places nearer to each other are one
 

@@ -4,10 +4,10 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import NoAnswerError, RefusedError
 from app.core.mount import Ability, Direction
 from app.core.progress import Progress, Task
-from app.mounts.drivers.base import SIDEREAL_DEG_S
 from app.mounts.guard import Guard
 from app.workflows.goto_target import Wait
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import KochabError
 from app.core.progress import Task
 from app.core.solution import NoSolution
@@ -13,7 +14,6 @@ from app.workflows.polar_update import PolarControls, PolarUpdate
 
 STILL_ARCSEC = 30.0
 SIGMAS = 5.0
-SKY_ARCSEC_S = 15.041
 MOST_EMPTY = 40
 """Frames without an answer, or waits without a frame, before a measurement is given up."""
 
@@ -82,5 +82,5 @@ def at_rest(first: LocalAttitude, second: LocalAttitude) -> bool:
     """Whether two frames differ by no more than tracking, or standing still, and their errors."""
     seconds = abs((second.time_utc - first.time_utc).total_seconds())
     sigma = np.sqrt(np.trace(first.covariance + second.covariance)) / ARCSEC
-    allowed = STILL_ARCSEC + SKY_ARCSEC_S * seconds + SIGMAS * float(sigma)
+    allowed = STILL_ARCSEC + 3600.0 * SIDEREAL_DEG_S * seconds + SIGMAS * float(sigma)
     return turned_deg(first, second) * 3600.0 <= allowed

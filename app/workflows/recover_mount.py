@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import RefusedError
 from app.core.mount import Ability
 from app.core.progress import Progress, Task
@@ -17,7 +18,6 @@ from app.workflows.goto_target import answered
 from app.workflows.recover_frames import NoMoreFramesError
 from app.workflows.sync_mount import hold_guard
 
-SKY_DEG_S = 360.0 / 86164.0905
 LOOKS = 8
 OLD_S = 600.0
 
@@ -66,7 +66,7 @@ def recover_mount(
     solutions, age_s = yield from _agreeing(mount, solve_now, taken)
     warnings = _old(mount, age_s, confirmed or armed)
     state = answered(mount.state)
-    drift_deg = age_s[-1] * SKY_DEG_S if state.tracking is False else 0.0
+    drift_deg = age_s[-1] * SIDEREAL_DEG_S if state.tracking is False else 0.0
     if state.tracking is False:
         warnings.append("The mount does not track: the stars run past it by 15 arcsec a second.")
     evidence = _carried(SyncEvidence.of(*solutions), age_s if drift_deg else [0.0, 0.0])
@@ -134,7 +134,7 @@ def _old(mount: Guard, age_s: list[float], confirmed: bool) -> list[str]:
 def _carried(evidence: SyncEvidence, age_s: list[float]) -> SyncEvidence:
     """Where a telescope that does not track points now: the sky has turned past it."""
     centres = tuple(
-        ((ra + age * SKY_DEG_S) % 360.0, dec)
+        ((ra + age * SIDEREAL_DEG_S) % 360.0, dec)
         for (ra, dec), age in zip(evidence.centres_deg, age_s, strict=True)
     )
     return replace(evidence, centres_deg=centres)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.polar.findings import Kind
 from app.polar.horizon import Air
 from app.polar.live import LivePhase
@@ -15,7 +16,6 @@ from app.polar.sighting import LocalAttitude
 from tests.polar.mounts import ARCSEC, WHEN, Mount
 
 VACUUM = Air(pressure_hpa=0.0)
-SIDEREAL_DEG_S = 15.041 / 3600.0
 
 
 def start(mount, rng=None, turns=(0, 30, 60, 90)):

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.core.attitude import unit_vectors
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.hint import Site
 from app.core.mount import Direction, PierSide
 from app.simulate.clock import SimulatedClock
@@ -14,7 +15,7 @@ from app.simulate.mechanics.axis import AxisWear
 from app.simulate.mechanics.belief import fold, unfold, wrapped
 from app.simulate.mechanics.bolts import BoltWear, Wedge
 from app.simulate.mechanics.geometry import Build, axis_direction, camera_to_enu, mount_to_enu
-from app.simulate.mechanics.mount import SIDEREAL_DEG_S, EquatorialMount, MountConfig
+from app.simulate.mechanics.mount import EquatorialMount, MountConfig
 
 START = 1_800_000_000.0
 NORTH, SOUTH = Site(47.0, 8.0), Site(-33.0, 151.0)

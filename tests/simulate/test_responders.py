@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction, PierSide
 from app.simulate.responders import RESPONDERS
-from app.simulate.responders.base import SIDEREAL_DEG_S, open_responder
+from app.simulate.responders.base import open_responder
 from app.simulate.responders.bench_telescope import BenchTelescope
 from app.simulate.responders.lx200 import Autostar
 from app.simulate.responders.nexstar import NexStar

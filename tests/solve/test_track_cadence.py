@@ -7,14 +7,14 @@ import app.solve.track as track
 from app.attitude.filter import Motion, begin, predicted, updated
 from app.attitude.wahba import small_rotation
 from app.core.attitude import Attitude, attitude_from
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.progress import run
 from app.solve.track import Tracker
 from app.solve.track_motion import SAME_MOTION_S, found_again
-from app.solve.track_places import SIDEREAL_RAD_S, places
+from app.solve.track_places import places
 
 from .stream import ARCSEC, Stream, wide_camera
 
-SIDEREAL_DEG_S = float(np.degrees(SIDEREAL_RAD_S))
 MOTION = Motion()
 
 

@@ -15,8 +15,6 @@ from app.mounts.deadman import Deadman
 from app.mounts.link import Link
 from app.mounts.motion_log import utc_now
 
-SIDEREAL_DEG_S = 360.0 / 86164.0905
-
 
 class SerialMount:
     """The common half of a driver; a driver adds its words.

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import RefusedError
 from app.core.mount import Direction, MountState, Pointing
 from app.mounts.beliefs import Beliefs
 from app.mounts.conversation import Reader, exactly, until
-from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
+from app.mounts.drivers.base import SerialMount
 from app.mounts.protocols import ioptron as words
 
 

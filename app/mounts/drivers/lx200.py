@@ -4,12 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import NoAnswerError, RefusedError
 from app.core.hint import Site
 from app.core.mount import Ability, Direction, MountState, Pointing
 from app.mounts.beliefs import Beliefs, utc_of
 from app.mounts.conversation import Reader, exactly, until
-from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
+from app.mounts.drivers.base import SerialMount
 from app.mounts.link import Link
 from app.mounts.protocols import lx200 as words
 from app.mounts.protocols import lx200_place as where

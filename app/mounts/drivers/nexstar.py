@@ -1,10 +1,11 @@
 """Celestron's NexStar hand controls."""
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import RefusedError
 from app.core.mount import Ability, Direction, MountState, Pointing
 from app.mounts.beliefs import Beliefs
 from app.mounts.conversation import Reader, exactly
-from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
+from app.mounts.drivers.base import SerialMount
 from app.mounts.link import Link
 from app.mounts.protocols import nexstar as words
 

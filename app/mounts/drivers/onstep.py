@@ -1,9 +1,9 @@
 """OnStep and OnStepX: LX200 with a status word, refusals by number, and tracking on and off."""
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import NoAnswerError, RefusedError
 from app.core.mount import MountState
 from app.mounts.conversation import exactly, until
-from app.mounts.drivers.base import SIDEREAL_DEG_S
 from app.mounts.drivers.lx200 import Dialect, Lx200
 from app.mounts.protocols import lx200 as words
 

@@ -1,9 +1,10 @@
 """Sky-Watcher's motor boards: the driver keeps the sky, the board only counts steps."""
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.errors import RefusedError
 from app.core.mount import Ability, Direction, MountState, PierSide, Pointing
 from app.mounts.conversation import Reader
-from app.mounts.drivers.base import SIDEREAL_DEG_S, SerialMount
+from app.mounts.drivers.base import SerialMount
 from app.mounts.drivers.motors import Motor
 from app.mounts.equatorial_axes import natural_side, to_axes, to_sky
 from app.mounts.sky_frame import sidereal_deg, wrapped

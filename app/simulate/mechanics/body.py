@@ -5,6 +5,7 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.hint import Site
 from app.simulate.clock import SimulatedClock
 from app.simulate.local_sky import Air, LocalSky, altitude_deg
@@ -16,7 +17,6 @@ from app.simulate.mechanics.geometry import camera_to_enu
 from app.simulate.mechanics.wear import AxisFailure
 
 Floats = NDArray[np.float64]
-SIDEREAL_DEG_S = 360.0 / 86164.0905
 
 
 class MountBody:

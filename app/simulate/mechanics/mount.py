@@ -1,12 +1,12 @@
 """An equatorial mount: what its computer believes, and where it really points."""
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction
 from app.simulate.mechanics.belief import fold
-from app.simulate.mechanics.body import SIDEREAL_DEG_S
 from app.simulate.mechanics.computer import MountComputer
 from app.simulate.mechanics.config import MountConfig
 
-__all__ = ["SIDEREAL_DEG_S", "EquatorialMount", "MountConfig"]
+__all__ = ["EquatorialMount", "MountConfig"]
 
 SIGNS = {Direction.NORTH: (1, 1), Direction.SOUTH: (1, -1), Direction.EAST: (0, -1)}
 SIGNS[Direction.WEST] = (0, 1)

@@ -8,7 +8,6 @@ from app.core.mount import Direction
 from app.simulate.responders import RESPONDERS
 from app.simulate.telescope import Telescope
 
-SIDEREAL_DEG_S = 360.0 / 86164.0905
 OPPOSITE = {
     Direction.NORTH: Direction.SOUTH,
     Direction.SOUTH: Direction.NORTH,

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction, PierSide
 
 AXIS_OF = {
@@ -13,7 +14,6 @@ AXIS_OF = {
     Direction.EAST: (0, -1.0),
     Direction.WEST: (0, 1.0),
 }
-SIDEREAL_DEG_S = 360.0 / 86164.0905
 GUIDE_DEG_S = 0.5 * SIDEREAL_DEG_S
 
 

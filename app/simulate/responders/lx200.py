@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction
-from app.simulate.responders.base import SIDEREAL_DEG_S, Controller
+from app.simulate.responders.base import Controller
 from app.simulate.responders.horizontal import horizontal_deg
 from app.simulate.responders.lx200_site import SiteAndTime
 from app.simulate.responders.sexagesimal import degrees, hours, parse

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction, PierSide
-from app.simulate.responders.base import SIDEREAL_DEG_S, Controller
+from app.simulate.responders.base import Controller
 from app.simulate.responders.horizontal import horizontal_deg
 from app.simulate.responders.local import LocalSettings
 from app.simulate.responders.nexstar_words import read_pair, written_pair

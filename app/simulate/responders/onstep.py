@@ -1,7 +1,7 @@
 """OnStep and OnStepX: the LX200 language with digits for reasons and flags for the state."""
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import PierSide
-from app.simulate.responders.base import SIDEREAL_DEG_S
 from app.simulate.responders.lx200 import Autostar
 from app.simulate.responders.sexagesimal import degrees, hours
 from app.simulate.telescope import Telescope

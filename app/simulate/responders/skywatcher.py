@@ -9,6 +9,7 @@ from the east side of the sky to the west in the north.
 import re
 from collections.abc import Callable
 
+from app.core.earth import SIDEREAL_DAY_S
 from app.simulate.responders.base import Controller
 from app.simulate.responders.skywatcher_motor import MIDDLE, Motor, low_first, number
 from app.simulate.telescope import Telescope
@@ -44,7 +45,7 @@ class SkyWatcher(Controller):
             b"j": lambda motor: low_first(motor.steps()),
             b"h": lambda motor: low_first(motor.target),
             b"i": lambda motor: low_first(motor.period),
-            b"D": lambda _: low_first(round(TIMER_HZ * 86164.0905 / STEPS_TURN)),
+            b"D": lambda _: low_first(round(TIMER_HZ * SIDEREAL_DAY_S / STEPS_TURN)),
             b"f": lambda motor: motor.status(),
         }
 

@@ -6,8 +6,8 @@ from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
 
+from app.core.earth import SIDEREAL_DEG_S
 from app.core.mount import Direction
-from app.mounts.drivers.base import SIDEREAL_DEG_S
 from app.ui.mount.reasoned import ReasonedButton
 from app.ui.widgets import label
 
