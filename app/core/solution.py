@@ -130,3 +130,8 @@ class NoSolution:
     elapsed_ms: Mapping[str, float] = field(default_factory=dict)
     measured: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    @property
+    def looked(self) -> bool:
+        """Whether anything was looked at: a method that lacks what it needs tries ``nothing``."""
+        return not self.tried.startswith("nothing")

@@ -20,7 +20,10 @@ def with_doubts(
     """``result`` with a warning for each belief it contradicts; ``header`` is the frame's own."""
     if not isinstance(result, Solution):
         return result
-    said = contradictions(result, with_field(options, result.camera.width), "given")
+    believed = with_field(options, result.camera.width)
+    said = contradictions(result, believed, "given")
+    if options.hint is not None and believed is not options.hint:  # the field stood in for it
+        said += _of_scale(result, options.hint, "given")
     if options.use_header:
         said += contradictions(result, header, "in the header")
     return replace(result, warnings=(*result.warnings, *said))

@@ -71,7 +71,8 @@ def diagnose(
     """
     case = _examine(evidence)
     said = (refusal.reason, refusal.advice) if refusal else (Reason.NO_PATTERN_AGREED, "")
-    reason, advice = next(_findings(case), _healthy(case, said))
+    lacking = refusal is not None and not refusal.looked
+    reason, advice = next(_findings(case), said if lacking else _healthy(case, said))
     frame = evidence.frame
     return NoSolution(
         reason,

@@ -23,7 +23,6 @@ FEWEST_TO_TRY = 3
 """With fewer stars than a triangle no method has anything to look for."""
 
 if TYPE_CHECKING:
-    from app.detect.auto import AutoDetector
     from app.sky import Catalogue
 
 __all__ = ["Examined", "SolveOptions", "examine_frame", "solve_detections", "solve_frame"]
@@ -56,6 +55,7 @@ def examine_frame(
 ) -> Task[Examined]:
     """As :func:`solve_frame`, and also hand back the detections, for who wants to draw them."""
     from app.detect import DETECTORS
+    from app.detect.points import single_pixels
 
     options = options or SolveOptions()
     clock = Stopwatch(options.timeout_s, read_ms)
@@ -66,20 +66,14 @@ def examine_frame(
     said = with_field(options, frame.width)
     hint = merged_hint(said, frame.hint if options.use_header else None)
     result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
-    if isinstance(result, NoSolution) and options.detector == "auto":
-        points = _single_pixels(frame, detector, detections)
+    few = len(detections) < FEWEST_STARS
+    if few and isinstance(result, NoSolution) and options.detector == "auto":
+        points = single_pixels(frame, detector)
         if len(points) >= FEWEST_STARS:
             second = yield from _solve(points, replace(options, hint=hint), clock, frame)
             if isinstance(second, Solution):
                 return Examined(points, second)
     return Examined(detections, result)
-
-
-def _single_pixels(frame: Frame, detector: "AutoDetector", found: Detections) -> Detections:
-    """What to look at again when hardly anything was ``found``; none when enough was."""
-    from app.detect.points import single_pixels
-
-    return single_pixels(frame, detector) if len(found) < FEWEST_STARS else found.take(slice(0))
 
 
 def solve_detections(
@@ -144,7 +138,8 @@ def _solve(
             if isinstance(found, Identification):
                 yield Progress("attitude", 0.8)
                 return _finished(detections, found, year, options, clock, frame)
-            refusal = found
+            if refusal is None or found.looked:  # without the hint it may lack what it needs
+                refusal = found
         few = _few(detections, options, year, clock)
         if few is not None:
             yield Progress("attitude", 0.8)

@@ -84,3 +84,10 @@ def test_the_command_line_tells_them(tmp_path, capsys) -> None:
 def test_an_empty_name_is_not_this_folder(capsys) -> None:
     assert main(["solve", ""]) == 2
     assert capsys.readouterr().err == "kochab: A file's name is empty.\n"
+
+
+def test_a_right_field_does_not_hide_a_wrong_scale() -> None:
+    (sentence,) = said(SolveOptions(fov_deg=12.0, hint=Hint(scale_arcsec_px=(0.9, 1.1))))
+    assert "about 0.995 arcsec/px, is wrong" in sentence
+    near = Hint(centre_deg=(264.0, 2.0, 10.0))
+    assert len(said(SolveOptions(fov_deg=12.0, hint=near))) == 1

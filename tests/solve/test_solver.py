@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from app.core.detections import Detections
 from app.core.errors import UsageError
 from app.core.frame import Frame
 from app.core.hint import Hint, Site
@@ -132,6 +133,21 @@ def test_a_refusal_is_diagnosed(identifier) -> None:
     assert result.tried == "told to refuse"
     assert result.advice
     assert result.measured["stars_found"] == len(identifier.field.detections)
+
+
+@pytest.mark.parametrize("method", ["voting", "angles", "triads", "neighbours", "predict"])
+def test_what_a_method_lacks_is_asked_for(method) -> None:
+    result = run(solve_detections(orion().detections, SolveOptions(method=method)))
+    assert isinstance(result, NoSolution)
+    assert result.tried.startswith("nothing")
+    assert "field" in result.advice
+
+
+def test_a_hint_that_was_given_is_not_asked_for() -> None:
+    stars = Detections.from_list(np.random.default_rng(1).uniform(0, 900, (30, 2)), 900, 900)
+    result = run(solve_detections(stars, SolveOptions(method="angles", fov_deg=10.0)))
+    assert isinstance(result, NoSolution)
+    assert "pivots" in result.tried
 
 
 def test_time_runs_out_between_steps(identifier) -> None:
