@@ -10,7 +10,6 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Mapping
@@ -20,6 +19,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from app.frames.whole_file import whole_file
 
 Arrays = dict[str, NDArray[Any]]
 FORMAT = 1
@@ -90,18 +91,11 @@ def _read(path: Path) -> Arrays | None:
 
 
 def _write(path: Path, arrays: Arrays) -> None:
-    scratch = None
-    try:
+    with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, scratch = tempfile.mkstemp(suffix=".part", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]
-        os.replace(scratch, path)
         _thin_out(path)
-    except OSError:
-        if scratch is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(scratch)
 
 
 def _thin_out(newest: Path) -> None:

@@ -7,7 +7,6 @@ the array's, so that a frame read from FITS and its file share their pixels.
 
 import os
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from app.core.camera import Camera
 from app.core.errors import FrameError
 from app.core.solution import Solution
-from app.frames.whole_file import write_whole
+from app.frames.whole_file import whole_file, write_whole
 
 if TYPE_CHECKING:
     from astropy.io.fits import Header
@@ -123,10 +122,8 @@ def write_solved_copy(
 
     from astropy.io import fits
 
-    target = Path(target)
-    part = target.with_name(f".{target.name}.part")
     try:
-        with warnings.catch_warnings():
+        with whole_file(target) as part, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with fits.open(
                 source,
@@ -137,14 +134,11 @@ def write_solved_copy(
             ) as hdus:
                 _replace_wcs(_first_image(hdus).header, solution)
                 hdus.writeto(part, overwrite=True, output_verify="silentfix+ignore")
-        part.replace(target)
     except FrameError:
         raise
     except Exception as error:  # astropy raises many kinds for damaged headers
         text = " ".join(str(getattr(error, "strerror", None) or error).split())[:150]
         raise FrameError(f"{target} cannot be written: {text.rstrip('.')}.") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _first_image(hdus: Any) -> Any:

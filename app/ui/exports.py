@@ -11,6 +11,7 @@ from app.core.errors import KochabError
 from app.core.frame import Frame
 from app.core.progress import Progress, Task
 from app.core.solution import Solution
+from app.frames.whole_file import write_whole
 from app.ui.dialogs import ask_save, tell
 from app.ui.job import Job
 from app.ui.main_window import MainWindow
@@ -74,7 +75,7 @@ def json_export(to_json: ToJson) -> Export:
     """The solution as one JSON object, in the form of the command line."""
 
     def write(frame: Frame, solution: Solution, path: Path) -> None:
-        path.write_text(to_json(frame.path, solution) + "\n", encoding="utf-8", newline="\n")
+        write_whole(path, to_json(frame.path, solution) + "\n")
 
     return Export("json", "Solution as &JSON…", ".json", "JSON (*.json)", write)
 

@@ -12,11 +12,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import app
 from app.core.errors import CatalogueError, KochabError
 from app.core.progress import Progress, Task
+from app.frames.whole_file import write_whole
 
 LOOK_EVERY_S = 0.2
 ENDING_S = 4.0
@@ -97,12 +99,8 @@ def _steps(task: Task[object]) -> Task[None]:
 
 
 def _tell(path: Path, value: dict[str, object]) -> None:
-    part = path.with_suffix(".part")
-    try:
-        part.write_text(json.dumps(value), encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        pass  # nobody reads it any more
+    with suppress(OSError):  # nobody reads it any more
+        write_whole(path, json.dumps(value))
 
 
 if __name__ == "__main__":

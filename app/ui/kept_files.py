@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from app.core.errors import KochabError
 from app.core.progress import Progress, Task
+from app.frames.whole_file import whole_file, write_whole
 
 RATIO = 2.0  # pixels of the picture for one of the screen
 
@@ -36,20 +37,17 @@ def writing_picture(picture: QImage, path: Path) -> Task[Path]:
     """Write a picture; KochabError when that cannot be done."""
 
     def write() -> None:
-        writer = QImageWriter(str(path), QByteArray(b"PNG"))
-        if not writer.write(picture):
-            raise OSError(writer.errorString())
+        with whole_file(path) as part:
+            writer = QImageWriter(str(part), QByteArray(b"PNG"))
+            if not writer.write(picture):
+                raise OSError(writer.errorString())
 
     return _writing(write, path)
 
 
 def writing_text(text: str, path: Path) -> Task[Path]:
     """Write a text; KochabError when that cannot be done."""
-
-    def write() -> None:
-        path.write_text(text, encoding="utf-8", newline="\n")
-
-    return _writing(write, path)
+    return _writing(lambda: write_whole(path, text), path)
 
 
 def _writing(write: Callable[[], None], path: Path) -> Task[Path]:

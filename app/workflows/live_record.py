@@ -72,7 +72,7 @@ class Recorder:
         try:
             self._check_space(len(data))
             name = f"frame-{self.frames + 1:06d}.fits"
-            (self.folder / name).write_bytes(data)
+            write_whole(self.folder / name, data)
             line = {**self._to_json(update), "frame_file": name}
             line["sha256"] = hashlib.sha256(data).hexdigest()
             line["time_utc"] = update.track.time_utc.isoformat()

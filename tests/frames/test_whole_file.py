@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.frames.whole_file import write_whole
+from app.frames.whole_file import whole_file, write_whole
 
 
 def fills_the_disk(self, data):
@@ -24,6 +24,27 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch, before) -> Non
     with pytest.raises(OSError, match="No space"):
         write_whole(path, "new and longer")
     assert [p.read_text() for p in tmp_path.iterdir()] == ([] if before is None else [before])
+
+
+def test_what_goes_wrong_while_it_is_written_leaves_what_was_there(tmp_path) -> None:
+    path = tmp_path / "a.png"
+    path.write_text("as it was")
+
+    def half_of_it() -> None:
+        with whole_file(path) as part:
+            part.write_text("half")
+            raise ValueError("the writer has had enough")
+
+    with pytest.raises(ValueError, match="enough"):
+        half_of_it()
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["as it was"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it has no /dev/null")
+def test_what_is_no_file_is_written_into() -> None:
+    with whole_file("/dev/null") as part:
+        assert part == Path("/dev/null")
+    assert not Path("/dev/null").is_file()
 
 
 @pytest.mark.parametrize(("content", "read"), [("α\n", "α\n".encode()), (b"\0\r\n", b"\0\r\n")])
