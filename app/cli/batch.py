@@ -1,10 +1,12 @@
 """Several files, one after another or in several processes, each printed as soon as it is done."""
 
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,6 +35,8 @@ def _print(outcome: Json, as_json: bool) -> int:
     """Print one outcome and return the exit code it asks for."""
     failures = outcome.pop("failures", [])
     if as_json:
+        if failures:
+            outcome["warnings"] = [*outcome["warnings"], *failures]
         print(to_line(outcome), flush=True)
     elif "error" in outcome:
         failures = [_named(outcome["file"], outcome["error"])]
@@ -81,9 +85,7 @@ def _in_processes(
     from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
     from multiprocessing import get_context
 
-    pool = ProcessPoolExecutor(
-        min(workers, len(items)), get_context("spawn"), initializer=_leave_interrupts
-    )
+    pool = ProcessPoolExecutor(min(workers, len(items)), get_context("spawn"), initializer=_begin)
     finished = False
     try:
         with _interrupts_left():
@@ -102,9 +104,17 @@ def _in_processes(
         pool.shutdown(wait=finished, cancel_futures=True)
 
 
-def _leave_interrupts() -> None:
-    """Ctrl-C is the parent's business."""
+def _begin() -> None:
+    """Ctrl-C is the parent's business, and a parent that was killed leaves nobody behind."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

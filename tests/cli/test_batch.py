@@ -2,9 +2,12 @@
 
 import os
 import signal
+import subprocess
 import sys
+import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -57,6 +60,59 @@ def test_the_code_is_the_worst(capsys) -> None:
 def test_a_process_that_dies_is_told(capsys) -> None:
     assert run_batch(work, [Item("killed"), Item("killed")], as_json=True, workers=2) == 2
     assert capsys.readouterr().out.count("ended from outside") == 2
+
+
+HOLD = """
+import sys, time
+from app.cli.batch import run_batch
+from tests.cli.test_batch import Item, long_work
+
+if __name__ == "__main__":
+    run_batch(long_work, [Item(sys.argv[1])] * 2, True, 2)
+"""
+
+
+def long_work(item):
+    """Say which process this is, then stay busy for longer than any test."""
+    with open(f"{item.file}.{os.getpid()}", "w"):
+        pass
+    while True:
+        time.sleep(0.05)
+        yield Progress("waiting")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+def test_a_batch_that_is_killed_leaves_no_process_behind(repository, tmp_path) -> None:
+    script = tmp_path / "hold.py"
+    script.write_text(HOLD)
+    paths = os.pathsep.join([str(repository), *sys.path])
+    batch = subprocess.Popen(
+        [sys.executable, str(script), str(tmp_path / "alive")],
+        stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": paths},
+    )  # fmt: skip
+    try:
+        until(lambda: len(list(tmp_path.glob("alive.*"))) == 2)
+    finally:
+        batch.kill()
+        batch.wait()
+    workers = [int(path.suffix[1:]) for path in tmp_path.glob("alive.*")]
+    until(lambda: not any(running(pid) for pid in workers))
+
+
+def running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{pid}/stat")  # where nobody reaps, a dead process stays in the list
+    return not (status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z")
+
+
+def until(true) -> None:
+    end = time.monotonic() + 60.0
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def test_progress_rewrites_one_line_on_a_terminal(monkeypatch, capsys) -> None:
