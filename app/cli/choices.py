@@ -14,26 +14,29 @@ def add_choices(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object a line a file")
     add_search(parser)
     parser.add_argument(
-        "--workers", type=whole_number, default=1, metavar="N", help="files at the same time"
-    )
-    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each file")
+        "--workers", type=whole_number, default=1, metavar="N",
+        help="files at the same time, 1 to 256 (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each solved file")
 
 
 def add_search(parser: argparse.ArgumentParser) -> None:
     """Add the options that steer a search alone."""
     parser.add_argument(
-        "--fov", type=_fov, metavar="DEG", help="the frame's width, as you believe it"
-    )
+        "--fov", type=field_deg, metavar="DEG",
+        help="the frame's width in degrees, as you believe it, good to a tenth",
+    )  # fmt: skip
     parser.add_argument(
-        "--scale",
-        type=number_above_zero,
-        metavar="ARCSEC_PX",
-        help="the pixel scale, as you believe it",
-    )
+        "--scale", type=_scale, metavar="ARCSEC_PX",
+        help="the pixel scale, as you believe it, good to a tenth (--fov goes before it)",
+    )  # fmt: skip
     parser.add_argument(
         "--near", type=_near, metavar="RA,DEC,RADIUS", help="where it points, in degrees"
     )
-    parser.add_argument("--method", default="patterns", metavar="NAME", help="identifier")
+    parser.add_argument(
+        "--method", default="patterns", metavar="NAME",
+        help="how stars are named, see --methods (default: %(default)s, which needs no hint)",
+    )  # fmt: skip
     parser.add_argument(
         "--attitude",
         metavar="NAME",
@@ -41,8 +44,17 @@ def add_search(parser: argparse.ArgumentParser) -> None:
     )
     add_settings(parser)
     parser.add_argument(
-        "--timeout", type=number_above_zero, default=30.0, metavar="S", help="limit a file, seconds"
-    )
+        "--timeout", type=number_above_zero, default=30.0, metavar="S",
+        help="longest search a frame, seconds (default: %(default)g)",
+    )  # fmt: skip
+
+
+def add_detector(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of a detector."""
+    parser.add_argument(
+        "--detector", default="auto", metavar="NAME",
+        help="how stars are found, see --methods (default: %(default)s)",
+    )  # fmt: skip
 
 
 def options_of(args: argparse.Namespace, detector: str = "auto") -> SolveOptions:
@@ -88,11 +100,21 @@ def number_above_zero(text: str) -> float:
     return value
 
 
-def _fov(text: str) -> float:
-    value = number_above_zero(text)
-    if value >= 175:
-        raise argparse.ArgumentTypeError(f"{text} deg is too wide for a flat picture")
+def within(text: str, low: float, high: float, unit: str) -> float:
+    """An argument that must be a number from ``low`` to ``high``."""
+    value = number(text)
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
     return value
+
+
+def field_deg(text: str) -> float:
+    """An argument that must be the width of a flat picture."""
+    return within(text, 0.001, 170.0, "deg")
+
+
+def _scale(text: str) -> float:
+    return within(text, 0.001, 36000.0, "arcsec a pixel")
 
 
 def whole_number(text: str) -> int:

@@ -5,16 +5,26 @@ import json
 import time
 from typing import Any
 
+from app.cli.choices import add_detector
+from app.cli.settings import OF_DETECTOR, add_settings, detector_settings_of
 from app.core.detections import Detections
 from app.core.errors import KochabError
 from app.detect import DETECTORS, make_detector
+from app.solve.pick import known
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     """Add ``detect`` to the command line."""
-    parser = subparsers.add_parser("detect", help="find the stars of a frame")
+    parser = subparsers.add_parser(
+        "detect",
+        help="find the stars of a frame",
+        description="Places are in pixels, x right, y down, (0, 0) the centre of the first pixel;"
+        " angles in degrees from x towards y. Exit code: 0 done, with stars or without, 2 unusable"
+        " input.",
+    )
     parser.add_argument("file", metavar="FILE", help="a picture of the night sky")
-    parser.add_argument("--detector", choices=sorted(DETECTORS), default="auto")
+    add_detector(parser)
+    add_settings(parser, OF_DETECTOR)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 
@@ -23,11 +33,13 @@ def run(args: argparse.Namespace) -> int:
     """Print the detections; 2 when the file cannot be read."""
     from app.frames import read_frame
 
+    known(DETECTORS, args.detector, "detector")
+    options = detector_settings_of(args.settings, args.detector)
     try:
         started = time.perf_counter()
         frame = read_frame(args.file)
         read = time.perf_counter()
-        detections = make_detector(args.detector).detect(frame)
+        detections = make_detector(args.detector, **options).detect(frame)
         done = time.perf_counter()
     except KochabError as error:
         if not args.json:
@@ -36,9 +48,10 @@ def run(args: argparse.Namespace) -> int:
         return 2
     if args.json:
         elapsed = {"read": 1e3 * (read - started), "detect": 1e3 * (done - read)}
-        print(json.dumps({"file": args.file, **as_json(detections), "elapsed_ms": elapsed}))
+        told = {**as_json(detections), "warnings": list(frame.warnings), "elapsed_ms": elapsed}
+        print(json.dumps({"file": args.file, **told}))
     else:
-        print(as_text(detections))
+        print("\n".join([as_text(detections), *(f"note: {text}" for text in frame.warnings)]))
     return 0
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from app.cli.choices import add_search, number_above_zero, options_of, whole_number
+from app.cli.choices import add_detector, add_search, number_above_zero, options_of, whole_number
 from app.cli.live_output import finite_json, live_json, live_line, replay_json, replay_line
 from app.cli.output import to_line
 from app.core.capture import CaptureSettings
@@ -52,7 +52,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     what.add_argument("--list", action="store_true", help="list sources and their cameras")
     parser.add_argument("--json", action="store_true", help="one JSON object a line a frame")
     add_search(parser)
-    parser.add_argument("--detector", default="auto", metavar="NAME", help="how stars are found")
+    add_detector(parser)
     parser.set_defaults(run=run, timeout=SOLVE_TIMEOUT_S)
 
 

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from app.cli.choices import add_search, number_above_zero, options_of, whole_number
+from app.cli.choices import (
+    add_detector,
+    add_search,
+    number_above_zero,
+    options_of,
+    whole_number,
+)
 from app.core.capture import CaptureSettings
 from app.core.errors import UsageError
 from app.core.hint import Site
@@ -40,7 +46,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gain", type=float, metavar="G", help="in the camera's own units")
     parser.add_argument("--binning", type=whole_number, metavar="N", help="pixels a side")
     add_search(parser)
-    parser.add_argument("--detector", default="auto", metavar="NAME", help="how stars are found")
+    add_detector(parser)
     parser.set_defaults(timeout=SOLVE_TIMEOUT_S)
 
 

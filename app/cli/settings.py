@@ -7,9 +7,18 @@ from typing import Any
 from app.core.errors import UsageError
 
 KINDS = ("method", "detector", "attitude")
+DEFAULTS = ("patterns", "auto")
+NEEDS = (
+    "Every method but patterns needs the scale, from --fov, --scale or the frame's header;"
+    " predict needs the place as well."
+)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
+OF_METHOD = "an option of the method; detector.NAME and attitude.NAME are of the other two"
+OF_DETECTOR = "an option of the detector"
+
+
+def add_settings(parser: argparse.ArgumentParser, text: str = OF_METHOD) -> None:
     """Add the options that change a method, and the list of what can be changed."""
     parser.add_argument(
         "--set",
@@ -17,7 +26,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="settings",
         metavar="NAME=VALUE",
-        help="an option of the method; detector.NAME and attitude.NAME are of the other two",
+        help=f"{text}; may be repeated",
     )
     parser.add_argument(
         "--methods",
@@ -42,7 +51,7 @@ def settings_of(
     for text in settings:
         name, equals, value = text.partition("=")
         kind, dot, option = name.strip().partition(".")
-        if not equals or not name.strip():
+        if not equals or not (option if dot else kind):
             raise UsageError(f"--set {text} is not NAME=VALUE.")
         if dot and kind in said:
             said[kind][option] = value
@@ -53,6 +62,19 @@ def settings_of(
         raise UsageError("--set attitude.NAME needs --attitude.")
     made = [_checked(kind, names[kind], said[kind]) for kind in KINDS]
     return made[0], made[1], made[2]
+
+
+def detector_settings_of(settings: Sequence[str], detector: str) -> dict[str, Any]:
+    """What ``--set`` says of the detector where there is nothing else to set.
+
+    Raises
+    ------
+    UsageError
+        There is no such option, or it cannot have that value.
+
+    """
+    named = (text if text.startswith("detector.") else f"detector.{text}" for text in settings)
+    return settings_of(list(named), "", detector, None)[1]
 
 
 def _checked(kind: str, name: str | None, said: Mapping[str, str]) -> dict[str, Any]:
@@ -86,15 +108,17 @@ def everything() -> str:
     """All registered methods, detectors and attitudes, with what can be set about each."""
     from app.core.options import options_of
 
-    lines = []
+    lines = [NEEDS]
     for kind in KINDS:
         prefix = "" if kind == "method" else f"{kind}."
         for name, target in _registry(kind).items():
             found = _class(target)
             paper = getattr(found, "paper", "")
-            lines.append(f"--{kind} {name}{f'   ({paper})' if paper else ''}")
+            about = "the default" if name in DEFAULTS else paper
+            lines.append(f"--{kind} {name}{f'   ({about})' if about else ''}")
             for option in options_of(found):
-                what = f"{option.text} [{option.range_text}]"
+                absent = f": {option.none}" if option.none else ""
+                what = f"{option.text} [{option.range_text}{absent}]"
                 lines.append(f"    {prefix}{option.name}={option.value_text}   {what}")
     return "\n".join(lines)
 

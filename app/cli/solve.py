@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from app.cli.batch import run_batch
-from app.cli.choices import add_choices, options_of
+from app.cli.choices import add_choices, add_detector, options_of
 from app.cli.files import named
 from app.cli.output import Json, as_json
 from app.cli.written import write_picture, write_wcs_beside
@@ -42,7 +42,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
     add_choices(parser)
-    parser.add_argument("--detector", default="auto", metavar="NAME", help="how stars are found")
+    add_detector(parser)
     parser.add_argument(
         "--annotate", metavar="PNG", help="write a .png or .jpg with the stars named (or a folder)"
     )
@@ -58,6 +58,8 @@ def run(args: argparse.Namespace) -> int:
 
 def solve_one(wish: Wish, options: SolveOptions) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it."""
+    if Path(wish.file).is_dir():
+        raise UsageError(f"{wish.file} is a folder without pictures.")
     solved = yield from solve_file(wish.file, options)
     outcome = as_json(wish.file, with_doubts(solved.result, options, solved.frame.hint))
     if isinstance(solved.result, Solution):
@@ -86,9 +88,7 @@ def _expand(given: str) -> list[str]:
     if not path.is_dir():
         return [given]
     found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in PICTURES)
-    if not found:
-        raise UsageError(f"The folder {given} holds no pictures.")
-    return found
+    return found or [given]  # which is told like a file that cannot be read
 
 
 def _write(wish: Wish, solved: SolvedFrame, solution: Solution) -> list[str]:

@@ -2,14 +2,19 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from app.cli.main import main
 from app.cli.settings import everything, settings_of
+from app.core.detections import Detections
 from app.core.errors import UsageError
 from app.core.options import options_of
+from app.core.progress import run
 from app.detect import DETECTORS
 from app.detect.clusters import ClusterDetector
+from app.identify import IDENTIFIERS
+from app.solve.pick import pick
 from tests.cli.test_paper_tables import VEGA, apart_deg, write_list
 
 
@@ -27,6 +32,7 @@ def test_settings_go_where_they_belong() -> None:
         ("speed=4", "There is no option speed; there are stars, separation_deg"),
         ("stars", "--set stars is not NAME=VALUE"),
         ("=4", "is not NAME=VALUE"),
+        ("detector.=4", "is not NAME=VALUE"),
         ("attitude.partner=next", "needs --attitude"),
         ("detector.tau_px=6", "Detector auto: There is no option tau_px; there are none"),
     ],
@@ -47,6 +53,33 @@ def test_the_list_holds_everything(capsys) -> None:
     assert "Attitude from stellar images" in text
     assert len(options_of(ClusterDetector)) == 7
     assert len(DETECTORS) == text.count("--detector ")
+
+
+def test_the_list_tells_what_none_means_and_what_the_default_is() -> None:
+    text = everything()
+    assert "--method patterns   (the default)" in text
+    assert "--detector auto   (the default)" in text
+    assert "grey levels, or none: by the noise]" in text
+
+
+@pytest.mark.parametrize("name", [name for name in IDENTIFIERS if name != "patterns"])
+def test_every_method_but_the_default_needs_the_scale_as_the_list_says(name) -> None:
+    assert "Every method but patterns needs the scale" in everything()
+    stars = Detections.from_list(np.random.default_rng(0).uniform(0, 500, (30, 2)), 500, 500)
+    assert not run(pick(IDENTIFIERS, name, "method").identify(stars, None)).looked
+
+
+def test_a_detectors_own_options(repository, capsys) -> None:
+    sample = str(sorted((repository / "resources" / "samples").glob("*.*"))[0])
+    detect = ["detect", sample, "--json", "--detector", "peaks"]
+    counts = []
+    for said in ((), ("--set", "max_stars=5"), ("--set", "detector.max_stars=6")):
+        assert main([*detect, *said]) == 0
+        counts.append(json.loads(capsys.readouterr().out)["detections"])
+    assert counts[0] > 6
+    assert counts[1:] == [5, 6]
+    assert main([*detect, "--set", "box_px=2"]) == 2
+    assert "box_px cannot be 2; allowed: whole number from 3 to 99 px" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("fov", ["9.013", "9.2", "9.6"])

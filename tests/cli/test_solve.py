@@ -68,7 +68,35 @@ def test_an_empty_folder_is_one_sentence(tmp_path, capsys) -> None:
     assert main(["solve", str(tmp_path)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err == f"kochab: The folder {tmp_path} holds no pictures.\n"
+    assert err == f"kochab: {tmp_path} is a folder without pictures.\n"
+
+
+def test_an_empty_folder_costs_no_other_file(dark, tmp_path, capsys) -> None:
+    (tmp_path / "empty").mkdir()
+    assert main(["solve", "--json", str(tmp_path / "empty"), dark]) == 2
+    first, second = lines(capsys)
+    assert "folder without pictures" in first["error"]
+    assert second["reason"] == "clouded or dark"
+
+
+def test_what_could_not_be_written_is_in_the_json_too(repository, tmp_path, capsys) -> None:
+    sample = sorted((repository / "resources" / "samples").glob("*.*"))[0]
+    target = tmp_path / "nowhere" / "out.png"
+    assert main(["solve", "--json", str(sample), "--annotate", str(target)]) == 2
+    out, err = capsys.readouterr()
+    told = json.loads(out)
+    assert told["solved"] is True
+    assert f"kochab: {told['warnings'][-1]}\n" == err
+    assert str(target) in err
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--fov", "1e-300"), ("--fov", "200"), ("--scale", "1e300"), ("--scale", "0")],
+)
+def test_a_belief_out_of_range_is_refused_with_the_range(option, value, dark, capsys) -> None:
+    assert main(["solve", dark, option, value]) == 2
+    assert f"{value} is not between 0.001 and" in capsys.readouterr().err
 
 
 def test_one_picture_for_two_frames_is_refused(dark, capsys) -> None:
