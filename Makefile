@@ -16,22 +16,30 @@ TESTS ?= tests
 BENCH ?= identify --quick
 
 .DEFAULT_GOAL := run
-.PHONY: run test lint format bench system clean qt
+.PHONY: run test lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
 
-# Quick checks first, so that a slip is told within seconds. Then one process a core: many tests
-# wait for lines, screens and exposures. A process that is done takes over from the others.
-test: lint qt
+# Quick checks first, so that a slip is told within seconds; with -j the slow one goes on beside the
+# making of patterns. Then one process more than there are cores: many tests wait for lines, screens
+# and exposures. A process that is done takes over from the others.
+test: style types $(if $(filter tests,$(TESTS)),patterns) qt
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
 	  -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
-lint: $(STAMP)
+lint: style types
+
+style: $(STAMP)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports --no-logo
+
+types: $(STAMP)
 	@$(BIN)/mypy
+
+patterns: $(STAMP)
+	@$(BIN)/python -m tests.patterns
 
 format: $(STAMP)
 	@$(BIN)/ruff check --fix .

@@ -1,13 +1,13 @@
 """What every test may lean on: a screenless Qt, settings of its own, and the real frames."""
 
-import contextlib
-import hashlib
 import os
 import tempfile
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.patterns import REPOSITORY, choose_folder, make
 
 # Before anything imports Qt or asks where settings live.
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
@@ -17,18 +17,7 @@ for _name in ("CONFIG", "CACHE", "DATA", "STATE"):
     _folder.mkdir()
     os.environ[f"XDG_{_name}_HOME"] = str(_folder)
 
-# The patterns for small fields take half a minute to make: they outlive a session, as on a user's
-# machine, until the code or the catalogue that makes them changes.
-REPOSITORY = Path(__file__).resolve().parents[1]
-_makers = [
-    *(
-        REPOSITORY / "app" / "identify" / f"{n}.py"
-        for n in ("build", "codes", "index", "levels", "zones", "volumes")
-    ),
-    REPOSITORY / "catalogs" / "manifest.json",
-]
-_mark = hashlib.sha256(b"".join(path.read_bytes() for path in _makers)).hexdigest()[:12]
-os.environ.setdefault("KOCHAB_CACHE", str(REPOSITORY / ".pytest_cache" / f"kochab-{_mark}"))
+choose_folder()
 
 # A machine that is busy must not fail a test; the machine that judges repeats its examples.
 settings.register_profile("house", deadline=None)
@@ -50,21 +39,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One process more than there are cores, for many tests wait: for lines, exposures, screens."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0)) + 1
+    return (os.cpu_count() or 1) + 1
+
+
 # A session of so many tests needs the patterns of small fields, and makes them on no test's time:
 # on a busy machine they take longer than a test may.
 MANY = 1000
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """One process makes the patterns, the others wait for them."""
+    """The patterns, unless ``make test`` has made them beside its checks."""
     if len(session.items) < MANY or session.config.option.collectonly:
         return
-    from app.core.errors import CatalogueError
-    from app.core.progress import run
-    from app.identify.volumes import make_fine
-
-    with contextlib.suppress(CatalogueError):  # the tests that need them will say so
-        run(make_fine())
+    make()
 
 
 @pytest.fixture(scope="session")
