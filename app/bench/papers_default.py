@@ -12,6 +12,9 @@ from app.solve.solver import solve_detections
 KNOWN = 1e-4
 """The published methods know their camera; so does the default, to this share of its scale."""
 
+ENDS = ("attitude", "diagnose")
+"""What comes after the names."""
+
 
 def solved(detections: Detections, options: SolveOptions) -> tuple[Solution | NoSolution, float]:
     """The answer, and the processor seconds of naming the stars.
@@ -22,18 +25,22 @@ def solved(detections: Detections, options: SolveOptions) -> tuple[Solution | No
     need at hand, and the fit between two namings would turn that out; so the stars are named once
     before they are named against the clock, which takes as long as it does in such a loop.
     """
-    ends = ("attitude", "diagnose")
-    before = solve_detections(detections, options)
-    next((step for step in before if step.stage in ends), None)
-    before.close()
+    name(detections, options)
     clock: list[float] = []
 
     def watch(progress: Progress) -> None:
-        if progress.stage in ends or not clock:
+        if progress.stage in ENDS or not clock:
             clock.append(time.process_time())
 
     answer = run(solve_detections(detections, options), watch)
     return answer, clock[1] - clock[0] if len(clock) > 1 else 0.0
+
+
+def name(detections: Detections, options: SolveOptions) -> None:
+    """Solve as far as the stars' names, or as far as it is clear that there are none."""
+    steps = solve_detections(detections, options)
+    next((step for step in steps if step.stage in ENDS), None)
+    steps.close()
 
 
 def knowing(scale_arcsec_px: float, share: float = KNOWN) -> SolveOptions:

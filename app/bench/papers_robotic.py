@@ -17,34 +17,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.attitude import make_estimator
-from app.bench import papers_robotic_camera, papers_robotic_detect
-from app.bench.papers_default import knowing, solved
+from app.bench import papers_robotic_camera, papers_robotic_detect, papers_robotic_times
+from app.bench.papers_default import solved
+from app.bench.papers_robotic_fields import (
+    MARGIN_PX,
+    STARS,
+    fields,
+    options,
+    pairs_of,
+    plain,
+)
 from app.bench.papers_row import row, timed
 from app.core.attitude import Attitude
-from app.core.camera import Camera
 from app.core.detections import Detections
 from app.core.solution import Solution
-from app.identify.pairs import Pairs, bright_stars, catalogue_pairs, make_pairs
-from app.identify.refusals import table_deg
-from app.identify.voting import recognise, verification_votes
-from app.simulate.fields import Field, FieldPlan, random_field
-from app.sky import open_catalogue
+from app.identify.voting import recognise
+from app.simulate.fields import Field
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-WIDTH_DEG, SCALE = 15.0, 15.8  # arcsec a pixel, the middle one of table 7.1
 SCALES = {23.2: 25e-5, 20.1: 22e-5, 15.8: 14e-5, 13.7: 13e-5, 11.2: 9e-5}
-MARGIN_PX, MAG_LIMIT = 2.464, 5.9
-LENS_PX = 3.0  # at the corner
-FLAWED = 0.05  # share of stars that are missing, and of false ones
-LENS_SHARE = 0.01  # the scale is known no better than the lens keeps it
-STARS = (4, 5, 6, 8, 10, 15, 20, 30)
 MARGINS_MRAD = (0.05, 0.1, 0.2, 0.5, 1.0, 3.0, 5.0)
 FIELDS, QUICK = 60, 10
 PICTURES, SCATTERED = 10, 12
 NEAR_PX = 5.0
-WHOLE_S = 18.15
 MADE_UP = "fields made here; the photographs are not published"
 
 
@@ -67,34 +64,15 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     out += _margins(count, seed)
     out += _readings(count, seed)
     out += _attitudes(count, seed)
-    out += _seconds(count, seed)
+    out += papers_robotic_times.rows(count, seed)
     return out + papers_robotic_camera.rows(quick, seed)
-
-
-def fields(
-    count: int, seed: int, scale: float = SCALE, brightest: int = 15, lens_px: float = LENS_PX,
-    flawed: float = FLAWED,
-) -> list[Field]:  # fmt: skip
-    """Random fields of the plan above; the same ones for a seed, whatever is ``brightest``.
-
-    ``lens_px`` is the lens' shift of the corners, ``flawed`` the share of stars that are missing,
-    and of false ones.
-    """
-    rng, catalogue = np.random.default_rng(seed), open_catalogue()
-    size, half = round(WIDTH_DEG * 3600.0 / scale), float(np.tan(np.radians(WIDTH_DEG / 2.0)))
-    plan = FieldPlan(
-        WIDTH_DEG, size, noise_px=0.32, missing=flawed, spurious=flawed, magnitude_scatter=0.2,
-        brightest=max(STARS), k1=lens_px / (size / 2.0 / half) / (np.sqrt(2.0) * half) ** 3,
-    )  # fmt: skip
-    made = [random_field(catalogue, rng, plan) for _ in range(count)]
-    return [replace(f, detections=f.detections.take(slice(0, brightest))) for f in made]
 
 
 def by_voting(field: Field, margin_rad: float | None = None) -> tuple[Outcome, Ints, Floats]:
     """Both rounds of the thesis; also the detections named and their vectors (K, 3)."""
     focal = field.camera.focal_px
-    pairs = _pairs(field)
-    camera = _plain(field)
+    pairs = pairs_of(field)
+    camera = plain(field)
     body = camera.unproject(field.detections.xy)
     error = MARGIN_PX / focal if margin_rad is None else margin_rad
     (kept, star, _), seconds = timed(lambda: recognise(body, pairs, error))
@@ -104,7 +82,7 @@ def by_voting(field: Field, margin_rad: float | None = None) -> tuple[Outcome, I
 
 def by_default(field: Field) -> Outcome:
     """The default method with the scale that voting knows."""
-    answer, seconds = solved(field.detections, knowing(field.camera.scale_arcsec_px, LENS_SHARE))
+    answer, seconds = solved(field.detections, options(field))
     if not isinstance(answer, Solution):
         return Outcome(0.0, 0.0, seconds, None)
     xy = np.array([(star.x, star.y) for star in answer.stars])
@@ -122,17 +100,6 @@ def _at_centre(answer: Solution) -> Attitude:
     y = answer.attitude.matrix[1] - z * float(answer.attitude.matrix[1] @ z)
     y /= np.linalg.norm(y)
     return Attitude(np.stack([np.cross(y, z), y, z]))
-
-
-def _plain(field: Field) -> Camera:
-    """The camera as the thesis knows it: no distortion."""
-    c = field.camera
-    return Camera.centred(c.width, c.height, c.focal_px, c.mirrored)
-
-
-def _pairs(field: Field) -> Pairs:
-    angle = table_deg(field.detections, field.camera.focal_px)
-    return catalogue_pairs(angle, mag_limit=MAG_LIMIT)
 
 
 def _judged(field: Field, seen: Ints, vectors: Floats) -> tuple[float, float]:
@@ -164,7 +131,7 @@ def _matching(count: int, seed: int) -> list[dict[str, Any]]:
 
 
 def _number_of_stars(count: int, seed: int) -> list[dict[str, Any]]:
-    """Figures 7.12 and 7.18: success and seconds against the number of stars."""
+    """Figure 7.12: success against the number of stars."""
     paper = {4: 0.0, 5: 0.0, 15: 100.0, 20: 70.0}
     out = []
     for stars in STARS:
@@ -177,18 +144,7 @@ def _number_of_stars(count: int, seed: int) -> list[dict[str, Any]]:
                 note="without confirmation; the thesis has its peak, 100 % for most frames, here, "
                 "and a mean of 61 % (7.2.4)" if stars == 15 else "without confirmation")
         )  # fmt: skip
-        out.append(
-            row("7.18", f"time of matching with {stars} stars", unit="ms",
-                paper=1e3 * WHOLE_S if stars == 15 else None, ours=1e3 * _middle(ours),
-                default=1e3 * _middle(theirs), better="less",
-                note="the thesis: its whole program")
-        )  # fmt: skip
     return out
-
-
-def _middle(outcomes: list[Outcome]) -> float:
-    """Median seconds a field: what others do to the machine is left out."""
-    return float(np.median([o.seconds for o in outcomes]))
 
 
 def _mean(outcomes: list[Outcome], what: str) -> float:
@@ -280,7 +236,7 @@ def _attitudes(count: int, seed: int) -> list[dict[str, Any]]:
 
 def _estimated(name: str, field: Field, kept: Ints, vectors: Floats) -> Attitude:
     xy = field.detections.xy[kept]
-    return make_estimator(name).estimate(xy, vectors, _plain(field))
+    return make_estimator(name).estimate(xy, vectors, plain(field))
 
 
 def _off_deg(found: Attitude, true: Attitude) -> Floats:
@@ -336,37 +292,3 @@ def _pictures(field: Field, rng: np.random.Generator) -> tuple[Floats, Floats]:
         triad.append(_off_deg(found, field.attitude))
         default.append(_off_deg(theirs.attitude, field.attitude))
     return np.array(triad), np.array(default)
-
-
-def _seconds(count: int, seed: int) -> list[dict[str, Any]]:
-    """Table 7.3, but for centroiding and for showing the picture."""
-    made = fields(count, seed)
-    focal = made[0].camera.focal_px
-    angle = float(np.radians(table_deg(made[0].detections, focal)))
-    _, tables = timed(lambda: make_pairs(*bright_stars(None, MAG_LIMIT, 2016.0), angle))
-    runs = [by_voting(f) for f in made]
-    voting = _mean([run_[0] for run_ in runs], "seconds")
-    field, kept, vectors = made[0], runs[0][1], runs[0][2]
-    body = _plain(field).unproject(field.detections.xy[kept])
-    valid = np.ones(len(kept), dtype=np.bool_)
-    error = MARGIN_PX / focal
-    _, verifying = timed(
-        lambda: [verification_votes(body, vectors, valid, error) for _ in range(100)]
-    )
-    xy = field.detections.xy[kept]
-    camera, triad = _plain(field), make_estimator("triad")
-    _, pointing = timed(lambda: [triad.estimate(xy, vectors, camera) for _ in range(100)])
-    default = _mean([by_default(f) for f in made], "seconds")
-    total = voting + tables + pointing / 100.0
-    return [
-        row("7.3", "time, voting and verification", unit="s", paper=13.50, ours=voting,
-            better="less"),
-        row("7.3", "time, verification alone", unit="s", paper=1.21, ours=verifying / 100.0,
-            better="less"),
-        row("7.3", "time, attitude", unit="s", paper=0.77, ours=pointing / 100.0, better="less",
-            note="TRIAD"),
-        row("7.3", "time, table operations", unit="s", paper=1.81, ours=tables, better="less",
-            note="the pair table is made once and kept"),
-        row("7.3", "time, matching and attitude in all", unit="s", paper=16.08, ours=total,
-            default=default, better="less", note="without centroiding and display"),
-    ]  # fmt: skip
