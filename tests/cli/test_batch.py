@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -15,27 +14,8 @@ from app.cli import output
 from app.cli.batch import attempt, run_batch
 from app.cli.main import main
 from app.cli.output import ProgressLine
-from app.core.errors import UsageError
 from app.core.progress import Progress
-
-
-@dataclass(frozen=True)
-class Item:
-    file: str
-
-
-def work(item):
-    yield Progress("identify", None, "blind")
-    match item.file:
-        case "bad":
-            raise UsageError("It is bad.")
-        case "cut.fits":
-            raise UsageError("cut.fits is cut short.")
-        case "fault":
-            raise ZeroDivisionError("division by zero")
-        case "killed":
-            os._exit(9)
-    return {"file": item.file, "solved": True}
+from tests.cli.batch_work import Item, work
 
 
 def test_a_fault_of_our_own_costs_one_file() -> None:
@@ -57,9 +37,13 @@ def test_the_code_is_the_worst(capsys) -> None:
     assert len(capsys.readouterr().out.splitlines()) == 5
 
 
-def test_a_process_that_dies_is_told(capsys) -> None:
-    assert run_batch(work, [Item("killed"), Item("killed")], as_json=True, workers=2) == 2
+def test_a_process_that_dies_is_told(tmp_path, capsys) -> None:
+    assert run_batch(work, [Item("a"), Item("b")], as_json=True, workers=2) == 0
+    assert capsys.readouterr().out.count('"solved": true') == 2
+    mark = tmp_path / "killed"
+    assert run_batch(work, [Item(str(mark)), Item(str(mark))], as_json=True, workers=2) == 2
     assert capsys.readouterr().out.count("ended from outside") == 2
+    assert mark.exists()
 
 
 HOLD = """

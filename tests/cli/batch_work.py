@@ -1,0 +1,28 @@
+"""Work for batches; in a file of its own, for other processes can import only that."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.core.errors import UsageError
+from app.core.progress import Progress
+
+
+@dataclass(frozen=True)
+class Item:
+    file: str
+
+
+def work(item):
+    yield Progress("identify", None, "blind")
+    match item.file:
+        case "bad":
+            raise UsageError("It is bad.")
+        case "cut.fits":
+            raise UsageError("cut.fits is cut short.")
+        case "fault":
+            raise ZeroDivisionError("division by zero")
+        case path if path.endswith("killed"):
+            Path(path).touch()  # shows that it died at its work, not before
+            os._exit(9)
+    return {"file": item.file, "solved": True}
