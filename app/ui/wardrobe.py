@@ -55,6 +55,7 @@ class Wardrobe(QObject):
     def _next(self) -> None:
         part = self._waiting.pop(0) if self._waiting else None
         if part is not None and isValid(part):
+            part.ensurePolished()  # else a toolbar that was never seen keeps its old margins
             part.setStyleSheet(self.sheet)
         self._waiting = [p for p in self._waiting if isValid(p)]  # a dialog may have been closed
         if not self._waiting:
