@@ -36,7 +36,7 @@ def parse_site(text: str) -> Site:
     """
     wanted = "latitude, longitude and, if you like, height in metres: 48.14, 11.58, 520"
     try:
-        parts = [float(p) for p in re.split(r"[,;\s]+", text.strip().replace("−", "-")) if p]
+        parts = [float(p) for p in _parts(text.strip().replace("−", "-"))]
     except ValueError:
         parts = []
     if len(parts) not in (2, 3):
@@ -45,6 +45,16 @@ def parse_site(text: str) -> Site:
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0 and -500.0 <= height <= 9000.0):
         raise UsageError(f"{text.strip()} is not on the Earth; give {wanted}.")
     return Site(latitude, round((longitude + 180.0) % 360.0 - 180.0, 9), height)
+
+
+def _parts(text: str) -> list[str]:
+    """The numbers of a list; where something else separates them, a comma is a decimal one."""
+    words = [word for word in re.split(r"[;\s]+", text) if word]
+    by_commas = all(word.endswith(",") for word in words[:-1]) and ";" not in text
+    parts = [part for part in re.split(r"[,\s]+", text) if part]
+    if by_commas and len(parts) <= 3:
+        return parts
+    return [word.rstrip(",").replace(",", ".") for word in words]
 
 
 def site_text(site: Site) -> str:

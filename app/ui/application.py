@@ -15,6 +15,7 @@ from app.ui.commands import Commands
 from app.ui.engine import Engine, WorkflowEngine
 from app.ui.garbage import Garbage
 from app.ui.main_window import MainWindow
+from app.ui.numerals import one_way_of_writing
 from app.ui.presenter import Presenter
 from app.ui.samples import Sample, samples
 from app.ui.session import Session
@@ -54,6 +55,7 @@ def run(
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
+    one_way_of_writing()
     engine = engine or WorkflowEngine()
     wiring = Wiring(to_json, practice, fields, to_record, pictures)
     window, commands = build(engine, Settings(), wiring=wiring)

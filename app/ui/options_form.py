@@ -45,7 +45,8 @@ class OptionsForm(QWidget):
             title.setToolTip(_tip(option))
             self._grid.addWidget(title, row, 0)
             self._grid.addWidget(field, row, 1)
-            self._grid.addWidget(label(option.unit, "muted"), row, 2)
+            unit = "" if option.unit == option.name else option.unit
+            self._grid.addWidget(label(unit, "muted"), row, 2)
         for row in range(self._grid.rowCount()):
             self._grid.setRowStretch(row, 0)
         self._grid.setRowStretch(max(1, len(self._options)), 1)
@@ -92,7 +93,11 @@ class OptionsForm(QWidget):
         assert isinstance(field, QLineEdit)
         text = field.text().strip().replace("−", "-")
         # The default as it is shown may be rounded.
-        return option.parse(text) if text not in ("", option.value_text) else option.value
+        return (
+            option.parse(_points(option, text))
+            if text not in ("", option.value_text)
+            else option.value
+        )
 
     def _show(self, option: Option, value: Any) -> None:
         field = self.fields[option.name]
@@ -114,6 +119,13 @@ class OptionsForm(QWidget):
         field.style().unpolish(field)
         field.style().polish(field)
         self.changed.emit()
+
+
+def _points(option: Option, text: str) -> str:
+    """``text`` with decimal points; a comma parts the two numbers of a pair, or else a semicolon."""
+    if option.kind == "pair" and ";" not in text:
+        return text
+    return text.replace(",", ".").replace(";", ",")
 
 
 def _title(option: Option) -> str:
