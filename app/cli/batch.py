@@ -15,6 +15,9 @@ from app.core.errors import KochabError
 from app.core.progress import Task, run
 
 Item = TypeVar("Item")
+NO_MEMORY = (
+    "There is not enough memory for this: use fewer --workers, or ask less of the method (--set)."
+)
 
 
 def run_batch(
@@ -62,6 +65,8 @@ def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) 
         return run(work(item), report)
     except KochabError as error:
         return {"file": file, "error": str(error)}
+    except MemoryError:
+        return {"file": file, "error": NO_MEMORY}
     except Exception as error:
         first = (str(error).splitlines() or [""])[0]
         return {"file": file, "error": f"A fault in Kochab: {type(error).__name__}: {first}"}

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from app import __version__
 from app.cli import streams
+from app.cli.signals import ended_by_signals
 from app.core.errors import KochabError
 
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -65,7 +66,8 @@ def _command(arguments: list[str]) -> int:
         return run(arguments)
     try:
         args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
-        code: int = args.run(args)
+        with ended_by_signals():
+            code: int = args.run(args)
     except SystemExit as end:  # argparse: --help, --version, bad arguments
         return end.code if isinstance(end.code, int) else 2
     except KochabError as error:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from app.cli.mount import add_line_options
 from app.cli.mount_ask import where
-from app.cli.mount_correct import ended_by_signals
 from app.cli.mount_frames import add_camera, eyes
 from app.cli.mount_line import guarded_mount
 from app.cli.mount_target import add_target, target_deg
@@ -46,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 
     ra, dec = target_deg(args)
     target = Target(" ".join(args.name) or f"{hms(ra)} {dms(dec)}", ra, dec)
-    with ended_by_signals(), eyes(args) as seeing, guarded_mount(args, _limits(args)) as guard:
+    with eyes(args) as seeing, guarded_mount(args, _limits(args)) as guard:
         if not args.yes:
             return _previewed(args, guard, target)
         from app.workflows.centre_target import centre_target

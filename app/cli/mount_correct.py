@@ -1,11 +1,7 @@
 """``kochab mount sync`` and ``kochab mount goto``: a preview, and with ``--yes`` the deed."""
 
 import argparse
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from app.cli.mount import add_line_options
@@ -37,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """Preview; then, when asked and allowed, do it and tell where the mount is."""
     ra, dec = target_deg(args)
     line = ProgressLine(args.action)
-    with ended_by_signals(), guarded_mount(args, _limits(args)) as guard:
+    with guarded_mount(args, _limits(args)) as guard:
         there = guard.to_mount(ra, dec)
         guard.armed = bool(getattr(args, "armed", False))
         if args.action == "goto":
@@ -85,17 +81,3 @@ def _say(told: dict[str, Any], preview: "Preview") -> None:
         print(f"  done: {hms(told['ra_deg'])} {dms(told['dec_deg'])} (J2000)")
     elif preview.allowed:
         print("  nothing was sent; repeat with --yes to do it")
-
-
-@contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """A polite kill ends like Ctrl-C does: the mount is stopped on the way out."""
-
-    def end(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

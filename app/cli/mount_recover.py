@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from app.cli.mount import add_line_options
 from app.cli.mount_ask import where
-from app.cli.mount_correct import ended_by_signals
 from app.cli.mount_frames import add_frames, eyes
 from app.cli.mount_line import guarded_mount
 from app.cli.output import Json, ProgressLine, dms, hms, to_line
@@ -50,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     line = ProgressLine("recover")
     asked = not (args.yes or args.arm or args.dry_run) and somebody_there()
     limits = Limits(allow_without_site=args.no_site)
-    with ended_by_signals(), eyes(args) as seeing, guarded_mount(args, limits) as guard:
+    with eyes(args) as seeing, guarded_mount(args, limits) as guard:
         notes: list[str] = []
 
         def site_known() -> None:

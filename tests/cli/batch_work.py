@@ -1,6 +1,7 @@
 """Work for batches; in a file of its own, for other processes can import only that."""
 
 import os
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +23,17 @@ def work(item):
             raise UsageError("cut.fits is cut short.")
         case "fault":
             raise ZeroDivisionError("division by zero")
+        case "large":
+            raise MemoryError
         case path if path.endswith("killed"):
             Path(path).touch()  # shows that it died at its work, not before
             os._exit(9)
     return {"file": item.file, "solved": True}
+
+
+def long_work(item):
+    """Say which process this is, then stay busy for longer than any test."""
+    Path(f"{item.file}.{os.getpid()}").touch()
+    while True:
+        time.sleep(0.05)
+        yield Progress("waiting")

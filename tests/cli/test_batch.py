@@ -22,6 +22,7 @@ def test_a_fault_of_our_own_costs_one_file() -> None:
     assert attempt(work, Item("bad")) == {"file": "bad", "error": "It is bad."}
     fault = attempt(work, Item("fault"))
     assert fault["error"] == "A fault in Kochab: ZeroDivisionError: division by zero"
+    assert "not enough memory" in attempt(work, Item("large"))["error"]
 
 
 def test_a_sentence_names_its_file_once(capsys) -> None:
@@ -49,20 +50,11 @@ def test_a_process_that_dies_is_told(tmp_path, capsys) -> None:
 HOLD = """
 import sys, time
 from app.cli.batch import run_batch
-from tests.cli.test_batch import Item, long_work
+from tests.cli.batch_work import Item, long_work
 
 if __name__ == "__main__":
     run_batch(long_work, [Item(sys.argv[1])] * 2, True, 2)
 """
-
-
-def long_work(item):
-    """Say which process this is, then stay busy for longer than any test."""
-    with open(f"{item.file}.{os.getpid()}", "w"):
-        pass
-    while True:
-        time.sleep(0.05)
-        yield Progress("waiting")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")

@@ -1,7 +1,10 @@
 """The command line as a whole: help, versions, and every bad end."""
 
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -91,3 +94,14 @@ def test_a_reader_that_leaves_is_no_error(repository, tmp_path) -> None:
     process.stderr.close()
     assert process.wait(timeout=60) in (2, 141)
     assert err == b""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows ends a process without asking")
+def test_every_command_is_ended_politely(monkeypatch) -> None:
+    def run(args) -> int:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5.0)
+        return 0
+
+    monkeypatch.setattr("app.cli.bench.run", run)
+    assert main(["bench", "detect"]) == 130
