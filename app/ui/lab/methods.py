@@ -51,6 +51,7 @@ class MethodsPanel(QWidget):
         for kind, title in TITLES.items():
             self.kinds.addItem(title, kind)
         self.list = QListWidget()
+        self.list.setSpacing(1)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.options = OptionsForm()
         self.paper = label("", "muted", wrap=True)

@@ -1,7 +1,8 @@
 """The Laboratory's curves: success against what is wrong with a field, time against its stars."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from PySide6.QtCore import QTimer
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QVBoxLayout, QWidget
 
@@ -13,11 +14,13 @@ from app.workflows.laboratory_curves import SWEEPS, Point
 
 SUCCESS = Axis("success", "%", (0.0, 100.0))
 TIME = Axis("time", "ms", log=True)
+TIME_CHART = "time"
 SHARES = ("false", "missing")  # sweeps whose values are shares
 TITLES = {
     "noise_px": "Noise", "false": "False stars", "missing": "Missing stars",
     "stars": "Number of stars", "margin_px": "Error margin",
 }  # fmt: skip
+DRAW_EVERY_MS = 50
 NARROW, WIDE, WIDE_PX = 2, 3, 1000  # columns, and from which width on there are more
 
 
@@ -31,6 +34,10 @@ class Plots(QWidget):
         self.charts = {name: Chart(TITLES[name], _across(name), SUCCESS) for name in SWEEPS}
         self.time = Chart("Time", _across("stars"), TIME)
         self.legend = Legend()
+        self._stale: dict[str, None] = {}  # charts to be drawn again, in their turn
+        self._timer = QTimer(self)
+        self._timer.setInterval(DRAW_EVERY_MS)
+        self._timer.timeout.connect(self._draw_next)
         self._grid = QGridLayout()
         self._grid.setSpacing(6)
         self._columns = 0
@@ -50,22 +57,38 @@ class Plots(QWidget):
         self._arrange(WIDE if event.size().width() > WIDE_PX else NARROW)
         super().resizeEvent(event)
 
-    def clear(self) -> None:
-        """No curves."""
+    def begin(self, methods: Sequence[str]) -> None:
+        """No curves yet; these will come."""
         self.points = {}
-        self.draw()
+        self.legend.show_names(tuple((m, _style(m)) for m in IDENTIFIERS if m in methods))
+        self._stale = dict.fromkeys((*self.charts, TIME_CHART))
+        self._timer.start()
 
     def add(self, point: Point) -> None:
-        """Keep a point; :meth:`draw` shows it."""
+        """Keep a point, and show it soon."""
         self.points[point.sweep, point.value, point.method] = point
+        self._stale[point.sweep] = None
+        if point.sweep == "stars":
+            self._stale[TIME_CHART] = None
+        if not self._timer.isActive():
+            self._timer.start()
 
-    def draw(self) -> None:
-        """Show every point there is."""
-        for name, chart in self.charts.items():
-            chart.show_series(self._series(name, lambda p: 100.0 * p.success))
-        self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s))
-        methods = {point.method for point in self.points.values()}
-        self.legend.show_names(tuple((m, _style(m)) for m in IDENTIFIERS if m in methods))
+    @property
+    def drawn(self) -> bool:
+        """Whether all there is can be seen."""
+        return not self._stale
+
+    def _draw_next(self) -> None:
+        """Draw one chart; several would keep the window from listening for too long."""
+        if not self._stale:
+            self._timer.stop()
+            return
+        name = next(iter(self._stale))
+        del self._stale[name]
+        if name == TIME_CHART:
+            self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s))
+        else:
+            self.charts[name].show_series(self._series(name, lambda p: 100.0 * p.success))
 
     def wrong_answers(self) -> dict[str, int]:
         """How many answers of each method were wrong, for those that gave any."""

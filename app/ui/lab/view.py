@@ -2,7 +2,7 @@
 
 import json
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QProgressBar,
@@ -34,7 +34,6 @@ from app.workflows.laboratory_scene import (
     scene_of_picture,
 )
 
-DRAW_EVERY_MS = 150
 READY = "Compare on the same stars, or draw how methods fare as the stars get worse."
 CURVES = "Simulated fields, getting worse"
 METHODS_ONLY = "Curves are drawn of methods of identification"
@@ -75,9 +74,6 @@ class LaboratoryView(QWidget):
         self.job: Job | None = None
         self._relay = _Relay(self)
         self._lay_out()
-        self._timer = QTimer(self)
-        self._timer.setInterval(DRAW_EVERY_MS)
-        self._timer.timeout.connect(self.plots.draw)
         services.looks.changed.connect(self._dress)
         self._dress(services.looks.colours)
         self._restore()
@@ -141,9 +137,8 @@ class LaboratoryView(QWidget):
             self._say(str(error), "wrong")
             return
         relay = self._begin()
-        self.plots.clear()
+        self.plots.begin([choice.name for choice in choices])
         relay.point.connect(self.plots.add)
-        self._timer.start()
         task = curves(
             make, self.setup.wish, choices, fields=self.setup.fields.value(),
             seed=self.setup.seed.value(), limit_s=self.setup.limit.value(),
@@ -209,8 +204,6 @@ class LaboratoryView(QWidget):
         self._say(f"{preparing}{progress.detail}", "muted")
 
     def _idle(self) -> None:
-        self._timer.stop()
-        self.plots.draw()
         self.bar.setVisible(False)
         self.compare.setEnabled(True)
         self.stop.setEnabled(False)

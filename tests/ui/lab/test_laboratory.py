@@ -10,7 +10,7 @@ from PIL import Image
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QListWidget
 
-from app.__main__ import _simulated_field
+from app.__main__ import _simulated_field, _simulated_picture
 from app.core.attitude import attitude_from
 from app.core.camera import Camera
 from app.core.progress import Progress
@@ -20,10 +20,12 @@ from app.ui.engine import WorkflowEngine
 from app.ui.lab.setup import Source, Told
 from app.ui.samples import samples
 from app.ui.wiring import Wiring
-from app.workflows import laboratory_methods
+from app.workflows import laboratory_detectors, laboratory_methods
+from app.workflows.laboratory_kinds import Kind, names_of
 from tests.ui.test_night import assert_red
 
 LIMIT_MS = 30_000
+WIRING = Wiring(fields=_simulated_field, pictures=_simulated_picture)
 
 
 @pytest.fixture
@@ -32,9 +34,7 @@ def lab(qtbot, settings):
     made = []
 
     def make(wiring=None):
-        window, commands = build(
-            WorkflowEngine(), settings, [], wiring or Wiring(fields=_simulated_field)
-        )
+        window, commands = build(WorkflowEngine(), settings, [], wiring or WIRING)
         qtbot.addWidget(window)
         window.resize(1360, 860)
         window.show()
@@ -51,11 +51,19 @@ def lab(qtbot, settings):
 
 
 def wait_for(qtbot, view):
-    qtbot.waitUntil(lambda: view.compare.isEnabled(), timeout=LIMIT_MS)
+    qtbot.waitUntil(lambda: view.compare.isEnabled() and view.plots.drawn, timeout=LIMIT_MS)
 
 
 def texts(table, row):
     return [table.item(row, column).text() for column in range(table.columnCount())]
+
+
+def titles(table):
+    return [table.horizontalHeaderItem(k).text() for k in range(table.columnCount())]
+
+
+def column(table, title):
+    return [table.item(row, titles(table).index(title)) for row in range(table.rowCount())]
 
 
 def field_setup(view, *methods):
@@ -104,6 +112,112 @@ def test_methods_on_the_open_frame_with_its_solution_for_the_truth(qtbot, lab):
     wait_for(qtbot, view)
     assert [t.right for t in view.table.trials] == [True, True]
     assert view.table.trials[1].wrong == 0
+
+
+def test_detectors_on_a_simulated_picture(qtbot, lab):
+    _, view = lab()
+    view.methods.choose(Kind.DETECTOR)
+    field_setup(view, "auto", "contours")
+    view.setup.side_px.setValue(700)
+    view.setup.noise.setValue(0.05)
+    view.compare.click()
+    wait_for(qtbot, view)
+    assert titles(view.table)[:4] == ["Detector", "Answer", "Found", "True"]
+    first = dict(zip(titles(view.table), texts(view.table, 0), strict=True))
+    assert first["Detector"] == "auto"
+    assert first["Answer"].startswith("right, ")
+    assert first["True"].endswith(" of 20")
+    assert first["RMS"].endswith(" px")
+    assert first["Time"].endswith("s")
+    assert "stars were found" in view.table.item(0, 3).toolTip()
+    assert texts(view.table, 1)[0] == "contours"
+    assert "2018" in texts(view.table, 1)[-1]
+
+
+def test_detectors_and_estimators_on_the_open_frame(qtbot, lab):
+    commands, view = lab()
+    path = next(s.path for s in samples() if "pleiades" in s.path.name)
+    with qtbot.waitSignal(commands.session.idle, timeout=LIMIT_MS):
+        commands.open(path)
+    for kind, first, extra in (
+        (Kind.DETECTOR, "auto", "Found"), (Kind.ATTITUDE, "fit", "From the fit"),
+    ):  # fmt: skip
+        view.methods.choose(kind)
+        view.compare.click()
+        wait_for(qtbot, view)
+        assert [t.name for t in view.table.trials] == names_of(kind)
+        assert texts(view.table, 0)[0] == first
+        assert extra in titles(view.table)
+        assert all(t.right for t in view.table.trials)
+        assert all(t.wrong == 0 for t in view.table.trials)
+    away = [cell.text() for cell in column(view.table, "From the fit")]
+    assert away[0] == "–"
+    assert all(text.endswith("″") for text in away[1:])
+
+
+def test_a_comparison_stops_between_two_and_keeps_what_there_was(qtbot, lab, monkeypatch):
+    _, view = lab()
+    view.methods.choose(Kind.DETECTOR)
+    field_setup(view, "auto", "contours")
+    view.setup.side_px.setValue(400)
+    asked = threading.Event()
+    monkeypatch.setattr(view.table, "add", lambda trial: (asked.set(), view._stop()))
+    gate = laboratory_detectors.make_detector
+    waits = iter((False, True))
+
+    def slow(name):
+        if next(waits):
+            assert asked.wait(30)
+        return gate(name)
+
+    monkeypatch.setattr(laboratory_detectors, "make_detector", slow)
+    view.compare.click()
+    wait_for(qtbot, view)
+    assert view.said.text().startswith("Stopped")
+    assert next(waits, None) is None
+
+
+def test_each_kind_keeps_its_own_choice(lab):
+    _, view = lab()
+    view.methods.tick(["voting"])
+    view.methods.choose(Kind.DETECTOR)
+    assert [c.name for c in view.methods.choices()] == names_of(Kind.DETECTOR)
+    view.methods.tick(["gaussian"])
+    view.methods.list.setCurrentRow(2)
+    view.methods.options.fields["fwhm_px"].setText("4")
+    view.methods.choose(Kind.ATTITUDE)
+    view.methods.tick([])
+    view.compare.click()
+    assert view.said.text() == "Tick at least one attitude."
+    view.methods.choose(Kind.DETECTOR)
+    (choice,) = view.methods.choices()
+    assert (choice.name, choice.options) == ("gaussian", {"fwhm_px": 4.0})
+    view.methods.list.setCurrentRow(2)
+    assert view.methods.options.fields["fwhm_px"].text() == "4"
+    view.methods.options.fields["fwhm_px"].setText("400")
+    view.compare.click()
+    assert view.said.text().startswith("Detector gaussian: fwhm_px cannot be 400")
+    assert view.job is None
+    view.methods.choose(Kind.METHOD)
+    assert [c.name for c in view.methods.choices()] == ["voting"]
+
+
+def test_the_table_may_be_sorted_and_filled_again_with_another_kind(qtbot, lab):
+    _, view = lab()
+    view.methods.choose(Kind.ATTITUDE)
+    field_setup(view, "fit", "quest", "triad")
+    view.compare.click()
+    wait_for(qtbot, view)
+    across = titles(view.table).index("From the fit")
+    view.table.sortItems(across, Qt.SortOrder.DescendingOrder)
+    assert column(view.table, "Attitude")[0].text() == "triad"
+    view.methods.choose(Kind.METHOD)
+    view.methods.tick(["patterns"])
+    view.compare.click()
+    wait_for(qtbot, view)
+    assert titles(view.table)[0] == "Method"
+    assert view.table.rowCount() == 1
+    assert texts(view.table, 0)[0] == "patterns"
 
 
 def test_without_a_frame_it_says_so(qtbot, lab):
@@ -257,7 +371,12 @@ def test_what_was_chosen_comes_back(qtbot, lab):
     view.setup.told.setCurrentText(Told.PLACE)
     view.methods.list.setCurrentRow(1)
     view.methods.options.fields["stars"].setText("10")
-    view.methods.list.setCurrentRow(0)
+    view.methods.choose(Kind.DETECTOR)
+    view.methods.tick(["auto", "peaks"])
+    view.methods.choose(Kind.METHOD)
+    view.run_comparison()
+    wait_for(qtbot, view)
+    view.methods.choose(Kind.DETECTOR)
     view.run_comparison()
     wait_for(qtbot, view)
     commands.window.close()
@@ -265,6 +384,9 @@ def test_what_was_chosen_comes_back(qtbot, lab):
     assert again.setup.wish.fov_deg == 25.0
     assert again.setup.from_field
     assert again.setup.told.currentText() == Told.PLACE
+    assert again.methods.kind is Kind.DETECTOR
+    assert [c.name for c in again.methods.choices()] == ["auto", "peaks"]
+    again.methods.choose(Kind.METHOD)
     assert [c.name for c in again.methods.choices()] == ["patterns"]
     again.methods.tick(["voting"])
     assert again.methods.choices()[0].options == {"stars": 10}
@@ -318,6 +440,7 @@ def test_everything_in_it_has_a_name_and_is_reached_by_tab(qtbot, lab):
     for top in view.findChildren(type(view.tabs)):
         for index in range(top.count()):
             top.setCurrentIndex(index)
+            view.methods.choose(list(Kind)[index % 3])
             for widget in view.findChildren(kinds[0]) + [
                 w for k in kinds[1:] for w in view.findChildren(k)
             ]:
