@@ -20,7 +20,7 @@ from app.polar.measure import Measurement, NoAxis, Settings, measure
 from app.polar.plan import more_turn_deg
 from app.polar.poles import Pole, name_of
 from app.polar.second import plan_second
-from app.polar.words import altitude_in_words, angle_in_words, azimuth_in_words
+from app.polar.words import altitude_in_words, azimuth_in_words, split_in_words, total_in_words
 from app.solve.options import SolveOptions
 from app.workflows.polar_measure import optics_of
 from app.workflows.polar_sources import SolvedFile, sightings_of, site_of, solve_polar_file
@@ -36,9 +36,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         help="how far a mount's axis is from the pole, from two frames or more",
         description="Frames between which the mount turned about its RA axis only, by hand or by"
         " motor, anywhere in the sky, tracking or not; 30 degrees or more from the first to the"
-        " last. What is told after ± is one sigma of the frames' own errors; how the tube bends is"
-        " seen by a second sweep alone (--check). Exit code: 0 measured, 1 a frame has no solution"
-        " or no axis can be had, 2 unusable input.",
+        " last. What is told after ± is one sigma of all that may be wrong: the frames' own errors,"
+        " and how the tube may bend, which a second sweep alone (--check) shows. Exit code: 0"
+        " measured, 1 a frame has no solution or no axis can be had, 2 unusable input.",
     )
     parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -109,8 +109,10 @@ def as_json(m: Measurement) -> Json:
         "azimuth_error_on_sky_arcsec": error.azimuth_on_sky_arcsec,
         "total_arcsec": error.total_arcsec,
         "sigma_arcsec": list(error.sigma_arcsec),
-        "sigma_total_arcsec": error.sigma_total_arcsec,
         "unseen_arcsec": list(error.unseen_arcsec),
+        "sigma_total_arcsec": error.whole.sigma_total_arcsec,
+        "noise_total_arcsec": error.sigma_total_arcsec,
+        "unseen_total_arcsec": error.unseen_along_arcsec,
         "droop_arcsec": m.droop.arcsec if len(m.looks) > 1 else None,
         "sigma_droop_arcsec": m.droop.sigma_arcsec,
         "pole": str(m.settings.pole),
@@ -127,13 +129,13 @@ def as_text(m: Measurement) -> str:
     error = m.error
     sweeps = f" of {len(m.looks)} sweeps" if len(m.looks) > 1 else ""
     lines = [
-        f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.sigma_total_arcsec)}"
-        f" from the {name_of(m.settings.pole, m.settings.site)}",
+        f"{total_in_words(error)} from the {name_of(m.settings.pole, m.settings.site)}",
         f"altitude  {altitude_in_words(error)}",
         f"azimuth   {azimuth_in_words(error)}",
         f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
         f" {m.rho_deg:.0f} deg from the axis" + _chi2(m),
     ]
+    lines.append(f"certain   {split_in_words(error)}")
     if error.below_uncertainty:
         lines.append("stop      the error is smaller than its uncertainty")
     if not SPOILT & {finding.kind for finding in m.findings}:

@@ -188,6 +188,6 @@ def _unseen(error: PolarError, sweeps: int) -> Iterator[Finding]:
     yield Finding(
         Kind.UNSEEN_FLEXURE,
         f"{one} show flexure: a tube that bends as most do shifts the axis by"
-        f' {error.unseen_total_arcsec:.0f}" besides (one sigma); do not trust this beyond'
-        f' {FLEXURE_ARCSEC:.0f}" without a second sweep at another declination.',
+        f' {error.unseen_total_arcsec:.0f}" (one sigma), which the ± counts; a second sweep at'
+        " another declination shows it.",
     )

@@ -22,8 +22,8 @@ class PolarError:
     ``covariance`` (2, 2), rad^2, is of the axis along (altitude, azimuth on the sky). Altitude is
     positive when the axis is too high, azimuth positive when it must go anticlockwise, seen from
     above, that is when it stands too far clockwise. ``unseen`` (2, 2), rad^2, comes on top: what
-    the frames could not show, such as a tube that bends. It is told beside the others, never in
-    them.
+    the frames could not show, such as a tube that bends. Whatever is shown after a ± is of
+    :attr:`whole`, which has both; sigmas without it are the frames' own, by which they are judged.
     """
 
     axis: Floats
@@ -93,6 +93,12 @@ class PolarError:
             return self.uncertainty_arcsec / float(np.sqrt(2.0))
         along = line / length
         return float(np.sqrt(along @ self.covariance @ along) / ARCSEC)
+
+    @property
+    def unseen_along_arcsec(self) -> float:
+        """The share in ``whole.sigma_total_arcsec`` of what the frames could not show."""
+        both, noise = self.whole.sigma_total_arcsec, self.sigma_total_arcsec
+        return float(np.sqrt(max(both**2 - noise**2, 0.0)))
 
     @property
     def below_uncertainty(self) -> bool:

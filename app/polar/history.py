@@ -18,8 +18,10 @@ SPARSE_S = 2.0  # live errors are kept this far apart
 class Entry:
     """One moment: ``kind`` is "measured", "live" or "told" (an instruction); angles in arcsec.
 
-    ``ellipse_arcsec`` is (long, short, angle in radians from azimuth to altitude), 68 %;
-    ``unseen_arcsec`` one sigma, both directions, of bending that no frame showed.
+    ``sigma_arcsec`` (altitude, azimuth on the sky), ``sigma_total_arcsec`` and ``ellipse_arcsec``
+    (long, short, angle in radians from azimuth to altitude; 68 %) have everything that may be
+    wrong; ``noise_arcsec`` is the share of the frames' noise in the total's, ``unseen_arcsec``
+    that of bending that no frame showed.
     """
 
     time_utc: datetime
@@ -31,15 +33,19 @@ class Entry:
     sigma_arcsec: tuple[float, float]
     ellipse_arcsec: tuple[float, float, float]
     text: str = ""
+    sigma_total_arcsec: float = 0.0
+    noise_arcsec: float = 0.0
     unseen_arcsec: float = 0.0
 
     @classmethod
     def of(cls, time_utc: datetime, kind: str, error: PolarError, text: str = "") -> "Entry":
         """What an error says at a moment."""
+        whole = error.whole
         return cls(
             time_utc, kind, error.altitude_arcsec, error.azimuth_arcsec,
-            error.azimuth_on_sky_arcsec, error.total_arcsec, error.sigma_arcsec,
-            error.ellipse_arcsec(), text, error.unseen_total_arcsec,
+            error.azimuth_on_sky_arcsec, error.total_arcsec, whole.sigma_arcsec,
+            whole.ellipse_arcsec(), text, whole.sigma_total_arcsec, error.sigma_total_arcsec,
+            error.unseen_along_arcsec,
         )  # fmt: skip
 
 

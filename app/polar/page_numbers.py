@@ -16,7 +16,7 @@ def page_numbers(error: PolarError, words: str = "", solved: bool = True) -> dic
     down, back = altitude > 0, azimuth > 0
     return {
         "total": angle_in_words(error.total_arcsec),
-        "sigma": f"± {angle_in_words(error.sigma_total_arcsec)}",
+        "sigma": f"± {angle_in_words(error.whole.sigma_total_arcsec)}",
         "altitude": f"{'▼ lower' if down else '▲ raise'} {angle_in_words(altitude)}",
         "azimuth": f"{'↺ anticlockwise' if back else '↻ clockwise'} {angle_in_words(azimuth)}",
         "words": words,
@@ -24,5 +24,5 @@ def page_numbers(error: PolarError, words: str = "", solved: bool = True) -> dic
         "altitude_error_arcsec": altitude,
         "azimuth_error_arcsec": azimuth,
         "total_arcsec": error.total_arcsec,
-        "sigma_arcsec": list(error.sigma_arcsec),
+        "sigma_arcsec": list(error.whole.sigma_arcsec),
     }

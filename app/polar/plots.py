@@ -36,7 +36,7 @@ def error_over_time(entries: Sequence[Entry]) -> str:
         if entry.kind != "measured":
             continue
         x, y = place(minute, entry.total_arcsec)
-        sigma = max(entry.sigma_arcsec)
+        sigma = entry.sigma_total_arcsec
         top, bottom = (place(minute, entry.total_arcsec + s * sigma)[1] for s in (1.0, -1.0))
         parts.append(
             f'<line class="bar" x1="{x:.1f}" x2="{x:.1f}" y1="{top:.1f}" y2="{bottom:.1f}"/>'

@@ -64,10 +64,11 @@ def _summary(history: History, measured: list[Entry]) -> str:
         )
     change = "" if first is last else f", from {_words(first.total_arcsec)} at first"
     return (
-        f"<p class='big'>{_words(last.total_arcsec)} &plusmn; {_words(max(last.sigma_arcsec))}</p>"
+        f"<p class='big'>{_words(last.total_arcsec)} &plusmn; {_words(last.sigma_total_arcsec)}</p>"
         f"<p>from the {escape(str(history.pole))} pole{change}; {last.time_utc:%Y-%m-%d %H:%M} UTC"
         f"{where}.</p>"
-        f"<p>Bending that no frame showed may shift it by {_words(last.unseen_arcsec)} more.</p>"
+        f"<p>Of the &plusmn;, {_words(last.noise_arcsec)} is the frames' noise and"
+        f" {_words(last.unseen_arcsec)} bending that they cannot show.</p>"
     )
 
 

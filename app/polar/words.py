@@ -51,17 +51,32 @@ def angle_in_words(arcsec: float) -> str:
     return f"{size / 60.0:.1f}'" if size < 5400.0 else f"{size / 3600.0:.2f}°"
 
 
+def total_in_words(error: PolarError) -> str:
+    """How far the axis is from the pole, with one sigma of all that may be wrong."""
+    sigma = error.whole.sigma_total_arcsec
+    return f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(sigma)}"
+
+
+def split_in_words(error: PolarError) -> str:
+    """What the ± of the total is made of; the squares of both add up to its own."""
+    noise, unseen = error.sigma_total_arcsec, error.unseen_along_arcsec
+    return (
+        f"of the ±, {angle_in_words(noise)} is the frames' noise and {angle_in_words(unseen)}"
+        " bending that they cannot show"
+    )
+
+
 def altitude_in_words(error: PolarError) -> str:
-    """What has to be done in altitude, with one sigma."""
+    """What has to be done in altitude, with one sigma of all that may be wrong."""
     value = error.altitude_arcsec
-    told = f"{angle_in_words(value)} ± {angle_in_words(error.sigma_arcsec[0])}"
+    told = f"{angle_in_words(value)} ± {angle_in_words(error.whole.sigma_arcsec[0])}"
     return f"the axis is {told} too {'high: lower it' if value > 0 else 'low: raise it'}"
 
 
 def azimuth_in_words(error: PolarError) -> str:
     """What has to be done in azimuth, with one sigma, seen from above: true from every side."""
     value = error.azimuth_arcsec
-    told = f"{angle_in_words(value)} ± {angle_in_words(error.sigma_azimuth_arcsec)}"
+    told = f"{angle_in_words(value)} ± {angle_in_words(error.whole.sigma_azimuth_arcsec)}"
     stands, turn = ("clockwise", "anticlockwise") if value > 0 else ("anticlockwise", "clockwise")
     return (
         f"the axis is {told} too far {stands} (towards {towards(error)}):"

@@ -8,7 +8,7 @@ from app.polar.bending import UNKNOWN
 from app.polar.history import History
 from app.polar.measure import Measurement, Settings, together
 from app.polar.tutor import BoltTutor
-from app.polar.words import angle_in_words
+from app.polar.words import angle_in_words, split_in_words, total_in_words
 from app.workflows.polar_adjust import End, adjust
 from app.workflows.polar_measure import Measured, Sweep, measure_axis
 from app.workflows.polar_second import second_sweep
@@ -118,8 +118,9 @@ def _good(measured: Measured, options: AlignOptions) -> bool:
 def _once_more(measured: Measured, moves: int) -> PolarUpdate:
     error = measured.measurement.error
     told = (
-        f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.uncertainty_arcsec)} is"
-        " within the goal, but not surely: leave the bolts alone, it is measured once more."
+        f"{angle_in_words(error.total_arcsec)} is within the goal, but with noise of"
+        f" {angle_in_words(error.sigma_total_arcsec)} not surely: leave the bolts alone, it is"
+        " measured once more."
     )
     return PolarUpdate(
         "measure", None, told, measurement=measured.measurement, findings=measured.findings,
@@ -129,16 +130,12 @@ def _once_more(measured: Measured, moves: int) -> PolarUpdate:
 
 def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
     error = measured.measurement.error
-    told = (
-        f"The axis is {angle_in_words(error.total_arcsec)}"
-        f" ± {angle_in_words(error.uncertainty_arcsec)} from the pole"
-    )
+    told = f"The axis is {total_in_words(error)} from the pole"
     told += "." if good else ": that is not yet good, begin again when the cause is found."
-    told += (
-        f" Bending that was not seen may shift it by {angle_in_words(error.unseen_total_arcsec)}"
-    )
+    split = split_in_words(error)
+    told += f" {split[0].upper()}{split[1:]}"
     one = len(measured.measurement.looks) == 1 and measured.measurement.before == UNKNOWN
-    told += " more; a second sweep at another declination shows it." if one else " more."
+    told += "; a second sweep at another declination shows it." if one else "."
     return PolarUpdate(
         "done", 1.0, told, measurement=measured.measurement, findings=measured.findings,
         moves=moves,

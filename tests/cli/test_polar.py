@@ -197,6 +197,7 @@ def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
     assert one["droop_arcsec"] is None
     assert one["unseen_arcsec"][0] > 15.0
     assert one["sigma_arcsec"][0] < 5.0
+    assert one["sigma_total_arcsec"] > one["unseen_total_arcsec"] > 4.0 * one["noise_total_arcsec"]
     assert both["altitude_error_arcsec"] == pytest.approx(truth, abs=8.0)
     assert both["droop_arcsec"] == pytest.approx(60.0, abs=4.0 * both["sigma_droop_arcsec"])
     assert both["unseen_arcsec"][0] < 0.6 * one["unseen_arcsec"][0]
@@ -204,8 +205,11 @@ def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
     shuffled = [second[1], first[2], first[0], second[0], second[2], first[1]]
     _, out, _ = polar(capsys, *shuffled, "--json", "--pressure", "1010")
     assert json.loads(out)["droop_arcsec"] == pytest.approx(both["droop_arcsec"], abs=1.0)
-    code, out, _ = polar(capsys, *first)
+    code, out, _ = polar(capsys, *first, "--pressure", "1010")
     assert code == 0
+    (told,) = re.findall(r"^[^±]+ ± (\d+)\" from", out)
+    assert float(told) == pytest.approx(one["sigma_total_arcsec"], abs=0.5), "one ± everywhere"
+    assert f'{one["unseen_total_arcsec"]:.0f}" bending that they cannot show' in out
     assert re.search(r"second sweep \(--check\) at declination [+-][0-9]+ deg", out)
 
 

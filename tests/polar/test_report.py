@@ -38,9 +38,11 @@ def night():
 
 def test_the_page_needs_nothing_else_and_tells_the_end(night):
     page = report_html(night)
-    unseen = night.entries[-1].unseen_arcsec
-    assert unseen == pytest.approx(measured(15.0, -10.0).error.unseen_total_arcsec)
-    assert f"may shift it by {unseen:.0f}&quot; more" in page
+    last, error = night.entries[-1], measured(15.0, -10.0).error
+    assert last.sigma_total_arcsec == pytest.approx(error.whole.sigma_total_arcsec)
+    assert np.hypot(last.noise_arcsec, last.unseen_arcsec) == pytest.approx(last.sigma_total_arcsec)
+    assert f"&plusmn; {last.sigma_total_arcsec:.0f}&quot;" in page
+    assert f"{last.unseen_arcsec:.0f}&quot; bending that they cannot show" in page
     assert "http" not in page
     assert "src=" not in page
     assert page.count("<svg viewBox") == 2

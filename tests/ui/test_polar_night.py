@@ -16,7 +16,7 @@ BEGUN = datetime(2026, 1, 1, 22, 0, tzinfo=UTC)
 def entry(after_s, error_arcsec, kind, text=""):
     return Entry(
         BEGUN + timedelta(seconds=after_s), kind, error_arcsec, 0.0, 0.0, error_arcsec,
-        (0.1 * error_arcsec, 1.0), (5.0, 4.0, 0.0), text,
+        (0.1 * error_arcsec, 1.0), (5.0, 4.0, 0.0), text, 0.1 * error_arcsec,
     )  # fmt: skip
 
 

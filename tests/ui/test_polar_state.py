@@ -1,5 +1,7 @@
 """What the screens know: every step of real measurements on the rig, and of a person's hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,15 +10,21 @@ from app.core.mount import Direction
 from app.core.progress import Progress
 from app.polar.bolts import Knob
 from app.polar.findings import Finding, Kind
+from app.polar.page_numbers import page_numbers
+from app.polar.rotations import ARCSEC
 from app.polar.tutor import BoltTutor
+from app.polar.words import altitude_in_words
 from app.sky import open_catalogue
+from app.ui.polar.bolts_view import BoltsView
 from app.ui.polar.cues import Cue, Cues
 from app.ui.polar.hearing import Hearing, spoken
 from app.ui.polar.numbers import (
     Numbers,
     age_text,
     altitude_cure,
+    altitude_text,
     azimuth_cure,
+    azimuth_text,
     more_text,
     total_text,
 )
@@ -129,6 +137,30 @@ def test_cures_undo_the_error(altitude, azimuth, cures):
     off = error(altitude, azimuth)
     assert (altitude_cure(off), azimuth_cure(off)) == cures
     assert total_text(off).startswith("73″ ± ")
+
+
+def test_one_uncertainty_is_told_everywhere_and_it_counts_bending(qtbot):
+    seen = error(60.0, 60.0, sigma_arcsec=3.0)
+    off = replace(seen, unseen=np.diag([1.0, 1.0]) * (30.0 * ARCSEC) ** 2)
+    assert total_text(off) == "73″ ± 30″"
+    assert page_numbers(off)["sigma"] == '± 30"'
+    assert altitude_text(off).endswith("± 30″")
+    assert altitude_in_words(off).startswith('the axis is 60" ± 30"')
+    assert azimuth_text(off).endswith("± 44″"), "at the knob, not shortened by the altitude"
+    bolts = BoltsView()
+    qtbot.addWidget(bolts)
+    bolts.show_state(State("done", error=off), 0.0)
+    assert bolts.face.total == "total 73″ ± 30″"
+    numbers = Numbers()
+    qtbot.addWidget(numbers)
+    numbers.show_state(State("done", error=off), 0.0)
+    assert numbers.total.text() == "73″ ± 30″"
+    told = numbers.split.text()
+    assert "3″ is the frames' noise" in told
+    assert "30″ bending" in told
+    assert np.hypot(seen.sigma_total_arcsec, off.unseen_along_arcsec) == pytest.approx(
+        off.whole.sigma_total_arcsec
+    )
 
 
 def test_the_worse_axis_is_shown_until_a_bolt_is_named():

@@ -13,6 +13,7 @@ from app.polar.bolts import Knob
 from app.polar.error import PolarError
 from app.ui.palette import THEMES, Colours
 from app.ui.polar.bolts_painting import Face, paint_face
+from app.ui.polar.numbers import total_text
 from app.ui.polar.spinner import STEP_DEG, STEP_MS
 from app.ui.polar.state import State
 from app.ui.polar.target import primes, typeset
@@ -118,7 +119,7 @@ class BoltsView(QWidget):
             told = f"OLD: {state.detail}" if state.detail else "OLD: wait for a new frame"
         total = ""
         if error is not None:
-            total = f"total {typeset(error.total_arcsec)} ± {typeset(error.sigma_total_arcsec)}"
+            total = f"total {total_text(error)}"
         return Face(
             "Total" if over else title, total, self.digits(), told,
             primes(state.words) or "Begin an alignment first.", self._keys(), self._shape(over),

@@ -87,7 +87,7 @@ class NightPage(QWidget):
             chosen = [e for e in entries if e.kind == kind]
             minutes = tuple((e.time_utc - start).total_seconds() / 60.0 for e in chosen if start)
             error = tuple(e.total_arcsec for e in chosen)
-            sigma = tuple(max(e.sigma_arcsec) for e in chosen) if kind == "measured" else ()
+            sigma = tuple(e.sigma_total_arcsec for e in chosen) if kind == "measured" else ()
             series.append(Series(name, minutes, error, number, sigma))
         self.chart.show_series(tuple(s for s in series if s.x))
         self.lines.setPlainText("\n".join(_line(e) for e in entries if e.kind != "live"))
@@ -125,7 +125,7 @@ def _summary(measured: list[Entry]) -> str:
 
 
 def _line(entry: Entry) -> str:
-    sigma = typeset(max(entry.sigma_arcsec))
+    sigma = typeset(entry.sigma_total_arcsec)
     what = "Measured." if entry.kind == "measured" else "Told:"
     moment, error = f"{entry.time_utc:%H:%M:%S}", typeset(entry.total_arcsec)
     return f"{moment}  {error} ± {sigma}  {what} {primes(entry.text)}"

@@ -3,6 +3,7 @@
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
 
 from app.polar.error import PolarError
+from app.polar.words import split_in_words, total_in_words
 from app.ui.polar.spinner import Spinner
 from app.ui.polar.state import LOCKED, State
 from app.ui.polar.target import primes, typeset
@@ -18,6 +19,8 @@ class Numbers(QWidget):
         super().__init__()
         self.total = value_label("Total error")
         self.total.setProperty("role", "title")
+        self.split = label("", "muted", wrap=True)
+        self.split.setAccessibleName("What the uncertainty is made of")
         self.altitude, self.altitude_cure = value_label("Altitude error"), label("", "", wrap=True)
         self.azimuth, self.azimuth_cure = value_label("Azimuth error"), label("", "", wrap=True)
         for value in (self.altitude, self.azimuth):
@@ -35,15 +38,16 @@ class Numbers(QWidget):
         box = card()
         grid = QGridLayout(box)
         grid.addWidget(self.total, 0, 0, 1, 2)
+        grid.addWidget(self.split, 1, 0, 1, 2)
         for row, (name, value, cure) in enumerate(
             (
                 ("Altitude", self.altitude, self.altitude_cure),
                 ("Azimuth", self.azimuth, self.azimuth_cure),
             )
         ):
-            grid.addWidget(label(name, "muted"), 1 + 2 * row, 0)
-            grid.addWidget(value, 1 + 2 * row, 1)
-            grid.addWidget(cure, 2 + 2 * row, 0, 1, 2)
+            grid.addWidget(label(name, "muted"), 2 + 2 * row, 0)
+            grid.addWidget(value, 2 + 2 * row, 1)
+            grid.addWidget(cure, 3 + 2 * row, 0, 1, 2)
         grid.setColumnStretch(1, 1)
         line = QHBoxLayout()
         line.addWidget(self.spinner)
@@ -60,6 +64,8 @@ class Numbers(QWidget):
         """Bring every label up to date."""
         error = state.error
         self.total.setText(NONE if error is None else total_text(error))
+        self.split.setText("" if error is None else split_text(error))
+        self.split.setVisible(error is not None)
         self.altitude.setText(NONE if error is None else altitude_text(error))
         self.azimuth.setText(NONE if error is None else azimuth_text(error))
         self.altitude_cure.setText("" if error is None else altitude_cure(error))
@@ -84,20 +90,26 @@ class Numbers(QWidget):
 
 
 def total_text(error: PolarError) -> str:
-    """The angle between axis and pole."""
-    return f"{typeset(error.total_arcsec)} ± {typeset(error.sigma_total_arcsec)}"
+    """The angle between axis and pole, with one sigma of all that may be wrong."""
+    return primes(total_in_words(error))
+
+
+def split_text(error: PolarError) -> str:
+    """What the ± is made of."""
+    told = primes(split_in_words(error))
+    return f"{told[0].upper()}{told[1:]}."
 
 
 def altitude_text(error: PolarError) -> str:
     """Signed: positive is too high."""
     sign = "+" if error.altitude_arcsec >= 0 else "−"
-    return f"{sign}{typeset(error.altitude_arcsec)} ± {typeset(error.sigma_arcsec[0])}"
+    return f"{sign}{typeset(error.altitude_arcsec)} ± {typeset(error.whole.sigma_arcsec[0])}"
 
 
 def azimuth_text(error: PolarError) -> str:
     """Signed, as the knob turns: positive stands too far clockwise."""
     sign = "+" if error.azimuth_arcsec >= 0 else "−"
-    return f"{sign}{typeset(error.azimuth_arcsec)} ± {typeset(error.sigma_azimuth_arcsec)}"
+    return f"{sign}{typeset(error.azimuth_arcsec)} ± {typeset(error.whole.sigma_azimuth_arcsec)}"
 
 
 def altitude_cure(error: PolarError) -> str:

@@ -114,7 +114,7 @@ class Target(QWidget):
         self, painter: QPainter, centre: QPointF, scale: float, error: PolarError,
         colour: QColor, width: float = 2.0,
     ) -> None:  # fmt: skip
-        long, short, angle = error.ellipse_arcsec()
+        long, short, angle = error.whole.ellipse_arcsec()
         painter.save()
         painter.translate(self._place(centre, scale, error))
         painter.rotate(-math.degrees(angle))

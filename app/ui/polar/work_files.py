@@ -8,7 +8,7 @@ from app.core.solution import NoSolution
 from app.polar.history import History
 from app.polar.measure import Measurement, NoAxis, Settings, measure
 from app.polar.plan import more_turn_deg
-from app.polar.words import angle_in_words
+from app.polar.words import total_in_words
 from app.solve.options import SolveOptions
 from app.ui.polar.tools import Tools
 from app.ui.polar.wish import AlignWish
@@ -66,8 +66,7 @@ def _told(result: Measurement, wish: AlignWish, frames: int) -> PolarUpdate:
     )
     return PolarUpdate(
         "done", 1.0,
-        f"The axis is {angle_in_words(axis.total_arcsec)} ±"
-        f" {angle_in_words(axis.sigma_total_arcsec)} from the pole.",
+        f"The axis is {total_in_words(axis)} from the pole.",
         measurement=result, findings=result.findings, more_turn_deg=more, frames=frames,
     )  # fmt: skip
 
