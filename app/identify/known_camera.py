@@ -48,7 +48,8 @@ def first_answer(
     for known in searches:
         yield Progress("identify", 0.0, "triangles of the known camera")
         for verdict in known.verdicts():
-            if search.allows(verdict.pointing.matrix[2], verdict.pointing.focal):
+            p = verdict.pointing
+            if search.centre is None or search.allows(p.matrix[2], p.focal):
                 table = known.table
                 return answered(
                     verdict, detections, table.rows, table.vectors, verdict.log10_tail, known.tried

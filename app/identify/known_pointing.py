@@ -14,14 +14,15 @@ def two_stars(
     unit vectors. What the separations differ by is shared: the middles agree, and the planes.
     """
     (m, n, o), (k, l, r) = _axes(_unit(*p), _unit(*q)), _axes(star_p, star_q)  # noqa: E741
-    return tuple(  # type: ignore[return-value]
+    x, y, z = [
         (
-            m[i] * k[0] + n[i] * l[0] + o[i] * r[0],
-            m[i] * k[1] + n[i] * l[1] + o[i] * r[1],
-            m[i] * k[2] + n[i] * l[2] + o[i] * r[2],
+            a * k[0] + b * l[0] + c * r[0],
+            a * k[1] + b * l[1] + c * r[1],
+            a * k[2] + b * l[2] + c * r[2],
         )
-        for i in (0, 1, 2)
-    )
+        for a, b, c in zip(m, n, o, strict=True)
+    ]
+    return x, y, z
 
 
 def triple(p: list[float], q: list[float], r: list[float]) -> float:

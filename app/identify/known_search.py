@@ -106,10 +106,10 @@ class KnownSearch:
         if others > FEW - 2:
             return most
         ends = {(b, c) if b < c else (c, b) for _, b, c in self._corners()}
-        per = [self._pointings(b, c) for b, c in ends]
-        if not per:
+        if not ends:
             return most
-        one, more = (self.ways * others * sum(part[k] for part in per) for k in (0, 1))
+        per = zip(*(self._pointings(b, c) for b, c in ends), strict=True)
+        one, more = (self.ways * others * sum(part) for part in per)
         radius = most
         for _ in range(3):  # more pointings agree within a wider radius: it settles at once
             share = (10.0**ACCEPT_LOG10 / (one + more * radius)) ** (1.0 / others)
@@ -201,15 +201,16 @@ class KnownSearch:
         wide = (self.corner + reach) / focal
         number = self.table.near(ahead, 1.0 / math.sqrt(1.0 + wide * wide))
         sky = self.table.vectors.take(number, axis=0).T
-        plane = np.array([complex(sign * x, y) for x, y in zip(across, down, strict=True)])
-        gap = np.abs(self.points - plane @ sky / (np.array(ahead) / focal @ sky))
+        plane = [complex(sign * x, y) for x, y in zip(across, down, strict=True)]
+        seen, depth = np.array([plane, [z / focal for z in ahead]]) @ sky
+        gap = np.abs(self.points - seen / depth)
         closest = gap.min(axis=1)
         alarm, radius = self._alarm(closest.tolist(), b, c, reach)
         self.least = min(self.least, alarm)
         if alarm > ACCEPT_LOG10:
             return None
         i = (closest <= radius).nonzero()[0]
-        rms = math.sqrt(float(np.square(closest[i]).mean()))
+        rms = math.sqrt(float(closest[i] @ closest[i]) / len(i))
         start = Pointing(np.array([across, down, ahead]), focal, mirrored)
         return Verdict(start, i, number[gap.argmin(axis=1)[i]], alarm, rms, self.table.level)
 

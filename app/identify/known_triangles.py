@@ -85,6 +85,7 @@ def guess(table: PairTable, sight: Sight, corners: Corners, error_rad: float) ->
     else:
         # the shortest side tells the scale, but no better than its own error
         off = (table.angle[pairs] - base) / room
+        np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
         error = error_rad + min(error_rad * wide / room, 2.0 * wide)
         if table.in_one_ring(here, wide):
             entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)

@@ -88,7 +88,8 @@ def solve_detections(
 
     """
     options = options or SolveOptions()
-    options = replace(options, hint=with_field(options, detections.width))
+    if options.fov_deg is not None:
+        options = replace(options, hint=with_field(options, detections.width))
     return (yield from _solve(detections, options, Stopwatch(options.timeout_s, read_ms), None))
 
 
