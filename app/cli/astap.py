@@ -6,18 +6,18 @@ own search are read and left alone; what is believed of field and place is a hin
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from app.cli.output import ProgressLine
+from app.cli.batch import attempt
+from app.cli.output import Json, ProgressLine
 from app.cli.streams import say
-from app.core.errors import KochabError, UsageError
+from app.core.errors import KochabError
 from app.core.frame import Frame
 from app.core.hint import Hint
-from app.core.progress import run as drive
+from app.core.progress import Task
 from app.core.solution import NoSolution, Solution
 
 FLAGS = {"-wcs", "-update", "-annotate", "-log", "-debug", "-progress", "-sip", "-h", "-help"}
@@ -53,16 +53,21 @@ class Order:
 def run(arguments: Sequence[str]) -> int:
     """Solve one file, write ``.ini`` and ``.wcs``: 0 solved, 1 not."""
     order = _order(arguments)
-    line = " ".join(("kochab", *arguments))
+    if not Path(order.file).name:
+        say("A file's name is empty.")
+        return 1
+    line = ProgressLine(order.file)
     try:
-        if not Path(order.file).name:
-            raise UsageError("A file's name is empty.")
-        told = _answered(order)
-        _write_ini(order.base, {**told, "CMDLINE": line})
+        outcome = attempt(_answered, order, line)
+    finally:
+        line.clear()
+    failed = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")}
+    told = failed if "error" in outcome else outcome
+    told["CMDLINE"] = " ".join(("kochab", *arguments))
+    try:
+        _write_ini(order.base, told)
     except KochabError as error:
-        told = {"PLTSOLVD": "F", "ERROR": str(error)}
-        with suppress(KochabError, ValueError):  # the reason is told once more below
-            _write_ini(order.base, {**told, "CMDLINE": line})
+        told = {"ERROR": told.get("ERROR", str(error))}
     if "ERROR" in told:
         say(told["ERROR"])
         return 1
@@ -70,9 +75,9 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _answered(order: Order) -> dict[str, str]:
+def _answered(order: Order) -> Task[Json]:
     """What the ``.ini`` says."""
-    frame, result = _solved(order)
+    frame, result = yield from _solved(order)
     if isinstance(result, NoSolution):
         reason = f"{Path(order.file).name}: {result.reason}. {result.advice}"
         return {"PLTSOLVD": "F", "ERROR": reason, "WARNING": " ".join(result.warnings)}
@@ -89,7 +94,7 @@ def _order(arguments: Sequence[str]) -> Order:
     return order
 
 
-def _solved(order: Order) -> tuple[Frame, Solution | NoSolution]:
+def _solved(order: Order) -> Task[tuple[Frame, Solution | NoSolution]]:
     from app.frames import read_frame
     from app.solve.contradicted import with_doubts
     from app.solve.options import SolveOptions
@@ -98,11 +103,7 @@ def _solved(order: Order) -> tuple[Frame, Solution | NoSolution]:
     frame = read_frame(order.file)
     hint = _hint(order, frame.height)
     options = SolveOptions(hint=hint if hint.helps else None, timeout_s=TIMEOUT_S)
-    line = ProgressLine(order.file)
-    try:
-        solved = drive(solve_open_frame(frame, options), line)
-    finally:
-        line.clear()
+    solved = yield from solve_open_frame(frame, options)
     return frame, with_doubts(solved.result, options)
 
 
@@ -110,7 +111,7 @@ def _hint(order: Order, height: int) -> Hint:
     """``-fov`` is the frame's height in degrees, 0 for not known."""
     scale = centre = None
     fov, ra, spd = (order.number(name) for name in ("-fov", "-ra", "-spd"))
-    if fov is not None and 0.0 < fov < 170.0:
+    if fov is not None and 0.001 <= fov <= 170.0:
         middle = 3600.0 * math.degrees(2.0 * math.tan(math.radians(fov) / 2.0) / height)
         scale = (middle / 1.15, middle * 1.15)
     if ra is not None and spd is not None and 0.0 <= spd <= 180.0:

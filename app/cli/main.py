@@ -78,7 +78,7 @@ def _command(arguments: list[str]) -> int:
 
 def _is_astap(arguments: Sequence[str]) -> bool:
     """Whether these are ASTAP's arguments: ``-f``, among words of one dash."""
-    return "-f" in arguments[:-1] and re.match("-[a-z]", arguments[0]) is not None
+    return "-f" in arguments and re.match("-[a-z]", arguments[0]) is not None
 
 
 def _plain(error: OSError) -> str:

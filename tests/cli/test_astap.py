@@ -10,6 +10,7 @@ from astropy.coordinates import SkyCoord
 from astropy.io import fits
 from astropy.wcs import WCS
 
+from app.cli.astap import _hint, _order
 from app.cli.main import main
 from app.core.attitude import attitude_from
 from app.core.camera import Camera
@@ -116,7 +117,24 @@ def test_what_cannot_be_written_is_a_sentence(tmp_path, capsys) -> None:
     path.write_bytes(b"not a picture")
     assert main(["-f", str(path), "-o", str(tmp_path / "none" / "a")]) == 1
     assert main(["-f", "", "-r", "3"]) == 1
-    assert capsys.readouterr().err.count("\n") == 2
+    assert main(["-f"]) == 1
+    assert capsys.readouterr().err.count("\n") == 3
+
+
+def test_a_field_beyond_all_reason_is_left_alone() -> None:
+    for fov in ("1e-300", "0", "171", "1e300"):
+        assert not _hint(_order(["-f", "a.fits", "-fov", fov]), 1000).helps
+    assert _hint(_order(["-f", "a.fits", "-fov", "1.5"]), 1000).helps
+
+
+def test_a_fault_of_ours_is_told_in_the_ini_too(tmp_path, monkeypatch, capsys) -> None:
+    def fault(path):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr("app.frames.read_frame", fault)
+    assert main(["-f", str(tmp_path / "a.fits")]) == 1
+    assert ini_of(tmp_path / "a.ini")["PLTSOLVD"] == "F"
+    assert "A fault in Kochab: ZeroDivisionError" in capsys.readouterr().err
 
 
 def test_it_is_called_as_a_program_too(repository, tmp_path) -> None:
