@@ -1,9 +1,9 @@
 """Tables of the classic methods, kept on disk by content: what they were made from names the file.
 
-A table is a few arrays in one ``.npz`` file in the user's cache folder (or ``KOCHAB_CACHE``). Its
-name holds a digest of the catalogue's own checksums and of every option, so a table of another
-catalogue or other options is never taken for it. What was made in an instant is not kept, files
-that are damaged are made anew, and a disk that cannot be written to is no error.
+A table is one file (:mod:`~app.identify.table_file`) in the user's cache folder (or
+``KOCHAB_CACHE``). Its name holds a digest of the catalogue's own checksums and of every option, so
+a table of another catalogue or other options is never taken for it. What was made in an instant is
+not kept, files that are damaged are made anew, and a disk that cannot be written to is no error.
 """
 
 import contextlib
@@ -11,19 +11,16 @@ import hashlib
 import json
 import os
 import time
-import zipfile
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from app.frames.whole_file import write_whole
+from app.identify.table_file import Arrays, packed, unpacked
 
-from app.frames.whole_file import whole_file
-
-Arrays = dict[str, NDArray[Any]]
-FORMAT = 1
+FORMAT = 2
+ENDING = ".table"
 WORTH_S = 0.2  # what takes no longer to make is not kept
 MOST_BYTES = 600_000_000  # the oldest tables go when there are more
 
@@ -41,7 +38,7 @@ def kept(name: str, options: Mapping[str, Any], make: Callable[[], Arrays]) -> A
         Makes the arrays; called at most once.
 
     """
-    path = folder() / f"{name}-{_digest(name, options)}.npz"
+    path = folder() / f"{name}-{_digest(name, options)}{ENDING}"
     found = _read(path)
     if found is not None:
         return found
@@ -64,7 +61,7 @@ def folder() -> Path:
 def tables() -> dict[str, int]:
     """The kept tables and their sizes in bytes."""
     with contextlib.suppress(OSError):
-        return {p.name: p.stat().st_size for p in sorted(folder().glob("*.npz"))}
+        return {p.name: p.stat().st_size for p in sorted(folder().glob(f"*{ENDING}"))}
     return {}
 
 
@@ -84,23 +81,21 @@ def _catalogue() -> str:
 
 def _read(path: Path) -> Arrays | None:
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return unpacked(bytearray(path.read_bytes()))
+    except OSError:
         return None
 
 
 def _write(path: Path, arrays: Arrays) -> None:
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as part, part.open("wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
+        write_whole(path, packed(arrays))
         _thin_out(path)
 
 
 def _thin_out(newest: Path) -> None:
     """Delete the oldest tables while all together are more than ``MOST_BYTES``."""
-    files = sorted(newest.parent.glob("*.npz"), key=lambda p: p.stat().st_mtime)
+    files = sorted(newest.parent.glob(f"*{ENDING}"), key=lambda p: p.stat().st_mtime)
     total = sum(p.stat().st_size for p in files)
     for old in files:
         if total <= MOST_BYTES or old == newest:
