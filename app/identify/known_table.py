@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from app.identify.index import Volume
 from app.identify.levels import PER_FIELD
-from app.identify.table_cache import Arrays, kept
+from app.identify.table_cache import kept
+from app.identify.table_file import Arrays
 from app.identify.volumes import is_shipped
 
 Floats = NDArray[np.float64]

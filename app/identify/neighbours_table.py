@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from app.identify.table_cache import Arrays, kept
+from app.identify.table_cache import kept
+from app.identify.table_file import Arrays
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

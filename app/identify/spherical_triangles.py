@@ -26,7 +26,8 @@ from app.identify.kvector import PARABOLIC, KVector, make_kvector
 from app.identify.pairs import Pairs, catalogue_pairs
 from app.identify.pivoting import Chain, approach, pivot_order
 from app.identify.refusals import known_focal, no_scale, not_agreed, too_few
-from app.identify.table_cache import Arrays, kept
+from app.identify.table_cache import kept
+from app.identify.table_file import Arrays
 from app.identify.triangle_features import (
     area,
     area_sigma,
