@@ -236,9 +236,7 @@ def _as_rotation(camera: Camera) -> Floats:
     """(3, 10): the rotation that moves the middle of the frame as each parameter does."""
     middle = np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]])
     _, jacobian = project_with_jacobian(camera, camera.unproject(middle))
-    shift = jacobian[0].copy()
-    shift[:, 2] = 0.0
     turn = np.zeros((3, len(PARAMETERS)))
-    turn[:2] = np.linalg.solve(jacobian[0][:, :2], shift)
+    turn[:2] = np.linalg.solve(jacobian[0][:, :2], jacobian[0])
     turn[2, 2] = 1.0
     return turn

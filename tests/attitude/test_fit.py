@@ -141,6 +141,28 @@ def test_two_stars_fix_the_rotation_alone_and_one_does_not() -> None:
         refine(one, field.first_camera, field.first_attitude)
 
 
+@pytest.mark.parametrize(("stars", "told"), [(3, False), (4, True)])
+def test_four_stars_may_speak_for_the_focal_length(stars: int, told: bool) -> None:
+    field = simulate(3, stars, 10.0, 0.0)
+    fit = fitted(field)
+    true, guessed = field.camera.focal_px, field.first_camera.focal_px
+    assert ("log_focal" in fit.terms) is told
+    assert fit.camera.focal_px == pytest.approx(true if told else guessed, rel=1e-9)
+
+
+def test_where_the_middle_points_is_as_sure_when_the_principal_point_is_elsewhere() -> None:
+    """A roll about that point carries the middle along, and the fit knows that it does."""
+    chi2 = []
+    for seed in range(150):
+        field = simulate(seed, 12, 10.0, 0.5, off_centre_px=(1300.0, -900.0))
+        fit = fitted(replace(field, first_camera=field.camera), distortion=False)
+        dx, dy = centre_error_px(field, fit.camera, fit.attitude) / fit.camera.focal_px
+        turn = fit.attitude.matrix @ field.attitude.matrix.T
+        error = np.array([-dy, dx, (turn[1, 0] - turn[0, 1]) / 2])
+        chi2.append(error @ np.linalg.solve(fit.attitude.covariance, error))
+    assert 2.4 < np.mean(chi2) < 4.2
+
+
 def test_a_star_behind_the_camera_is_an_outlier_and_not_a_crash() -> None:
     field = simulate(1, 30, 30.0)
     vectors = field.matches.vectors.copy()
@@ -183,6 +205,18 @@ def test_a_belief_that_the_stars_contradict_is_left_out(off: float) -> None:
     field = simulate(8, 60, 10.0, 0.3)
     wrong = fitted(field, focal=believed(field, off=off))
     assert wrong.camera.focal_px == pytest.approx(field.camera.focal_px, rel=1e-4)
+
+
+def test_good_stars_contradict_sooner_than_poor_ones() -> None:
+    """Their own error counts in their own noise: eight sigmas of it are a contradiction."""
+    for noise_px, taken in ((0.05, False), (2.0, True)):
+        alone = [fitted(simulate(seed, 60, 10.0, 0.05)).camera.focal_px for seed in range(20)]
+        true = simulate(0).camera.focal_px
+        off = 8.0 * float(np.std(alone)) / true
+        field = simulate(8, 60, 10.0, noise_px)
+        fit = fitted(field, focal=believed(field, off=off, sigma=1e-6))
+        away = abs(fit.camera.focal_px / true - 1.0 - off)
+        assert (away < off / 4) == taken
 
 
 def test_a_range_of_scales_is_a_belief() -> None:
