@@ -87,3 +87,13 @@ def test_time_does_not_run_backwards_and_the_matrix_stays_a_rotation() -> None:
 def test_an_attitude_without_covariance_is_refused() -> None:
     with pytest.raises(ValueError, match="covariance"):
         begin(attitude_from(1.0, 2.0, 3.0), 0.0, Motion())
+
+
+def test_two_short_predictions_are_one_long_one() -> None:
+    """White acceleration knows no frames: how often it is looked at changes nothing."""
+    motion = Motion(wander_arcsec_s=30.0)
+    begun = begin(measured(np.eye(3), np.random.default_rng(5)), 0.0, motion)
+    once = predicted(begun, 0.7, motion).covariance
+    twice = predicted(predicted(begun, 0.2, motion), 0.7, motion).covariance
+    assert np.allclose(once, twice, rtol=1e-12, atol=0.0)
+    assert np.array_equal(once, once.T)

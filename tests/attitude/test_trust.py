@@ -48,3 +48,14 @@ def test_corrections_are_those_of_normal_residuals(share: float) -> None:
 
 def test_without_wrong_stars_nothing_is_corrected() -> None:
     assert corrections(1e-12) == pytest.approx((1.0, 1.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.4])
+def test_right_stars_have_the_whole_normal_law_and_wrong_ones_the_whole_disc(share: float) -> None:
+    """What the odds imply of the right ones' density sums to one star, and not to two."""
+    radius = np.linspace(0.0, 8.0, 4001)
+    right, _ = trust(radius, share)
+    uniform = 1.0 / (np.pi * REACH_SIGMA**2)
+    normal = right / (1.0 - right) * share / (1.0 - share) * uniform
+    rings = normal * 2.0 * np.pi * radius
+    assert rings.sum() * (radius[1] - radius[0]) == pytest.approx(1.0, abs=1e-3)

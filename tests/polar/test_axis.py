@@ -107,7 +107,9 @@ def test_the_covariance_is_that_of_many_runs(turns, rho):
     rng = np.random.default_rng(5)
     mount = Mount(48.0, 1200.0, -900.0, rho_deg=rho)
     inside68 = inside95 = 0
-    chi2 = []
+    chi2, in_camera = [], []
+    seen_true = mount.attitude(turns[0]).T @ mount.axis
+    basis = np.linalg.svd(seen_true[None])[2][1:]
     runs = 400
     for _ in range(runs):
         fit = fit_axis(mount.see(turns, rng), mount.pole)
@@ -120,6 +122,9 @@ def test_the_covariance_is_that_of_many_runs(turns, rho):
         inside68 += d2 < 2.2957
         inside95 += d2 < 5.9915
         chi2.append(fit.chi2)
+        off = basis @ (fit.axis_in_camera - seen_true)
+        in_camera.append(off @ np.linalg.solve(basis @ fit.camera_covariance @ basis.T, off))
+    assert np.mean(in_camera) == pytest.approx(2.0, abs=0.3)
     assert 0.62 < inside68 / runs < 0.74
     assert 0.92 < inside95 / runs < 0.98
     assert np.mean(chi2) == pytest.approx(2 * len(turns) - 4, abs=0.35)

@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.core.mount import Direction
-from app.polar.bending import REST_ARCSEC, TUBE_ARCSEC, UNKNOWN, Droop
-from app.polar.error import CHI2_68, CHI2_95
+from app.polar.bending import REST_ARCSEC, TUBE_ARCSEC, UNKNOWN, Droop, lever
+from app.polar.combine import Look, combined
+from app.polar.error import CHI2_68, CHI2_95, PolarError
 from app.polar.findings import Kind
 from app.polar.horizon import Air
 from app.polar.measure import Settings, measure_local, together
@@ -116,6 +117,27 @@ def test_noise_and_bending_together_are_as_large_as_said(sweeps):
         inside95 += distance2 < CHI2_95
     assert 0.6 < inside68 / runs < 0.85
     assert inside95 / runs > 0.9
+
+
+@pytest.mark.parametrize("rho", [(20.0, 110.0), (20.0, 25.0, 110.0)])
+def test_sweeps_that_agree_have_the_chi_square_that_was_promised(rho):
+    """One direction is lost to each unknown, and of the droop what the sweeps tell themselves."""
+    rng, mount, sigma = np.random.default_rng(7), Mount(40.0), 25.0 * ARCSEC
+    upward, clockwise = tangents(mount.axis)
+    chi2, freedom = [], []
+    for _ in range(400):
+        droop = rng.normal(0.0, TUBE_ARCSEC) * ARCSEC
+        looks = []
+        for degrees in rho:
+            up, aside = rng.normal(0.0, sigma, 2)
+            up += droop * lever(mount.axis, np.radians(degrees))
+            axis = mount.axis + up * upward + aside * clockwise
+            error = PolarError(axis / np.linalg.norm(axis), mount.pole, np.eye(2) * sigma**2)
+            looks.append(Look(error, np.radians(degrees)))
+        both = combined(looks)
+        chi2.append(both.chi2)
+        freedom.append(both.freedom)
+    assert np.mean(chi2) == pytest.approx(np.mean(freedom), rel=0.12)
 
 
 def test_two_measurements_keep_what_neither_could_see():

@@ -151,3 +151,15 @@ def test_the_ellipse_is_that_of_the_covariance():
     assert short == pytest.approx(2.0 * np.sqrt(2.2957), rel=1e-3)
     assert abs(np.sin(angle)) < 1e-9  # along azimuth
     assert error_with(0.0, 0.0).ellipse_arcsec(0.95)[0] > long
+
+
+@pytest.mark.parametrize(("height_m", "hpa"), [(0.0, 1013.25), (2400.0, 756.3), (5000.0, 540.2)])
+def test_the_air_is_as_thin_as_the_site_is_high(height_m, hpa):
+    """Against the international standard atmosphere (ISO 2533)."""
+    assert Air().pressure_at(Site(0.0, 0.0, height_m)) == pytest.approx(hpa, rel=0.04)
+    assert Air(880.0).pressure_at(Site(0.0, 0.0, height_m)) == 880.0
+
+
+def test_the_totals_sigma_is_along_the_line_from_pole_to_axis():
+    for shift, sigma in (((300.0, 0.0), 2.0), ((0.0, 300.0), 3.0)):
+        assert error_with(*shift).sigma_total_arcsec == pytest.approx(sigma, rel=1e-3)
