@@ -72,8 +72,13 @@ class Share:
         """What is set now."""
         return self._device.in_force
 
+    @property
+    def alone(self) -> bool:
+        """Whether nobody else has it."""
+        return self._device.count < 2
+
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Set the camera for all."""
+        """Set the camera for all, until this share is closed or somebody sets it otherwise."""
         return self._device.configure(self, settings)
 
     def next_frame(self, timeout_s: float) -> Frame | None:
@@ -104,6 +109,11 @@ class _Device:
         self._news = Condition()
         self._busy = False
         self._asking = 0  # who want the device for something else than a frame
+
+    @property
+    def count(self) -> int:
+        """How many have it."""
+        return len(self._shares)
 
     def join(self, open_source: Callable[[], CameraSource], wish: CaptureSettings) -> Share | None:
         """Another share, None when the device was just given back."""

@@ -2,20 +2,26 @@
 
 import pytest
 
-from app.core.capture import CameraDevice
+from app.core.capture import CameraDevice, CaptureSettings
 from app.core.errors import PortError
 from app.core.frame import Frame
 from app.ui.live.stream import StreamWish
 from app.ui.mount.camera_box import CameraBox
-from app.ui.mount.eye import CameraWish
+from app.ui.mount.eye import CameraWish, Eye
 from app.ui.mount.words import Shown
 from tests.ui.fakes import fake_solution
 from tests.workflows.live_sources import Clockwork, Told
 
 
 class Named(Clockwork):
-    def __init__(self):
+    def __init__(self, settings=None):
         super().__init__(0.02, size=(400, 600))
+        self.now = settings or CaptureSettings()
+
+    def configure(self, settings):
+        if settings.exposure_s is not None:
+            self.now = settings
+        return self.now
 
 
 @pytest.fixture
@@ -24,7 +30,7 @@ def made(monkeypatch):
     opened = []
 
     def open_camera(source, address, settings=None):
-        opened.append(Named())
+        opened.append(Named(settings))
         return opened[-1]
 
     def list_devices(source, address=""):
@@ -124,6 +130,58 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     assert made[0].closed == 1
     mount.desk.lookout.hear(Shown(frame))  # now it is shown in its place
     assert commands.session.known.frame is frame
+
+
+def test_an_exposure_that_another_view_has_set_is_told_and_can_be_changed_for_both(
+    qtbot, commands, made
+):
+    mount = view_of(commands, "mount")
+    cameras = mount._services.cameras
+    live = cameras.open("indi", "one", CaptureSettings(exposure_s=0.5))
+    mount.desk.use_camera(CameraWish("indi", "one", 2.0))
+    mount.desk.lookout.eye.next_frame(1.0)
+    assert live.in_force.exposure_s == 0.5, "not taken away from whoever watches it"
+    mount._show()
+    assert "exposes 0.5 s" in mount.camera.told.text()
+    assert not mount.camera.told.isHidden()
+    before = mount.desk.lookout.eye
+    mount.camera.exposure.setValue(3.0)
+    mount.camera.exposure.editingFinished.emit()
+    before.close()
+    eye = mount.desk.lookout.eye
+    eye.next_frame(1.0)
+    assert live.in_force.exposure_s == 3.0
+    mount._show()
+    assert mount.camera.told.isHidden()
+    eye.close()
+    live.next_frame(1.0)  # one may be waiting that came for both
+    live.next_frame(1.0)
+    assert live.in_force.exposure_s == 0.5, "whoever stays has its own again"
+    live.close()
+
+
+def test_an_alignment_has_the_exposure_it_was_begun_with(made, commands):
+    cameras = view_of(commands, "mount")._services.cameras
+    live = cameras.open("indi", "one", CaptureSettings(exposure_s=0.1))
+    eye = Eye(CameraWish("indi", "one", 2.0), cameras.open, insists=True)
+    eye.next_frame(1.0)
+    assert live.in_force.exposure_s == 2.0
+    assert eye.exposure_told == ""
+    eye.close()
+    live.next_frame(1.0)  # one may be waiting that came for both
+    live.next_frame(1.0)
+    assert live.in_force.exposure_s == 0.1
+    live.close()
+
+
+def test_a_camera_that_exposes_otherwise_by_itself_says_so(made, commands):
+    cameras = view_of(commands, "mount")._services.cameras
+    eye = Eye(CameraWish("indi", "one", 2.0), cameras.open)
+    assert eye.exposure_told == "", "nothing is known before it is open"
+    eye.next_frame(1.0)
+    eye.configure(CaptureSettings(exposure_s=1.0))
+    assert eye.exposure_told == "The camera exposes 1 s."
+    eye.close()
 
 
 def test_the_mount_s_box_lists_what_is_found_and_takes_the_only_one(qtbot):

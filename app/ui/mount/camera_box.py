@@ -55,6 +55,8 @@ class CameraBox(QWidget):
         self.exposure.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
         self.exposure.setSuffix(" s")
         self.exposure.setValue(2.0)
+        self.told = label("", "muted", wrap=True)
+        self.told.setVisible(False)
         line = QHBoxLayout()
         line.addWidget(label("Camera"))
         line.addWidget(self.source, 1)
@@ -68,6 +70,7 @@ class CameraBox(QWidget):
         finding.addWidget(self.look)
         column.addLayout(finding)
         column.addWidget(self.address)
+        column.addWidget(self.told)
         self.source.activated.connect(self._picked)
         self.found.activated.connect(self._take)
         self.address.editingFinished.connect(self._tell)
@@ -86,6 +89,12 @@ class CameraBox(QWidget):
             if not self.found.isHidden():
                 self._look()
         self._point_out()
+
+    def say(self, sentence: str) -> None:
+        """What is to be known of the camera in use, until the next; an empty one takes it away."""
+        if sentence != self.told.text():
+            self.told.setText(sentence)
+            self.told.setVisible(bool(sentence))
 
     def show_found(self, source: str, devices: list[CameraDevice]) -> None:
         """Cameras that can be chosen now; the only one is taken if none was named."""

@@ -30,17 +30,26 @@ class CameraWish:
     address: str = ""
     exposure_s: float = 2.0
 
+    @property
+    def camera(self) -> tuple[str, str]:
+        """Which one, whatever its exposure."""
+        return self.source, self.address
+
 
 class Eye:
     """A :class:`~app.core.capture.CameraSource` that opens itself and survives its cable.
 
-    A camera that goes is told as silence, so that nobody takes it for the mount's line.
+    A camera that goes is told as silence, so that nobody takes it for the mount's line. One that
+    others use already keeps the exposure they have set unless this one ``insists``: then its own
+    holds for all, until it is closed.
     """
 
     name = "camera"
 
-    def __init__(self, wish: CameraWish, open_camera: OpenCamera | None = None) -> None:
-        self.wish = wish
+    def __init__(
+        self, wish: CameraWish, open_camera: OpenCamera | None = None, insists: bool = False
+    ) -> None:
+        self.wish, self.insists = wish, insists
         self._open_camera = open_camera
         self._camera: CameraSource | None = None
 
@@ -48,6 +57,20 @@ class Eye:
     def limits(self) -> CaptureLimits:
         """Of the camera, once it is open."""
         return CaptureLimits() if self._camera is None else self._camera.limits
+
+    @property
+    def exposure_told(self) -> str:
+        """What is to be known of an exposure that is not the one wished for; empty when it is."""
+        camera = self._camera
+        now_s = getattr(camera, "in_force", CaptureSettings()).exposure_s
+        if now_s is None or abs(now_s - self.wish.exposure_s) <= 0.01 * self.wish.exposure_s:
+            return ""
+        if getattr(camera, "alone", True):
+            return f"The camera exposes {now_s:g} s."
+        return (
+            f"Another view uses this camera, and it exposes {now_s:g} s: an exposure set here is"
+            " for both."
+        )
 
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """Set the camera."""
@@ -81,6 +104,8 @@ class Eye:
             settings = CaptureSettings(exposure_s=self.wish.exposure_s)
             self._camera = opened(self.wish.source, self.wish.address, settings)
             self.name = self._camera.name
+            if self.insists and self.exposure_told:
+                self._camera.configure(settings)
         return self._camera
 
 

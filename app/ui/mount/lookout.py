@@ -31,8 +31,16 @@ class Lookout:
         return result if isinstance(result, Solution) else None
 
     def use(self, wish: CameraWish | None) -> Eye | None:
-        """Look through this camera from now on; the one before, for its thread to close."""
-        before, self.eye = self.eye, None if wish is None else Eye(wish, self._cameras.open)
+        """Look through this camera from now on; the one before, for its thread to close.
+
+        Another exposure of the same camera was meant: it holds for whoever else uses it, too.
+        """
+        before = self.eye
+        if wish is None:
+            self.eye = None
+            return before
+        same = before is not None and before.wish.camera == wish.camera
+        self.eye = Eye(wish, self._cameras.open, insists=same)
         return before
 
     def close(self) -> None:

@@ -146,6 +146,7 @@ class MountView(MountPanel):
         wish = None if eye is None else eye.wish
         if wish != self.camera.wish:
             self.camera.show_wish(wish or CameraWish("", "", self.camera.exposure.value()))
+        self.camera.say("" if eye is None else eye.exposure_told)
         if not known.busy and not self._finder.running:
             self.bar.setVisible(False)
 

@@ -61,6 +61,7 @@ class SetupPanel(QWidget):
         self.device.setEditable(True)
         self.search = button("F&ind", self._find, tip="Look for cameras of this kind")
         self.exposure = seconds("Exposure", 0.05, 60.0, 2.0)
+        self.exposure.setToolTip("While it is aligned this holds for every view of the camera")
         self.hand = choice("Who turns the RA axis", [str(h) for h in Hand])
         self.site = text("Your site", "48.14, 11.58: latitude, longitude; empty: as the frames say")
         self.pole = choice("Pole", list(POLES.values()))

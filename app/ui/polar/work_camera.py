@@ -51,7 +51,7 @@ def align_camera(wish: AlignWish, tools: Tools, guard: Guard | None = None) -> T
     with ExitStack() as opened:
         yield Progress("opening", None, "Opening the camera…")
         place = _place(wish, tools, opened)
-        camera = Eye(place.camera, tools.open_camera)
+        camera = Eye(place.camera, tools.open_camera, insists=True)
         opened.callback(camera.close)
         site = place.site
         if site is None:
