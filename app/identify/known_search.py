@@ -58,7 +58,7 @@ class KnownSearch:
     ) -> None:
         self.table, self.xy, self.sight, self.ways = table, xy[:WITNESSES], sight, ways
         self.places: list[tuple[float, float]] = self.xy.tolist()
-        self.points = np.array([[complex(x, y)] for x, y in self.places])
+        self.points = np.ascontiguousarray(self.xy).view(np.complex128)  # (N, 1), x + iy
         width, height = half.tolist()
         self.side: float = 2.0 * max(width, height)
         self.corner = math.hypot(width, height)
@@ -152,7 +152,7 @@ class KnownSearch:
         flat = abs(area) < FLAT * error_px * math.hypot(cx - bx, cy - by)
         out = []
         for numbers in stars:
-            sense = triple(*(self.table.vectors[k].tolist() for k in numbers))
+            sense = triple(*self.table.vectors.take(numbers, axis=0).tolist())
             mirrored = (area > 0.0) != (sense > 0.0)
             out.append((numbers, mirrored))
             if flat:
@@ -192,7 +192,7 @@ class KnownSearch:
     ) -> Verdict | None:
         """What the other detections say of the pointing that the longest side proposes."""
         _, b, c = triangle
-        p, q = self.table.vectors[stars[1]].tolist(), self.table.vectors[stars[2]].tolist()
+        p, q = self.table.vectors.take(stars[1:], axis=0).tolist()
         off = self.sight.angle[b][c] - 2.0 * math.asin(math.dist(p, q) / 2.0)
         off = min(max(off / max(self.sight.growth[b][c], 1e-12), -1.0), 1.0)
         focal, sign = self.sight.focal * (1.0 + self.sight.room * off), -1.0 if mirrored else 1.0
