@@ -22,7 +22,8 @@ from app.polar.plane import axis_of_plane
 from app.polar.poles import Pole, pole_direction
 from app.sky.apparent import JD_UNIX, TT_MINUS_UTC_S
 
-LONGITUDE = 10.0
+LATITUDE, LONGITUDE = 40.0, 10.0
+MODELS = [(0.5, -0.3), (-0.2, 0.4)]  # MA, ME
 NAMESPACE = ["unshare", "--net", "--pid", "--fork", "--kill-child"]
 
 
@@ -59,29 +60,47 @@ def east_north_up(unix_s, ra_deg, dec_deg, latitude_deg):
     )
 
 
-def turn_west(repository, home, latitude, ma, me):
-    """What INDI's simulator says while it turns: [[unix seconds, RA, Dec], ...]."""
+@pytest.fixture(scope="module")
+def turned_west(repository, tmp_path_factory):
+    """What INDI's simulator says while it turns: (ma, me) -> [[unix seconds, RA, Dec], ...]."""
+    started = {
+        model: start(repository, tmp_path_factory.mktemp("indi"), *model) for model in MODELS
+    }
+    try:
+        told = {model: process.communicate(timeout=120) for model, process in started.items()}
+    finally:
+        for process in started.values():
+            process.kill()
+    for model, (_, complaint) in told.items():
+        assert started[model].returncode == 0, complaint
+    return {model: json.loads(output) for model, (output, _) in told.items()}
+
+
+def start(repository, home, ma, me):
+    """A simulator in a network of its own, that begins to turn at once."""
     plan = {
-        "latitude": latitude, "longitude": LONGITUDE, "ma": ma, "me": me,
+        "latitude": LATITUDE, "longitude": LONGITUDE, "ma": ma, "me": me,
         "start": [(sidereal_deg(time.time()) + 40.0) % 360.0, 70.0], "patience_s": 60.0,
     }  # fmt: skip
-    found = subprocess.run(
+    process = subprocess.Popen(
         [*NAMESPACE, sys.executable, str(repository / "tests/polar/indi_mount_model.py")],
-        input=json.dumps(plan), text=True, capture_output=True, timeout=120, cwd=repository,
-        env={**os.environ, "HOME": str(home), "PYTHONPATH": str(repository)},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=repository, env={**os.environ, "HOME": str(home), "PYTHONPATH": str(repository)},
     )  # fmt: skip
-    assert found.returncode == 0, found.stderr
-    return json.loads(found.stdout)
+    process.stdin.write(json.dumps(plan) + "\n")
+    process.stdin.close()
+    process.stdin = None  # nothing more is to be told
+    return process
 
 
-@pytest.mark.parametrize(("ma", "me"), [(0.5, -0.3), (-0.2, 0.4)])
-def test_the_axis_of_indis_mount_model_is_recovered(repository, tmp_path, ma, me):
-    latitude = 40.0
-    seen = turn_west(repository, tmp_path, latitude, ma, me)
+@pytest.mark.parametrize("model", MODELS)
+def test_the_axis_of_indis_mount_model_is_recovered(turned_west, model):
+    ma, me = model
+    seen = turned_west[model]
     assert len(seen) >= 8
-    boresights = np.stack([east_north_up(*row, latitude) for row in seen])
+    boresights = np.stack([east_north_up(*row, LATITUDE) for row in seen])
     axis = axis_of_plane(boresights)
-    pole = pole_direction(Site(latitude, LONGITUDE), Pole.TRUE)
+    pole = pole_direction(Site(LATITUDE, LONGITUDE), Pole.TRUE)
     axis = axis if axis @ pole > 0 else -axis
     error = PolarError(axis, pole, np.eye(2) * 1e-10)
     # +MA: axis west of the pole, which is anticlockwise from above in the north; +ME: too low
