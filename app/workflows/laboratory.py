@@ -33,6 +33,8 @@ NOISE_SPARED = 4.0  # an imprecise answer to a noisy field is not a wrong one
 SAME_SCALE = 0.03
 TOO_LONG = "timed out"
 SCALE_SPREAD = 0.02
+PLACE_DEG = 10.0
+"""Within this of the true centre, when the methods are told the place."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,9 @@
-"""How success and time of the methods change with what is wrong with a field.
+"""How success, error and time change with what is wrong with a field.
 
 The plots of the thesis "Lost in space for robotic telescopes", 2018: success against the number
-of stars (figure 7.12) and the error margin (7.13), time against the number of stars (7.18); and,
-for every method, success against noise, false and missing stars.
+of stars (figure 7.12) and the error margin (7.13), time against the number of stars (7.18); and
+the same against noise, false and missing stars. Of detectors it is the stars found that count, of
+estimators of the attitude the error.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,19 +12,12 @@ from statistics import median
 from typing import Any
 
 from app.core.progress import Progress, Task
-from app.workflows.laboratory import (
-    Choice,
-    FieldWish,
-    MakeField,
-    TrueField,
-    Truth,
-    scale_hint,
-    told_as,
-)
+from app.workflows.laboratory import Choice, FieldWish, Trial, told_as
 from app.workflows.laboratory_kinds import Kind, options_for
-from app.workflows.laboratory_methods import try_method
+from app.workflows.laboratory_scene import Scene, tries_on
 
-PLACE_DEG = 10.0
+MakeScene = Callable[[FieldWish, Sequence[int]], Task[Scene]]
+"""Makes a field, or a picture where detectors are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +39,29 @@ SWEEPS: dict[str, Sweep] = {
 }
 
 
+def sweeps_of(kind: Kind) -> list[str]:
+    """What is varied where these are compared."""
+    return [name for name, sweep in SWEEPS.items() if kind is Kind.METHOD or not sweep.option]
+
+
 @dataclass(frozen=True, slots=True)
 class Point:
-    """``right`` of ``fields`` answers were right and ``wrong`` were wrong at ``value``."""
+    """``right`` of ``fields`` answers were right and ``wrong`` were wrong at ``value``.
+
+    ``found`` is the share of the true stars that a detector found; ``off_arcsec`` the median of
+    how far the answers were off. Either is None where there is none. ``median_s`` is 0 where
+    nothing could begin.
+    """
 
     sweep: str
     value: float
-    method: str
+    name: str
     fields: int
     right: int
     wrong: int
     median_s: float
+    found: float | None = None
+    off_arcsec: float | None = None
 
     @property
     def success(self) -> float:
@@ -65,61 +71,75 @@ class Point:
 
 @dataclass(slots=True)
 class _Tally:
+    fields: int = 0
     right: int = 0
     wrong: int = 0
+    true: int = 0
+    there: int = 0
     seconds: list[float] = field(default_factory=list)
+    off_arcsec: list[float] = field(default_factory=list)
 
-    def point(self, sweep: str, value: float, method: str) -> Point:
-        middle = median(self.seconds)
-        return Point(sweep, value, method, len(self.seconds), self.right, self.wrong, middle)
+    def count(self, trial: Trial) -> None:
+        self.fields += 1
+        self.right += bool(trial.right)
+        self.wrong += trial.answered and not trial.right
+        if trial.seconds > 0:
+            self.seconds.append(trial.seconds)
+        if trial.off_arcsec is not None:
+            self.off_arcsec.append(trial.off_arcsec)
+        if trial.found is not None:
+            self.true += trial.found.true or 0
+            self.there += trial.found.there or 0
+
+    def point(self, sweep: str, value: float, name: str) -> Point:
+        return Point(
+            sweep, value, name, self.fields, self.right, self.wrong,
+            median(self.seconds) if self.seconds else 0.0,
+            self.true / self.there if self.there else None,
+            median(self.off_arcsec) if self.off_arcsec else None,
+        )  # fmt: skip
 
 
 def curves(
-    make_field: MakeField,
+    make_scene: MakeScene,
     wish: FieldWish,
+    kind: Kind,
     choices: Sequence[Choice],
-    sweeps: Sequence[str] = tuple(SWEEPS),
+    sweeps: Sequence[str] | None = None,
     fields: int = 10,
     seed: int = 1,
     place_known: bool = False,
     limit_s: float = 10.0,
     tell: Callable[[Point], None] = lambda _: None,
 ) -> Task[list[Point]]:
-    """Vary one thing at a time around ``wish`` and count answers; all methods see the same fields.
+    """Vary one thing at a time around ``wish`` and count answers; all see the same fields.
 
     Every round adds a field to every point, so that the curves may be looked at, and stopped, at
     any time. ``place_known`` gives the methods the place to 10 degrees besides the scale.
     """
-    jobs = [
-        (name, value, choice)
-        for name, value in _in_turn(sweeps)
-        for choice in choices
-        if not SWEEPS[name].option or _has(choice, name)
-    ]
-    tallies = {(name, value, choice.name): _Tally() for name, value, choice in jobs}
+    places = _in_turn(sweeps_of(kind) if sweeps is None else sweeps)
+    tallies: dict[tuple[str, float, str], _Tally] = {}
     points: dict[tuple[str, float, str], Point] = {}
-    made: tuple[object, TrueField] | None = None
     for turn in range(fields):
-        for number, (name, value, choice) in enumerate(jobs):
-            done = (turn + number / len(jobs)) / fields
+        for number, (name, value) in enumerate(places):
+            done = (turn + number / len(places)) / fields
             shown = f"{SWEEPS[name].title} {value:g} {SWEEPS[name].unit}".rstrip()
-            yield Progress("laboratory", done, f"{shown}: {choice.name}")
-            at, varied = _varied(wish, choice, name, value)
-            seeds = (seed, turn, _place(name, value))
-            if made is None or made[0] != (at, seeds):
-                made = ((at, seeds), make_field(at, seeds))
-            one = made[1]
-            truth = Truth.of(one, at)
-            hint = scale_hint(truth, PLACE_DEG if place_known else None)
-            task = try_method(one.detections, varied, hint, truth, limit_s=limit_s)
-            trial = yield from told_as(task, done, shown)
-            tally = tallies[name, value, choice.name]
-            tally.right += bool(trial.right)
-            tally.wrong += trial.answered and not trial.right
-            tally.seconds.append(trial.seconds)
-            point = tally.point(name, value, choice.name)
-            points[name, value, choice.name] = point
-            tell(point)
+            yield Progress("laboratory", done, shown)
+            at, varied = _varied(wish, kind, choices, name, value)
+            if not varied:
+                continue
+            scene = yield from told_as(
+                make_scene(at, (seed, turn, _place(name, value))), done, shown
+            )
+            making = tries_on(scene, kind, varied, scene.hint(True, place_known), limit_s)
+            tries = yield from told_as(making, done, shown)
+            for choice, task in zip(varied, tries, strict=True):
+                key = name, value, choice.name
+                trial = yield from told_as(task, done, f"{shown}: {choice.name}")
+                tally = tallies.setdefault(key, _Tally())
+                tally.count(trial)
+                points[key] = tally.point(*key)
+                tell(points[key])
     return list(points.values())
 
 
@@ -134,17 +154,15 @@ def _in_turn(sweeps: Sequence[str]) -> list[tuple[str, float]]:
     ]
 
 
-def _has(choice: Choice, option: str) -> bool:
-    return any(known.name == option for known in options_for(Kind.METHOD, choice.name))
-
-
-def _varied(wish: FieldWish, choice: Choice, name: str, value: float) -> tuple[FieldWish, Choice]:
+def _varied(
+    wish: FieldWish, kind: Kind, choices: Sequence[Choice], name: str, value: float
+) -> tuple[FieldWish, list[Choice]]:
+    """The field that is wanted and the choices for it: those without an option are left out."""
     if SWEEPS[name].option:
-        return wish, Choice(choice.name, {**choice.options, name: value})
-    if name == "stars":
-        return replace(wish, stars=int(value)), choice
-    changed: dict[str, Any] = {name: value}
-    return replace(wish, **changed), choice
+        having = [c for c in choices if any(o.name == name for o in options_for(kind, c.name))]
+        return wish, [replace(c, options={**c.options, name: value}) for c in having]
+    changed: dict[str, Any] = {name: int(value) if name == "stars" else value}
+    return replace(wish, **changed), list(choices)
 
 
 def _place(name: str, value: float) -> int:

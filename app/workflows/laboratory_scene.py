@@ -13,6 +13,7 @@ from app.core.solution import NoSolution, Solution
 from app.sky.apparent import julian_years
 from app.solve.options import UNKNOWN_YEAR
 from app.workflows.laboratory import (
+    PLACE_DEG,
     Choice,
     FieldWish,
     Floats,
@@ -24,7 +25,6 @@ from app.workflows.laboratory import (
     scale_hint,
 )
 from app.workflows.laboratory_attitudes import name_stars, try_attitude
-from app.workflows.laboratory_curves import PLACE_DEG
 from app.workflows.laboratory_detectors import try_detector
 from app.workflows.laboratory_kinds import Kind
 from app.workflows.laboratory_methods import try_method
@@ -83,19 +83,19 @@ def scene_of_frame(
     )
 
 
-def scene_of_field(make: MakeField, wish: FieldWish, number: int) -> Task[Scene]:
-    """The stars of simulated field ``number``, and the truth of it."""
+def scene_of_field(make: MakeField, wish: FieldWish, seeds: Sequence[int]) -> Task[Scene]:
+    """The stars of a simulated field, and the truth of it."""
     yield Progress("laboratory", None, "making a field")
-    field = make(wish, (number,))
+    field = make(wish, seeds)
     return Scene(field.detections, truth=Truth.of(field, wish))
 
 
-def scene_of_picture(make: MakePicture, wish: FieldWish, number: int) -> Task[Scene]:
-    """The picture of simulated field ``number``, and the truth of it."""
+def scene_of_picture(make: MakePicture, wish: FieldWish, seeds: Sequence[int]) -> Task[Scene]:
+    """The picture of a simulated field, and the truth of it."""
     if wish.size_px > LARGEST_PX:
         raise UsageError(f"A simulated picture is {LARGEST_PX} px wide at most.")
     yield Progress("laboratory", None, "making a picture")
-    picture = make(wish, (number,))
+    picture = make(wish, seeds)
     return Scene(frame=picture.frame, truth=Truth.of(picture, wish), places=picture.places)
 
 
@@ -115,21 +115,22 @@ def comparison(
     if source is None:
         raise UsageError(OPEN_FIRST)
     scene = yield from source
-    hint = scene.hint(scale, place)
-    if kind is Kind.DETECTOR:
-        tries = _with_detectors(scene, choices, hint, limit_s)
-    else:
-        stars = yield from _stars_of(scene)
-        if kind is Kind.ATTITUDE:
-            named = yield from name_stars(stars, hint, scene.year, limit_s)
-            tries = [try_attitude(named, choice, scene.truth) for choice in choices]
-        else:
-            tries = [
-                try_method(stars, choice, hint, scene.truth, scene.year, limit_s)
-                for choice in choices
-            ]
+    tries = yield from tries_on(scene, kind, choices, scene.hint(scale, place), limit_s)
     names = [choice.name for choice in choices]
     return (yield from compare(list(zip(names, tries, strict=True)), tell))
+
+
+def tries_on(
+    scene: Scene, kind: Kind, choices: Sequence[Choice], hint: Hint | None, limit_s: float
+) -> Task[list[Task[Trial]]]:
+    """A task for each choice, none of them begun; what all of them need is made here."""
+    if kind is Kind.DETECTOR:
+        return _with_detectors(scene, choices, hint, limit_s)
+    stars = yield from _stars_of(scene)
+    if kind is Kind.ATTITUDE:
+        named = yield from name_stars(stars, hint, scene.year, limit_s)
+        return [try_attitude(named, choice, scene.truth) for choice in choices]
+    return [try_method(stars, choice, hint, scene.truth, scene.year, limit_s) for choice in choices]
 
 
 def _with_detectors(

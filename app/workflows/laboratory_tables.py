@@ -16,7 +16,8 @@ TRIALS = (
     "log10_false_alarm", "reason", "tried", "paper",
 )  # fmt: skip
 POINTS = (
-    "varied", "unit", "value", "method", "fields", "right", "wrong", "success", "median_ms",
+    "varied", "unit", "value", "name", "fields", "right", "wrong", "success", "found",
+    "off_arcsec", "median_ms",
 )  # fmt: skip
 
 
@@ -28,7 +29,7 @@ def trials_csv(trials: Iterable[Trial]) -> str:
 def points_csv(points: Iterable[Point]) -> str:
     """A line for each point of each curve, in the order of the curves."""
     order = list(SWEEPS)
-    sorted_points = sorted(points, key=lambda p: (order.index(p.sweep), p.method, p.value))
+    sorted_points = sorted(points, key=lambda p: (order.index(p.sweep), p.name, p.value))
     return _csv(POINTS, (_point(p) for p in sorted_points))
 
 
@@ -46,7 +47,8 @@ def _trial(t: Trial) -> Sequence[object]:
 def _point(p: Point) -> Sequence[object]:
     unit = SWEEPS[p.sweep].unit
     return (
-        p.sweep, unit, p.value, p.method, p.fields, p.right, p.wrong, p.success, 1e3 * p.median_s,
+        p.sweep, unit, p.value, p.name, p.fields, p.right, p.wrong, p.success,
+        p.found, p.off_arcsec, 1e3 * p.median_s,
     )  # fmt: skip
 
 

@@ -3,11 +3,12 @@
 import csv
 import io
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from app.__main__ import _simulated_field
+from app.__main__ import _simulated_field, _simulated_picture
 from app.attitude.wahba import small_rotation
 from app.core.attitude import Attitude, attitude_from
 from app.core.detections import Detections
@@ -25,9 +26,10 @@ from app.workflows.laboratory import (
     scale_hint,
     wrong_names,
 )
-from app.workflows.laboratory_curves import SWEEPS, curves
+from app.workflows.laboratory_curves import SWEEPS, curves, sweeps_of
 from app.workflows.laboratory_kinds import Kind
 from app.workflows.laboratory_methods import pointed, try_method
+from app.workflows.laboratory_scene import scene_of_field, scene_of_picture
 from app.workflows.laboratory_tables import POINTS, TRIALS, points_csv, trials_csv
 
 EASY = FieldWish(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
@@ -47,6 +49,10 @@ def identification(easy, attitude=None):
     found = run(make_identifier("patterns").identify(easy.detections, None))
     assert isinstance(found, Identification)
     return found if attitude is None else replace(found, attitude=attitude)
+
+
+def fields(make=_simulated_field):
+    return partial(scene_of_field, make)
 
 
 def with_methods(detections, choices, hint, truth, **more):
@@ -200,7 +206,7 @@ def test_curves_count_answers_and_grow_round_by_round():
     wish = FieldWish(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
     choices = [Choice("patterns")]
     points = run(
-        curves(_simulated_field, wish, choices, ("missing", "stars"), 2, tell=heard.append)
+        curves(fields(), wish, Kind.METHOD, choices, ("missing", "stars"), 2, tell=heard.append)
     )
     wanted = {(s, v) for s in ("missing", "stars") for v in SWEEPS[s].values}
     assert {(p.sweep, p.value) for p in points} == wanted
@@ -222,7 +228,7 @@ def test_the_same_seed_gives_the_same_fields_to_every_method():
         return _simulated_field(wish, seeds)
 
     choices = [Choice("patterns"), Choice("neighbours")]
-    run(curves(field, EASY, choices, ("noise_px",), 1, seed=5))
+    run(curves(fields(field), EASY, Kind.METHOD, choices, ("noise_px",), 1, seed=5))
     assert len(asked) == len(set(asked)) == len(SWEEPS["noise_px"].values)  # one for both methods
     again = _simulated_field(*asked[0])
     assert np.array_equal(again.detections.xy, _simulated_field(*asked[0]).detections.xy)
@@ -236,10 +242,40 @@ def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields():
         asked.add((wish, tuple(seeds)))
         return _simulated_field(wish, seeds)
 
-    points = run(curves(field, EASY, [Choice("patterns"), Choice("voting")], ("margin_px",), 1))
-    assert {p.method for p in points} == {"voting"}
+    choices = [Choice("patterns"), Choice("voting")]
+    points = run(curves(fields(field), EASY, Kind.METHOD, choices, ("margin_px",), 1))
+    assert {p.name for p in points} == {"voting"}
     assert [p.value for p in points] == list(SWEEPS["margin_px"].values)
     assert len(asked) == 1
+
+
+def test_curves_of_detectors_count_the_stars_they_found():
+    wish = FieldWish(fov_deg=25.0, stars=15, noise_px=0.05, false=0.0, missing=0.0, size_px=400)
+    pictures = partial(scene_of_picture, _simulated_picture)
+    choices = [Choice("auto"), Choice("contours")]
+    points = run(curves(pictures, wish, Kind.DETECTOR, choices, ("noise_px",), 2))
+    at = {(p.name, p.value): p for p in points}
+    assert len(at) == 2 * len(SWEEPS["noise_px"].values)
+    for name in ("auto", "contours"):
+        assert at[name, 0.0].found > at[name, 4.0].found
+        assert at[name, 0.0].fields == 2
+    assert at["auto", 0.0].found > 0.8
+    assert all(at["auto", v].found >= at["contours", v].found for v in (0.25, 0.5, 1.0))
+    assert all(p.median_s > 0 for p in points)
+    assert not any(SWEEPS[name].option for name in sweeps_of(Kind.DETECTOR))
+
+
+def test_curves_of_estimators_tell_the_error_where_there_is_an_answer():
+    choices = [Choice("fit"), Choice("triad")]
+    points = run(curves(fields(), EASY, Kind.ATTITUDE, choices, ("noise_px",), 3))
+    at = {(p.name, p.value): p for p in points}
+    assert at["fit", 4.0].off_arcsec > 10 * at["fit", 0.0].off_arcsec
+    assert at["fit", 2.0].off_arcsec < at["triad", 2.0].off_arcsec
+    assert all(p.found is None for p in points)
+    none = run(curves(fields(), EASY, Kind.ATTITUDE, choices, ("noise_px",), 1, limit_s=-1.0))
+    assert len(none) == len(points)
+    assert all(p.off_arcsec is None for p in none)
+    assert all(p.median_s == p.right == p.wrong == 0 for p in none)
 
 
 def test_tables_export_every_number(easy, truth):
@@ -250,7 +286,7 @@ def test_tables_export_every_number(easy, truth):
     assert float(rows[0]["ra_deg"]) == pytest.approx(trials[0].ra_dec_deg[0], abs=1e-3)
     assert rows[1]["answered"] == "no"
     assert rows[1]["ra_deg"] == rows[1]["wrong"] == ""
-    points = run(curves(_simulated_field, EASY, [Choice("patterns")], ("missing",), 1))
+    points = run(curves(fields(), EASY, Kind.METHOD, [Choice("patterns")], ("missing",), 1))
     lines = list(csv.DictReader(io.StringIO(points_csv(points))))
     assert tuple(lines[0]) == POINTS
     assert [float(r["value"]) for r in lines] == list(SWEEPS["missing"].values)

@@ -108,7 +108,7 @@ def test_an_estimate_is_timed_over_several_and_can_be_stopped_between(named):
 def test_all_of_them_from_one_identification(truth):
     heard = []
     task = comparison(
-        scene_of_field(_simulated_field, WISH, 6), Kind.ATTITUDE,
+        scene_of_field(_simulated_field, WISH, (6,)), Kind.ATTITUDE,
         [Choice(name) for name in names_of(Kind.ATTITUDE)], True, True, 20.0, heard.append,
     )  # fmt: skip
     trials = run(task)

@@ -46,7 +46,7 @@ def truth(picture):
 @pytest.fixture(scope="module")
 def trials():
     choices = [Choice(name) for name in DETECTORS]
-    scene = scene_of_picture(_simulated_picture, BRIGHT, 9)
+    scene = scene_of_picture(_simulated_picture, BRIGHT, (9,))
     return {t.name: t for t in run(compared(scene, Kind.DETECTOR, choices))}
 
 
@@ -110,10 +110,14 @@ def test_a_wrong_picture_is_told_as_wrong(picture, truth):
 
 def test_a_list_of_stars_has_no_picture_and_a_huge_picture_is_refused():
     with pytest.raises(UsageError, match="no picture"):
-        run(compared(scene_of_field(_simulated_field, BRIGHT, 1), Kind.DETECTOR, [Choice("auto")]))
+        run(
+            compared(
+                scene_of_field(_simulated_field, BRIGHT, (1,)), Kind.DETECTOR, [Choice("auto")]
+            )
+        )
     huge = replace(BRIGHT, size_px=LARGEST_PX + 1)
     with pytest.raises(UsageError, match="px wide at most"):
-        run(scene_of_picture(_simulated_picture, huge, 1))
+        run(scene_of_picture(_simulated_picture, huge, (1,)))
     with pytest.raises(UsageError, match="Open a frame first"):
         run(compared(None, Kind.DETECTOR, [Choice("auto")]))
 

@@ -6,13 +6,23 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QVBoxLayout, QWidget
 
-from app.identify import IDENTIFIERS
 from app.ui.chart import Axis, Chart, Series
 from app.ui.legend import Legend
 from app.ui.palette import Colours
-from app.workflows.laboratory_curves import SWEEPS, Point
+from app.workflows.laboratory_curves import SWEEPS, Point, sweeps_of
+from app.workflows.laboratory_kinds import Kind, names_of
 
-SUCCESS = Axis("success", "%", (0.0, 100.0))
+Height = Callable[[Point], float | None]
+HEIGHTS: dict[Kind, tuple[Axis, Height]] = {
+    Kind.METHOD: (Axis("success", "%", (0.0, 100.0)), lambda p: 100.0 * p.success),
+    Kind.DETECTOR: (
+        Axis("stars found", "%", (0.0, 100.0)),
+        lambda p: None if p.found is None else 100.0 * p.found,
+    ),
+    Kind.ATTITUDE: (
+        Axis("error", "arcsec"), lambda p: p.off_arcsec,
+    ),
+}  # fmt: skip
 TIME = Axis("time", "ms", log=True)
 TIME_CHART = "time"
 SHARES = ("false", "missing")  # sweeps whose values are shares
@@ -25,13 +35,15 @@ NARROW, WIDE, WIDE_PX = 2, 3, 1000  # columns, and from which width on there are
 
 
 class Plots(QWidget):
-    """Six charts over one legend; every method keeps its colour, dashes and marker."""
+    """Charts over one legend; every method of the kind keeps its colour, dashes and marker."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: Kind) -> None:
         super().__init__()
+        self.kind = kind
         self.setObjectName("page")
         self.points: dict[tuple[str, float, str], Point] = {}
-        self.charts = {name: Chart(TITLES[name], _across(name), SUCCESS) for name in SWEEPS}
+        up, self._height = HEIGHTS[kind]
+        self.charts = {name: Chart(TITLES[name], _across(name), up) for name in sweeps_of(kind)}
         self.time = Chart("Time", _across("stars"), TIME)
         self.legend = Legend()
         self._stale: dict[str, None] = {}  # charts to be drawn again, in their turn
@@ -60,13 +72,13 @@ class Plots(QWidget):
     def begin(self, methods: Sequence[str]) -> None:
         """No curves yet; these will come."""
         self.points = {}
-        self.legend.show_names(tuple((m, _style(m)) for m in IDENTIFIERS if m in methods))
+        self.legend.show_names(tuple((m, self._style(m)) for m in methods))
         self._stale = dict.fromkeys((*self.charts, TIME_CHART))
         self._timer.start()
 
     def add(self, point: Point) -> None:
         """Keep a point, and show it soon."""
-        self.points[point.sweep, point.value, point.method] = point
+        self.points[point.sweep, point.value, point.name] = point
         self._stale[point.sweep] = None
         if point.sweep == "stars":
             self._stale[TIME_CHART] = None
@@ -86,15 +98,15 @@ class Plots(QWidget):
         name = next(iter(self._stale))
         del self._stale[name]
         if name == TIME_CHART:
-            self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s))
+            self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s or None))
         else:
-            self.charts[name].show_series(self._series(name, lambda p: 100.0 * p.success))
+            self.charts[name].show_series(self._series(name, self._height))
 
     def wrong_answers(self) -> dict[str, int]:
         """How many answers of each method were wrong, for those that gave any."""
         counts = {
-            method: sum(p.wrong for p in self.points.values() if p.method == method)
-            for method in IDENTIFIERS
+            method: sum(p.wrong for p in self.points.values() if p.name == method)
+            for method in names_of(self.kind)
         }
         return {method: count for method, count in counts.items() if count}
 
@@ -103,19 +115,22 @@ class Plots(QWidget):
         for plot in (*self.charts.values(), self.time, self.legend):
             plot.wear(colours)
 
-    def _series(self, sweep: str, height: Callable[[Point], float]) -> tuple[Series, ...]:
+    def _series(self, sweep: str, height: Height) -> tuple[Series, ...]:
         made = []
-        for method in IDENTIFIERS:
-            mine = [p for key, p in self.points.items() if key[0] == sweep and key[2] == method]
-            mine.sort(key=lambda p: p.value)
+        for method in names_of(self.kind):
+            mine = {
+                key[1]: up for key, point in self.points.items()
+                if key[0] == sweep and key[2] == method and (up := height(point)) is not None
+            }  # fmt: skip
             if mine:
-                x = tuple(p.value * (100.0 if sweep in SHARES else 1.0) for p in mine)
-                made.append(Series(method, x, tuple(map(height, mine)), _style(method)))
+                x = sorted(mine)
+                across = tuple(value * (100.0 if sweep in SHARES else 1.0) for value in x)
+                up_there = tuple(mine[value] for value in x)
+                made.append(Series(method, across, up_there, self._style(method)))
         return tuple(made)
 
-
-def _style(method: str) -> int:
-    return list(IDENTIFIERS).index(method)
+    def _style(self, method: str) -> int:
+        return names_of(self.kind).index(method)
 
 
 def _across(name: str) -> Axis:

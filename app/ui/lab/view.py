@@ -1,6 +1,7 @@
 """The Laboratory: methods, detectors or estimators on the open frame or a simulated field."""
 
 import json
+from functools import partial
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import (
@@ -24,7 +25,7 @@ from app.ui.palette import Colours
 from app.ui.services import Services
 from app.ui.widgets import button, label, scrolled, set_role
 from app.workflows.laboratory import Trial
-from app.workflows.laboratory_curves import curves
+from app.workflows.laboratory_curves import MakeScene, curves
 from app.workflows.laboratory_kinds import Kind
 from app.workflows.laboratory_scene import (
     Scene,
@@ -34,9 +35,7 @@ from app.workflows.laboratory_scene import (
     scene_of_picture,
 )
 
-READY = "Compare on the same stars, or draw how methods fare as the stars get worse."
-CURVES = "Simulated fields, getting worse"
-METHODS_ONLY = "Curves are drawn of methods of identification"
+READY = "Compare on the same stars, or draw how they fare as the stars get worse."
 
 
 class _Relay(QObject):
@@ -56,7 +55,7 @@ class LaboratoryView(QWidget):
         self.setup = SetupPanel(services.wiring.fields is not None)
         self.methods = MethodsPanel()
         self.table = TrialTable()
-        self.plots = Plots()
+        self.plots = Plots(Kind.METHOD)
         self.tabs = QTabWidget()
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("What the Laboratory found")
@@ -68,7 +67,7 @@ class LaboratoryView(QWidget):
         self.bar.setRange(0, 1000)
         self.bar.setAccessibleName("Progress of the Laboratory")
         self.compare = button("Compare", self.run_comparison, "main", "A line for each")
-        self.draw = button("Draw curves", self.run_curves, tip=CURVES)
+        self.draw = button("Draw curves", self.run_curves, tip="Simulated fields, getting worse")
         self.stop = button("Stop", self._stop, tip="Keep what there is so far")
         self.export = Exporter(self, services)
         self.job: Job | None = None
@@ -129,7 +128,7 @@ class LaboratoryView(QWidget):
 
     def run_curves(self) -> None:
         """Vary one thing after the other on simulated fields."""
-        make = self._services.wiring.fields
+        make = self._simulated()
         assert make is not None, "the button is off without it"
         try:
             choices = self.methods.choices()
@@ -137,26 +136,41 @@ class LaboratoryView(QWidget):
             self._say(str(error), "wrong")
             return
         relay = self._begin()
+        self._renew_plots()
         self.plots.begin([choice.name for choice in choices])
         relay.point.connect(self.plots.add)
         task = curves(
-            make, self.setup.wish, choices, fields=self.setup.fields.value(),
+            make, self.setup.wish, self.methods.kind, choices, fields=self.setup.fields.value(),
             seed=self.setup.seed.value(), limit_s=self.setup.limit.value(),
             place_known=Told(self.setup.told.currentText()) is Told.PLACE, tell=relay.point.emit,
         )  # fmt: skip
         self._start(task, 1)
 
-    def _scene(self) -> "Task[Scene] | None":
-        wiring, wish, number = self._services.wiring, self.setup.wish, self.setup.seed.value()
-        if self.setup.from_field and wiring.fields is not None:
-            if self.methods.kind is not Kind.DETECTOR:
-                return scene_of_field(wiring.fields, wish, number)
-            if wiring.pictures is not None:
-                return scene_of_picture(wiring.pictures, wish, number)
+    def _simulated(self) -> MakeScene | None:
+        """How simulated fields are made for what is compared; None where they cannot."""
+        fields, pictures = self._services.wiring.fields, self._services.wiring.pictures
+        if self.methods.kind is Kind.DETECTOR:
+            return None if pictures is None else partial(scene_of_picture, pictures)
+        return None if fields is None else partial(scene_of_field, fields)
+
+    def _scene(self) -> Task[Scene] | None:
+        make = self._simulated()
+        if self.setup.from_field and make is not None:
+            return make(self.setup.wish, (self.setup.seed.value(),))
         known = self._services.session.known
         if known.frame is None:
             return None
         return scene_of_frame(known.frame, known.detections, known.result, known.options.hint)
+
+    def _renew_plots(self) -> None:
+        """Other charts for another kind."""
+        if self.plots.kind is self.methods.kind:
+            return
+        self.tabs.removeTab(1)
+        self.plots.deleteLater()
+        self.plots = Plots(self.methods.kind)
+        self.plots.dress(self._services.looks.colours)
+        self.tabs.addTab(self.plots, "Curves")
 
     def _begin(self) -> _Relay:
         """A relay of its own for each run: what an older one still says is not heard."""
@@ -211,10 +225,7 @@ class LaboratoryView(QWidget):
         self.export.enable()
 
     def _offer_curves(self) -> None:
-        of_methods = self.methods.kind is Kind.METHOD
-        idle = not self.stop.isEnabled()
-        self.draw.setEnabled(idle and of_methods and self._services.wiring.fields is not None)
-        self.draw.setToolTip(CURVES if of_methods else METHODS_ONLY)
+        self.draw.setEnabled(not self.stop.isEnabled() and self._simulated() is not None)
 
     def _say(self, text: str, role: str) -> None:
         self.said.setText(text)

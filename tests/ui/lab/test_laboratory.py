@@ -275,6 +275,37 @@ def test_curves_are_drawn_round_by_round_and_can_be_stopped(qtbot, lab):
     assert all(y > 0 for y in view.plots.time.series[0].y)
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "axis"),
+    [(Kind.DETECTOR, "contours", "stars found, %"), (Kind.ATTITUDE, "quest", "error, arcsec")],
+)
+def test_curves_of_another_kind_have_another_measure(qtbot, lab, kind, name, axis):
+    _, view = lab()
+    view.methods.choose(kind)
+    field_setup(view, name)
+    view.setup.side_px.setValue(300)
+    view.setup.fields.setValue(1)
+    view.draw.click()
+    wait_for(qtbot, view)
+    assert view.tabs.currentWidget() is view.plots
+    assert view.tabs.tabText(1) == "Curves"
+    assert "margin_px" not in view.plots.charts
+    assert {chart.up.label for chart in view.plots.charts.values()} == {axis}
+    for chart in (*view.plots.charts.values(), view.plots.time):
+        (line,) = chart.series
+        assert line.name == name
+        assert len(line.x) >= 2
+        assert np.isfinite(line.y).all()
+    assert all(y > 0 for y in view.plots.time.series[0].y)
+    assert view.export.csv.isEnabled()
+    view.methods.choose(Kind.METHOD)
+    view.methods.tick(["patterns"])
+    view.draw.click()
+    wait_for(qtbot, view)
+    assert view.plots.charts["margin_px"].series == ()
+    assert [line.name for line in view.plots.charts["noise_px"].series] == ["patterns"]
+
+
 class Liar:
     """A method that is sure of the wrong place."""
 
