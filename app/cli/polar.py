@@ -4,12 +4,15 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from app.cli.choices import number_above_zero
 from app.cli.files import named
 from app.cli.output import Json, ProgressLine
-from app.core.errors import UsageError
+from app.core.errors import FrameError, UsageError
 from app.core.hint import Site
 from app.core.progress import run as run_task
 from app.core.solution import NoSolution
@@ -24,6 +27,22 @@ from app.polar.words import altitude_in_words, azimuth_in_words, split_in_words,
 from app.solve.options import SolveOptions
 from app.workflows.polar_measure import optics_of
 from app.workflows.polar_sources import SolvedFile, sightings_of, site_of, solve_polar_file
+
+
+@dataclass(frozen=True, slots=True)
+class Bad:
+    """A file that cannot be used: ``code`` is what the program ends with for it."""
+
+    path: str
+    reason: str
+    code: int
+
+    @property
+    def told(self) -> str:
+        """One sentence that names the file."""
+        known = self.path in self.reason or Path(self.path).name in self.reason
+        return self.reason if known else f"{self.path}: {self.reason}"
+
 
 SPOILT = {Kind.FAR, Kind.SITE_OR_TIME, Kind.DEC_MOVED, Kind.CAMERA_TURNED, Kind.DISAGREE}
 """What must be put right first: nothing is better after it."""
@@ -83,25 +102,30 @@ def run(args: argparse.Namespace) -> int:
     if len(args.check) == 1:
         raise UsageError("A second sweep (--check) needs two frames or more as well.")
     options = SolveOptions(fov_deg=args.fov, timeout_s=args.timeout)
-    files = [_solve(path, options) for path in paths]
-    unsolved = [file for file in files if isinstance(file.result, NoSolution)]
-    if unsolved:
-        return _fail([_no_answer(file) for file in unsolved], args.json)
-    settings = Settings(
-        site_of(files, args.site), Pole(args.pole), Air(args.pressure, args.temperature)
-    )
+    tried = [_solve(path, options) for path in paths]
+    if bad := [one for one in tried if isinstance(one, Bad)]:
+        code = max(one.code for one in bad)
+        return _fail(" ".join(one.told for one in bad), args.json, code, bad)
+    files = [one for one in tried if isinstance(one, SolvedFile)]
     sweeps = [0] * len(args.files) + [1] * len(args.check)
-    result = measure(sightings_of(files, sweeps), settings)
+    try:
+        site, sightings = site_of(files, args.site), sightings_of(files, sweeps)
+    except UsageError as error:
+        return _fail(str(error), args.json, 2)
+    air = Air(args.pressure, args.temperature)
+    result = measure(sightings, Settings(site, Pole(args.pole), air))
     if isinstance(result, NoAxis):
-        return _fail([f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}"], args.json)
-    print(json.dumps(as_json(result)) if args.json else as_text(result))
+        reason = f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}"
+        return _fail(reason, args.json, 1)
+    doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings]
+    print(json.dumps(as_json(result, doubts)) if args.json else as_text(result, doubts))
     if args.report is not None:
         _write_report(args.report, result)
     return 0
 
 
-def as_json(m: Measurement) -> Json:
-    """The stable JSON form of a measurement."""
+def as_json(m: Measurement, doubts: Sequence[str] = ()) -> Json:
+    """The stable JSON form of a measurement; ``doubts`` are what reading the files warned of."""
     error = m.error
     return {
         "altitude_error_arcsec": error.altitude_arcsec,
@@ -120,11 +144,11 @@ def as_json(m: Measurement) -> Json:
         "frames": len(m.attitudes),
         "chi2": m.fit.chi2,
         "degrees_of_freedom": m.fit.freedom,
-        "warnings": [finding.text for finding in m.findings],
+        "warnings": [*(finding.text for finding in m.findings), *doubts],
     }
 
 
-def as_text(m: Measurement) -> str:
+def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
     """A card for people."""
     error = m.error
     sweeps = f" of {len(m.looks)} sweeps" if len(m.looks) > 1 else ""
@@ -140,7 +164,8 @@ def as_text(m: Measurement) -> str:
         lines.append("stop      the error is smaller than its uncertainty")
     if not SPOILT & {finding.kind for finding in m.findings}:
         lines += _better(m)
-    return "\n  ".join(lines + [f"note      {finding.text}" for finding in m.findings])
+    notes = [*(finding.text for finding in m.findings), *doubts]
+    return "\n  ".join(lines + [f"note      {note}" for note in notes])
 
 
 def _better(m: Measurement) -> list[str]:
@@ -162,25 +187,28 @@ def _chi2(m: Measurement) -> str:
     return f"; chi-square {m.fit.chi2:.1f} of {m.fit.freedom} expected"
 
 
-def _solve(path: str, options: SolveOptions) -> SolvedFile:
+def _solve(path: str, options: SolveOptions) -> "SolvedFile | Bad":
     line = ProgressLine(path)
     try:
-        return run_task(solve_polar_file(path, options), line)
+        file = run_task(solve_polar_file(path, options), line)
+    except FrameError as error:
+        return Bad(path, str(error), 2)
     finally:
         line.clear()
+    if isinstance(file.result, NoSolution):
+        return Bad(path, f"no solution: {file.result.reason}. {file.result.advice}", 1)
+    return file
 
 
-def _no_answer(file: SolvedFile) -> str:
-    assert isinstance(file.result, NoSolution)
-    return f"{file.path}: no solution: {file.result.reason}. {file.result.advice}"
-
-
-def _fail(sentences: list[str], as_json: bool) -> int:
+def _fail(sentence: str, as_json: bool, code: int, bad: Sequence[Bad] = ()) -> int:
+    """Say why there is no measurement, and of which files; one document in JSON."""
     if as_json:
-        print(json.dumps({"error": " ".join(sentences)}))
+        files = [{"file": one.path, "error": one.reason} for one in bad]
+        print(json.dumps({"error": sentence} | ({"files": files} if bad else {})))
     else:
-        print("\n".join(f"kochab: {text}" for text in sentences), file=sys.stderr)
-    return 1
+        for told in [one.told for one in bad] or [sentence]:
+            print(f"kochab: {told}", file=sys.stderr)
+    return code
 
 
 def _write_report(path: str, m: Measurement) -> None:

@@ -114,6 +114,38 @@ def test_a_frame_without_an_answer_is_exit_1(night, capsys):
     assert "no solution" in json.loads(out)["error"]
 
 
+def test_every_file_that_cannot_be_used_is_told_at_once_in_one_document(night, capsys, tmp_path):
+    _, files, blank = night
+    text = tmp_path / "notes.fits"
+    text.write_text("no picture")
+    nowhere = str(tmp_path / "nowhere.fits")
+    code, out, err = polar(capsys, files[0], str(text), blank, nowhere, "--json")
+    assert (code, err) == (2, "")
+    told = json.loads(out)
+    assert [one["file"] for one in told["files"]] == [str(text), blank, nowhere]
+    assert "no solution" in told["files"][1]["error"]
+    assert all(one["error"] in told["error"] for one in told["files"])
+    code, out, err = polar(capsys, files[0], str(text), blank, nowhere)
+    assert (code, out) == (2, "")
+    assert [name in line for name, line in zip(
+        ("notes.fits", "blank.fits", "nowhere.fits"), err.splitlines(), strict=True
+    )] == [True] * 3  # fmt: skip
+
+
+def test_a_frame_that_does_not_say_when_is_told_in_json_too(night, capsys, tmp_path):
+    from astropy.io import fits
+
+    _, files, _ = night
+    with fits.open(files[0]) as hdus:
+        for key in [key for key in hdus[0].header if key.startswith("DATE")]:
+            del hdus[0].header[key]
+        path = tmp_path / "timeless.fits"
+        hdus.writeto(path)
+    code, out, err = polar(capsys, str(path), files[1], "--json")
+    assert (code, err) == (2, "")
+    assert "does not say when" in json.loads(out)["error"]
+
+
 def test_the_same_frame_twice_has_no_axis(night, capsys):
     _, files, _ = night
     code, _, err = polar(capsys, files[0], files[0])
