@@ -63,6 +63,7 @@ def make_actions(window: QMainWindow) -> dict[str, QAction]:
         action = QAction(spec.text, window)
         action.setObjectName(spec.name)
         action.setCheckable(spec.switch)
+        action.setIconVisibleInMenu(False)  # it would stand where the tick of a switch does
         action.setShortcuts([QKeySequence(k) for k in spec.keys.split()])
         if spec.short:
             action.setIconText(spec.short)

@@ -10,6 +10,7 @@ from app.frames.formats import SUFFIXES
 from app.ui.actions import MARKS, connect
 from app.ui.dialogs import ask_open
 from app.ui.exports import Exporter
+from app.ui.formats import short_name
 from app.ui.help import about, keyboard
 from app.ui.looks import Looks
 from app.ui.presenter import Presenter
@@ -82,10 +83,10 @@ class Commands(QObject):
         window.welcome.open_wanted.connect(self.choose)
         window.welcome.file_wanted.connect(self.open)
         self._offer_practice()
-        window.files_dropped.connect(lambda paths: self.open(paths[0]))
+        window.files_dropped.connect(self._open_dropped)
         window.closing.connect(self._close)
         for signal in (self.session.opening, self.session.solving, self.session.solved,
-                       self.session.idle, self.session.opened):  # fmt: skip
+                       self.session.idle, self.session.opened, self.session.streaming):  # fmt: skip
             signal.connect(self._enable)
         self.session.opened.connect(self._show_recent)
 
@@ -116,6 +117,11 @@ class Commands(QObject):
         """Open a file."""
         self.settings.keep("folder", str(path.absolute().parent))
         self.session.open(path)
+
+    def _open_dropped(self, paths: list[Path]) -> None:
+        self.open(paths[0])
+        if len(paths) > 1:
+            self._say(f"One frame is open at a time: {short_name(paths[0].name)}, of {len(paths)}.")
 
     def add_thumbnails(self) -> None:
         """Draw small pictures of the samples, when they are ready."""
@@ -173,6 +179,8 @@ class Commands(QObject):
         self.actions["solve"].setEnabled(known.frame is not None)
         for name in ("copy", "copy_all"):
             self.actions[name].setEnabled(known.last_good is not None)
+        for name in ("fit", "one", "in", "out"):
+            self.actions[name].setEnabled(known.frame is not None or self.session.streams)
         self.window.menus.export.setEnabled(isinstance(known.result, Solution))
         self.actions["colour"].setEnabled(
             known.frame is None or known.frame.colour is not None or bool(known.frame.bayer)

@@ -1,6 +1,7 @@
 """Numbers as astronomers write them."""
 
 import math
+import re
 from enum import StrEnum
 
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -84,6 +85,23 @@ def false_alarm_text(log10: float) -> str:
     if power <= 6:
         return f"1 in {10**power:,}"
     return f"1 in 10{str(power).translate(SUPERSCRIPTS)}"
+
+
+def unbroken(text: str) -> str:
+    """The same, with every number on one line with its unit."""
+    return re.sub(r"(?<=\d) (?=(?:ms|s|px)\b|%|σ)", "\u00a0", text)
+
+
+def short_name(name: str, most: int = 44) -> str:
+    """A file's name with its middle left out where it is long: both ends tell files apart."""
+    if len(name) <= most:
+        return name
+    return f"{name[: most * 3 // 5]}…{name[-(most - most * 3 // 5 - 1) :]}"
+
+
+def breakable(text: str, most: int = 44) -> str:
+    """The same, with places where a line may end in words that no line could hold."""
+    return re.sub(rf"\S{{{most}}}(?=\S)", lambda found: f"{found[0]}\u200b", text)
 
 
 def milliseconds_text(value: float) -> str:

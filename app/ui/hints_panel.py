@@ -15,6 +15,7 @@ from app.ui.widgets import button, label
 
 SPREAD = 0.2  # a typed field or scale is believed to within this much
 NEAR_RADIUS_DEG = 10.0
+LIMIT_S = "30"
 SITE_TIP = (
     "Where you observe: degrees, north and east positive, and if you like the height in metres. "
     "With it the altitude and azimuth under the cursor are shown; it is kept, and never decides."
@@ -54,13 +55,13 @@ class HintsPanel(QWidget):
     def __init__(self, methods: list[str], detectors: list[str]) -> None:
         super().__init__()
         self.setObjectName("page")
-        self.fov = self._field("Field width", "degrees, for example 1.2")
-        self.scale = self._field("Pixel scale", "arcseconds a pixel")
+        self.fov = self._field("Field width in degrees", "for example 1.2")
+        self.scale = self._field("Pixel scale in arcseconds a pixel", "for example 3.6")
         self.ra = self._field("Near right ascension", "5h35m17s or 83.82")
         self.dec = self._field("Near declination", "-5d23m or -5.39")
-        self.radius = self._field("Within", f"degrees; {NEAR_RADIUS_DEG:g} when empty")
-        self.timeout = self._field("Time limit", "seconds; empty is no limit")
-        self.timeout.setText("30")
+        self.radius = self._field("Within so many degrees", f"{NEAR_RADIUS_DEG:g} when empty")
+        self.timeout = self._field("Time limit in seconds", "no limit when empty")
+        self.timeout.setText(LIMIT_S)
         self.site = self._field("Your site", "48.14, 11.58: latitude, longitude")
         self.site.setToolTip(SITE_TIP)
         self.site.editingFinished.connect(self._site_typed)
@@ -78,8 +79,8 @@ class HintsPanel(QWidget):
         form.setHorizontalSpacing(12)
         form.setVerticalSpacing(8)
         for title, widget in (
-            ("Field &width", self.fov), ("&Pixel scale", self.scale), ("RA &near", self.ra),
-            ("&Dec near", self.dec), ("With&in", self.radius), ("Time &limit", self.timeout),
+            ("Field &width, °", self.fov), ("&Pixel scale, ″", self.scale), ("RA &near", self.ra),
+            ("&Dec near", self.dec), ("With&in, °", self.radius), ("Time &limit, s", self.timeout),
             ("&Your site", self.site),
         ):  # fmt: skip
             form.addRow(title, widget)
@@ -149,9 +150,11 @@ class HintsPanel(QWidget):
         )
 
     def clear(self) -> None:
-        """Forget what was typed and chosen."""
+        """Forget what was typed and chosen, but for the site, which is kept across starts."""
         for field in (self.fov, self.scale, self.ra, self.dec, self.radius):
             field.clear()
+        self.timeout.setText(LIMIT_S)
+        self.header.setChecked(True)
         self.methods.reset()
         self.wrong.setVisible(False)
 

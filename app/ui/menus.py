@@ -8,6 +8,7 @@ from PySide6.QtGui import QAction, QActionGroup
 from PySide6.QtWidgets import QMainWindow, QMenu, QToolBar
 
 from app.ui.actions import MARKS
+from app.ui.formats import short_name
 from app.ui.palette import THEME_TITLES
 from app.ui.theme import TEXT_SIZES
 
@@ -52,7 +53,8 @@ class Menus:
         menu.clear()
         menu.setEnabled(bool(paths))
         for i, (text, path) in enumerate(paths):
-            action = menu.addAction(f"&{(i + 1) % 10}  {text.replace('&', '&&')}")
+            shown = short_name(text).replace("&", "&&")
+            action = menu.addAction(f"&{(i + 1) % 10}  {shown}")
             action.setToolTip(str(path))
             action.triggered.connect(lambda _=False, p=path: chosen(p))
         if menu is self.recent and paths:

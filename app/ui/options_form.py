@@ -122,7 +122,7 @@ class OptionsForm(QWidget):
 
 
 def _points(option: Option, text: str) -> str:
-    """``text`` with decimal points; a comma parts the two numbers of a pair, or else a semicolon."""
+    """``text`` with decimal points; the two numbers of a pair stand apart by comma or semicolon."""
     if option.kind == "pair" and ";" not in text:
         return text
     return text.replace(",", ".").replace(";", ",")

@@ -60,7 +60,7 @@ class Presenter(QObject):
         panes.hints.solve_wanted.connect(self.solve)
         panes.hints.site_given.connect(self.settings.keep_site)
         panes.card.again_wanted.connect(self.solve)
-        panes.card.hints_wanted.connect(lambda: panes.tabs.setCurrentIndex(2))
+        panes.card.hints_wanted.connect(self._turn_to_hints)
         self.window.status.cancel_wanted.connect(self.session.cancel)
 
     # wishes -----------------------------------------------------------------------------------
@@ -76,6 +76,11 @@ class Presenter(QObject):
             return
         panes.tabs.setCurrentIndex(0)
         self.session.solve(options)
+
+    def _turn_to_hints(self) -> None:
+        panes = self.window.workspace
+        panes.tabs.setCurrentIndex(2)
+        panes.hints.fov.setFocus()
 
     # news -------------------------------------------------------------------------------------
     def _opening(self, path: Path) -> None:
@@ -142,8 +147,12 @@ class Presenter(QObject):
         panes.view.update()
 
     def _failed(self, sentence: str) -> None:
-        self.window.workspace.card.show_trouble(sentence)
-        self.window.workspace.tabs.setCurrentIndex(0)
+        panes = self.window.workspace
+        panes.card.show_trouble(sentence)
+        panes.tabs.setCurrentIndex(0)
+        if self.session.known.frame is None:  # nothing of the frame before may seem to be of this
+            self.window.status.forget_frame()
+            panes.strip.forget_picture()
 
     def _stopped(self) -> None:
         self.window.workspace.card.show_stopped()

@@ -1,12 +1,20 @@
 """The pane that says where the frame points."""
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
 
 from app.core.solution import Solution
-from app.ui.formats import AngleStyle, dec_text, ra_text, radec_plain
+from app.ui.formats import AngleStyle, dec_text, ra_text, radec_plain, short_name, unbroken
 from app.ui.solution_text import attitude_forms, attitude_plain, rows, summary
-from app.ui.widgets import button, copy_text, fixed_font_family, label, rule, value_label
+from app.ui.widgets import (
+    button,
+    copy_text,
+    fixed_font_family,
+    label,
+    rule,
+    set_role,
+    value_label,
+)
 
 STYLES = {
     AngleStyle.SEXAGESIMAL: "hours (hms)",
@@ -54,8 +62,11 @@ class SolutionPanel(QWidget):
     def show_solution(self, solution: Solution, source: str = "", old: bool = False) -> None:
         """Show a pointing; ``old`` marks it as an earlier frame's."""
         self._solution, self._source = solution, source
-        self.old.setText(f"OLD: the last good pointing, from {source or 'an earlier frame'}")
+        source = short_name(source) or "an earlier frame"
+        self.old.setText(f"OLD: the last good pointing, from {source}")
         self.old.setVisible(old)
+        for value in (self.ra, self.dec):
+            set_role(value, "value_old" if old else "value")
         self._write()
         self.setVisible(True)
 
@@ -123,11 +134,11 @@ class SolutionPanel(QWidget):
             if title not in self.values:
                 row = self._grid.rowCount()
                 value = value_label(title)
-                self._grid.addWidget(label(title, "muted"), row, 0)
+                self._grid.addWidget(label(title, "muted"), row, 0, Qt.AlignmentFlag.AlignTop)
                 self._grid.addWidget(value, row, 1)
                 self.values[title] = value
             shown = self.values[title]
-            shown.setText(text)  # type: ignore[attr-defined]
+            shown.setText(unbroken(text))  # type: ignore[attr-defined]
             shown.setToolTip(why)
         for (title_label, value), (name, text) in zip(self.forms, attitude_forms(s), strict=True):
             title_label.setText(name)

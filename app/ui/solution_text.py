@@ -50,8 +50,8 @@ def camera_text(s: Solution) -> str:
 
 
 def times_text(elapsed_ms: Mapping[str, float]) -> str:
-    """Stage times, total last."""
-    times = elapsed_ms
+    """Stage times, total last; of a stage that was not come to nothing is said."""
+    times = {name: value for name, value in elapsed_ms.items() if value >= 0.05}
     known = [k for k in STAGES if k in times] + [k for k in times if k not in STAGES]
     return ", ".join(f"{k} {milliseconds_text(times[k])}" for k in known) or "not measured"
 

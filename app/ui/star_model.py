@@ -24,6 +24,7 @@ COLUMNS = (  # title, explanation, a text as wide as most
     ("y", "Pixels from the top", "00000.0"),
     ("Off", "Distance from the fitted position, pixels", "0.00"),
 )
+UNLIKE = (0, 1)  # columns whose texts differ in length: names and numbers
 # One function a column: a sort asks thousands of times, and for one column alone.
 TEXTS: tuple[Callable[[NamedStar, AngleStyle], str], ...] = (
     lambda s, _: s.name,
@@ -79,6 +80,12 @@ class StarModel(QAbstractTableModel):
         if self._stars:
             last = self.index(len(self._stars) - 1, len(COLUMNS) - 1)
             self.dataChanged.emit(self.index(0, 0), last)
+
+    def longest(self, column: int) -> str:
+        """The longest text of a column; empty where there is none, or its texts are alike."""
+        if column not in UNLIKE:
+            return ""
+        return max((TEXTS[column](star, self._style) for star in self._stars), key=len, default="")
 
     def star_at(self, row: int) -> int:
         """Index into the solution's stars of a row."""

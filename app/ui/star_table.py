@@ -85,6 +85,7 @@ class StarTable(QWidget):
         self.table.verticalHeader().setDefaultSectionSize(self.table.fontMetrics().height() + 8)
         metrics = self.table.fontMetrics()
         for column, (title, _, wide) in enumerate(COLUMNS):  # measuring every cell takes long
+            wide = self.model.longest(column) or wide
             width = max(metrics.horizontalAdvance(wide), metrics.horizontalAdvance(title) + 14)
             self.table.setColumnWidth(column, width + 16)
 

@@ -1,13 +1,15 @@
 """The card at the top of the side pane: solving, solved, or why not and what to do."""
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QVBoxLayout
 
 from app.core.progress import Progress
 from app.core.solution import NoSolution, Solution
-from app.ui.formats import false_alarm_text
+from app.ui.formats import breakable, false_alarm_text, short_name, unbroken
 from app.ui.solution_text import failure_plain, measured_rows, times_text
 from app.ui.widgets import button, copy_text, label, set_role
+
+LONGEST = 120  # of what a stage says of itself
 
 
 class StateCard(QFrame):
@@ -51,7 +53,7 @@ class StateCard(QFrame):
         doing = {"read": "Reading", "display": "Preparing the picture"}.get(
             progress.stage, "Solving"
         )
-        self._say(f"{doing}…", progress.detail or progress.stage)
+        self._say(f"{doing}…", short_name(progress.detail or progress.stage, LONGEST))
 
     def show_solution(self, solution: Solution) -> None:
         """How sure the answer is."""
@@ -69,8 +71,8 @@ class StateCard(QFrame):
         self._failure, self._source = failure, source
         numbers = [*measured_rows(failure), ("time", times_text(failure.elapsed_ms))]
         for row, (name, value) in enumerate(numbers):
-            self._numbers.addWidget(label(name, "muted"), row, 0)
-            self._numbers.addWidget(label(value, wrap=True), row, 1)
+            self._numbers.addWidget(label(name, "muted"), row, 0, Qt.AlignmentFlag.AlignTop)
+            self._numbers.addWidget(label(unbroken(value), wrap=True), row, 1)
         for b in (self.again, self.hints, self.copy):
             b.setVisible(True)
 
@@ -88,7 +90,7 @@ class StateCard(QFrame):
         self._failure = None
         self.title.setText(title)
         set_role(self.title, role if role != "good" else "heading")
-        self.text.setText(text)
+        self.text.setText(breakable(text))
         self.text.setVisible(bool(text))
         self.advice.setText(advice)
         self.advice.setVisible(bool(advice))

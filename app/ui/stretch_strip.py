@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QSlider, QWidget
 
@@ -55,6 +56,11 @@ class StretchStrip(QWidget):
         if self.auto.isChecked():
             self._place(picture.auto)
         self._tell()
+
+    def forget_picture(self) -> None:
+        """No frame: nothing to stretch."""
+        self.histogram.set_counts(np.zeros(0))
+        self.setEnabled(False)
 
     @property
     def stretch(self) -> Stretch:

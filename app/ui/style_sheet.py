@@ -15,6 +15,7 @@ QLabel[role="muted"] { color: $muted; }
 QLabel[role="title"] { font-size: ${title}pt; font-weight: 600; }
 QLabel[role="heading"] { font-size: ${large}pt; font-weight: 600; }
 QLabel[role="value"] { font-size: ${large}pt; font-weight: 600; }
+QLabel[role="value_old"] { font-size: ${large}pt; font-weight: 600; color: $muted; }
 QLabel[role="good"] { color: $good; font-weight: 600; }
 QLabel[role="bad"] { color: $bad; font-weight: 600; font-size: ${large}pt; }
 QLabel[role="wrong"] { color: $bad; font-weight: 600; }
@@ -125,6 +126,7 @@ QTableView, QListView, QTreeView { background: $surface; alternate-background-co
     border: 1px solid $line; gridline-color: $faint; }
 QTableView:focus, QListView:focus, QTreeView:focus { border-color: $accent; }
 QTableView::item { padding: 1px 4px; }
+QListView::item { padding: 2px 0; }
 QTableView::item:selected, QListView::item:selected, QTreeView::item:selected
     { background: $accent; color: $on_accent; }
 QGraphicsView { border: 1px solid transparent; }
@@ -154,6 +156,7 @@ QProgressBar { background: $surface; border: 1px solid $line; border-radius: 5px
 QProgressBar::chunk { background: $hover; border-radius: 4px; }
 QStatusBar { background: $window; border-top: 1px solid $line; }
 QStatusBar::item { border: 0; }
+QStatusBar QLabel[role="muted"] { padding-left: 10px; }
 QSplitter::handle { background: $line; }
 QSplitter::handle:horizontal { width: 1px; }
 QSplitter::handle:vertical { height: 1px; }

@@ -6,6 +6,7 @@ import numpy as np
 from PySide6.QtCore import QEvent, QSize, Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
+from app.ui.formats import short_name
 from app.ui.samples import Sample
 from app.ui.theme import BASE_POINT
 from app.ui.thumbnails import GAP, HEIGHT, WIDTH, as_icon
@@ -56,6 +57,8 @@ class Welcome(QWidget):
         line.addStretch(1)
         column.addLayout(line)
         column.addWidget(label(READS, "muted", wrap=True))
+        column.addWidget(self._recent_title)
+        column.addLayout(self._recent)
         self.samples: list[QPushButton] = []
         self._pictures: dict[Path, np.ndarray] = {}
         self._offered = samples[:MOST_SHOWN]
@@ -67,9 +70,6 @@ class Welcome(QWidget):
             self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
             for made in self.samples:
                 column.addWidget(made)
-        column.addSpacing(8)
-        column.addWidget(self._recent_title)
-        column.addLayout(self._recent)
         page = QWidget()
         page.setObjectName("page")
         middle = QHBoxLayout(page)
@@ -121,5 +121,5 @@ class Welcome(QWidget):
             self._recent.addWidget(self._link(path))
 
     def _link(self, path: Path) -> QWidget:
-        text = path.name.replace("&", "&&")
+        text = short_name(path.name).replace("&", "&&")
         return button(text, lambda: self.file_wanted.emit(path), "link", str(path))
