@@ -26,6 +26,8 @@ class Looks(QObject):
         self._panes = self._window.workspace
         self._restore()
         self._panes.strip.changed.connect(self._stretched)
+        # A slider is moved for the frame at hand: only the switch is remembered for others.
+        self._panes.strip.auto.toggled.connect(lambda on: self._settings.keep("stretch", on))
         self._window.menus.themes.triggered.connect(lambda a: self.use_theme(a.data()))
         self._window.menus.text_sizes.triggered.connect(
             lambda a: self.use_theme(text_size=a.data())
@@ -105,7 +107,6 @@ class Looks(QObject):
     def _stretched(self, _: object) -> None:
         automatic = self._panes.strip.auto.isChecked()
         self._actions["stretch"].setChecked(automatic)
-        self._settings.keep("stretch", automatic)
         self.show_frame()
 
 

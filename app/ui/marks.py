@@ -17,7 +17,7 @@ from app.ui.viewport import Viewport
 Floats = NDArray[np.float64]
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
 MOST_CIRCLES = 4000
-CROWDED = 300  # from this many circles on they are drawn fainter
+CROWDED = 300  # from this many circles on they are drawn fainter and smaller
 MOST_NAMES, MOST_NUMBERS = 60, 25  # stars with a name; others, which have only a number
 
 
@@ -89,7 +89,8 @@ def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) 
     at = brush.view.to_screen(xy[:MOST_CIRCLES])
     at = at[in_sight(at, brush.view)]
     ratio = brush.painter.device().devicePixelRatio()
-    ring = _ring(colour, 235 if len(at) < CROWDED else 150, radius, width, ratio)
+    alpha, size = (235, 1.0) if len(at) < CROWDED else (170, 0.65)
+    ring = _ring(colour, alpha, size * radius, width, ratio)
     half = ring.deviceIndependentSize().width() / 2.0
     for x, y in (at - half).tolist():
         brush.painter.drawPixmap(QPointF(x, y), ring)

@@ -82,8 +82,12 @@ class Overlay:
         if on.identified:
             marks.circles(brush, self._stars, self.colours.identified, marks.IDENTIFIED_PX, 1.5)
         if on.centre:
-            brush.pen(self.colours.centre, 1.8)
-            marks.cross(brush, *self._middle(brush.view, solution), 6.0, 18.0)
+            for colour, width, alpha in (
+                (self.colours.halo, 4.5, 140),
+                (self.colours.centre, 1.8, 255),
+            ):
+                brush.pen(colour, width, alpha)
+                marks.cross(brush, *self._middle(brush.view, solution), 6.0, 18.0)
         if on.compass:
             paint_compass(brush.painter, brush.view, solution, self.colours, brush.space)
         if self.selected is not None and self.selected < len(solution.stars):
