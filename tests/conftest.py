@@ -1,6 +1,7 @@
 """What every test may lean on: a screenless Qt, settings of its own, and the real frames."""
 
 import os
+import signal
 import tempfile
 from pathlib import Path
 
@@ -18,6 +19,10 @@ for _name in ("CONFIG", "CACHE", "DATA", "STATE"):
     os.environ[f"XDG_{_name}_HOME"] = str(_folder)
 
 choose_folder()
+
+# A shell lets what it runs in the background ignore Ctrl-C, and so would every child of a test.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A machine that is busy must not fail a test; the machine that judges repeats its examples.
 settings.register_profile("house", deadline=None)

@@ -4,12 +4,12 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.bench import BENCHES, mount
+from app.bench import BENCHES, mount, mount_rig
 from app.bench.mount import Run
-from app.bench.mount_rig import mount_rig
 from app.bench.mount_watch import Order, Watched, unguarded
 from app.core.mount import Direction
 from app.core.progress import run
+from app.mounts import conversation
 from app.mounts.motion_log import MotionLog
 from app.simulate.line_faults import Fault
 from app.sky import open_catalogue
@@ -27,7 +27,10 @@ def test_a_run_on_a_good_line_is_centred(driver) -> None:
 
 
 @pytest.mark.parametrize("driver", ["nexstar", "synscan"])
-def test_a_run_on_a_bad_line_is_survived(driver) -> None:
+def test_a_run_on_a_bad_line_is_survived(driver, monkeypatch) -> None:
+    monkeypatch.setattr(mount_rig, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(mount_rig, "LATE_S", 0.3)
+    monkeypatch.setattr(conversation, "QUIET_S", 0.1)
     one = mount._do(Run(3, driver, True, False), open_catalogue())
     assert one.faults > 0
     assert one.strays == []
@@ -37,7 +40,7 @@ def test_a_run_on_a_bad_line_is_survived(driver) -> None:
 
 def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None:
     for driver in ("lx200", "skywatcher"):
-        with mount_rig(4, driver, open_catalogue()) as rig:
+        with mount_rig.mount_rig(4, driver, open_catalogue()) as rig:
             said = rig.guard.position_icrs()
             true = rig.rig.truth().ra_dec_deg
             from app.core.attitude import apart_deg
@@ -114,7 +117,7 @@ def test_motors_may_turn_only_while_a_motion_is_under_way() -> None:
 
 
 def test_faults_are_switched_on_for_the_line() -> None:
-    with mount_rig(4, "onstep", open_catalogue()) as rig:
+    with mount_rig.mount_rig(4, "onstep", open_catalogue()) as rig:
         rig.spoil(refusal=True)
         rig.unplug_in = 1
         rig.wait(0.0)
