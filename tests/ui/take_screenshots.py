@@ -17,7 +17,7 @@ from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
-from app.__main__ import _practise, _simulated_field
+from app.__main__ import _practise, _simulated_field, _simulated_picture
 from app.core.solution import Solution
 from app.ui.application import build
 from app.ui.engine import WorkflowEngine
@@ -75,7 +75,7 @@ def main(folder, *arguments):
     folder = Path(folder)
     with tempfile.TemporaryDirectory() as home:
         settings = Settings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
-        wiring = Wiring(practice=_practise, fields=_simulated_field)
+        wiring = Wiring(practice=_practise, fields=_simulated_field, pictures=_simulated_picture)
         window, commands = build(WorkflowEngine(), settings, wiring=wiring)
         window.resize(1360, 860)
         window.show()
