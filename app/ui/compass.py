@@ -13,6 +13,7 @@ from app.ui.viewport import Viewport
 
 LENGTH_PX = 32.0
 MARGIN_PX = 52.0
+EDGE_PX = 4.0  # what an arrow's dark edge is wider
 
 
 def directions(solution: Solution) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -40,25 +41,46 @@ def paint_compass(
     colours: Colours,
     space: LabelSpace,
 ) -> None:
-    """Arrows in the top right corner, on a disc that keeps them readable."""
+    """Arrows in the top right corner, with dark edges that keep them readable on a bright sky."""
     north, east = directions(solution)
     at = QPointF(view.width - MARGIN_PX - 10, MARGIN_PX + 10)
     space.place(QRectF(at.x() - MARGIN_PX, at.y() - MARGIN_PX, 2 * MARGIN_PX, 2 * MARGIN_PX))
-    disc = QColor(colours.halo)
-    disc.setAlpha(190)
-    painter.setPen(Qt.PenStyle.NoPen)
-    painter.setBrush(disc)
-    painter.drawEllipse(at, MARGIN_PX, MARGIN_PX)
-    colour = QColor(colours.identified)
-    for (dx, dy), letter, width in ((north, "N", 2.4), (east, "E", 1.6)):
-        tip = at + QPointF(dx, dy) * LENGTH_PX
-        painter.setPen(QPen(colour, width))
-        painter.drawLine(at, tip)
-        side = QPointF(-dy, dx) * 4.5
-        back = at + QPointF(dx, dy) * (LENGTH_PX - 10)
-        painter.setBrush(colour)
-        painter.drawPolygon(QPolygonF([tip, back + side, back - side]))
-        spot = at + QPointF(dx, dy) * (LENGTH_PX + 12)
-        box = QRectF(spot.x() - 10, spot.y() - 10, 20, 20)
-        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, letter)
+    arrows = ((north, "N", 2.4), (east, "E", 1.6))
+    edge = QColor(colours.halo)
+    edge.setAlpha(190)
+    for shade, more in ((edge, EDGE_PX), (QColor(colours.identified), 0.0)):
+        for way, letter, width in arrows:
+            _arrow(painter, at, way, QPen(shade, width + more))
+            _letter(painter, at, way, letter, shade, ground=more > 0.0)
     painter.setBrush(Qt.BrushStyle.NoBrush)
+
+
+def _arrow(painter: QPainter, at: QPointF, way: tuple[float, float], pen: QPen) -> None:
+    dx, dy = way
+    tip = at + QPointF(dx, dy) * LENGTH_PX
+    side = QPointF(-dy, dx) * 4.5
+    back = at + QPointF(dx, dy) * (LENGTH_PX - 10)
+    painter.setPen(pen)
+    painter.setBrush(pen.color())
+    painter.drawLine(at, tip)
+    painter.drawPolygon(QPolygonF([tip, back + side, back - side]))
+
+
+def _letter(
+    painter: QPainter,
+    at: QPointF,
+    way: tuple[float, float],
+    letter: str,
+    shade: QColor,
+    ground: bool,
+) -> None:
+    """The letter beyond the tip, or the dark ground it stands on."""
+    spot = at + QPointF(*way) * (LENGTH_PX + 12)
+    box = QRectF(spot.x() - 9, spot.y() - 9, 18, 18)
+    if ground:
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(shade)
+        painter.drawRoundedRect(box, 4, 4)
+    else:
+        painter.setPen(shade)
+        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, letter)

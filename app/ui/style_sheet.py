@@ -123,10 +123,10 @@ QDockWidget::close-button, QDockWidget::float-button { background: transparent; 
 QDockWidget::close-button:hover, QDockWidget::float-button:hover { background: $hover; }
 
 QTableView, QListView, QTreeView { background: $surface; alternate-background-color: $window;
-    border: 1px solid $line; gridline-color: $faint; }
+    border: 1px solid $line; gridline-color: $line; }
 QTableView:focus, QListView:focus, QTreeView:focus { border-color: $accent; }
 QTableView::item { padding: 1px 4px; }
-QListView::item { padding: 2px 0; }
+QListView::item { padding: 1px 0; }
 QTableView::item:selected, QListView::item:selected, QTreeView::item:selected
     { background: $accent; color: $on_accent; }
 QGraphicsView { border: 1px solid transparent; }
