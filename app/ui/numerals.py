@@ -2,7 +2,9 @@
 
 from PySide6.QtCore import QEvent, QLocale, QObject
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QApplication, QDoubleSpinBox, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QApplication, QDoubleSpinBox, QWidget
+
+INSET_PX = 5  # as much as a text field's
 
 
 def one_way_of_writing() -> None:
@@ -17,10 +19,15 @@ def one_way_of_writing() -> None:
     QLocale.setDefault(plain)
 
 
-def take_commas(within: QWidget) -> None:
-    """Let the fields for decimal numbers in ``within`` take a comma for a point."""
+def dress_numbers(within: QWidget) -> None:
+    """Let the fields for decimal numbers in ``within`` take a comma for a point.
+
+    And let no number stick to the edge of its field: a style sheet's padding does not reach it.
+    """
     for box in within.findChildren(QDoubleSpinBox):
         box.installEventFilter(_CommaAsPoint(box))
+    for number in within.findChildren(QAbstractSpinBox):
+        number.lineEdit().setTextMargins(INSET_PX, 0, 0, 0)
 
 
 class _CommaAsPoint(QObject):

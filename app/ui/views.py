@@ -7,7 +7,7 @@ from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QTabWidget, QWidget
 
 from app.ui.main_window import MainWindow
-from app.ui.numerals import take_commas
+from app.ui.numerals import dress_numbers
 from app.ui.services import Services
 from app.ui.widgets import scrolled
 
@@ -39,7 +39,7 @@ class ViewDock(QDockWidget):
             self.view = make_view(self._name, self._services)
             self.setWidget(scrolled(self.view))  # a small screen must not be outgrown
             self._services.looks.dress_fields(self.view)
-            take_commas(self.view)
+            dress_numbers(self.view)
         super().showEvent(event)
 
 

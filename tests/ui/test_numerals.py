@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QWidget
 from app.core.errors import UsageError
 from app.ui.angle_input import parse_site
 from app.ui.method_group import MethodGroup
-from app.ui.numerals import one_way_of_writing, take_commas
+from app.ui.numerals import dress_numbers, one_way_of_writing
 
 
 @pytest.fixture(params=["de_DE", "fr_FR", "ar_EG", "en_US"])
@@ -25,7 +25,7 @@ def test_point_and_comma_are_the_same_number(qtbot, abroad, text):
     page = QWidget()
     box = QDoubleSpinBox(page)
     qtbot.addWidget(page)
-    take_commas(page)
+    dress_numbers(page)
     page.show()
     box.selectAll()
     QTest.keyClicks(box, text)
