@@ -99,6 +99,10 @@ def test_sync_beyond_20_deg_is_refused_unless_armed() -> None:
         guard.sync(*target, evidence(target), confirmed=True)
     assert mount.did == []
     guard.armed = True
+    with pytest.raises(RefusedError, match=r"by 21\.0 deg: confirm"):
+        guard.sync(*target, evidence(target))
+    assert mount.did == []
+    guard.armed = True
     guard.sync(*target, evidence(target), confirmed=True)
     assert mount.here == target
     assert not guard.armed, "armed for one sync only"
@@ -194,6 +198,12 @@ def test_goto_above_the_upper_limit_is_refused() -> None:
 
 def test_goto_from_too_low_may_only_go_up() -> None:
     guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=-30.0)  # 0 deg high
+    guard.goto(*at(-40.0, 10.0))
+    assert mount.did
+
+
+def test_goto_from_too_high_may_go_down() -> None:
+    guard, mount = guarded(hour_angle_deg=-5.0, dec_deg=50.0, highest_altitude_deg=80.0)
     guard.goto(*at(-40.0, 10.0))
     assert mount.did
 
@@ -429,6 +439,17 @@ def test_moves_towards_the_sun_are_refused() -> None:
         guard.move(Direction.SOUTH, 1.0, 10.0)
     guard.move(Direction.NORTH, 1.0, 10.0)
     assert [d[1] for d in mount.did] == [Direction.NORTH]
+
+
+def test_who_is_too_near_the_sun_already_may_leave_it() -> None:
+    ra, dec = sun_at_noon()
+    guard, mount = guarded(time_utc=NOON, crosses_meridian=True)
+    mount.here = (ra, dec + 20.0)
+    with pytest.raises(RefusedError, match="Sun"):
+        guard.move(Direction.SOUTH, 1.0, 5.0)
+    guard.move(Direction.NORTH, 1.0, 5.0)
+    guard.goto(ra, dec + 60.0)
+    assert [d[0] for d in mount.did] == ["move", "goto"]
 
 
 def test_at_night_the_sun_is_no_matter() -> None:

@@ -29,6 +29,8 @@ def on_pier(side, hour_angle_deg, dec_deg=60.0, **limits):
         (PierSide.WEST, 40.0, EAST, 60.0),  # too far already: it may come back
         (PierSide.EAST, -30.0, WEST, 45.0),
         (PierSide.WEST, -175.0, EAST, 15.0),  # under the pole
+        (PierSide.WEST, 140.0, WEST, 20.0),  # too far under it: it may come back
+        (PierSide.EAST, -140.0, EAST, 20.0),
         (None, -10.0, WEST, 60.0),  # perhaps a fork
     ],
 )
