@@ -9,8 +9,10 @@ from typing import Any
 from app.cli.choices import number_above_zero
 from app.cli.live import add_settings, settings_of
 from app.cli.output import Json, to_line
-from app.core.errors import DeviceError, KochabError, NoAnswerError
+from app.core.errors import DeviceError, KochabError, NoAnswerError, UsageError
 from app.core.frame import Frame
+
+FITS = (".fits", ".fit", ".fts")
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -21,14 +23,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     listing.add_argument("--source", metavar="NAME", help="only this kind")
     take = actions.add_parser("take", help="one frame into a FITS file")
     take.add_argument("--source", required=True, metavar="NAME", help="kind of camera")
-    take.add_argument("--output", "-o", required=True, metavar="FITS", help="the file to write")
+    take.add_argument("--output", "-o", required=True, metavar="FITS", help="the .fits to write")
     add_settings(take)
     take.add_argument(
         "--wait",
         type=number_above_zero,
         default=60.0,
         metavar="S",
-        help="longest, besides exposing",
+        help="longest, besides exposing (default: %(default)g)",
     )
     for action in (listing, take):
         action.add_argument(
@@ -39,17 +41,19 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what was asked: 0 done, 1 the camera failed."""
+    """Do what was asked: 0 done, 1 the camera failed, 2 the file cannot be written."""
     if args.action == "list":
         return list_cameras(args.source, args.address, args.json)
     try:
         return _take(args)
-    except DeviceError as error:
+    except UsageError:
+        raise
+    except KochabError as error:
         if args.json:
             print(to_line({"error": str(error)}))
         else:
             print(f"kochab: {error}", file=sys.stderr)
-        return 1
+        return 1 if isinstance(error, DeviceError) else 2
 
 
 def list_cameras(source: str | None, address: str, as_json: bool) -> int:
@@ -92,6 +96,11 @@ def _take(args: argparse.Namespace) -> int:
     from app.cameras import open_camera
     from app.frames.fits_write import write_fits
 
+    target = Path(args.output)
+    if target.suffix.lower() not in FITS:
+        raise UsageError(f"--output {target}: the frame is written as FITS, name it .fits.")
+    if not target.parent.is_dir():  # told before the exposure, not after
+        raise KochabError(f"{target} cannot be written: there is no folder {target.parent}.")
     camera = open_camera(args.source, args.address, settings_of(args))
     try:
         frame = None
@@ -103,7 +112,7 @@ def _take(args: argparse.Namespace) -> int:
     if frame is None:
         raise NoAnswerError(f"No frame came from {args.address or args.source} in time.")
     try:
-        write_fits(frame, Path(args.output))
+        write_fits(frame, target)
     except OSError as error:
         raise KochabError(f"{args.output} cannot be written: {error.strerror}.") from None
     told = _frame_json(frame, args.output)

@@ -8,11 +8,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from app.cli.choices import add_detector, add_search, number_above_zero, options_of, whole_number
+from app.cli.choices import (
+    add_detector,
+    add_search,
+    number,
+    number_above_zero,
+    options_of,
+    whole_number,
+)
 from app.cli.live_output import finite_json, live_json, live_line, replay_json, replay_line
 from app.cli.output import to_line
 from app.core.capture import CaptureSettings
-from app.core.errors import DeviceError, UsageError
+from app.core.errors import DeviceError, KochabError, UsageError
 from app.core.progress import Progress
 from app.solve.options import SolveOptions
 from app.solve.track import Tracker, TrackOptions
@@ -34,7 +41,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         description="Runs until Ctrl-C. Exit code: 0 a frame was solved, 1 none was or the camera"
         " failed, 2 unusable arguments; with --replay 1 when an answer differs.",
     )
-    parser.add_argument("--source", default="folder", metavar="NAME", help="kind of camera")
+    parser.add_argument(
+        "--source", metavar="NAME", help="kind of camera, see --list (default: folder)"
+    )
     parser.add_argument(
         "--address", default="", metavar="WHERE", help="folder, host:port/camera or device"
     )
@@ -59,7 +68,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add what can be set on a camera."""
     parser.add_argument("--exposure", type=number_above_zero, metavar="S", help="seconds")
-    parser.add_argument("--gain", type=float, metavar="G", help="in the camera's own units")
+    parser.add_argument("--gain", type=number, metavar="G", help="in the camera's own units")
     parser.add_argument("--binning", type=whole_number, metavar="N", help="pixels a side")
 
 
@@ -79,16 +88,18 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         from app.cli.camera import list_cameras
 
-        return list_cameras(None, args.address, args.json)
+        return list_cameras(args.source, args.address, args.json)
     work: Callable[[argparse.Namespace], int] = _replay if args.replay else _live
     try:
         return work(args)
-    except DeviceError as error:
+    except UsageError:
+        raise
+    except KochabError as error:
         if args.json:
             print(to_line({"error": str(error)}), flush=True)
         else:
             print(f"kochab: {error}", file=sys.stderr)
-        return 1
+        return 1 if isinstance(error, DeviceError) else 2
 
 
 def _live(args: argparse.Namespace) -> int:
@@ -97,12 +108,15 @@ def _live(args: argparse.Namespace) -> int:
 
     options = options_of(args, args.detector)
     settings = settings_of(args)
-    capture = Capture(lambda: open_camera(args.source, args.address, settings), args.reconnect)
+    source = args.source or "folder"
+    if source == "folder" and not args.address:
+        raise UsageError("Say which folder your capture program writes into: --address DIR.")
+    capture = Capture(lambda: open_camera(source, args.address, settings), args.reconnect)
     engine = _engine(options, args.profile)
     live = live_solve(capture, engine, args.frames)
     if args.record:
         about = {
-            "source": args.source,
+            "source": source,
             "address": args.address,
             "settings": asdict(settings),
             "solve": options_json(options),

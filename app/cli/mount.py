@@ -45,7 +45,9 @@ def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int])
     )
     parser.add_argument("--baud", type=_baud, metavar="N", help="when it is not the usual one")
     parser.add_argument("--epoch", choices=["J2000", "date"], help="of the mount's own coordinates")
-    parser.add_argument("--site", type=site, metavar="LAT,LON[,H]", help="east positive")
+    parser.add_argument(
+        "--site", type=site, metavar="LAT,LON[,H]", help="degrees, east positive, metres"
+    )
     parser.add_argument(
         "--fork", action="store_true", help="a fork or wedge: crosses the meridian without a flip"
     )

@@ -26,7 +26,9 @@ def add_parser(actions: "argparse._SubParsersAction[Any]", name: str, text: str)
     if name == "goto":
         parser.add_argument("--allow-flip", action="store_true", help="across the meridian")
     else:
-        parser.add_argument("--armed", action="store_true", help="even beyond 20 deg")
+        parser.add_argument(
+            "--arm", "--armed", dest="arm", action="store_true", help="even beyond 20 deg"
+        )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -35,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     line = ProgressLine(args.action)
     with guarded_mount(args, _limits(args)) as guard:
         there = guard.to_mount(ra, dec)
-        guard.armed = bool(getattr(args, "armed", False))
+        guard.armed = bool(getattr(args, "arm", False))
         if args.action == "goto":
             preview = guard.preview_goto(*there)
         else:

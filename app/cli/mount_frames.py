@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from app.cli.choices import (
     add_detector,
     add_search,
+    number,
     number_above_zero,
     options_of,
     whole_number,
@@ -43,7 +44,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
     parser.add_argument("--exposure", type=number_above_zero, metavar="S", help="seconds")
-    parser.add_argument("--gain", type=float, metavar="G", help="in the camera's own units")
+    parser.add_argument("--gain", type=number, metavar="G", help="in the camera's own units")
     parser.add_argument("--binning", type=whole_number, metavar="N", help="pixels a side")
     add_search(parser)
     add_detector(parser)

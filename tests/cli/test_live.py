@@ -166,3 +166,31 @@ def test_one_frame_is_taken(night, tmp_path, capsys) -> None:
     assert (told["width"], told["height"]) == (800, 600)
     assert (read_frame(target).pixels == read_frame(night[3]).pixels).all()
     assert main(["camera", "take", "--source", "folder", "--address", str(tmp_path / "no"), "-o", str(target)]) == 1  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [("shot.png", "written as FITS, name it .fits"), ("none/shot.fits", "there is no folder")],
+)
+def test_where_a_frame_cannot_go_is_told_before_the_exposure(
+    target, says, tmp_path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setattr("app.cameras.open_camera", None)  # it is never opened
+    asked = ["camera", "take", "--source", "simulated", "-o", str(tmp_path / target), "--json"]
+    assert main(asked) == 2
+    out, err = capsys.readouterr()
+    assert says in (json.loads(out)["error"] if out else err)
+
+
+def test_only_the_source_that_was_named_is_listed(capsys) -> None:
+    assert main(["live", "--list", "--source", "folder", "--json"]) == 0
+    assert [json.loads(line)["source"] for line in capsys.readouterr().out.splitlines()] == [
+        "folder"
+    ]
+
+
+def test_a_folder_is_asked_for(capsys) -> None:
+    assert main(["live"]) == 2
+    assert "--address DIR" in capsys.readouterr().err
+    assert main(["live", "--address", "x", "--gain", "nan"]) == 2
+    assert "nan is not a number" in capsys.readouterr().err
