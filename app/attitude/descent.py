@@ -1,5 +1,6 @@
 """The descent to least squares over a chosen set of the camera's and the attitude's parameters."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ class State:
     ``plain`` has the terms of the distortion that stand while they are not fitted. ``weight`` (M,)
     are the matches' by their errors, ``trust`` (M,) how far they count at all and ``share`` how
     many are wrong. ``pull`` is a believed log focal length and how much a step of it weighs, px.
+    ``largest`` is the largest sigma of one coordinate that may be, px.
     """
 
     camera: Camera
@@ -35,6 +37,7 @@ class State:
     trust: Floats
     pull: tuple[float, float] | None = None
     share: float = 0.0
+    largest: float = math.inf
 
     def residuals(self) -> Floats:
         """Recorded minus computed pixels (M, 2) of every match."""

@@ -63,6 +63,7 @@ def refine(
     distortion: bool = True,
     rounds: int = 4,
     focal: FocalBelief | None = None,
+    worst_px: float | None = None,
 ) -> Fit:
     """Fit rotation, focal length and whatever else the matches support.
 
@@ -83,6 +84,9 @@ def refine(
     focal : FocalBelief, optional
         What is believed of the focal length. It has its say in the measure of its sigma, unless
         the stars contradict it by more than four sigma.
+    worst_px : float, optional
+        How far off its place a star may be at worst, three sigma of a coordinate: so large a
+        scatter is not believed to be the stars' own, however many show it.
 
     Returns
     -------
@@ -108,8 +112,9 @@ def refine(
         camera = straightened(camera)
     everyone = np.ones(count, dtype=np.bool_)
     state = State(
-        camera, attitude.matrix, matches, _median(sigma) / sigma, everyone, camera, np.ones(count)
-    )
+        camera, attitude.matrix, matches, _median(sigma) / sigma, everyone, camera, np.ones(count),
+        largest=math.inf if worst_px is None else worst_px / 3.0,
+    )  # fmt: skip
     base = columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
     free, state = _settled(state.descend(base), base, distortion, rounds)
     if distortion and rounds > 1 and not earned(state, free):
@@ -141,7 +146,7 @@ def _agreeing(state: State, parameters: int) -> NDArray[np.bool_]:
     scaled = state.residuals() * state.weight[:, None]
     if len(scaled) < FEWEST_TO_DOUBT:
         return np.ones(len(scaled), dtype=np.bool_)
-    limit = CLIP_SIGMA * _spread(scaled, parameters)
+    limit = CLIP_SIGMA * min(_spread(scaled, parameters), state.largest)
     keep = np.square(scaled).sum(axis=1) <= limit * limit
     return keep if 2 * int(keep.sum()) > len(keep) else state.inliers
 
@@ -175,6 +180,7 @@ def _softened(state: State, free: Indices) -> State:
         length2 = np.square(scaled).sum(axis=1)
         first = level == 0.0
         level = _spread(scaled, len(free)) if first else _level(length2, right, share, len(free))
+        level = min(level, state.largest)
         right, share = trust(np.sqrt(length2) / level, share)
         if 2 * int((right > 0.5).sum()) <= len(right):
             return before

@@ -9,8 +9,7 @@ it: with three sigma of a normal law there, and the accuracy of an estimate take
 two coordinates, averaged over the pictures, its 14.6 arcsec come out. Rows tell what the other
 readings give: the RMS over all pictures, and errors spread evenly over the circle. A star "outside
 the limits" is off by one to two times the worst error here; the paper does not say. In table 3
-both know scale and lens; that no star is off by more than 3 arcmin the default is not told, which
-costs it most where two of a dozen stars are.
+both know scale and lens, and that no star is off by more than 3 arcmin.
 """
 
 from collections.abc import Callable, Sequence
@@ -156,12 +155,16 @@ def initial_axis(one: Picture) -> Floats | None:
 def predicted_axis(one: Picture, rng: np.random.Generator) -> Floats | None:
     """The axis by the Predictional Estimate, from a prediction as coarse as the paper's."""
     coarse = small_rotation(rng.normal(0.0, np.radians(COARSE_DEG) / 1.25, 3))
-    worst = float(np.radians(WORST_ARCMIN / 60.0)) * one.camera.focal_px
+    worst = _worst_px(one)
     found = predictional_estimate(
         one.camera, coarse @ one.attitude.matrix, one.detections.xy, _near(one), 8.0,
         closest_px=worst, worst_px=worst,
     )  # fmt: skip
     return None if found is None else found.attitude.boresight
+
+
+def _worst_px(one: Picture) -> float:
+    return float(np.radians(WORST_ARCMIN / 60.0)) * one.camera.focal_px
 
 
 def default_axis(one: Picture) -> Floats | None:
@@ -172,9 +175,10 @@ def default_axis(one: Picture) -> Floats | None:
 def knowing_axis(one: Picture) -> Floats | None:
     """The same by the default that is told what the Predictional Estimate knows of its camera.
 
-    That is its scale, and that it does not distort; not how far off a star may be at worst.
+    That is its scale, that it does not distort, and how far off a star may be at worst.
     """
-    return _solved_axis(one, replace(knowing(camera().scale_arcsec_px), distortion=False))
+    told = replace(knowing(camera().scale_arcsec_px), distortion=False, worst_px=_worst_px(one))
+    return _solved_axis(one, told)
 
 
 def _solved_axis(one: Picture, options: SolveOptions) -> Floats | None:

@@ -52,11 +52,13 @@ def extend(
     *,
     distortion: bool = True,
     focal: FocalBelief | None = None,
+    worst_px: float | None = None,
 ) -> tuple[Matches, Fit]:
     """Match every detection it can against the catalogue, refitting as the set grows.
 
     The search starts where the identified stars are and works outward, so that a strong
-    distortion is learnt ring by ring. ``focal`` is what the last fit may believe of the camera.
+    distortion is learnt ring by ring. ``focal`` and ``worst_px`` are what the last fit may believe
+    of the camera.
     Returns the matches that agree, M of them, and their fit.
     """
     matches = found.matches
@@ -86,8 +88,9 @@ def extend(
         )
     matched_sigma = sigma[matches.detection] if matches is not found.matches else None
     fit = refine(
-        matches, fit.camera, fit.attitude, matched_sigma, distortion=distortion, focal=focal
-    )
+        matches, fit.camera, fit.attitude, matched_sigma,
+        distortion=distortion, focal=focal, worst_px=worst_px,
+    )  # fmt: skip
     return _agreeing(matches, fit)
 
 

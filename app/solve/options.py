@@ -31,7 +31,8 @@ class SolveOptions:
     support it. ``aberration`` takes the annual aberration of starlight (up to 20.5 arcsec) out of
     the attitude; without it the answer is where the stars are seen in ICRS, which is what a
     plate solution means, and the differential part (under 0.2 arcsec across 1 deg) goes into the
-    focal length.
+    focal length. ``worst_px`` is how far off its place a star may be at worst, for who has measured
+    it of a camera; None learns the errors from the frame.
     """
 
     method: str = DEFAULT_METHOD
@@ -47,4 +48,5 @@ class SolveOptions:
     timeout_s: float | None = 30.0
     distortion: bool = True
     aberration: bool = False
+    worst_px: float | None = None
     max_stars: int = 600

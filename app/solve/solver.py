@@ -222,8 +222,9 @@ def _conclude(
     usable = detections.take(slice(0, options.max_stars))
     focal = _believed_focal(options.hint)
     matches, fit = extend(
-        usable, found, catalogue, year, distortion=options.distortion, focal=focal
-    )
+        usable, found, catalogue, year,
+        distortion=options.distortion, focal=focal, worst_px=options.worst_px,
+    )  # fmt: skip
     seen = matches
     warnings: tuple[str, ...] = ()
     if options.aberration:
@@ -231,7 +232,7 @@ def _conclude(
         if moment is None:
             warnings = ("Aberration is not corrected: the frame does not say when it was taken.",)
         else:
-            seen, fit = geometric_fit(matches, fit, moment, focal)
+            seen, fit = geometric_fit(matches, fit, moment, focal, options.worst_px)
     if options.attitude is not None:
         sigma = centroid_sigma(usable)[seen.detection]
         fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
@@ -248,7 +249,11 @@ def _believed_focal(hint: Hint | None) -> FocalBelief | None:
 
 
 def geometric_fit(
-    matches: Matches, fit: Fit, moment: datetime, focal: FocalBelief | None = None
+    matches: Matches,
+    fit: Fit,
+    moment: datetime,
+    focal: FocalBelief | None = None,
+    worst_px: float | None = None,
 ) -> tuple[Matches, Fit]:
     """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
 
@@ -259,4 +264,6 @@ def geometric_fit(
 
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
     distortion = bool(fit.terms[4:])
-    return seen, refine(seen, fit.camera, fit.attitude, distortion=distortion, focal=focal)
+    return seen, refine(
+        seen, fit.camera, fit.attitude, distortion=distortion, focal=focal, worst_px=worst_px
+    )

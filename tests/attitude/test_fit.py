@@ -255,3 +255,31 @@ def test_a_given_distortion_that_few_stars_do_ask_for_is_kept() -> None:
     field = simulate(2, 12, 40.0, 0.3, 0.03)
     fit = fitted(replace(field, first_camera=field.camera))
     assert fit.camera.k1 == pytest.approx(field.camera.k1, rel=0.2)
+
+
+def shifted(field: Field, by_px: float) -> Field:
+    """The same with its first two stars off their places."""
+    xy = field.matches.xy.copy()
+    xy[0] += [by_px, 0.0]
+    xy[1] += [0.0, -by_px]
+    return replace(field, matches=replace(field.matches, xy=xy))
+
+
+def test_who_knows_how_far_stars_are_off_at_worst_is_misled_less_by_two_that_are_farther() -> None:
+    off = []
+    for seed in range(60):
+        field = shifted(simulate(seed, 10, 10.0, 0.5), 2.5)
+        fits = (fitted(field, distortion=False, worst_px=w) for w in (None, 1.5))
+        off.append([np.hypot(*centre_error_px(field, f.camera, f.attitude)) for f in fits])
+    learnt, told = np.mean(off, axis=0)
+    assert told < 0.8 * learnt
+
+
+@pytest.mark.parametrize(("worst_px", "within"), [(100.0, 1e-12), (0.01, 1e-4)])
+def test_a_worst_place_that_none_reaches_is_no_news_and_one_that_most_exceed_no_harm(
+    worst_px: float, within: float
+) -> None:
+    field = shifted(simulate(4, 10, 10.0, 0.5), 2.5)
+    alone = fitted(field, distortion=False)
+    fit = fitted(field, distortion=False, worst_px=worst_px)
+    assert fit.camera.focal_px == pytest.approx(alone.camera.focal_px, rel=within)
