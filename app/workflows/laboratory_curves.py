@@ -32,7 +32,7 @@ class Sweep:
 
 SWEEPS: dict[str, Sweep] = {
     "noise_px": Sweep("Noise of a position", "px", (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)),
-    "false": Sweep("False stars, of the real ones", "", (0.0, 0.2, 0.4, 0.7, 1.0, 1.5)),
+    "false": Sweep("False stars", "", (0.0, 0.2, 0.4, 0.7, 1.0, 1.5)),
     "missing": Sweep("Missing stars", "", (0.0, 0.1, 0.2, 0.4, 0.6, 0.8)),
     "stars": Sweep("Number of stars", "", (4.0, 6.0, 8.0, 12.0, 16.0, 20.0, 30.0, 50.0)),
     "margin_px": Sweep("Error margin", "px", (0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 20.0), True),

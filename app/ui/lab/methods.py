@@ -19,6 +19,7 @@ from app.ui.widgets import label, scrolled
 from app.workflows.laboratory import Choice
 from app.workflows.laboratory_kinds import Kind, allowed, names_of, options_for, paper_for
 
+ROW_PX = 6  # of a row, beside its letters
 TITLES = {
     Kind.METHOD: "Methods of identification",
     Kind.DETECTOR: "Star detectors",
@@ -53,6 +54,8 @@ class MethodsPanel(QWidget):
         self.list = QListWidget()
         self.list.setSpacing(1)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        rows = max(len(names_of(kind)) for kind in Kind)
+        self.list.setMinimumHeight(rows * (self.list.fontMetrics().height() + ROW_PX))
         self.options = OptionsForm()
         self.paper = label("", "muted", wrap=True)
         left, right = QVBoxLayout(), QVBoxLayout()

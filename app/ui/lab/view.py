@@ -102,7 +102,7 @@ class LaboratoryView(QWidget):
         parts.addWidget(top)
         parts.addWidget(below)
         parts.setStretchFactor(1, 1)
-        parts.setSizes([230, 500])
+        parts.setSizes([260, 500])
         outer = QVBoxLayout(self)
         outer.setContentsMargins(8, 8, 8, 8)
         outer.addWidget(parts)
