@@ -1,5 +1,7 @@
 """The few ways Kochab says that something outside it is wrong."""
 
+from pathlib import Path
+
 
 class KochabError(Exception):
     """Anything a person can act on; its text is one clear sentence, shown as it stands."""
@@ -11,6 +13,17 @@ class FrameError(KochabError):
 
 class CatalogueError(KochabError):
     """A star catalogue that is missing, damaged or cannot be built."""
+
+
+class DamagedPatternsError(CatalogueError):
+    """A pattern volume holds what nobody wrote there; ``folder`` is where it lies."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            f"The patterns in {folder} are missing or damaged and cannot be used: install Kochab"
+            " again."
+        )
+        self.folder = folder
 
 
 class UsageError(KochabError):

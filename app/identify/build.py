@@ -12,7 +12,7 @@ from app.core.progress import Progress, Task
 from app.identify.codes import canonical, planar
 from app.identify.index import Grid, size_code
 from app.identify.levels import LEVEL_FIELDS_DEG, all_levels
-from app.identify.zones import zone_keys
+from app.identify.zones import zone_keys, zones_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -128,7 +128,7 @@ def build_volume(
     chosen = all_levels(ra, dec)
     stars, kept, keys, offsets, zones = [], [], [], [0], []
     for k in levels:
-        count = int(min(4095, max(8, round(540.0 / LEVEL_FIELDS_DEG[k]))))
+        count = zones_of(LEVEL_FIELDS_DEG[k])
         key = zone_keys(vectors[chosen[k]], count)
         order = np.argsort(key, kind="stable")
         member = chosen[k][order]

@@ -101,7 +101,7 @@ def propose(volume: Volume, view: View, ask: Question) -> Hypotheses:
     tolerance = ask.noise_px / np.maximum(length_px, 1e-9) + ask.slack
     query, entry = volume.lookup(codes.code, tolerance, size)
     stars = volume.members(entry)
-    sky = volume.stars[stars].astype(np.float64)
+    sky = volume.directions(stars)
     w = planar(sky)
     w = (w[:, 2:] - w[:, :1]) / (w[:, 1] - w[:, 0])[:, None]
     mirrored = (w.imag.sum(axis=1) < 0) != codes.mirrored[query]

@@ -18,13 +18,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.errors import CatalogueError
-from app.identify.zones import cone_rows, ranges
+from app.core.errors import DamagedPatternsError
+from app.identify.zones import cone_rows, ranges, zones_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-ARRAYS = ("stars", "rows", "keys", "cells", "codes", "sizes", "quads")
+ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {  # as they are stored, and the shape of a row
+    "stars": ("<f4", (3,)), "rows": ("<u4", ()), "keys": ("<u4", ()), "cells": ("<u4", ()),
+    "codes": ("<u4", ()), "sizes": ("|u1", ()), "quads": ("|u1", (12,)),
+}  # fmt: skip
+HEADER_BYTES = 128  # of an ``.npy`` file; what it tells is known from the volume's facts
+UNIT = 1e-5  # how far from one the square of a stored unit vector may be
+MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds
 ALL_FOUR = np.uint32(0x01010101)  # four true bytes
 CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
 BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
@@ -89,7 +95,11 @@ class Grid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volume:
-    """One opened index; see the module's text. ``mark``: the catalogue's SHA-256."""
+    """One opened index; see the module's text. ``mark``: the catalogue's SHA-256.
+
+    What has been mapped is not read before it is asked for, so damage shows only then: what cannot
+    be raises DamagedPatternsError, and what is merely wrong does not pass the verification.
+    """
 
     grid: Grid
     fields_deg: Floats
@@ -103,6 +113,7 @@ class Volume:
     sizes: NDArray[np.uint8]
     quads: NDArray[np.uint8]
     mark: str = ""
+    folder: Path = Path()
 
     @property
     def span_deg(self) -> tuple[float, float]:
@@ -117,8 +128,10 @@ class Volume:
         place = self.grid.scaled(code)
         reach = np.minimum(tolerance * self.grid.steps, 0.499)[:, None]
         query, corner, number, low = self.grid.around(place, reach)
-        start = self.cells[number].astype(np.int64)
-        count = self.cells[number + 1].astype(np.int64) - start
+        start, end = (self.cells[n].astype(np.int64) for n in (number, number + 1))
+        count = end - start
+        if max(count.max(initial=0) - MOST_IN_CELL, end.max(initial=0) - len(self.codes)) > 0:
+            raise DamagedPatternsError(self.folder)
         kept = count > 0
         query, corner, start, count = query[kept], corner[kept], start[kept], count[kept]
         entry = ranges(start, count)
@@ -140,7 +153,17 @@ class Volume:
     def members(self, quad: Ints) -> Ints:
         """Star numbers (Q, 4) of quads, as A, B, C, D."""
         raw = self.quads[quad].reshape(-1, 4, 3).astype(np.int64)
-        return np.asarray(raw @ BYTES24)
+        members = np.asarray(raw @ BYTES24)
+        if members.max(initial=0) >= len(self.stars) or (members[:, 0] == members[:, 1]).any():
+            raise DamagedPatternsError(self.folder)
+        return members
+
+    def directions(self, star: Ints) -> Floats:
+        """ICRS unit vectors (..., 3) of star numbers."""
+        found = self.stars[star].astype(np.float64)
+        if not (np.abs(np.einsum("...i,...i", found, found) - 1.0) < UNIT).all():
+            raise DamagedPatternsError(self.folder)
+        return np.asarray(found)
 
     def level_of(self, star: Ints) -> Ints:
         """Levels of star numbers."""
@@ -171,27 +194,51 @@ def _window(
 
 
 def open_volume(folder: Path) -> Volume:
-    """Open a volume, memory mapped; raises CatalogueError when it is absent or damaged."""
+    """Open a volume, memory mapped; raises DamagedPatternsError when it is not all there."""
     try:
-        return _opened(folder)
-    except (OSError, ValueError, EOFError, LookupError, TypeError, AttributeError) as error:
-        raise CatalogueError(
-            f"The patterns in {folder} are missing or damaged and cannot be opened: install Kochab"
-            " again."
-        ) from error
+        volume = _opened(folder)
+        sound = _hangs_together(volume)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise DamagedPatternsError(folder) from error
+    if not sound:
+        raise DamagedPatternsError(folder)
+    return volume
 
 
 def _opened(folder: Path) -> Volume:
     facts: dict[str, Any] = json.loads((folder / "index.json").read_text("utf-8"))
-    arrays = {n: np.load(folder / f"{n}.npy", mmap_mode="r") for n in ARRAYS}
-    if int(arrays["cells"][-1]) != len(arrays["codes"]):
-        raise ValueError("cut short")
-    plain = {n: a.view(np.ndarray) for n, a in arrays.items()}
+    grid, offsets = Grid(int(facts["steps"])), np.array(facts["offsets"], dtype=np.int64)
+    counts = dict.fromkeys(ARRAYS, int(facts["quads"]))
+    counts |= dict.fromkeys(("stars", "rows", "keys"), int(offsets[-1])) | {"cells": grid.cells + 1}
     return Volume(
-        Grid(int(facts["steps"])),
-        np.array(facts["fields_deg"]),
-        np.array(facts["offsets"]),
-        np.array(facts["zones"]),
-        **plain,
+        grid,
+        np.array(facts["fields_deg"], dtype=np.float64),
+        offsets,
+        np.array(facts["zones"], dtype=np.int64),
+        **{name: _mapped(folder / f"{name}.npy", name, counts[name]) for name in ARRAYS},
         mark=str(facts.get("mark", "")),
+        folder=folder,
+    )
+
+
+def _mapped(path: Path, name: str, count: int) -> NDArray[Any]:
+    """An array of so many rows; ValueError when the file has another size."""
+    dtype, row = ARRAYS[name]
+    array = np.memmap(path, dtype, "r", HEADER_BYTES, (count, *row))
+    if path.stat().st_size != HEADER_BYTES + array.nbytes:
+        raise ValueError(f"{path} has another size")
+    return array.view(np.ndarray)
+
+
+def _hangs_together(volume: Volume) -> bool:
+    """Whether levels and cells are what a build leaves: they say how all else is read."""
+    begin, zones = volume.offsets, [zones_of(field) for field in volume.fields_deg]
+    middle = begin[1:-1]  # where the keys begin anew
+    return bool(
+        len(begin) == len(zones) + 1
+        and begin[0] == 0
+        and (np.diff(begin) > 0).all()
+        and volume.zones.tolist() == zones
+        and (volume.keys[middle] < volume.keys[middle - 1]).all()
+        and volume.cells[-1] == len(volume.codes)
     )

@@ -7,7 +7,10 @@ pointing is accepted only when chance cannot explain it (:mod:`app.identify.chan
 it.
 """
 
+from functools import partial
+
 from app.core.detections import Detections
+from app.core.errors import DamagedPatternsError
 from app.core.hint import Hint
 from app.core.progress import Progress, Task
 from app.core.solution import Identification, NoSolution, Reason
@@ -17,7 +20,7 @@ from app.identify.index import Volume
 from app.identify.known_camera import COMPLETE, first_answer, known_camera
 from app.identify.search import FINE, STAGES, Search, Stage
 from app.identify.verify import FEWEST
-from app.identify.volumes import fine, make_fine, shipped
+from app.identify.volumes import drop_fine, fine, make_fine, shipped
 
 
 class Patterns:
@@ -38,9 +41,15 @@ class Patterns:
         """Name the stars of one frame; see :class:`app.identify.Identifier`.
 
         The first frame that only the patterns for small fields can answer waits while those are
-        made, and says so.
+        made, and says so. So does one that finds them damaged.
         """
-        return (yield from with_places(detections, lambda d: self._identify(d, hint, year)))
+        places = partial(self._identify, hint=hint, year=year)
+        try:
+            return (yield from with_places(detections, places))
+        except DamagedPatternsError as error:
+            if self.volumes is not None or not drop_fine(error.folder):
+                raise
+        return (yield from with_places(detections, places))
 
     def _identify(
         self, detections: Detections, hint: Hint | None, year: float

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.core.errors import CatalogueError
+from app.core.errors import CatalogueError, DamagedPatternsError
 from app.core.progress import Progress, Task
 from app.identify.build import build_volume
 from app.identify.index import Volume, open_volume
@@ -57,7 +57,7 @@ def shipped() -> tuple[Volume, ...]:
         raise CatalogueError(
             "The shipped patterns belong to another catalogue: run kochab catalog build."
         )
-    return volumes
+    return tuple(_of_catalogue(volume) for volume in volumes)
 
 
 def fine() -> Volume | None:
@@ -65,13 +65,34 @@ def fine() -> Volume | None:
     folder = fine_folder()
     try:
         return _opened(folder) if (folder / "index.json").exists() else None
-    except CatalogueError:  # the power failed while it was written: it is made again
+    except CatalogueError:  # it is made again
         return None
+
+
+def drop_fine(folder: Path) -> bool:
+    """Whether ``folder`` is that of the volume of small fields, which is then made anew."""
+    if folder != fine_folder():
+        return False
+    (folder / "index.json").unlink(missing_ok=True)
+    _opened.cache_clear()
+    return True
 
 
 @lru_cache(maxsize=1)
 def _opened(folder: Path) -> Volume:
-    return open_volume(folder)
+    volume = open_volume(folder)
+    if not is_shipped(volume):
+        raise DamagedPatternsError(folder)
+    return _of_catalogue(volume)
+
+
+def _of_catalogue(volume: Volume) -> Volume:
+    """The same; DamagedPatternsError when it names stars that the shipped catalogue lacks."""
+    from app.sky import open_catalogue
+
+    if int(volume.rows.max()) >= len(open_catalogue()):
+        raise DamagedPatternsError(volume.folder)
+    return volume
 
 
 def is_shipped(volume: Volume) -> bool:
@@ -131,6 +152,7 @@ def make_fine() -> Task[Volume]:
             return ready
         shutil.rmtree(scratch, ignore_errors=True)
         yield from _build(scratch, *FINE)
+        _on_disk(scratch)
         shutil.rmtree(folder, ignore_errors=True)
         scratch.rename(folder)
     except OSError as error:
@@ -141,6 +163,13 @@ def make_fine() -> Task[Volume]:
         shutil.rmtree(scratch, ignore_errors=True)
         release(handle, lock)
     return open_volume(folder)
+
+
+def _on_disk(folder: Path) -> None:
+    """Return when files are on the disk itself: a name may get there before what it names."""
+    for path in folder.iterdir():
+        with path.open("rb+") as file:
+            os.fsync(file.fileno())
 
 
 def _need_room(parent: Path) -> None:

@@ -8,6 +8,11 @@ Ints = NDArray[np.int64]
 RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above it in the key
 
 
+def zones_of(field_deg: float) -> int:
+    """How many declination zones serve fields of this size best, at most 4095."""
+    return int(min(4095, max(8, round(540.0 / field_deg))))
+
+
 def zone_keys(vectors: NDArray[np.floating], zones: int) -> NDArray[np.uint32]:
     """Sort keys (N,) of unit vectors (N, 3) for ``zones`` (at most 4095) declination zones."""
     v = np.asarray(vectors, dtype=np.float64)

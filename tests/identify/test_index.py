@@ -1,16 +1,26 @@
 import subprocess
 import sys
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from app.core.errors import CatalogueError
+from app.core.attitude import apart_deg, attitude_from
+from app.core.camera import Camera
+from app.core.detections import Detections
+from app.core.errors import CatalogueError, DamagedPatternsError
 from app.core.progress import run
 from app.identify import build, volumes
 from app.identify.build import level_quads
 from app.identify.codes import canonical, planar
-from app.identify.index import open_volume
+from app.identify.index import ARRAYS, open_volume
 from app.identify.levels import all_levels
+from app.identify.patterns import Patterns
+from app.identify.search import FINE, Stage
+from app.sky import open_catalogue
 
 BRIGHT = 20_000  # far more stars than the levels of large fields have
 
@@ -61,10 +71,10 @@ def test_poor_sky_gets_more_quads_for_each_star():
 
 
 def test_a_missing_or_damaged_index_is_one_sentence(tmp_path, toy_volume):
-    with pytest.raises(CatalogueError, match="cannot be opened"):
+    with pytest.raises(CatalogueError, match="damaged and cannot be used"):
         open_volume(tmp_path / "nothing")
     (tmp_path / "index.json").write_text("{")
-    with pytest.raises(CatalogueError, match="cannot be opened"):
+    with pytest.raises(CatalogueError, match="damaged and cannot be used"):
         open_volume(tmp_path)
 
 
@@ -98,6 +108,89 @@ def test_a_volume_that_was_damaged_is_made_again(small_plan, name):
     again = run(volumes.make_fine())
     assert np.array_equal(made.cells, again.cells)
     assert volumes.fine() is not None
+
+
+def damage(name, change):
+    """``change`` an array's file, which is replaced: what is mapped may not be written to."""
+    path = volumes.fine_folder() / f"{name}.npy"
+    array = np.load(path)
+    path.unlink()
+    change(array)
+    np.save(path, array)
+    volumes._opened.cache_clear()
+
+
+def bright_sky(ra, dec):
+    attitude, camera = attitude_from(ra, dec, 20.0), Camera.centred(1200, 900, 800.0)
+    catalogue = open_catalogue()
+    rows = catalogue.cone(attitude.boresight, 0.8, 6.0)
+    xy = camera.project(catalogue.vectors(rows, 2016.0) @ attitude.matrix.T)
+    seen = ((xy > 0) & (xy < (1200, 900))).all(axis=1)
+    return attitude, Detections.from_list(
+        xy[seen][np.argsort(catalogue.mag(rows)[seen])], 1200, 900
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("cells", lambda cells: cells[1:-1].fill(2**31)),
+        ("stars", lambda stars: stars.fill(0.0)),
+    ],
+)
+def test_damage_that_shows_in_use_costs_the_patterns_not_the_frame(small_plan, name, change):
+    run(volumes.make_fine())
+    damage(name, change)
+    damaged = volumes.fine()
+    assert damaged is not None  # nobody has looked
+    stage = Stage(20, 6, 1.0, 0.006, 40, focal=(0.83, 0.64, 0.5), volume=FINE)
+    attitude, detections = bright_sky(90.0, 5.0)
+    answer = run(Patterns(stages=(stage,)).identify(detections))
+    assert apart_deg(answer.attitude.ra_dec_deg, attitude.ra_dec_deg) < 0.1
+    assert volumes.fine() is not damaged
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [("rows", lambda rows: rows.fill(2**31)), ("keys", lambda keys: keys.sort())],
+)
+def test_damage_that_shows_at_once_is_no_volume(small_plan, name, change):
+    run(volumes.make_fine())
+    damage(name, change)
+    assert volumes.fine() is None
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_quads_that_cannot_be_are_damage(toy_volume, value):
+    damaged = replace(toy_volume, quads=np.full_like(toy_volume.quads, value))
+    with pytest.raises(DamagedPatternsError):
+        damaged.members(np.arange(3))
+
+
+@given(data=st.data())
+@settings(max_examples=150)
+def test_a_flip_or_a_cut_is_one_sentence_or_harmless(toy_volume, tmp_path_factory, data):
+    name = data.draw(st.sampled_from([*ARRAYS, "index"]))
+    file = f"{name}.json" if name == "index" else f"{name}.npy"
+    content = bytearray((toy_volume.folder / file).read_bytes())
+    folder = tmp_path_factory.mktemp("flipped")
+    for path in toy_volume.folder.iterdir():
+        (folder / path.name).hardlink_to(path)
+    if data.draw(st.booleans()):
+        del content[data.draw(st.integers(0, len(content) - 1)) :]
+    else:
+        bit = data.draw(st.integers(0, min(8 * len(content), 4096) - 1))
+        content[bit // 8] ^= 1 << bit % 8
+    (folder / file).unlink()
+    (folder / file).write_bytes(content)
+    some = np.arange(0, len(toy_volume.quads), 97)
+    code = canonical(planar(toy_volume.directions(toy_volume.members(some)))).code
+    with suppress(DamagedPatternsError):
+        volume = open_volume(folder)
+        _, found = volume.lookup(
+            code, np.full(len(code), 0.01), np.tile([0.0, 4.0], (len(code), 1))
+        )
+        volume.directions(volume.members(found))
 
 
 def test_a_cancelled_build_leaves_nothing_behind(small_plan):
