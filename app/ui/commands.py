@@ -182,6 +182,8 @@ class Commands(QObject):
         for name in ("fit", "one", "in", "out"):
             self.actions[name].setEnabled(known.frame is not None or self.session.streams)
         self.window.menus.export.setEnabled(isinstance(known.result, Solution))
+        for action in self.window.menus.export.actions():
+            action.setEnabled(action.objectName() != "export_fits" or _is_fits(known.path))
         self.actions["colour"].setEnabled(
             known.frame is None or known.frame.colour is not None or bool(known.frame.bayer)
         )
@@ -194,6 +196,11 @@ class Commands(QObject):
         keep.keep("closed", time.strftime("%Y-%m-%d"))
         keep.write()
         self.session.close()
+
+
+def _is_fits(path: Path | None) -> bool:
+    """Whether a file may be FITS, which alone can be copied with other words in its header."""
+    return path is not None and SUFFIXES.get(path.suffix.lower(), "FITS") == "FITS"
 
 
 def _kinds() -> str:

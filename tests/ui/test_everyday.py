@@ -158,3 +158,15 @@ def test_a_slider_is_moved_for_this_evening_the_switch_for_all(opened, settings)
     commands.actions["stretch"].trigger()
     assert not strip.auto.isChecked()
     assert not settings.flag("stretch", True)
+
+
+def test_a_fits_copy_is_offered_of_fits_alone(qtbot, make_window, tmp_path):
+    window, commands = make_window(FakeEngine())
+    copy = next(a for a in window.menus.export.actions() if a.objectName() == "export_fits")
+    for name, able in (("a.fits", True), ("b.jpg", False), ("c.FIT", True), ("d.odd", True)):
+        path = tmp_path / name
+        path.write_bytes(b"not read by the fake engine")
+        with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+            commands.open(path)
+        assert copy.isEnabled() == able, name
+    assert all(a.isEnabled() for a in window.menus.export.actions())
