@@ -17,7 +17,11 @@ MOST_FIELDS = 2_000_000
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the ``catalog`` command and its actions to the main parser."""
-    parser = subparsers.add_parser("catalog", help="build, inspect or import star catalogues")
+    parser = subparsers.add_parser(
+        "catalog",
+        help="build, inspect or import star catalogues",
+        description="Exit code: 0 done, 1 a check failed, 2 unusable arguments or input.",
+    )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
     build = actions.add_parser("build", help="make every catalogue file from registry packages")
@@ -29,9 +33,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     info.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
     reach = actions.add_parser("coverage", help="fewest and median stars that a field holds")
-    reach.add_argument("--fov", type=float, default=1.2, metavar="DEG", help="square, default 1.2")
+    reach.add_argument(
+        "--fov", type=number, default=1.2, metavar="DEG",
+        help="side of the square field, 0.05 to 90 degrees (default: %(default)g)",
+    )  # fmt: skip
     reach.add_argument("--mag-limit", type=number, metavar="V", help="count no fainter stars")
-    reach.add_argument("--fields", type=int, metavar="N", help="places tried over the sky")
+    reach.add_argument(
+        "--fields", type=int, metavar="N",
+        help="places tried over the sky (default: one every half field, 200,000 at most)",
+    )  # fmt: skip
     reach.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
     bring = actions.add_parser(
@@ -171,7 +181,16 @@ def _folder(catalog: str | None) -> Path:
 
     if catalog is None:
         return shipped_folder()
-    return Path(catalog) if Path(catalog).is_dir() else user_folder(catalog)
+    if Path(catalog).is_dir():
+        return Path(catalog)
+    folder = user_folder(catalog)
+    if not folder.is_dir():
+        there = sorted(path.name for path in folder.parent.glob("*/"))
+        raise CatalogueError(
+            f"No catalogue was imported as {catalog!r}; "
+            + (f"there are {', '.join(there)}." if there else "none was imported at all.")
+        )
+    return folder
 
 
 def _import(args: argparse.Namespace) -> int:

@@ -70,3 +70,12 @@ def test_coverage_refuses_what_cannot_be_counted(arguments, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
+
+
+def test_a_name_that_was_not_imported_is_told_with_those_that_were(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr("platformdirs.user_data_path", lambda name: tmp_path)
+    assert main(["catalog", "info", "--catalog", "deep"]) == 2
+    assert "'deep'; none was imported at all" in capsys.readouterr().err
+    (tmp_path / "catalogs" / "gaia").mkdir(parents=True)
+    assert main(["catalog", "coverage", "--catalog", "deep"]) == 2
+    assert "'deep'; there are gaia." in capsys.readouterr().err
