@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from app.cli.choices import number_above_zero
+from app.cli.choices import within
 from app.cli.output import to_line
 from app.core.errors import UsageError
 from app.core.hint import Site
@@ -47,12 +47,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--socket", action="store_true", help="TCP instead of a pseudo-terminal")
     parser.add_argument("--folder", metavar="DIR", help="write each frame there as FITS")
     parser.add_argument(
-        "--exposure", type=number_above_zero, default=2.0, metavar="S", help="of those frames (2)"
+        "--exposure", type=_exposure, default=2.0, metavar="S", help="of those frames (2)"
     )
     parser.add_argument(
-        "--rate", type=number_above_zero, default=1.0, metavar="X", help="time runs so much faster"
+        "--rate", type=_rate, default=1.0, metavar="X", help="time runs so many times faster (1)"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="another night")
+    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="another night (0)")
     parser.add_argument(
         "--faults", action="store_true", help="clouds, wind, a kick, a weak clutch, a bad cable"
     )
@@ -161,22 +161,26 @@ def _site(text: str) -> Site:
 
 
 def _arcmin(text: str) -> float:
-    return _within(text, 0.0, 600.0, "arcmin")
+    return within(text, 0.0, 600.0, "arcmin")
 
 
 def _lost(text: str) -> float:
-    return _within(text, 0.0, 90.0, "deg")
+    return within(text, 0.0, 90.0, "deg")
 
 
 def _fov(text: str) -> float:
-    return _within(text, 0.8, 60.0, "deg")  # narrower, the catalogue has too few stars
+    return within(text, 0.8, 60.0, "deg")  # narrower, the catalogue has too few stars
 
 
-def _within(text: str, low: float, high: float, unit: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"'{text}' is not between {low:g} and {high:g} {unit}")
-    return value
+def _exposure(text: str) -> float:
+    return within(text, 0.001, 600.0, "s")
+
+
+def _rate(text: str) -> float:
+    return within(text, 0.1, 1000.0, "times")
+
+
+def _seed(text: str) -> int:
+    if not text.isdigit() or len(text) > 18:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number, 0 or more")
+    return int(text)

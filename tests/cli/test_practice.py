@@ -60,3 +60,18 @@ def test_bad_arguments_are_one_sentence(arguments, capsys) -> None:
     told = capsys.readouterr().err.strip()
     assert "Traceback" not in told
     assert len(told.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "says"),
+    [
+        ("--rate", "1e308", "1e308 is not between 0.1 and 1000 times"),
+        ("--rate", "nan", "nan is not a number"),
+        ("--exposure", "0", "0 is not between 0.001 and 600 s"),
+        ("--seed", "-1", "-1 is not a whole number, 0 or more"),
+        ("--lost", "91", "91 is not between 0 and 90 deg"),
+    ],
+)
+def test_every_number_has_its_bounds(option, value, says, capsys) -> None:
+    assert main(["practice", f"{option}={value}"]) == 2
+    assert says in capsys.readouterr().err
