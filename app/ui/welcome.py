@@ -25,6 +25,7 @@ READS = (
 PRACTICE = "&Practice with a simulated telescope"
 PRACTICE_TIP = "A mount that stands wrong and a camera on it, under a sky of their own."
 
+LEAST_PX = 320  # of a sample: its picture and its name
 WIDEST_PX = 680  # of the page, with letters of the normal size
 
 
@@ -39,6 +40,7 @@ class Welcome(QWidget):
         super().__init__()
         self.setObjectName("page")
         self._recent = QVBoxLayout()
+        self._recent.setSpacing(0)
         self._recent_title = label("Recent", "heading")
         self._inside = inside = QWidget()
         inside.setObjectName("page")
@@ -57,6 +59,7 @@ class Welcome(QWidget):
         line.addStretch(1)
         column.addLayout(line)
         column.addWidget(label(READS, "muted", wrap=True))
+        column.addSpacing(4)
         column.addWidget(self._recent_title)
         column.addLayout(self._recent)
         self.samples: list[QPushButton] = []
@@ -73,7 +76,7 @@ class Welcome(QWidget):
         page = QWidget()
         page.setObjectName("page")
         middle = QHBoxLayout(page)
-        middle.setContentsMargins(32, 8, 32, 8)
+        middle.setContentsMargins(24, 8, 24, 8)
         middle.addStretch(1)
         middle.addWidget(inside, 4, Qt.AlignmentFlag.AlignVCenter)
         middle.addStretch(1)
@@ -94,6 +97,7 @@ class Welcome(QWidget):
         made = button(f"{text}\n{sample.text}" if sample.text else text,
                       lambda: self.file_wanted.emit(sample.path), "sample")  # fmt: skip
         made.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        made.setMinimumWidth(LEAST_PX)  # beside a tool on a small screen
         made.setAccessibleName(sample.title)
         made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
         return made
@@ -117,8 +121,14 @@ class Welcome(QWidget):
                 old.deleteLater()
         shown = [p for p in paths if p.exists()][:MOST_SHOWN]
         self._recent_title.setVisible(bool(shown))
+        before: QWidget = self.practice
         for path in shown:
-            self._recent.addWidget(self._link(path))
+            link = self._link(path)
+            self._recent.addWidget(link)
+            self.setTabOrder(before, link)
+            before = link
+        for sample in self.samples[:1]:
+            self.setTabOrder(before, sample)
 
     def _link(self, path: Path) -> QWidget:
         text = short_name(path.name).replace("&", "&&")

@@ -170,3 +170,14 @@ def test_a_fits_copy_is_offered_of_fits_alone(qtbot, make_window, tmp_path):
             commands.open(path)
         assert copy.isEnabled() == able, name
     assert all(a.isEnabled() for a in window.menus.export.actions())
+
+
+def test_the_welcome_page_leaves_room_for_a_tool_on_a_small_screen(make_window, settings, a_file):
+    settings.add_recent(a_file)
+    window, _ = make_window(FakeEngine())
+    assert window.welcome.minimumSizeHint().width() <= 500  # a tool takes up to 520 of 1024
+    link = window.welcome._recent.itemAt(0).widget()
+    order = [window.welcome.first]
+    while order[-1] is not window.welcome.samples[0] and len(order) < 20:
+        order.append(order[-1].nextInFocusChain())
+    assert order.index(window.welcome.practice) < order.index(link)
