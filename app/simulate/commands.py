@@ -8,6 +8,11 @@ from app.core.errors import UsageError
 if TYPE_CHECKING:
     from app.simulate.practice import Practice
 
+MOST_ARCMIN = 10_800.0
+"""Nothing is turned further than half around at once, by bolt or by hand."""
+MOST_DEG = 180.0
+MOST_FAULTS = 1000
+
 HELP = (
     "alt ARCMIN    turn the altitude bolt: + raises the axis",
     "az ARCMIN     turn the azimuth bolt: + is clockwise from above",
@@ -42,23 +47,31 @@ def obey(practice: "Practice", line: str) -> str:
         raise UsageError(f"'{line.strip()}' is not complete or not a number; type help.") from None
 
 
+def _within(word: str, most: float) -> float:
+    """The number that was typed, no larger than a hand would turn anything."""
+    value = float(word)
+    if not abs(value) <= most:
+        raise UsageError(f"{word} is not between {-most:g} and {most:g}.")
+    return value
+
+
 def _altitude(practice: "Practice", words: Sequence[str]) -> str:
-    practice.rig.mount.turn_bolts(float(words[0]), 0.0)
+    practice.rig.mount.turn_bolts(_within(words[0], MOST_ARCMIN), 0.0)
     return "The altitude bolt is turned."
 
 
 def _azimuth(practice: "Practice", words: Sequence[str]) -> str:
-    practice.rig.mount.turn_bolts(0.0, float(words[0]))
+    practice.rig.mount.turn_bolts(0.0, _within(words[0], MOST_ARCMIN))
     return "The azimuth bolt is turned."
 
 
 def _hour(practice: "Practice", words: Sequence[str]) -> str:
-    practice.rig.mount.turn_by_hand(float(words[0]))
+    practice.rig.mount.turn_by_hand(_within(words[0], MOST_DEG))
     return "The hour axis is turned; the mount knows nothing of it."
 
 
 def _declination(practice: "Practice", words: Sequence[str]) -> str:
-    practice.rig.mount.turn_by_hand(0.0, float(words[0]))
+    practice.rig.mount.turn_by_hand(0.0, _within(words[0], MOST_DEG))
     return "The declination axis is turned; the mount knows nothing of it."
 
 
@@ -81,6 +94,8 @@ def _plug(practice: "Practice", words: Sequence[str]) -> str:
 
 def _fault(practice: "Practice", words: Sequence[str]) -> str:
     count = int(words[1]) if len(words) > 1 else 1
+    if not 1 <= count <= MOST_FAULTS:
+        raise UsageError(f"{count} is not a count of answers from 1 to {MOST_FAULTS}.")
     practice.faults.next(words[0], count)
     return f"{words[0].capitalize()} for the next {count}."
 

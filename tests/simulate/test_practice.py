@@ -148,6 +148,16 @@ def test_what_is_not_understood_is_said_in_one_sentence(practice, line):
     assert "help" in str(told.value)
 
 
+@pytest.mark.parametrize(
+    "line", ["alt nan", "az 1e400", "ra -1e9", "dec inf", "fault silence 0", "fault garbage 9999"]
+)
+def test_what_no_hand_can_do_is_refused_and_nothing_moves(practice, line):
+    before = practice.score()
+    with pytest.raises(UsageError):
+        obey(practice, line)
+    assert practice.score().axis_arcsec == pytest.approx(before.axis_arcsec)
+
+
 def test_every_command_is_in_the_help():
     told = " ".join(HELP)
     assert all(name in told for name in ACTIONS)
