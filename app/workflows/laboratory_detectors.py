@@ -46,6 +46,8 @@ def try_detector(
 ) -> Task[Trial]:
     """Solve ``frame`` with this detector and all else as ever; the time is the detector's.
 
+    As when methods are compared, a ``hint`` that helps is all that is searched.
+
     ``places`` (N, 2) px are those of all stars in a simulated picture.
 
     Raises
@@ -58,7 +60,7 @@ def try_detector(
     make_detector(choice.name).detect(Frame(np.eye(64)))  # loading its libraries is not its time
     wish = SolveOptions(
         detector=choice.name, detector_options=options, hint=hint, use_header=False,
-        timeout_s=limit_s,
+        blind_after_hint=False, timeout_s=limit_s,
     )  # fmt: skip
     examined, spent = yield from timed(examine_frame(frame, wish), float("inf"))
     assert examined is not None, "there was no limit"
