@@ -112,7 +112,10 @@ def propose(volume: Volume, view: View, ask: Question) -> Hypotheses:
     level = volume.level_of(stars[:, 0])
     frame_field = 2.0 * np.degrees(np.arctan(np.sqrt(view.half[0] * view.half[1]) / focal))
     ratio = volume.fields_deg[level] / frame_field
-    good = (focal >= low[query]) & (focal <= high[query])
+    # a scale known better than a quad's places is not for the quad to contradict
+    room = 1.0 + tolerance[query]
+    good = (focal * room >= low[query]) & (focal <= high[query] * room)
+    np.clip(focal, low[query], high[query], out=focal)
     good &= (ratio > ask.per_field[0]) & (ratio < ask.per_field[1])
     matrix = pointings(view.xy, detections[good], sky[good], focal[good], mirrored[good])
     return Hypotheses(

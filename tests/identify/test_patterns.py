@@ -64,6 +64,19 @@ def test_any_pointing_roll_and_parity(toy_sky, method, ra, dec, roll, mirrored, 
     assert np.median(np.abs(error - answer.matches.xy)) < 1.0
 
 
+@pytest.mark.parametrize("share", [0.1, 1e-2, 1e-3, 1e-4])
+def test_the_better_the_scale_is_known_the_surer_the_answer(toy_sky, method, share):
+    """A pair of stars tells the scale worse than that: it must not contradict who knows it."""
+    for seed in range(12):
+        place = (30.0 * seed, 5.0 * seed - 30.0, 70.0)
+        attitude, camera, detections = view(toy_sky, *place, seed=seed)
+        scale = camera.scale_arcsec_px
+        hint = Hint(scale_arcsec_px=(scale / (1.0 + share), scale * (1.0 + share)))
+        answer = run(method.identify(detections, hint))
+        assert isinstance(answer, Identification)
+        assert off_deg(answer, attitude) < 0.1
+
+
 @given(st.permutations(range(12)))
 @settings(max_examples=15)
 def test_the_order_of_the_brightest_does_not_matter(toy_sky, method, order):
