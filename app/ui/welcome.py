@@ -78,7 +78,7 @@ class Welcome(QWidget):
         middle = QHBoxLayout(page)
         middle.setContentsMargins(24, 8, 24, 8)
         middle.addStretch(1)
-        middle.addWidget(inside, 4, Qt.AlignmentFlag.AlignVCenter)
+        middle.addWidget(inside, 99, Qt.AlignmentFlag.AlignVCenter)
         middle.addStretch(1)
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
@@ -100,6 +100,7 @@ class Welcome(QWidget):
         made.setMinimumWidth(LEAST_PX)  # beside a tool on a small screen
         made.setAccessibleName(sample.title)
         made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
+        made.setMinimumHeight(HEIGHT + 18)  # nothing moves when the picture comes
         return made
 
     def add_picture(self, path: Path, picture: np.ndarray, red: bool) -> None:

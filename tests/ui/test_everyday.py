@@ -6,6 +6,7 @@ from PySide6.QtGui import QImage
 from app.ui.actions import MARKS, SPECS
 from app.ui.formats import breakable, short_name, unbroken
 from app.ui.hints_panel import LIMIT_S
+from app.ui.thumbnails import HEIGHT, WIDTH
 from tests.ui.fakes import FakeEngine, no_solution
 
 LONG = "light_" + "x" * 190 + "_0042.fits"
@@ -181,3 +182,15 @@ def test_the_welcome_page_leaves_room_for_a_tool_on_a_small_screen(make_window, 
     while order[-1] is not window.welcome.samples[0] and len(order) < 20:
         order.append(order[-1].nextInFocusChain())
     assert order.index(window.welcome.practice) < order.index(link)
+
+
+def test_nothing_moves_when_the_picture_of_a_sample_comes(qtbot, make_window, tmp_path):
+    window, _ = make_window(FakeEngine())
+    sample = window.welcome.samples[0]
+    qtbot.wait(50)
+    before = sample.geometry()
+    picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    window.welcome.add_picture(tmp_path / "sample.fits", picture, red=False)
+    assert not sample.icon().isNull()
+    qtbot.wait(50)
+    assert sample.geometry() == before
