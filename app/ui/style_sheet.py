@@ -59,7 +59,8 @@ QPushButton:disabled { color: $faint; background: $window; }
 QPushButton[role="main"] { background: $accent; color: $on_accent; border-color: $accent;
     font-weight: 600; }
 QPushButton[role="main"]:focus { border: 2px solid $text; padding: 4px 11px; }
-QPushButton[role="sample"] { background: $surface; text-align: left; padding: 8px; }
+QPushButton[role="sample"] { background: $surface; text-align: left; padding: 8px;
+    min-height: 64px; }
 QPushButton[role="sample"]:hover { background: $hover; }
 QPushButton[role="sample"]:focus { border-color: $accent; }
 QPushButton[role="link"] { background: transparent; border: 1px solid transparent;

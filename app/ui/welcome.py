@@ -100,7 +100,6 @@ class Welcome(QWidget):
         made.setMinimumWidth(LEAST_PX)  # beside a tool on a small screen
         made.setAccessibleName(sample.title)
         made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
-        made.setMinimumHeight(HEIGHT + 18)  # nothing moves when the picture comes
         return made
 
     def add_picture(self, path: Path, picture: np.ndarray, red: bool) -> None:
