@@ -78,6 +78,8 @@ def recalled(name: str, width: int, height: int, folder: Path | None = None) -> 
         camera = Camera(**told["camera"])
         if told["terms"] != list(TERMS) or information.shape != (len(TERMS), len(TERMS)):
             raise ValueError("other terms")
+        if (camera.width, camera.height) != (width, height):
+            raise ValueError("another size")
         np.linalg.cholesky(information)
         return Profile(str(told["name"]), camera, information, int(told["frames"]))
     except (OSError, ValueError, KeyError, TypeError, np.linalg.LinAlgError) as error:

@@ -112,9 +112,11 @@ def test_kept_and_recalled(tmp_path, monkeypatch) -> None:
 def test_what_cannot_be_read_or_written_is_said_in_a_sentence(tmp_path) -> None:
     profile = new_profile("lens", TRUTH)
     path = keep(profile, tmp_path)
-    path.write_text("{")
-    with pytest.raises(KochabError, match="no camera profile"):
-        recalled("lens", 1280, 960, tmp_path)
+    told = path.read_text()
+    for damaged in ("{", told.replace("1280", "1281")):
+        path.write_text(damaged)
+        with pytest.raises(KochabError, match="no camera profile"):
+            recalled("lens", 1280, 960, tmp_path)
     file = tmp_path / "file"
     file.write_text("")
     with pytest.raises(KochabError, match="cannot be kept"):
