@@ -141,15 +141,20 @@ class Catalogue:
         inside = np.einsum("ij,ij->i", gap, gap) <= chord * chord * (1 + 1e-12) + 1e-24
         return np.asarray(rows[inside])
 
-    def label(self, row: int) -> tuple[str, str]:
-        """Identifier and name of a star: ``("HIP 91262", "Vega")``.
+    def labels(self, rows: Rows) -> list[tuple[str, str]]:
+        """Identifiers and names of stars (N,): ``[("HIP 91262", "Vega"), ...]``.
 
         A star that Hipparcos lacks is named by its position, ``("J183656.3+384701", "")``.
         """
-        bright = self.bright_row(row)
-        if bright is not None:
-            return self.names.label(bright)
-        return position_name(self.vectors(np.array([row]))[0]), ""
+        bright = [self.bright_row(row) for row in rows.tolist()]
+        return [
+            (position_name(place), "") if star is None else self.names.label(star)
+            for star, place in zip(bright, self.vectors(rows), strict=True)
+        ]
+
+    def label(self, row: int) -> tuple[str, str]:
+        """The same of one star."""
+        return self.labels(np.array([row]))[0]
 
     def bright_row(self, row: int) -> int | None:
         """The row of the bright list that ``row`` leads to (its brightest part), or None."""

@@ -14,18 +14,19 @@ def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue:
     Positions are those at the frame's date, proper motion included.
     """
     mags = np.asarray(catalogue.mag(matches.star), dtype=np.float64)
-    residuals = np.hypot(*fit.residuals_px.T)
-    stars = []
-    for i in np.argsort(mags, kind="stable"):
-        identifier, name = catalogue.label(int(matches.star[i]))
-        ra, dec = radec_deg(matches.vectors[i])
-        x, y = (float(c) for c in matches.xy[i])
-        star = NamedStar(x, y, identifier, name, float(mags[i]), ra, dec, float(residuals[i]))
-        stars.append(star)
+    order = np.argsort(mags, kind="stable")
+    columns = zip(
+        matches.xy[order].tolist(), catalogue.labels(matches.star[order]), mags[order].tolist(),
+        matches.vectors[order], np.hypot(*fit.residuals_px[order].T).tolist(), strict=True,
+    )  # fmt: skip
+    stars = tuple(
+        NamedStar(x, y, *label, mag, *radec_deg(vector), residual_px)
+        for (x, y), label, mag, vector, residual_px in columns
+    )
     return Solution(
         fit.camera,
         fit.attitude,
-        tuple(stars),
+        stars,
         fit.rms_px,
         found.log10_false_alarm,
         found.method,

@@ -39,8 +39,8 @@ class Stars(Protocol):
         """The brightest rows of a cone around an ICRS unit vector."""
         ...
 
-    def label(self, row: int) -> tuple[str, str]:
-        """Identifier and name."""
+    def labels(self, rows: Ints) -> list[tuple[str, str]]:
+        """Identifiers and names."""
         ...
 
 
