@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, fields
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from app.core.errors import UsageError
 from app.core.hint import Hint, Site
@@ -38,14 +39,13 @@ def options_from(told: Any) -> SolveOptions:
         They are of kinds that options cannot be.
 
     """
-    plain = SolveOptions(attitude="", fov_deg=1.0)  # of every option a value of its kind
     try:
-        known = {f.name for f in fields(SolveOptions)}
-        values = {k: v for k, v in told.items() if k in known}
+        kinds = get_type_hints(SolveOptions)
+        values = {k: v for k, v in told.items() if k in kinds}
         if values.get("hint") is not None:
             values["hint"] = _hint(values["hint"])
         for name, value in values.items():
-            if name != "hint" and not _alike(value, getattr(plain, name), name in _MAY_BE_NONE):
+            if name != "hint" and not _may_be(value, kinds[name]):
                 raise TypeError(name)
         return SolveOptions(**values)
     except (TypeError, ValueError, AttributeError):
@@ -54,18 +54,14 @@ def options_from(told: Any) -> SolveOptions:
         ) from None
 
 
-_MAY_BE_NONE = ("attitude", "fov_deg", "timeout_s")
-
-
-def _alike(value: Any, example: Any, may_be_none: bool) -> bool:
-    """Whether ``value`` is of the kind of ``example``; a whole number may stand for a number."""
-    if value is None:
-        return may_be_none
-    if isinstance(example, bool) or isinstance(value, bool):
-        return isinstance(example, bool) and isinstance(value, bool)
-    if isinstance(example, float):
-        return isinstance(value, int | float)
-    return isinstance(value, Mapping if isinstance(example, Mapping) else type(example))
+def _may_be(value: Any, kind: Any) -> bool:
+    """Whether ``value`` is of a ``kind`` or of one of several; a whole number may be a number."""
+    if isinstance(kind, UnionType):
+        return any(_may_be(value, one) for one in get_args(kind))
+    plain = get_origin(kind) or kind
+    if isinstance(value, bool):
+        return plain is bool
+    return isinstance(value, int | float if plain is float else plain)
 
 
 def _hint(told: Mapping[str, Any]) -> Hint:

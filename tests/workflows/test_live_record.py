@@ -116,6 +116,7 @@ def test_the_options_come_back_as_they_were() -> None:
     for options in (
         SolveOptions(),
         SolveOptions("triads", {"stars": 9}, hint=hint, fov_deg=3.0, timeout_s=None),
+        SolveOptions(attitude="quest", timeout_s=3, worst_px=1.5),
     ):
         told = json.loads(json.dumps(options_json(options)))
         assert options_from({**told, "of a later version": 1}) == options
