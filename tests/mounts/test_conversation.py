@@ -103,3 +103,4 @@ def test_what_stop_never_answered_does_not_hold_up_the_next_question() -> None:
     talk = Conversation(link)
     talk.urge(b"M", exactly(1, 0.01))
     talk.ask(b"e", exactly(1, 1.0), parse_done)
+    link.finished()

@@ -142,6 +142,8 @@ def test_pulses_keep_to_their_digits() -> None:
 def test_the_period_of_an_eq6_at_the_sidereal_rate() -> None:
     assert skywatcher.step_period(360.0 / 86164.0905, 9024000, 64935) == 620
     assert skywatcher.step_period(0.0, 9024000, 64935) == 0xFFFFFF
+    fast = skywatcher.step_period(2.0, 9024000, 64935, 16)  # as steps of sixteen
+    assert fast == round(64935 * 16 / (9024000 / 360.0 * 2.0))
 
 
 def test_longitudes_and_zones_of_the_lx200_grow_westward() -> None:
@@ -159,3 +161,28 @@ def test_a_nexstar_in_the_south_with_summer_time() -> None:
     time, offset = nexstar.parse_time(bytes([21, 5, 9, 12, 31, 26, 252, 1]) + b"#")
     assert offset == -3.0
     assert time.isoformat() == "2027-01-01T00:05:09+00:00"
+
+
+@pytest.mark.parametrize(
+    ("digit", "slewing", "parked", "tracking"),
+    [
+        (0, False, False, False),  # stopped
+        (1, False, False, True),
+        (2, True, False, False),
+        (3, False, False, True),  # guided
+        (4, True, False, False),  # it flips
+        (5, False, False, True),  # with its periodic error corrected
+        (6, False, True, False),
+        (7, False, False, False),  # at home
+    ],
+)
+def test_the_states_of_an_ioptron(digit, slewing, parked, tracking) -> None:
+    state = ioptron.parse_status(b"+0288000050400000" + b"0%d1011#" % digit)
+    assert (state.slewing, state.parked, state.tracking) == (slewing, parked, tracking)
+
+
+def test_an_ioptron_in_summer_time() -> None:
+    time, offset = ioptron.parse_time(b"+0601" + b"0827280000000#")
+    assert offset == 2.0
+    assert time.isoformat() == "2026-03-20T12:00:00+00:00"
+    assert ioptron.parse_time(b"-3000" + b"0827280000000#")[1] == -5.0

@@ -7,6 +7,7 @@ import pytest
 
 from app.core.attitude import unit_vectors
 from app.core.errors import NoAnswerError, StoppedError, StrayedError
+from app.core.hint import Site
 from app.core.mount import Direction, Epoch, PierSide, Pointing
 from app.core.progress import run
 from app.mounts import watch
@@ -265,6 +266,19 @@ def test_the_pole_belongs_to_the_room_only_of_a_mount_that_may_flip() -> None:
         assert longest_turn_deg(flipping) == 180.0
         assert aside_deg(room_of(flipping), 77.0, 88.0) < 2.0
     assert not may_flip(plan_of((-10.0, 20.0), (10.0, 20.0), crosses_meridian=True))
+
+
+def test_in_the_south_a_flip_goes_over_the_other_pole() -> None:
+    """From it up to the higher end, whatever the hour angle."""
+    target_deg = at(10.0, -10.0)
+    plan = replace(
+        plan_of((-10.0, -5.0), (10.0, -10.0)),
+        site=Site(-33.0, SITE.longitude_deg), start_deg=at(-10.0, -60.0), target_deg=target_deg,
+    )  # fmt: skip
+    assert may_flip(plan)
+    room = room_of(plan)
+    for dec, inside in ((-88.0, True), (-15.0, True), (5.0, False)):
+        assert bool(aside_deg(room, 120.0, dec) < 2.0) is inside, dec
 
 
 def test_a_fork_may_go_either_way_round_in_azimuth() -> None:
