@@ -26,6 +26,8 @@ FLOOR_PX = 0.02
 """No set of centroids is believed to be better than this, whatever the residuals say."""
 FEWEST_TO_DOUBT = 6
 """Among fewer matches none can be told to be the wrong one."""
+SHORTER = (0.0, 1e-6, 1e-3, 0.1)
+"""Dampings of the soft end's steps, the next tried when one leads uphill."""
 SOFT_ROUNDS = 10
 SETTLED = 0.01
 """Trust that changes by less in a round has settled."""
@@ -173,9 +175,10 @@ def _softened(state: State, free: Indices) -> State:
     Itself when there are too few matches to tell, or no majority to be trusted.
     """
     before, share, level, right = state, BELIEF[0] / sum(BELIEF), 0.0, state.trust
-    _, jacobian = state.slopes()
     for _ in range(SOFT_ROUNDS if len(state.matches) >= FEWEST_TO_DOUBT else 0):
-        residual = state.residuals()
+        # Afresh each time: a centre and a distortion that are hardly told apart else run away.
+        left, jacobian = state.slopes()
+        residual = left.T
         scaled = residual * state.weight[:, None]
         length2 = np.square(scaled).sum(axis=1)
         first = level == 0.0
@@ -185,12 +188,24 @@ def _softened(state: State, free: Indices) -> State:
         if 2 * int((right > 0.5).sum()) <= len(right):
             return before
         counts = state.weight * np.sqrt(right)
-        step = state.normal(jacobian, counts).only(free).step(state.flat(residual.T, counts))
-        done = float(np.abs(right - state.trust).max()) < SETTLED
-        state = replace(state.moved(free, step), trust=right, share=share)
+        tried = _stepped(state, free, left, jacobian, counts)
+        done = tried is state or float(np.abs(right - state.trust).max()) < SETTLED
+        state = replace(tried, trust=right, share=share)
         if done:
             break
     return replace(state, inliers=state.trust > 1e-4)
+
+
+def _stepped(state: State, free: Indices, left: Floats, jacobian: Floats, counts: Floats) -> State:
+    """The state after the first of ever shorter steps that makes nothing worse, or itself."""
+    flat = state.flat(left, counts)
+    normal = state.normal(jacobian, counts).only(free)
+    for damping in SHORTER:
+        tried = state.moved(free, normal.step(flat, damping))
+        then = state.flat(tried.residuals().T, counts)
+        if float(then @ then) <= float(flat @ flat) * (1.0 + 1e-9):
+            return tried
+    return state
 
 
 def _concluded(state: State, free: Indices, covariance: bool) -> Fit:
