@@ -19,6 +19,7 @@ from app.ui.palette import THEMES, Colours
 
 log = logging.getLogger("kochab")
 LIBRARY = "pyqtgraph"
+BETWEEN_MS = 20  # from one plot to the next: the first one is painted meanwhile
 
 
 class PlotPlace(QWidget):
@@ -117,7 +118,7 @@ class _Library:
                 place.make_now()
                 break
         if self._waiting:
-            QTimer.singleShot(0, self._next)
+            QTimer.singleShot(BETWEEN_MS, self._next)
 
 
 def _loading() -> Task[None]:

@@ -1,9 +1,10 @@
 """The bar at the bottom: what is going on, and what is under the cursor."""
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QProgressBar, QStatusBar
+from PySide6.QtWidgets import QStatusBar
 
 from app.core.progress import Progress
+from app.ui.progress_bar import ProgressBar
 from app.ui.widgets import button, label
 
 STAGE_TEXT = {
@@ -26,10 +27,8 @@ class Status(QStatusBar):
         self.setSizeGripEnabled(False)
         self.setContentsMargins(8, 2, 8, 2)
         self.doing = label("Ready")
-        self.bar = QProgressBar()
+        self.bar = ProgressBar("Progress")
         self.bar.setFixedWidth(150)
-        self.bar.setTextVisible(False)
-        self.bar.setAccessibleName("Progress")
         self.cancel = button("Cancel", self.cancel_wanted.emit, "small", "Stop (Esc)")
         self.background = label("", "muted")
         self.frame = label("", "muted")
@@ -48,11 +47,7 @@ class Status(QStatusBar):
         text = STAGE_TEXT.get(progress.stage, progress.stage.capitalize())
         self.doing.setText(f"{text}…")
         self.doing.setToolTip(progress.detail)
-        if progress.fraction is None:
-            self.bar.setRange(0, 0)
-        else:
-            self.bar.setRange(0, 1000)
-            self.bar.setValue(round(min(max(progress.fraction, 0.0), 1.0) * 1000))
+        self.bar.show_share(progress.fraction)
         self.bar.setVisible(True)
         self.cancel.setVisible(True)
 

@@ -6,7 +6,6 @@ from functools import partial
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import (
     QHBoxLayout,
-    QProgressBar,
     QSplitter,
     QTabWidget,
     QVBoxLayout,
@@ -22,6 +21,7 @@ from app.ui.lab.plots import Plots
 from app.ui.lab.setup import SetupPanel, Told
 from app.ui.lab.table import TrialTable
 from app.ui.palette import Colours
+from app.ui.progress_bar import ProgressBar
 from app.ui.services import Services
 from app.ui.widgets import button, label, scrolled, set_role
 from app.workflows.laboratory import Trial
@@ -62,10 +62,7 @@ class LaboratoryView(QWidget):
         self.tabs.addTab(self.table, "Table")
         self.tabs.addTab(self.plots, "Curves")
         self.said = label(READY, "muted", wrap=True)
-        self.bar = QProgressBar()
-        self.bar.setTextVisible(False)
-        self.bar.setRange(0, 1000)
-        self.bar.setAccessibleName("Progress of the Laboratory")
+        self.bar = ProgressBar("Progress of the Laboratory")
         self.compare = button("Compare", self.run_comparison, "main", "A line for each")
         self.draw = button("Draw curves", self.run_curves, tip="Simulated fields, getting worse")
         self.stop = button("Stop", self._stop, tip="Keep what there is so far")
@@ -211,9 +208,7 @@ class LaboratoryView(QWidget):
         self.table.add(trial)
 
     def _progressed(self, progress: Progress) -> None:
-        self.bar.setRange(0, 0 if progress.fraction is None else 1000)
-        if progress.fraction is not None:
-            self.bar.setValue(round(1000 * progress.fraction))
+        self.bar.show_share(progress.fraction)
         preparing = "Preparing patterns for small fields: " if progress.stage == "patterns" else ""
         self._say(f"{preparing}{progress.detail}", "muted")
 

@@ -1,6 +1,6 @@
 """The widgets of the Mount view and where they stand; what they show and do comes from outside."""
 
-from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QProgressBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QVBoxLayout, QWidget
 
 from app.core.progress import Progress
 from app.ui.mount.asks import Asks
@@ -14,6 +14,7 @@ from app.ui.mount.nudge_pad import NudgePad
 from app.ui.mount.pointing_box import PointingBox
 from app.ui.mount.reasoned import ReasonedButton, ReasonedSwitch
 from app.ui.mount.stop_key import KEY
+from app.ui.progress_bar import ProgressBar
 from app.ui.widgets import button, card, label, rule, scrolled, set_role
 
 
@@ -53,16 +54,13 @@ class MountPanel(QWidget):
         self.cancel_find = button("Cancel", lambda: None)
         self.name = label("", "heading", wrap=True)
         self.said, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
-        self.bar = QProgressBar()
+        self.bar = ProgressBar("Progress of the mount")
         self._lay_out()
         explained = [control.explained for control in self.controls().values()]
         for signal in (*explained, self.tracking.explained, self.pad.explained):
             signal.connect(self._explain)
 
     def _lay_out(self) -> None:
-        self.bar.setTextVisible(False)
-        self.bar.setRange(0, 1000)
-        self.bar.setAccessibleName("Progress of the mount")
         for hidden in (self.bar, self.cancel_find, self.why):
             hidden.setVisible(False)
         doing = QHBoxLayout()
@@ -116,9 +114,7 @@ class MountPanel(QWidget):
         self.bar.setVisible(progress is not None)
         if progress is None:
             return
-        self.bar.setRange(0, 0 if progress.fraction is None else 1000)
-        if progress.fraction is not None:
-            self.bar.setValue(round(1000 * min(max(progress.fraction, 0.0), 1.0)))
+        self.bar.show_share(progress.fraction)
         told = (whose, progress.stage if whose else progress.stage.capitalize(), progress.detail)
         doing = ": ".join(w.rstrip(".…") for w in told if w)
         self.say(f"{doing}…", "muted")

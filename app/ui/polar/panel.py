@@ -3,7 +3,6 @@
 from PySide6.QtWidgets import (
     QApplication,
     QHBoxLayout,
-    QProgressBar,
     QPushButton,
     QTabWidget,
     QVBoxLayout,
@@ -17,6 +16,7 @@ from app.ui.polar.night import NightPage
 from app.ui.polar.phone import PhonePanel
 from app.ui.polar.setup import SECOND_TIP, SetupPanel
 from app.ui.polar.state import State
+from app.ui.progress_bar import ProgressBar
 from app.ui.services import Services
 from app.ui.widgets import label, scrolled, set_role
 
@@ -46,10 +46,7 @@ class PolarPanel(QWidget):
         self.sound = _button("Soun&ds", f"Heard beside the mount: {self.cues.told}")
         self.sound.setCheckable(True)
         self.cancel = _button("Cancel", "Give up; a mount that turns is stopped")
-        self.bar = QProgressBar()
-        self.bar.setTextVisible(False)
-        self.bar.setRange(0, 1000)
-        self.bar.setAccessibleName("Progress of the alignment")
+        self.bar = ProgressBar("Progress of the alignment")
         self.said = label(READY, "muted", wrap=True)
         self.served = label("", "good", wrap=True)
         self.served.setVisible(False)
@@ -107,9 +104,7 @@ class PolarPanel(QWidget):
         self.phone.show_state(state)
         if self.bolts.isVisible():
             self.bolts.show_state(state, now_s)
-        self.bar.setRange(0, 0 if state.fraction is None else 1000)
-        if state.fraction is not None:
-            self.bar.setValue(round(1000 * state.fraction))
+        self.bar.show_share(state.fraction)
         if state.running:
             adjusting = state.stage == "adjust"
             self.again.setVisible(adjusting)  # one of the two: they mean the same while adjusting
