@@ -1,8 +1,10 @@
 """Questions that need a window of their own; in red light they too shine red alone."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
-from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+from PySide6.QtGui import QIcon
+from PySide6.QtWidgets import QAbstractButton, QFileDialog, QMessageBox, QWidget
 
 from app.ui.red_light import RedLight
 
@@ -35,7 +37,15 @@ def tell(parent: QWidget, title: str, text: str) -> None:
     box = QMessageBox(parent)
     box.setWindowTitle(title)
     box.setText(text)
+    box.addButton(QMessageBox.StandardButton.Ok)
+    without_icons(box.buttons())
     box.open()
+
+
+def without_icons(buttons: Iterable[QAbstractButton]) -> None:
+    """Take the icons of the style away: they are in no theme's colours, and green at night."""
+    for made in buttons:
+        made.setIcon(QIcon())
 
 
 def _answer(dialog: QFileDialog, red: bool) -> Path | None:

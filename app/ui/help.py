@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
 
 from app import __version__
 from app.ui.actions import SPECS
+from app.ui.dialogs import without_icons
 from app.ui.views import VIEWS
 from app.ui.widgets import label
 
@@ -67,8 +68,7 @@ def _box(parent: QWidget, title: str) -> tuple[QDialog, QVBoxLayout]:
     column.setSpacing(12)
     column.addSpacerItem(QSpacerItem(LEAST_PX, 0))
     buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-    for made in buttons.buttons():
-        made.setIcon(made.icon().__class__())  # the style's own icon is not in the theme's colours
+    without_icons(buttons.buttons())
     buttons.rejected.connect(box.reject)
     column.addWidget(buttons)
     return box, column

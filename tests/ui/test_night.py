@@ -4,10 +4,18 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QToolTip
+from PySide6.QtWidgets import (
+    QApplication,
+    QDialog,
+    QFileDialog,
+    QLineEdit,
+    QMessageBox,
+    QPushButton,
+    QToolTip,
+)
 
 from app.core.frame import Frame
-from app.ui.dialogs import ask_open, ask_save
+from app.ui.dialogs import ask_open, ask_save, tell
 from app.ui.palette import THEMES
 from tests.ui.fakes import FakeEngine, no_solution, star_field
 
@@ -229,3 +237,20 @@ def test_the_screen_shows_the_new_theme_and_goes_on_to_be_painted(qtbot, opened)
     window.workspace.view.update()
     qtbot.waitUntil(lambda: painted.times > before)
     commands.looks.use_theme("dark", "normal")
+
+
+def test_no_dialog_shows_the_icons_of_the_system(qtbot, night):
+    window, commands = night
+    # As a desktop has it; the screenless one of the tests has no icons by itself.
+    window.setStyleSheet("QDialogButtonBox { dialogbuttonbox-buttons-have-icons: 1; }")
+    unmended = QMessageBox(QMessageBox.Icon.NoIcon, "", "", QMessageBox.StandardButton.Ok, window)
+    assert not unmended.buttons()[0].icon().isNull(), "this test could not fail"
+    unmended.deleteLater()
+    tell(window, "Export", "It could not be written.")
+    for name in ("about", "keys"):
+        commands.actions[name].trigger()
+    shown = [d for d in window.findChildren(QDialog) if d.isVisible()]
+    assert len(shown) == 3
+    for dialog in shown:
+        assert all(b.icon().isNull() for b in dialog.findChildren(QPushButton))
+        dialog.close()
