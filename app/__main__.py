@@ -1,6 +1,7 @@
 """``kochab`` and ``python -m app``: the window, or the command that was named."""
 
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if not sys.warnoptions:  # python -W shows them; what a person should know is said in sentences
+        warnings.simplefilter("ignore")
     try:
         if not arguments or _is_file(arguments):
             return _window(arguments)

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from multiprocessing import parent_process
@@ -110,8 +111,10 @@ def _in_processes(
 
 
 def _begin() -> None:
-    """Ctrl-C is the parent's business, and a parent that was killed leaves nobody behind."""
+    """Ctrl-C and warnings are the parent's business; if it was killed, nobody stays behind."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -37,6 +37,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the arguments and exit 2."""
+        start, _, left = message.partition("unrecognized arguments: ")
+        if not start and left and not left.startswith("-"):
+            message += ": name all files together, before the options or after them"
         self.exit(2, f"{self.prog}: {message[:1].upper()}{message[1:].rstrip('.')}.\n")
 
 

@@ -105,3 +105,27 @@ def test_every_command_is_ended_politely(monkeypatch) -> None:
 
     monkeypatch.setattr("app.cli.bench.run", run)
     assert main(["bench", "detect"]) == 130
+
+
+def test_a_file_after_the_options_is_told_where_to_stand(capsys) -> None:
+    assert main(["solve", "a.fits", "--json", "b.fits"]) == 2
+    err = capsys.readouterr().err
+    assert "arguments: b.fits: name all files together" in err
+    assert main(["solve", "a.fits", "--dance"]) == 2
+    assert "together" not in capsys.readouterr().err
+
+
+def test_a_librarys_warning_is_not_for_the_person_who_solves(repository) -> None:
+    code = (
+        "import warnings\n"
+        "from app import __main__ as program\n"
+        "program._window = lambda paths: warnings.warn('deep inside') or 0\n"
+        "raise SystemExit(program.main([]))\n"
+    )
+    told = {}
+    for options in ((), ("-W", "default")):
+        command = [sys.executable, *options, "-c", code]
+        done = subprocess.run(command, cwd=repository, capture_output=True, text=True, check=True)
+        told[options] = done.stderr
+    assert told[()] == ""
+    assert "deep inside" in told["-W", "default"]
