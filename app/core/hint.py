@@ -1,6 +1,6 @@
 """What a person or a header believes about a frame. Hints save time; they never decide."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 
 
@@ -28,10 +28,6 @@ class Hint:
     site: Site | None = None
     camera: str = ""
     source: str = ""
-
-    def without_sky(self) -> "Hint":
-        """The same hint without scale and place: what a blind search uses."""
-        return replace(self, scale_arcsec_px=None, centre_deg=None)
 
     @property
     def helps(self) -> bool:

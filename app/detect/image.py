@@ -41,11 +41,6 @@ def star_image(view: View, xy: Floats, clip: float, count: int = 50) -> tuple[Fl
     return TYPICAL if found is None else _held(found), settled >= 0.5
 
 
-def is_round(covariance: Floats) -> bool:
-    """Whether the star image's axes need no turning."""
-    return bool(abs(covariance[0, 1]) < 1e-3)
-
-
 def unweighted(moments: Floats, covariance: Floats) -> Floats:
     """Second moments (N, 3) of the light itself from those weighted by the star image.
 

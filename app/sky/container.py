@@ -67,11 +67,6 @@ class Container:
     def __contains__(self, name: str) -> bool:
         return name in self._sections
 
-    @property
-    def size_bytes(self) -> int:
-        """Length of the file."""
-        return len(self._map)
-
 
 def write_container(
     path: Path, facts: Mapping[str, Any], columns: Mapping[str, NDArray[Any]]

@@ -6,7 +6,6 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import (
     QColor,
-    QImage,
     QKeyEvent,
     QMouseEvent,
     QPainter,
@@ -206,7 +205,3 @@ class FrameView(QWidget):
         x, y = self.viewport.to_image(position.x(), position.y())
         inside = -0.5 <= x < picture.width - 0.5 and -0.5 <= y < picture.height - 0.5
         self.hovered.emit((x, y) if inside else None)
-
-    def grab_image(self) -> QImage:
-        """What is on the screen now, marks included."""
-        return self.grab().toImage()

@@ -1,6 +1,5 @@
 """A solution as lines of text: what the panel shows and what is copied."""
 
-import json
 import math
 from collections.abc import Mapping
 
@@ -125,8 +124,3 @@ def failure_plain(n: NoSolution, source: str = "") -> str:
         lines.append(f"Tried: {n.tried}")
     lines += [f"{name}: {value}" for name, value in measured_rows(n)]
     return "\n".join([*lines, f"Time: {times_text(n.elapsed_ms)}"])
-
-
-def as_json_text(value: object) -> str:
-    """Pretty JSON."""
-    return json.dumps(value, indent=2, ensure_ascii=False)

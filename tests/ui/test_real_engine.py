@@ -30,7 +30,7 @@ def test_every_sample_solves_and_is_shown(qtbot, real):
         assert window.workspace.card.title.text() == "Solved"
         assert window.workspace.stars.model.rowCount() == len(result.stars) >= 10
         assert any(star.name for star in result.stars)
-        assert not window.workspace.view.grab_image().isNull()
+        assert not window.workspace.view.grab().toImage().isNull()
 
 
 def test_noise_without_stars_is_refused_with_reason_and_advice(qtbot, real, tmp_path):

@@ -256,16 +256,16 @@ def test_the_filter_finds_by_name_and_selection_clears_it(opened):
 def test_sliders_and_auto_stretch(qtbot, opened):
     window, commands = opened
     strip, view = window.workspace.strip, window.workspace.view
-    bright = view.grab_image()
+    bright = view.grab().toImage()
     commands.actions["stretch"].trigger()
     assert not strip.auto.isChecked()
     assert strip.stretch.mid == pytest.approx(0.5)
-    linear = view.grab_image()
+    linear = view.grab().toImage()
     assert mean(bright) > mean(linear) + 10
     strip.bright.setValue(900)
     assert strip.stretch.mid < 0.01
     commands.actions["stretch"].trigger()
-    assert mean(view.grab_image()) == pytest.approx(mean(bright), abs=0.5)
+    assert mean(view.grab().toImage()) == pytest.approx(mean(bright), abs=0.5)
 
 
 def test_moving_a_slider_leaves_automatic_from_where_it_was(opened):
