@@ -33,7 +33,7 @@ PIXELS = Format(16, 0)
 SKY = Format(10, 22)  # right ascension and declination, degrees
 CROSSOVER_DEG = 11.65  # section 3.4: Pythagoras below, tables above
 DEGREES = Unit(float(np.degrees(1.0)) * 2**ANGLE.fraction, whole=True)
-QUARTER, HALF, FULL = (int(TURN.of(turn)) for turn in (90.0, 180.0, 360.0))
+HALF, FULL = (int(TURN.of(turn)) for turn in (180.0, 360.0))
 
 
 @lru_cache(maxsize=1)

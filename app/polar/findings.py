@@ -22,7 +22,6 @@ class Kind(StrEnum):
     SITE_OR_TIME = "site or time implausible"
     FAR = "far from the pole"
     POLE = "which pole"
-    UNCERTAIN = "uncertain"
     DONE = "error below its uncertainty"
     REMEASURE = "measure again"
 

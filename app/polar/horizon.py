@@ -20,8 +20,6 @@ Floats = NDArray[np.float64]
 
 SEA_LEVEL_HPA = 1013.25
 SCALE_HEIGHT_M = 8434.0
-LOWEST_REFRACTED_DEG = 3.0
-"""Below this altitude ERFA holds the refraction at its value there; nothing should be so low."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from weakref import WeakValueDictionary
 from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from app.core.errors import LineLostError, PortError
 from app.core.frame import Frame
-from app.simulate.rig import PracticeRig, RigConfig
+from app.simulate.rig import PracticeRig
 
 EXPOSURE_S = (0.001, 60.0)
 GAIN = (0.1, 100.0)
@@ -136,9 +136,3 @@ class SimulatedCamera:
             return False
         time.sleep(max(0.0, min(left + 1e-4, patience, LOOK_S)))
         return True
-
-
-def new_rig(config: RigConfig | None = None) -> tuple[PracticeRig, str]:
-    """A rig and the name under which its camera can be opened."""
-    rig = PracticeRig(config)
-    return rig, announce(rig)

@@ -19,7 +19,6 @@ VERSION, MODEL, ALIGNED, SLEWING = b"V", b"m", b"J", b"L"
 TRACKING, CANCEL, PIER = b"t", b"M", b"p"
 AZM, ALT = 16, 17  # the motor boards: RA or azimuth, Dec or altitude
 POSITIVE, NEGATIVE = 36, 37  # move at a fixed rate, 0 to 9
-VARIABLE_POSITIVE, VARIABLE_NEGATIVE = 6, 7  # at a rate in quarters of an arcsecond a second
 
 MODELS = {
     1: "NexStar GPS", 3: "NexStar i-Series", 4: "NexStar i-Series SE", 5: "CGE",
@@ -127,12 +126,6 @@ def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes
 def move_fixed(board: int, positive: bool, rate: int) -> bytes:
     """Move at a rate from 0, which stops, to 9."""
     return pass_through(board, POSITIVE if positive else NEGATIVE, rate)
-
-
-def move_variable(board: int, positive: bool, rate_arcsec_s: float) -> bytes:
-    """Move at any rate up to 4.5 deg/s, on top of tracking."""
-    high, low = divmod(min(round(abs(rate_arcsec_s) * 4.0), 0xFFFF), 256)
-    return pass_through(board, VARIABLE_POSITIVE if positive else VARIABLE_NEGATIVE, high, low)
 
 
 def parse_passed(reply: bytes, answer: int = 0) -> bytes:

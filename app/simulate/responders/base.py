@@ -4,16 +4,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Protocol
 
-from app.core.mount import Direction
 from app.simulate.responders import RESPONDERS
 from app.simulate.telescope import Telescope
-
-OPPOSITE = {
-    Direction.NORTH: Direction.SOUTH,
-    Direction.SOUTH: Direction.NORTH,
-    Direction.EAST: Direction.WEST,
-    Direction.WEST: Direction.EAST,
-}
 
 
 class Responder(Protocol):
