@@ -7,10 +7,9 @@ from app.cameras.address import NetAddress, chosen, net_address
 from app.cameras.alpaca_device import POLL_S, AlpacaDevice
 from app.cameras.alpaca_image import image_of, sensor_numbers
 from app.cameras.alpaca_link import AlpacaLink, discover
-from app.cameras.exposure import Exposure
+from app.cameras.exposing import ExposingCamera
 from app.cameras.sense import making_sense
-from app.cameras.within import check_within
-from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
+from app.core.capture import CameraDevice, CaptureSettings
 from app.core.errors import DeviceError
 from app.core.frame import Frame
 from app.core.hint import Hint
@@ -18,14 +17,8 @@ from app.core.hint import Hint
 PORT = 11111
 
 
-class AlpacaCamera:
-    """One Alpaca camera that exposes again as soon as a picture has arrived."""
-
-    def __init__(self, device: AlpacaDevice) -> None:
-        self.name = device.name
-        self._device = device
-        self._exposing: Exposure | None = None
-        self._count = 0
+class AlpacaCamera(ExposingCamera[AlpacaDevice]):
+    """One Alpaca camera."""
 
     @classmethod
     def missing(cls) -> str | None:
@@ -58,27 +51,6 @@ class AlpacaCamera:
             failing.pop_all()
         return camera
 
-    @property
-    def limits(self) -> CaptureLimits:
-        """As the camera tells them."""
-        return self._device.limits
-
-    @making_sense()
-    def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Set exposure, gain and binning; an exposure under way is begun anew.
-
-        Raises
-        ------
-        RefusedError
-            A value is out of range, cannot be set on this camera, or was not accepted.
-
-        """
-        check_within(settings, self.limits)
-        if settings != CaptureSettings():
-            self._abort()
-        self._device.apply(settings)
-        return self._device.in_force
-
     @making_sense()
     def next_frame(self, timeout_s: float) -> Frame | None:
         """The picture of the exposure under way, when it arrives in time.
@@ -105,12 +77,6 @@ class AlpacaCamera:
         self._exposing = self._device.expose()  # the next one, while this is looked at
         return self._frame(data, kind, hint)
 
-    def close(self) -> None:
-        """End the exposure and let the server go; the camera stays connected to it."""
-        with suppress(DeviceError):
-            self._abort()
-        self._device.link.close()
-
     def _frame(self, data: bytes, kind: str, hint: Hint) -> Frame:
         from app.frames.planes import split
 
@@ -123,11 +89,6 @@ class AlpacaCamera:
             pixels, colour, bayer, full, f"{self.name} {self._count}", hint, warnings,
             {"XBINNING": binned},
         )  # fmt: skip
-
-    def _abort(self) -> None:
-        if self._exposing is not None:
-            self._exposing = None
-            self._device.abort()
 
 
 def _listed(where: NetAddress) -> list[CameraDevice]:

@@ -1,18 +1,18 @@
 """A camera behind an INDI server, here or on another computer."""
 
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
 from importlib.util import find_spec
 
 from app.cameras.address import chosen, net_address
 from app.cameras.blob import frame_of
+from app.cameras.exposing import ExposingCamera
 from app.cameras.exposure import Exposure
 from app.cameras.indi_device import IndiDevice
 from app.cameras.indi_link import IndiLink
 from app.cameras.sense import making_sense
-from app.cameras.within import check_within
-from app.core.capture import CameraDevice, CaptureLimits, CaptureSettings
-from app.core.errors import DeviceError, FrameError, PortError
+from app.core.capture import CameraDevice, CaptureSettings
+from app.core.errors import FrameError, PortError
 from app.core.frame import Frame
 
 PORT = 7624
@@ -22,14 +22,11 @@ MORE_S = 0.5
 """How long after its first camera it may take to tell of another."""
 
 
-class IndiCamera:
-    """One INDI camera that exposes again as soon as a picture has arrived."""
+class IndiCamera(ExposingCamera[IndiDevice]):
+    """One INDI camera."""
 
     def __init__(self, device: IndiDevice) -> None:
-        self.name = device.name
-        self._device, self._link = device, device.link
-        self._exposing: Exposure | None = None
-        self._count = 0
+        super().__init__(device)
         self._complaints: list[str] = []
 
     @classmethod
@@ -71,27 +68,6 @@ class IndiCamera:
             failing.pop_all()
         return camera
 
-    @property
-    def limits(self) -> CaptureLimits:
-        """As the driver tells them."""
-        return self._device.limits
-
-    @making_sense()
-    def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Set exposure, gain and binning; an exposure under way is begun anew.
-
-        Raises
-        ------
-        RefusedError
-            A value is out of range, cannot be set on this camera, or was not accepted.
-
-        """
-        check_within(settings, self.limits)
-        if settings != CaptureSettings():
-            self._abort()
-        self._device.apply(settings)
-        return self._device.in_force
-
     def complaints(self) -> tuple[str, ...]:
         """Sentences about pictures that were left out since the last call."""
         told, self._complaints = tuple(self._complaints), []
@@ -110,18 +86,12 @@ class IndiCamera:
         """
         self._device.check(exposing=self._exposing is not None)
         exposing = self._exposing = self._exposing or self._device.expose()
-        blob = self._link.take_blob(timeout_s)
+        blob = self._device.link.take_blob(timeout_s)
         if blob is None:
             exposing.check_overdue(self.name)
             return None
         self._exposing = self._device.expose()  # the next one, while this is looked at
         return self._frame(*blob, exposing)
-
-    def close(self) -> None:
-        """End the exposure and leave the server; the camera stays connected to its driver."""
-        with suppress(DeviceError):
-            self._abort()
-        self._link.close()
 
     def _frame(self, data: bytes, suffix: str, exposed: Exposure) -> Frame | None:
         self._count += 1
@@ -136,11 +106,6 @@ class IndiCamera:
         if hint.exposure_s is None:
             hint = replace(hint, exposure_s=exposed.seconds)
         return replace(frame, hint=hint)
-
-    def _abort(self) -> None:
-        if self._exposing is not None:
-            self._exposing = None
-            self._device.abort()
 
 
 def _told(link: IndiLink, wanted: str = "") -> list[str]:
