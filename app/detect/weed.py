@@ -34,16 +34,7 @@ def apart(xy: Floats, reach: Floats) -> Bools:
 
     ``reach`` (N,) px belongs to the brighter of a pair.
     """
-    keep = np.ones(len(xy), dtype=np.bool_)
-    if len(xy) < 2:
-        return keep
-    i, j = close_pairs(xy, float(reach.max()))
-    near = np.hypot(*(xy[i] - xy[j]).T) <= reach[i]
-    i, j = i[near], j[near]
-    for a in np.argsort(i, kind="stable"):
-        if keep[i[a]]:
-            keep[j[a]] = False
-    return keep
+    return _kept(len(xy), *_within(xy, reach))
 
 
 def standing_out(
@@ -55,18 +46,25 @@ def standing_out(
     how far the brighter star's light may go. Between two stars the light sinks below the fainter
     peak by a ``share`` of it or more; on a plateau, a halo or a trail it does not.
     """
-    keep = np.ones(len(xy), dtype=np.bool_)
-    if len(xy) < 2:
-        return keep
-    i, j = close_pairs(xy, float(reach.max()))
-    near = np.hypot(*(xy[i] - xy[j]).T) <= reach[i]
-    i, j = i[near], j[near]
+    i, j = _within(xy, reach)
     if not len(i):
-        return keep
+        return np.ones(len(xy), dtype=np.bool_)
     valley = _lowest_between(pixels, xy[i], xy[j])
     peak = _means(pixels, xy[j])
     bump = peak - valley < np.maximum(share * np.abs(height[j]), 1.5 * noise[j])
-    i, j = i[bump], j[bump]
+    return _kept(len(xy), i[bump], j[bump])
+
+
+def _within(xy: Floats, reach: Floats) -> tuple[Index, Index]:
+    """Pairs i < j of positions (N, 2), the second within the reach (N,) of the first."""
+    i, j = close_pairs(xy, float(reach.max(initial=0.0)))
+    near = np.hypot(*(xy[i] - xy[j]).T) <= reach[i]
+    return i[near], j[near]
+
+
+def _kept(count: int, i: Index, j: Index) -> Bools:
+    """What is left (count,) when each kept i, from the brightest on, takes its j away."""
+    keep = np.ones(count, dtype=np.bool_)
     for a in np.argsort(i, kind="stable"):
         if keep[i[a]]:
             keep[j[a]] = False
