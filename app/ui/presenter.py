@@ -87,6 +87,7 @@ class Presenter(QObject):
         self.window.setWindowTitle(f"{path.name} – Kochab")
         panes = self.window.workspace
         self._clear_marks()
+        self._hovered(None)  # until the pointer moves, nothing is said of another frame's pixel
         panes.view.show_picture(None)
         panes.card.show_working(Progress("read", None, path.name))
         self._age_solution()
@@ -107,6 +108,7 @@ class Presenter(QObject):
     def _streaming(self, name: str) -> None:
         panes = self.window.workspace
         self._clear_marks()
+        self._hovered(None)  # until the pointer moves, nothing is said of another frame's pixel
         panes.view.show_picture(None)
         panes.card.show_working(Progress("live", None, name))
         self._age_solution()

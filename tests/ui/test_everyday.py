@@ -194,3 +194,12 @@ def test_nothing_moves_when_the_picture_of_a_sample_comes(qtbot, make_window, tm
     assert not sample.icon().isNull()
     qtbot.wait(50)
     assert sample.geometry() == before
+
+
+def test_the_place_under_the_cursor_is_not_that_of_the_frame_before(qtbot, opened, a_file):
+    window, commands = opened
+    window.workspace.view.hovered.emit((10.0, 10.0))
+    assert "x 10.0" in window.status.place.text()
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    assert not window.status.place.text()
