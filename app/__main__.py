@@ -49,15 +49,14 @@ def _window(paths: list[str]) -> int:
     if trouble is None:
         try:
             from app.ui.application import run
+            from app.ui.wiring import Wiring
         except ImportError as error:
             trouble = display.missing(error)
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    return run(
-        paths, to_json=_to_json, practice=_practise, fields=_simulated_field,
-        pictures=_simulated_picture, to_record=_to_record,
-    )  # fmt: skip
+    wiring = Wiring(_to_json, _practise, _simulated_field, _to_record, _simulated_picture)
+    return run(paths, wiring=wiring)
 
 
 def _to_json(file: str, solution: "Solution") -> str:

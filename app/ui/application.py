@@ -20,8 +20,7 @@ from app.ui.presenter import Presenter
 from app.ui.samples import Sample, samples
 from app.ui.session import Session
 from app.ui.settings import Settings
-from app.ui.wiring import StartPractice, ToJson, ToRecord, Wiring
-from app.workflows.laboratory import MakeField, MakePicture
+from app.ui.wiring import Wiring
 
 
 def build(
@@ -37,27 +36,14 @@ def build(
     return window, Commands(presenter, offered, wiring)
 
 
-def run(
-    paths: Sequence[str | Path] = (),
-    engine: Engine | None = None,
-    to_json: ToJson | None = None,
-    practice: StartPractice | None = None,
-    fields: MakeField | None = None,
-    to_record: ToRecord | None = None,
-    pictures: MakePicture | None = None,
-) -> int:
-    """Open the window, with the first of ``paths`` when there is one; the exit code.
-
-    ``to_json``, ``practice``, ``fields``, ``pictures`` and ``to_record`` come from rooms that this
-    one may not know, see :class:`app.ui.wiring.Wiring`.
-    """
+def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
+    """Open the window, with the first of ``paths`` when there is one; the exit code."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
     one_way_of_writing()
-    engine = engine or WorkflowEngine()
-    wiring = Wiring(to_json, practice, fields, to_record, pictures)
+    engine = WorkflowEngine()
     window, commands = build(engine, Settings(), wiring=wiring)
     garbage = Garbage()
     background = Background(window, engine)
