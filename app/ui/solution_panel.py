@@ -9,8 +9,10 @@ from app.ui.solution_text import attitude_forms, attitude_plain, rows, summary
 from app.ui.widgets import (
     button,
     copy_text,
+    facts_grid,
     fixed_font_family,
     label,
+    position_labels,
     rule,
     set_role,
     value_label,
@@ -34,10 +36,7 @@ class SolutionPanel(QWidget):
         self._source = ""
         self._style = AngleStyle.SEXAGESIMAL
         self.old = label("", "old", wrap=True)
-        self.ra, self.dec = value_label("Right ascension"), value_label("Declination")
-        for value in (self.ra, self.dec):
-            value.setProperty("role", "value")
-            value.setWordWrap(False)
+        self.ra, self.dec = position_labels()
         self.style_box = QComboBox()
         self.style_box.setMinimumContentsLength(7)
         self.style_box.setSizeAdjustPolicy(
@@ -77,13 +76,7 @@ class SolutionPanel(QWidget):
         self._write()
 
     def _position(self) -> QGridLayout:
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(12)
-        grid.setVerticalSpacing(4)
-        grid.setColumnStretch(1, 1)
-        for row, (title, value) in enumerate((("RA", self.ra), ("Dec", self.dec))):
-            grid.addWidget(label(title, "muted"), row, 0)
-            grid.addWidget(value, row, 1)
+        grid = facts_grid(4, ("RA", self.ra), ("Dec", self.dec))
         grid.addWidget(
             label("ICRS (J2000), the middle of the frame", "muted", wrap=True), 2, 0, 1, 2
         )
@@ -97,10 +90,7 @@ class SolutionPanel(QWidget):
         return grid
 
     def _facts(self) -> QGridLayout:
-        self._grid = QGridLayout()
-        self._grid.setHorizontalSpacing(12)
-        self._grid.setVerticalSpacing(5)
-        self._grid.setColumnStretch(1, 1)
+        self._grid = facts_grid(5)
         return self._grid
 
     def _attitude(self) -> QVBoxLayout:

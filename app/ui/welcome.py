@@ -42,19 +42,31 @@ class Welcome(QWidget):
         self._recent = QVBoxLayout()
         self._recent.setSpacing(0)
         self._recent_title = label("Recent", "heading")
-        self._inside = inside = QWidget()
-        inside.setObjectName("page")
-        inside.setMaximumWidth(WIDEST_PX)
-        column = QVBoxLayout(inside)
+        self.first = button("&Open a frame…", self.open_wanted.emit, "main")
+        self.practice = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
+        self.practice.hide()
+        self._pictures: dict[Path, np.ndarray] = {}
+        self._offered = samples[:MOST_SHOWN]
+        self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
+        self._inside = QWidget()
+        self._inside.setObjectName("page")
+        self._inside.setMaximumWidth(WIDEST_PX)
+        column = QVBoxLayout(self._inside)
         column.setSpacing(10)
+        self._invite(column)
+        if self.samples:
+            self._offer(column)
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(0, 0, 0, 0)
+        outer.addWidget(scrolled(_in_the_middle(self._inside)))  # on a small screen
+        self.show_recent([])
+
+    def _invite(self, column: QVBoxLayout) -> None:
         column.addWidget(label("Kochab", "title"))
         column.addWidget(label(INVITATION, wrap=True))
         column.addSpacing(8)
-        self.first = button("&Open a frame…", self.open_wanted.emit, "main")
         line = QHBoxLayout()
         line.addWidget(self.first)
-        self.practice = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
-        self.practice.hide()
         line.addWidget(self.practice)
         line.addStretch(1)
         column.addLayout(line)
@@ -62,28 +74,14 @@ class Welcome(QWidget):
         column.addSpacing(4)
         column.addWidget(self._recent_title)
         column.addLayout(self._recent)
-        self.samples: list[QPushButton] = []
-        self._pictures: dict[Path, np.ndarray] = {}
-        self._offered = samples[:MOST_SHOWN]
-        if samples:
-            column.addSpacing(8)
-            column.addWidget(rule())
-            column.addWidget(label("Try a sample", "heading"))
-            column.addWidget(label("Made by Kochab’s own sky renderer.", "muted"))
-            self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
-            for made in self.samples:
-                column.addWidget(made)
-        page = QWidget()
-        page.setObjectName("page")
-        middle = QHBoxLayout(page)
-        middle.setContentsMargins(24, 8, 24, 8)
-        middle.addStretch(1)
-        middle.addWidget(inside, 99, Qt.AlignmentFlag.AlignVCenter)
-        middle.addStretch(1)
-        outer = QVBoxLayout(self)
-        outer.setContentsMargins(0, 0, 0, 0)
-        outer.addWidget(scrolled(page))  # on a small screen
-        self.show_recent([])
+
+    def _offer(self, column: QVBoxLayout) -> None:
+        column.addSpacing(8)
+        column.addWidget(rule())
+        column.addWidget(label("Try a sample", "heading"))
+        column.addWidget(label("Made by Kochab’s own sky renderer.", "muted"))
+        for made in self.samples:
+            column.addWidget(made)
 
     def changeEvent(self, event: QEvent) -> None:
         """Larger letters need a wider page."""
@@ -133,3 +131,14 @@ class Welcome(QWidget):
     def _link(self, path: Path) -> QWidget:
         text = short_name(path.name).replace("&", "&&")
         return button(text, lambda: self.file_wanted.emit(path), "link", str(path))
+
+
+def _in_the_middle(inside: QWidget) -> QWidget:
+    page = QWidget()
+    page.setObjectName("page")
+    middle = QHBoxLayout(page)
+    middle.setContentsMargins(24, 8, 24, 8)
+    middle.addStretch(1)
+    middle.addWidget(inside, 99, Qt.AlignmentFlag.AlignVCenter)
+    middle.addStretch(1)
+    return page

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt
 from PySide6.QtGui import QFontDatabase, QGuiApplication
-from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QScrollArea, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QWidget
 
 
 def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
@@ -24,6 +24,27 @@ def value_label(name: str) -> QLabel:
     made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     return made
+
+
+def position_labels() -> tuple[QLabel, QLabel]:
+    """Where a right ascension and a declination are shown, large."""
+    made = value_label("Right ascension"), value_label("Declination")
+    for value in made:
+        value.setProperty("role", "value")
+        value.setWordWrap(False)
+    return made
+
+
+def facts_grid(spacing: int, *rows: tuple[str, QLabel]) -> QGridLayout:
+    """Titles and values in two columns, the second as wide as can be."""
+    grid = QGridLayout()
+    grid.setHorizontalSpacing(12)
+    grid.setVerticalSpacing(spacing)
+    grid.setColumnStretch(1, 1)
+    for row, (title, value) in enumerate(rows):
+        grid.addWidget(label(title, "muted"), row, 0)
+        grid.addWidget(value, row, 1)
+    return grid
 
 
 def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:

@@ -2,13 +2,13 @@
 
 from time import monotonic
 
-from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from app.ui.formats import AngleStyle
 from app.ui.live import words
 from app.ui.live.sky_chart import SkyChart
 from app.ui.live.stream import Lens
-from app.ui.widgets import label, set_role, value_label
+from app.ui.widgets import facts_grid, label, position_labels, set_role, value_label
 from app.workflows.live_update import LiveUpdate
 
 ROWS = (
@@ -31,21 +31,12 @@ class PointingPanel(QWidget):
         super().__init__()
         self.setObjectName("page")
         self.style_ = AngleStyle.SEXAGESIMAL
-        self.ra, self.dec = value_label("Right ascension"), value_label("Declination")
-        for value in (self.ra, self.dec):
-            value.setProperty("role", "value")
-            value.setWordWrap(False)
+        self.ra, self.dec = position_labels()
         self.old = label("", "old", wrap=True)
         self.doubt = label("", "wrong", wrap=True)
         self.values: dict[str, QLabel] = {}
         self.chart = SkyChart()
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(12)
-        grid.setVerticalSpacing(4)
-        grid.setColumnStretch(1, 1)
-        for row, (title, value) in enumerate((("RA", self.ra), ("Dec", self.dec))):
-            grid.addWidget(label(title, "muted"), row, 0)
-            grid.addWidget(value, row, 1)
+        grid = facts_grid(4, ("RA", self.ra), ("Dec", self.dec))
         for row, (title, why) in enumerate(ROWS, 2):
             name, value = label(title, "muted"), value_label(title)
             name.setToolTip(why)
