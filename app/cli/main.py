@@ -4,6 +4,7 @@
 """
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from typing import NoReturn
 from app import __version__
 from app.cli import streams
 from app.cli.signals import ended_by_signals
-from app.core.errors import KochabError
+from app.core.errors import KochabError, UsageError
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "solve": ("app.cli.solve", "name the stars of frames and say where they point"),
@@ -68,6 +69,7 @@ def _command(arguments: list[str]) -> int:
 
         return run(arguments)
     try:
+        _refuse_bare_files(arguments)
         args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
         with ended_by_signals():
             code: int = args.run(args)
@@ -82,6 +84,13 @@ def _command(arguments: list[str]) -> int:
 def _is_astap(arguments: Sequence[str]) -> bool:
     """Whether these are ASTAP's arguments: ``-f``, among words of one dash."""
     return "-f" in arguments and re.match("-[a-z]", arguments[0]) is not None
+
+
+def _refuse_bare_files(arguments: Sequence[str]) -> None:
+    """Say which command is meant for files that were named without one."""
+    first = arguments[0] if arguments else ""
+    if first not in COMMANDS and not first.startswith("-") and os.path.isfile(first):
+        raise UsageError(f"{first} is a file: kochab solve FILE... solves it.")
 
 
 def _plain(error: OSError) -> str:

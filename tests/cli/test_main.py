@@ -115,6 +115,15 @@ def test_a_file_after_the_options_is_told_where_to_stand(capsys) -> None:
     assert "together" not in capsys.readouterr().err
 
 
+def test_files_without_a_command_are_told_which(tmp_path, capsys) -> None:
+    path = tmp_path / "a.fits"
+    path.touch()
+    assert main([str(path), "--json"]) == 2
+    assert "kochab solve FILE" in capsys.readouterr().err
+    assert main([str(tmp_path / "none.fits"), "--json"]) == 2
+    assert "invalid choice" in capsys.readouterr().err
+
+
 def test_a_librarys_warning_is_not_for_the_person_who_solves(repository) -> None:
     code = (
         "import warnings\n"
