@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.cli.choices import number_above_zero
+from app.cli.choices import field_deg, number_above_zero
 from app.cli.files import named
 from app.cli.output import Json, ProgressLine
 from app.core.errors import FrameError, UsageError
@@ -83,7 +83,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         help="of the air, degrees Celsius (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
-        "--fov", type=number_above_zero, metavar="DEG", help="the frames' width, about"
+        "--fov", type=field_deg, metavar="DEG", help="the frames' width in degrees, about"
     )
     parser.add_argument(
         "--timeout", type=number_above_zero, default=30.0, metavar="S",

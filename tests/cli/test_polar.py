@@ -259,7 +259,7 @@ def test_one_frame_elsewhere_is_no_second_sweep_and_nothing_is_promised(bent, ca
     [
         (("--pressure", "-5"), "between 0 and 1100 hPa"),
         (("--temperature", "nan"), "between -90 and 60 deg C"),
-        (("--fov", "-3"), "not more than zero"),
+        (("--fov", "-3"), "not between 0.001 and 170 deg"),
         (("--timeout", "0"), "not more than zero"),
     ],
 )
