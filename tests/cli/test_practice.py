@@ -10,15 +10,26 @@ import pytest
 from app.cli.main import main
 
 
-def start(repository, *arguments):
-    return subprocess.Popen(
-        [sys.executable, "-m", "app", "practice", "--socket", *arguments],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=repository,
-    )  # fmt: skip
+@pytest.fixture
+def start(repository):
+    """Starts practice telescopes, and leaves none behind."""
+    started = []
+
+    def begin(*arguments):
+        started.append(subprocess.Popen(
+            [sys.executable, "-m", "app", "practice", "--socket", *arguments], text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=repository,
+        ))  # fmt: skip
+        return started[-1]
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
-def test_json_tells_where_to_connect_and_the_score(repository, tmp_path) -> None:
-    process = start(repository, "--json", "--seed", "2", "--misalign", "30", "--rate", "20",
+def test_json_tells_where_to_connect_and_the_score(start, tmp_path) -> None:
+    process = start("--json", "--seed", "2", "--misalign", "30", "--rate", "20",
                     "--folder", str(tmp_path / "frames"), "--site", "-33,151")  # fmt: skip
     ready = json.loads(process.stdout.readline())
     assert ready["event"] == "ready"
@@ -38,8 +49,8 @@ def test_json_tells_where_to_connect_and_the_score(repository, tmp_path) -> None
 @pytest.mark.skipif(
     sys.platform == "win32", reason="a console interrupt cannot be sent to a pipe here"
 )
-def test_ctrl_c_ends_cleanly_with_the_score(repository) -> None:
-    process = start(repository)
+def test_ctrl_c_ends_cleanly_with_the_score(start) -> None:
+    process = start()
     lines = [process.stdout.readline() for _ in range(4)]
     assert "kochab mount goto M42" in lines[3]
     process.send_signal(signal.SIGINT)
