@@ -1,6 +1,7 @@
 """``kochab camera list`` and ``kochab camera take``: which cameras there are, and one frame."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from time import monotonic
@@ -101,6 +102,8 @@ def _take(args: argparse.Namespace) -> int:
         raise UsageError(f"--output {target}: the frame is written as FITS, name it .fits.")
     if not target.parent.is_dir():  # told before the exposure, not after
         raise KochabError(f"{target} cannot be written: there is no folder {target.parent}.")
+    if not os.access(target.parent, os.W_OK):
+        raise KochabError(f"{target} cannot be written: the folder may not be written to.")
     camera = open_camera(args.source, args.address, settings_of(args))
     try:
         frame = None

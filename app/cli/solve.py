@@ -1,6 +1,7 @@
 """``kochab solve FILE...``: where frames point."""
 
 import argparse
+import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 def solve_one(wish: Wish, options: SolveOptions) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it."""
     if Path(wish.file).is_dir():
-        raise UsageError(f"{wish.file} is a folder without pictures.")
+        raise UsageError(_why_no_pictures(wish.file))
     solved = yield from solve_file(wish.file, options)
     outcome = as_json(wish.file, with_doubts(solved.result, options, solved.frame.hint))
     if isinstance(solved.result, Solution):
@@ -87,8 +88,19 @@ def _expand(given: str) -> list[str]:
     path = Path(given)
     if not path.is_dir():
         return [given]
-    found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in PICTURES)
-    return found or [given]  # which is told like a file that cannot be read
+    try:
+        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in PICTURES)
+    except OSError:
+        return [given]  # told in its turn, like a file that cannot be read
+    return found or [given]
+
+
+def _why_no_pictures(folder: str) -> str:
+    try:
+        os.listdir(folder)
+    except OSError as error:
+        return f"{folder} cannot be read: {error.strerror}."
+    return f"{folder} is a folder without pictures."
 
 
 def _write(wish: Wish, solved: SolvedFrame, solution: Solution) -> list[str]:

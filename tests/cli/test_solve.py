@@ -1,6 +1,8 @@
 """``kochab solve``: files and folders in, an outcome each, in order."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,6 +78,23 @@ def test_an_empty_folder_costs_no_other_file(dark, tmp_path, capsys) -> None:
     assert main(["solve", "--json", str(tmp_path / "empty"), dark]) == 2
     first, second = lines(capsys)
     assert "folder without pictures" in first["error"]
+    assert second["reason"] == "clouded or dark"
+
+
+def test_a_folder_that_may_not_be_read_costs_no_other_file(
+    dark, tmp_path, capsys, monkeypatch
+) -> None:
+    closed = tmp_path / "closed"
+    closed.mkdir()
+
+    def refuse(path="."):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "listdir", refuse)
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    assert main(["solve", "--json", str(closed), dark]) == 2
+    first, second = lines(capsys)
+    assert first["error"] == f"{closed} cannot be read: Permission denied."
     assert second["reason"] == "clouded or dark"
 
 
