@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING, Any
 from app.cli.mount import add_line_options
 from app.cli.mount_line import guarded_mount
 from app.cli.output import Json, dms, hms, to_line
+from app.core.errors import PortError
 
 if TYPE_CHECKING:
     from app.mounts.guard import Guard
+
+
+ELSEWHERE = (
+    "A Kochab that holds it stops the mount by Esc in its window, or by Ctrl-C; in need, cut the"
+    " mount's power."
+)
 
 
 def add_parser(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
@@ -37,8 +44,11 @@ def _position(args: argparse.Namespace) -> int:
 
 
 def _stop(args: argparse.Namespace) -> int:
-    with guarded_mount(args, stop_first=True) as guard:
-        guard.stop()
+    try:
+        with guarded_mount(args, stop_first=True) as guard:
+            guard.stop()
+    except PortError as error:
+        raise PortError(f"{error} {ELSEWHERE}") from error
     print(to_line({"stopped": True}) if args.json else "The mount was told to stop.")
     return 0
 

@@ -25,6 +25,10 @@ AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # answers of the mount missed, or orders refused by it, in a row
 SAYINGS, SAME_DEG = 4, 0.02
 NEAR_DEG = 0.5
+DOUBTFUL = (
+    "The stars of the frames fit none of the sky well, {:.3g} px on average: nothing is moved by"
+    " that. Take longer exposures, or look at a frame."
+)
 
 
 def centre_target(
@@ -97,6 +101,8 @@ class _Centring:
                 return self.ended(
                     End.NO_SOLUTION, f"{found.reason[:1].upper()}{found.reason[1:]}: {found.advice}"
                 )
+            if not self.good(found):
+                return self.ended(End.NO_SOLUTION, DOUBTFUL.format(found.rms_px))
             end = self.judged(found)
             if end is not None:
                 return end

@@ -230,3 +230,17 @@ def test_an_absent_folder_is_exit_1(tmp_path, capsys) -> None:
     code, told = run(capsys, "centre", "Vega", "--folder", str(tmp_path / "none"))
     assert code == 1
     assert "does not exist" in told["error"]
+
+
+def test_a_stop_that_finds_the_port_in_use_says_who_can_stop_it(monkeypatch, capsys) -> None:
+    from app.core.errors import PortError
+
+    def in_use(*_args, **_more):
+        raise PortError("COM3 is in use: close the other program that talks to this mount.")
+
+    monkeypatch.setattr("app.mounts.open_mount", in_use)
+    assert main(["mount", "stop", "--port", "COM3", "--driver", "nexstar"]) == 1
+    err = capsys.readouterr().err
+    assert "in use" in err
+    assert "Ctrl-C" in err
+    assert "power" in err

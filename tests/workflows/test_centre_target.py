@@ -7,7 +7,7 @@ import pytest
 from app.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
 from app.core.mount import Ability
 from app.core.progress import run
-from app.core.solution import NoSolution, Reason
+from app.core.solution import NoSolution, Reason, Solution
 from app.simulate.mechanics.axis import AxisWear
 from app.workflows.centre_target import End, centre_target
 from tests.workflows.mount_nights import SOUTH, bench, good, target_of, worn
@@ -56,6 +56,7 @@ def test_a_good_mount_that_is_right_needs_no_correction() -> None:
     result = centred(b, target_of(b))
     assert result.centred
     assert result.corrections == ()
+    assert [did[0] for did in b.mount.did].count("goto") == 1, "the first slew, and no other"
     assert not result.synced
 
 
@@ -164,6 +165,24 @@ def test_no_solution_ends_it_with_the_doctors_advice() -> None:
     assert result.end is End.NO_SOLUTION
     assert result.sentence == "Clouded or dark: Wait for the clouds to pass."
     assert len(tries) == 3
+
+
+def test_nothing_is_moved_by_answers_that_fit_badly() -> None:
+    """A fit that ran away says any place: what the guard would not sync on is not gone by."""
+    b = bench()
+    tries = []
+
+    def astray():
+        found = yield from b.solve_now()
+        assert isinstance(found, Solution)
+        tries.append(1)
+        return replace(found, rms_px=9.0)
+
+    result = run(centre_target(b.guard, astray, target_of(b), wait=b.wait))
+    assert (result.end, len(tries)) == (End.NO_SOLUTION, 3)
+    assert "9 px on average" in result.sentence
+    assert result.corrections == ()
+    assert [did[0] for did in b.mount.did].count("goto") == 1, "the first slew, and no other"
 
 
 def test_one_clouded_frame_does_not_end_it() -> None:
