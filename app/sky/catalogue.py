@@ -55,7 +55,7 @@ class Catalogue:
         self._zones = self.container.column("zones")
         self.max_pm_arcsec = float(self.container.facts["max_pm_arcsec"])
         if int(self._zones[-1]) != len(self._ra):
-            raise CatalogueError(f"{path} is damaged: its index does not fit its stars.")
+            raise self._damaged()
 
     def __len__(self) -> int:
         return len(self._ra)
@@ -162,12 +162,22 @@ class Catalogue:
             return None
         deep = self.container.column("link_deep")
         at = deep.searchsorted(deep.dtype.type(row))  # a number of its own type: nothing is copied
+        if at == len(deep) or deep[at] != row:
+            raise self._damaged()
         return int(self.container.column("link_bright")[at])
 
     def deep_row(self, bright_row: int) -> int:
         """The row of this list that holds a row of the bright list."""
         at = np.flatnonzero(self.container.column("link_bright") == bright_row)
-        return int(self.container.column("link_deep")[at[0]])
+        row = int(self.container.column("link_deep")[at[0]]) if len(at) else len(self)
+        if row >= len(self):
+            raise self._damaged()
+        return row
+
+    def _damaged(self) -> CatalogueError:
+        return CatalogueError(
+            f"{self.container.path} is damaged: its index does not fit its stars."
+        )
 
     def find(self, name: str) -> int | Floats:
         """The row of a star, or the ICRS vector (3,) of an NGC, IC or Messier object.

@@ -44,6 +44,8 @@ class Names:
         Fainter components of an entry carry their letter: "HIP n B".
         """
         numbers = self.bright.column("hip")
+        if row >= len(numbers):
+            raise CatalogueError(f"The catalogue in {self.folder} is damaged: a star has no name.")
         hip = int(numbers[row])
         if row and int(numbers[row - 1]) == hip:
             letter = COMPONENTS[int(self.bright.column("component")[row]) % len(COMPONENTS)]

@@ -89,6 +89,23 @@ def test_an_index_that_does_not_fit_is_said(file):
         open_catalogue(file.with_name("other"))
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [("link_bright", 2**31), ("link_deep", 0), ("link_deep", 2**31)]
+)
+def test_links_that_lead_nowhere_are_said(monkeypatch, name, value):
+    catalogue = open_catalogue()
+    row, whole = catalogue.find("Vega"), catalogue.container.column
+    damaged = np.full_like(whole(name), value)
+    monkeypatch.setattr(
+        catalogue.container, "column", lambda asked: damaged if asked == name else whole(asked)
+    )
+    with pytest.raises(CatalogueError, match="damaged"):
+        catalogue.label(row)
+    if value:
+        with pytest.raises(CatalogueError, match="damaged"):
+            catalogue.find("Vega")
+
+
 def test_a_header_of_another_kind_is_said(tmp_path):
     text = json.dumps({"sections": {"ra": [0, "<u4", 1]}}).encode()
     head = b"KOCHAB1\n" + struct.pack("<II", len(text), zlib.crc32(text)) + text
