@@ -31,6 +31,25 @@ def test_more_candidates_never_make_it_more_certain():
     assert b == pytest.approx(a + 2.0)
 
 
+@pytest.mark.parametrize(
+    ("change", "decades"),
+    [
+        ({"reach_px": 30.0}, 4.0),  # four free numbers, each with ten places to be in
+        ({"reach_px": 30.0, "free": 2}, 2.0),
+        ({"reach_px": 30.0, "free": 0}, 0.0),
+        ({"reach_px": 1.0}, 0.0),  # there is never less than one
+        ({"radii": 10}, 1.0),
+        ({"radii": 10, "candidates": 100}, 3.0),
+    ],
+)
+def test_every_way_to_be_lucky_is_paid_for(change, decades):
+    plain = {"reach_px": 3.0, "radii": 1, "candidates": 1, "free": 4}
+    once = log10_false_alarm(12, 30, 35, 3.0, 1e6, **plain)
+    assert log10_false_alarm(12, 30, 35, 3.0, 1e6, **plain | change) == pytest.approx(
+        once + decades
+    )
+
+
 def test_the_bound_holds_for_points_thrown_at_random():
     """Random detections against random stars: no rarer than the bound says, at any level."""
     rng = np.random.default_rng(8)
