@@ -156,7 +156,7 @@ class _Device:
                 if asked and left <= 0:
                     return None
                 self._busy = asked = True
-            self._ask(share, min(left, SLICE_S))
+            self._ask(min(left, SLICE_S))
 
     def leave(self, share: Share) -> None:
         """One share less."""
@@ -170,7 +170,7 @@ class _Device:
                 source, self._source = self._source, None
                 source.close()
 
-    def _ask(self, share: Share, timeout_s: float) -> None:
+    def _ask(self, timeout_s: float) -> None:
         """Ask the device, which is ours now, and give everybody what comes."""
         frame = None
         assert self._source is not None

@@ -111,11 +111,9 @@ def number(
     return _field(value, "number", unit, low, high, text, none=none)
 
 
-def integer(
-    value: int | None, unit: str, low: int, high: int, text: str, none: str = ""
-) -> Any:  # fmt: skip
+def integer(value: int, unit: str, low: int, high: int, text: str) -> Any:
     """A field that holds a whole number."""
-    return _field(value, "integer", unit, low, high, text, none=none)
+    return _field(value, "integer", unit, low, high, text)
 
 
 def switch(value: bool, text: str) -> Any:

@@ -10,6 +10,7 @@ from app.detect.view import View
 Floats = NDArray[np.float64]
 TYPICAL = np.eye(2) * 1.2**2  # px^2: a FWHM of 2.8 px, when the frame does not tell
 SHARPEST = 0.6  # px: a narrower star image is not told from a hot pixel
+ENOUGH = 50  # stars tell how wide they are
 ROUND = 1.4  # the elongation up to which stars are fitted as round
 
 
@@ -23,14 +24,14 @@ def clip_level(view: View, xy: Floats, told: float | None) -> float:
     return 0.98 * top if flat.any() else float(np.inf)
 
 
-def star_image(view: View, xy: Floats, clip: float, count: int = 50) -> tuple[Floats, bool]:
+def star_image(view: View, xy: Floats, clip: float) -> tuple[Floats, bool]:
     """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px.
 
     Also whether most of them are well inside a few pixels. When not, stars are large or trailed,
     or are not stars.
     """
     stamps, level, _ = view.stamps(xy[:1000], 1)
-    xy = xy[:1000][stamps.value.max(axis=(1, 2), initial=0.0) + level < clip][:count]
+    xy = xy[:1000][stamps.value.max(axis=(1, 2), initial=0.0) + level < clip][:ENOUGH]
     if len(xy) < 3:
         return TYPICAL, True
     found, settled = _usual_moments(view, xy, 8)

@@ -40,14 +40,10 @@ class Stamps:
         return self.value[:, middle, middle]
 
 
-def cut(
-    pixels: Pixels, how: Halving, xy: Floats, level: Floats, half: int,
-    saturation: float = np.inf,
-) -> Stamps:  # fmt: skip
+def cut(pixels: Pixels, how: Halving, xy: Floats, level: Floats, half: int) -> Stamps:
     """Stamps of ``2 half + 1`` pixels a side around positions (N, 2) px, ``level`` (N,) removed.
 
-    Pixels outside the frame, not finite, at or above ``saturation``, and the red and blue of a
-    mosaic get weight 0 and value 0.
+    Pixels outside the frame, not finite, and the red and blue of a mosaic get weight 0 and value 0.
     """
     height, width = pixels.shape
     x = np.clip(np.rint(xy[:, 0]).astype(np.intp), 0, width - 1)
@@ -61,8 +57,6 @@ def cut(
     use = inside_y[:, :, None] & inside_x[:, None, :]
     if how.greens is not None:
         use &= ((rows[:, :, None] + columns[:, None, :]) & 1) == how.greens
-    if np.isfinite(saturation):
-        use &= raw < saturation
     with np.errstate(over="ignore"):
         value = raw.astype(np.float32)
     if pixels.dtype.kind == "f":

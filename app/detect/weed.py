@@ -37,21 +37,19 @@ def apart(xy: Floats, reach: Floats) -> Bools:
     return _kept(len(xy), *_within(xy, reach))
 
 
-def standing_out(
-    pixels: Pixels, xy: Floats, height: Floats, noise: Floats, reach: Floats, share: float = 0.25
-) -> Bools:
+def standing_out(pixels: Pixels, xy: Floats, height: Floats, noise: Floats, reach: Floats) -> Bools:
     """Which of positions (N, 2), brightest first, have a valley between them and brighter ones.
 
     ``height`` (N,) is the peak above background, ``noise`` (N,) that of a pixel, ``reach`` (N,)
     how far the brighter star's light may go. Between two stars the light sinks below the fainter
-    peak by a ``share`` of it or more; on a plateau, a halo or a trail it does not.
+    peak by a quarter of it or more; on a plateau, a halo or a trail it does not.
     """
     i, j = _within(xy, reach)
     if not len(i):
         return np.ones(len(xy), dtype=np.bool_)
     valley = _lowest_between(pixels, xy[i], xy[j])
     peak = _means(pixels, xy[j])
-    bump = peak - valley < np.maximum(share * np.abs(height[j]), 1.5 * noise[j])
+    bump = peak - valley < np.maximum(0.25 * np.abs(height[j]), 1.5 * noise[j])
     return _kept(len(xy), i[bump], j[bump])
 
 
@@ -71,11 +69,11 @@ def _kept(count: int, i: Index, j: Index) -> Bools:
     return keep
 
 
-def _lowest_between(pixels: Pixels, a: Floats, b: Floats, points: int = 12) -> Floats:
+def _lowest_between(pixels: Pixels, a: Floats, b: Floats) -> Floats:
     """Lowest 3 x 3 mean (N,) on the straight way from ``a`` to ``b``, both (N, 2)."""
-    along = np.linspace(0.1, 0.9, points)
+    along = np.linspace(0.1, 0.9, 12)
     path = a[:, None] + along[None, :, None] * (b - a)[:, None]
-    return np.asarray(_means(pixels, path.reshape(-1, 2)).reshape(len(a), points).min(axis=1))
+    return np.asarray(_means(pixels, path.reshape(-1, 2)).reshape(len(a), 12).min(axis=1))
 
 
 def _means(pixels: Pixels, xy: Floats) -> Floats:

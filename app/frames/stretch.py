@@ -16,8 +16,8 @@ from app.core.frame import Frame
 Pixels = NDArray[Any]
 Bytes = NDArray[np.uint8]
 
-SKY_LEVEL = 0.2
-SHADOW_SIGMAS = 2.8
+SKY_LEVEL = 0.2  # brightness the median is shown at, 0 to 1
+SHADOW_SIGMAS = 2.8  # so many deviations below the median is black
 _SAMPLE = 250_000
 _MAD_TO_SIGMA = 1.4826
 _BINS = 16384
@@ -35,20 +35,10 @@ class Stretch:
     mid: float = 0.5
 
 
-def stretch_parameters(
-    array: Pixels, sky_level: float = SKY_LEVEL, shadow_sigmas: float = SHADOW_SIGMAS
-) -> Stretch:
+def stretch_parameters(array: Pixels) -> Stretch:
     """The automatic stretch of samples, from the median and median deviation of some of them.
 
-    Parameters
-    ----------
-    array
-        (H, W) or (H, W, 3), any real type; all channels share one stretch.
-    sky_level
-        Brightness the median is shown at, 0 to 1.
-    shadow_sigmas
-        How many deviations below the median is black.
-
+    ``array`` (H, W) or (H, W, 3) is of any real type; all channels share one stretch.
     """
     sample = _sample(array)
     if not len(sample):
@@ -58,14 +48,14 @@ def stretch_parameters(
     sigma = _MAD_TO_SIGMA * float(np.median(np.abs(sample - median)))
     if array.dtype.kind in "iu":
         sigma = max(sigma, 0.3)  # a flat sky of whole numbers is still uncertain by rounding
-    black = max(low, median - shadow_sigmas * sigma)
+    black = max(low, median - SHADOW_SIGMAS * sigma)
     white = max(high, median + 20.0 * sigma)
     if not white > black:
         return Stretch(black, black + 1.0)
     sky = (median - black) / (white - black)
     if sky <= 0.0:
         return Stretch(black, white)
-    mid = float(midtones(np.array(sky), sky_level))
+    mid = float(midtones(np.array(sky), SKY_LEVEL))
     return Stretch(black, white, min(max(mid, 1e-6), 1.0 - 1e-6))
 
 
