@@ -159,7 +159,7 @@ def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
         f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
         f" {m.rho_deg:.0f} deg from the axis" + _chi2(m),
     ]
-    lines.append(f"certain   {split_in_words(error)}")
+    lines.append(f"doubt     {split_in_words(error)}")
     if error.below_uncertainty:
         lines.append("stop      the error is smaller than its uncertainty")
     if not SPOILT & {finding.kind for finding in m.findings}:
