@@ -175,11 +175,9 @@ def _softened(state: State, free: Indices) -> State:
     Itself when there are too few matches to tell, or no majority to be trusted.
     """
     before, share, level, right = state, BELIEF[0] / sum(BELIEF), 0.0, state.trust
+    left, jacobian = state.slopes()
     for _ in range(SOFT_ROUNDS if len(state.matches) >= FEWEST_TO_DOUBT else 0):
-        # Afresh each time: a centre and a distortion that are hardly told apart else run away.
-        left, jacobian = state.slopes()
-        residual = left.T
-        scaled = residual * state.weight[:, None]
+        scaled = left.T * state.weight[:, None]
         length2 = np.square(scaled).sum(axis=1)
         first = level == 0.0
         level = _spread(scaled, len(free)) if first else _level(length2, right, share, len(free))
@@ -187,8 +185,7 @@ def _softened(state: State, free: Indices) -> State:
         right, share = trust(np.sqrt(length2) / level, share)
         if 2 * int((right > 0.5).sum()) <= len(right):
             return before
-        counts = state.weight * np.sqrt(right)
-        tried = _stepped(state, free, left, jacobian, counts)
+        tried, left, jacobian = _stepped(state, free, left, jacobian, state.weight * np.sqrt(right))
         done = tried is state or float(np.abs(right - state.trust).max()) < SETTLED
         state = replace(tried, trust=right, share=share)
         if done:
@@ -196,16 +193,26 @@ def _softened(state: State, free: Indices) -> State:
     return replace(state, inliers=state.trust > 1e-4)
 
 
-def _stepped(state: State, free: Indices, left: Floats, jacobian: Floats, counts: Floats) -> State:
-    """The state after the first of ever shorter steps that makes nothing worse, or itself."""
+def _stepped(
+    state: State, free: Indices, left: Floats, jacobian: Floats, counts: Floats
+) -> tuple[State, Floats, Floats]:
+    """The state after a step that makes nothing worse, or itself; its residuals, the derivatives.
+
+    The derivatives are kept while their steps lead downhill: a centre and a distortion that are
+    hardly told apart else run away. Then they are made anew, and the steps shorter.
+    """
     flat = state.flat(left, counts)
-    normal = state.normal(jacobian, counts).only(free)
-    for damping in SHORTER:
-        tried = state.moved(free, normal.step(flat, damping))
-        then = state.flat(tried.residuals().T, counts)
-        if float(then @ then) <= float(flat @ flat) * (1.0 + 1e-9):
-            return tried
-    return state
+    cost = float(flat @ flat) * (1.0 + 1e-9)
+    for damping in (None, *SHORTER):
+        if damping == SHORTER[0]:
+            _, jacobian = state.slopes()
+        normal = state.normal(jacobian, counts).only(free)
+        tried = state.moved(free, normal.step(flat, damping or 0.0))
+        there = tried.residuals().T
+        then = tried.flat(there, counts)
+        if float(then @ then) <= cost:
+            return tried, there, jacobian
+    return state, left, jacobian
 
 
 def _concluded(state: State, free: Indices, covariance: bool) -> Fit:
