@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from app.core.errors import UsageError
 from app.identify.table_cache import kept
 from app.identify.table_file import Arrays
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Index = NDArray[np.int32]
+MOST_PAIRS = 12_000_000
+"""Some seconds and a gigabyte; the widest field of stars to V 5.9 has 10 million."""
 KEPT = ("rows", "vectors", "mag", "first", "second", "angle")
 
 
@@ -84,6 +87,11 @@ class Pairs:
 def make_pairs(rows: Ints, vectors: Floats, mag: Floats, max_rad: float) -> Pairs:
     """The table of stars given brightest first: ``rows`` (N,), ``vectors`` (N, 3), ``mag`` (N,)."""
     chord = 2.0 * np.sin(min(max_rad, np.pi) / 2.0)
+    if len(vectors) ** 2 * chord**2 / 8.0 > MOST_PAIRS:  # the share of the sky, N^2 / 2 times
+        raise UsageError(
+            f"{len(vectors)} stars make too many pairs of up to {np.degrees(max_rad):.3g} degrees:"
+            " take fewer stars, or a smaller field."
+        )
     found = cKDTree(vectors).query_pairs(chord, output_type="ndarray").astype(np.int32)
     first, second = found.min(axis=1), found.max(axis=1)
     gap = np.linalg.norm(vectors[first] - vectors[second], axis=1)

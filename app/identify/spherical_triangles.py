@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.core.camera import Camera
 from app.core.detections import Detections
+from app.core.errors import UsageError
 from app.core.hint import Hint
 from app.core.options import integer, number, switch
 from app.core.progress import Progress, Task
@@ -39,6 +40,8 @@ from app.identify.triangle_features import (
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+MOST_TRIANGLES = 4_000_000
+"""Looked at: some seconds. The thesis' list and circle need 1.9 million."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +189,13 @@ def make_triangles(pairs: Pairs, limit_deg: float) -> Arrays:
     first, second = pairs.first[order].astype(np.int64), pairs.second[order].astype(np.int64)
     edges = first * pairs.stars + second
     start = np.searchsorted(first, second, "left")  # the pairs that begin with the second star
-    which, third = pairs.spread(start, np.searchsorted(first, second, "right"))
+    end = np.searchsorted(first, second, "right")
+    if int((end - start).sum()) > MOST_TRIANGLES:
+        raise UsageError(
+            f"{pairs.stars} stars make too many triangles of up to {limit_deg:.3g} degrees: take"
+            " fewer stars, or smaller triangles."
+        )
+    which, third = pairs.spread(start, end)
     closing = first[which] * pairs.stars + second[third]
     at = np.minimum(np.searchsorted(edges, closing), len(edges) - 1)
     whole = edges[at] == closing

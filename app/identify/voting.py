@@ -41,7 +41,7 @@ class Voting:
     margin_px: float = number(
         2.464, "px", 0.1, 20.0, "error allowed in a separation (chapter 7: 2.464)"
     )
-    mag_limit: float = number(5.9, "mag V", 3.0, 8.0, "faintest catalogue star (5.3.1: 5.9)")
+    mag_limit: float = number(5.9, "mag V", 3.0, 6.5, "faintest catalogue star (5.3.1: 5.9)")
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0

@@ -1,8 +1,12 @@
 """Every published method tells its options and its paper."""
 
+import numpy as np
 import pytest
 
+from app.core.detections import Detections
 from app.core.errors import UsageError
+from app.core.hint import Hint
+from app.core.progress import run
 from app.identify import IDENTIFIERS, make_identifier
 from app.identify.options import checked_options, method_class, method_options, paper_of
 
@@ -29,3 +33,22 @@ def test_no_such_method_or_value() -> None:
         method_class("guess")
     with pytest.raises(UsageError, match="from 3 to 15 stars"):
         checked_options("triads", {"stars": "40"})
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("neighbours", {"tolerance_deg": 0.5}),
+        ("neighbours", {"distance_step_deg": 0.001}),
+        ("neighbours", {"spread": 0.9}),
+        ("spherical_triangles", {"limit_deg": 10.0}),
+        ("triads", {"mag_limit": 8.0}),
+    ],
+)
+def test_options_whose_table_would_fill_the_memory_are_refused_before(name, options):
+    """Each lies within its own range; what they make of the catalogue together does not."""
+    method = make_identifier(name, **options)
+    rng = np.random.default_rng(1)
+    detections = Detections.from_list(rng.uniform(0, 1000, (20, 2)), 1000, 1000)
+    with pytest.raises(UsageError, match="fewer stars"):
+        run(method.identify(detections, Hint(scale_arcsec_px=(70.0, 72.0))))
