@@ -1,5 +1,6 @@
 """From the few stars that were identified to every star of the frame that has a name."""
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -87,10 +88,12 @@ def extend(
             few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1
         )
     matched_sigma = sigma[matches.detection] if matches is not found.matches else None
-    fit = refine(
-        matches, fit.camera, fit.attitude, matched_sigma,
-        distortion=distortion, focal=focal, worst_px=worst_px,
-    )  # fmt: skip
+    last = partial(
+        refine, matches, fit.camera, fit.attitude, matched_sigma, focal=focal, worst_px=worst_px
+    )
+    fit = last(distortion=distortion)
+    if not fit.rms_px <= LARGEST_TOLERANCE_PX:  # farther than any match was taken from: it ran away
+        fit = min(last(distortion=False), fit, key=lambda f: f.rms_px)
     return _agreeing(matches, fit)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.attitude.fit import refine
 from app.core.attitude import attitude_from
 from app.core.camera import Camera
 from app.sky import open_catalogue
@@ -71,3 +72,19 @@ def test_without_distortion_the_camera_has_none_whatever_the_method_found() -> N
     bent = replace(found, camera=replace(found.camera, k1=0.01))
     _, fit = extend(field.detections, bent, open_catalogue(), YEAR, distortion=False)
     assert not fit.camera.distorted
+
+
+def test_a_last_fit_that_ran_away_is_made_again_without_what_carried_it(monkeypatch) -> None:
+    field, made = orion(), []
+
+    def runaway(*args, distortion, rounds=4, **options):
+        fit = refine(*args, distortion=distortion, rounds=rounds, **options)
+        made.append((rounds, distortion))
+        away = distortion and rounds > 1
+        return replace(fit, rms_px=np.inf, camera=replace(fit.camera, k1=1e9)) if away else fit
+
+    monkeypatch.setattr("app.solve.extend.refine", runaway)
+    _, fit, right = grown(field, told(field, 6, 0.4))
+    assert made[-2:] == [(4, True), (4, False)]
+    assert fit.rms_px < 0.35
+    assert right.mean() > 0.97
