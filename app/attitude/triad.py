@@ -51,9 +51,14 @@ class Triad:
         sines = np.linalg.norm(np.cross(icrs[0], icrs[1:]), axis=1)
         second = 1 + (int(np.argmax(sines)) if self.partner == "farthest" else 0)
         b, v = seen[[0, second]], icrs[[0, second]]
-        least = np.sin(np.radians(self.least_angle_deg))
-        if min(np.linalg.norm(np.cross(*b)), np.linalg.norm(np.cross(*v))) < max(least, 1e-9):
+        apart = min(float(np.linalg.norm(np.cross(*pair))) for pair in (b, v))
+        if apart < 1e-9:
             raise ValueError("The two stars lie in one direction: the roll is free.")
+        if apart < np.sin(np.radians(self.least_angle_deg)):
+            raise ValueError(
+                f"The second star is less than {self.least_angle_deg:g} degrees from parallel with"
+                " the first, and the roll leans on it: allow a smaller least angle."
+            )
         matrix = _axes(*b).T @ _axes(*v)  # equation 5.17, with the axes as rows
         sigma = sigma_rad(seen, icrs, matrix, camera, self.sigma_px)
         return Attitude(matrix, sigma**2 * _covariance(*b))

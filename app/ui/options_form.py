@@ -11,7 +11,7 @@ from app.core.options import Option
 from app.ui.red_light import dress_field
 from app.ui.widgets import label
 
-NOTHING = "This method has nothing to set."
+NOTHING = "There is nothing to set here."
 
 
 class OptionsForm(QWidget):

@@ -121,6 +121,14 @@ def test_what_cannot_be_estimated_is_refused(name, fewest) -> None:
         estimator.estimate(xy[same], vectors[same], field.camera)
 
 
+def test_a_second_star_nearer_than_was_asked_for_is_told_so() -> None:
+    field = simulate(1, 5, 10.0, sigma_px=0.0)
+    with pytest.raises(ValueError, match="less than 60 degrees"):
+        make_estimator("triad", least_angle_deg=60.0).estimate(
+            field.matches.xy, field.matches.vectors, field.camera
+        )
+
+
 def test_a_mirrored_picture_has_no_constants_for_a_plain_camera() -> None:
     field = simulate(1, 5, sigma_px=0.0, mirrored=True)
     with pytest.raises(ValueError, match=r"mirrored|settle"):

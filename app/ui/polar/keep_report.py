@@ -3,12 +3,13 @@
 import re
 from pathlib import Path
 
-from PySide6.QtCore import QMarginsF, QSizeF, QUrl
+from PySide6.QtCore import QBuffer, QIODevice, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
 
 from app.core.errors import KochabError
 from app.core.progress import Progress, Task
+from app.frames.whole_file import write_whole
 from app.polar.history import History
 from app.polar.report import STYLE, report_html, write_report
 
@@ -48,9 +49,9 @@ def write_pdf_report(path: Path, history: History) -> None:
         The file cannot be written.
 
     """
-    with path.open("wb"):  # the writer below is silent about a place that cannot be written
-        pass
-    writer = QPdfWriter(str(path))
+    paper = QBuffer()  # the writer is silent about a place that cannot be written
+    paper.open(QIODevice.OpenModeFlag.WriteOnly)
+    writer = QPdfWriter(paper)
     writer.setResolution(DPI)
     margins = QMarginsF(MARGIN_MM, MARGIN_MM, MARGIN_MM, MARGIN_MM)
     page = QPageSize(QPageSize.PageSizeId.A4)
@@ -63,6 +64,7 @@ def write_pdf_report(path: Path, history: History) -> None:
     document.documentLayout().setPaintDevice(writer)
     document.setPageSize(QSizeF(writer.width(), writer.height()))
     document.print_(writer)
+    write_whole(path, bytes(paper.data().data()))
 
 
 def page_document(history: History) -> QTextDocument:
