@@ -30,5 +30,6 @@ def test_a_long_stream_holds_no_more_than_a_short_one() -> None:
     finally:
         live.close()
         tracemalloc.stop()
-    assert held[1500] - held[300] < FRAME_BYTES  # not one frame more after 1200 further turns
+    # 1200 further turns leave nothing behind: at one of the two moments a frame may be on its way
+    assert held[1500] - held[300] < 2 * FRAME_BYTES
     assert peak < 12 * FRAME_BYTES
