@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.attitude import make_estimator
+from app.bench.papers_default import name
 from app.bench.papers_robotic_fields import (
     MAG_LIMIT,
     MARGIN_PX,
@@ -23,7 +24,6 @@ from app.bench.papers_row import fastest, row, timed
 from app.core.progress import run
 from app.core.solution import NoSolution, Solution
 from app.identify.pairs import bright_stars, make_pairs
-from app.identify.patterns import Patterns
 from app.identify.refusals import table_deg
 from app.identify.voting import FEWEST, recognise, verification_votes
 from app.simulate.fields import Field
@@ -53,10 +53,8 @@ def _row(stars: int, made: list[Field]) -> dict[str, Any]:
 
 def _naming_s(field: Field) -> tuple[float, float]:
     """Seconds by voting, and by the default."""
-    return (
-        fastest(lambda: _vote(field)),
-        fastest(lambda: run(Patterns().identify(field.detections, options(field).hint))),
-    )
+    told = options(field)
+    return fastest(lambda: _vote(field)), fastest(lambda: name(field.detections, told))
 
 
 def _solve(field: Field) -> Solution | NoSolution:
