@@ -114,8 +114,10 @@ def propose(volume: Volume, view: View, ask: Question) -> Hypotheses:
     ratio = volume.fields_deg[level] / frame_field
     # a scale known better than a quad's places is not for the quad to contradict
     room = 1.0 + tolerance[query]
-    good = (focal * room >= low[query]) & (focal <= high[query] * room)
-    np.clip(focal, low[query], high[query], out=focal)
+    good = (focal * room >= view.scale[0]) & (focal <= view.scale[1] * room)
+    np.clip(focal, *view.scale, out=focal)
+    if ask.focal is not None:
+        good &= (focal >= low[query]) & (focal <= high[query])
     good &= (ratio > ask.per_field[0]) & (ratio < ask.per_field[1])
     matrix = pointings(view.xy, detections[good], sky[good], focal[good], mirrored[good])
     return Hypotheses(
