@@ -45,11 +45,11 @@ class Stage:
     alone: int = 40
 
 
-WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)
+WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)  # the last two, of 70 deg and more, are rare
 STAGES = (
     Stage(10, 5, 0.9, 0.003, 30, volume=1, alone=4, spread=1.6),
     Stage(10, 5, 0.9, 0.003, 30, volume=2, alone=4, spread=1.6),
-    Stage(14, 5, 0.9, 0.010, 40, focal=WIDE, alone=20),
+    Stage(14, 5, 0.9, 0.010, 40, focal=WIDE[:5], alone=20),
     Stage(18, 6, 0.9, 0.003, 40, volume=1, alone=20),
     Stage(18, 6, 0.9, 0.003, 40, volume=2, alone=20),
     Stage(30, 6, 1.0, 0.003, 50, volume=1),
