@@ -80,7 +80,7 @@ def test_options_reach_the_estimator_and_a_refusal_is_no_answer(named, truth):
     trial = run(try_attitude(named, choice, truth))
     assert not trial.answered
     assert trial.reason == REFUSED
-    assert "the roll is free" in trial.advice
+    assert "the roll leans on it" in trial.advice
     plain = run(try_attitude(named, Choice("quest", {"sigma_px": 50.0}), truth))
     assert plain.sigma_arcsec[0] > 100
     with pytest.raises(UsageError, match="no option sigma"):
