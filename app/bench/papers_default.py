@@ -9,7 +9,7 @@ from app.identify import make_identifier
 from app.sky import open_catalogue
 from app.solve.few_stars import identify_few
 from app.solve.options import UNKNOWN_YEAR, SolveOptions
-from app.solve.solver import solve_detections
+from app.solve.solver import solve_detections, with_field
 
 KNOWN = 1e-4
 """The published methods know their camera; so does the default, to this share of its scale."""
@@ -30,10 +30,10 @@ def solved(detections: Detections, options: SolveOptions) -> tuple[Solution | No
 
 def name(detections: Detections, options: SolveOptions) -> None:
     """Name the stars as the solver does, and fail as it does."""
-    method = make_identifier(options.method)
-    found = run(method.identify(detections, options.hint, UNKNOWN_YEAR))
+    method, hint = make_identifier(options.method), with_field(options, detections.width)
+    found = run(method.identify(detections, hint, UNKNOWN_YEAR))
     if isinstance(found, NoSolution):
-        identify_few(detections, options.hint, open_catalogue(), UNKNOWN_YEAR)
+        identify_few(detections, hint, open_catalogue(), UNKNOWN_YEAR)
 
 
 def knowing(scale_arcsec_px: float, share: float = KNOWN) -> SolveOptions:
