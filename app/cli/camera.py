@@ -2,14 +2,13 @@
 
 import argparse
 import os
-import sys
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from app.cli.choices import number_above_zero
 from app.cli.live import add_settings, settings_of
-from app.cli.output import Json, to_line
+from app.cli.output import Json, tell_failure, to_line
 from app.core.errors import DeviceError, KochabError, NoAnswerError, UsageError
 from app.core.frame import Frame
 
@@ -50,10 +49,7 @@ def run(args: argparse.Namespace) -> int:
     except UsageError:
         raise
     except KochabError as error:
-        if args.json:
-            print(to_line({"error": str(error)}))
-        else:
-            print(f"kochab: {error}", file=sys.stderr)
+        tell_failure(error, args.json)
         return 1 if isinstance(error, DeviceError) else 2
 
 

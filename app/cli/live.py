@@ -17,7 +17,7 @@ from app.cli.choices import (
     whole_number,
 )
 from app.cli.live_output import finite_json, live_json, live_line, replay_json, replay_line
-from app.cli.output import to_line
+from app.cli.output import tell_failure, to_line
 from app.core.capture import CaptureSettings
 from app.core.errors import DeviceError, KochabError, UsageError
 from app.core.progress import Progress
@@ -95,10 +95,7 @@ def run(args: argparse.Namespace) -> int:
     except UsageError:
         raise
     except KochabError as error:
-        if args.json:
-            print(to_line({"error": str(error)}), flush=True)
-        else:
-            print(f"kochab: {error}", file=sys.stderr)
+        tell_failure(error, args.json)
         return 1 if isinstance(error, DeviceError) else 2
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from app.cli.output import to_line
+from app.cli.output import tell_failure
 from app.core.errors import KochabError, UsageError
 from app.core.hint import Site
 from app.core.mount import Epoch
@@ -64,12 +64,7 @@ def told(run: Callable[[Any], int]) -> Callable[[Any], int]:
         except UsageError:
             raise
         except KochabError as error:
-            import sys
-
-            if args.json:
-                print(to_line({"error": str(error)}))
-            else:
-                print(f"kochab: {error}", file=sys.stderr)
+            tell_failure(error, args.json)
             return 1
 
     return telling

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from time import perf_counter
 from typing import Any
 
+from app.core.errors import KochabError
 from app.core.progress import Progress
 from app.core.solution import NoSolution, Solution
 
@@ -24,6 +25,14 @@ def to_line(value: Json) -> str:
     What is not a finite number becomes null.
     """
     return json.dumps(_finite(value), allow_nan=False)
+
+
+def tell_failure(error: KochabError, as_json: bool) -> None:
+    """``{"error": ...}`` for a program, or a sentence on standard error."""
+    if as_json:
+        print(to_line({"error": str(error)}), flush=True)
+    else:
+        print(f"kochab: {error}", file=sys.stderr)
 
 
 def _solved(file: str, s: Solution) -> Json:
