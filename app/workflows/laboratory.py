@@ -5,6 +5,7 @@ stars are those of a frame, whose accepted solution stands for the truth, or of 
 The sky's simulator is not known here: :data:`MakeField` and :data:`MakePicture` are handed in.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -218,6 +219,12 @@ def answer_of(
         return trial
     right, off_arcsec = judge(camera, attitude, truth)
     return replace(trial, right=right, off_arcsec=off_arcsec, wrong=wrong_names(xy, vectors, truth))
+
+
+def sigma_of(attitude: Attitude) -> tuple[float, float, float] | None:
+    """One-sigma errors along x, y and in roll, arcsec; None when they are not known."""
+    sigma = attitude.sigma_arcsec
+    return sigma if all(map(math.isfinite, sigma)) else None
 
 
 def judge(camera: Camera, attitude: Attitude, truth: Truth) -> tuple[bool, float]:

@@ -19,7 +19,7 @@ from app.identify import make_identifier
 from app.solve.estimate import with_estimate
 from app.solve.extend import centroid_sigma, extend
 from app.solve.options import SolveOptions
-from app.workflows.laboratory import Choice, Trial, Truth, answer_of, none_of
+from app.workflows.laboratory import Choice, Trial, Truth, answer_of, none_of, sigma_of
 from app.workflows.laboratory_kinds import FIT, Kind, allowed
 from app.workflows.laboratory_time import timed
 
@@ -98,10 +98,9 @@ def _trial(name: str, named: Named, fit: Fit, truth: Truth | None) -> Trial:
         Kind.ATTITUDE, name, fit.camera, fit.attitude, named.matches.xy, named.matches.vectors,
         truth,
     )  # fmt: skip
-    sigma = fit.attitude.sigma_arcsec
     return replace(
         trial,
-        sigma_arcsec=sigma if all(np.isfinite(sigma)) else None,
+        sigma_arcsec=sigma_of(fit.attitude),
         log10_false_alarm=named.log10_false_alarm,
         rms_px=fit.rms_px,
         from_fit_arcsec=None if name == FIT else between(fit.attitude, named.fit.attitude),

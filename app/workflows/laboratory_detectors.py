@@ -14,7 +14,7 @@ from app.detect import make_detector
 from app.solve.options import SolveOptions
 from app.solve.pairing import mutual_nearest
 from app.solve.solver import Examined, examine_frame
-from app.workflows.laboratory import Choice, Trial, Truth, answer_of, none_of
+from app.workflows.laboratory import Choice, Trial, Truth, answer_of, none_of, sigma_of
 from app.workflows.laboratory_kinds import Kind, allowed
 from app.workflows.laboratory_time import timed
 
@@ -89,10 +89,9 @@ def _trial(name: str, examined: Examined, truth: Truth | None) -> Trial:
     trial = answer_of(
         Kind.DETECTOR, name, result.camera, result.attitude, xy, unit_vectors(*sky.T), truth
     )
-    sigma = result.attitude.sigma_arcsec
     return replace(
         trial,
-        sigma_arcsec=sigma if all(np.isfinite(sigma)) else None,
+        sigma_arcsec=sigma_of(result.attitude),
         log10_false_alarm=result.log10_false_alarm,
         rms_px=result.rms_px,
     )

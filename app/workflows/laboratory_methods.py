@@ -2,15 +2,13 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from app.attitude.fit import refine
 from app.core.detections import Detections
 from app.core.hint import Hint
 from app.core.progress import Task
 from app.core.solution import Identification, NoSolution
 from app.identify import make_identifier
-from app.workflows.laboratory import Choice, Trial, Truth, answer_of, none_of
+from app.workflows.laboratory import Choice, Trial, Truth, answer_of, none_of, sigma_of
 from app.workflows.laboratory_kinds import Kind, allowed
 from app.workflows.laboratory_time import timed
 
@@ -79,7 +77,7 @@ def pointed(
     if len(found.matches) < 3:
         return found, None
     fit = refine(found.matches, found.camera, found.attitude, distortion=False)
-    sigma = fit.attitude.sigma_arcsec
-    if not all(np.isfinite(sigma)):
+    sigma = sigma_of(fit.attitude)
+    if sigma is None:
         return found, None
     return replace(found, camera=fit.camera, attitude=fit.attitude), sigma
