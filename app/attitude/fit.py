@@ -203,11 +203,12 @@ def _stepped(
     """
     flat = state.flat(left, counts)
     cost = float(flat @ flat) * (1.0 + 1e-9)
-    for damping in (None, *SHORTER):
-        if damping == SHORTER[0]:
+    normal = state.normal(jacobian, counts).only(free)
+    for number, damping in enumerate((0.0, *SHORTER)):
+        if number == 1:
             _, jacobian = state.slopes()
-        normal = state.normal(jacobian, counts).only(free)
-        tried = state.moved(free, normal.step(flat, damping or 0.0))
+            normal = state.normal(jacobian, counts).only(free)
+        tried = state.moved(free, normal.step(flat, damping))
         there = tried.residuals().T
         then = tried.flat(there, counts)
         if float(then @ then) <= cost:
