@@ -1,7 +1,7 @@
 """The pane that says where the frame points."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QVBoxLayout, QWidget
 
 from app.core.solution import Solution
 from app.ui.formats import AngleStyle, dec_text, ra_text, radec_plain, short_name, unbroken
@@ -12,6 +12,7 @@ from app.ui.widgets import (
     facts_grid,
     fixed_font_family,
     label,
+    narrow_box,
     position_labels,
     rule,
     set_role,
@@ -37,12 +38,7 @@ class SolutionPanel(QWidget):
         self._style = AngleStyle.SEXAGESIMAL
         self.old = label("", "old", wrap=True)
         self.ra, self.dec = position_labels()
-        self.style_box = QComboBox()
-        self.style_box.setMinimumContentsLength(7)
-        self.style_box.setSizeAdjustPolicy(
-            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        )
-        self.style_box.setAccessibleName("How angles are written")
+        self.style_box = narrow_box("How angles are written", 7)
         for style, title in STYLES.items():
             self.style_box.addItem(title, style)
         self.style_box.currentIndexChanged.connect(self._style_picked)

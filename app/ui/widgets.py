@@ -4,7 +4,15 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt
 from PySide6.QtGui import QFontDatabase, QGuiApplication
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QWidget
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFrame,
+    QGridLayout,
+    QLabel,
+    QPushButton,
+    QScrollArea,
+    QWidget,
+)
 
 
 def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
@@ -45,6 +53,15 @@ def facts_grid(spacing: int, *rows: tuple[str, QLabel]) -> QGridLayout:
         grid.addWidget(label(title, "muted"), row, 0)
         grid.addWidget(value, row, 1)
     return grid
+
+
+def narrow_box(name: str, letters: int) -> QComboBox:
+    """A box to choose from that asks for room for so many letters, however long its texts are."""
+    made = QComboBox()
+    made.setAccessibleName(name)
+    made.setMinimumContentsLength(letters)
+    made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    return made
 
 
 def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:

@@ -22,7 +22,7 @@ from app.ui.live.brighten import Levels
 from app.ui.live.level_view import LevelView
 from app.ui.live.setting_fields import SettingFields
 from app.ui.live.words import levels_text
-from app.ui.widgets import button, label
+from app.ui.widgets import button, label, narrow_box
 
 TITLES = {
     "simulated": "Simulated sky", "folder": "Watched folder", "indi": "INDI server",
@@ -61,12 +61,7 @@ class CameraPanel(QWidget):
         for name in SOURCES:
             self.source.addItem(TITLES.get(name, name), name)
         self.source.setAccessibleName("Kind of camera")
-        self.found = QComboBox()
-        self.found.setAccessibleName("Cameras that were found")
-        self.found.setMinimumContentsLength(12)
-        self.found.setSizeAdjustPolicy(
-            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        )
+        self.found = narrow_box("Cameras that were found", 12)
         self.look = button("&Find", self.look_wanted.emit, tip="Look for cameras of this kind")
         self.where = QLineEdit()
         self.where.setAccessibleName("Address of the camera")

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import (
 from app.cameras import SOURCES
 from app.core.capture import CameraDevice
 from app.ui.mount.eye import CameraWish
-from app.ui.widgets import button, label
+from app.ui.widgets import button, label, narrow_box
 
 TITLES = {
     "": "none: use the open frame", "simulated": "simulated camera", "folder": "folder of frames",
@@ -38,13 +38,8 @@ class CameraBox(QWidget):
         self.source.setAccessibleName("Camera on the mount")
         for name in ("", *SOURCES):
             self.source.addItem(TITLES.get(name, name), name)
-        self.found = QComboBox()
-        self.found.setAccessibleName("Cameras that were found")
+        self.found = narrow_box("Cameras that were found", 12)
         self.found.setPlaceholderText("none found yet")
-        self.found.setMinimumContentsLength(12)
-        self.found.setSizeAdjustPolicy(
-            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        )
         self.look = button("Fin&d", self._look, tip="Look for cameras of this kind")
         self.address = QLineEdit()
         self.address.setAccessibleName("Address of the camera")

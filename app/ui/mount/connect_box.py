@@ -17,7 +17,7 @@ from app.mounts.ports import PortInfo
 from app.mounts.probe import Diagnosis
 from app.ui.angle_input import parse_site, site_text
 from app.ui.mount.wishes import EPOCHS, OWN, MountWish
-from app.ui.widgets import button, label
+from app.ui.widgets import button, label, narrow_box
 
 BAUDS = (OWN, "9600", "19200", "38400", "57600", "115200", "230400")
 EPOCH_TIP = (
@@ -149,11 +149,8 @@ class ConnectBox(QWidget):
 
 def _combo(name: str, example: str = "") -> QComboBox:
     """A list to choose from; with an ``example`` one can type in it, too."""
-    made = QComboBox()
+    made = narrow_box(name, 8)
     made.setEditable(bool(example))
-    made.setAccessibleName(name)
-    made.setMinimumContentsLength(8)
-    made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     if example:
         made.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         field = made.lineEdit()

@@ -1,10 +1,10 @@
 """The choice of what the mount does at the meridian."""
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from app.ui.mount.meridian import Meridian
-from app.ui.widgets import label
+from app.ui.widgets import label, narrow_box
 
 TIP = (
     "A German mount changes the side of its pier there, and runs into the pier when it does not. "
@@ -19,13 +19,8 @@ class MeridianBox(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.choice = QComboBox()
-        self.choice.setAccessibleName("What the mount does at the meridian")
+        self.choice = narrow_box("What the mount does at the meridian", 8)
         self.choice.setToolTip(TIP)
-        self.choice.setMinimumContentsLength(8)
-        self.choice.setSizeAdjustPolicy(
-            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-        )
         for meridian in Meridian:
             self.choice.addItem(str(meridian), meridian)
         self.choice.activated.connect(lambda _: self.chosen.emit(self.meridian))

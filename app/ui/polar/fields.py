@@ -2,14 +2,13 @@
 
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QLineEdit, QSpinBox
 
+from app.ui.widgets import narrow_box
+
 
 def choice(name: str, texts: list[str] | None = None) -> QComboBox:
     """One of several; no wider than a narrow dock."""
-    made = QComboBox()
+    made = narrow_box(name, 8)
     made.addItems(texts or [])
-    made.setAccessibleName(name)
-    made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-    made.setMinimumContentsLength(8)
     return made
 
 
