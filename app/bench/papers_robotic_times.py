@@ -5,6 +5,7 @@ the least time of several counts. With fewer than six stars voting names none (f
 product's refuses at once: how long its votes for nothing take is told, but is no time to beat.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def _row(stars: int, made: list[Field]) -> dict[str, Any]:
 def _naming_s(field: Field) -> tuple[float, float]:
     """Seconds by voting, and by the default."""
     told = options(field)
-    return fastest(lambda: _vote(field)), fastest(lambda: name(field.detections, told))
+    return fastest(partial(_vote, field)), fastest(partial(name, field.detections, told))
 
 
 def _solve(field: Field) -> Solution | NoSolution:
@@ -75,14 +76,14 @@ def _stages(made: list[Field]) -> list[dict[str, Any]]:
     camera, angle = plain(first), table_deg(first.detections, first.camera.focal_px)
     stars = bright_stars(None, MAG_LIMIT, 2016.0)
     _, tables = timed(lambda: make_pairs(*stars, float(np.radians(angle))))
-    voting = float(np.median([fastest(lambda f=f: _vote(f)) for f in made]))  # type: ignore[misc]
+    voting = float(np.median([fastest(partial(_vote, field)) for field in made]))
     kept, star, _ = _vote(first)
     xy, vectors = first.detections.xy[kept], pairs_of(first).vectors[star]
     body, valid = camera.unproject(xy), np.ones(len(kept), dtype=np.bool_)
     error, triad = MARGIN_PX / camera.focal_px, make_estimator("triad")
     verifying = fastest(lambda: verification_votes(body, vectors, valid, error))
     pointing = fastest(lambda: triad.estimate(xy, vectors, camera))
-    default = float(np.median([timed(lambda f=f: _solve(f))[1] for f in made]))  # type: ignore[misc]
+    default = float(np.median([timed(partial(_solve, field))[1] for field in made]))
     return [
         row("7.3", "time, voting and verification", unit="s", paper=13.50, ours=voting,
             better="less"),
