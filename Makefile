@@ -2,7 +2,11 @@
 #
 #   make run      open the window           (make run ARGS="solve picture.jpg" for anything else)
 #   make test     every check, then the tests
+#   make test-any-day   tests that know of time, on other days and in other places (needs faketime)
+#   make house    the numbers of the house (modules, lines, circles of imports), each with its limit
+#   make resolve  every dependency has a wheel for Python 3.11, 3.12 and 3.13
 #   make lint     the checks alone          make format   put the source in order
+#   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make system   install Qt's system libraries           make clean    remove what was made
 
@@ -13,10 +17,12 @@ STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 ARGS ?=
 TESTS ?= tests
+ANY_DAY ?=
 BENCH ?= identify --quick
+MUTANTS ?=
 
 .DEFAULT_GOAL := run
-.PHONY: run test lint style types patterns format bench system clean qt
+.PHONY: house mutants resolve run test test-any-day lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
@@ -28,6 +34,10 @@ test: style types $(if $(filter tests,$(TESTS)),patterns) qt
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
 	  -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
+# ANY_DAY=--quick for two of the days and the quickest tests.
+test-any-day: $(STAMP) qt
+	@$(BIN)/python -m tests.any_day $(ANY_DAY)
+
 lint: style types
 
 style: $(STAMP)
@@ -37,6 +47,16 @@ style: $(STAMP)
 
 types: $(STAMP)
 	@$(BIN)/mypy
+
+# Asks the package index, about a minute.
+resolve: $(STAMP)
+	@KOCHAB_RESOLVE=1 $(BIN)/python -m pytest -n 0 tests/test_wheel.py -k every_dependency
+
+house: $(STAMP)
+	@$(BIN)/python -m tests.house
+
+mutants: $(STAMP) patterns
+	@$(BIN)/python -m tests.mutants $(MUTANTS)
 
 patterns: $(STAMP)
 	@$(BIN)/python -m tests.patterns

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.core.attitude import attitude_from
-from app.core.camera import Camera
-from app.simulate.stars import Sensor, Sky, StarImage, render
-from app.sky import open_catalogue
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.simulate.star_images import RenderedStar, Sensor, Sky, render
+from kochab.sky import open_catalogue
 
 FOLDER = Path(__file__).with_name("samples")
 YEAR = 2025.2
@@ -48,24 +48,24 @@ class Sample:
 
 SAMPLES = (
     Sample(
-        "orion.png", "Orion", "A 50 mm lens on a tripod, grey, 15 degrees wide.",
+        "orion.png", "Orion", "50 mm lens on a tripod, mono, 15° wide",
         84.0, -1.5, 12.0, 15.0, 1080, 720, 17.0, 150.0, 2.6,
     ),
     Sample(
-        "pleiades.fits", "The Pleiades", "A small refractor and a 16-bit camera, 2 degrees wide.",
+        "pleiades.fits", "The Pleiades", "Small refractor, 16-bit camera, 2° wide",
         56.75, 24.12, -28.0, 2.0, 720, 480, 18.6, 300.0, 2.9,
     ),
     Sample(
-        "southern-cross.jpg", "The Southern Cross", "A wide lens that bends, 30 degrees wide.",
+        "southern-cross.jpg", "The Southern Cross", "Wide lens with distortion, 30° wide",
         190.0, -60.0, 160.0, 30.0, 1500, 1000, 16.2, 120.0, 2.4, -0.04, False, True,
     ),
     Sample(
-        "big-dipper.jpg", "The Big Dipper", "The camera turned on its side, 38 degrees wide.",
+        "big-dipper.jpg", "The Big Dipper", "Camera turned on its side, 38° wide",
         186.0, 55.5, 74.0, 38.0, 1500, 1000, 15.8, 110.0, 2.3, -0.05, False, True,
     ),
     Sample(
         "kochab-and-polaris.jpg", "Kochab and Polaris",
-        "The celestial pole through a star diagonal: the picture is mirrored.",
+        "The celestial pole through a star diagonal, mirrored",
         240.0, 82.0, -35.0, 24.0, 1500, 1000, 16.4, 130.0, 2.5, 0.0, True, True,
     ),
 )  # fmt: skip
@@ -85,9 +85,7 @@ def camera_of(sample: Sample) -> Camera:
     """The simulated camera."""
     focal = sample.width / 2.0 / np.tan(np.radians(sample.width_deg) / 2.0)
     middle = (sample.width - 1) / 2.0, (sample.height - 1) / 2.0
-    return Camera(
-        sample.width, sample.height, focal, *middle, k1=sample.k1, mirrored=sample.mirrored
-    )
+    return Camera(sample.width, sample.height, focal, *middle, k1=sample.k1, mirrored=sample.mirrored)
 
 
 def _exposure(sample: Sample, seed: int) -> NDArray[Any]:
@@ -119,14 +117,12 @@ def _exposure(sample: Sample, seed: int) -> NDArray[Any]:
     )
 
 
-def _grey(
-    sample: Sample, xy: NDArray[Any], flux: NDArray[Any], seed: int, sky: float = 1.0
-) -> NDArray[Any]:
+def _grey(sample: Sample, xy: NDArray[Any], flux: NDArray[Any], seed: int, sky: float = 1.0) -> NDArray[Any]:
     level = sample.sky_e * sky
     full = _FULL[sample.file.endswith(".fits")]
     return render(
         sample.width, sample.height, xy, flux,
-        StarImage(sample.fwhm_px, beta=3.0),
+        RenderedStar(sample.fwhm_px, beta=3.0),
         Sky(level, gradient_e=(0.12 * level, 0.3 * level), hot_per_mp=6.0),
         Sensor(gain_e=0.5, read_noise_e=3.0, bias=200.0, saturation=full), seed,
     ).pixels  # fmt: skip

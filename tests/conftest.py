@@ -30,18 +30,12 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "house")
 
 
-# Tests over real serial lines, servers, screens and child processes share the machine with whatever
-# else it does. One that fails is tried once more, and the summary tells of it (R); one that fails
-# twice has failed.
-REAL_PARTS = ("cameras", "cli", "mounts", "simulate", "ui", "workflows")
+def pytest_configure() -> None:
+    """Let astropy, the truth of many tests, fetch no tables, and use its own however old they are."""
+    from astropy.utils import iers
 
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give the tests over real parts their second try."""
-    for item in items:
-        place = item.path.relative_to(REPOSITORY / "tests").parts
-        if place[0] in REAL_PARTS:
-            item.add_marker(pytest.mark.flaky(reruns=1))
+    iers.conf.auto_download = False
+    iers.conf.auto_max_age = None
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -76,4 +70,13 @@ def shared_frames() -> Path:
     folder = REPOSITORY.parent / "shared" / "frames"
     if not folder.is_dir():
         pytest.skip("the real frames (../shared/frames) are not beside this checkout")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def shared_series() -> Path:
+    """Real series of frames with their truths, beside the checkout; the test is skipped without."""
+    folder = REPOSITORY.parent / "shared" / "series"
+    if not folder.is_dir():
+        pytest.skip("the real series (../shared/series) are not beside this checkout")
     return folder

@@ -12,8 +12,8 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[1]
 MAKERS = [
     *(
-        REPOSITORY / "app" / "identify" / f"{name}.py"
-        for name in ("build", "codes", "index", "levels", "zones", "volumes")
+        REPOSITORY / "app" / "kochab" / "identification" / f"{name}.py"
+        for name in ("index_build", "quads", "index")
     ),
     REPOSITORY / "catalogs" / "manifest.json",
 ]
@@ -28,9 +28,9 @@ def choose_folder() -> None:
 
 def make() -> None:
     """One process makes them, others wait for it; the tests that miss them will say so."""
-    from app.core.errors import CatalogueError
-    from app.core.progress import run
-    from app.identify.volumes import make_fine
+    from kochab.core.errors import CatalogueError
+    from kochab.core.progress import run
+    from kochab.identification.index_build import make_fine
 
     with contextlib.suppress(CatalogueError):
         run(make_fine())

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.core.hint import Hint
-from app.core.progress import run
-from app.core.solution import NoSolution, Reason, Solution
-from app.solve.options import SolveOptions
-from app.workflows.solve_frame import SolvedFrame, solve_file
+from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Hint
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.solver import SolveOptions
+from kochab.workflows.solve_frame import SolvedFrame, solve_file
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "frames"
 BLIND = SolveOptions(use_header=False, timeout_s=None)
@@ -23,9 +23,7 @@ SOLVABLE = sorted(name for name, truth in TRUTH.items() if truth.get("solvable",
 HOPELESS = sorted(set(TRUTH) - set(SOLVABLE))
 
 pytestmark = [
-    pytest.mark.skipif(
-        not TRUTH, reason="the real frames (../shared/frames) are not beside this checkout"
-    ),
+    pytest.mark.skipif(not TRUTH, reason="the real frames (../shared/frames) are not beside this checkout"),
     pytest.mark.timeout(900),  # the first frame waits for the patterns of small fields
 ]
 

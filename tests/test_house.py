@@ -7,30 +7,42 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-import app
+import kochab
+from tests import house
 
 TOP_LEVEL = {
-    ".ci", ".gitignore", ".pre-commit-config.yaml", "CHANGELOG.md", "LICENSE", "Makefile",
-    "README.md", "app", "catalogs", "pyproject.toml", "resources", "tests",
-}  # fmt: skip
-LONGEST_FILE = 500
+    ".ci",
+    ".gitignore",
+    ".pre-commit-config.yaml",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "LICENSE",
+    "Makefile",
+    "README.md",
+    "app",
+    "catalogs",
+    "pyproject.toml",
+    "resources",
+    "tests",
+}
 
 
 def python(code, cwd, *arguments):
     """A fresh interpreter, so that nothing already imported can help or harm."""
     return subprocess.run(
         [sys.executable, "-c", code, *arguments], cwd=cwd, capture_output=True, text=True, timeout=110
-    )  # fmt: skip
+    )
 
 
 def check_imports(folder):
     """Run the import contract of ``folder/pyproject.toml`` on ``folder/app``."""
     code = (
-        "import sys; sys.path.insert(0, '.')\n"
+        "import sys; sys.path.insert(0, 'app')\n"
         "from importlinter.cli import lint_imports\n"
         "sys.exit(lint_imports(no_cache=True, no_logo=True))"
     )
@@ -51,10 +63,10 @@ def empty_house(repository, tmp_path_factory):
     floors = settings["tool"]["importlinter"]["contracts"][0]["layers"]
     rooms = {room.strip() for floor in floors for room in floor.split("|")} - {"__main__"}
     for room in rooms:
-        (folder / "app" / room).mkdir(parents=True)
-        (folder / "app" / room / "__init__.py").touch()
-    (folder / "app" / "__init__.py").touch()
-    (folder / "app" / "__main__.py").touch()
+        (folder / "app" / "kochab" / room).mkdir(parents=True)
+        (folder / "app" / "kochab" / room / "__init__.py").touch()
+    (folder / "app" / "kochab" / "__init__.py").touch()
+    (folder / "app" / "kochab" / "__main__.py").touch()
     assert check_imports(folder).returncode == 0
     return folder
 
@@ -62,18 +74,19 @@ def empty_house(repository, tmp_path_factory):
 @pytest.mark.parametrize(
     ("file", "line", "broken"),
     [
-        ("core/bad.py", "import app.sky", "The floors of the house"),
-        ("sky/bad.py", "import app.frames", "The floors of the house"),
-        ("ui/bad.py", "import app.cli", "The floors of the house"),
-        ("workflows/bad.py", "def f():\n    import app.simulate", "The window and the workflows"),
-        ("ui/bad.py", "import app.simulate", "The window and the workflows"),
-        ("solve/bad.py", "from PySide6.QtCore import QObject", "Qt lives in the window"),
+        ("core/bad.py", "import kochab.sky", "The floors of the house"),
+        ("sky/bad.py", "import kochab.frames", "The floors of the house"),
+        ("window/bad.py", "import kochab.cli", "The floors of the house"),
+        ("window/bad.py", "import kochab.server", "The floors of the house"),
+        ("workflows/bad.py", "def f():\n    import kochab.simulate", "The window and the workflows"),
+        ("window/bad.py", "import kochab.simulate", "The window and the workflows"),
+        ("solver/bad.py", "from PySide6.QtCore import QObject", "Qt lives in the window"),
         ("cli/bad.py", "def f():\n    import pyqtgraph", "Qt lives in the window"),
         ("cellar/__init__.py", "", "The floors of the house"),
     ],
 )
 def test_the_contract_bites(empty_house, file, line, broken):
-    path = empty_house / "app" / file
+    path = empty_house / "app" / "kochab" / file
     path.parent.mkdir(exist_ok=True)
     existed = path.exists()
     path.write_text(line + "\n")
@@ -90,17 +103,29 @@ def test_the_contract_bites(empty_house, file, line, broken):
 
 def test_wiring_alone_knows_nothing_of_qt_itself(repository):
     """``__main__`` is above the contract, so its own imports are read here."""
-    tree = ast.parse((repository / "app" / "__main__.py").read_text(encoding="utf-8"))
+    tree = ast.parse((repository / "app" / "kochab" / "__main__.py").read_text(encoding="utf-8"))
     names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
     names |= {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert not {n for n in names if n.split(".")[0] in {"PySide6", "pyqtgraph", "shiboken6"}}
+
+
+def test_the_program_asks_for_no_table_of_the_earth_s_rotation(repository):
+    """Astropy downloads one, or fails with its own once that is old; ERFA needs none."""
+    told = {"astropy.coordinates", "astropy.time", "astropy.utils.iers"}
+    for path in (repository / "app").rglob("*.py"):
+        tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in tree:
+            names = {a.name for a in node.names} if isinstance(node, ast.Import) else set()
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = {node.module, *(f"{node.module}.{a.name}" for a in node.names)}
+            assert not names & told, path
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"]])
 def test_asking_for_help_costs_no_heavy_import(repository, arguments):
     code = (
         f"import sys; sys.argv[1:] = {arguments}\n"
-        "from app.__main__ import main\n"
+        "from kochab.__main__ import main\n"
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
         "heavy = {'PySide6', 'pyqtgraph', 'photutils', 'astropy', 'rawpy', 'tifffile'}\n"
         "print('LOADED', sorted(heavy & set(sys.modules)))"
@@ -110,13 +135,14 @@ def test_asking_for_help_costs_no_heavy_import(repository, arguments):
     assert "solve" in found.stdout
 
 
-def test_no_file_is_too_long(repository):
-    long = {
-        str(path.relative_to(repository)): count
-        for path in (repository / "app").rglob("*.py")
-        if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST_FILE
-    }
-    assert not long
+# The goal of `make house` is 55,000 lines; until it is reached the house may at least not grow.
+MOST_LINES = 59_300
+
+
+def test_the_numbers_of_the_house_are_within_their_limits():
+    past = {n.name: n.value for n in house.numbers() if not n.met}
+    assert past.pop("lines", 0) <= MOST_LINES
+    assert not past
 
 
 def test_the_top_level_holds_what_it_should(repository):
@@ -130,24 +156,24 @@ def test_the_top_level_holds_what_it_should(repository):
 
 def modules():
     """Every module of ``app`` that can be imported without opening a window."""
-    root = Path(app.__file__).parent
+    root = Path(kochab.__file__).parent
     for path in sorted(root.rglob("*.py")):
         parts = path.relative_to(root).with_suffix("").parts
         if parts[-1] != "__main__":
-            yield ".".join(("app", *parts)).removesuffix(".__init__")
+            yield ".".join(("kochab", *parts)).removesuffix(".__init__")
 
 
 def registries():
     """The plain dicts ``NAME: name -> "module:thing"`` (or a module) at the top of a module."""
-    entry = re.compile(r"app(\.\w+)+(:\w+)?")
+    entry = re.compile(r"kochab(\.\w+)+(:\w+)?")
     quoted = re.compile(rf'"{entry.pattern}"')
     for name in modules():
-        source = Path(app.__file__).parent.joinpath(*name.split(".")[1:])
+        source = Path(kochab.__file__).parent.joinpath(*name.split(".")[1:])
         file = source / "__init__.py" if source.is_dir() else source.with_suffix(".py")
         if not quoted.search(file.read_text(encoding="utf-8")):
             continue
         for key, value in vars(importlib.import_module(name)).items():
-            if key.isupper() and isinstance(value, dict):
+            if key.isupper() and isinstance(value, Mapping):
                 for label, told in value.items():
                     for part in told if isinstance(told, tuple) else (told,):
                         if isinstance(part, str) and entry.fullmatch(part):
@@ -158,10 +184,10 @@ def test_every_name_in_a_registry_resolves():
     entries = list(registries())
     kinds = {registry for registry, _, _ in entries}
     assert kinds >= {
-        "app.detect.DETECTORS",
-        "app.identify.IDENTIFIERS",
-        "app.bench.BENCHES",
-        "app.cli.main.COMMANDS",
+        "kochab.detection.DETECTORS",
+        "kochab.identification.IDENTIFIERS",
+        "kochab.lab.bench.BENCHES",
+        "kochab.cli.main.COMMANDS",
     }
     broken = []
     for registry, label, target in entries:
@@ -178,7 +204,7 @@ def test_every_name_in_a_registry_resolves():
 
 def test_the_changelog_tells_of_this_version(repository):
     told = re.findall(r"^## (\S+)", (repository / "CHANGELOG.md").read_text("utf-8"), re.M)
-    assert app.__version__ in told
+    assert kochab.__version__ in told
 
 
 def test_the_makefile_and_the_hooks_run_the_same_checks(repository):

@@ -11,7 +11,7 @@ truly = builtins.__import__
 
 def without(name, globals=None, locals=None, fromlist=(), level=0):
     who = (globals or {}).get("__name__", "")
-    if level == 0 and name.split(".")[0] in POSIX and who.split(".")[0] == "app":
+    if level == 0 and name.split(".")[0] in POSIX and who.split(".")[0] == "kochab":
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     return truly(name, globals, locals, fromlist, level)
 
@@ -20,13 +20,13 @@ for gone in ("fork", "getuid", "geteuid", "nice", "sched_getaffinity", "mkfifo",
              "killpg", "setsid", "uname", "getloadavg", "statvfs"):
     if hasattr(os, gone) and gone != "uname":
         delattr(os, gone)
-import app
-for module in pkgutil.walk_packages(app.__path__, "app."):
+import kochab
+for module in pkgutil.walk_packages(kochab.__path__, "kochab."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
-from app.bench.live_speed import resident_mb
-from app.bench.report import machine
-from app.cli.main import main
+from kochab.lab.bench.live import resident_mb
+from kochab.lab.bench import machine
+from kochab.cli.main import main
 assert resident_mb() != resident_mb()
 assert machine()["cpus"] > 0
 sys.exit(main(sys.argv[1:]))
@@ -39,17 +39,18 @@ def test_everything_is_imported_without_what_only_posix_has(repository, tmp_path
     size = ("--width", "9", "--height", "9")
     done = subprocess.run(
         [sys.executable, "-c", PROBE, "identify", str(stars), *size],
-        cwd=repository, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        cwd=repository,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.stderr == ""
     assert done.returncode == 1
     assert "too few stars" in done.stdout
 
 
 def test_names_of_files_differ_by_more_than_their_case(repository) -> None:
-    told = subprocess.run(
-        ["git", "ls-files"], cwd=repository, capture_output=True, text=True, check=False
-    )
+    told = subprocess.run(["git", "ls-files"], cwd=repository, capture_output=True, text=True, check=False)
     names = told.stdout.splitlines()
     assert len({name.lower() for name in names}) == len(names)
     assert not [name for name in names if set(name) & set('<>:"|?*\\')]

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.attitude.wahba import small_rotation
-from app.core.attitude import Attitude, attitude_from
-from app.core.camera import Camera
-from app.core.solution import Matches
+from kochab.attitude import small_rotation
+from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.camera import Camera
+from kochab.core.solution import Matches
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,7 @@ def simulate(
     first_camera = Camera.centred(w, h, focal * (1 + guess_px / 2000), mirrored)
     nudge = small_rotation(rng.normal(0, guess_px / focal, 3))
     return Field(
-        Matches(index, index, xy, vectors),
-        camera,
-        attitude,
-        first_camera,
-        Attitude(nudge @ attitude.matrix),
+        Matches(index, index, xy, vectors), camera, attitude, first_camera, Attitude(nudge @ attitude.matrix)
     )
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from app.attitude.filter import ARCSEC, Motion, begin, predicted, rotation_vector, updated
-from app.attitude.wahba import small_rotation
-from app.core.attitude import Attitude, attitude_from
+from kochab.attitude import small_rotation
+from kochab.attitude.filter import ARCSEC, MotionModel, begin, predicted, rotation_vector, updated
+from kochab.core.attitude import Attitude, attitude_from
 
 SIGMA = 15.0 * ARCSEC
 
@@ -15,7 +15,7 @@ def measured(matrix, rng, sigma=SIGMA):
 
 def follow(path, rng, motion=None, dt=0.1, sigma=SIGMA):
     """States after each frame, and the truth, of ``path(t) -> rate (3,) rad/s``."""
-    motion = motion or Motion()
+    motion = motion or MotionModel()
     matrix = attitude_from(80.0, 40.0, 10.0).matrix
     state = begin(measured(matrix, rng, sigma), 0.0, motion)
     out = []
@@ -51,10 +51,7 @@ def test_the_covariance_is_honest() -> None:
     late = follow(lambda t: np.radians([0.01, 0.0, 0.0]), rng)[50::10]
     chi2 = [e @ np.linalg.solve(s.covariance[:3, :3], e) for s, m in late for e in [error(s, m)]]
     assert 0.8 < np.mean(chi2) < 4.5  # 3 when all motion is as modelled; here it is quieter
-    rates = [
-        (s.rates_rad_s - np.radians([0.01, 0, 0])) / np.sqrt(np.diag(s.covariance)[3:])
-        for s, _ in late
-    ]
+    rates = [(s.rates_rad_s - np.radians([0.01, 0, 0])) / np.sqrt(np.diag(s.covariance)[3:]) for s, _ in late]
     assert np.sqrt(np.mean(np.square(rates))) < 1.6
 
 
@@ -78,7 +75,7 @@ def test_a_slew_that_begins_is_followed_and_forgotten() -> None:
 def test_time_does_not_run_backwards_and_the_matrix_stays_a_rotation() -> None:
     rng = np.random.default_rng(4)
     state = follow(lambda t: np.radians([0.1, 0.2, -0.3]), rng)[-1][0]
-    earlier = predicted(state, state.time_s - 5.0, Motion())
+    earlier = predicted(state, state.time_s - 5.0, MotionModel())
     assert np.allclose(earlier.matrix, state.matrix)
     assert np.allclose(state.matrix @ state.matrix.T, np.eye(3), atol=1e-10)
     assert np.linalg.eigvalsh(state.covariance).min() > 0
@@ -86,12 +83,12 @@ def test_time_does_not_run_backwards_and_the_matrix_stays_a_rotation() -> None:
 
 def test_an_attitude_without_covariance_is_refused() -> None:
     with pytest.raises(ValueError, match="covariance"):
-        begin(attitude_from(1.0, 2.0, 3.0), 0.0, Motion())
+        begin(attitude_from(1.0, 2.0, 3.0), 0.0, MotionModel())
 
 
 def test_two_short_predictions_are_one_long_one() -> None:
     """White acceleration knows no frames: how often it is looked at changes nothing."""
-    motion = Motion(wander_arcsec_s=30.0)
+    motion = MotionModel(wander_arcsec_s=30.0)
     begun = begin(measured(np.eye(3), np.random.default_rng(5)), 0.0, motion)
     once = predicted(begun, 0.7, motion).covariance
     twice = predicted(predicted(begun, 0.2, motion), 0.7, motion).covariance

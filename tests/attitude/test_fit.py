@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.attitude.belief import FocalBelief
-from app.attitude.fit import refine
-from app.core.solution import Matches
+from kochab.attitude.fit import FocalPrior, refine
+from kochab.core.solution import Matches
 
 from .fields import Field, centre_error_px, simulate
 
@@ -21,15 +20,8 @@ def fitted(field: Field, **kwargs):  # type: ignore[no-untyped-def]
 
 
 @settings(max_examples=40)
-@given(
-    st.integers(0, 10_000),
-    st.integers(5, 60),
-    st.sampled_from([0.8, 5.0, 30.0, 60.0]),
-    st.booleans(),
-)
-def test_exact_stars_give_the_exact_camera(
-    seed: int, stars: int, fov_deg: float, mirrored: bool
-) -> None:
+@given(st.integers(0, 10_000), st.integers(5, 60), st.sampled_from([0.8, 5.0, 30.0, 60.0]), st.booleans())
+def test_exact_stars_give_the_exact_camera(seed: int, stars: int, fov_deg: float, mirrored: bool) -> None:
     field = simulate(seed, stars, fov_deg, sigma_px=0.0, mirrored=mirrored)
     fit = fitted(field, distortion=False)
     assert fit.rms_px < 1e-5
@@ -84,9 +76,7 @@ def test_real_distortion_is_found(corner: float, fov_deg: float, mirrored: bool)
 @pytest.mark.parametrize("fov_deg", [1.0, 10.0, 60.0])
 @pytest.mark.parametrize("stars", [9, 20, 200])
 def test_absent_distortion_is_refused(fov_deg: float, stars: int) -> None:
-    accepted = sum(
-        bool(LENS_TERMS & set(fitted(simulate(seed, stars, fov_deg)).terms)) for seed in range(60)
-    )
+    accepted = sum(bool(LENS_TERMS & set(fitted(simulate(seed, stars, fov_deg)).terms)) for seed in range(60))
     assert accepted <= 1  # four tests a fit at 1e-4 each
 
 
@@ -102,8 +92,14 @@ def test_a_shifted_principal_point_is_found_in_a_wide_field_and_not_in_a_narrow_
     assert wide.camera.cy == pytest.approx(999.5 - 25.0, abs=4.0)
     narrow = fitted(simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)))
     assert "cx" not in narrow.terms
-    assert np.hypot(*centre_error_px(simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)),
-                                     narrow.camera, narrow.attitude)) < 0.3  # fmt: skip
+    assert (
+        np.hypot(
+            *centre_error_px(
+                simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)), narrow.camera, narrow.attitude
+            )
+        )
+        < 0.3
+    )
 
 
 @pytest.mark.parametrize("wrong", [5, 20])
@@ -173,8 +169,8 @@ def test_a_star_behind_the_camera_is_an_outlier_and_not_a_crash() -> None:
     assert np.hypot(*centre_error_px(field, fit.camera, fit.attitude)) < 0.5
 
 
-def believed(field: Field, off: float = 0.0, sigma: float = 1e-4) -> FocalBelief:
-    return FocalBelief(field.camera.focal_px * (1.0 + off), sigma)
+def believed(field: Field, off: float = 0.0, sigma: float = 1e-4) -> FocalPrior:
+    return FocalPrior(field.camera.focal_px * (1.0 + off), sigma)
 
 
 def test_a_known_focal_length_stays_put_and_the_covariance_with_it_is_calibrated() -> None:
@@ -182,7 +178,7 @@ def test_a_known_focal_length_stays_put_and_the_covariance_with_it_is_calibrated
     for seed in range(150):
         field = simulate(seed, 12, 10.0, 0.5)
         told = field.camera.focal_px * np.exp(np.random.default_rng(seed).normal(0, 1e-5))
-        fit = fitted(field, focal=FocalBelief(told, 1e-5))
+        fit = fitted(field, focal=FocalPrior(told, 1e-5))
         off.append(np.log(fit.camera.focal_px / field.camera.focal_px))
         free.append(np.log(fitted(field).camera.focal_px / field.camera.focal_px))
         dx, dy = centre_error_px(field, fit.camera, fit.attitude) / fit.camera.focal_px
@@ -220,7 +216,7 @@ def test_good_stars_contradict_sooner_than_poor_ones() -> None:
 
 
 def test_a_range_of_scales_is_a_belief() -> None:
-    focal = FocalBelief.of_scale(9.9, 10.1)
+    focal = FocalPrior.of_scale(9.9, 10.1)
     assert focal.focal_px == pytest.approx(20627.0, rel=1e-3)
     assert focal.sigma == pytest.approx(0.01, rel=0.01)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from app.attitude.fit import refine
-from app.core.attitude import Attitude
-from app.core.camera import Camera
-from app.core.solution import Matches
+from kochab.attitude.fit import refine
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.solution import Matches
 
 FOV_DEG, STARS, UP_DEG = 4.0, 600, 139.0
 
@@ -36,9 +36,7 @@ def low_field(altitude_deg, noise_px, seed):
     ("altitude", "noise", "seed"),
     [(9.0, 0.1, 23), (11.0, 0.3, 9), (12.0, 0.5, 14), (14.0, 0.1, 10), (10.0, 0.1, 14)],
 )  # all of these ran away to rms from 6 to 10^79 px
-def test_a_centre_and_a_distortion_that_are_hardly_told_apart_do_not_run_away(
-    altitude, noise, seed
-):
+def test_a_centre_and_a_distortion_that_are_hardly_told_apart_do_not_run_away(altitude, noise, seed):
     matches, camera, sigma = low_field(altitude, noise, seed)
     fit = refine(matches, camera, Attitude(np.eye(3)), sigma)
     assert fit.rms_px < 4.0

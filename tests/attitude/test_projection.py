@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.attitude.projection import PARAMETERS, moved, project_with_jacobian, sane
-from app.core.camera import Camera
+from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian, sane
+from kochab.core.camera import Camera
 
 CAMERA = Camera(3000, 2000, 2500.0, 1480.0, 1010.0, -0.11, 0.03, 0.004, -0.003)
 

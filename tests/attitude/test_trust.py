@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.attitude.trust import BELIEF, REACH_SIGMA, corrections, trust
+from kochab.attitude.fit import PRIOR_COUNTS, REACH_SIGMA, corrections, trust
 
 
 def test_near_stars_are_trusted_and_far_ones_are_not() -> None:
@@ -19,7 +19,7 @@ def test_the_share_of_wrong_stars_is_learnt() -> None:
     good = np.hypot(*rng.normal(size=(2, 900)))
     bad = REACH_SIGMA * np.sqrt(rng.uniform(size=100))
     for scaled, low, high in ((good, 0.0, 0.01), (np.append(good, bad), 0.07, 0.13)):
-        share = BELIEF[0] / sum(BELIEF)
+        share = PRIOR_COUNTS[0] / sum(PRIOR_COUNTS)
         for _ in range(30):
             _, share = trust(scaled, share)
         assert low < share < high

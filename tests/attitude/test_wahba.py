@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.attitude.wahba import small_rotation, wahba
+from kochab.attitude import small_rotation, wahba
 
 
 def directions(seed: int, count: int, spread: float = 0.2) -> np.ndarray:

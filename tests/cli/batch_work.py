@@ -5,8 +5,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.core.errors import UsageError
-from app.core.progress import Progress
+from kochab.core.errors import UsageError
+from kochab.core.progress import Progress
 
 
 @dataclass(frozen=True)

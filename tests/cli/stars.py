@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from app.core.attitude import attitude_from
-from app.core.camera import Camera
-from app.core.progress import Progress
-from app.core.solution import Identification, Matches, NoSolution, Reason
-from app.sky import open_catalogue
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.progress import Progress
+from kochab.core.solution import Identification, Matches, NoSolution, Reason
+from kochab.sky import open_catalogue
 
 CAMERA = Camera.centred(1600, 1000, 7600.0)
 ATTITUDE = attitude_from(84.0, -2.0, 25.0)

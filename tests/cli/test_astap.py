@@ -10,14 +10,14 @@ from astropy.coordinates import SkyCoord
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from app.cli.astap import _hint, _order
-from app.cli.main import main
-from app.core.attitude import attitude_from
-from app.core.camera import Camera
-from app.core.frame import Frame
-from app.frames.fits_write import write_fits
-from app.simulate.stars import FWHM_PER_SIGMA
-from tests.solve.fields import photograph
+from kochab.cli.astap import _bound, _hint, _order
+from kochab.cli.main import main
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame, Hint
+from kochab.frames.fits_write import write_fits
+from kochab.simulate.star_images import FWHM_PER_SIGMA
+from tests.solver.fields import photograph
 
 CAMERA = Camera(1600, 1000, 7600.0, 830.0, 470.0, k1=-0.05)
 CENTRE = (84.0, -2.0)
@@ -29,10 +29,7 @@ def picture(path, camera=CAMERA, roll_deg=25.0):
     y, x = np.mgrid[: camera.height, : camera.width]
     pixels = np.full((camera.height, camera.width), 100.0, np.float32)
     for column, row in field.detections.xy:
-        near = (
-            slice(max(0, int(row) - 9), int(row) + 10),
-            slice(max(0, int(column) - 9), int(column) + 10),
-        )
+        near = (slice(max(0, int(row) - 9), int(row) + 10), slice(max(0, int(column) - 9), int(column) + 10))
         squares = (x[near] - column) ** 2 + (y[near] - row) ** 2
         pixels[near] += 2000.0 * np.exp(-squares / (2 * (3.0 / FWHM_PER_SIGMA) ** 2))
     write_fits(Frame(pixels), path)
@@ -48,22 +45,7 @@ def ini_of(path) -> dict[str, str]:
 def test_a_solved_frame_has_an_ini_and_a_wcs_that_agree(tmp_path, capsys, mirrored) -> None:
     camera = Camera(1600, 1000, 7600.0, 830.0, 470.0, k1=-0.05, mirrored=mirrored)
     path = picture(tmp_path / "a.fits", camera)
-    asked = [
-        "-f",
-        str(path),
-        "-ra",
-        "5.6",
-        "-spd",
-        "88",
-        "-r",
-        "20",
-        "-fov",
-        "7.5",
-        "-z",
-        "0",
-        "-s",
-        "500",
-    ]
+    asked = ["-f", str(path), "-ra", "5.6", "-spd", "88", "-r", "20", "-fov", "7.5", "-z", "0", "-s", "500"]
     assert main([*asked, "-wcs", "-update", "-annotate"]) == 0
     assert "Solved" in capsys.readouterr().out
     told = ini_of(tmp_path / "a.ini")
@@ -88,6 +70,39 @@ def test_a_solved_frame_has_an_ini_and_a_wcs_that_agree(tmp_path, capsys, mirror
     assert float(told["CD2_2"]) == pytest.approx(scale * math.cos(turn))
     assert float(told["CD1_2"]) == pytest.approx(-scale * math.sin(turn))
     assert (tmp_path / "a_annotated.jpg").stat().st_size > 1000
+
+
+def test_the_search_radius_bounds_the_answer(tmp_path, capsys) -> None:
+    path = picture(tmp_path / "a.fits")
+    asked = ["-f", str(path), "-ra", "6.6", "-spd", "88", "-fov", "7.5", "-wcs", "-update"]
+    before = path.read_bytes()
+    assert main([*asked, "-r", "5"]) == 1
+    told = ini_of(tmp_path / "a.ini")
+    assert told["PLTSOLVD"] == "F"
+    found = "at RA 84.1145, Dec -2.2987 deg, 14.88 deg from the search position"
+    assert "outside the search radius" in told["ERROR"]
+    assert found in told["ERROR"]
+    assert "the search radius is 5 deg" in capsys.readouterr().err
+    assert "CRVAL1" not in told
+    assert not (tmp_path / "a.wcs").exists()
+    assert path.read_bytes() == before
+    assert main([*asked, "-r", "16"]) == 0
+    assert main(asked) == 0  # ASTAP's own default is the whole sky
+    assert ini_of(tmp_path / "a.ini")["PLTSOLVD"] == "T"
+
+
+def test_the_search_position_is_the_headers_when_none_is_told() -> None:
+    header = Hint(centre_deg=(99.0, -2.0, 12.0))
+
+    def bound(*words: str):
+        return _bound(_order(["-f", "a.fits", *words]), header)
+
+    assert bound("-r", "5") == (99.0, -2.0, 5.0)
+    assert bound("-ra", "6", "-spd", "80", "-r", "5") == (90.0, -10.0, 5.0)
+    assert bound("-ra", "6", "-spd", "80") is None
+    assert bound("-ra", "6", "-spd", "80", "-r", "0") is None
+    assert bound() is None
+    assert _bound(_order(["-f", "a.fits", "-r", "5"]), Hint()) is None
 
 
 def test_no_solution_is_told_in_the_ini_and_by_the_code(tmp_path, capsys) -> None:
@@ -131,7 +146,7 @@ def test_a_fault_of_ours_is_told_in_the_ini_too(tmp_path, monkeypatch, capsys) -
     def fault(path):
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr("app.frames.read_frame", fault)
+    monkeypatch.setattr("kochab.frames.read_frame", fault)
     assert main(["-f", str(tmp_path / "a.fits")]) == 1
     assert ini_of(tmp_path / "a.ini")["PLTSOLVD"] == "F"
     assert "A fault in Kochab: ZeroDivisionError" in capsys.readouterr().err

@@ -1,5 +1,7 @@
 """Batches: a fault costs one file, processes end quietly, progress keeps to stderr."""
 
+import json
+import logging
 import os
 import signal
 import subprocess
@@ -10,19 +12,19 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import output
-from app.cli.batch import attempt, run_batch
-from app.cli.main import main
-from app.cli.output import ProgressLine
-from app.core.progress import Progress
+from kochab.cli import output
+from kochab.cli.batch import attempt, run_batch
+from kochab.cli.main import main
+from kochab.cli.output import ProgressLine
+from kochab.core.progress import Progress
 from tests.cli.batch_work import Item, work
 
 
 def test_a_fault_of_our_own_costs_one_file() -> None:
     assert attempt(work, Item("bad")) == {"file": "bad", "error": "It is bad."}
     fault = attempt(work, Item("fault"))
-    assert fault["error"] == "A fault in Kochab: ZeroDivisionError: division by zero"
-    assert "not enough memory" in attempt(work, Item("large"))["error"]
+    assert fault["error"].startswith("A fault in Kochab: ZeroDivisionError: division by zero; ")
+    assert "Out of memory" in attempt(work, Item("large"))["error"]
 
 
 def test_a_sentence_names_its_file_once(capsys) -> None:
@@ -47,9 +49,23 @@ def test_a_process_that_dies_is_told(tmp_path, capsys) -> None:
     assert mark.exists()
 
 
+def test_a_worker_s_fault_is_in_the_journal_with_its_traceback(tmp_path, capsys) -> None:
+    journal, root = logging.FileHandler(tmp_path / "journal.log"), logging.getLogger("kochab")
+    root.addHandler(journal)
+    try:
+        assert run_batch(work, [Item("fault"), Item("a")], as_json=True, workers=2) == 2
+    finally:
+        root.removeHandler(journal)
+        journal.close()
+    assert str(tmp_path / "journal.log") in json.loads(capsys.readouterr().out.splitlines()[0])["error"]
+    text = (tmp_path / "journal.log").read_text()
+    assert "batch_work.py" in text  # the line in the worker, not the parent's
+    assert text.count("ZeroDivisionError: division by zero") == 1
+
+
 HOLD = """
 import sys, time
-from app.cli.batch import run_batch
+from kochab.cli.batch import run_batch
 from tests.cli.batch_work import Item, long_work
 
 if __name__ == "__main__":
@@ -64,8 +80,9 @@ def test_a_batch_that_is_killed_leaves_no_process_behind(repository, tmp_path) -
     paths = os.pathsep.join([str(repository), *sys.path])
     batch = subprocess.Popen(
         [sys.executable, str(script), str(tmp_path / "alive")],
-        stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": paths},
-    )  # fmt: skip
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": paths},
+    )
     try:
         until(lambda: len(list(tmp_path.glob("alive.*"))) == 2)
     finally:

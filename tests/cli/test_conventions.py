@@ -11,10 +11,10 @@ import pytest
 from astropy.wcs import WCS
 from scipy.spatial.transform import Rotation
 
-from app.cli.output import as_json, to_line
-from app.core.attitude import attitude_from, unit_vectors
-from app.core.camera import Camera
-from app.core.solution import NamedStar, Solution
+from kochab.cli.output import as_json, to_line
+from kochab.core.attitude import attitude_from, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.solution import NamedStar, Solution
 
 PIXELS = np.random.default_rng(4).uniform([0, 0], [799, 599], (30, 2))
 
@@ -26,9 +26,7 @@ def line(ra: float, dec: float, roll: float, mirrored: bool) -> dict:
     stars = []
     for (x, y), v in zip(PIXELS.tolist(), sky, strict=True):
         star_ra = float(np.degrees(np.arctan2(v[1], v[0])) % 360)
-        stars.append(
-            NamedStar(x, y, "HIP 1", "", 5.0, star_ra, float(np.degrees(np.arcsin(v[2]))), 0)
-        )
+        stars.append(NamedStar(x, y, "HIP 1", "", 5.0, star_ra, float(np.degrees(np.arcsin(v[2]))), 0))
     full = Solution(camera, solution.attitude, tuple(stars), 0.1, -20.0, "patterns")
     return json.loads(to_line(as_json("a.fits", full)))
 

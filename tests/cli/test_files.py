@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from app.cli.files import named
-from app.cli.main import main
-from app.core.errors import UsageError
+from kochab.cli.main import main
+from kochab.cli.options import named
+from kochab.core.errors import UsageError
 
 
 def test_patterns_are_filled_in_and_names_stay(tmp_path, monkeypatch) -> None:
@@ -14,9 +14,7 @@ def test_patterns_are_filled_in_and_names_stay(tmp_path, monkeypatch) -> None:
     for name in ("b.fits", "a.fits", "c.jpg", "m[1].fits"):
         (tmp_path / name).touch()
     assert named(["*.fits", "c.jpg"]) == ["a.fits", "b.fits", "m[1].fits", "c.jpg"]
-    assert named(["m[1].fits", "?.jpg", "x*.tif", "none"]) == [
-        *("m[1].fits", "c.jpg", "x*.tif", "none")
-    ]  # fmt: skip
+    assert named(["m[1].fits", "?.jpg", "x*.tif", "none"]) == [*("m[1].fits", "c.jpg", "x*.tif", "none")]
     with pytest.raises(UsageError):
         named([" "])
 

@@ -1,18 +1,19 @@
 """``kochab identify``: lists in, JSON lines out, exit codes."""
 
 import json
+from pathlib import Path
 
 import pytest
 
-from app.cli.main import main
-from app.identify import IDENTIFIERS
+from kochab.cli.main import main
+from kochab.identification import IDENTIFIERS
 
 from .stars import Knowing, orion_places
 
 
 @pytest.fixture(autouse=True)
 def knowing(monkeypatch):
-    monkeypatch.setitem(IDENTIFIERS, "knowing", f"{Knowing.__module__}:Knowing")
+    monkeypatch.setitem(IDENTIFIERS.own, "knowing", f"{Knowing.__module__}:Knowing")
 
 
 @pytest.fixture
@@ -30,9 +31,7 @@ def bad(tmp_path):
 
 
 def identify(*arguments: str) -> int:
-    return main(
-        ["identify", "--width", "1600", "--height", "1000", "--method", "knowing", *arguments]
-    )
+    return main(["identify", "--width", "1600", "--height", "1000", "--method", "knowing", *arguments])
 
 
 def lines(capsys) -> list[dict]:
@@ -68,10 +67,24 @@ def test_one_without_solution_makes_it_1_and_one_unusable_2(good, bad, tmp_path,
     assert identify(good, missing, bad, "--json") == 2
     out = lines(capsys)
     assert [o["file"] for o in out] == [good, missing, bad]
-    assert out[1] == {
-        "file": missing,
-        "error": f"{missing} cannot be read: No such file or directory.",
-    }
+    assert out[1] == {"file": missing, "error": f"{missing} cannot be read: No such file or directory."}
+
+
+def test_near_is_a_hint_and_with_strict_a_bound(good, capsys) -> None:
+    near = ("--near", "99,-2,5", "--json")
+    assert identify(good, *near) == 0
+    (out,) = lines(capsys)
+    assert any("away from the position" in text for text in out["warnings"])
+    assert identify(good, *near, "--strict", "--wcs") == 1
+    (out,) = lines(capsys)
+    assert out["reason"] == "outside the search radius"
+    assert "RA 84.0000, Dec -2.0000 deg, 14.99 deg from the search position" in out["advice"]
+    assert out["measured"]["away_deg"] == pytest.approx(14.99, abs=0.01)
+    assert not Path(good + ".wcs").exists()
+    assert identify(good, "--near", "99,-2,16", "--strict") == 0
+    capsys.readouterr()
+    assert identify(good, "--strict") == 2
+    assert capsys.readouterr().err == "kochab: --strict needs --near RA,DEC,RADIUS.\n"
 
 
 def test_people_get_a_card(good, bad, capsys) -> None:
@@ -101,9 +114,7 @@ def test_the_wcs_is_written_and_astropy_reads_it(good, capsys) -> None:
     assert (ra, dec) == pytest.approx((out["ra_deg"], out["dec_deg"]), abs=1e-5)
 
 
-def test_a_wcs_that_cannot_be_written_is_2_with_the_answer_still_there(
-    good, capsys, tmp_path
-) -> None:
+def test_a_wcs_that_cannot_be_written_is_2_with_the_answer_still_there(good, capsys, tmp_path) -> None:
     (tmp_path / "orion.csv.wcs").mkdir()
     assert identify(good, "--json", "--wcs") == 2
     out, err = capsys.readouterr()

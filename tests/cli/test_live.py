@@ -9,9 +9,9 @@ import time
 
 import pytest
 
-from app.cli.main import main
-from app.frames import read_frame
-from app.frames.fits_write import write_fits
+from kochab.cli.main import main
+from kochab.frames import read_frame
+from kochab.frames.fits_write import write_fits
 from tests.workflows.live_sky import sky_frame
 
 
@@ -31,9 +31,19 @@ def session(night, tmp_path_factory):
     folder = tmp_path_factory.mktemp("watched")
     recorded = tmp_path_factory.mktemp("recorded") / "session"
     run = started(
-        "live", "--source", "folder", "--address", folder, "--json", "--fov", "12",
-        "--frames", "4", "--record", recorded,
-    )  # fmt: skip
+        "live",
+        "--source",
+        "folder",
+        "--address",
+        folder,
+        "--json",
+        "--fov",
+        "12",
+        "--frames",
+        "4",
+        "--record",
+        recorded,
+    )
     lines = []
     try:
         for frame in night:
@@ -51,15 +61,16 @@ def session(night, tmp_path_factory):
 def started(*arguments):
     return subprocess.Popen(
         [sys.executable, "-m", "app", *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def kochab(*arguments, timeout=120):
     return subprocess.run(
-        [sys.executable, "-m", "app", *map(str, arguments)],
-        capture_output=True, text=True, timeout=timeout,
-    )  # fmt: skip
+        [sys.executable, "-m", "app", *map(str, arguments)], capture_output=True, text=True, timeout=timeout
+    )
 
 
 def test_a_line_for_every_frame_with_its_age(session) -> None:
@@ -97,7 +108,7 @@ def test_a_frame_changed_after_recording_is_told(session, tmp_path, capsys) -> N
     assert ["CHANGED" in line for line in said] == [False, True, False, False]
     (copy / "frame-000003.fits").unlink()
     assert main(["live", "--replay", str(copy)]) == 2
-    assert "frame-000003.fits of the session is missing" in capsys.readouterr().err
+    assert "frame-000003.fits of the session: missing" in capsys.readouterr().err
 
 
 def test_ctrl_c_ends_it_at_once_and_cleanly(night, tmp_path) -> None:
@@ -139,16 +150,16 @@ def test_one_sentence_for_what_cannot_be_used(tmp_path, capsys) -> None:
     assert main(["live", "--source", "nothing"]) == 2
     assert "There is no camera source 'nothing'" in capsys.readouterr().err
     assert main(["live", "--replay", str(tmp_path)]) == 2
-    assert "holds no recorded session" in capsys.readouterr().err
+    assert "is not a recorded session" in capsys.readouterr().err
     assert main(["live", "--frames", "0"]) == 2
     assert main(["live", "--exposure", "-1"]) == 2
     (tmp_path / "session.json").write_text("{}")
     assert main(["live", "--address", str(tmp_path), "--record", str(tmp_path)]) == 2
-    assert "holds a session already" in capsys.readouterr().err
+    assert "already has a session" in capsys.readouterr().err
 
 
 def test_every_source_is_listed_with_what_it_needs(capsys) -> None:
-    from app.cameras import SOURCES
+    from kochab.gear.cameras import SOURCES
 
     assert main(["camera", "list", "--json"]) == 0
     told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
@@ -161,11 +172,38 @@ def test_every_source_is_listed_with_what_it_needs(capsys) -> None:
 def test_one_frame_is_taken(night, tmp_path, capsys) -> None:
     target = tmp_path / "taken.fits"
     folder = night[0].parent
-    assert main(["camera", "take", "--source", "folder", "--address", str(folder), "-o", str(target), "--json"]) == 0  # fmt: skip
+    assert (
+        main(["camera", "take", "--source", "folder", "--address", str(folder), "-o", str(target), "--json"])
+        == 0
+    )
     told = json.loads(capsys.readouterr().out)
     assert (told["width"], told["height"]) == (800, 600)
     assert (read_frame(target).pixels == read_frame(night[3]).pixels).all()
-    assert main(["camera", "take", "--source", "folder", "--address", str(tmp_path / "no"), "-o", str(target)]) == 1  # fmt: skip
+    again = ["camera", "take", "--source", "folder", "--address", str(folder), "-o", str(target)]
+    assert main(again) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert main([*again, "--overwrite"]) == 0
+    assert (
+        main(["camera", "take", "--source", "folder", "--address", str(tmp_path / "no"), "-o", str(target)])
+        == 1
+    )
+
+
+def test_no_frame_is_taken_over_the_one_it_comes_from(night, capsys) -> None:
+    before = night[3].read_bytes()
+    address = ("--address", str(night[0].parent))
+    take = ["camera", "take", "--source", "folder", *address, "-o", str(night[3]), "--overwrite"]
+    assert main(take) == 2
+    assert "never overwritten" in capsys.readouterr().err
+    assert night[3].read_bytes() == before
+
+
+def test_the_watched_folder_is_not_recorded_into(night, capsys) -> None:
+    folder = night[0].parent
+    for record in (folder, folder / "session"):
+        assert main(["live", "--address", str(folder), "--record", str(record)]) == 2
+        assert "is inside the watched folder" in capsys.readouterr().err
+    assert sorted(folder.iterdir()) == night
 
 
 @pytest.mark.parametrize(
@@ -175,7 +213,7 @@ def test_one_frame_is_taken(night, tmp_path, capsys) -> None:
 def test_where_a_frame_cannot_go_is_told_before_the_exposure(
     target, says, tmp_path, capsys, monkeypatch
 ) -> None:
-    monkeypatch.setattr("app.cameras.open_camera", None)  # it is never opened
+    monkeypatch.setattr("kochab.gear.cameras.open_camera", None)  # it is never opened
     asked = ["camera", "take", "--source", "simulated", "-o", str(tmp_path / target), "--json"]
     assert main(asked) == 2
     out, err = capsys.readouterr()
@@ -184,9 +222,7 @@ def test_where_a_frame_cannot_go_is_told_before_the_exposure(
 
 def test_only_the_source_that_was_named_is_listed(capsys) -> None:
     assert main(["live", "--list", "--source", "folder", "--json"]) == 0
-    assert [json.loads(line)["source"] for line in capsys.readouterr().out.splitlines()] == [
-        "folder"
-    ]
+    assert [json.loads(line)["source"] for line in capsys.readouterr().out.splitlines()] == ["folder"]
 
 
 def test_a_folder_is_asked_for(capsys) -> None:

@@ -1,5 +1,6 @@
 """The command line as a whole: help, versions, and every bad end."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -8,9 +9,9 @@ import time
 
 import pytest
 
-from app import __version__
-from app.cli import main as cli
-from app.cli.main import COMMANDS, main
+from kochab import __version__
+from kochab.cli import main as cli
+from kochab.cli.main import COMMANDS, main
 
 
 def test_help_names_every_command_and_imports_none(capsys, repository) -> None:
@@ -19,7 +20,7 @@ def test_help_names_every_command_and_imports_none(capsys, repository) -> None:
     for name in COMMANDS:
         assert f"\n    {name} " in text
     probe = (
-        "import sys; from app.cli.main import main; main(['--help']); "
+        "import sys; from kochab.cli.main import main; main(['--help']); "
         "print(sorted({'numpy', 'scipy', 'astropy', 'PySide6'} & set(sys.modules)))"
     )
     out = subprocess.run(
@@ -86,8 +87,10 @@ def test_a_reader_that_leaves_is_no_error(repository, tmp_path) -> None:
     command = [sys.executable, "-m", "app", "identify", "--width", "9", "--height", "9", "--json"]
     process = subprocess.Popen(
         [*command, *sorted(str(p) for p in tmp_path.iterdir())],
-        cwd=repository, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        cwd=repository,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     process.stdout.readline()
     process.stdout.close()
     err = process.stderr.read()
@@ -103,7 +106,7 @@ def test_every_command_is_ended_politely(monkeypatch) -> None:
         time.sleep(5.0)
         return 0
 
-    monkeypatch.setattr("app.cli.bench.run", run)
+    monkeypatch.setattr("kochab.lab.bench.command.run", run)
     assert main(["bench", "detect"]) == 130
 
 
@@ -127,7 +130,7 @@ def test_files_without_a_command_are_told_which(tmp_path, capsys) -> None:
 def test_a_librarys_warning_is_not_for_the_person_who_solves(repository) -> None:
     code = (
         "import warnings\n"
-        "from app import __main__ as program\n"
+        "from kochab import __main__ as program\n"
         "program._window = lambda paths: warnings.warn('deep inside') or 0\n"
         "raise SystemExit(program.main([]))\n"
     )
@@ -138,3 +141,36 @@ def test_a_librarys_warning_is_not_for_the_person_who_solves(repository) -> None
         told[options] = done.stderr
     assert told[()] == ""
     assert "deep inside" in told["-W", "default"]
+
+
+def test_a_fault_is_one_sentence_and_its_traceback_is_in_the_journal(tmp_path, monkeypatch, capsys) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("kochab.cli.main.build_parser", broken)
+    assert main(["solve", "a.fits"]) == 2
+    assert "--debug shows the details" in capsys.readouterr().err
+    journal = logging.FileHandler(tmp_path / "journal.log")
+    root = logging.getLogger("kochab")
+    root.addHandler(journal)
+    try:
+        assert main(["solve", "a.fits"]) == 2
+    finally:
+        root.removeHandler(journal)
+        journal.close()
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert str(tmp_path / "journal.log") in err
+    assert "Traceback" in (tmp_path / "journal.log").read_text()
+
+
+def test_debug_shows_the_journal_on_standard_error(monkeypatch, capsys) -> None:
+    root = logging.getLogger("kochab")
+    before, level = list(root.handlers), root.level
+    monkeypatch.setattr("kochab.cli.solve.run_detect", lambda args: root.debug("opened COM3") or 0)
+    try:
+        assert main(["detect", "a.fits", "--debug"]) == 0
+        assert "opened COM3" in capsys.readouterr().err
+    finally:
+        root.handlers[:] = before
+        root.setLevel(level)

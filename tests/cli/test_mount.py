@@ -6,16 +6,16 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.cli import mount as mount_cli
-from app.cli.main import main
-from app.core.attitude import apart_deg
-from app.core.hint import Site
-from app.mounts import driver_class, probe
-from app.mounts.drivers import lx200
-from app.mounts.sky_frame import sidereal_deg
-from app.simulate.line import serve_pty
-from app.simulate.responders.base import open_responder
-from app.simulate.responders.bench_telescope import BenchTelescope
+from kochab.cli import mount as mount_cli
+from kochab.cli.main import main
+from kochab.core.attitude import apart_deg
+from kochab.core.frame import Site
+from kochab.gear.mounts import DRIVERS, probe
+from kochab.gear.mounts.coordinates import sidereal_deg
+from kochab.gear.mounts.drivers import lx200
+from kochab.simulate.responders import open_responder
+from tests.simulate.bench_telescope import BenchTelescope
+from tests.simulate.lines import serve_pty
 
 SITE = Site(50.0, 8.0)
 
@@ -60,7 +60,7 @@ def test_position_tells_when_the_mount_speaks_in_the_other_epoch(capsys) -> None
         line = ["--port", port, "--driver", "ioptron"]
         assert run(capsys, "position", *line)[1]["epoch_doubt"] == ""
         doubt = run(capsys, "position", *line, "--epoch", "J2000")[1]["epoch_doubt"]
-        assert doubt.endswith("they are taken as J2000: choose the epoch date (--epoch date).")
+        assert doubt.endswith("not J2000. Choose the epoch date (--epoch date).")
         assert main(["mount", "position", *line, "--epoch", "J2000"]) == 0
         assert doubt in capsys.readouterr().out
 
@@ -105,29 +105,18 @@ def test_list_names_ports_and_drivers(capsys) -> None:
 @pytest.mark.parametrize("action", ["goto", "sync"])
 def test_without_yes_nothing_is_sent(action, capsys) -> None:
     with simulated("onstep") as (telescope, port):
-        code, told = run(
-            capsys, action, "Polaris", "--port", port, "--driver", "onstep", "--site", "50,8"
-        )
+        code, told = run(capsys, action, "Polaris", "--port", port, "--driver", "onstep", "--site", "50,8")
         assert code == 0
         assert told["done"] is False
         assert 0.0 < told["preview"]["offset_deg"] < 6.0
         assert telescope.log == []
         assert main(["mount", action, "Polaris", "--port", port, "--driver", "onstep"]) == 0
-        assert "site is not known" in capsys.readouterr().out
+        assert "No site set" in capsys.readouterr().out
 
 
 def test_goto_with_yes_arrives(capsys) -> None:
     with simulated("onstep") as (telescope, port):
-        arguments = [
-            "--port",
-            port,
-            "--driver",
-            "onstep",
-            "--site",
-            "50,8",
-            "--allow-flip",
-            "--yes",
-        ]
+        arguments = ["--port", port, "--driver", "onstep", "--site", "50,8", "--allow-flip", "--yes"]
         code, told = run(capsys, "goto", "HIP", "11767", *arguments)
         assert (code, told["done"]) == (0, True), told
         assert apart_deg((told["ra_deg"], told["dec_deg"]), (37.95, 89.264)) < 0.02
@@ -158,6 +147,35 @@ def test_a_refusal_is_an_error_and_exit_1(capsys) -> None:
         assert err.count("\n") == 1
 
 
+def test_a_stop_that_does_not_help_is_said_in_capitals(capsys) -> None:
+    driver = "nexstar"
+    with simulated(driver) as (telescope, port):
+        telescope._slew_deg_s = 0.4
+        telescope.turn_axis_to(1, 10.0)
+        telescope.stop = lambda: None
+        line = ["--port", port, "--driver", driver]
+        code, told = run(capsys, "stop", *line)
+        assert code == 1
+        assert "THE MOUNT MAY STILL MOVE: CUT ITS POWER" in told["error"]
+        assert telescope.slewing
+        assert main(["mount", "stop", *line]) == 1
+        assert "CUT ITS POWER" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("code", "stands"), [(0x00, True), (0xA5, True), (0x83, False)])
+def test_stop_needs_no_word_of_a_motor_board(code, stands, capsys) -> None:
+    """Neither its site nor its home; one that Kochab cannot turn is stopped, but not looked at."""
+    telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 0.1)
+    telescope.turn_axis_to(1, 20.0)
+    board = open_responder("skywatcher", telescope)
+    board.mount_code = code
+    board.motors[1]._slewing_to = 20.0
+    with serve_pty(board) as port:
+        ended, told = run(capsys, "stop", "--port", port, "--driver", "skywatcher")
+    assert not telescope.slewing
+    assert (ended, told) == (0, {"stopped": True}) if stands else "MAY STILL MOVE" in told["error"]
+
+
 @pytest.mark.parametrize("driver", ["lx200", "nexstar", "ioptron"])
 def test_stop_is_the_first_thing_sent(driver, capsys) -> None:
     with simulated(driver) as (telescope, port):
@@ -167,18 +185,18 @@ def test_stop_is_the_first_thing_sent(driver, capsys) -> None:
         assert (code, told) == (0, {"stopped": True})
         assert telescope.log[1] == ("stop",)
         assert not telescope.slewing
-        assert driver_class(driver).blind_stop
+        assert DRIVERS.load(driver).blind_stop
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["goto"], "Say where"),
+        (["goto"], "Give a target"),
         (["goto", "M42", "--ra-deg", "3"], "either a name"),
-        (["goto", "--ra-deg", "3", "--dec-deg", "99"], "no place on the sky"),
+        (["goto", "--ra-deg", "3", "--dec-deg", "99"], "not a valid position"),
         (["goto", "no such star"], "no such star"),
         (["position", "--driver", "frob"], "no mount driver"),
-        (["position", "--site", "95,8"], "no place on the Earth"),
+        (["position", "--site", "95,8"], "not LAT,LON"),
         (["position", "--site", "x"], "not LAT,LON"),
         (["position", "--baud", "1"], "not a baud rate"),
         (["position", "--epoch", "B1950"], "invalid choice"),
@@ -197,7 +215,7 @@ def test_unusable_arguments_are_one_sentence_and_exit_2(arguments, sentence, cap
 def test_an_absent_port_is_exit_1(capsys) -> None:
     code, told = run(capsys, "position", "--port", "socket://127.0.0.1:1", "--driver", "lx200")
     assert code == 1
-    assert "Nothing listens" in told["error"]
+    assert "No answer at" in told["error"]
 
 
 def test_a_motor_board_asks_for_the_site(capsys) -> None:
@@ -208,4 +226,18 @@ def test_a_motor_board_asks_for_the_site(capsys) -> None:
 
 
 def test_every_action_is_one_line_of_a_registry() -> None:
-    assert set(mount_cli.ACTIONS) >= {"list", "probe", "position", "sync", "goto", "stop"}
+    assert set(mount_cli.COMMANDS) >= {"list", "probe", "position", "sync", "goto", "stop"}
+
+
+def test_a_motor_board_goes_nowhere_before_its_home_is_confirmed(capsys) -> None:
+    arguments = ["HIP", "11767", "--driver", "skywatcher", "--site", "50,8", "--allow-flip"]
+    with simulated("skywatcher") as (telescope, port):
+        code, told = run(capsys, "goto", *arguments, "--port", port, "--yes")
+        assert code == 1
+        assert "home is not confirmed" in told["error"]
+        assert telescope.log == []
+        line = ["--port", port, *arguments[2:6]]
+        code, told = run(capsys, "position", *line)
+        assert told["state"]["home_confirmed"] is False
+        code, told = run(capsys, "position", *line, "--home", "now")
+        assert (told["state"]["home_confirmed"], round(told["mount_dec_deg"])) == (True, 90)

@@ -1,25 +1,26 @@
 """``kochab mount centre``, ``recover`` and ``disagree``, over a simulated line with real frames."""
 
 import json
+import time
 from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from app.cli.main import main
-from app.core.attitude import unit_vectors
-from app.core.mount import Epoch, Pointing
-from app.frames.fits_write import write_fits
-from app.mounts.drivers import lx200
-from app.mounts.epoch import from_mount_epoch
-from app.simulate.practice import PracticeConfig, start_practice
-from app.simulate.scenario import tonight
+from kochab.cli.main import main
+from kochab.core.attitude import unit_vectors
+from kochab.core.mount import Epoch, Pointing
+from kochab.frames.fits_write import write_fits
+from kochab.gear.mounts.coordinates import from_mount_epoch
+from kochab.gear.mounts.drivers import lx200
+from kochab.simulate.practice import PracticeConfig, start_practice
+from kochab.simulate.rig import tonight
 
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
-    from app.workflows import goto_target
+    from kochab.workflows import goto_target
 
     monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
     monkeypatch.setattr(goto_target, "SETTLE_S", 0.2)
@@ -41,9 +42,12 @@ def practising(driver="nexstar", lost_deg=1.5, start=(-30.0, 35.0)):
 def line(practice):
     site = practice.rig.config.site
     return [
-        "--port", practice.port, "--driver", practice.driver,
+        "--port",
+        practice.port,
+        "--driver",
+        practice.driver,
         f"--site={site.latitude_deg},{site.longitude_deg},{site.height_m}",
-    ]  # fmt: skip
+    ]
 
 
 def frames(practice, folder, count=1):
@@ -66,10 +70,10 @@ def run(capsys, *arguments):
 
 
 @pytest.mark.parametrize("driver", ["nexstar", "lx200", "ioptron"])
-def test_recover_from_one_frame_and_nobody_there(driver, tmp_path, capsys) -> None:
+def test_recover_from_one_frame_that_somebody_vouches_for(driver, tmp_path, capsys) -> None:
     with practising(driver) as practice:
         files = frames(practice, tmp_path)
-        code, told = run(capsys, "recover", *line(practice), "--frames", *files)
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--yes")
         assert code == 0
         assert told["recovered"] is True
         assert told["offset_deg"] == pytest.approx(1.5, abs=0.02)
@@ -80,16 +84,30 @@ def test_recover_from_one_frame_and_nobody_there(driver, tmp_path, capsys) -> No
         assert practice.score().pointing_arcsec < 60.0
 
 
+def test_recover_with_nobody_there_takes_the_camera_s_word_only(tmp_path, capsys) -> None:
+    with practising() as practice:
+        files = frames(practice, tmp_path)
+        time.sleep(2.0)
+        code, told = run(capsys, "recover", *line(practice), "--frames", *files)
+        assert code == 1
+        assert "before recover began" in told["error"]
+        assert practice.score().pointing_arcsec > 5000.0
+        camera = ["--source", "simulated", "--address", practice.camera, "--exposure", "0.5"]
+        code, told = run(capsys, "recover", *line(practice), *camera)
+        assert (code, told["recovered"]) == (0, True)
+        assert practice.score().pointing_arcsec < 60.0
+
+
 def test_recover_looks_only_when_told_so(tmp_path, capsys) -> None:
     with practising() as practice:
         files = frames(practice, tmp_path, 2)
         code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--dry-run")
         assert (code, told["recovered"]) == (0, False)
         assert practice.score().pointing_arcsec > 5000.0
-        assert main(["mount", "recover", *line(practice), "--frames", *files]) == 0
+        assert main(["mount", "recover", *line(practice), "--frames", *files, "--yes"]) == 0
         out = capsys.readouterr().out
         assert "1.50" in out or "1.49" in out
-        assert "was told so" in out
+        assert "Synced, and read back" in out
 
 
 def test_recover_previews_where_somebody_is_there_to_say_yes(tmp_path, capsys, monkeypatch) -> None:
@@ -99,7 +117,7 @@ def test_recover_previews_where_somebody_is_there_to_say_yes(tmp_path, capsys, m
         assert main(["mount", "recover", *line(practice), "--frames", *files]) == 0
         out = capsys.readouterr().out
         assert "Nothing was changed." in out
-        assert "repeat with --yes" in out
+        assert "add --yes" in out
         assert practice.score().pointing_arcsec > 5000.0
         code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--yes")
         assert (code, told["recovered"]) == (0, True)
@@ -112,7 +130,7 @@ def test_recover_refuses_large_steps_until_armed(tmp_path, capsys) -> None:
         code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--yes")
         assert code == 1
         assert set(told) == {"error"}
-        assert "arm it" in told["error"]
+        assert "--arm" in told["error"]
         code, told = run(capsys, "recover", *line(practice), "--frames", *files, "--arm")
         assert (code, told["recovered"]) == (0, True)
 
@@ -121,13 +139,13 @@ def test_recover_takes_the_site_from_the_mount_when_nobody_says(tmp_path, capsys
     with practising() as practice:
         files = frames(practice, tmp_path)
         where = line(practice)[:4]
-        code, told = run(capsys, "recover", *where, "--frames", *files)
+        code, told = run(capsys, "recover", *where, "--frames", *files, "--yes")
         assert code == 0
         assert any("site" in warning for warning in told["warnings"])
 
 
 def test_recover_without_an_answer_is_an_error_and_exit_1(tmp_path, capsys) -> None:
-    from app.core.frame import Frame
+    from kochab.core.frame import Frame
 
     dark = tmp_path / "dark.fits"
     write_fits(Frame(np.random.default_rng(1).normal(500, 5, (200, 300)).astype(np.uint16)), dark)
@@ -151,9 +169,7 @@ def test_centre_from_the_simulated_camera(capsys) -> None:
         assert (code, told["done"]) == (0, False)
         assert told["preview"]["allowed"] is True
         assert off_arcsec(practice, ra, dec) > 3600.0
-        code, told = run(
-            capsys, "centre", *place, *line(practice), *camera, "--tolerance", "20", "--yes"
-        )
+        code, told = run(capsys, "centre", *place, *line(practice), *camera, "--tolerance", "20", "--yes")
         assert code == 0
         assert told["centred"] is True
         assert told["corrections"][0] == "sync and goto"
@@ -198,22 +214,20 @@ def test_disagree_names_no_cause_for_a_mount_that_is_only_lost(tmp_path, capsys)
         assert main(["mount", "disagree", *line(practice), "--frames", *files]) == 0
         out = capsys.readouterr().out
         assert "arcmin" in out or "deg" in out
-        code, told = run(
-            capsys, "disagree", *line(practice)[:4], "--frames", *files, "--epoch", "date"
-        )
+        code, told = run(capsys, "disagree", *line(practice)[:4], "--frames", *files, "--epoch", "date")
         assert told["suspects"][0]["name"] == "summer time"
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["recover"], "where frames come from"),
-        (["recover", "--frames", "a.fits", "--folder", "b"], "where frames come from"),
+        (["recover"], "source of the frames"),
+        (["recover", "--frames", "a.fits", "--folder", "b"], "source of the frames"),
         (["recover", "--source", "frob"], "no camera source"),
-        (["centre", "Vega"], "where frames come from"),
-        (["centre", "--folder", "."], "Say where"),
+        (["centre", "Vega"], "source of the frames"),
+        (["centre", "--folder", "."], "Give a target"),
         (["centre", "no such star", "--folder", "."], "is called"),
-        (["centre", "Vega", "--tolerance", "0"], "not a tolerance"),
+        (["centre", "Vega", "--tolerance", "0"], "not between 1 and 36000 arcsec"),
         (["centre", "Vega", "--tries", "x"], "not a count"),
         (["disagree", "--frames"], "expected at least one"),
     ],
@@ -233,12 +247,12 @@ def test_an_absent_folder_is_exit_1(tmp_path, capsys) -> None:
 
 
 def test_a_stop_that_finds_the_port_in_use_says_who_can_stop_it(monkeypatch, capsys) -> None:
-    from app.core.errors import PortError
+    from kochab.core.errors import PortError
 
     def in_use(*_args, **_more):
         raise PortError("COM3 is in use: close the other program that talks to this mount.")
 
-    monkeypatch.setattr("app.mounts.open_mount", in_use)
+    monkeypatch.setattr("kochab.gear.session.open_mount", in_use)
     assert main(["mount", "stop", "--port", "COM3", "--driver", "nexstar"]) == 1
     err = capsys.readouterr().err
     assert "in use" in err

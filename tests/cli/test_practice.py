@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from app.cli.main import main
+from kochab.cli.main import main
 
 
 @pytest.fixture
@@ -16,10 +16,16 @@ def start(repository):
     started = []
 
     def begin(*arguments):
-        started.append(subprocess.Popen(
-            [sys.executable, "-m", "app", "practice", "--socket", *arguments], text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=repository,
-        ))  # fmt: skip
+        started.append(
+            subprocess.Popen(
+                [sys.executable, "-m", "app", "practice", "--socket", *arguments],
+                text=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                cwd=repository,
+            )
+        )
         return started[-1]
 
     yield begin
@@ -29,15 +35,26 @@ def start(repository):
 
 
 def test_json_tells_where_to_connect_and_the_score(start, tmp_path) -> None:
-    process = start("--json", "--seed", "2", "--misalign", "30", "--rate", "20",
-                    "--folder", str(tmp_path / "frames"), "--site", "-33,151")  # fmt: skip
+    process = start(
+        "--json",
+        "--seed",
+        "2",
+        "--misalign",
+        "30",
+        "--rate",
+        "20",
+        "--folder",
+        str(tmp_path / "frames"),
+        "--site",
+        "-33,151",
+    )
     ready = json.loads(process.stdout.readline())
     assert ready["event"] == "ready"
     assert ready["port"].startswith("socket://127.0.0.1:")
     assert ready["site"][:2] == [-33.0, 151.0]
     out, err = process.communicate("alt 3\nnonsense\nquit\n", timeout=60)
     told = [json.loads(line) for line in out.splitlines()]
-    assert told[0] == {"event": "done", "text": "The altitude bolt is turned."}
+    assert told[0] == {"event": "done", "text": "Altitude bolt turned."}
     assert "nonsense" in told[1]["error"]
     assert told[-1]["event"] == "score"
     assert told[-1]["pointing_arcsec"] > 3600.0
@@ -46,9 +63,7 @@ def test_json_tells_where_to_connect_and_the_score(start, tmp_path) -> None:
     assert process.returncode == 0
 
 
-@pytest.mark.skipif(
-    sys.platform == "win32", reason="a console interrupt cannot be sent to a pipe here"
-)
+@pytest.mark.skipif(sys.platform == "win32", reason="a console interrupt cannot be sent to a pipe here")
 def test_ctrl_c_ends_cleanly_with_the_score(start) -> None:
     process = start()
     lines = [process.stdout.readline() for _ in range(4)]
@@ -62,10 +77,16 @@ def test_ctrl_c_ends_cleanly_with_the_score(start) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--site", "95,3"], ["--site", "x"], ["--misalign", "-1"], ["--lost", "400"], ["--rate", "0"],
-     ["--fov", "90"],
-     ["--driver", "tractor"]],
-)  # fmt: skip
+    [
+        ["--site", "95,3"],
+        ["--site", "x"],
+        ["--misalign", "-1"],
+        ["--lost", "400"],
+        ["--rate", "0"],
+        ["--fov", "90"],
+        ["--driver", "tractor"],
+    ],
+)
 def test_bad_arguments_are_one_sentence(arguments, capsys) -> None:
     assert main(["practice", *arguments]) == 2
     told = capsys.readouterr().err.strip()

@@ -5,24 +5,25 @@ import json
 import numpy as np
 import pytest
 
-from app.cli.main import main
-from app.cli.settings import everything, settings_of
-from app.core.detections import Detections
-from app.core.errors import UsageError
-from app.core.options import options_of
-from app.core.progress import run
-from app.detect import DETECTORS
-from app.detect.clusters import ClusterDetector
-from app.identify import IDENTIFIERS
-from app.solve.pick import pick
+from kochab.cli.main import main
+from kochab.cli.options import everything, settings_of
+from kochab.core.errors import UsageError
+from kochab.core.frame import Detections
+from kochab.core.progress import run
+from kochab.core.registry import options_of
+from kochab.detection import DETECTORS
+from kochab.identification import IDENTIFIERS
+from kochab.lab.detectors.regions import ClusterDetector
 from tests.cli.test_paper_tables import VEGA, apart_deg, write_list
 
 
 def test_settings_go_where_they_belong() -> None:
     said = ["separation_deg=0.08", "detector.tau_px=6", "attitude.partner=next", "planar=on"]
     assert settings_of(said, "triads", "clusters", "triad") == (
-        {"separation_deg": 0.08, "planar": True}, {"tau_px": 6.0}, {"partner": "next"},
-    )  # fmt: skip
+        {"separation_deg": 0.08, "planar": True},
+        {"tau_px": 6.0},
+        {"partner": "next"},
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_the_list_tells_what_none_means_and_what_the_default_is() -> None:
 def test_every_method_but_the_default_needs_the_scale_as_the_list_says(name) -> None:
     assert "Every method but patterns needs the scale" in everything()
     stars = Detections.from_list(np.random.default_rng(0).uniform(0, 500, (30, 2)), 500, 500)
-    assert not run(pick(IDENTIFIERS, name, "method").identify(stars, None)).looked
+    assert not run(IDENTIFIERS.make(name).identify(stars, None)).searched
 
 
 def test_a_detectors_own_options(repository, capsys) -> None:

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from app.cli.signals import POLITE, ended_by_signals
+from kochab.cli.process import POLITE, ended_by_signals
 
 THERE = [getattr(signal, name) for name in POLITE if hasattr(signal, name)]
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows ends a process without asking")
@@ -15,16 +15,19 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows ends a process 
 
 @pytest.mark.parametrize("number", THERE)
 def test_it_ends_like_ctrl_c_and_only_meanwhile(number) -> None:
-    before = signal.getsignal(number)
+    before = signal.signal(number, signal.SIG_DFL)  # under nohup the tests inherit it ignored
 
     def work() -> None:
         with ended_by_signals():
             os.kill(os.getpid(), number)
             time.sleep(5.0)
 
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert signal.getsignal(number) is before
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            work()
+        assert signal.getsignal(number) is signal.SIG_DFL
+    finally:
+        signal.signal(number, before)
 
 
 def test_what_nohup_ignores_stays_ignored() -> None:

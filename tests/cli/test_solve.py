@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.cli.main import main
-from app.cli.solve import PICTURES
+from kochab.cli.main import main
+from kochab.frames import SUFFIXES
 
 
 @pytest.fixture
@@ -63,27 +63,25 @@ def test_a_folder_stands_for_its_pictures(dark, broken, tmp_path, capsys) -> Non
     (tmp_path / "truth.json").write_text("{}")
     assert main(["solve", "--json", str(tmp_path)]) == 2
     assert [o["file"] for o in lines(capsys)] == [broken, dark]
-    assert ".json" not in PICTURES
+    assert ".json" not in SUFFIXES
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path, capsys) -> None:
     assert main(["solve", str(tmp_path)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err == f"kochab: {tmp_path} is a folder without pictures.\n"
+    assert err == f"kochab: {tmp_path} is a folder without frames.\n"
 
 
 def test_an_empty_folder_costs_no_other_file(dark, tmp_path, capsys) -> None:
     (tmp_path / "empty").mkdir()
     assert main(["solve", "--json", str(tmp_path / "empty"), dark]) == 2
     first, second = lines(capsys)
-    assert "folder without pictures" in first["error"]
+    assert "folder without frames" in first["error"]
     assert second["reason"] == "clouded or dark"
 
 
-def test_a_folder_that_may_not_be_read_costs_no_other_file(
-    dark, tmp_path, capsys, monkeypatch
-) -> None:
+def test_a_folder_that_may_not_be_read_costs_no_other_file(dark, tmp_path, capsys, monkeypatch) -> None:
     closed = tmp_path / "closed"
     closed.mkdir()
 
@@ -110,8 +108,7 @@ def test_what_could_not_be_written_is_in_the_json_too(repository, tmp_path, caps
 
 
 @pytest.mark.parametrize(
-    ("option", "value"),
-    [("--fov", "1e-300"), ("--fov", "200"), ("--scale", "1e300"), ("--scale", "0")],
+    ("option", "value"), [("--fov", "1e-300"), ("--fov", "200"), ("--scale", "1e300"), ("--scale", "0")]
 )
 def test_a_belief_out_of_range_is_refused_with_the_range(option, value, dark, capsys) -> None:
     assert main(["solve", dark, option, value]) == 2
@@ -120,7 +117,7 @@ def test_a_belief_out_of_range_is_refused_with_the_range(option, value, dark, ca
 
 def test_one_picture_for_two_frames_is_refused(dark, capsys) -> None:
     assert main(["solve", dark, dark, "--annotate", "out.png"]) == 2
-    assert "one picture for 2 frames" in capsys.readouterr().err
+    assert "one image for 2 frames" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("name", "kind"), [("out.png", "PNG"), ("out.JPG", "JPEG")])

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main as cli
-from app.cli.main import main
-from app.cli.output import to_line
+from kochab.cli import main as cli
+from kochab.cli.main import main
+from kochab.cli.output import to_line
 
 IDENTIFY = ("identify", "--width", "9", "--height", "9", "--json")
 
@@ -47,9 +47,7 @@ def test_a_full_disk_is_one_sentence(repository, tmp_path) -> None:
     with open("/dev/full", "wb") as full:
         done = run(repository, *IDENTIFY, stars, stdout=full, stderr=subprocess.PIPE)
         assert done.returncode == 2
-        assert done.stderr.decode() == (
-            "kochab: The output cannot be used: No space left on device.\n"
-        )
+        assert done.stderr.decode() == ("kochab: The output cannot be used: No space left on device.\n")
         done = run(repository, "identify", "x", stdout=subprocess.PIPE, stderr=full)
         assert done.returncode == 2
 

@@ -7,9 +7,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.core.attitude import Attitude, apart_deg, attitude_from, radec_deg, unit_vectors
-from app.core.camera import Camera
-from app.core.solution import Solution
+from kochab.core.attitude import Attitude, apart_deg, attitude_from, radec_deg, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.solution import Solution
 
 ra = st.floats(0, 360, exclude_max=True)
 dec = st.floats(-89.9, 89.9)
@@ -46,6 +46,19 @@ def test_places_are_as_far_apart_as_they_were_put(apart):
     start = 80.0, -20.0
     assert apart_deg(start, (80.0, -20.0 + apart)) == pytest.approx(apart, abs=1e-13)
     assert apart_deg((0.0, 0.0), (-apart, 0.0)) == pytest.approx(apart, abs=1e-13)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))
+@example([0.0, 1.0, 0.0, 0.0])
+@example([1e-9, 0.0, -0.6, 0.8])
+@example([1.0, 0.0, 0.0, 1e-12])
+def test_quaternion_is_scipys(components):
+    """At half a turn, too, where a formula by the trace alone loses half the digits."""
+    rotation = Rotation.from_quat(components, scalar_first=True)
+    ours = np.array(Attitude(rotation.as_matrix()).quaternion)
+    theirs = rotation.as_quat(scalar_first=True)
+    assert ours[0] >= 0
+    assert min(np.abs(ours - theirs).max(), np.abs(ours + theirs).max()) < 1e-14
 
 
 @given(ra, dec, roll)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.camera import Camera
+from kochab.core.camera import Camera
 
 small = st.floats(-0.01, 0.01)
 
@@ -25,9 +25,7 @@ def cameras(draw, distorted=True):
 
 
 def grid(camera):
-    x, y = np.meshgrid(
-        np.linspace(-0.5, camera.width - 0.5, 9), np.linspace(-0.5, camera.height - 0.5, 7)
-    )
+    x, y = np.meshgrid(np.linspace(-0.5, camera.width - 0.5, 9), np.linspace(-0.5, camera.height - 0.5, 7))
     return np.column_stack([x.ravel(), y.ravel()])
 
 

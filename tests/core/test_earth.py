@@ -5,7 +5,7 @@ from math import pi
 import erfa
 import pytest
 
-from app.core.earth import SIDEREAL_DAY_S, SIDEREAL_DEG_S, SIDEREAL_RAD_S
+from kochab.core.mount import SIDEREAL_DAY_S, SIDEREAL_DEG_S, SIDEREAL_RAD_S
 
 DAY_S = 86400.0
 JD_2026 = 2461041.5

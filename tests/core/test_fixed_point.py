@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.fixed_point import FixedPointOverflowError, Format, square_root
+from kochab.lab.fixed_point import FixedPointOverflowError, Format, square_root
 
 F44 = Format(4, 4)
 
@@ -52,8 +52,10 @@ def test_the_thesis_overflows_are_noticed(overflowing) -> None:
 
 formats = st.builds(
     lambda signed, whole, fraction: Format(whole, min(fraction, 31 - whole), signed),
-    st.booleans(), st.integers(1, 20), st.integers(0, 22),
-)  # fmt: skip
+    st.booleans(),
+    st.integers(1, 20),
+    st.integers(0, 22),
+)
 
 
 @st.composite

@@ -7,13 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.attitude import attitude_from
-from app.core.camera import Camera
-from app.core.detections import Detections
-from app.core.frame import Frame
-from app.core.hint import Hint, Site
-from app.core.progress import Progress, run
-from app.core.solution import Solution
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Frame, Hint, Site
+from kochab.core.progress import Progress, run
+from kochab.core.solution import Solution
 
 fluxes = st.lists(st.floats(-1e6, 1e6), max_size=20)
 
@@ -22,9 +20,19 @@ def detections(n=5):
     """``n`` stars each of whose numbers says which star it belongs to."""
     i = np.arange(n, dtype=np.float64)
     return Detections(
-        100, 80, np.column_stack([i, i + 0.5]), 100 - i, 50 - i, 2 + i, 1 + i, i / 10,
-        i % 2 == 0, i % 3 == 0, background=7.0, noise=0.5,
-    )  # fmt: skip
+        100,
+        80,
+        np.column_stack([i, i + 0.5]),
+        100 - i,
+        50 - i,
+        2 + i,
+        1 + i,
+        i / 10,
+        i % 2 == 0,
+        i % 3 == 0,
+        background=7.0,
+        noise=0.5,
+    )
 
 
 @given(fluxes)

@@ -11,12 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from app.core.attitude import attitude_from, radec_deg
-from app.core.camera import Camera
-from app.core.frame import Frame
-from app.core.solution import NamedStar, Solution
-from app.frames.annotated import annotated_picture, compass, grid_lines
-from app.frames.export import annotate, ds9_regions, stars_csv, write_csv, write_regions
+from kochab.core.attitude import attitude_from, radec_deg
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame
+from kochab.core.solution import NamedStar, Solution
+from kochab.frames.export import (
+    annotate,
+    annotated_picture,
+    compass,
+    ds9_regions,
+    grid_lines,
+    stars_csv,
+    write_csv,
+    write_regions,
+)
 from tests.frames.files import sky
 
 
@@ -44,14 +52,29 @@ def test_csv_reads_back(tmp_path):
 def test_regions_mark_every_star(tmp_path):
     answer = solution()
     text = ds9_regions(answer)
-    circles = re.findall(
-        r'^circle\(([\d.]+),([-\d.]+),([\d.]+)"\) # text=\{([^{}]*)\}$', text, re.M
-    )
+    circles = re.findall(r'^circle\(([\d.]+),([-\d.]+),([\d.]+)"\) # text=\{([^{}]*)\}$', text, re.M)
     assert len(circles) == 2
     assert float(circles[0][0]) == pytest.approx(answer.stars[0].ra_deg, abs=1e-6)
     assert circles[0][3] == "HIP 91262"
     write_regions(answer, tmp_path / "a.reg")
     assert (tmp_path / "a.reg").read_text("utf-8") == text
+
+
+@pytest.mark.parametrize(
+    ("name", "ascii_name"),
+    [("θ¹ Ori C", "theta1 Ori C"), ("λ Ori", "lambda Ori"), ("ψ¹⁰ Aur", "psi10 Aur"), ("Bélénos", "Belenos")],
+)
+def test_regions_and_pictures_name_greek_letters_in_ascii(name, ascii_name):
+    answer = solution()
+    answer, plain = (
+        replace(answer, stars=(replace(answer.stars[-1], name=text),)) for text in (name, ascii_name)
+    )
+    assert ds9_regions(answer) == ds9_regions(plain)
+    assert f"text={{{ascii_name}}}" in ds9_regions(answer)
+    assert name in stars_csv(answer)
+    frame = Frame(np.zeros((480, 640), np.uint16))
+    pictures = [np.asarray(annotated_picture(frame, shown, grid=False)) for shown in (answer, plain)]
+    assert np.array_equal(*pictures)
 
 
 def test_what_cannot_be_written_raises(tmp_path):
@@ -84,17 +107,18 @@ def test_the_annotated_picture_marks_its_stars(tmp_path, bayer):
 
 
 def test_large_frames_are_thinned():
-    picture = annotated_picture(
-        Frame(np.zeros((2000, 5000), np.uint8)), solution(size=(5000, 2000))
-    )
+    picture = annotated_picture(Frame(np.zeros((2000, 5000), np.uint8)), solution(size=(5000, 2000)))
     assert max(picture.size) <= 2400
 
 
 @settings(max_examples=40)
 @given(
-    ra=st.floats(0, 360), dec=st.one_of(st.floats(-90, 90), st.sampled_from([90.0, -90.0, 88.0])),
-    roll=st.floats(-180, 180), fov=st.floats(0.5, 70), mirrored=st.booleans(),
-)  # fmt: skip
+    ra=st.floats(0, 360),
+    dec=st.one_of(st.floats(-90, 90), st.sampled_from([90.0, -90.0, 88.0])),
+    roll=st.floats(-180, 180),
+    fov=st.floats(0.5, 70),
+    mirrored=st.booleans(),
+)
 def test_grid_lines_follow_the_sky(ra, dec, roll, fov, mirrored):
     answer = solution(ra, dec, roll, fov, mirrored)
     lines = grid_lines(answer)
@@ -127,8 +151,5 @@ def test_compass_at_the_pole_points_somewhere():
 
 def test_grid_lines_are_round_numbers():
     lines = grid_lines(solution(83.0, 0.0, 0.0, 10.0))
-    decs = [
-        radec_deg(v)[1]
-        for v in solution(83.0, 0.0, 0.0, 10.0).sky_at(np.array([ln[0] for ln in lines]))
-    ]
+    decs = [radec_deg(v)[1] for v in solution(83.0, 0.0, 0.0, 10.0).sky_at(np.array([ln[0] for ln in lines]))]
     assert any(abs(d) < 1e-6 for d in decs)

@@ -1,6 +1,7 @@
 """FITS of every kind against astropy, and what is wrong said in a sentence."""
 
 import gzip
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -8,10 +9,9 @@ from astropy.io import fits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.errors import FrameError
-from app.frames import read_frame
-from app.frames.bayer import bayer_pattern, shifted
-from app.frames.fits_header import parse_value
+from kochab.core.errors import FrameError
+from kochab.frames import bayer_pattern, read_frame, shifted
+from kochab.frames.fits import parse_value
 from tests.frames.files import sky
 
 
@@ -32,10 +32,17 @@ def header_only(path, **cards):
 @pytest.mark.parametrize(
     ("dtype", "wanted"),
     [
-        ("u1", "u1"), ("i1", "i1"), ("i2", "i2"), ("u2", "u2"), ("i4", "i4"), ("u4", "u4"),
-        ("i8", "f4"), ("f4", "f4"), ("f8", "f4"),
+        ("u1", "u1"),
+        ("i1", "i1"),
+        ("i2", "i2"),
+        ("u2", "u2"),
+        ("i4", "i4"),
+        ("u4", "u4"),
+        ("i8", "f4"),
+        ("f4", "f4"),
+        ("f8", "f4"),
     ],
-)  # fmt: skip
+)
 def test_all_types_of_pixels(tmp_path, dtype, wanted):
     kind = np.dtype(dtype)
     info = np.iinfo(kind) if kind.kind in "iu" else np.finfo(np.float32)
@@ -59,10 +66,7 @@ def test_scaled_integers_and_blanks(tmp_path):
     path = write(tmp_path / "a.fits", stored, BLANK=7)
     raw = path.read_bytes()
     end = raw.index(b"END" + b" " * 77)
-    cards = [
-        b"BSCALE  =                  0.5".ljust(80),
-        b"BZERO   =                100.0".ljust(80),
-    ]
+    cards = [b"BSCALE  =                  0.5".ljust(80), b"BZERO   =                100.0".ljust(80)]
     blob = raw[:end] + b"".join(cards) + b"END".ljust(80)
     path.write_bytes(blob.ljust(2880) + raw[2880:])
     frame = read_frame(path)
@@ -115,6 +119,94 @@ def test_tile_compression(tmp_path, codec):
     image = fits.CompImageHDU(sky(), compression_type=codec)
     fits.HDUList([fits.PrimaryHDU(), image]).writeto(path)
     np.testing.assert_array_equal(read_frame(path).pixels, sky())
+
+
+def packed(path, shape=(40, 50), **options):
+    """A tile-compressed file, its header to be altered afterwards."""
+    image = fits.CompImageHDU(np.zeros(shape, np.int16), compression_type="GZIP_1", **options)
+    fits.HDUList([fits.PrimaryHDU(), image]).writeto(path, overwrite=True)
+    return path
+
+
+def altered(path, **cards):
+    raw = path.read_bytes()
+    for name, value in cards.items():
+        start = raw.index(f"{name:8}= ".encode())
+        raw = raw[:start] + f"{name:8}= {value:>20}".encode() + raw[start + 30 :]
+    path.write_bytes(raw)
+    return path
+
+
+@pytest.mark.parametrize(
+    "cards",
+    [
+        {"TFIELDS": 300_000_000},
+        {"TFIELDS": 1000},
+        {"TFIELDS": -1},
+        {"NAXIS2": 300_000_000},
+        {"NAXIS1": 300_000_000},
+        {"ZNAXIS": 1000},
+        {"ZNAXIS1": 300_000_000},
+        {"ZNAXIS2": 100_000},
+        {"ZTILE1": 300_000_000},
+        {"ZTILE2": 0},
+        {"ZTILE2": 41},
+        {"ZTILE1": "'wide'"},
+    ],
+)
+def test_absurd_tables_are_refused_before_anything_opens_them(tmp_path, monkeypatch, cards):
+    path = altered(packed(tmp_path / "a.fits.fz"), **cards)
+
+    def opened(*_, **__):
+        raise AssertionError("astropy was asked")
+
+    monkeypatch.setattr(fits, "open", opened)
+    with pytest.raises(FrameError, match=r"^a\.fits\.fz (is|claims|packs) .*\.$") as told:
+        read_frame(path)
+    assert "decompress" not in str(told.value)
+
+
+def test_a_table_of_absurd_width_before_the_image_is_refused(tmp_path):
+    table = fits.BinTableHDU.from_columns([fits.Column("n", "J", array=np.arange(9))])
+    path = tmp_path / "a.fits"
+    fits.HDUList([fits.PrimaryHDU(), table, fits.CompImageHDU(sky())]).writeto(path)
+    with pytest.raises(FrameError, match="claims a table of 300000000 columns"):
+        read_frame(altered(path, TFIELDS=300_000_000))
+
+
+def test_of_a_packed_cube_only_one_plane_is_unpacked(tmp_path):
+    data = np.random.default_rng(6).integers(0, 60000, (2, 40, 300, 300)).astype(np.uint16)
+    image = fits.CompImageHDU(data, compression_type="GZIP_1", tile_shape=(1, 1, 300, 300))
+    path = tmp_path / "a.fits.fz"
+    fits.HDUList([fits.PrimaryHDU(), image]).writeto(path)
+    read_frame(path)  # imports are not counted
+    tracemalloc.start()
+    try:
+        frame = read_frame(path)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(frame.pixels, data[0, 0])
+    assert peak < path.stat().st_size + 6 * frame.pixels.nbytes < data.nbytes + path.stat().st_size
+    assert len(frame.warnings) == 2
+
+
+def test_a_tile_of_many_planes_is_refused(tmp_path):
+    path = packed(tmp_path / "a.fits.fz", (70, 500, 500), tile_shape=(70, 500, 500))
+    assert path.stat().st_size < 100_000
+    with pytest.raises(FrameError, match="packs 17500000 pixels into one tile"):
+        read_frame(path)
+
+
+@pytest.mark.parametrize("shape", [(1, 40, 50), (3, 40, 50), (40, 50, 3), (2, 1, 40, 50)])
+def test_packed_cubes_are_read_as_plain_ones(tmp_path, shape):
+    data = np.random.default_rng(7).integers(0, 60000, shape).astype(np.uint16)
+    fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(data)]).writeto(tmp_path / "a.fits.fz")
+    plain = read_frame(write(tmp_path / "a.fits", data))
+    frame = read_frame(tmp_path / "a.fits.fz")
+    np.testing.assert_array_equal(frame.pixels, plain.pixels)
+    assert (frame.colour is None) == (plain.colour is None)
+    assert frame.warnings == plain.warnings
 
 
 def test_gzip(tmp_path):
@@ -186,9 +278,7 @@ def test_absurd_sizes(tmp_path, axes, said):
         read_frame(path)
 
 
-@pytest.mark.parametrize(
-    "cards", [{"BITPIX": 7}, {"NAXIS": 5000}, {"NAXIS": "'two'"}, {"BITPIX": "F"}]
-)
+@pytest.mark.parametrize("cards", [{"BITPIX": 7}, {"NAXIS": 5000}, {"NAXIS": "'two'"}, {"BITPIX": "F"}])
 def test_senseless_headers(tmp_path, cards):
     good = {"SIMPLE": "T", "BITPIX": 16, "NAXIS": 2, "NAXIS1": 20, "NAXIS2": 20}
     path = header_only(tmp_path / "a.fits", **{**good, **cards})

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from app.core.frame import Frame
-from app.core.hint import Hint, Site
-from app.frames import read_frame
-from app.frames.fits_write import write_fits
+from kochab.core.frame import Frame, Hint, Site
+from kochab.frames import read_frame
+from kochab.frames.fits_write import write_fits
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.int32, np.uint32, np.float32])
@@ -40,9 +39,13 @@ def test_colour_gives_the_same_luminance(tmp_path, dtype) -> None:
 @pytest.mark.parametrize("height", [30, 31])
 def test_the_mosaic_and_what_is_known_of_the_frame(tmp_path, pattern, height) -> None:
     hint = Hint(
-        (10.0, 11.0), (83.5, -5.25, 3.0), datetime(2026, 3, 1, 22, 0, 1, 250000, UTC), 2.5,
-        Site(45.5, -70.25, 120.0), "A camera",
-    )  # fmt: skip
+        (10.0, 11.0),
+        (83.5, -5.25, 3.0),
+        datetime(2026, 3, 1, 22, 0, 1, 250000, UTC),
+        2.5,
+        Site(45.5, -70.25, 120.0),
+        "A camera",
+    )
     header = {"GAIN": 120, "FOCALLEN": 200.0, "XPIXSZ": 3.76, "ROWORDER": "BOTTOM-UP", "NAXIS1": 9}
     frame = Frame(np.ones((height, 40), np.uint16), None, pattern, 4095.0, "", hint, (), header)
     write_fits(frame, tmp_path / "a.fits")

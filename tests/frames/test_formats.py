@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.core.errors import FrameError
-from app.frames import FORMATS, SUFFIXES, read_frame
-from app.frames.formats import kind_of
+from kochab.cli.main import main
+from kochab.core.errors import FrameError
+from kochab.frames import FORMATS, SUFFIXES, kind_of, read_frame
 from tests.frames.files import colours, one_of_each, sky
 
 
@@ -34,6 +34,35 @@ def test_every_format_opens_and_keeps_the_promises_of_a_frame(tmp_path):
         assert frame.saturation is not None
         assert frame.colour is None or frame.colour.shape == (48, 64, 3)
         assert np.isfinite(frame.pixels).all()
+
+
+def faulty_reader(path):
+    """What another package may register: it meets something it did not foresee."""
+    return {"exposure": 1.0}["gain"]
+
+
+def careless_reader(path):
+    return np.zeros((4, 4))
+
+
+@pytest.mark.parametrize(
+    ("reader", "cause"), [("faulty_reader", "KeyError: 'gain'"), ("careless_reader", "returned ndarray")]
+)
+def test_a_fault_of_another_package_s_reader_is_one_sentence(reader, cause, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(FORMATS, "_others", {"odd": f"{__name__}:{reader}"})
+    (path := tmp_path / "night.odd").write_bytes(b"ODD1")
+    with caplog.at_level("DEBUG", "kochab"):
+        assert cause in (text := sentence(path))
+    assert f"{__name__}:{reader}" in text
+    assert "Traceback" in caplog.text
+    assert main(["solve", str(path)]) == 2
+
+
+def test_a_fault_of_our_own_reader_stays_a_fault(tmp_path, monkeypatch):
+    monkeypatch.setattr("kochab.frames.fits.read_fits", faulty_reader)
+    (path := tmp_path / "night.fits").write_bytes(b"SIMPLE  =")
+    with pytest.raises(KeyError):
+        read_frame(path)
 
 
 def test_every_reader_can_be_imported():
@@ -75,8 +104,8 @@ def test_sniffing(head, suffix, kind):
     ("content", "said"),
     [
         (b"", "empty"),
-        (b"a list of things to buy\n" * 10, "not a picture"),
-        (b"\x00" * 5000, "not a picture"),
+        (b"a list of things to buy\n" * 10, "not a supported image"),
+        (b"\x00" * 5000, "not a supported image"),
         (b"SIMPLE  =", "cut short"),
         (b"BM", "damaged|cut short"),
         (b"\x1f\x8b\x08\x00junk", "unzip"),

@@ -4,15 +4,28 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from app.core.errors import FrameError
-from app.core.frame import Frame
-from app.frames import read_frame
+from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
+from kochab.frames import read_frame
 from tests.frames.files import one_of_each
 
 NAMES = (
-    "a.fits", "a.fits.fz", "a.fits.gz", "a.xisf", "z.xisf", "a.tif", "z.tif", "a.png", "a.jpg",
-    "a.bmp", "a.gif", "a.webp", "d16.png", "a.heic", "a.dng",
-)  # fmt: skip
+    "a.fits",
+    "a.fits.fz",
+    "a.fits.gz",
+    "a.xisf",
+    "z.xisf",
+    "a.tif",
+    "z.tif",
+    "a.png",
+    "a.jpg",
+    "a.bmp",
+    "a.gif",
+    "a.webp",
+    "d16.png",
+    "a.heic",
+    "a.dng",
+)
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +68,7 @@ def test_flipped_bytes(good, tmp_path, name, data):
     broken = bytearray(good[name])
     # Headers are where damage is interesting.
     place = st.one_of(st.integers(0, min(400, len(broken) - 1)), st.integers(0, len(broken) - 1))
-    for at, value in data.draw(
-        st.lists(st.tuples(place, st.integers(0, 255)), min_size=1, max_size=8)
-    ):
+    for at, value in data.draw(st.lists(st.tuples(place, st.integers(0, 255)), min_size=1, max_size=8)):
         broken[at] = value
     path = tmp_path / name
     path.write_bytes(bytes(broken))
@@ -66,14 +77,30 @@ def test_flipped_bytes(good, tmp_path, name, data):
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    head=st.sampled_from([
-        b"SIMPLE  =", b"\x1f\x8b\x08", b"XISF0100", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe0", b"GIF89a", b"BM",
-        b"FUJIFILMCCD-RAW", b"IIRO", b"IIU\x00", b"II*\x00", b"MM\x00*", b"II+\x00", b"\x00\x00\x00\x18ftypheic",
-        b"\x00\x00\x00\x18ftypcrx ", b"RIFF\x00\x00\x00\x00WEBP", b"",
-    ]),
+    head=st.sampled_from(
+        [
+            b"SIMPLE  =",
+            b"\x1f\x8b\x08",
+            b"XISF0100",
+            b"\x89PNG\r\n\x1a\n",
+            b"\xff\xd8\xff\xe0",
+            b"GIF89a",
+            b"BM",
+            b"FUJIFILMCCD-RAW",
+            b"IIRO",
+            b"IIU\x00",
+            b"II*\x00",
+            b"MM\x00*",
+            b"II+\x00",
+            b"\x00\x00\x00\x18ftypheic",
+            b"\x00\x00\x00\x18ftypcrx ",
+            b"RIFF\x00\x00\x00\x00WEBP",
+            b"",
+        ]
+    ),
     rest=st.binary(max_size=400),
     suffix=st.sampled_from([".fits", ".cr2", ".jpg", ".xyz"]),
-)  # fmt: skip
+)
 def test_a_good_beginning_and_then_anything(tmp_path, head, rest, suffix):
     path = tmp_path / f"a{suffix}"
     path.write_bytes(head + rest)

@@ -8,18 +8,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from app.frames import read_frame
-from app.frames.believable import aware_utc, scale_range, sexagesimal, site_or_none
-from app.frames.exif_hint import Exif, hint_from_exif
-from app.frames.header_hint import hint_from_keywords
+from kochab.frames import read_frame
+from kochab.frames.hints import (
+    Exif,
+    aware_utc,
+    hint_from_exif,
+    hint_from_keywords,
+    scale_range,
+    sexagesimal,
+    site_or_none,
+)
 
 SHAPE = (1000, 1500)
 
 
 def hint(comments=None, **values):
-    return hint_from_keywords(
-        {k.replace("_", "-"): v for k, v in values.items()}, comments or {}, SHAPE
-    )[0]
+    return hint_from_keywords({k.replace("_", "-"): v for k, v in values.items()}, comments or {}, SHAPE)[0]
 
 
 def exif_hint(size=(6000, 4000), gps=None, main=None, **photo):
@@ -105,12 +109,7 @@ def test_pointing(values, ra, dec):
 
 @pytest.mark.parametrize(
     "values",
-    [
-        {"RA": 83.5},
-        {"RA": "25 00 00", "DEC": "10 00 00"},
-        {"RA": 83.5, "DEC": 95.0},
-        {"RA": "x", "DEC": "y"},
-    ],
+    [{"RA": 83.5}, {"RA": "25 00 00", "DEC": "10 00 00"}, {"RA": 83.5, "DEC": 95.0}, {"RA": "x", "DEC": "y"}],
 )
 def test_senseless_pointing(values):
     assert hint(**values).centre_deg is None
@@ -124,11 +123,14 @@ def test_senseless_pointing(values):
         ({"DATE_OBS": "2024-03-05T20:00:00-0700"}, "2024-03-06T03:00:00"),
         ({"DATE_OBS": "2024-03-05", "TIME_OBS": "20:00:00"}, "2024-03-05T20:00:00"),
         ({"DATE_OBS": "05/03/99", "UT": "20:00:00"}, "1999-03-05T20:00:00"),
-        ({"DATE_AVG": "2024-03-05T20:00:30", "DATE_OBS": "2024-03-05T20:00:00", "EXPTIME": 9}, "2024-03-05T20:00:30"),
+        (
+            {"DATE_AVG": "2024-03-05T20:00:30", "DATE_OBS": "2024-03-05T20:00:00", "EXPTIME": 9},
+            "2024-03-05T20:00:30",
+        ),
         ({"MJD_OBS": 60374.5, "EXPOSURE": 20}, "2024-03-05T12:00:10"),
         ({"JD": 2460375.0}, "2024-03-05T12:00:00"),
     ],
-)  # fmt: skip
+)
 def test_time_is_the_middle_of_the_exposure_in_utc(values, wanted):
     assert hint(**values).time_utc == datetime.fromisoformat(wanted).replace(tzinfo=UTC)
 
@@ -177,10 +179,7 @@ def test_real_headers_agree_with_their_frames(shared_frames):
         if frame.hint.centre_deg:
             centres += 1
             ra, dec, radius = frame.hint.centre_deg
-            assert (
-                np.hypot((ra - true["ra_deg"]) * np.cos(np.radians(dec)), dec - true["dec_deg"])
-                < radius
-            )
+            assert np.hypot((ra - true["ra_deg"]) * np.cos(np.radians(dec)), dec - true["dec_deg"]) < radius
     assert scales >= 3
     assert centres >= 4
 
@@ -189,9 +188,7 @@ def test_exif_focal_length_and_sensor_resolution():
     # 35.9 mm over 6000 px behind 50 mm; the resolution tag counts pixels a centimetre
     got = exif_hint(_37386=50.0, _41486=6000 / 3.59, _41488=3, _40962=6000, _40963=4000)
     assert holds(got.scale_arcsec_px, 206265 * 35.9 / 6000 / 50)
-    smaller = exif_hint(
-        (3000, 2000), _37386=50.0, _41486=6000 / 3.59, _41488=3, _40962=6000, _40963=4000
-    )
+    smaller = exif_hint((3000, 2000), _37386=50.0, _41486=6000 / 3.59, _41488=3, _40962=6000, _40963=4000)
     assert holds(smaller.scale_arcsec_px, 206265 * 35.9 / 3000 / 50)
 
 
@@ -203,10 +200,14 @@ def test_exif_equivalent_focal_length():
 @pytest.mark.parametrize(
     "tags",
     [
-        {}, {"_37386": 0.0, "_41486": 1000.0}, {"_37386": float("nan"), "_41486": 5.0},
-        {"_37386": 50.0, "_41486": 1e-9}, {"_41989": 0}, {"_37386": "wide", "_41989": b"\x00"},
+        {},
+        {"_37386": 0.0, "_41486": 1000.0},
+        {"_37386": float("nan"), "_41486": 5.0},
+        {"_37386": 50.0, "_41486": 1e-9},
+        {"_41989": 0},
+        {"_37386": "wide", "_41989": b"\x00"},
     ],
-)  # fmt: skip
+)
 def test_exif_without_sense_gives_no_scale(tags):
     assert exif_hint(**tags).scale_arcsec_px is None
 
@@ -225,9 +226,7 @@ def test_exif_clocks():
 def test_exif_place():
     gps = {1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 0.0, 36.0), 5: b"\x00", 6: 2400.0}
     site = exif_hint(gps=gps).site
-    assert (site.latitude_deg, site.longitude_deg, site.height_m) == pytest.approx(
-        (-33.5, -70.01, 2400)
-    )
+    assert (site.latitude_deg, site.longitude_deg, site.height_m) == pytest.approx((-33.5, -70.01, 2400))
 
 
 def test_exif_reaches_the_hint_through_files(tmp_path):
@@ -309,9 +308,11 @@ _ANY = st.one_of(
 )
 
 
-@given(st.dictionaries(st.sampled_from([271, 272, 306]), _ANY),
-       st.dictionaries(st.sampled_from([33434, 36867, 36881, 37386, 40962, 41486, 41488, 41989, 42036]), _ANY),
-       st.dictionaries(st.sampled_from([1, 2, 3, 4, 5, 6, 7, 29]), _ANY))  # fmt: skip
+@given(
+    st.dictionaries(st.sampled_from([271, 272, 306]), _ANY),
+    st.dictionaries(st.sampled_from([33434, 36867, 36881, 37386, 40962, 41486, 41488, 41989, 42036]), _ANY),
+    st.dictionaries(st.sampled_from([1, 2, 3, 4, 5, 6, 7, 29]), _ANY),
+)
 def test_no_exif_can_break_the_reader(main, photo, gps):
     got, _, _ = hint_from_exif(Exif(main, photo, gps), (600, 400))
     assert got.site is None or abs(got.site.latitude_deg) <= 90

@@ -1,14 +1,16 @@
 """PNG, JPEG, TIFF, HEIF, XISF and raw: samples survive, colour becomes luminance without steps."""
 
+import struct
+import zlib
+
 import numpy as np
 import pytest
 import tifffile
 from PIL import Image
 from xisf import XISF
 
-from app.core.errors import FrameError
-from app.frames import read_frame
-from app.frames.planes import MAX_PIXELS, luminance
+from kochab.core.errors import FrameError
+from kochab.frames import MAX_PIXELS, luminance, read_frame
 from tests.frames.files import colours, dng, heic, sky
 
 
@@ -17,9 +19,7 @@ def test_eight_bit_colour_is_summed_without_steps(tmp_path):
     Image.fromarray(rgb).save(tmp_path / "a.png")
     frame = read_frame(tmp_path / "a.png")
     np.testing.assert_array_equal(frame.colour, rgb)
-    np.testing.assert_array_equal(
-        frame.pixels, rgb.astype(np.uint16) @ np.array([1, 2, 1], np.uint16)
-    )
+    np.testing.assert_array_equal(frame.pixels, rgb.astype(np.uint16) @ np.array([1, 2, 1], np.uint16))
     assert frame.saturation == 1020
 
 
@@ -106,9 +106,7 @@ def test_a_picture_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path)
     import zlib
 
     def chunk(kind, body):
-        return (
-            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-        )
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
     size = struct.pack(">IIBBBBB", 90000, 90000, 8, 0, 0, 0, 0)
     bomb = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", size)
@@ -160,9 +158,7 @@ def test_xisf(tmp_path, codec):
     path = tmp_path / "a.xisf"
     words = {"FOCALLEN": "400", "XPIXSZ": "3.76", "DATE-OBS": "'2025-01-02T03:04:05'"}
     meta = {"FITSKeywords": {k: [{"value": v, "comment": ""}] for k, v in words.items()}}
-    XISF.write(
-        str(path), sky()[..., None], codec=codec, shuffle=codec is not None, image_metadata=meta
-    )
+    XISF.write(str(path), sky()[..., None], codec=codec, shuffle=codec is not None, image_metadata=meta)
     frame = read_frame(path)
     np.testing.assert_array_equal(frame.pixels, sky())
     low, high = frame.hint.scale_arcsec_px
@@ -219,4 +215,20 @@ def test_raw_that_is_damaged(tmp_path):
     path = dng(tmp_path / "a.dng", sky(100, 120) // 16)
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(FrameError, match="raw"):
+        read_frame(path)
+
+
+def test_a_picture_too_large_for_memory_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", 17_000, 17_000, 16, 2, 0, 0, 0)  # 1.7 MB of zeros, packed
+    path = tmp_path / "a.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", b"x"))
+    with pytest.raises(FrameError, match=r"17000 x 17000 pixels of 48 bits, 1\.7 GB, more than"):
+        read_frame(path)
+    Image.fromarray(np.zeros((500, 400, 3), np.uint8)).save(path)
+    assert read_frame(path).pixels.shape == (500, 400)
+    monkeypatch.setattr("kochab.frames._free_bytes", lambda: 2 * 500 * 400 * 3 - 1)
+    with pytest.raises(FrameError, match="there is room for"):
         read_frame(path)

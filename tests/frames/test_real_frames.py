@@ -8,12 +8,12 @@ import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from app.core.attitude import roll_at, unit_vectors
-from app.core.progress import run
-from app.core.solution import Solution
-from app.frames import read_frame
-from app.solve.options import SolveOptions
-from app.solve.solver import solve_frame
+from kochab.core.attitude import roll_at, unit_vectors
+from kochab.core.progress import run
+from kochab.core.solution import Solution
+from kochab.frames import read_frame
+from kochab.solver import SolveOptions
+from kochab.solver.pipeline import solve_frame
 from resources.make_samples import SAMPLES
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.frame import Frame
-from app.frames.stretch import (
+from kochab.core.frame import Frame
+from kochab.frames.stretch import (
     SKY_LEVEL,
     Stretch,
     apply,
@@ -31,9 +31,7 @@ def test_the_sky_is_shown_at_its_level():
 
 @pytest.mark.parametrize("dtype", ["u1", "u2", "i2", "i4", "u4", "f4", "f8", "i1"])
 def test_every_type_is_shown_as_the_curve_says(dtype):
-    data = (np.arange(120 * 100).reshape(120, 100) % 251 - (100 if dtype[0] == "i" else 0)).astype(
-        dtype
-    )
+    data = (np.arange(120 * 100).reshape(120, 100) % 251 - (100 if dtype[0] == "i" else 0)).astype(dtype)
     stretch = Stretch(-20.0 if dtype[0] == "i" else 30.0, 120.0, 0.2)
     share = np.clip((data.astype(float) - stretch.black) / (stretch.white - stretch.black), 0, 1)
     wanted = 255 * midtones(share, stretch.mid)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.frames.whole_file import whole_file, write_whole
+from kochab.frames.atomic_file import atomic_file, write_atomically
 
 
 def fills_the_disk(self, data):
@@ -22,7 +22,7 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, monkeypatch, before) -> Non
         path.write_text(before)
     monkeypatch.setattr(Path, "write_bytes", fills_the_disk)
     with pytest.raises(OSError, match="No space"):
-        write_whole(path, "new and longer")
+        write_atomically(path, "new and longer")
     assert [p.read_text() for p in tmp_path.iterdir()] == ([] if before is None else [before])
 
 
@@ -31,7 +31,7 @@ def test_what_goes_wrong_while_it_is_written_leaves_what_was_there(tmp_path) -> 
     path.write_text("as it was")
 
     def half_of_it() -> None:
-        with whole_file(path) as part:
+        with atomic_file(path) as part:
             part.write_text("half")
             raise ValueError("the writer has had enough")
 
@@ -42,7 +42,7 @@ def test_what_goes_wrong_while_it_is_written_leaves_what_was_there(tmp_path) -> 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="it has no /dev/null")
 def test_what_is_no_file_is_written_into() -> None:
-    with whole_file("/dev/null") as part:
+    with atomic_file("/dev/null") as part:
         assert part == Path("/dev/null")
     assert not Path("/dev/null").is_file()
 
@@ -51,7 +51,7 @@ def test_what_is_no_file_is_written_into() -> None:
 def test_what_is_written_is_read(tmp_path, content, read) -> None:
     path = tmp_path / ("a" * 250)  # as long as a name may be: nothing can be put to its end
     for _ in range(2):
-        write_whole(path, content)
+        write_atomically(path, content)
     assert path.read_bytes() == read
     assert list(tmp_path.iterdir()) == [path]
 
@@ -59,11 +59,11 @@ def test_what_is_written_is_read(tmp_path, content, read) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
 def test_a_link_stays_one(tmp_path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "there")
-    write_whole(tmp_path / "link", "x")
+    write_atomically(tmp_path / "link", "x")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "there").read_text() == "x"
 
 
 def test_an_absent_folder_is_an_os_error(tmp_path) -> None:
     with pytest.raises(FileNotFoundError):
-        write_whole(tmp_path / "none" / "a", "x")
+        write_atomically(tmp_path / "none" / "a", "x")

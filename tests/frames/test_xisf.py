@@ -6,8 +6,8 @@ import zlib
 import numpy as np
 import pytest
 
-from app.core.errors import FrameError
-from app.frames import read_frame
+from kochab.core.errors import FrameError
+from kochab.frames import read_frame
 
 HEADER = (
     '<?xml version="1.0" encoding="UTF-8"?>{doctype}'

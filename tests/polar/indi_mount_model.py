@@ -25,14 +25,7 @@ def positions(client, plan):
     client.wait("position", lambda: PLACE in client.told and "ON_COORD_SET" in values)
     client.order("Number", "GEOGRAPHIC_COORD", LAT=plan["latitude"], LONG=plan["longitude"], ELEV=0)
     client.order("Switch", "TELESCOPE_PARK", UNPARK="On")
-    model = {
-        "MM_IH": 0,
-        "MM_ID": 0,
-        "MM_CH": 0,
-        "MM_NP": 0,
-        "MM_MA": plan["ma"],
-        "MM_ME": plan["me"],
-    }
+    model = {"MM_IH": 0, "MM_ID": 0, "MM_CH": 0, "MM_NP": 0, "MM_MA": plan["ma"], "MM_ME": plan["me"]}
     client.order("Number", "MOUNT_MODEL", **model)
     client.order("Switch", "ON_COORD_SET", TRACK="On")
     client.order("Number", PLACE, RA=plan["start"][0] / 15.0, DEC=plan["start"][1])

@@ -1,4 +1,4 @@
-"""Attitudes of an equatorial mount written down directly: no code of ``app.polar`` takes part.
+"""Attitudes of an equatorial mount written down directly: no code of ``kochab.polar`` takes part.
 
 Axes are E, N, U. The axis of a mount that is ``d_alt`` too high and ``d_az`` too far clockwise is
 built from angles, turns are scipy's, and noise is a small rotation about the camera's own axes.
@@ -10,17 +10,15 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.core.hint import Site
-from app.polar.sighting import LocalAttitude
+from kochab.core.frame import Site
+from kochab.polar.sighting import LocalAttitude
 
 ARCSEC = np.pi / 648000.0
 WHEN = datetime(2026, 3, 14, 20, 0, tzinfo=UTC)
 
 
 def pointing(alt_rad, az_rad):
-    return np.array(
-        [np.cos(alt_rad) * np.sin(az_rad), np.cos(alt_rad) * np.cos(az_rad), np.sin(alt_rad)]
-    )
+    return np.array([np.cos(alt_rad) * np.sin(az_rad), np.cos(alt_rad) * np.cos(az_rad), np.sin(alt_rad)])
 
 
 @dataclass
@@ -42,9 +40,7 @@ class Mount:
 
     @property
     def pole(self):
-        return pointing(
-            np.radians(abs(self.latitude_deg)), 0.0 if self.latitude_deg >= 0 else np.pi
-        )
+        return pointing(np.radians(abs(self.latitude_deg)), 0.0 if self.latitude_deg >= 0 else np.pi)
 
     @property
     def axis(self):

@@ -6,11 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.core.attitude import angle_between
-from app.polar.axis_fit import fit_axis
-from app.polar.plane import axis_of_plane
-from app.polar.two_frames import axis_of_two
+from kochab.core.attitude import angle_between
+from kochab.polar.axis_fit import axis_of_two, fit_axis
 from tests.polar.mounts import ARCSEC, Mount
+from tests.polar.plane import axis_of_plane
 
 LATITUDES = [-85.0, -60.0, -33.0, -1.0, 0.0, 20.0, 51.5, 70.0, 85.0]
 
@@ -51,8 +50,6 @@ def test_the_plane_needs_no_roll():
     boresights = np.stack([mount.attitude(t)[:, 2] for t in (0, 25, 60)])
     axis = axis_of_plane(boresights)
     assert abs(axis @ mount.axis) == pytest.approx(1.0, abs=1e-12)
-    with pytest.raises(ValueError, match="three"):
-        axis_of_plane(boresights[:2])
 
 
 angles = st.floats(-180.0, 180.0)
@@ -66,9 +63,7 @@ def test_the_cameras_roll_does_not_matter(roll, latitude, seed):
     mount = Mount(latitude, 300.0, -500.0, sigma=2.0, sigma_roll=20.0)
     seen = mount.see([0, 25, 60], rng)
     turn = Rotation.from_euler("z", roll, degrees=True).as_matrix()
-    rolled = [
-        type(a)(a.matrix @ turn, turn.T @ a.covariance @ turn, a.time_utc) for a in seen
-    ]  # fmt: skip
+    rolled = [type(a)(a.matrix @ turn, turn.T @ a.covariance @ turn, a.time_utc) for a in seen]
     one, other = fit_axis(seen, mount.pole), fit_axis(rolled, mount.pole)
     assert angle_between(one.axis, other.axis) < 0.01 * ARCSEC
     assert one.chi2 == pytest.approx(other.chi2, rel=1e-3)

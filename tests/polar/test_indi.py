@@ -2,7 +2,7 @@
 
 Its mount model is that of pointing analysis: MA is the axis' error in azimuth times the cosine of
 the latitude, positive to the west; ME its error in altitude, positive below the pole. Its positions
-while it turns west give the axis through our plane fit. (Its camera's roll does not follow its axis,
+while it turns west give the axis through a plane fit. (Its camera's roll does not follow its axis,
 so attitudes cannot be tested with it.)
 """
 
@@ -16,11 +16,11 @@ import time
 import numpy as np
 import pytest
 
-from app.core.hint import Site
-from app.polar.error import PolarError
-from app.polar.plane import axis_of_plane
-from app.polar.poles import Pole, pole_direction
-from app.sky.apparent import JD_UNIX, TT_MINUS_UTC_S
+from kochab.core.frame import Site
+from kochab.polar.error import PolarError
+from kochab.polar.horizon import Pole, pole_direction
+from kochab.sky.apparent import JD_UNIX, TT_MINUS_UTC_S
+from tests.polar.plane import axis_of_plane
 
 LATITUDE, LONGITUDE = 40.0, 10.0
 MODELS = [(0.5, -0.3), (-0.2, 0.4)]  # MA, ME
@@ -32,9 +32,11 @@ def own_network():
     if sys.platform != "linux":
         pytest.skip("INDI is run in a network namespace, which only Linux has")
     for program, package in (
-        ("indiserver", "indi-bin"), ("indi_simulator_telescope", "indi-bin"),
-        ("unshare", "util-linux"), ("ip", "iproute2"),
-    ):  # fmt: skip
+        ("indiserver", "indi-bin"),
+        ("indi_simulator_telescope", "indi-bin"),
+        ("unshare", "util-linux"),
+        ("ip", "iproute2"),
+    ):
         if shutil.which(program) is None:
             pytest.skip(f"{program} is not there: apt-get install {package}")
     if subprocess.run([*NAMESPACE, "true"], capture_output=True).returncode:
@@ -63,9 +65,7 @@ def east_north_up(unix_s, ra_deg, dec_deg, latitude_deg):
 @pytest.fixture(scope="module")
 def turned_west(repository, tmp_path_factory):
     """What INDI's simulator says while it turns: (ma, me) -> [[unix seconds, RA, Dec], ...]."""
-    started = {
-        model: start(repository, tmp_path_factory.mktemp("indi"), *model) for model in MODELS
-    }
+    started = {model: start(repository, tmp_path_factory.mktemp("indi"), *model) for model in MODELS}
     try:
         told = {model: process.communicate(timeout=120) for model, process in started.items()}
     finally:
@@ -79,14 +79,26 @@ def turned_west(repository, tmp_path_factory):
 def start(repository, home, ma, me):
     """A simulator in a network of its own, that begins to turn at once."""
     plan = {
-        "latitude": LATITUDE, "longitude": LONGITUDE, "ma": ma, "me": me,
-        "start": [(sidereal_deg(time.time()) + 40.0) % 360.0, 70.0], "patience_s": 60.0,
-    }  # fmt: skip
+        "latitude": LATITUDE,
+        "longitude": LONGITUDE,
+        "ma": ma,
+        "me": me,
+        "start": [(sidereal_deg(time.time()) + 40.0) % 360.0, 70.0],
+        "patience_s": 60.0,
+    }
     process = subprocess.Popen(
         [*NAMESPACE, sys.executable, str(repository / "tests/polar/indi_mount_model.py")],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        cwd=repository, env={**os.environ, "HOME": str(home), "PYTHONPATH": str(repository)},
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=repository,
+        env={
+            **os.environ,
+            "HOME": str(home),
+            "PYTHONPATH": os.pathsep.join([str(repository), os.environ.get("PYTHONPATH", "")]),
+        },
+    )
     process.stdin.write(json.dumps(plan) + "\n")
     process.stdin.close()
     process.stdin = None  # nothing more is to be told

@@ -6,27 +6,33 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.earth import SIDEREAL_DEG_S
-from app.polar.findings import Kind
-from app.polar.horizon import Air
-from app.polar.live import LivePhase
-from app.polar.measure import Settings, measure_local
-from app.polar.poles import Pole
-from app.polar.sighting import LocalAttitude
+from kochab.core.mount import SIDEREAL_DEG_S
+from kochab.polar.horizon import Pole, Refraction
+from kochab.polar.live import LivePhase
+from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
+from kochab.polar.sighting import LocalAttitude
 from tests.polar.mounts import ARCSEC, WHEN, Mount
 
-VACUUM = Air(pressure_hpa=0.0)
+VACUUM = Refraction(pressure_hpa=0.0)
 
 
 def start(mount, rng=None, turns=(0, 30, 60, 90)):
-    settings = Settings(mount.site, Pole.TRUE, VACUUM)
+    settings = MeasureSettings(mount.site, Pole.TRUE, VACUUM)
     return measure_local(mount.see(list(turns), rng), settings)
 
 
 def adjusted(mount, d_alt, d_az, last_turn, theta_deg, seconds, rng=None):
     """The attitude after the bolts brought the axis to (d_alt, d_az): they turn the whole mount."""
-    begin = Mount(mount.latitude_deg, mount.d_alt, mount.d_az, mount.rho_deg, mount.roll_deg,
-                  mount.hour_deg + theta_deg, mount.sigma, mount.sigma_roll)  # fmt: skip
+    begin = Mount(
+        mount.latitude_deg,
+        mount.d_alt,
+        mount.d_az,
+        mount.rho_deg,
+        mount.roll_deg,
+        mount.hour_deg + theta_deg,
+        mount.sigma,
+        mount.sigma_roll,
+    )
     matrix = begin.attitude(last_turn)
     azimuth = (0.0 if mount.latitude_deg >= 0 else np.pi) + mount.d_az * ARCSEC
     level = np.array([np.cos(azimuth), -np.sin(azimuth), 0.0])
@@ -66,13 +72,13 @@ def test_a_free_turn_of_the_axis_is_absorbed_and_told():
     assert seen.prior == ""
     assert seen.error.altitude_arcsec == pytest.approx(600.0, abs=0.01)
     assert seen.error.azimuth_arcsec == pytest.approx(-100.0, abs=0.01)
-    assert [f.kind for f in seen.findings] == [Kind.SLIPPING]
+    assert [f.kind for f in seen.findings] == [PolarFindingKind.SLIPPING]
 
 
 def test_a_large_move_asks_for_a_new_measurement():
     mount = Mount(48.0, 0.0, 4 * 3600.0)
     seen = LivePhase(start(mount)).update_local(adjusted(mount, 0.0, 600.0, 90, 0.0, 60.0))
-    assert Kind.REMEASURE in {f.kind for f in seen.findings}
+    assert PolarFindingKind.REMEASURE in {f.kind for f in seen.findings}
     assert seen.moved_deg == pytest.approx(3.833 * np.cos(np.radians(48.0)), abs=0.01)
 
 
@@ -80,9 +86,9 @@ def test_stop_is_said_when_the_error_is_below_its_uncertainty():
     mount = Mount(48.0, 900.0, 900.0)
     live = LivePhase(start(mount, np.random.default_rng(1)))
     near = live.update_local(adjusted(mount, 2.0, 2.0, 90, 0.0, 300.0))
-    assert Kind.DONE in {f.kind for f in near.findings}
+    assert PolarFindingKind.DONE in {f.kind for f in near.findings}
     far = live.update_local(adjusted(mount, 200.0, 2.0, 90, 0.0, 300.0))
-    assert Kind.DONE not in {f.kind for f in far.findings}
+    assert PolarFindingKind.DONE not in {f.kind for f in far.findings}
 
 
 def scatter(mount, runs, tracked, seed, seconds=300.0):

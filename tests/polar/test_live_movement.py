@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.polar.findings import Kind
-from app.polar.live import LivePhase
+from kochab.polar.live import LivePhase
+from kochab.polar.measure import PolarFindingKind
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.test_live import adjusted, sky_turn, start
 
@@ -35,24 +35,27 @@ def test_a_declination_axis_that_moves_is_told_with_its_size(latitude, hour, arc
     theta = [sky_turn(mount, s) * tracking for s in (5.0, 10.0, 400.0)]
     for seconds, turn in zip((5.0, 10.0), theta, strict=False):
         seen = live.update_local(adjusted(mount, 1800.0, -2700.0, 90, turn, seconds, rng))
-        assert Kind.DEC_MOVED not in kinds(seen)
+        assert PolarFindingKind.DEC_MOVED not in kinds(seen)
     late = adjusted(mount, 1800.0, -2700.0, 90, theta[2], 400.0, rng)
     seen = live.update_local(moved_in_declination(late, mount, arcmin))
-    assert Kind.DEC_MOVED in kinds(seen)
-    assert Kind.SLIPPING not in kinds(seen)
-    said = next(f.text for f in seen.findings if f.kind is Kind.DEC_MOVED)
-    assert float(re.search(r"moved by ([0-9.]+)'", said)[1]) == pytest.approx(abs(arcmin), abs=0.3)
+    assert PolarFindingKind.DEC_MOVED in kinds(seen)
+    assert PolarFindingKind.SLIPPING not in kinds(seen)
+    said = next(f.text for f in seen.findings if f.kind is PolarFindingKind.DEC_MOVED)
+    size, unit = re.search(r"moved by ([0-9.]+)([′°])", said).groups()
+    assert float(size) * {"′": 1.0, "°": 60.0}[unit] == pytest.approx(abs(arcmin), abs=0.3)
     again = adjusted(mount, 1800.0, -2700.0, 90, theta[2], 402.0, rng)
-    assert Kind.DEC_MOVED in kinds(live.update_local(moved_in_declination(again, mount, arcmin)))
+    assert PolarFindingKind.DEC_MOVED in kinds(live.update_local(moved_in_declination(again, mount, arcmin)))
 
 
 def test_bolts_and_slips_of_ra_are_never_taken_for_it():
     for seed in range(40):
         rng = np.random.default_rng([5, seed])
         mount = Mount(
-            rng.uniform(-60, 70), *rng.normal(0.0, 2000.0, 2),
-            rho_deg=rng.uniform(15, 100), hour_deg=rng.uniform(-180, 180),
-        )  # fmt: skip
+            rng.uniform(-60, 70),
+            *rng.normal(0.0, 2000.0, 2),
+            rho_deg=rng.uniform(15, 100),
+            hour_deg=rng.uniform(-180, 180),
+        )
         live = LivePhase(start(mount, rng))
         seconds, slip, bolts = 0.0, 0.0, [mount.d_alt, mount.d_az]
         tracking = bool(rng.integers(2))
@@ -62,7 +65,7 @@ def test_bolts_and_slips_of_ra_are_never_taken_for_it():
             slip += rng.normal(0.0, 0.02) * (rng.uniform() < 0.1)
             theta = sky_turn(mount, seconds) * tracking + slip
             seen = live.update_local(adjusted(mount, *bolts, 90, theta, seconds, rng))
-            assert Kind.DEC_MOVED not in kinds(seen)
+            assert PolarFindingKind.DEC_MOVED not in kinds(seen)
 
 
 def test_on_the_meridian_it_passes_for_the_altitude_bolt():
@@ -73,5 +76,5 @@ def test_on_the_meridian_it_passes_for_the_altitude_bolt():
     assert abs(still.boresight[0]) < 0.01
     live.update_local(still)
     seen = live.update_local(moved_in_declination(still, mount, 15.0))
-    assert Kind.DEC_MOVED not in kinds(seen)
+    assert PolarFindingKind.DEC_MOVED not in kinds(seen)
     assert abs(abs(seen.error.altitude_arcsec - 1800.0) - 900.0) < 30.0

@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
-from app.core.attitude import angle_between
-from app.polar.axis_fit import fit_axis
-from app.polar.plan import (
-    Optics,
-    more_turn_deg,
-    plane_of_three_arcsec,
-    turn_needed_deg,
-    two_attitudes_arcsec,
-    weighted_arcsec,
-)
-from app.polar.plane import axis_of_plane
+from kochab.core.attitude import angle_between
+from kochab.polar.axis_fit import fit_axis
+from kochab.polar.plan import Optics, more_turn_deg, turn_needed_deg, weighted_arcsec
 from tests.polar.mounts import ARCSEC, Mount
+from tests.polar.plane import axis_of_plane, plane_of_three_arcsec, two_attitudes_arcsec
 
 USUAL = Optics(2.0, 20.0)
 
@@ -68,12 +61,3 @@ def test_more_turn_is_asked_for_until_it_is_enough():
     assert more_turn_deg(USUAL, 60.0, np.radians([0, 45, 90]), 30.0) == 0.0
     assert more_turn_deg(USUAL, 60.0, np.radians([0, 45, 90]), 0.1) is None
     assert more_turn_deg(USUAL, 60.0, np.zeros(1), 30.0) == pytest.approx(50.0, abs=5.0)
-
-
-def test_optics_of_a_camera():
-    guide = Optics.of_field(6.0, 1280)
-    assert 0.5 <= guide.sigma_arcsec < 0.7
-    assert guide.sigma_roll_arcsec == pytest.approx(15.8, abs=0.2)
-    wide = Optics.of_field(60.0, 6000)
-    assert wide.sigma_arcsec > guide.sigma_arcsec
-    assert wide.sigma_roll_arcsec < guide.sigma_roll_arcsec

@@ -8,19 +8,16 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from app.core.errors import KochabError
-from app.polar.history import History
-from app.polar.horizon import Air
-from app.polar.measure import Settings, measure_local
-from app.polar.plots import ellipses, error_over_time
-from app.polar.poles import Pole
-from app.polar.report import report_html, write_report
+from kochab.core.errors import KochabError
+from kochab.polar.horizon import Pole, Refraction
+from kochab.polar.measure import MeasureSettings, measure_local
+from kochab.polar.report import History, ellipses, error_over_time, report_html, write_report
 from tests.polar.mounts import WHEN, Mount
 
 
 def measured(d_alt, d_az, turns=(0, 30, 60, 90)):
     mount = Mount(48.0, d_alt, d_az)
-    settings = Settings(mount.site, Pole.TRUE, Air(pressure_hpa=0.0))
+    settings = MeasureSettings(mount.site, Pole.TRUE, Refraction(pressure_hpa=0.0))
     return measure_local(mount.see(turns, np.random.default_rng(1)), settings)
 
 
@@ -31,7 +28,7 @@ def night():
     for k in range(5):
         error = measured(1500.0 - 300 * k, -900.0 + 200 * k).error
         history.live(WHEN + timedelta(minutes=10, seconds=k), error)
-    history.told(WHEN + timedelta(minutes=10), error, "Altitude <b>bolt</b>: a quarter turn.")
+    history.instruction(WHEN + timedelta(minutes=10), error, "Altitude <b>bolt</b>: a quarter turn.")
     history.measured(measured(15.0, -10.0))
     return history
 
@@ -39,14 +36,14 @@ def night():
 def test_the_page_needs_nothing_else_and_tells_the_end(night):
     page = report_html(night)
     last, error = night.entries[-1], measured(15.0, -10.0).error
-    assert last.sigma_total_arcsec == pytest.approx(error.whole.sigma_total_arcsec)
-    assert np.hypot(last.noise_arcsec, last.unseen_arcsec) == pytest.approx(last.sigma_total_arcsec)
-    assert f"&plusmn; {last.sigma_total_arcsec:.0f}&quot;" in page
-    assert f"{last.unseen_arcsec:.0f}&quot; bending that they cannot show" in page
+    assert last.sigma_total_arcsec == pytest.approx(error.with_flexure.sigma_total_arcsec)
+    assert np.hypot(last.noise_arcsec, last.flexure_arcsec) == pytest.approx(last.sigma_total_arcsec)
+    assert f"&plusmn; {last.sigma_total_arcsec:.0f}″" in page
+    assert f"{last.flexure_arcsec:.0f}″ possible flexure" in page
     assert "http" not in page
     assert "src=" not in page
     assert page.count("<svg viewBox") == 2
-    total = re.search(r"class='big'>(\d+)&quot;", page)
+    total = re.search(r"class='big'>(\d+)″", page)
     assert abs(int(total[1]) - night.entries[-1].total_arcsec) < 1.0
     assert "at first" in page
     assert "&lt;b&gt;bolt" in page
@@ -74,9 +71,9 @@ def test_live_errors_are_kept_sparsely_and_all_goes_to_json(night, tmp_path):
 
 
 def test_a_report_that_cannot_be_written_is_one_sentence(night, tmp_path):
-    with pytest.raises(KochabError, match="cannot be written"):
+    with pytest.raises(KochabError, match="Can't write"):
         write_report(tmp_path / "nowhere" / "night.html", night)
 
 
 def test_an_empty_history_is_no_fault():
-    assert "Nothing was measured" in report_html(History())
+    assert "No measurement" in report_html(History())

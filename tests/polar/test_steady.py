@@ -2,16 +2,14 @@
 
 import numpy as np
 
-from app.polar.live import LivePhase
-from app.polar.steady import Steady
+from kochab.polar.live import LivePhase, Steady
 from tests.polar.mounts import Mount
 from tests.polar.test_live import adjusted, start
 
 
 def readings(d_alt, d_az, count, live, mount, rng, begin=60.0):
     return [
-        live.update_local(adjusted(mount, d_alt, d_az, 90, 0.0, begin + 3.0 * k, rng))
-        for k in range(count)
+        live.update_local(adjusted(mount, d_alt, d_az, 90, 0.0, begin + 3.0 * k, rng)) for k in range(count)
     ]
 
 

@@ -7,13 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.core.hint import Site
-from app.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, Bolt, Knob
-from app.polar.error import PolarError
-from app.polar.poles import pole_direction
-from app.polar.rotations import ARCSEC, alt_az, direction
-from app.polar.tutor import BoltTutor, Step
-from app.polar.words import (
+from kochab.core.frame import Site
+from kochab.polar.error import (
+    PolarError,
     altitude_in_words,
     angle_in_words,
     azimuth_in_words,
@@ -21,6 +17,9 @@ from app.polar.words import (
     sayable,
     turns_in_words,
 )
+from kochab.polar.horizon import pole_direction
+from kochab.polar.rotations import ARCSEC, alt_az, direction
+from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Bolt, BoltTutor, Knob, TutorStep
 
 
 def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):
@@ -31,7 +30,7 @@ def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):
 
 
 class Hands:
-    """Bolts with a thread, a sense and play, turned by hands that are not exact."""
+    """Bolts with a thread, a sense and backlash, turned by hands that are not exact."""
 
     def __init__(self, d_alt, d_az, a_turn, play_arcsec=(0.0, 0.0), seed=0, latitude=45.0):
         self.at = np.array([d_alt, d_az], float)
@@ -56,7 +55,7 @@ def align(hands, most=60):
     tutor = BoltTutor()
     for _ in range(most):
         told = tutor.advise(hands.error(), noise_arcsec=(2.0, 2.0))
-        if told.step is Step.STOP:
+        if told.step is TutorStep.STOP:
             break
         hands.follow(told)
     return tutor, told
@@ -64,16 +63,19 @@ def align(hands, most=60):
 
 @settings(max_examples=150)
 @given(
-    size=st.floats(4.1, 9.8), angle=st.floats(0, 6.3), seed=st.integers(0, 10**6),
+    size=st.floats(4.1, 9.8),
+    angle=st.floats(0, 6.3),
+    seed=st.integers(0, 10**6),
     a_turn=st.tuples(*[st.floats(900, 4200).flatmap(lambda v: st.sampled_from([v, -v]))] * 2),
-    play=st.tuples(st.floats(0, 150), st.floats(0, 150)), latitude=st.sampled_from([-60, -20, 5, 45, 65]),
-)  # fmt: skip
-def test_whatever_the_bolts_the_end_is_the_pole(size, angle, seed, a_turn, play, latitude):
-    """From 1 arcmin to 5 degrees, threads of any pitch and sense, with play, both hemispheres."""
+    backlash=st.tuples(st.floats(0, 150), st.floats(0, 150)),
+    latitude=st.sampled_from([-60, -20, 5, 45, 65]),
+)
+def test_whatever_the_bolts_the_end_is_the_pole(size, angle, seed, a_turn, backlash, latitude):
+    """From 1 arcmin to 5 degrees, threads of any pitch and sense, with backlash, both hemispheres."""
     off = np.exp(size) * np.array([np.sin(angle), np.cos(angle) / np.cos(np.radians(latitude))])
-    hands = Hands(*off, a_turn, play, seed, latitude)
+    hands = Hands(*off, a_turn, backlash, seed, latitude)
     tutor, told = align(hands)
-    assert told.step is Step.STOP
+    assert told.step is TutorStep.STOP
     assert error_at(*hands.at, latitude).total_arcsec < 32.0
     assert tutor.moves <= 7
 
@@ -82,8 +84,12 @@ def test_most_alignments_take_four_moves():
     moves = []
     for seed in range(150):
         rng = np.random.default_rng(seed)
-        hands = Hands(*rng.normal(0, 3000, 2), rng.uniform(900, 4200, 2) * rng.choice([-1, 1], 2),
-                      rng.uniform(0, 150, 2), seed)  # fmt: skip
+        hands = Hands(
+            *rng.normal(0, 3000, 2),
+            rng.uniform(900, 4200, 2) * rng.choice([-1, 1], 2),
+            rng.uniform(0, 150, 2),
+            seed,
+        )
         moves.append(align(hands)[0].moves)
     assert np.median(moves) <= 4
     assert np.mean(np.array(moves) <= 5) > 0.99
@@ -92,16 +98,17 @@ def test_most_alignments_take_four_moves():
 def test_one_bolt_at_a_time_the_larger_error_first():
     tutor = BoltTutor()
     first = tutor.advise(error_at(300.0, -4000.0))
-    assert first.step is Step.TEST
+    assert first.step is TutorStep.TEST
     assert first.knob is Knob.AZIMUTH
-    assert (
-        first.words == "A test: left azimuth bolt, a quarter turn clockwise. Then let go and wait."
-    )
+    assert first.words == "Test: turn the left azimuth bolt a quarter turn clockwise, then let go."
     second = tutor.advise(error_at(300.0, -3500.0))  # a quarter turn gave 500 arcsec
-    assert (second.step, second.knob) == (Step.TURN, Knob.AZIMUTH)
+    assert (second.step, second.knob) == (TutorStep.TURN, Knob.AZIMUTH)
     assert second.turns == pytest.approx(1.0)  # 0.6 of 1.75 turns, as eighths say it
-    assert second.words == "Left azimuth bolt: one turn clockwise. 58.3' to go in azimuth."
+    assert second.words == "Turn the left azimuth bolt one turn clockwise. 58.3′ to go."
     assert tutor.moves == 1
+    third = tutor.advise(error_at(300.0, -6.0))
+    start = "Azimuth is good (6″). Now altitude. Test: turn the altitude bolt"
+    assert third.words.startswith(start)
 
 
 def test_a_wrong_way_is_turned_back():
@@ -125,7 +132,7 @@ def test_a_bolt_that_went_a_little_too_far_waits_for_the_other():
     tutor = knowing_both()
     told = tutor.advise(error_at(-300.0, 32.0))  # 23 arcsec on the sky, the wrong way
     assert (told.knob, tutor.moves) == (Knob.ALTITUDE, 2)
-    assert tutor.advise(error_at(1.0, 25.0)).step is Step.STOP  # the total is good as it is
+    assert tutor.advise(error_at(1.0, 25.0)).step is TutorStep.STOP  # the total is good as it is
     far = knowing_both().advise(error_at(-300.0, 320.0))
     assert (far.knob, far.turns < 0) == (Knob.AZIMUTH, True)
 
@@ -140,23 +147,23 @@ def test_a_bolt_on_its_way_through_its_play_is_not_left_for_the_other():
 
 
 def test_no_test_nudge_when_the_total_is_good_without():
-    assert BoltTutor().advise(error_at(20.0, 0.0)).step is Step.STOP
-    assert BoltTutor().advise(error_at(24.0, 0.0)).step is Step.TEST
+    assert BoltTutor().advise(error_at(20.0, 0.0)).step is TutorStep.STOP
+    assert BoltTutor().advise(error_at(24.0, 0.0)).step is TutorStep.TEST
 
 
 def test_stop_at_the_goal_and_below_the_uncertainty():
-    assert BoltTutor().advise(error_at(5.0, 3.0)).step is Step.STOP
+    assert BoltTutor().advise(error_at(5.0, 3.0)).step is TutorStep.STOP
     poor = BoltTutor().advise(error_at(40.0, 10.0, sigma=60.0))
-    assert poor.step is Step.STOP
-    assert "smaller than its uncertainty" in poor.words
+    assert poor.step is TutorStep.STOP
+    assert "within its uncertainty" in poor.words
 
 
 def test_play_is_learned_at_a_reversal_and_taken_into_account():
     bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
-    back = bolt.learned(-0.5, -800.0, 2.0)  # 0.4 turns' worth moved, 0.1 was play
-    assert back.play_turns == pytest.approx(0.1)
+    back = bolt.learned(-0.5, -800.0, 2.0)  # 0.4 turns' worth moved, 0.1 was backlash
+    assert back.backlash_turns == pytest.approx(0.1)
     assert back.direction == -1
-    assert back.needed(-400.0) == pytest.approx(0.2 + 0.08)  # 0.8 of the play
+    assert back.needed(-400.0) == pytest.approx(0.2 + 0.08)  # 0.8 of the backlash
     assert back.needed(400.0) == pytest.approx(-0.2)  # going on needs none
 
 
@@ -165,7 +172,7 @@ def test_a_turn_swallowed_by_play_is_no_change_of_mind():
     still = bolt.learned(-0.05, 0.5, 2.0)
     assert (still.direction, still.taken_turns) == (1, pytest.approx(0.05))
     moved = still.learned(-0.2, -300.0, 2.0)  # 0.15 turns moved of 0.25 taken
-    assert moved.play_turns == pytest.approx(0.1)
+    assert moved.backlash_turns == pytest.approx(0.1)
     assert moved.taken_turns == 0.0
 
 
@@ -174,9 +181,9 @@ def test_a_very_small_turn_teaches_nothing_of_the_thread():
     bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 3400.0, True, 0.0, 1)
     assert bolt.learned(2 / 360, 44.0, 1.0) == bolt
     assert bolt.learned(2 / 360, -15.0, 1.0) == bolt
-    back = bolt.learned(-4 / 360, -18.9, 1.0)  # two of its four degrees were play
+    back = bolt.learned(-4 / 360, -18.9, 1.0)  # two of its four degrees were backlash
     assert (back.arcsec_a_turn, back.direction) == (3400.0, -1)
-    assert back.play_turns == pytest.approx(2 / 360, abs=1e-4)
+    assert back.backlash_turns == pytest.approx(2 / 360, abs=1e-4)
     assert bolt.learned(0.25, 950.0, 1.0).arcsec_a_turn == pytest.approx(3600.0)
 
 
@@ -188,11 +195,15 @@ def test_an_untested_bolt_promises_nothing():
 @pytest.mark.parametrize(
     ("turns", "words"),
     [
-        (0.25, "a quarter turn"), (-1.0, "one turn"), (1.5, "one and a half turns"),
-        (2.0, "two turns"), (0.375, "three eighths of a turn"), (1 / 24, "15 degrees (a full turn has 360)"),
+        (0.25, "a quarter turn"),
+        (-1.0, "one turn"),
+        (1.5, "one and a half turns"),
+        (2.0, "two turns"),
+        (0.375, "three eighths of a turn"),
+        (1 / 24, "15°"),
         (12.25, "12 and a quarter turns"),
     ],
-)  # fmt: skip
+)
 def test_turns_have_words(turns, words):
     assert turns_in_words(turns) == words
 
@@ -208,9 +219,9 @@ def test_what_is_said_is_never_more_than_what_is_wanted(turns):
 
 def test_errors_have_words_that_hold_from_every_side():
     high_east = error_at(320.0, 65.0)
-    assert altitude_in_words(high_east) == "the axis is 5.3' ± 2\" too high: lower it"
-    assert "clockwise (towards east): turn the mount anticlockwise" in azimuth_in_words(high_east)
+    assert altitude_in_words(high_east) == "5.3′ ± 2″ too high: lower the axis"
+    assert "too far east: rotate the mount anticlockwise" in azimuth_in_words(high_east)
     south = error_at(-20.0, 65.0, latitude=-45.0)
-    assert "too low: raise it" in altitude_in_words(south)
-    assert "clockwise (towards west): turn the mount anticlockwise" in azimuth_in_words(south)
+    assert "too low: raise the axis" in altitude_in_words(south)
+    assert "too far west: rotate the mount anticlockwise" in azimuth_in_words(south)
     assert angle_in_words(7200.0) == "2.00°"

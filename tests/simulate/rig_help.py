@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from app.sky import open_catalogue
+from kochab.sky import open_catalogue
 
 
 @cache

@@ -6,17 +6,25 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from app.core.hint import Site
-from app.simulate.camera import CameraConfig, SkyCamera
-from app.simulate.exposure import StarPaths
-from app.simulate.light import background, sky_electrons, starlight
-from app.simulate.local_sky import Air, LocalSky, altitude_deg
-from app.simulate.mechanics.geometry import Build, camera_to_enu, mount_to_enu
-from app.simulate.night import midnight_unix
-from app.simulate.sky_glow import Glow, Lamps, airmass, lamps, surface_mag
-from app.simulate.stars import Sensor
-from app.simulate.weather import Weather, WeatherConfig
-from app.sky.apparent import julian_years
+from kochab.core.frame import Site
+from kochab.simulate.camera import CameraConfig, SkyCamera
+from kochab.simulate.exposure import StarPaths, background, sky_electrons, starlight
+from kochab.simulate.mechanics.geometry import Build, camera_to_enu, mount_to_enu
+from kochab.simulate.night_sky import (
+    Atmosphere,
+    Glow,
+    LocalSky,
+    SunAndMoon,
+    Weather,
+    WeatherConfig,
+    airmass,
+    altitude_deg,
+    midnight_unix,
+    sun_and_moon,
+    surface_mag,
+)
+from kochab.simulate.star_images import Sensor
+from kochab.sky.apparent import julian_years
 from tests.simulate.rig_help import catalogue
 
 SITE = Site(47.0, 8.0, 450.0)
@@ -66,12 +74,11 @@ def test_a_trail_is_as_long_as_drift_times_exposure(drift, exposure):
 
 
 def test_a_trail_of_a_standing_camera_is_measured_in_the_frame():
-    from app.detect import DETECTORS
-    from app.solve.pick import pick
+    from kochab.detection import DETECTORS
 
     config = replace(SMALL, zero_point_e_s=2e9)
     frame = camera(config).frame(view(60.0), DARK, 2.0)
-    found = pick(DETECTORS, "auto", "detector").detect(frame)
+    found = DETECTORS.make().detect(frame)
     expected = 2.0 * 15.041 * np.cos(np.radians(17.0)) / SMALL.optics().scale_arcsec_px
     bright = found.snr > 50
     assert bright.sum() >= 3
@@ -89,11 +96,7 @@ def smear_px(found, chosen):
 
 def test_air_takes_light_by_the_airmass():
     up = np.array(
-        [
-            [0, 0, 1.0],
-            [0, np.cos(np.radians(30)), 0.5],
-            [0, np.cos(np.radians(10)), np.sin(np.radians(10))],
-        ]
+        [[0, 0, 1.0], [0, np.cos(np.radians(30)), 0.5], [0, np.cos(np.radians(10)), np.sin(np.radians(10))]]
     )
     np.testing.assert_allclose(airmass(up), [1.0, 1.995, 5.6], rtol=0.01)
     high, low = camera(), camera()
@@ -108,8 +111,8 @@ def test_air_takes_light_by_the_airmass():
 
 
 def test_refraction_moves_the_stars_of_a_low_frame():
-    bent = StarPaths(catalogue(), SITE, Air()).over(SMALL.optics(), view(15.0), DARK, 0.01, 13.0)
-    bare = StarPaths(catalogue(), SITE, Air(pressure_hpa=0.0)).over(
+    bent = StarPaths(catalogue(), SITE, Atmosphere()).over(SMALL.optics(), view(15.0), DARK, 0.01, 13.0)
+    bare = StarPaths(catalogue(), SITE, Atmosphere(pressure_hpa=0.0)).over(
         SMALL.optics(), view(15.0), DARK, 0.01, 13.0
     )
     shared = sorted(set(np.round(bent.mag, 4)) & set(np.round(bare.mag, 4)))
@@ -127,16 +130,16 @@ def test_the_moon_and_twilight_brighten_the_sky_and_clouds_hide_stars():
     up = np.array([[0.0, 0.0, 1.0]])
     down = np.array([0.0, 0.0, -1.0])
     moon = np.array([0.0, np.cos(np.radians(40)), np.sin(np.radians(40))])
-    night = surface_mag(up, Glow(), Lamps(down, down, 90.0))[0]
-    full = surface_mag(up, Glow(), Lamps(down, moon, 0.0))[0]
-    half = surface_mag(up, Glow(), Lamps(down, moon, 90.0))[0]
+    night = surface_mag(up, Glow(), SunAndMoon(down, down, 90.0))[0]
+    full = surface_mag(up, Glow(), SunAndMoon(down, moon, 0.0))[0]
+    half = surface_mag(up, Glow(), SunAndMoon(down, moon, 90.0))[0]
     assert night == pytest.approx(20.5)
     assert 17.5 < full < 19.0  # Krisciunas and Schaefer: about 3 mag over a dark sky
     assert full < half < night
-    near = surface_mag(moon[None], Glow(), Lamps(down, moon, 0.0))[0]
+    near = surface_mag(moon[None], Glow(), SunAndMoon(down, moon, 0.0))[0]
     assert near < full - 1.0
     dusk = np.array([0.0, np.cos(np.radians(-6)), np.sin(np.radians(-6))])
-    assert surface_mag(up, Glow(), Lamps(dusk, down, 90.0))[0] == pytest.approx(13.5, abs=0.2)
+    assert surface_mag(up, Glow(), SunAndMoon(dusk, down, 90.0))[0] == pytest.approx(13.5, abs=0.2)
 
     weather = Weather(WeatherConfig(banks=((0.0, 100.0, 3.0),)), DARK - 50.0)
     clear, cloudy = camera(), camera(weather=weather)
@@ -154,8 +157,7 @@ def test_patchy_cloud_covers_about_as_much_as_asked_and_drifts():
     up /= np.linalg.norm(up, axis=1)[:, None]
     for cover in (0.2, 0.6):
         shares = [
-            (Weather(WeatherConfig(cover), DARK, seed).cloud_mag(up, DARK) > 0).mean()
-            for seed in range(12)
+            (Weather(WeatherConfig(cover), DARK, seed).cloud_mag(up, DARK) > 0).mean() for seed in range(12)
         ]
         assert np.mean(shares) == pytest.approx(cover, abs=0.12)
     weather = Weather(WeatherConfig(0.5), DARK, 1)
@@ -170,7 +172,7 @@ def test_the_real_moon_and_sun_are_where_astropy_says():
 
     when = 1_720_000_000.0
     sky = LocalSky(SITE, when)
-    light = lamps(sky, when)
+    light = sun_and_moon(sky, when)
     for body, mine in (("sun", light.sun), ("moon", light.moon)):
         place = get_body(body, Time(when, format="unix")).cartesian.xyz.value
         there = sky.to_enu(place / np.linalg.norm(place))
@@ -204,11 +206,7 @@ def test_a_frame_has_noise_hot_pixels_in_place_and_the_seed_decides(cheap):
     assert quiet == pytest.approx(np.sqrt(sky + 25.0), rel=0.15)
     assert first.hint.time_utc.timestamp() == pytest.approx(DARK + 0.5)
     assert first.hint.exposure_s == 1.0
-    assert (
-        first.hint.scale_arcsec_px[0]
-        < SMALL.optics().scale_arcsec_px
-        < first.hint.scale_arcsec_px[1]
-    )
+    assert first.hint.scale_arcsec_px[0] < SMALL.optics().scale_arcsec_px < first.hint.scale_arcsec_px[1]
 
 
 def test_what_is_lost_in_the_noise_is_not_drawn():

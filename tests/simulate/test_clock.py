@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.simulate.clock import SimulatedClock
+from kochab.simulate.night_sky import SimulatedClock
 
 
 def test_at_rate_zero_time_passes_only_when_asked():
@@ -47,9 +47,7 @@ def test_nothing_runs_backwards(wrong):
 
 def test_steps_from_many_threads_all_count():
     clock = SimulatedClock(0.0, rate=0.0)
-    threads = [
-        threading.Thread(target=lambda: [clock.step(1.0) for _ in range(200)]) for _ in range(8)
-    ]
+    threads = [threading.Thread(target=lambda: [clock.step(1.0) for _ in range(200)]) for _ in range(8)]
     for thread in threads:
         thread.start()
     for thread in threads:

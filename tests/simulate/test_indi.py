@@ -16,13 +16,14 @@ from pathlib import Path
 
 import pytest
 
-from app.core.hint import Site
-from app.simulate.clock import SimulatedClock
-from app.simulate.line import pty_line
-from app.simulate.mechanics.mount import EquatorialMount, MountConfig
-from app.simulate.responders.base import open_responder
-from app.simulate.responders.bench_telescope import BenchTelescope
-from app.simulate.responders.lx200 import Autostar
+from kochab.core.frame import Site
+from kochab.simulate.mechanics.geometry import MountConfig
+from kochab.simulate.mechanics.mount import EquatorialMount
+from kochab.simulate.night_sky import SimulatedClock
+from kochab.simulate.responders import open_responder
+from kochab.simulate.responders.lx200 import AutostarResponder
+from kochab.simulate.serial_line import pty_line
+from tests.simulate.bench_telescope import BenchTelescope
 
 FAMILIES = {
     "indi_lx200basic": ("LX200 Basic", "lx200"),
@@ -54,11 +55,7 @@ def own_network():
     """The command that gives a command its own network; the test is skipped without."""
     if sys.platform != "linux":
         pytest.skip("INDI's drivers are run in a network namespace, which only Linux has")
-    for program, package in (
-        ("indiserver", "indi-bin"),
-        ("unshare", "util-linux"),
-        ("ip", "iproute2"),
-    ):
+    for program, package in (("indiserver", "indi-bin"), ("unshare", "util-linux"), ("ip", "iproute2")):
         if shutil.which(program) is None:
             pytest.skip(f"{program} is not there: apt-get install {package}")
     for unshare in (["unshare"], ["unshare", "--user", "--map-root-user"]):
@@ -100,7 +97,7 @@ def begin(responder_name, telescope):
     if responder_name != "skywatcher":  # which is switched on at home, and must stand there
         telescope.tracking = True
         telescope.sync((meridian - 10.0) % 360.0, side * 38.0)
-    known = {"autostar": Autostar}.get(responder_name)
+    known = {"autostar": AutostarResponder}.get(responder_name)
     responder = known(telescope) if known else open_responder(responder_name, telescope)
     sync = (meridian - 12.0) % 360.0, side * 36.5
     return responder, sync, ((meridian - 20.0) % 360.0, side * 41.0)
@@ -121,19 +118,25 @@ def driven(request, tmp_path_factory):
             site = telescope.latitude_deg, telescope.longitude_deg
             plans.append(
                 {
-                    "driver": driver, "device": device, "port": lines[-1].port, "site": site,
-                    "sync": None if driver in GOTO_ONLY else sync, "goto": goto,
+                    "driver": driver,
+                    "device": device,
+                    "port": lines[-1].port,
+                    "site": site,
+                    "sync": None if driver in GOTO_ONLY else sync,
+                    "goto": goto,
                 }
-            )  # fmt: skip
+            )
             telescopes[driver] = telescope
         script = Path(__file__).with_name("responder_indi.py")
         home = tmp_path_factory.mktemp("indi")
         ran = subprocess.run(
             [*network, sys.executable, str(script)],
             input=json.dumps({"drivers": plans, "patience_s": PATIENCE_S}),
-            capture_output=True, text=True, timeout=PATIENCE_S + 30.0,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S + 30.0,
             env={**os.environ, "HOME": str(home)},
-        )  # fmt: skip
+        )
         assert ran.returncode == 0, ran.stderr
         assert still_running(home) == []
         yield json.loads(ran.stdout), {plan["driver"]: plan for plan in plans}, telescopes

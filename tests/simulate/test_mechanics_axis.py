@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.simulate.mechanics.axis import Axis, AxisWear
+from kochab.simulate.mechanics.axis import GearErrors, MotorAxis
 
 degrees = st.floats(-170.0, 170.0)
 rates = st.floats(-4.0, 4.0)
@@ -19,15 +19,13 @@ rates = st.floats(-4.0, 4.0)
     carrier=st.sampled_from([0.0, 15 / 3600]),
 )
 def test_a_slew_arrives_keeps_its_limits_and_never_jumps(start, first, wait, target, carrier):
-    axis = Axis(start, 0.0)
+    axis = MotorAxis(start, 0.0)
     axis.run(0.0, first)
     before = axis.motor_deg(wait)
     end = axis.slew(wait, target, carrier)
     assert axis.motor_deg(wait) == pytest.approx(before, abs=1e-9)
     assert axis.motor_deg(end) == pytest.approx(target + carrier * (end - wait), abs=1e-6)
-    assert axis.motor_deg(end + 100) == pytest.approx(
-        target + carrier * (end + 100 - wait), abs=1e-6
-    )
+    assert axis.motor_deg(end + 100) == pytest.approx(target + carrier * (end + 100 - wait), abs=1e-6)
     t = np.linspace(wait, end, 400)
     angle = np.array([axis.motor_deg(x) for x in t])
     rate = np.array([axis.motor_rate_deg_s(x) for x in t])
@@ -39,14 +37,14 @@ def test_a_slew_arrives_keeps_its_limits_and_never_jumps(start, first, wait, tar
 
 
 def test_a_long_slew_takes_as_long_as_speed_and_acceleration_say():
-    axis = Axis(0.0, 0.0)
+    axis = MotorAxis(0.0, 0.0)
     assert axis.slew(0.0, 60.0) == pytest.approx(60.0 / 4.0 + 4.0 / 2.0)
-    short = Axis(0.0, 0.0)
+    short = MotorAxis(0.0, 0.0)
     assert short.slew(0.0, 2.0) == pytest.approx(2.0 * np.sqrt(2.0 / 2.0))
 
 
 def test_the_past_can_be_asked_after_new_commands():
-    axis = Axis(10.0, 0.0)
+    axis = MotorAxis(10.0, 0.0)
     axis.run(0.0, 1.0, gently=False)
     at_three = axis.true_deg(3.0)
     axis.run(5.0, -2.0)
@@ -56,7 +54,7 @@ def test_the_past_can_be_asked_after_new_commands():
 
 @given(play=st.floats(0.001, 0.2), way=st.floats(0.5, 5.0))
 def test_backlash_is_lost_at_every_reversal(play, way):
-    axis = Axis(0.0, 0.0, AxisWear(backlash_deg=play))
+    axis = MotorAxis(0.0, 0.0, GearErrors(backlash_deg=play))
     end = axis.slew(0.0, way)
     assert axis.true_deg(end) == pytest.approx(way - play / 2.0)
     back = axis.slew(end, 0.0)
@@ -65,11 +63,9 @@ def test_backlash_is_lost_at_every_reversal(play, way):
     assert axis.true_deg(back + 10.0) == pytest.approx(play / 2.0)
 
 
-@given(
-    way=st.floats(-20.0, 20.0), play=st.floats(0.0, 0.05), carrier=st.sampled_from([0.0, 15 / 3600])
-)
+@given(way=st.floats(-20.0, 20.0), play=st.floats(0.0, 0.05), carrier=st.sampled_from([0.0, 15 / 3600]))
 def test_an_approach_ends_on_the_same_side_of_the_play(way, play, carrier):
-    axis = Axis(0.0, 0.0, AxisWear(backlash_deg=play))
+    axis = MotorAxis(0.0, 0.0, GearErrors(backlash_deg=play))
     end = axis.slew(0.0, way, carrier, approach_deg=0.1)
     target = way + carrier * end
     assert axis.motor_deg(end) == pytest.approx(target, abs=1e-9)
@@ -77,7 +73,7 @@ def test_an_approach_ends_on_the_same_side_of_the_play(way, play, carrier):
 
 
 def test_backlash_in_one_segment_that_turns_back():
-    axis = Axis(0.0, 0.0, AxisWear(backlash_deg=0.1))
+    axis = MotorAxis(0.0, 0.0, GearErrors(backlash_deg=0.1))
     axis.run(0.0, 2.0)
     axis.run(3.0, -2.0)  # brakes through zero within one segment
     top = max(axis.motor_deg(t) for t in np.linspace(0.0, 5.0, 5001))
@@ -85,7 +81,7 @@ def test_backlash_in_one_segment_that_turns_back():
 
 
 def test_periodic_error_has_its_amplitude_and_its_period():
-    axis = Axis(0.0, 0.0, AxisWear(periodic_arcsec=12.0, worm_deg=2.0, worm_phase_deg=30.0))
+    axis = MotorAxis(0.0, 0.0, GearErrors(periodic_arcsec=12.0, worm_deg=2.0, worm_phase_deg=30.0))
     axis.run(0.0, 15.0 / 3600.0, gently=False)
     t = np.arange(0.0, 960.0, 1.0)
     error = np.array([axis.true_deg(x) - axis.motor_deg(x) for x in t]) * 3600.0
@@ -96,7 +92,7 @@ def test_periodic_error_has_its_amplitude_and_its_period():
 
 
 def test_a_slipping_clutch_loses_a_part_of_fast_turns_only():
-    axis = Axis(0.0, 0.0, AxisWear(slip=0.01))
+    axis = MotorAxis(0.0, 0.0, GearErrors(slip=0.01))
     end = axis.slew(0.0, 30.0)
     assert axis.true_deg(end) == pytest.approx(30.3)
     end = axis.slew(end, 0.0)
@@ -106,13 +102,13 @@ def test_a_slipping_clutch_loses_a_part_of_fast_turns_only():
 
 
 def test_a_wrong_rate_adds_up_while_it_tracks():
-    axis = Axis(0.0, 0.0, AxisWear(rate_error=0.001))
+    axis = MotorAxis(0.0, 0.0, GearErrors(rate_error=0.001))
     axis.run(0.0, 15.0 / 3600.0, gently=False)
     assert (axis.true_deg(3600.0) - axis.motor_deg(3600.0)) * 3600 == pytest.approx(54.0)
 
 
 def test_a_stop_rings_and_dies_away():
-    axis = Axis(0.0, 0.0, AxisWear(wobble_arcsec=30.0, wobble_hz=2.0, wobble_s=1.0))
+    axis = MotorAxis(0.0, 0.0, GearErrors(wobble_arcsec=30.0, wobble_hz=2.0, wobble_s=1.0))
     end = axis.slew(0.0, 10.0)
     swing = [abs(axis.true_deg(end + k * 0.25) - 10.0) * 3600.0 for k in range(0, 40)]
     assert swing[0] == pytest.approx(30.0)
@@ -123,14 +119,14 @@ def test_a_stop_rings_and_dies_away():
 
 
 def test_guiding_adds_its_rate_for_its_time():
-    axis = Axis(0.0, 0.0)
+    axis = MotorAxis(0.0, 0.0)
     axis.run(0.0, 15.0 / 3600.0, gently=False)
     axis.nudge(10.0, -7.5 / 3600.0, 2.0, 15.0 / 3600.0)
     assert axis.motor_deg(20.0) * 3600.0 == pytest.approx(20 * 15.0 - 15.0)
 
 
 def test_hands_turn_the_telescope_and_not_the_motor():
-    axis = Axis(5.0, 0.0)
+    axis = MotorAxis(5.0, 0.0)
     end = axis.slew(0.0, 45.0)
     axis.displace(2.0, 3.0)
     assert axis.motor_deg(end) == pytest.approx(45.0)
@@ -139,7 +135,7 @@ def test_hands_turn_the_telescope_and_not_the_motor():
 
 
 def test_old_motion_is_forgotten_and_memory_does_not_grow():
-    axis = Axis(0.0, 0.0, AxisWear(backlash_deg=0.01, rate_error=0.01))
+    axis = MotorAxis(0.0, 0.0, GearErrors(backlash_deg=0.01, rate_error=0.01))
     for k in range(3000):
         axis.nudge(10.0 * k, 0.002 * (-1) ** k, 1.0, 0.0)
     assert len(axis._segments) < 500

@@ -5,17 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.core.attitude import unit_vectors
-from app.core.earth import SIDEREAL_DEG_S
-from app.core.hint import Site
-from app.core.mount import Direction, PierSide
-from app.simulate.clock import SimulatedClock
-from app.simulate.local_sky import altitude_deg, azimuth_deg
-from app.simulate.mechanics.axis import AxisWear
-from app.simulate.mechanics.belief import fold, unfold, wrapped
-from app.simulate.mechanics.bolts import BoltWear, Wedge
-from app.simulate.mechanics.geometry import Build, axis_direction, camera_to_enu, mount_to_enu
-from app.simulate.mechanics.mount import EquatorialMount, MountConfig
+from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Site
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.simulate.mechanics.axis import GearErrors
+from kochab.simulate.mechanics.geometry import (
+    BoltErrors,
+    Build,
+    MountConfig,
+    Wedge,
+    camera_to_enu,
+    mount_to_enu,
+)
+from kochab.simulate.mechanics.mount import EquatorialMount, fold, unfold, wrapped
+from kochab.simulate.night_sky import SimulatedClock, altitude_deg, azimuth_deg
 
 START = 1_800_000_000.0
 NORTH, SOUTH = Site(47.0, 8.0), Site(-33.0, 151.0)
@@ -38,9 +41,7 @@ def visible(mount, hour, dec):
     return (mount.sidereal_deg() - hour) % 360.0, dec
 
 
-@pytest.mark.parametrize(
-    ("site", "dec"), [(NORTH, 20.0), (NORTH, 75.0), (SOUTH, -20.0), (SOUTH, -75.0)]
-)
+@pytest.mark.parametrize(("site", "dec"), [(NORTH, 20.0), (NORTH, 75.0), (SOUTH, -20.0), (SOUTH, -75.0)])
 @pytest.mark.parametrize("hour", [-60.0, -5.0, 5.0, 60.0])
 def test_a_goto_arrives_tracks_and_says_so(site, dec, hour):
     mount, clock = mount_at(site)
@@ -134,9 +135,11 @@ def test_directions_are_those_of_the_sky_on_both_sides_of_the_pier(site, hour, d
     settle(mount, clock)
     moved = wrapped(mount.believed_deg()[0] - ra), mount.believed_deg()[1] - dec
     expected = {
-        Direction.NORTH: (0.0, 2.0), Direction.SOUTH: (0.0, -2.0),
-        Direction.EAST: (2.0, 0.0), Direction.WEST: (-2.0, 0.0),
-    }[direction]  # fmt: skip
+        Direction.NORTH: (0.0, 2.0),
+        Direction.SOUTH: (0.0, -2.0),
+        Direction.EAST: (2.0, 0.0),
+        Direction.WEST: (-2.0, 0.0),
+    }[direction]
     assert moved == pytest.approx(expected, abs=0.01)
     ra, dec = mount.believed_deg()
     mount.pulse(direction, 4000)
@@ -195,10 +198,14 @@ def test_a_wrong_clock_and_longitude_shift_what_it_believes():
     assert wrapped(hour_late.believed_deg()[0] - right.believed_deg()[0]) == pytest.approx(
         sidereal_hour, abs=1e-3
     )
-    assert wrapped(mirrored.believed_deg()[0] - right.believed_deg()[0]) == pytest.approx(
-        -16.0, abs=1e-3
-    )
+    assert wrapped(mirrored.believed_deg()[0] - right.believed_deg()[0]) == pytest.approx(-16.0, abs=1e-3)
     assert hour_late.now_unix() - right.now_unix() == 3600.0
+
+
+def axis_direction(hour_deg, dec_deg):
+    """Unit vector (3,) in the mount frame of a perfect tube at these axis angles."""
+    h, d = np.radians([hour_deg, dec_deg])
+    return np.array([np.cos(d) * np.cos(h), -np.cos(d) * np.sin(h), np.sin(d)])
 
 
 @given(st.floats(-180, 180), st.floats(-89.9, 89.9), st.booleans(), st.booleans())
@@ -222,18 +229,19 @@ def test_a_perfect_mount_looks_where_its_angles_say(latitude, north):
             -np.cos(d) * np.sin(h), np.sin(d) * np.cos(p) - np.cos(d) * np.sin(p) * np.cos(h)
         )
         assert altitude_deg(seen[:, 2]) == pytest.approx(np.degrees(np.arcsin(sine)), abs=1e-9)
-        assert wrapped(float(azimuth_deg(seen[:, 2]) - np.degrees(azimuth))) == pytest.approx(
-            0.0, abs=1e-9
-        )
+        assert wrapped(float(azimuth_deg(seen[:, 2]) - np.degrees(azimuth))) == pytest.approx(0.0, abs=1e-9)
         np.testing.assert_allclose(seen.T @ seen, np.eye(3), atol=1e-12)
         assert np.linalg.det(seen) == pytest.approx(1.0)
 
 
 @settings(max_examples=30)
 @given(
-    site=st.sampled_from([NORTH, SOUTH]), error=st.tuples(st.floats(-120, 120), st.floats(-120, 120)),
-    dec=st.floats(-30, 30), turn=st.floats(15, 80), build=st.builds(Build, st.floats(-0.3, 0.3), st.floats(-0.2, 0.2)),
-)  # fmt: skip
+    site=st.sampled_from([NORTH, SOUTH]),
+    error=st.tuples(st.floats(-120, 120), st.floats(-120, 120)),
+    dec=st.floats(-30, 30),
+    turn=st.floats(15, 80),
+    build=st.builds(Build, st.floats(-0.3, 0.3), st.floats(-0.2, 0.2)),
+)
 def test_two_attitudes_tell_the_axis_whatever_the_tube_is_like(site, error, dec, turn, build):
     """The rotation between two views is about the polar axis alone: cone and square drop out."""
     mount, clock = mount_at(site, misalignment_arcmin=error, build=build)
@@ -282,7 +290,7 @@ def test_bolts_move_the_axis_in_the_words_of_polar_alignment(north):
 
 
 def test_bolts_have_play_and_drag_each_other():
-    wedge = Wedge(40.0, True, (10.0, -20.0), BoltWear((2.0, 0.0), (0.1, 0.0)))
+    wedge = Wedge(40.0, True, (10.0, -20.0), BoltErrors((2.0, 0.0), (0.1, 0.0)))
     wedge.turn(0.5, 0.0)  # within the play
     assert wedge.error_arcmin == (10.0, -20.0)
     wedge.turn(3.0, 0.0)
@@ -305,7 +313,7 @@ def test_a_fork_needs_no_flip():
 def test_commands_from_many_threads_leave_a_sane_mount():
     import threading
 
-    mount, clock = mount_at(hour_wear=AxisWear(backlash_deg=0.01, slip=0.001))
+    mount, clock = mount_at(hour_gear=GearErrors(backlash_deg=0.01, slip=0.001))
     failures = []
 
     def hammer(seed):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.core.hint import Site
-from app.simulate.local_sky import Air, LocalSky, altitude_deg, azimuth_deg
+from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Site
+from kochab.simulate.night_sky import Atmosphere, LocalSky, altitude_deg, azimuth_deg
 
 SITES = [Site(47.0, 8.0, 450.0), Site(-33.5, 151.2, 60.0), Site(2.0, -70.0, 2500.0)]
 NOW = 1_720_000_000.0  # 2024-07-03: within the table of the Earth's rotation astropy brings along
@@ -20,32 +20,27 @@ def _astropy_altaz(vectors, site, air):
     from astropy import units as u
     from astropy.coordinates import AltAz, EarthLocation, SkyCoord
     from astropy.time import Time
-    from astropy.utils import iers
 
-    with iers.conf.set_temp("auto_download", False):
-        where = EarthLocation.from_geodetic(
-            site.longitude_deg * u.deg, site.latitude_deg * u.deg, site.height_m * u.m
-        )
-        moment = Time(NOW, format="unix", scale="utc")
-        moment.delta_ut1_utc = 0.0
-        frame = AltAz(
-            obstime=moment,
-            location=where,
-            pressure=air.pressure_hpa * u.hPa,
-            temperature=air.temperature_c * u.deg_C,
-            relative_humidity=air.humidity,
-            obswl=air.wavelength_um * u.micron,
-        )
-        ra, dec = (
-            np.degrees(np.arctan2(vectors[:, 1], vectors[:, 0])),
-            np.degrees(np.arcsin(vectors[:, 2])),
-        )
-        there = SkyCoord(ra * u.deg, dec * u.deg).transform_to(frame)
-        return there.alt.deg, there.az.deg
+    where = EarthLocation.from_geodetic(
+        site.longitude_deg * u.deg, site.latitude_deg * u.deg, site.height_m * u.m
+    )
+    moment = Time(NOW, format="unix", scale="utc")
+    moment.delta_ut1_utc = 0.0
+    frame = AltAz(
+        obstime=moment,
+        location=where,
+        pressure=air.pressure_hpa * u.hPa,
+        temperature=air.temperature_c * u.deg_C,
+        relative_humidity=air.humidity,
+        obswl=air.wavelength_um * u.micron,
+    )
+    ra, dec = (np.degrees(np.arctan2(vectors[:, 1], vectors[:, 0])), np.degrees(np.arcsin(vectors[:, 2])))
+    there = SkyCoord(ra * u.deg, dec * u.deg).transform_to(frame)
+    return there.alt.deg, there.az.deg
 
 
 @pytest.mark.parametrize("site", SITES)
-@pytest.mark.parametrize("air", [Air(), Air(pressure_hpa=0.0)])
+@pytest.mark.parametrize("air", [Atmosphere(), Atmosphere(pressure_hpa=0.0)])
 def test_directions_are_those_of_astropy(site, air):
     vectors = _random_vectors()
     altitude, azimuth = _astropy_altaz(vectors, site, air)
@@ -71,8 +66,8 @@ def test_refraction_raises_by_the_table():
     """Bennett (1982): about 1.0' at 45 deg, 5.3' at 10 deg, for 1010 hPa and 10 C."""
     site = SITES[0]
     vectors = _random_vectors(4000, 3)
-    bare = LocalSky(site, NOW, Air(pressure_hpa=0.0)).to_enu(vectors)
-    bent = LocalSky(site, NOW, Air(humidity=0.0)).to_enu(vectors)
+    bare = LocalSky(site, NOW, Atmosphere(pressure_hpa=0.0)).to_enu(vectors)
+    bent = LocalSky(site, NOW, Atmosphere(humidity=0.0)).to_enu(vectors)
     lift = (altitude_deg(bent) - altitude_deg(bare)) * 60.0
     for altitude, arcmin in ((45.0, 0.98), (20.0, 2.65), (10.0, 5.35)):
         near = abs(altitude_deg(bent) - altitude) < 1.0
@@ -94,8 +89,8 @@ def test_the_pole_stands_at_the_latitude_and_air_lifts_it(site):
 def test_of_date_is_what_the_existing_room_says():
     from datetime import UTC, datetime
 
-    from app.core.attitude import radec_deg
-    from app.sky.apparent import apparent
+    from kochab.core.attitude import radec_deg
+    from kochab.sky.apparent import apparent
 
     moment = datetime.fromtimestamp(NOW, UTC)
     for vector in _random_vectors(5, 4):

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from app.detect import make_detector
-from app.simulate.fields import FieldPlan
-from app.simulate.pictures import random_picture
-from app.sky import open_catalogue
+from kochab.detection import DETECTORS
+from kochab.simulate.random_fields import FieldPlan, random_picture
+from kochab.sky import open_catalogue
 
 PLAN = FieldPlan(20.0, size_px=400, noise_px=0.1, missing=0.0, spurious=0.0, brightest=12)
 
@@ -41,7 +40,7 @@ def test_noise_moves_the_faintest_star_as_far_as_was_asked(make):
     errors = []
     for seed in range(40):
         picture = make(replace(PLAN, noise_px=0.15, magnitude_scatter=0.0), seed)
-        found = make_detector().detect(picture.frame).xy
+        found = DETECTORS.make().detect(picture.frame).xy
         faintest = picture.places[-1]
         nearest = found[np.argmin(np.hypot(*(found - faintest).T))]
         if np.hypot(*(nearest - faintest)) < 2.0:

@@ -6,13 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.core.earth import SIDEREAL_DEG_S
-from app.core.mount import Direction, PierSide
-from app.simulate.responders import RESPONDERS
-from app.simulate.responders.base import open_responder
-from app.simulate.responders.bench_telescope import BenchTelescope
-from app.simulate.responders.lx200 import Autostar
-from app.simulate.responders.nexstar import NexStar
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.simulate.responders import RESPONDERS, open_responder
+from kochab.simulate.responders.lx200 import AutostarResponder
+from kochab.simulate.responders.nexstar import NexStarResponder
+from tests.simulate.bench_telescope import BenchTelescope
 
 NOON = 1_767_268_800.0  # 2026-01-01 12:00 UTC
 VARIANTS = [*RESPONDERS, "autostar"]
@@ -43,7 +41,7 @@ def telescope(clock):
 
 
 def make(name, telescope):
-    return Autostar(telescope) if name == "autostar" else open_responder(name, telescope)
+    return AutostarResponder(telescope) if name == "autostar" else open_responder(name, telescope)
 
 
 def talk(responder, *exchanges):
@@ -56,14 +54,23 @@ def test_the_classic_is_imprecise_until_toggled_and_its_bars_have_33_bytes(teles
     talk(
         make("lx200", telescope),
         (b"\x06", b"P"),
-        (b":GR#", b"05:30.0#"), (b":GD#", b"-12\xdf15#"),
-        (b":U#", b""), (b":GR#", b"05:30:00#"), (b":GD#", b"-12\xdf15:00#"),
-        (b":U#", b""), (b":GR#", b"05:30.0#"),
-        (b":Sr05:40:30#", b"1"), (b":Sd-10*30:15#", b"1"),
-        (b":D#", b" " * 32 + b"#"), (b":MS#", b"0"), (b":D#", b"\x7f" * 32 + b"#"),
-        (b":Q#", b""), (b":D#", b" " * 32 + b"#"),
-        (b":GVP#", b""), (b":Mgn0500#", b""),
-    )  # fmt: skip
+        (b":GR#", b"05:30.0#"),
+        (b":GD#", b"-12\xdf15#"),
+        (b":U#", b""),
+        (b":GR#", b"05:30:00#"),
+        (b":GD#", b"-12\xdf15:00#"),
+        (b":U#", b""),
+        (b":GR#", b"05:30.0#"),
+        (b":Sr05:40:30#", b"1"),
+        (b":Sd-10*30:15#", b"1"),
+        (b":D#", b" " * 32 + b"#"),
+        (b":MS#", b"0"),
+        (b":D#", b"\x7f" * 32 + b"#"),
+        (b":Q#", b""),
+        (b":D#", b" " * 32 + b"#"),
+        (b":GVP#", b""),
+        (b":Mgn0500#", b""),
+    )
     [goto, stop] = telescope.log
     assert goto == ("goto", pytest.approx(85.125), pytest.approx(-10.504166667))
     assert stop == ("stop",)
@@ -72,11 +79,19 @@ def test_the_classic_is_imprecise_until_toggled_and_its_bars_have_33_bytes(teles
 def test_set_commands_answer_without_hash_and_refuse_what_is_no_angle(telescope):
     talk(
         make("lx200", telescope),
-        (b":Sr 05:40:30#", b"1"), (b":Sd +10*30:15#", b"1"), (b":Sr05:40.5#", b"1"),
-        (b":Sd-10\xdf30#", b"1"), (b":Sd+10:30:15#", b"1"), (b":Sd+10*30'15#", b"1"),
-        (b":Sr25:00:00#", b"0"), (b":Sr05:60:00#", b"0"), (b":Sd+91*00:00#", b"0"),
-        (b":Sd#", b"0"), (b":SrM42#", b"0"), (b":Sr-5:00:00#", b"0"),
-    )  # fmt: skip
+        (b":Sr 05:40:30#", b"1"),
+        (b":Sd +10*30:15#", b"1"),
+        (b":Sr05:40.5#", b"1"),
+        (b":Sd-10\xdf30#", b"1"),
+        (b":Sd+10:30:15#", b"1"),
+        (b":Sd+10*30'15#", b"1"),
+        (b":Sr25:00:00#", b"0"),
+        (b":Sr05:60:00#", b"0"),
+        (b":Sd+91*00:00#", b"0"),
+        (b":Sd#", b"0"),
+        (b":SrM42#", b"0"),
+        (b":Sr-5:00:00#", b"0"),
+    )
 
 
 def test_a_sync_of_the_classic_says_the_same_words_when_it_does_not(telescope):
@@ -99,24 +114,42 @@ def test_a_meade_says_why_it_does_not_slew(telescope):
 def test_site_and_time_in_meades_way_count_westward(telescope):
     talk(
         make("autostar", telescope),
-        (b":Gt#", b"+50\xdf30#"), (b":Gg#", b"008\xdf15#"), (b":GG#", b"+00#"),
-        (b":GL#", b"12:00:00#"), (b":GC#", b"01/01/26#"), (b":Gc#", b"24#"),
-        (b":SG-02#", b"1"), (b":GG#", b"-02#"), (b":GL#", b"14:00:00#"),
-        (b":SL15:30:20#", b"1"), (b":GL#", b"15:30:20#"), (b":SL25:00:00#", b"0"),
+        (b":Gt#", b"+50\xdf30#"),
+        (b":Gg#", b"008\xdf15#"),
+        (b":GG#", b"+00#"),
+        (b":GL#", b"12:00:00#"),
+        (b":GC#", b"01/01/26#"),
+        (b":Gc#", b"24#"),
+        (b":SG-02#", b"1"),
+        (b":GG#", b"-02#"),
+        (b":GL#", b"14:00:00#"),
+        (b":SL15:30:20#", b"1"),
+        (b":GL#", b"15:30:20#"),
+        (b":SL25:00:00#", b"0"),
         (b":SC02/30/26#", b"0"),
         (b":SC02/28/26#", b"1Updating Planetary Data#" + b" " * 30 + b"#"),
-        (b":GC#", b"02/28/26#"), (b":Sg351*30#", b"1"), (b":Gg#", b"351\xdf30#"),
-        (b":St-33*15#", b"1"), (b":Gt#", b"-33\xdf15#"),
-    )  # fmt: skip
+        (b":GC#", b"02/28/26#"),
+        (b":Sg351*30#", b"1"),
+        (b":Gg#", b"351\xdf30#"),
+        (b":St-33*15#", b"1"),
+        (b":Gt#", b"-33\xdf15#"),
+    )
 
 
 def test_an_autostar_is_precise_short_and_takes_pulses(telescope):
     talk(
         make("autostar", telescope),
-        (b":GVP#", b"Autostar#"), (b":GR#", b"05:30:00#"), (b":D#", b"#"), (b":GW#", b"PT2#"),
-        (b":Mgw0250#", b""), (b":RC#", b""), (b":Mn#", b""), (b":Qn#", b""), (b":hP#", b""),
+        (b":GVP#", b"Autostar#"),
+        (b":GR#", b"05:30:00#"),
+        (b":D#", b"#"),
+        (b":GW#", b"PT2#"),
+        (b":Mgw0250#", b""),
+        (b":RC#", b""),
+        (b":Mn#", b""),
+        (b":Qn#", b""),
+        (b":hP#", b""),
         (b":MS#", b"2Parked.#"),
-    )  # fmt: skip
+    )
     assert telescope.log[:3] == [
         ("pulse", Direction.WEST, 250.0),
         ("move", Direction.NORTH, 32 * SIDEREAL_DEG_S),
@@ -129,13 +162,28 @@ def test_onstep_answers_in_digits_and_flags(telescope):
     onstep = make("onstep", telescope)
     talk(
         onstep,
-        (b":GVP#", b"On-Step#"), (b":GU#", b"NpET120#"), (b":GR#", b"05:30:00#"),
-        (b":GD#", b"-12*15:00#"), (b":GRH#", b"05:30:00.0000#"), (b":GDH#", b"-12*15:00.000#"),
-        (b":CM#", b"N/A#"), (b":GR#", b"00:00:00#"), (b":ZZ#", b"0"),
-        (b":Sr02:00:00#", b"1"), (b":MS#", b"0"), (b":GU#", b"pET120#"), (b":MS#", b"5"),
-        (b":Q#", b""), (b":Td#", b"1"), (b":GU#", b"nNpET120#"), (b":hP#", b"1"),
-        (b":GU#", b"nNPET120#"), (b":MS#", b"4"), (b":Te#", b"0"), (b":hR#", b"1"),
-    )  # fmt: skip
+        (b":GVP#", b"On-Step#"),
+        (b":GU#", b"NpET120#"),
+        (b":GR#", b"05:30:00#"),
+        (b":GD#", b"-12*15:00#"),
+        (b":GRH#", b"05:30:00.0000#"),
+        (b":GDH#", b"-12*15:00.000#"),
+        (b":CM#", b"N/A#"),
+        (b":GR#", b"00:00:00#"),
+        (b":ZZ#", b"0"),
+        (b":Sr02:00:00#", b"1"),
+        (b":MS#", b"0"),
+        (b":GU#", b"pET120#"),
+        (b":MS#", b"5"),
+        (b":Q#", b""),
+        (b":Td#", b"1"),
+        (b":GU#", b"nNpET120#"),
+        (b":hP#", b"1"),
+        (b":GU#", b"nNPET120#"),
+        (b":MS#", b"4"),
+        (b":Te#", b"0"),
+        (b":hR#", b"1"),
+    )
     onstep.refusal = lambda: "limits"
     talk(onstep, (b":MS#", b"6"), (b":CM#", b"E6#"))
 
@@ -143,24 +191,42 @@ def test_onstep_answers_in_digits_and_flags(telescope):
 def test_nexstar_speaks_hex_and_binary(telescope):
     talk(
         make("nexstar", telescope),
-        (b"Kx", b"x#"), (b"K#", b"##"), (b"V", b"\x04\x15#"), (b"m", b"\x14#"),
-        (b"e", b"3AAAAB00,F749F500#"), (b"E", b"3AAB,F74A#"),
-        (b"J", b"\x01#"), (b"L", b"0#"), (b"t", b"\x02#"), (b"p", b"W#"),
-        (b"s3AAAAAAA,F749F49F", b"#"), (b"r35B00000,12CE0500", b"#"), (b"L", b"1#"), (b"M", b"#"),
-        (b"L", b"0#"), (b"T\x00", b"#"), (b"t", b"\x00#"), (b"T\x09", b""),
-        (b"w", b"\x32\x1e\x00\x00\x08\x0f\x00\x01#"), (b"h", b"\x0c\x00\x00\x01\x01\x1a\x00\x00#"),
+        (b"Kx", b"x#"),
+        (b"K#", b"##"),
+        (b"V", b"\x04\x15#"),
+        (b"m", b"\x14#"),
+        (b"e", b"3AAAAB00,F749F500#"),
+        (b"E", b"3AAB,F74A#"),
+        (b"J", b"\x01#"),
+        (b"L", b"0#"),
+        (b"t", b"\x02#"),
+        (b"p", b"W#"),
+        (b"s3AAAAAAA,F749F49F", b"#"),
+        (b"r35B00000,12CE0500", b"#"),
+        (b"L", b"1#"),
+        (b"M", b"#"),
+        (b"L", b"0#"),
+        (b"T\x00", b"#"),
+        (b"t", b"\x00#"),
+        (b"T\x09", b""),
+        (b"w", b"\x32\x1e\x00\x00\x08\x0f\x00\x01#"),
+        (b"h", b"\x0c\x00\x00\x01\x01\x1a\x00\x00#"),
         (bytes([0x50, 1, 16, 0xFE, 0, 0, 0, 2]), b"\x04\x15#"),
         (bytes([0x50, 1, 0xB0, 0xFE, 0, 0, 0, 2]), b"\x00\x00\x00#"),
-        (bytes([0x50, 2, 17, 37, 9, 0, 0, 0]), b"#"), (bytes([0x50, 2, 17, 36, 0, 0, 0, 0]), b"#"),
+        (bytes([0x50, 2, 17, 37, 9, 0, 0, 0]), b"#"),
+        (bytes([0x50, 2, 17, 36, 0, 0, 0, 0]), b"#"),
         (bytes([0x50, 3, 16, 6, 0x0E, 0x10, 0, 0]), b"#"),
         (bytes([0x50, 3, 16, 0x26, 0xCE, 20, 0, 0]), b"#"),
-    )  # fmt: skip
+    )
     assert telescope.log[0][:1] == ("sync",)
     assert telescope.log[0][1:] == pytest.approx((82.5, -12.25), abs=1e-6)
     assert telescope.log[3:] == [
-        ("move", Direction.SOUTH, 4.0), ("halt", Direction.NORTH), ("halt", Direction.SOUTH),
-        ("move", Direction.WEST, 0.25), ("pulse", Direction.EAST, 200.0),
-    ]  # fmt: skip
+        ("move", Direction.SOUTH, 4.0),
+        ("halt", Direction.NORTH),
+        ("halt", Direction.SOUTH),
+        ("move", Direction.WEST, 0.25),
+        ("pulse", Direction.EAST, 200.0),
+    ]
 
 
 def test_an_unaligned_nexstar_says_hash_and_stays_and_an_old_one_knows_no_sync(telescope):
@@ -174,7 +240,7 @@ def test_an_unaligned_nexstar_says_hash_and_stays_and_an_old_one_knows_no_sync(t
 
 
 def test_synscan_is_in_j2000_and_takes_no_sync_from_afar(telescope):
-    from app.simulate.responders.precession import from_j2000
+    from kochab.simulate.responders.nexstar import from_j2000
 
     synscan = make("synscan", telescope)
     talk(synscan, (b"V", b"042705#"), (b"m", b"\x00#"))
@@ -196,20 +262,36 @@ def test_synscan_stops_at_the_second_m(telescope):
 def test_ioptron_has_two_lengths_of_answer(telescope):
     talk(
         make("ioptron", telescope),
-        (b":MountInfo#", b"0040"), (b":GEP#", b"-0441000002970000011#"),
+        (b":MountInfo#", b"0040"),
+        (b":GEP#", b"-0441000002970000011#"),
         (b":GLS#", b"-0297000050580000010511#"),
-        (b":SRA025920000#", b"1"), (b":Sds#", b""), (b":Sd+03600000#", b"1"), (b":MS1#", b"1"),
-        (b":GLS#", b"-0297000050580000020511#"), (b":CM#", b"1"), (b":Q#", b"1"),
-        (b":SR7#", b"1"), (b":mw#", b""), (b":qR#", b"1"), (b":mn#", b""), (b":qD#", b"1"),
-        (b":ZS00300#", b""), (b":ST0#", b"1"), (b":GLS#", b"-0297000050580000000711#"),
-        (b":MP1#", b"1"), (b":GLS#", b"-0297000050580000060711#"), (b":MS1#", b"0"),
-        (b":SRA129600001#", b"0"), (b":nonsense#", b""),
-    )  # fmt: skip
+        (b":SRA025920000#", b"1"),
+        (b":Sds#", b""),
+        (b":Sd+03600000#", b"1"),
+        (b":MS1#", b"1"),
+        (b":GLS#", b"-0297000050580000020511#"),
+        (b":CM#", b"1"),
+        (b":Q#", b"1"),
+        (b":SR7#", b"1"),
+        (b":mw#", b""),
+        (b":qR#", b"1"),
+        (b":mn#", b""),
+        (b":qD#", b"1"),
+        (b":ZS00300#", b""),
+        (b":ST0#", b"1"),
+        (b":GLS#", b"-0297000050580000000711#"),
+        (b":MP1#", b"1"),
+        (b":GLS#", b"-0297000050580000060711#"),
+        (b":MS1#", b"0"),
+        (b":SRA129600001#", b"0"),
+        (b":nonsense#", b""),
+    )
     rate = 256 * SIDEREAL_DEG_S
     assert [entry for entry in telescope.log if entry[0] in ("sync", "move", "pulse")] == [
-        ("move", Direction.EAST, rate), ("move", Direction.NORTH, rate),
+        ("move", Direction.EAST, rate),
+        ("move", Direction.NORTH, rate),
         ("pulse", Direction.EAST, 300.0),
-    ]  # fmt: skip
+    ]
 
 
 def test_a_motor_board_counts_steps_and_refuses_by_code(clock):
@@ -218,14 +300,32 @@ def test_a_motor_board_counts_steps_and_refuses_by_code(clock):
     board = make("skywatcher", telescope)
     talk(
         board,
-        (b":e1\r", b"=020300\r"), (b":a1\r", b"=00B289\r"), (b":b2\r", b"=A7FD00\r"),
-        (b":g1\r", b"=10\r"), (b":j1\r", b"=000080\r"), (b":j2\r", b"=000080\r"),
-        (b":f1\r", b"=100\r"), (b":J1\r", b"!4\r"), (b":F1\r", b"=\r"), (b":f1\r", b"=101\r"),
-        (b":X1\r", b"!0\r"), (b":H1123\r", b"!1\r"), (b":H1ZZZZZZ\r", b"!3\r"), (b":j9\r", b"!3\r"),
-        (b":G100\r", b"=\r"), (b":H100B289\r", b"=\r"), (b":J1\r", b"=\r"), (b":f1\r", b"=411\r"),
-        (b":G110\r", b"!2\r"), (b":K1\r", b"=\r"), (b":f1\r", b"=401\r"),
-        (b":G110\r", b"=\r"), (b":I16C0200\r", b"=\r"), (b":J1\r", b"=\r"), (b":f1\r", b"=111\r"),
-    )  # fmt: skip
+        (b":e1\r", b"=020300\r"),
+        (b":a1\r", b"=00B289\r"),
+        (b":b2\r", b"=A7FD00\r"),
+        (b":g1\r", b"=10\r"),
+        (b":j1\r", b"=000080\r"),
+        (b":j2\r", b"=000080\r"),
+        (b":f1\r", b"=100\r"),
+        (b":J1\r", b"!4\r"),
+        (b":F1\r", b"=\r"),
+        (b":f1\r", b"=101\r"),
+        (b":X1\r", b"!0\r"),
+        (b":H1123\r", b"!1\r"),
+        (b":H1ZZZZZZ\r", b"!3\r"),
+        (b":j9\r", b"!3\r"),
+        (b":G100\r", b"=\r"),
+        (b":H100B289\r", b"=\r"),
+        (b":J1\r", b"=\r"),
+        (b":f1\r", b"=411\r"),
+        (b":G110\r", b"!2\r"),
+        (b":K1\r", b"=\r"),
+        (b":f1\r", b"=401\r"),
+        (b":G110\r", b"=\r"),
+        (b":I16C0200\r", b"=\r"),
+        (b":J1\r", b"=\r"),
+        (b":f1\r", b"=111\r"),
+    )
     clock.t += 100.0
     counted = int.from_bytes(bytes.fromhex(board.feed(b":j1\r")[1:7].decode()), "little") - 0x800000
     assert counted == pytest.approx(100 * 64935 / 620, abs=2)
@@ -257,7 +357,7 @@ QUERIES = {
     "synscan": b"KxVmeEJLtpwh" + b"s3AAAAAAA,F749F49F" + b"P\x01\x10\xfe\x00\x00\x00\x02" + b"eK#M",
     "ioptron": b":MountInfo#:GLS#:GEP#:SRA025920000#:Sd+03600000#:CM#:GEP#:GUT#:GAC#:Q#",
     "skywatcher": b":e1\r:F1\r:G100\r:H1000010\r:J1\r:f1\r:j1\r:K1\r:X1\r:F3\r:E2000090\r:j2\r",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", VARIANTS)
@@ -301,7 +401,7 @@ def test_no_bytes_upset_it_and_it_answers_again_after_a_pause(name, data):
 
 
 def test_half_a_command_is_forgotten_in_a_pause(telescope):
-    nexstar = NexStar(telescope)
+    nexstar = NexStarResponder(telescope)
     talk(nexstar, (b"r3AAA", b""))
     nexstar.idle()
     talk(nexstar, (b"Kx", b"x#"))

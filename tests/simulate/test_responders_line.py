@@ -9,18 +9,20 @@ import time
 import pytest
 import serial
 
-from app.core.errors import PortError
-from app.simulate.line import IDLE_S, pty_line, serve_pty, serve_socket, socket_line
-from app.simulate.line_faults import Fault, Faults
-from app.simulate.responders import RESPONDERS
-from app.simulate.responders.base import open_responder
-from app.simulate.responders.bench_telescope import BenchTelescope
+from kochab.core.errors import PortError
+from kochab.simulate.responders import RESPONDERS, open_responder
+from kochab.simulate.serial_line import IDLE_S, Fault, Faults, pty_line, socket_line
+from tests.simulate.bench_telescope import BenchTelescope
+from tests.simulate.lines import serve_pty, serve_socket
 
 FIRST = {
-    "lx200": (b"\x06", b"P"), "onstep": (b":GVP#", b"On-Step#"), "nexstar": (b"Kx", b"x#"),
-    "synscan": (b"V", b"042705#"), "ioptron": (b":MountInfo#", b"0040"),
+    "lx200": (b"\x06", b"P"),
+    "onstep": (b":GVP#", b"On-Step#"),
+    "nexstar": (b"Kx", b"x#"),
+    "synscan": (b"V", b"042705#"),
+    "ioptron": (b":MountInfo#", b"0040"),
     "skywatcher": (b":e1\r", b"=020300\r"),
-}  # fmt: skip
+}
 WAIT_S = 20.0  # far more than is needed: a busy machine must not fail a test
 KINDS = [
     pytest.param("pty", marks=pytest.mark.skipif(sys.platform == "win32", reason="no ptys there")),

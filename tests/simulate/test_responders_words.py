@@ -7,14 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.attitude import apart_deg
-from app.simulate.responders.bench_telescope import BenchTelescope
-from app.simulate.responders.horizontal import horizontal_deg
-from app.simulate.responders.local import LocalSettings
-from app.simulate.responders.nexstar_words import read_pair, written_pair
-from app.simulate.responders.precession import from_j2000, to_j2000
-from app.simulate.responders.sexagesimal import degrees, hours, parse
-from app.simulate.responders.skywatcher_motor import low_first, number
+from kochab.core.attitude import apart_deg
+from kochab.simulate.responders import LocalSettings, horizontal_deg
+from kochab.simulate.responders.lx200 import degrees, hours, parse
+from kochab.simulate.responders.nexstar import from_j2000, read_pair, to_j2000, written_pair
+from kochab.simulate.responders.skywatcher import low_first, number
+from tests.simulate.bench_telescope import BenchTelescope
 
 RA = st.floats(0.0, 360.0, exclude_max=True)
 DEC = st.floats(-90.0, 90.0)
@@ -44,11 +42,14 @@ def test_degrees_are_read_back_to_half_their_last_digit(dec, form):
 @pytest.mark.parametrize(
     ("written", "text"),
     [
-        (hours(359.9999, True), b"00:00:00"), (hours(359.99, False), b"00:00.0"),
-        (degrees(-0.5 / 3600.0 / 2, True), b"+00*00:00"), (degrees(-0.25, False), b"-00*15"),
-        (degrees(29.99999, True), b"+30*00:00"), (degrees(8.25, False, width=3, signed=False), b"008*15"),
+        (hours(359.9999, True), b"00:00:00"),
+        (hours(359.99, False), b"00:00.0"),
+        (degrees(-0.5 / 3600.0 / 2, True), b"+00*00:00"),
+        (degrees(-0.25, False), b"-00*15"),
+        (degrees(29.99999, True), b"+30*00:00"),
+        (degrees(8.25, False, width=3, signed=False), b"008*15"),
     ],
-)  # fmt: skip
+)
 def test_seconds_carry_and_nought_has_no_minus(written, text):
     assert written == text
 
@@ -90,8 +91,10 @@ def test_azimuth_runs_from_north_over_east():
     telescope = BenchTelescope(latitude_deg=50.0, now=lambda: 0.0)
     meridian = telescope.sidereal_deg()
     for hour, dec, altitude, azimuth in (
-        (0.0, 20.0, 60.0, 180.0), (0.0, 80.0, 60.0, 0.0), (-90.0, 0.0, 0.0, 90.0),
-    ):  # fmt: skip
+        (0.0, 20.0, 60.0, 180.0),
+        (0.0, 80.0, 60.0, 0.0),
+        (-90.0, 0.0, 0.0, 90.0),
+    ):
         telescope.sync((meridian - hour) % 360.0, dec)
         told = horizontal_deg(telescope, 50.0)
         assert told[0] == pytest.approx(altitude, abs=1e-6)

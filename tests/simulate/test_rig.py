@@ -5,27 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.core.hint import Site
-from app.core.mount import Direction
-from app.core.progress import run
-from app.core.solution import Solution
-from app.simulate.camera import CameraConfig
-from app.simulate.mechanics.axis import AxisWear
-from app.simulate.mechanics.geometry import Build
-from app.simulate.mechanics.mount import MountConfig
-from app.simulate.rig import Event, PracticeRig, RigConfig
-from app.simulate.score import score
-from app.simulate.weather import WeatherConfig
-from app.solve.solver import SolveOptions, solve_detections, solve_frame
+from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Site
+from kochab.core.mount import Direction
+from kochab.core.progress import run
+from kochab.core.solution import Solution
+from kochab.simulate.camera import CameraConfig
+from kochab.simulate.mechanics.axis import GearErrors
+from kochab.simulate.mechanics.geometry import Build, MountConfig
+from kochab.simulate.night_sky import WeatherConfig
+from kochab.simulate.practice import score
+from kochab.simulate.rig import Event, PracticeRig, RigConfig
+from kochab.solver import SolveOptions
+from kochab.solver.pipeline import solve_detections, solve_frame
 from tests.simulate.rig_help import catalogue, turn_arcsec
 
 NORTH, SOUTH = Site(47.0, 8.0, 450.0), Site(-33.0, 151.0, 60.0)
 FAULTY = MountConfig(
     misalignment_arcmin=(30.0, -45.0),
     build=Build(0.2, 0.05, 40.0, 33.0),
-    hour_wear=AxisWear(0.01, 10.0, slip=0.004, rate_error=1e-4, wobble_arcsec=20.0),
-    dec_wear=AxisWear(0.01, wobble_arcsec=20.0),
+    hour_gear=GearErrors(0.01, 10.0, slip=0.004, rate_error=1e-4, wobble_arcsec=20.0),
+    dec_gear=GearErrors(0.01, wobble_arcsec=20.0),
 )
 
 
@@ -91,9 +91,7 @@ def test_a_wide_lens_with_distortion_solves_to_the_truth():
 def test_two_solved_frames_give_the_hidden_axis(site):
     """Solved attitudes, taken to east, north, up, turn about the axis the rig hides."""
     wrong = MountConfig(misalignment_arcmin=(25.0, -40.0), build=Build(0.1, 0.0, 0.0, 20.0))
-    rig = rig_with(
-        seed=2, site=site, mount=wrong, start_deg=(-40.0, 20.0 if site is NORTH else -20.0)
-    )
+    rig = rig_with(seed=2, site=site, mount=wrong, start_deg=(-40.0, 20.0 if site is NORTH else -20.0))
     views = []
     for _ in range(2):
         begin = rig.clock.now_unix()
@@ -155,9 +153,7 @@ def test_unguided_trails_are_drift_times_exposure():
     listed, _ = rig.star_list(2.0)
     trail = 2.0 * 15.041 / rig.camera.optics.scale_arcsec_px
     along = np.sqrt((rig.config.camera.fwhm_px / 2.3548) ** 2 + trail**2 / 12.0)
-    assert listed.elongation[0] == pytest.approx(
-        along / (rig.config.camera.fwhm_px / 2.3548), rel=0.02
-    )
+    assert listed.elongation[0] == pytest.approx(along / (rig.config.camera.fwhm_px / 2.3548), rel=0.02)
 
 
 def test_wind_shakes_the_camera_and_not_the_belief():
@@ -199,8 +195,7 @@ def test_bolts_bring_the_axis_to_the_pole_and_the_score_says_so():
 
 def test_the_seed_decides_everything():
     one, two, other = (
-        rig_with(seed=s, mount=FAULTY, lost_deg=2.0, weather=WeatherConfig(0.3))
-        for s in (11, 11, 12)
+        rig_with(seed=s, mount=FAULTY, lost_deg=2.0, weather=WeatherConfig(0.3)) for s in (11, 11, 12)
     )
     np.testing.assert_array_equal(one.frame(0.5).pixels, two.frame(0.5).pixels)
     np.testing.assert_array_equal(one.star_list(0.5)[0].xy, two.star_list(0.5)[0].xy)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.simulate.stars import FWHM_PER_SIGMA, Sensor, Sky, StarImage, add_stars, render
+from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, render
 
 NOBODY = (np.empty((0, 2)), np.empty(0))
 
@@ -21,10 +21,14 @@ def _moments(light):
 @pytest.mark.parametrize(
     "image",
     [
-        StarImage(1.2), StarImage(3.0), StarImage(5.0), StarImage(3.0, trail_px=(9.0, -4.0)),
-        StarImage(2.5, ring_px=(3.0, 6.0)), StarImage(2.0, beta=4.5),
+        RenderedStar(1.2),
+        RenderedStar(3.0),
+        RenderedStar(5.0),
+        RenderedStar(3.0, trail_px=(9.0, -4.0)),
+        RenderedStar(2.5, ring_px=(3.0, 6.0)),
+        RenderedStar(2.0, beta=4.5),
     ],
-)  # fmt: skip
+)
 def test_light_and_place_are_kept(image, place):
     light = np.zeros((60, 81), dtype=np.float32)
     add_stars(light, np.array([place]), np.array([1000.0]), image)
@@ -35,7 +39,7 @@ def test_light_and_place_are_kept(image, place):
 
 def test_second_moments_are_those_of_image_pixel_and_trail():
     light = np.zeros((80, 80), dtype=np.float32)
-    image = StarImage(3.0, trail_px=(12.0, 5.0))
+    image = RenderedStar(3.0, trail_px=(12.0, 5.0))
     add_stars(light, np.array([[40.2, 39.9]]), np.array([1e4]), image)
     _, _, (xx, yy, xy) = _moments(light.astype(float))
     core = (3.0 / FWHM_PER_SIGMA) ** 2 + 1 / 12
@@ -47,7 +51,7 @@ def test_second_moments_are_those_of_image_pixel_and_trail():
 def test_stars_beyond_the_edge_shed_light_inside_or_none():
     light = np.zeros((50, 50), dtype=np.float32)
     xy = np.array([[-1.0, 25.0], [49.5, 49.5], [-500.0, 10.0], [1e6, 1e6]])
-    add_stars(light, xy, np.full(4, 100.0), StarImage(3.0))
+    add_stars(light, xy, np.full(4, 100.0), RenderedStar(3.0))
     assert 0 < light.sum() < 150
 
 
@@ -99,9 +103,7 @@ def test_a_mosaic_sees_each_colour_through_its_filter():
 @pytest.mark.parametrize("size", [(1, 1), (3, 700), (301, 257), (513, 2)])
 def test_any_size_is_made_and_the_seed_decides(size):
     xy, flux = np.array([[0.5, 0.5]]), np.array([5000.0])
-    one, again, other = (
-        render(*size, xy, flux, sky=Sky(400.0, hot_per_mp=100.0), seed=s) for s in (3, 3, 4)
-    )
+    one, again, other = (render(*size, xy, flux, sky=Sky(400.0, hot_per_mp=100.0), seed=s) for s in (3, 3, 4))
     assert one.pixels.shape == (size[1], size[0])
     np.testing.assert_array_equal(one.pixels, again.pixels)
     assert one.pixels.size < 4 or (one.pixels != other.pixels).any()

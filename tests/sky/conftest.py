@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from app.sky import open_catalogue
-from app.sky.catalogue import Catalogue
-from app.sky.making.build import write_deep
-from app.sky.making.merge import Stars
+from kochab.sky import Catalogue, open_catalogue
+from kochab.sky.catalogue_build import write_deep
+from kochab.sky.catalogue_merge import StarList
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +21,7 @@ def small(tmp_path_factory):
     vector[600:1200] = [1.0, 0.0, 0.0] + 0.03 * rng.normal(size=(600, 3))
     vector /= np.linalg.norm(vector, axis=1, keepdims=True)
     n = len(vector)
-    stars = Stars(
+    stars = StarList(
         vector,
         rng.normal(size=(n, 2)) * 3000.0,
         rng.uniform(-1.0, 13.0, n),

@@ -6,8 +6,8 @@ import struct
 import numpy as np
 from astropy.io import fits
 
-from app.core.attitude import unit_vectors
-from app.sky.making.stellarium import MAGIC, triangles
+from kochab.core.attitude import unit_vectors
+from kochab.sky.catalogue_sources import MAGIC, triangles
 
 
 def star_file(path, level, kind, stars):
@@ -57,9 +57,7 @@ def index_file(path, stars):
 
     def table(name, rows):
         raw = np.ascontiguousarray(rows).view("u1").reshape(len(rows), -1)
-        return fits.BinTableHDU.from_columns(
-            [fits.Column(name, f"{raw.shape[1]}B", array=raw)]
-        )  # fmt: skip
+        return fits.BinTableHDU.from_columns([fits.Column(name, f"{raw.shape[1]}B", array=raw)])
 
     tags = fits.BinTableHDU.from_columns([fits.Column("MAG_VT", "1E", array=vt)])
     hdus = [table("kdtree_range_stars", span[:, None]), table("kdtree_data_stars", u), tags]
@@ -77,9 +75,7 @@ def write_packages(folder, bright, faint, tycho, listed):
     rows = {s["hip"]: s.get("pm", (0, 0)) for s in bright if s.get("hip")}
     pm = "".join(f"{h}\t{a}\t{d}\n" for h, (a, d) in reversed(rows.items()))
     (home / "hip_pm.dat").write_text("# HIP\tpmRA\tpmDE\n" + pm)
-    (home / "cross-id.dat").write_text(
-        "# HIP\t\tSAO\tHD\tHR\n91262\t\t67174\t172167\t7001\n7\t\t\t5\n"
-    )
+    (home / "cross-id.dat").write_text("# HIP\t\tSAO\tHD\tHR\n91262\t\t67174\t172167\t7001\n7\t\t\t5\n")
     (home / "name.fab").write_text("91262|α_Lyr\n91262|3_Lyr\n7|61_Cyg_A\n")
     (home / "gcvs_hip_part.dat").write_text("7\tR And\tM\n")
     (western / "star_names.fab").write_text('# x\n 91262|_("Vega") 1,2\n91262|_("Harp star") 3\n')

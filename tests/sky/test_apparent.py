@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.attitude import unit_vectors
-from app.sky.apparent import (
+from kochab.core.attitude import unit_vectors
+from kochab.sky.apparent import (
     aberrated,
     apparent,
     earth_velocity,

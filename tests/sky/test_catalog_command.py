@@ -3,9 +3,9 @@ import re
 
 import pytest
 
-from app.cli.main import main
-from app.sky.catalogue import shipped_folder
-from app.sky.inventory import read_manifest
+from kochab.cli.main import main
+from kochab.sky import shipped_folder
+from kochab.sky.inventory import read_manifest
 
 
 def test_info_finds_the_shipped_catalogue_sound(capsys):
@@ -35,7 +35,7 @@ def test_coverage_says_where_the_sky_is_poor(capsys):
     assert told["fields"] == 3000
     assert 3 <= told["fewest"] < told["percent_5"] < told["median"] < told["most"]
     assert main(arguments) == 0
-    assert f"{told['fewest']} stars at the fewest" in capsys.readouterr().out
+    assert f"{told['fewest']} stars or more" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

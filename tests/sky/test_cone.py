@@ -3,7 +3,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from app.core.attitude import unit_vectors
+from kochab.core.attitude import unit_vectors
 
 
 def brute(catalogue, centre, radius, limit, year):

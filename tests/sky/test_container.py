@@ -7,20 +7,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.errors import CatalogueError
-from app.sky import open_catalogue
-from app.sky.container import Container, write_container
-from app.sky.making.build import write_deep
-from app.sky.making.merge import Stars
+from kochab.core.errors import CatalogueError
+from kochab.sky import open_catalogue
+from kochab.sky.catalogue_build import write_deep
+from kochab.sky.catalogue_file import Container, write_container
+from kochab.sky.catalogue_merge import StarList
 
 
 def few(n=500):
     rng = np.random.default_rng(n)
     v = rng.normal(size=(n, 3))
-    return Stars(
-        v / np.linalg.norm(v, axis=1, keepdims=True), np.zeros((n, 2)), rng.uniform(2, 12, n),
-        np.full(n, np.nan), np.zeros(n, np.int64), np.zeros(n, np.uint8),
-    )  # fmt: skip
+    return StarList(
+        v / np.linalg.norm(v, axis=1, keepdims=True),
+        np.zeros((n, 2)),
+        rng.uniform(2, 12, n),
+        np.full(n, np.nan),
+        np.zeros(n, np.int64),
+        np.zeros(n, np.uint8),
+    )
 
 
 @pytest.fixture
@@ -89,9 +93,7 @@ def test_an_index_that_does_not_fit_is_said(file):
         open_catalogue(file.with_name("other"))
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("link_bright", 2**31), ("link_deep", 0), ("link_deep", 2**31)]
-)
+@pytest.mark.parametrize(("name", "value"), [("link_bright", 2**31), ("link_deep", 0), ("link_deep", 2**31)])
 def test_links_that_lead_nowhere_are_said(monkeypatch, name, value):
     catalogue = open_catalogue()
     row, whole = catalogue.find("Vega"), catalogue.container.column

@@ -1,19 +1,19 @@
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.core.errors import UsageError
-from app.core.progress import run
-from app.sky.catalogue import Catalogue
-from app.sky.coverage import coverage, even_points
-from app.sky.making.build import write_deep
-from app.sky.making.merge import Stars
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import UsageError
+from kochab.core.progress import run
+from kochab.sky import Catalogue
+from kochab.sky.catalogue_build import write_deep
+from kochab.sky.catalogue_merge import StarList
+from kochab.sky.inventory import coverage, even_points
 
 
 def catalogue_of(path, vector, mag=8.0):
     n = len(vector)
     none = np.zeros(n, np.int64)
-    stars = Stars(vector, np.zeros((n, 2)), np.full(n, mag), np.zeros(n), none, none.astype("u1"))
+    stars = StarList(vector, np.zeros((n, 2)), np.full(n, mag), np.zeros(n), none, none.astype("u1"))
     write_deep(path, stars)
     return Catalogue(path)
 
@@ -38,8 +38,8 @@ def test_the_hole_in_the_sky_is_found(tmp_path):
 
 
 def test_counts_agree_with_a_camera(catalogue):
-    from app.core.attitude import attitude_from
-    from app.core.camera import Camera
+    from kochab.core.attitude import attitude_from
+    from kochab.core.camera import Camera
 
     told = run(coverage(catalogue, 3.0, mag_limit=8.0, fields=400))
     assert told.mag_limit == 8.0

@@ -6,15 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.cli.main import main
-from app.core.attitude import unit_vectors
-from app.core.errors import CatalogueError
-from app.core.progress import run
-from app.sky import layout, open_catalogue
-from app.sky.importing.astap import MARK, decode
-from app.sky.importing.choose import read_foreign, user_folder
-from app.sky.importing.combine import combine
-from app.sky.importing.stars import ForeignStars, v_of_gaia
+from kochab.cli.main import main
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import CatalogueError
+from kochab.core.progress import run
+from kochab.sky import catalogue_file, open_catalogue
+from kochab.sky.catalogue_import import (
+    MARK,
+    ForeignStars,
+    combine,
+    decode,
+    read_foreign,
+    user_folder,
+    v_of_gaia,
+)
 from tests.sky.packages import index_file
 
 
@@ -151,7 +156,7 @@ def test_an_imported_catalogue_holds_both(tmp_path, catalogue):
     row = both.cone(unit_vectors(83.0, 60.0 - 16.0 / 3600), np.radians(1.0 / 3600))
     assert len(row) == 1
     assert both.mag(row) == pytest.approx([14.5])
-    assert both.flags(row)[0] == layout.MOVING
+    assert both.flags(row)[0] == catalogue_file.MOVING
     now = both.vectors(row, 2026.0)[0]
     assert np.degrees(np.linalg.norm(now - unit_vectors(83.0, 60.0 + 10.0 / 3600))) * 3600 < 0.1
     assert both.label(both.find("Vega")) == ("HIP 91262", "Vega")

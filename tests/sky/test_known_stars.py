@@ -41,9 +41,13 @@ def test_a_star_is_where_it_was_at_j2000(catalogue, name):
 def test_a_star_is_where_it_is_now(catalogue, name):
     place, pm_ra, pm_dec, within = KNOWN[name]
     start = SkyCoord(
-        place, unit=(u.hourangle, u.deg), pm_ra_cosdec=pm_ra * u.mas / u.yr,
-        pm_dec=pm_dec * u.mas / u.yr, obstime="J2000", distance=20 * u.pc,
-    )  # fmt: skip
+        place,
+        unit=(u.hourangle, u.deg),
+        pm_ra_cosdec=pm_ra * u.mas / u.yr,
+        pm_dec=pm_dec * u.mas / u.yr,
+        obstime="J2000",
+        distance=20 * u.pc,
+    )
     now = start.apply_space_motion(dt=26.0 * u.yr).cartesian.xyz.value
     want = now / np.linalg.norm(now)
     found = catalogue.vectors([catalogue.find(name)], 2026.0)[0]

@@ -1,18 +1,15 @@
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.core.errors import CatalogueError, UsageError
-from app.core.progress import run
-from app.sky import layout
-from app.sky.catalogue import Catalogue
-from app.sky.inventory import inventory
-from app.sky.making.build import build
-from app.sky.making.cells import KEPT, SIDE, cell_of
-from app.sky.making.epochs import EARLY, moved, offsets
-from app.sky.making.stellarium import read_stars, triangles
-from app.sky.making.tycho import read_index
-from app.sky.names import Names
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import CatalogueError, UsageError
+from kochab.core.progress import run
+from kochab.sky import Catalogue, catalogue_file
+from kochab.sky.catalogue_build import build
+from kochab.sky.catalogue_merge import KEPT, SIDE, cell_of
+from kochab.sky.catalogue_sources import EARLY, moved, offsets, read_index, read_stars, triangles
+from kochab.sky.inventory import inventory
+from kochab.sky.names import StarNames
 from tests.sky.packages import index_file, star_file, write_packages
 
 YEARS = 2000.0 - EARLY
@@ -24,8 +21,7 @@ def shifted(ra, dec, pm, years):
     return np.degrees(np.arctan2(v[1], v[0])) % 360, np.degrees(np.arcsin(v[2]))
 
 
-VEGA = {"ra": 279.2347, "dec": 38.7837, "pm": (200.9, 286.2), "v": 0.0, "bv": 0.0, "hip": 91262,
-        "plx": 130.2}  # fmt: skip
+VEGA = {"ra": 279.2347, "dec": 38.7837, "pm": (200.9, 286.2), "v": 0.0, "bv": 0.0, "hip": 91262, "plx": 130.2}
 FAST = (1500.0, -900.0)
 
 
@@ -49,14 +45,21 @@ def sky(tmp_path_factory):
         {"ra": 31.0, "dec": 30.0, "v": 9.8, "bv": 3.2},  # no partner, no real colour
     ]
     tycho = [
-        (100.0, 60.0, 9.31), (30.0, 30.0, 9.60), (150.0, -70.0, 11.40), (359.9999, -0.0001, 12.1),
+        (100.0, 60.0, 9.31),
+        (30.0, 30.0, 9.60),
+        (150.0, -70.0, 11.40),
+        (359.9999, -0.0001, 12.1),
         (0.0, 0.0, 1.9),
-    ]  # fmt: skip
+    ]
     listed = [
         {"ra": at_2024[0], "dec": at_2024[1], "v": 5.21, "hip": 7},
-        {**VEGA, **dict(zip(("ra", "dec"), shifted(279.2347, 38.7837, VEGA["pm"], 24.0), strict=True)), "v": 0.03},
+        {
+            **VEGA,
+            **dict(zip(("ra", "dec"), shifted(279.2347, 38.7837, VEGA["pm"], 24.0), strict=True)),
+            "v": 0.03,
+        },
         {"ra": 200.0, "dec": 5.0, "v": 5.25, "hip": 10},
-    ]  # fmt: skip
+    ]
     write_packages(folder, bright, faint, tycho, listed)
     return folder
 
@@ -66,34 +69,30 @@ def built(sky, tmp_path_factory):
     out = tmp_path_factory.mktemp("built")
     manifest = run(build(sky, out))
     catalogue = Catalogue(out / "deep.kcat")
-    catalogue.names = Names(out)
+    catalogue.names = StarNames(out)
     return catalogue, manifest, out
 
 
 def seconds(catalogue, ra, dec):
     """Distance to the nearest star in arcsec, and its row."""
-    gap = np.linalg.norm(
-        catalogue.vectors(np.arange(len(catalogue))) - unit_vectors(ra, dec), axis=1
-    )
+    gap = np.linalg.norm(catalogue.vectors(np.arange(len(catalogue))) - unit_vectors(ra, dec), axis=1)
     return np.degrees(gap.min()) * 3600, int(gap.argmin())
 
 
-@pytest.mark.parametrize(
-    ("hip", "ra", "dec"), [(7, 10.0, 20.0), (8, 50.0, -30.0), (9, 100.0, 60.0)]
-)
+@pytest.mark.parametrize(("hip", "ra", "dec"), [(7, 10.0, 20.0), (8, 50.0, -30.0), (9, 100.0, 60.0)])
 def test_every_star_is_taken_to_j2000(built, hip, ra, dec):
     catalogue, *_ = built
     gap, row = seconds(catalogue, ra, dec)
     assert gap < 0.05
     assert catalogue.label(row)[0] == f"HIP {hip}"
-    assert bool(catalogue.flags([row])[0] & layout.REDATED) == (hip != 9)
+    assert bool(catalogue.flags([row])[0] & catalogue_file.REDATED) == (hip != 9)
 
 
 def test_close_components_become_their_photocentre(built):
     catalogue, *_ = built
     gap, row = seconds(catalogue, 200.0, 5.0 + 0.5 / 3600)
     assert gap < 0.02
-    assert catalogue.flags([row])[0] & layout.MERGED
+    assert catalogue.flags([row])[0] & catalogue_file.MERGED
     assert catalogue.mag([row])[0] == pytest.approx(5.25)
     assert len(catalogue.cone(unit_vectors(200.0, 5.0), np.radians(0.1))) == 1
 
@@ -115,14 +114,14 @@ def test_v_comes_from_vt_with_and_without_colour(built):
     assert catalogue.bv([coloured])[0] == pytest.approx(bv, abs=0.011)
     assert catalogue.mag([plain])[0] == pytest.approx(11.30, abs=2e-3)
     assert np.isnan(catalogue.bv([plain])[0])
-    assert catalogue.flags([plain])[0] == layout.V_FROM_VT
+    assert catalogue.flags([plain])[0] == catalogue_file.V_FROM_VT
 
 
 def test_names_and_numbers_are_carried(built):
     catalogue, *_ = built
     assert catalogue.label(catalogue.find("harp STAR")) == ("HIP 91262", "Vega")
     assert catalogue.find("HD 172167") == catalogue.find("3 Lyrae") == catalogue.find("alpha lyr")
-    assert catalogue.label(catalogue.find("R And")) == ("HIP 7", "61 Cygni A")
+    assert catalogue.label(catalogue.find("R And")) == ("HIP 7", "61 Cyg A")
     assert catalogue.find("M31") == pytest.approx(unit_vectors(10.685, 41.269), abs=1e-4)
     with pytest.raises(UsageError):
         catalogue.find("NGC 1A")
@@ -173,9 +172,7 @@ def test_star_files_come_back(tmp_path, level, kind):
     v = rng.normal(size=(300, 3))
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     ra, dec = np.degrees(np.arctan2(v[:, 1], v[:, 0])) % 360, np.degrees(np.arcsin(v[:, 2]))
-    stars = [
-        {"ra": a, "dec": d, "v": 9.2, "hip": 5 * (1 - kind)} for a, d in zip(ra, dec, strict=True)
-    ]
+    stars = [{"ra": a, "dec": d, "v": 9.2, "hip": 5 * (1 - kind)} for a, d in zip(ra, dec, strict=True)]
     star_file(tmp_path / "stars_x.cat", level, kind, stars)
     read = read_stars(tmp_path / "stars_x.cat")
     near = np.linalg.norm(read.vector[:, None] - v, axis=2)
@@ -204,9 +201,9 @@ def test_triangles_tile_the_sphere():
 def test_index_files_come_back(tmp_path):
     index_file(tmp_path / "index.fits", [(12.0, 34.0, 9.5), (200.0, -80.0, 11.0)])
     stars = read_index(tmp_path / "index.fits")
-    assert offsets(
-        stars.vector, unit_vectors(np.array([12.0, 200.0]), np.array([34.0, -80.0]))
-    ) == (pytest.approx(0.0, abs=1e-3))
+    assert offsets(stars.vector, unit_vectors(np.array([12.0, 200.0]), np.array([34.0, -80.0]))) == (
+        pytest.approx(0.0, abs=1e-3)
+    )
     assert stars.columns["MAG_VT"] == pytest.approx([9.5, 11.0])
 
 
@@ -226,6 +223,6 @@ def test_cells_are_of_one_size():
 
 def test_no_cell_of_the_shipped_list_is_much_fuller_than_the_index_allows(catalogue):
     rows = np.arange(len(catalogue))
-    alone = rows[catalogue.flags(rows) == layout.V_FROM_VT]
+    alone = rows[catalogue.flags(rows) == catalogue_file.V_FROM_VT]
     counts = np.bincount(cell_of(catalogue.vectors(alone)), minlength=12 * SIDE**2)
     assert counts.max() == KEPT

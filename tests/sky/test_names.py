@@ -1,21 +1,38 @@
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.core.errors import UsageError
-from app.sky.constellations import GENITIVES, GREEK, NAMES, spelled
-from app.sky.names import position_name
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import UsageError
+from kochab.sky.names import GENITIVES, GREEK, NAMES, WELL_KNOWN, position_name, printed
 
 SPELLINGS = {
-    91262: ["Vega", "VEGA", "HIP 91262", "hip91262", "HD 172167", "HR 7001", "SAO 67174",
-            "alpha lyrae", "Alpha Lyr", "α Lyr", "3 Lyr"],
+    91262: [
+        "Vega",
+        "VEGA",
+        "HIP 91262",
+        "hip91262",
+        "HD 172167",
+        "HR 7001",
+        "SAO 67174",
+        "alpha lyrae",
+        "Alpha Lyr",
+        "α Lyr",
+        "3 Lyr",
+    ],
     104214: ["61 Cyg", "61 Cygni A", "61 cyg a"],
     104217: ["61 Cyg B"],
     71683: ["Alpha Centauri", "alpha cen"],
     63125: ["Cor Caroli", "alpha-2 Canum Venaticorum"],
     67927: ["Eta Boötis", "eta bootis", "Muphrid"],
+    26221: ["theta1 Ori", "Theta-1 Orionis", "θ¹ Ori", "θ1 Ori C", "41 Ori C"],
+    25302: ["Psi-1 Orionis", "psi1 ori", "ψ¹ Ori", "25 Ori"],
+    26237: ["Mizan Batil I", "c Ori", "42 Ori"],
+    25281: ["Saif al Jabbar", "eta Orionis"],
+    107259: ["\N{MICRO SIGN} Cep", "The Garnet Star"],
+    65477: ["Alcor", "80 UMa"],
+    20390: ["T Tau"],
     87937: ["Barnard's Star", "barnards star", "Barnard’s Star"],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("hip", "name"), [(h, n) for h, names in SPELLINGS.items() for n in names])
@@ -25,9 +42,15 @@ def test_a_star_is_found_by_any_of_its_names(catalogue, hip, name):
 
 @pytest.mark.parametrize(
     ("name", "ra", "dec"),
-    [("M31", 10.685, 41.269), ("NGC 224", 10.685, 41.269), ("messier 13", 250.42, 36.46),
-     ("ic434", 85.25, -2.45), ("Andromeda Galaxy", 10.685, 41.269), ("M 45", 56.87, 24.1)],
-)  # fmt: skip
+    [
+        ("M31", 10.685, 41.269),
+        ("NGC 224", 10.685, 41.269),
+        ("messier 13", 250.42, 36.46),
+        ("ic434", 85.25, -2.45),
+        ("Andromeda Galaxy", 10.685, 41.269),
+        ("M 45", 56.87, 24.1),
+    ],
+)
 def test_deep_sky_objects_are_found_as_directions(catalogue, name, ra, dec):
     vector = catalogue.find(name)
     assert np.degrees(np.linalg.norm(vector - unit_vectors(ra, dec))) < 0.06
@@ -39,9 +62,29 @@ def test_what_nobody_is_called_is_said_in_a_sentence(catalogue, name):
         catalogue.find(name)
 
 
+LABELS = {
+    "HIP 26221": "θ¹ Ori C",
+    "HIP 25302": "ψ¹ Ori",
+    "Hatysa": "ι Ori",
+    "Saif al Jabbar": "η Ori",
+    "Mizan Batil I": "42 Ori",
+    "HIP 26727": "Alnitak",
+    "Menkar": "Menkar",
+    "HIP 95947": "Albireo",
+    "HIP 87937": "Barnard's Star",
+    "R And": "R And",
+}
+
+
+def test_well_known_names_are_all_in_the_table(catalogue):
+    assert {name for name, *_ in catalogue.names.table.values()} >= WELL_KNOWN
+
+
 def test_labels_say_what_people_say(catalogue):
     assert catalogue.label(catalogue.find("HIP 91262")) == ("HIP 91262", "Vega")
     assert catalogue.label(catalogue.find("HIP 1")) == ("HIP 1", "HD 224700")
+    for spelling, shown in LABELS.items():
+        assert catalogue.label(catalogue.find(spelling))[1] == shown
     identifier, name = catalogue.label(len(catalogue) - 1)
     assert identifier[0] == "J"
     assert name == ""
@@ -80,16 +123,23 @@ def test_fainter_components_carry_their_letter(catalogue):
 def test_there_are_88_constellations_and_24_letters():
     assert len(NAMES) == len(GENITIVES) == 88
     assert len(GREEK) == 24
-    assert spelled("γ1 And") == "Gamma-1 Andromedae"
-    assert spelled("61 Cyg A") == "61 Cygni A"
-    assert spelled("α CVn") == "Alpha Canum Venaticorum"
-    assert spelled("Cyg X-1") == "Cyg X-1"
+    assert printed("γ1 And") == "γ¹ And"
+    assert printed("ψ10 Aur") == "ψ¹⁰ Aur"
+    assert printed("61 Cyg A") == "61 Cyg A"
+    assert printed("ψ Ori", ["ψ2 Ori", "30 Ori"]) == "ψ² Ori"
+    assert printed("c Ori", ["42 Ori"]) == "42 Ori"
+    assert printed("P Cyg", ["34 Cyg"]) == "P Cyg"
+    assert printed("51 And", ["υ Per"]) == "51 And"
+    assert printed("Cyg X-1") == "Cyg X-1"
 
 
 @pytest.mark.parametrize(
     ("ra", "dec", "name"),
-    [(279.234735, 38.783692, "J183656.3+384701"), (0.0, -0.001, "J000000.0-000003"),
-     (359.99999, 89.9999, "J235959.9+895959")],
-)  # fmt: skip
+    [
+        (279.234735, 38.783692, "J183656.3+384701"),
+        (0.0, -0.001, "J000000.0-000003"),
+        (359.99999, 89.9999, "J235959.9+895959"),
+    ],
+)
 def test_positions_make_names(ra, dec, name):
     assert position_name(unit_vectors(ra, dec)) == name

@@ -7,20 +7,19 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from app.core.attitude import attitude_from
-from app.core.camera import Camera
-from app.core.capture import CaptureLimits, CaptureSettings
-from app.core.errors import LineLostError, RefusedError
-from app.core.frame import Frame
-from app.core.hint import Hint
-from app.core.progress import Progress
-from app.core.solution import NoSolution, Reason, Solution
-from app.solve.track import TrackUpdate
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.errors import LineLostError, RefusedError
+from kochab.core.frame import Frame, Hint
+from kochab.core.progress import Progress
+from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.solver.tracker import TrackUpdate
 
 CAMERA = Camera.centred(600, 400, 3000.0)
 
 
-class Clockwork:
+class Clockwork(CameraSource):
     """Gives a numbered frame every ``every_s``; unplugged after ``frames``, if that is given."""
 
     name = "clockwork"
@@ -50,7 +49,7 @@ class Clockwork:
             raise LineLostError("The camera was unplugged.")
         time.sleep(min(self.every_s, timeout_s))
         self.given += 1
-        return Frame(np.full(self.size, self.given, np.uint16), hint=self.hint)
+        return Frame(np.full(self.size, self.given % 65536, np.uint16), hint=self.hint)
 
     def close(self):
         self.threads.add(threading.get_ident())
@@ -68,6 +67,8 @@ def refusal():
 class Told:
     """Answers what ``answer(number)`` says of the frame's number, after ``slow_s``."""
 
+    profile = None
+
     def __init__(self, answer=lambda number: solution(), slow_s=0.0):
         self.answer, self.slow_s = answer, slow_s
         self.seen = []
@@ -82,3 +83,20 @@ class Told:
         if isinstance(found, Solution):
             return TrackUpdate(moment, "tracking", found, None)
         return TrackUpdate(moment, "lost", None, found)
+
+
+def posted(live, post):
+    """The same as a plain task: updates go to ``post``."""
+    try:
+        while True:
+            try:
+                step = next(live)
+            except StopIteration as end:
+                return end.value
+            if isinstance(step, Progress):
+                yield step
+            else:
+                post(step)
+                yield Progress("solved", None, f"frame {step.shot.number}")
+    finally:
+        live.close()

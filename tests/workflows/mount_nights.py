@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-from app.core.hint import Site
-from app.simulate.rig import RigConfig
-from app.simulate.scenario import misaligned, practice_night, tonight
-from app.workflows.goto_target import target_at
+from kochab.core.frame import Site
+from kochab.simulate.rig import RigConfig, misaligned, practice_night, tonight
+from kochab.workflows.goto_target import target_at
 from tests.workflows.rig_mount import Bench
 
 SITE = Site(47.0, 8.0, 450.0)
@@ -14,9 +13,7 @@ SOUTH = Site(-33.0, 151.0, 60.0)
 
 def good(lost_deg=1.0, start=(-40.0, 30.0), **config):
     """A perfect mount that stands right but for where it believes to point."""
-    return RigConfig(
-        seed=3, site=SITE, date_unix=1.8e9, start_deg=start, lost_deg=lost_deg, **config
-    )
+    return RigConfig(seed=3, site=SITE, date_unix=1.8e9, start_deg=start, lost_deg=lost_deg, **config)
 
 
 def worn(seed, side=1.0, site=SITE):

@@ -2,21 +2,22 @@
 
 from datetime import UTC, datetime
 
-from app.core.errors import NoAnswerError, RefusedError
-from app.core.mount import Direction, Epoch, MountState, Pointing
-from app.mounts.guard import Guard
-from app.mounts.limits import Limits
-from app.simulate.rig import PracticeRig
-from app.solve.options import SolveOptions
-from app.solve.solver import solve_detections
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.mount import Direction, Epoch, MountState, Pointing, SiteReport
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.simulate.rig import PracticeRig
+from kochab.solver import SolveOptions
+from kochab.solver.pipeline import solve_detections
 from tests.simulate.rig_help import catalogue
 
 
 class RigMount:
-    """A :class:`~app.core.mount.Mount` over a rig whose clock stands still but for waits."""
+    """A :class:`~kochab.core.mount.Mount` over a rig whose clock stands still but for waits."""
 
     name = "rig"
     epoch = Epoch.DATE
+    blind_stop = b""
     rates_deg_s = (15.0 / 3600.0, 120.0 / 3600.0, 1.0)
 
     def __init__(self, rig):
@@ -34,6 +35,12 @@ class RigMount:
 
     def identify(self):
         return "rig"
+
+    def altaz_deg(self):
+        return None
+
+    def site_report(self):
+        return SiteReport()
 
     def position(self):
         self._end_moves()
@@ -95,20 +102,25 @@ class Bench:
         self.rig = PracticeRig(config, catalogue())
         self.mount = RigMount(self.rig)
         self.guard = Guard(
-            self.mount, config.site, Limits(**limits), clock=self.rig.clock.now_utc,
-            wait=self.mount.wait,
-        )  # fmt: skip
+            self.mount, config.site, Limits(**limits), clock=self.rig.clock.now_utc, wait=self.mount.wait
+        )
         self.wait = self.mount.wait
         self.solves = 0
+        self.exposed_utc = None
 
     def solve_now(self, exposure_s=2.0):
         self.solves += 1
         stars, hint = self.rig.star_list(exposure_s)
+        self.exposed_utc = hint.time_utc
         return (yield from solve_detections(stars, SolveOptions(hint=hint)))
+
+    def taken(self):
+        """When the last frame was exposed."""
+        return self.exposed_utc
 
     def place(self, hour_deg, dec_deg):
         """ICRS degrees of an hour angle and a declination of date, now."""
-        from app.mounts.epoch import from_mount_epoch
+        from kochab.gear.mounts.coordinates import from_mount_epoch
 
         ra = (self.rig.mount.sidereal_deg() - hour_deg) % 360.0
         now = self.rig.clock.now_utc()
@@ -116,7 +128,7 @@ class Bench:
 
     def off_arcsec(self, target):
         """From where the rig really points to a target in ICRS."""
-        from app.core.attitude import apart_deg
+        from kochab.core.attitude import apart_deg
 
         return apart_deg(self.rig.truth().ra_dec_deg, (target.ra_deg, target.dec_deg)) * 3600.0
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from app.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
-from app.core.mount import Ability
-from app.core.progress import run
-from app.core.solution import NoSolution, Reason, Solution
-from app.simulate.mechanics.axis import AxisWear
-from app.workflows.centre_target import End, centre_target
+from kochab.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
+from kochab.core.mount import Ability
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.simulate.mechanics.axis import GearErrors
+from kochab.workflows.centre_target import CentringEnd, centre_target
 from tests.workflows.mount_nights import SOUTH, bench, good, target_of, worn
 from tests.workflows.rig_mount import SILENT
 
@@ -113,14 +113,14 @@ def test_a_sync_that_is_not_taken_falls_back_and_says_so() -> None:
     result = centred(b, target, tolerance_arcsec=15.0)
     assert result.centred
     assert not result.synced
-    assert any("did not take the sync" in note for note in result.notes)
+    assert any("ignored the sync" in note for note in result.notes)
     assert result.corrections[0].startswith("offset goto")
 
 
 def test_a_sync_across_the_meridian_is_not_made() -> None:
     b = bench(good(lost_deg=0.0, start=(-3.0, 40.0)))
     target = target_of(b, -2.0, 30.0)
-    run(b.guard.slew_icrs(target.ra_deg, target.dec_deg))
+    run(b.guard.slew(*b.guard.to_mount(target.ra_deg, target.dec_deg)))
     ra, dec = b.rig.mount.believed_deg()
     b.rig.mount.sync(ra - 3.0, dec)  # believes to be west of the meridian
     b.guard.limits = replace(b.guard.limits, allow_flip=True)
@@ -132,21 +132,21 @@ def test_a_sync_across_the_meridian_is_not_made() -> None:
 def test_a_large_sync_needs_a_yes_and_the_largest_is_refused() -> None:
     unasked = bench(good(lost_deg=8.0))
     result = centred(unasked, target_of(unasked))
-    assert result.end is End.REFUSED
+    assert result.end is CentringEnd.REFUSED
     assert "confirm it" in result.sentence
     assert not [did for did in unasked.mount.did if did[0] == "sync"]
     asked = bench(good(lost_deg=8.0))
     assert centred(asked, target_of(asked), confirmed=True).centred
     lost = bench(good(lost_deg=25.0))
     result = centred(lost, target_of(lost), confirmed=True)
-    assert result.end is End.REFUSED
-    assert "arm it" in result.sentence
+    assert result.end is CentringEnd.REFUSED
+    assert "--arm" in result.sentence
 
 
 def test_a_target_below_the_horizon_is_refused_before_anything_moves() -> None:
     b = bench()
     result = centred(b, target_of(b, -30.0, -60.0))
-    assert result.end is End.REFUSED
+    assert result.end is CentringEnd.REFUSED
     assert "the limit is 5 deg" in result.sentence
     assert b.mount.did == []
     assert b.solves == 0
@@ -162,7 +162,7 @@ def test_no_solution_ends_it_with_the_doctors_advice() -> None:
         yield
 
     result = run(centre_target(b.guard, blind, target_of(b), wait=b.wait))
-    assert result.end is End.NO_SOLUTION
+    assert result.end is CentringEnd.NO_SOLUTION
     assert result.sentence == "Clouded or dark: Wait for the clouds to pass."
     assert len(tries) == 3
 
@@ -179,8 +179,8 @@ def test_nothing_is_moved_by_answers_that_fit_badly() -> None:
         return replace(found, rms_px=9.0)
 
     result = run(centre_target(b.guard, astray, target_of(b), wait=b.wait))
-    assert (result.end, len(tries)) == (End.NO_SOLUTION, 3)
-    assert "9 px on average" in result.sentence
+    assert (result.end, len(tries)) == (CentringEnd.NO_SOLUTION, 3)
+    assert "residual 9 px" in result.sentence
     assert result.corrections == ()
     assert [did[0] for did in b.mount.did].count("goto") == 1, "the first slew, and no other"
 
@@ -199,11 +199,11 @@ def test_one_clouded_frame_does_not_end_it() -> None:
 
 def test_a_slipping_clutch_is_named() -> None:
     config = good(lost_deg=3.0)
-    wear = AxisWear(slip=0.5)
-    config = replace(config, mount=replace(config.mount, hour_wear=wear, dec_wear=wear))
+    wear = GearErrors(slip=0.5)
+    config = replace(config, mount=replace(config.mount, hour_gear=wear, dec_gear=wear))
     b = bench(config)
     result = centred(b, target_of(b, -65.0, 10.0), confirmed=True)
-    assert result.end in (End.SLIPPING, End.NOT_CONVERGING, End.REFUSED)
+    assert result.end in (CentringEnd.SLIPPING, CentringEnd.NOT_CONVERGING, CentringEnd.REFUSED)
     assert not result.centred
 
 
@@ -218,7 +218,7 @@ def test_a_telescope_that_does_not_follow_is_slipping() -> None:
         yield
 
     result = run(centre_target(b.guard, see, target_of(b, -38.0, 30.0), wait=b.wait))
-    assert result.end is End.SLIPPING
+    assert result.end is CentringEnd.SLIPPING
     assert "clutch" in result.sentence
 
 
@@ -233,15 +233,13 @@ def test_what_never_comes_nearer_is_not_converging() -> None:
         return solved
 
     result = run(centre_target(b.guard, see, target_of(b), 5.0, 4, may_sync=False, wait=b.wait))
-    assert result.end is End.NOT_CONVERGING
+    assert result.end is CentringEnd.NOT_CONVERGING
     assert len(result.corrections) <= 4
 
 
 def test_cancelling_at_any_yield_stops_the_mount() -> None:
     whole = bench(good(lost_deg=1.0))
-    steps = sum(
-        1 for _ in centre_target(whole.guard, whole.solve_now, target_of(whole), wait=whole.wait)
-    )
+    steps = sum(1 for _ in centre_target(whole.guard, whole.solve_now, target_of(whole), wait=whole.wait))
     assert steps > 30
     for stop_after in range(1, steps, 9):
         b = bench(good(lost_deg=1.0))
@@ -255,7 +253,7 @@ def test_cancelling_at_any_yield_stops_the_mount() -> None:
 
 
 def test_a_persons_stop_ends_it_for_good() -> None:
-    for stage in ("slewing", "settling", "looking", "correcting"):
+    for stage in ("slewing", "settling", "solving", "correcting"):
         b = bench(good(lost_deg=1.0))
         task = centre_target(b.guard, b.solve_now, target_of(b), wait=b.wait)
 
@@ -289,7 +287,7 @@ def test_a_refusal_is_looked_at_once_more_and_then_believed() -> None:
     always = bench(good(lost_deg=1.0))
     always.mount.fails = {"goto": [RefusedError("The mount refuses.")] * 9}
     result = centred(always, target_of(always))
-    assert result.end is End.REFUSED
+    assert result.end is CentringEnd.REFUSED
     assert result.sentence == "The mount refuses."
     assert len([did for did in always.mount.did if did[0] == "goto"]) == 2
 

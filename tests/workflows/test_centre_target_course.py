@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.workflows.centre_target_course import Course, How, Sight
-from app.workflows.centre_target_end import End, arcsec, verdict_on
+from kochab.workflows.centre_target import CentringEnd, end_of
+from kochab.workflows.centring_corrections import Correction, Course, MountAndSky
 
 TARGET = (100.0, 40.0)
 NARROW = cos(radians(40.0))
@@ -20,24 +20,24 @@ def beside(east_arcsec, north_arcsec, place=TARGET):
 
 def course(sky, said=TARGET, tolerance=10.0):
     found = Course(TARGET, tolerance)
-    found.add(Sight(said, sky), 0)
+    found.add(MountAndSky(said, sky), 0)
     return found
 
 
 def test_the_way_fits_the_error() -> None:
-    assert course(beside(9000.0, 0.0)).how(may_sync=True) is How.SYNC
-    assert course(beside(9000.0, 0.0)).how(may_sync=False) is How.GOTO
-    assert course(beside(-9000.0, 0.0)).how(may_sync=False) is How.APPROACH  # eastward
-    assert course(beside(100.0, 100.0)).how(may_sync=True) is How.GOTO
-    assert course(beside(40.0, 2.0)).how(may_sync=True) is How.FINE
-    assert course(beside(2.0, 40.0)).how(may_sync=True) is How.GOTO  # play may swallow small moves
+    assert course(beside(9000.0, 0.0)).how(may_sync=True) is Correction.SYNC
+    assert course(beside(9000.0, 0.0)).how(may_sync=False) is Correction.GOTO
+    assert course(beside(-9000.0, 0.0)).how(may_sync=False) is Correction.APPROACH  # eastward
+    assert course(beside(100.0, 100.0)).how(may_sync=True) is Correction.GOTO
+    assert course(beside(40.0, 2.0)).how(may_sync=True) is Correction.FINE
+    assert course(beside(2.0, 40.0)).how(may_sync=True) is Correction.GOTO  # play may swallow small moves
 
 
 def test_a_declination_that_turns_back_is_approached_from_the_south() -> None:
     c = course(beside(0.0, -3000.0))
     assert c.command(False, False)[-1][1] > TARGET[1]  # northward
-    c.add(Sight(TARGET, beside(0.0, 100.0)), 1)
-    assert c.how(False) is How.APPROACH
+    c.add(MountAndSky(TARGET, beside(0.0, 100.0)), 1)
+    assert c.how(False) is Correction.APPROACH
     first, there = c.command(False, True)
     assert first[1] < there[1]
     assert first[0] == pytest.approx(there[0])
@@ -48,9 +48,7 @@ def test_after_a_sync_the_mount_is_sent_to_the_target_itself() -> None:
     assert c.command(True, False) == [pytest.approx(TARGET)]
 
 
-@given(
-    st.floats(-6000, 6000), st.floats(-6000, 6000), st.floats(-2, 2), st.floats(-2, 2),
-)  # fmt: skip
+@given(st.floats(-6000, 6000), st.floats(-6000, 6000), st.floats(-2, 2), st.floats(-2, 2))
 def test_without_a_sync_it_is_sent_as_far_beside(east, north, ra, dec) -> None:
     said = (TARGET[0] + ra, TARGET[1] + dec)
     c = course(beside(east, north), said)
@@ -66,7 +64,7 @@ def test_a_mount_turned_against_the_sky_is_right_at_the_second_correction(turn, 
     sky, said = 2.0 * exp(1j * way), 0.0j
     c = Course(TARGET, 10.0)
     for k in range(3):
-        c.add(Sight(_place(said), _place(sky)), k)
+        c.add(MountAndSky(_place(said), _place(sky)), k)
         (there,) = c.command(False, False)
         command = complex((there[0] - TARGET[0]) * NARROW, there[1] - TARGET[1])
         sky, said = sky + (command - said) * turned, command
@@ -83,50 +81,44 @@ def test_a_clutch_that_gives_way_is_counted_as_slipping() -> None:
     c = course(beside(-9000.0, 0.0))
     for k in (1, 2):
         (there,) = c.command(False, False)
-        c.add(Sight(there, beside(-9000.0 + 900.0 * k, 0.0)), k)
+        c.add(MountAndSky(there, beside(-9000.0 + 900.0 * k, 0.0)), k)
     assert c.slips == 2
-    assert verdict_on(c, "M 42", 2, 5)[0] is End.SLIPPING
+    assert end_of(c, "M 42", 2, 5)[0] is CentringEnd.SLIPPING
 
 
 def test_a_correction_that_failed_is_another_look_and_teaches_nothing() -> None:
     c = course(beside(-9000.0, 0.0))
     for _ in range(4):
         c.command(False, False)
-        c.add(Sight(TARGET, beside(-9000.0, 0.0)), 0)
+        c.add(MountAndSky(TARGET, beside(-9000.0, 0.0)), 0)
     assert len(c.errors_arcsec) == 1
     assert not c.no_better
     assert c.slips == 0
     assert c.turn == 1.0
-    assert verdict_on(c, "M 42", 0, 5) is None
+    assert end_of(c, "M 42", 0, 5) is None
 
 
 def test_guide_rates_are_learned_from_what_came_of_a_move() -> None:
     c = course(beside(-50.0, 0.0))
     east, _ = c.fine()
     assert east == pytest.approx(50.0 / NARROW)
-    c.add(Sight(TARGET, beside(50.0, 0.0)), 1)  # it went twice as far
+    c.add(MountAndSky(TARGET, beside(50.0, 0.0)), 1)  # it went twice as far
     assert c.gain[0] == pytest.approx(2.0)
     east, _ = c.fine()
     assert east == pytest.approx(-25.0 / NARROW)
 
 
 def test_verdicts() -> None:
-    done = verdict_on(course(beside(3.0, 4.0)), "M 42", 0, 5)
-    assert done == (End.CENTRED, "M 42 is centred to 5.0 arcsec.")
-    assert verdict_on(course(beside(30.0, 40.0)), "M 42", 4, 5) is None
-    end, sentence = verdict_on(course(beside(30.0, 40.0)), "M 42", 5, 5)
-    assert end is End.NOT_CONVERGING
-    assert sentence == "After 5 corrections 50.0 arcsec are left, more than 10.0 arcsec."
-
-
-def test_angles_for_people() -> None:
-    assert arcsec(5.04) == "5.0 arcsec"
-    assert arcsec(600.0) == "10.0 arcmin"
-    assert arcsec(7200.0) == "2.00 deg"
+    done = end_of(course(beside(3.0, 4.0)), "M 42", 0, 5)
+    assert done == (CentringEnd.CENTRED, "M 42 is centred to 5.0″.")
+    assert end_of(course(beside(30.0, 40.0)), "M 42", 4, 5) is None
+    end, sentence = end_of(course(beside(30.0, 40.0)), "M 42", 5, 5)
+    assert end is CentringEnd.NOT_CONVERGING
+    assert sentence == "Still 50.0″ off after 5 corrections; 10.0″ wanted."
 
 
 def test_at_the_pole_numbers_stay_finite() -> None:
     c = Course((10.0, 90.0), 10.0)
-    c.add(Sight((50.0, 89.0), (200.0, 88.5)), 0)
+    c.add(MountAndSky((50.0, 89.0), (200.0, 88.5)), 0)
     first, there = c.command(False, True)
     assert all(-90.0 <= place[1] <= 90.0 and 0.0 <= place[0] < 360.0 for place in (first, there))

@@ -5,11 +5,14 @@ from datetime import timedelta
 
 import pytest
 
-from app.core.errors import NoAnswerError
-from app.core.progress import run
-from app.core.solution import NoSolution, Reason
-from app.mounts.beliefs import Beliefs
-from app.workflows.disagree import sighted, why_they_disagree
+from kochab.core.attitude import apart_deg, attitude_from
+from kochab.core.camera import Camera
+from kochab.core.errors import NoAnswerError
+from kochab.core.mount import SiteReport
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason
+from kochab.workflows.recover_mount import sighted, why_they_disagree
+from tests.polar.displaced import displaced, solution
 from tests.workflows.mount_nights import SITE, bench, good
 
 
@@ -18,7 +21,7 @@ def test_a_mount_whose_clock_is_an_hour_ahead() -> None:
     b = bench(replace(config, mount=replace(config.mount, computer_clock_s=3600.0)))
     ra, dec = b.rig.truth().of_date_deg
     b.rig.mount.sync((ra + 15.041) % 360.0, dec)  # aligned on its own time
-    b.mount.beliefs = lambda: Beliefs(SITE, b.guard.clock() + timedelta(hours=1))
+    b.mount.site_report = lambda: SiteReport(SITE, b.guard.clock() + timedelta(hours=1))
     found, seen = run(why_they_disagree(b.guard, b.solve_now))
     assert found.cause == "summer time"
     assert found.suspects[0].score > 0.95
@@ -44,17 +47,28 @@ def test_a_mount_that_does_not_tell_its_time_is_no_hindrance() -> None:
     def silent():
         raise NoAnswerError("It does not say.")
 
-    b.mount.beliefs = silent
+    b.mount.site_report = silent
     solved = run(b.solve_now())
-    assert sighted(b.guard, solved).beliefs == Beliefs()
+    assert sighted(b.guard, solved).beliefs == SiteReport()
 
 
 def test_the_mounts_clock_is_carried_to_the_time_of_the_frame() -> None:
     b = bench(good(lost_deg=0.0))
-    b.mount.beliefs = lambda: Beliefs(SITE, b.guard.clock())
+    b.mount.site_report = lambda: SiteReport(SITE, b.guard.clock())
     then = b.guard.clock() - timedelta(minutes=30)
     told = sighted(b.guard, run(b.solve_now()), then).beliefs
     assert abs((told.time_utc - then).total_seconds()) < 5.0
+
+
+def test_the_place_on_the_sky_does_not_move_with_the_fitted_optical_centre() -> None:
+    """A frame's place is its middle: the optical axis of this fit moves by 15 arcmin."""
+    b = bench(good(lost_deg=0.0))
+    camera = Camera(2256, 1504, 48925.0, 1180.0, 720.0, k1=4.1)
+    found = solution(camera, attitude_from(40.0, 75.0, 20.0).matrix)
+    moved, _ = displaced(found, 180.0, -130.0)
+    right, other = (sighted(b.guard, s).sky_deg for s in (found, moved))
+    assert apart_deg(right, other) * 3600.0 < 0.5
+    assert apart_deg(found.attitude.ra_dec_deg, moved.attitude.ra_dec_deg) * 3600.0 > 900.0
 
 
 def test_no_solution_is_passed_on() -> None:

@@ -5,17 +5,17 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from app.core.errors import NoAnswerError
-from app.core.frame import Frame
-from app.core.hint import Hint
-from app.core.progress import run
-from app.core.solution import NoSolution
-from app.workflows.fresh_frame import fresh_frame, lost_in_space, solver_of
+from kochab.core.capture import CameraSource
+from kochab.core.errors import NoAnswerError
+from kochab.core.frame import Frame, Hint
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution
+from kochab.workflows.fresh_frame import fresh_frame, lost_in_space, solver_of
 
 NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
 
 
-class Camera:
+class Camera(CameraSource):
     """Gives frames by name at set moments of its own clock; None is a slice without one."""
 
     name = "scripted"
@@ -34,9 +34,8 @@ class Camera:
 def frame(name, middle_s=None, exposure_s=2.0, **hint):
     when = None if middle_s is None else NOW + timedelta(seconds=middle_s)
     return Frame(
-        np.zeros((40, 60), np.uint16), path=name,
-        hint=Hint(time_utc=when, exposure_s=exposure_s, **hint),
-    )  # fmt: skip
+        np.zeros((40, 60), np.uint16), path=name, hint=Hint(time_utc=when, exposure_s=exposure_s, **hint)
+    )
 
 
 def test_what_was_waiting_or_begun_before_is_left() -> None:
@@ -58,7 +57,7 @@ def test_a_camera_whose_clock_is_an_hour_off_still_serves() -> None:
 
 
 def test_a_camera_that_gives_nothing_is_given_up_in_a_sentence() -> None:
-    with pytest.raises(NoAnswerError, match="is it taking pictures"):
+    with pytest.raises(NoAnswerError, match="Is it exposing"):
         run(fresh_frame(Camera([]), patience_s=0.0))
 
 

@@ -4,35 +4,36 @@ import csv
 import io
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from app.__main__ import _simulated_field, _simulated_picture
-from app.attitude.wahba import small_rotation
-from app.core.attitude import Attitude, attitude_from
-from app.core.detections import Detections
-from app.core.errors import UsageError
-from app.core.progress import Progress, run
-from app.core.solution import Identification, NoSolution, Reason
-from app.identify import IDENTIFIERS, make_identifier
-from app.workflows import laboratory_kinds, laboratory_methods
-from app.workflows.laboratory import (
+from kochab.__main__ import _simulated_field, _simulated_picture
+from kochab.attitude import small_rotation
+from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.errors import UsageError
+from kochab.core.frame import Detections
+from kochab.core.progress import Progress, run
+from kochab.core.registry import Registry
+from kochab.core.solution import Identification, NoSolution, Reason
+from kochab.identification import IDENTIFIERS
+from kochab.lab.laboratory import comparison, trials
+from kochab.lab.laboratory.comparison import (
     Choice,
-    FieldWish,
-    Truth,
+    ComparedPart,
+    FieldSettings,
+    FieldTruth,
     compare,
-    judge,
+    compare_pointing,
     scale_hint,
     wrong_names,
 )
-from app.workflows.laboratory_curves import SWEEPS, curves, sweeps_of
-from app.workflows.laboratory_kinds import Kind
-from app.workflows.laboratory_methods import pointed, try_method
-from app.workflows.laboratory_scene import scene_of_field, scene_of_picture
-from app.workflows.laboratory_tables import POINTS, TRIALS, points_csv, trials_csv
+from kochab.lab.laboratory.curves import POINTS, SWEEPS, TRIALS, curves, points_csv, sweeps_of, trials_csv
+from kochab.lab.laboratory.scene import scene_of_field, scene_of_picture
+from kochab.lab.laboratory.trials import try_method, with_fitted_pointing
 
-EASY = FieldWish(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
+EASY = FieldSettings(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +43,11 @@ def easy():
 
 @pytest.fixture(scope="module")
 def truth(easy):
-    return Truth(easy.camera, easy.attitude)
+    return FieldTruth(easy.camera, easy.attitude)
 
 
 def identification(easy, attitude=None):
-    found = run(make_identifier("patterns").identify(easy.detections, None))
+    found = run(IDENTIFIERS.make("patterns").identify(easy.detections, None))
     assert isinstance(found, Identification)
     return found if attitude is None else replace(found, attitude=attitude)
 
@@ -64,9 +65,7 @@ def with_methods(detections, choices, hint, truth, **more):
 def test_methods_side_by_side_on_the_same_stars(easy, truth):
     heard = []
     choices = [Choice("patterns"), Choice("voting", {"margin_px": 1.0})]
-    trials = run(
-        with_methods(easy.detections, choices, scale_hint(truth), truth, tell=heard.append)
-    )
+    trials = run(with_methods(easy.detections, choices, scale_hint(truth), truth, tell=heard.append))
     assert heard == trials
     assert [t.name for t in trials] == ["patterns", "voting"]
     first = trials[0]
@@ -100,26 +99,26 @@ def test_without_a_truth_nobody_is_called_right_or_wrong(easy):
 def test_wrong_answers_and_wrong_names_are_counted(easy, truth):
     found = identification(easy)
     matches = found.matches
-    assert judge(found.camera, found.attitude, truth)[0]
+    assert compare_pointing(found.camera, found.attitude, truth)[0]
     assert wrong_names(matches.xy, matches.vectors, truth) == 0
-    right, off_arcsec = judge(found.camera, attitude_from(10.0, 20.0, 30.0), truth)
+    right, off_arcsec = compare_pointing(found.camera, attitude_from(10.0, 20.0, 30.0), truth)
     assert right is False
     assert off_arcsec > 1000
     swapped = np.roll(matches.vectors, 1, axis=0)
     assert wrong_names(matches.xy, swapped, truth) == len(matches)
     assert wrong_names(matches.xy, -matches.vectors, truth) == len(matches)  # behind the camera
     mirrored = replace(found.camera, mirrored=not found.camera.mirrored)
-    assert judge(mirrored, found.attitude, truth)[0] is False
+    assert compare_pointing(mirrored, found.attitude, truth)[0] is False
 
 
 def test_what_noise_explains_is_not_wrong(easy, truth):
     found = identification(easy)
     beside = replace(found.camera, cx=found.camera.cx + 8.0)
-    noisy = Truth.of(easy, replace(EASY, noise_px=4.0))
+    noisy = FieldTruth.of(easy, replace(EASY, noise_px=4.0))
     assert noisy.reach_px == 16.0
-    assert Truth.of(easy, EASY).reach_px == 5.0
-    assert judge(beside, found.attitude, truth)[0] is False
-    assert judge(beside, found.attitude, noisy)[0] is True
+    assert FieldTruth.of(easy, EASY).reach_px == 5.0
+    assert compare_pointing(beside, found.attitude, truth)[0] is False
+    assert compare_pointing(beside, found.attitude, noisy)[0] is True
 
 
 class Slow:
@@ -149,12 +148,12 @@ class Slow:
 @pytest.fixture
 def slow(monkeypatch):
     Slow.made = Slow.closed = 0
-    room = laboratory_methods
-    monkeypatch.setattr(room, "make_identifier", lambda name, **options: Slow(**options))
+    room = trials
+    monkeypatch.setattr(room, "IDENTIFIERS", SimpleNamespace(make=lambda name, **options: Slow(**options)))
     monkeypatch.setattr(room, "allowed", lambda kind, name, options: options)
     monkeypatch.setattr(room, "_used", set())
-    registry = {"slow": f"{__name__}:Slow"}
-    monkeypatch.setitem(laboratory_kinds.REGISTRIES, Kind.METHOD, registry)
+    registry = Registry("method", "kochab.methods", {"slow": f"{__name__}:Slow"})
+    monkeypatch.setitem(comparison.REGISTRIES, ComparedPart.METHOD, registry)
 
 
 def test_making_tables_is_told_apart_from_the_search(slow, easy, truth):
@@ -192,7 +191,7 @@ def test_an_option_that_is_not_there_is_refused(easy, truth):
 def test_every_method_can_stand_in_the_laboratory(method):
     """An empty list and a few points: no answer, no fault, whatever the method."""
     points = np.random.default_rng(1).uniform(0, 1000, (5, 2))
-    truth = Truth(_simulated_field(EASY, (1,)).camera, attitude_from(0.0, 0.0, 0.0))
+    truth = FieldTruth(_simulated_field(EASY, (1,)).camera, attitude_from(0.0, 0.0, 0.0))
     hint = scale_hint(truth, 10.0)
     for xy in (np.zeros((0, 2)), points[:2]):
         found = Detections.from_list(xy, 1024, 1024)
@@ -203,10 +202,10 @@ def test_every_method_can_stand_in_the_laboratory(method):
 
 def test_curves_count_answers_and_grow_round_by_round():
     heard = []
-    wish = FieldWish(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
+    wish = FieldSettings(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
     choices = [Choice("patterns")]
     points = run(
-        curves(fields(), wish, Kind.METHOD, choices, ("missing", "stars"), 2, tell=heard.append)
+        curves(fields(), wish, ComparedPart.METHOD, choices, ("missing", "stars"), 2, tell=heard.append)
     )
     wanted = {(s, v) for s in ("missing", "stars") for v in SWEEPS[s].values}
     assert {(p.sweep, p.value) for p in points} == wanted
@@ -228,7 +227,7 @@ def test_the_same_seed_gives_the_same_fields_to_every_method():
         return _simulated_field(wish, seeds)
 
     choices = [Choice("patterns"), Choice("neighbours")]
-    run(curves(fields(field), EASY, Kind.METHOD, choices, ("noise_px",), 1, seed=5))
+    run(curves(fields(field), EASY, ComparedPart.METHOD, choices, ("noise_px",), 1, seed=5))
     assert len(asked) == len(set(asked)) == len(SWEEPS["noise_px"].values)  # one for both methods
     again = _simulated_field(*asked[0])
     assert np.array_equal(again.detections.xy, _simulated_field(*asked[0]).detections.xy)
@@ -243,17 +242,17 @@ def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields():
         return _simulated_field(wish, seeds)
 
     choices = [Choice("patterns"), Choice("voting")]
-    points = run(curves(fields(field), EASY, Kind.METHOD, choices, ("margin_px",), 1))
+    points = run(curves(fields(field), EASY, ComparedPart.METHOD, choices, ("margin_px",), 1))
     assert {p.name for p in points} == {"voting"}
     assert [p.value for p in points] == list(SWEEPS["margin_px"].values)
     assert len(asked) == 1
 
 
 def test_curves_of_detectors_count_the_stars_they_found():
-    wish = FieldWish(fov_deg=25.0, stars=15, noise_px=0.05, false=0.0, missing=0.0, size_px=400)
+    wish = FieldSettings(fov_deg=25.0, stars=15, noise_px=0.05, false=0.0, missing=0.0, size_px=400)
     pictures = partial(scene_of_picture, _simulated_picture)
     choices = [Choice("auto"), Choice("contours")]
-    points = run(curves(pictures, wish, Kind.DETECTOR, choices, ("noise_px",), 2))
+    points = run(curves(pictures, wish, ComparedPart.DETECTOR, choices, ("noise_px",), 2))
     at = {(p.name, p.value): p for p in points}
     assert len(at) == 2 * len(SWEEPS["noise_px"].values)
     for name in ("auto", "contours"):
@@ -262,17 +261,17 @@ def test_curves_of_detectors_count_the_stars_they_found():
     assert at["auto", 0.0].found > 0.8
     assert all(at["auto", v].found >= at["contours", v].found for v in (0.25, 0.5, 1.0))
     assert all(p.median_s > 0 for p in points)
-    assert not any(SWEEPS[name].option for name in sweeps_of(Kind.DETECTOR))
+    assert not any(SWEEPS[name].option for name in sweeps_of(ComparedPart.DETECTOR))
 
 
 def test_curves_of_estimators_tell_the_error_where_there_is_an_answer():
     choices = [Choice("fit"), Choice("triad")]
-    points = run(curves(fields(), EASY, Kind.ATTITUDE, choices, ("noise_px",), 3))
+    points = run(curves(fields(), EASY, ComparedPart.ATTITUDE, choices, ("noise_px",), 3))
     at = {(p.name, p.value): p for p in points}
     assert at["fit", 4.0].off_arcsec > 10 * at["fit", 0.0].off_arcsec
     assert at["fit", 2.0].off_arcsec < at["triad", 2.0].off_arcsec
     assert all(p.found is None for p in points)
-    none = run(curves(fields(), EASY, Kind.ATTITUDE, choices, ("noise_px",), 1, limit_s=-1.0))
+    none = run(curves(fields(), EASY, ComparedPart.ATTITUDE, choices, ("noise_px",), 1, limit_s=-1.0))
     assert len(none) == len(points)
     assert all(p.off_arcsec is None for p in none)
     assert all(p.median_s == p.right == p.wrong == 0 for p in none)
@@ -286,7 +285,7 @@ def test_tables_export_every_number(easy, truth):
     assert float(rows[0]["ra_deg"]) == pytest.approx(trials[0].ra_dec_deg[0], abs=1e-3)
     assert rows[1]["answered"] == "no"
     assert rows[1]["ra_deg"] == rows[1]["wrong"] == ""
-    points = run(curves(fields(), EASY, Kind.METHOD, [Choice("patterns")], ("missing",), 1))
+    points = run(curves(fields(), EASY, ComparedPart.METHOD, [Choice("patterns")], ("missing",), 1))
     lines = list(csv.DictReader(io.StringIO(points_csv(points))))
     assert tuple(lines[0]) == POINTS
     assert [float(r["value"]) for r in lines] == list(SWEEPS["missing"].values)
@@ -297,7 +296,7 @@ def test_an_answer_is_judged_by_what_a_fit_makes_of_its_names(easy, truth):
     found = identification(easy)
     turn = small_rotation(np.array([9.0, 0.0, 0.0]) / found.camera.focal_px)
     nudged = replace(found, attitude=Attitude(turn @ found.attitude.matrix))
-    assert judge(nudged.camera, nudged.attitude, truth)[0] is False
-    better, sigma = pointed(nudged)
-    assert judge(better.camera, better.attitude, truth)[0] is True
+    assert compare_pointing(nudged.camera, nudged.attitude, truth)[0] is False
+    better, sigma = with_fitted_pointing(nudged)
+    assert compare_pointing(better.camera, better.attitude, truth)[0] is True
     assert 0.0 < max(sigma[:2]) < 60.0

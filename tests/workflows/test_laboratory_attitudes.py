@@ -5,27 +5,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.__main__ import _simulated_field
-from app.attitude import ESTIMATORS
-from app.attitude.wahba import small_rotation
-from app.core.attitude import Attitude, attitude_from
-from app.core.errors import UsageError
-from app.core.progress import run
-from app.core.solution import NoSolution, Reason
-from app.workflows.laboratory import Choice, FieldWish, Truth, scale_hint
-from app.workflows.laboratory_attitudes import (
-    REFUSED,
-    REPEATS,
-    Named,
-    between,
-    name_stars,
-    try_attitude,
+from kochab.__main__ import _simulated_field
+from kochab.attitude import ESTIMATORS, small_rotation
+from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.errors import UsageError
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason
+from kochab.lab.laboratory.comparison import (
+    FIT,
+    Choice,
+    ComparedPart,
+    FieldSettings,
+    FieldTruth,
+    names_of,
+    scale_hint,
 )
-from app.workflows.laboratory_kinds import FIT, Kind, names_of
-from app.workflows.laboratory_scene import comparison, scene_of_field
+from kochab.lab.laboratory.scene import comparison, scene_of_field
+from kochab.lab.laboratory.trials import REFUSED, REPEATS, NamedStars, between, name_stars, try_attitude
 
 ARCSEC = np.radians(1.0 / 3600.0)
-WISH = FieldWish(fov_deg=20.0, stars=30, noise_px=0.2, false=0.1, missing=0.1)
+WISH = FieldSettings(fov_deg=20.0, stars=30, noise_px=0.2, false=0.1, missing=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -35,21 +34,21 @@ def field():
 
 @pytest.fixture(scope="module")
 def truth(field):
-    return Truth.of(field, WISH)
+    return FieldTruth.of(field, WISH)
 
 
 @pytest.fixture(scope="module")
 def named(field, truth):
     found = run(name_stars(field.detections, scale_hint(truth), 2016.0, 20.0))
-    assert isinstance(found, Named)
+    assert isinstance(found, NamedStars)
     return found
 
 
 def test_the_fit_comes_first_and_every_estimator_is_there():
-    assert names_of(Kind.ATTITUDE) == [FIT, *ESTIMATORS]
+    assert names_of(ComparedPart.ATTITUDE) == [FIT, *ESTIMATORS]
 
 
-@pytest.mark.parametrize("name", names_of(Kind.ATTITUDE))
+@pytest.mark.parametrize("name", names_of(ComparedPart.ATTITUDE))
 def test_every_estimator_agrees_with_the_fit_within_its_own_errors(named, truth, name):
     trial = run(try_attitude(named, Choice(name), truth))
     assert trial.right
@@ -69,8 +68,7 @@ def test_every_estimator_agrees_with_the_fit_within_its_own_errors(named, truth,
 
 def test_many_stars_are_nearer_to_the_fit_than_two(named, truth):
     away = {
-        name: run(try_attitude(named, Choice(name), truth)).from_fit_arcsec[0]
-        for name in ("quest", "triad")
+        name: run(try_attitude(named, Choice(name), truth)).from_fit_arcsec[0] for name in ("quest", "triad")
     }
     assert away["quest"] < 0.5 * away["triad"]
 
@@ -80,7 +78,7 @@ def test_options_reach_the_estimator_and_a_refusal_is_no_answer(named, truth):
     trial = run(try_attitude(named, choice, truth))
     assert not trial.answered
     assert trial.reason == REFUSED
-    assert "the roll leans on it" in trial.advice
+    assert "too near for a roll" in trial.advice
     plain = run(try_attitude(named, Choice("quest", {"sigma_px": 50.0}), truth))
     assert plain.sigma_arcsec[0] > 100
     with pytest.raises(UsageError, match="no option sigma"):
@@ -93,7 +91,7 @@ def test_stars_that_nobody_could_name_have_no_attitude_and_the_reason_is_told(tr
     assert (trial.answered, trial.right) == (False, False)
     assert (trial.reason, trial.advice) == (Reason.NO_PATTERN_AGREED, "everything")
     assert run(try_attitude(None, Choice(FIT), None)).reason == "timed out"
-    points = _simulated_field(FieldWish(stars=3), (1,)).detections
+    points = _simulated_field(FieldSettings(stars=3), (1,)).detections
     assert isinstance(run(name_stars(points, None, 2016.0, 20.0)), NoSolution)
 
 
@@ -108,9 +106,14 @@ def test_an_estimate_is_timed_over_several_and_can_be_stopped_between(named):
 def test_all_of_them_from_one_identification(truth):
     heard = []
     task = comparison(
-        scene_of_field(_simulated_field, WISH, (6,)), Kind.ATTITUDE,
-        [Choice(name) for name in names_of(Kind.ATTITUDE)], True, True, 20.0, heard.append,
-    )  # fmt: skip
+        scene_of_field(_simulated_field, WISH, (6,)),
+        ComparedPart.ATTITUDE,
+        [Choice(name) for name in names_of(ComparedPart.ATTITUDE)],
+        True,
+        True,
+        20.0,
+        heard.append,
+    )
     trials = run(task)
     assert heard == trials
     assert len({t.matches for t in trials}) == 1
@@ -118,9 +121,13 @@ def test_all_of_them_from_one_identification(truth):
 
 
 @given(
-    st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0),
-    st.floats(0.0, 360.0), st.floats(-90.0, 90.0), st.floats(-180.0, 180.0),
-)  # fmt: skip
+    st.floats(-1.0, 1.0),
+    st.floats(-1.0, 1.0),
+    st.floats(-1.0, 1.0),
+    st.floats(0.0, 360.0),
+    st.floats(-90.0, 90.0),
+    st.floats(-180.0, 180.0),
+)
 def test_how_far_two_attitudes_are_apart(x, y, roll, ra, dec, position):
     one = attitude_from(ra, dec, position)
     turned = Attitude(small_rotation(1000.0 * ARCSEC * np.array([x, y, roll])) @ one.matrix)

@@ -10,26 +10,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.__main__ import _simulated_field, _simulated_picture
-from app.core.errors import UsageError
-from app.core.frame import Frame
-from app.core.hint import Hint
-from app.core.progress import run
-from app.core.solution import Reason
-from app.detect import DETECTORS
-from app.workflows.laboratory import Choice, FieldWish, Truth, scale_hint
-from app.workflows.laboratory_detectors import REACH_PX, counted, try_detector
-from app.workflows.laboratory_kinds import Kind, names_of
-from app.workflows.laboratory_scene import (
-    LARGEST_PX,
-    Scene,
-    comparison,
-    scene_of_field,
-    scene_of_picture,
+from kochab.__main__ import _simulated_field, _simulated_picture
+from kochab.core.errors import UsageError
+from kochab.core.frame import Frame, Hint
+from kochab.core.progress import run
+from kochab.core.solution import Reason
+from kochab.detection import DETECTORS
+from kochab.lab.laboratory.comparison import (
+    REACH_PX,
+    Choice,
+    ComparedPart,
+    FieldSettings,
+    FieldTruth,
+    counted,
+    names_of,
+    scale_hint,
+    try_detector,
 )
-from app.workflows.laboratory_tables import trials_csv
+from kochab.lab.laboratory.curves import trials_csv
+from kochab.lab.laboratory.scene import LARGEST_PX, Scene, comparison, scene_of_field, scene_of_picture
 
-BRIGHT = FieldWish(fov_deg=20.0, stars=30, noise_px=0.03, false=0.1, missing=0.0, size_px=700)
+BRIGHT = FieldSettings(fov_deg=20.0, stars=30, noise_px=0.03, false=0.1, missing=0.0, size_px=700)
 compared = partial(comparison, scale=True, place=False, limit_s=20.0, tell=lambda _: None)
 
 
@@ -40,20 +41,20 @@ def picture():
 
 @pytest.fixture(scope="module")
 def truth(picture):
-    return Truth.of(picture, BRIGHT)
+    return FieldTruth.of(picture, BRIGHT)
 
 
 @pytest.fixture(scope="module")
 def trials():
     choices = [Choice(name) for name in DETECTORS]
     scene = scene_of_picture(_simulated_picture, BRIGHT, (9,))
-    return {t.name: t for t in run(compared(scene, Kind.DETECTOR, choices))}
+    return {t.name: t for t in run(compared(scene, ComparedPart.DETECTOR, choices))}
 
 
 @pytest.mark.parametrize("name", DETECTORS)
 def test_every_detector_finds_the_bright_stars_of_a_simulated_picture(trials, name):
     trial = trials[name]
-    assert trial.kind is Kind.DETECTOR
+    assert trial.kind is ComparedPart.DETECTOR
     assert trial.right
     assert trial.wrong == 0
     assert trial.found.there == 30
@@ -109,17 +110,13 @@ def test_a_wrong_picture_is_told_as_wrong(picture, truth):
 
 
 def test_a_list_of_stars_has_no_picture_and_a_huge_picture_is_refused():
-    with pytest.raises(UsageError, match="no picture"):
-        run(
-            compared(
-                scene_of_field(_simulated_field, BRIGHT, (1,)), Kind.DETECTOR, [Choice("auto")]
-            )
-        )
+    with pytest.raises(UsageError, match="no image"):
+        run(compared(scene_of_field(_simulated_field, BRIGHT, (1,)), ComparedPart.DETECTOR, [Choice("auto")]))
     huge = replace(BRIGHT, size_px=LARGEST_PX + 1)
     with pytest.raises(UsageError, match="px wide at most"):
         run(scene_of_picture(_simulated_picture, huge, (1,)))
     with pytest.raises(UsageError, match="Open a frame first"):
-        run(compared(None, Kind.DETECTOR, [Choice("auto")]))
+        run(compared(None, ComparedPart.DETECTOR, [Choice("auto")]))
 
 
 def test_a_frame_is_looked_at_by_the_default_where_nobody_did_before(picture, truth):
@@ -127,7 +124,7 @@ def test_a_frame_is_looked_at_by_the_default_where_nobody_did_before(picture, tr
         yield from ()
         return Scene(frame=picture.frame, truth=truth)
 
-    for kind in (Kind.METHOD, Kind.ATTITUDE):
+    for kind in (ComparedPart.METHOD, ComparedPart.ATTITUDE):
         (trial,) = run(compared(scene(), kind, [Choice(names_of(kind)[0])]))
         assert trial.right
         assert trial.found is None

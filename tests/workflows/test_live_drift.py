@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from app.core.attitude import unit_vectors
-from app.workflows.live_drift import WINDOW_S, DriftMeter
+from kochab.core.attitude import unit_vectors
+from kochab.workflows.live.update import WINDOW_S, DriftMeter
 
 ARCMIN = 1 / 60
 ARCSEC = 1 / 3600

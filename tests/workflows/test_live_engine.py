@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from app.core.errors import KochabError
-from app.core.progress import run
-from app.solve.options import SolveOptions
-from app.solve.profiles_kept import profile_path
-from app.solve.track import TrackOptions
-from app.workflows.live_engine import ProfiledTracker
+from kochab.core.errors import KochabError
+from kochab.core.progress import run
+from kochab.solver import SolveOptions
+from kochab.solver.camera_profile import profile_path
+from kochab.solver.tracker import TrackOptions
+from kochab.workflows.live.solve import ProfiledTracker
 
 from .live_sky import CAMERA, sky_frame
 
@@ -50,5 +50,5 @@ def test_nothing_is_kept_of_nothing(tmp_path) -> None:
 def test_a_spoilt_profile_is_one_sentence(tmp_path) -> None:
     path = profile_path("guide scope", 800, 600, tmp_path)
     path.write_text("{")
-    with pytest.raises(KochabError, match="delete it to begin anew"):
+    with pytest.raises(KochabError, match="delete it to start a new one"):
         night(tmp_path, 1)

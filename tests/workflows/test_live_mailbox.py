@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 
-from app.workflows.mailbox import Mailbox
+from kochab.workflows.live.capture import Mailbox
 
 
 def test_the_newest_is_next_and_the_rest_is_counted() -> None:

@@ -3,9 +3,9 @@
 import gc
 import tracemalloc
 
-from app.workflows.live_capture import Capture
-from app.workflows.live_solve import live_solve
-from app.workflows.live_update import LiveUpdate
+from kochab.workflows.live.capture import Capture
+from kochab.workflows.live.solve import live_solve
+from kochab.workflows.live.update import LiveUpdate
 
 from .live_sources import Clockwork, Told, refusal, solution
 
@@ -14,7 +14,7 @@ FRAME_BYTES = 400 * 600 * 2
 
 def test_a_long_stream_holds_no_more_than_a_short_one() -> None:
     source = Clockwork(size=(400, 600))
-    source.complaints = lambda: ("A file was left out: it is broken.",)
+    source.complaints = lambda: ("File skipped: it is broken.",)
     engine = Told(lambda n: solution(80.0 + n * 1e-6) if n % 5 else refusal())
     live = live_solve(Capture(lambda: source), engine)
     held = {}

@@ -7,16 +7,22 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.core.errors import UsageError
-from app.core.hint import Hint, Site
-from app.core.progress import Progress
-from app.frames import read_frame
-from app.solve.options import SolveOptions
-from app.workflows.live_capture import Capture
-from app.workflows.live_record import Recorder, recorded, session_folder
-from app.workflows.live_session import options_from, options_json, read_session
-from app.workflows.live_solve import live_solve
-from app.workflows.live_update import LiveUpdate
+from kochab.core.errors import UsageError
+from kochab.core.frame import Hint, Site
+from kochab.core.progress import Progress
+from kochab.frames import read_frame
+from kochab.solver import SolveOptions
+from kochab.workflows.live.capture import Capture
+from kochab.workflows.live.session import (
+    Recorder,
+    options_from,
+    options_json,
+    read_session,
+    recorded,
+    session_folder,
+)
+from kochab.workflows.live.solve import live_solve
+from kochab.workflows.live.update import LiveUpdate
 
 from .live_sources import Clockwork, Told, refusal, solution
 
@@ -61,10 +67,10 @@ def test_a_nearly_full_disk_ends_the_recording_and_not_the_stream(tmp_path, monk
     assert sum(isinstance(s, LiveUpdate) for s in steps) == 5
     said = [s.detail for s in steps if isinstance(s, Progress) and s.stage == "warning"]
     assert len(said) == 1
-    assert "ended after 2 frames" in said[0]
-    assert "MB left" in said[0]
+    assert "stopped after 2 frames" in said[0]
+    assert "MB free" in said[0]
     assert read_session(tmp_path / "s")[0]["frames"] == 2
-    with pytest.raises(UsageError, match="1 MB left and 500 MB are kept free"):
+    with pytest.raises(UsageError, match=r"1 MB free \(500 MB is kept free\)"):
         Recorder(tmp_path / "t", line)
 
 
@@ -75,7 +81,7 @@ def test_a_folder_that_goes_ends_the_recording_and_not_the_stream(tmp_path) -> N
     assert sum(isinstance(s, LiveUpdate) for s in steps) == 3
     said = [s.detail for s in steps if isinstance(s, Progress) and s.stage == "warning"]
     assert len(said) == 1
-    assert "ended after 0 frames" in said[0]
+    assert "stopped after 0 frames" in said[0]
 
 
 def test_stopping_the_stream_closes_the_session(tmp_path) -> None:
@@ -89,13 +95,33 @@ def test_stopping_the_stream_closes_the_session(tmp_path) -> None:
 
 def test_a_second_session_is_not_written_over_the_first(tmp_path) -> None:
     Recorder(tmp_path, line).close()
-    with pytest.raises(UsageError, match="holds a session already"):
+    with pytest.raises(UsageError, match="already has a session"):
         Recorder(tmp_path, line)
     now = datetime(2026, 3, 1, 22, 0, 5, tzinfo=UTC)
     first = session_folder(tmp_path, now)
     assert first.name == "kochab-2026-03-01T22-00-05Z"
     first.mkdir()
     assert session_folder(tmp_path, now).name == "kochab-2026-03-01T22-00-05Z-2"
+
+
+def test_a_folder_with_files_in_it_is_not_recorded_into(tmp_path) -> None:
+    mine = tmp_path / "frame-000001.fits"
+    mine.write_bytes(b"a night's work")
+    with pytest.raises(UsageError, match="is not empty"):
+        Recorder(tmp_path, line)
+    assert [path.name for path in tmp_path.iterdir()] == [mine.name]
+    assert mine.read_bytes() == b"a night's work"
+
+
+def test_a_frame_of_another_program_ends_the_recording(tmp_path) -> None:
+    recorder = Recorder(tmp_path, line)
+    mine = tmp_path / "frame-000002.fits"
+    mine.write_bytes(b"a night's work")
+    steps = stream(recorder, 3)
+    said = [s.detail for s in steps if isinstance(s, Progress) and s.stage == "warning"]
+    assert len(said) == 1
+    assert "stopped after 1 frames" in said[0]
+    assert mine.read_bytes() == b"a night's work"
 
 
 def test_a_line_cut_off_at_the_end_is_left_out_and_one_amid_is_told(tmp_path) -> None:
@@ -110,9 +136,7 @@ def test_a_line_cut_off_at_the_end_is_left_out_and_one_amid_is_told(tmp_path) ->
 
 
 def test_the_options_come_back_as_they_were() -> None:
-    hint = Hint(
-        (1.0, 2.0), (10.0, 20.0, 3.0), datetime(2026, 1, 2, tzinfo=UTC), 1.5, Site(1.0, 2.0), "c"
-    )
+    hint = Hint((1.0, 2.0), (10.0, 20.0, 3.0), datetime(2026, 1, 2, tzinfo=UTC), 1.5, Site(1.0, 2.0), "c")
     for options in (
         SolveOptions(),
         SolveOptions("triads", {"stars": 9}, hint=hint, fov_deg=3.0, timeout_s=None),

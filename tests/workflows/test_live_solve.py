@@ -7,16 +7,16 @@ from itertools import islice
 
 import pytest
 
-from app.core.capture import CaptureSettings
-from app.core.errors import LineLostError, PortError
-from app.core.hint import Hint
-from app.core.progress import Progress, run
-from app.core.solution import NoSolution
-from app.workflows.live_capture import Capture
-from app.workflows.live_solve import live_solve, posted
-from app.workflows.live_update import LiveUpdate
+from kochab.core.capture import CaptureSettings
+from kochab.core.errors import LineLostError, PortError
+from kochab.core.frame import Hint
+from kochab.core.progress import Progress, run
+from kochab.core.solution import NoSolution
+from kochab.workflows.live.capture import Capture
+from kochab.workflows.live.solve import live_solve
+from kochab.workflows.live.update import LiveUpdate
 
-from .live_sources import Clockwork, Told, refusal, solution
+from .live_sources import Clockwork, Told, posted, refusal, solution
 
 
 def updates(live):
@@ -90,7 +90,7 @@ def test_unplugged_in_the_middle_is_one_sentence_after_the_last_frame() -> None:
 
 
 def test_a_lost_camera_can_be_waited_for(monkeypatch) -> None:
-    monkeypatch.setattr("app.workflows.live_capture.RETRY_S", 0.01)
+    monkeypatch.setattr("kochab.workflows.live.capture.RETRY_S", 0.01)
     cameras = []
 
     def opened():
@@ -100,7 +100,7 @@ def test_a_lost_camera_can_be_waited_for(monkeypatch) -> None:
         cameras.append(Clockwork(every_s=0.02, frames=3))
         return cameras[-1]
 
-    capture = Capture(opened, again=True)
+    capture = Capture(opened, reconnect=True)
     live, told, said = live_solve(capture, Told()), [], []
     for step in live:
         if isinstance(step, LiveUpdate):
@@ -112,10 +112,10 @@ def test_a_lost_camera_can_be_waited_for(monkeypatch) -> None:
             said.append(step.detail)
     live.close()
     assert told == sorted(set(told))  # numbers go on after the loss
-    assert any("unplugged. It is opened again as soon as it is back" in s for s in said)
+    assert any("unplugged. Kochab reconnects as soon as it is back" in s for s in said)
     assert all(c is None or c.closed == 1 for c in cameras)
     with pytest.raises(PortError):  # but one that never was there is told at once
-        run(posted(live_solve(Capture(absent, again=True), Told()), lambda u: None))
+        run(posted(live_solve(Capture(absent, reconnect=True), Told()), lambda u: None))
 
 
 def absent():
@@ -186,7 +186,7 @@ def test_a_frame_from_the_future_is_told_as_a_wrong_clock() -> None:
     live = live_solve(Capture(lambda: Clockwork(hint=ahead)), Told())
     update = next(updates(live))
     live.close()
-    assert any("clock" in w and "disagree" in w for w in update.warnings)
+    assert any("in the future" in w and "clock" in w for w in update.warnings)
     assert 1.0 <= update.age_s() < 60.0
 
 
@@ -221,7 +221,7 @@ def test_the_camera_can_be_set_while_it_runs_and_a_refusal_is_a_warning() -> Non
 def test_what_a_camera_tells_between_frames_is_told() -> None:
     source = Clockwork()
     source.next_frame = lambda timeout_s: time.sleep(0.01)
-    source.complaints = lambda: ("A file was left out: it is broken.",)
+    source.complaints = lambda: ("File skipped: it is broken.",)
     live = live_solve(Capture(lambda: source), Told())
     said = next(s for s in live if isinstance(s, Progress) and s.stage == "warning")
     live.close()

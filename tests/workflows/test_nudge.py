@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from app.core.errors import RefusedError, StoppedError
-from app.core.mount import Ability, Direction
-from app.core.progress import run
-from app.mounts.sky_frame import wrapped
-from app.sky.apparent import of_date_matrix
-from app.workflows.nudge import nudge
-from app.workflows.nudge_bring import bring_here, turn_to_bring
+from kochab.core.errors import RefusedError, StoppedError
+from kochab.core.mount import Ability, Direction
+from kochab.core.progress import run
+from kochab.gear.mounts.coordinates import wrapped
+from kochab.sky.apparent import of_date_matrix
+from kochab.workflows.nudge import bring_here, nudge, turn_to_bring
 from tests.workflows.mount_nights import SOUTH, bench, good, worn
 
 
@@ -22,9 +21,7 @@ def moved_arcsec(b, do):
 
 
 @pytest.mark.parametrize("direction", Direction)
-@pytest.mark.parametrize(
-    ("amount", "by"), [(20.0, "guide pulses"), (80.0, "guide pulses"), (600.0, "moves")]
-)
+@pytest.mark.parametrize(("amount", "by"), [(20.0, "guide pulses"), (80.0, "guide pulses"), (600.0, "moves")])
 def test_a_nudge_goes_its_way_as_far_as_asked(direction, amount, by) -> None:
     b = bench(good(lost_deg=0.0))
     nudged, east, north = moved_arcsec(b, nudge(b.guard, direction, amount, b.wait))
@@ -46,7 +43,7 @@ def test_a_mount_without_pulses_moves_instead() -> None:
 def test_too_little_is_nothing_and_too_much_is_refused() -> None:
     b = bench()
     assert run(nudge(b.guard, Direction.NORTH, 0.1, b.wait)).by == "nothing"
-    with pytest.raises(RefusedError, match="go there instead"):
+    with pytest.raises(RefusedError, match="Use goto instead"):
         run(nudge(b.guard, Direction.NORTH, 100.0 * 3600.0, b.wait))
     assert [did for did in b.mount.did if did[0] in ("move", "pulse")] == []
 

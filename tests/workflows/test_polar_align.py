@@ -6,30 +6,32 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from app.bench.polar_person import ALIGN, follow
-from app.bench.polar_rig import make_rig
-from app.core.errors import RefusedError
-from app.core.hint import Site
-from app.core.mount import Direction, Epoch, MountState, Pointing
-from app.core.progress import Progress, run
-from app.core.solution import NoSolution, Reason
-from app.polar.findings import Kind
-from app.polar.horizon import Air
-from app.polar.measure import Settings, measure_local
-from app.polar.path import best_way, way
-from app.polar.plan import Optics
-from app.polar.sighting import Sighting, to_local
-from app.polar.tutor import BoltTutor, Step
-from app.simulate.camera import CameraConfig
-from app.simulate.mechanics.geometry import Build
-from app.simulate.mechanics.mount import MountConfig
-from app.simulate.rig import PracticeRig, RigConfig
-from app.sky import open_catalogue
-from app.workflows.polar_adjust import Adjuster, End, adjust
-from app.workflows.polar_measure import Sweep, foreseen_arcsec, measure_axis, plan_way
-from app.workflows.polar_turners import HandTurner, MountTurner
-from app.workflows.polar_update import PolarControls, PolarUpdate
-from app.workflows.polar_watch import NotMeasuredError
+from kochab.core.errors import RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Direction, Epoch, MountState, Pointing
+from kochab.core.progress import Progress, run
+from kochab.core.solution import NoSolution, Reason
+from kochab.lab.bench.polar_rig import ALIGN, follow, make_rig
+from kochab.polar.horizon import Refraction
+from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
+from kochab.polar.plan import Optics, best_path, sweep_path
+from kochab.polar.sighting import Sighting, to_local
+from kochab.polar.tutor import BoltTutor, TutorStep
+from kochab.simulate.camera import CameraConfig
+from kochab.simulate.mechanics.geometry import Build, MountConfig
+from kochab.simulate.rig import PracticeRig, RigConfig
+from kochab.sky import open_catalogue
+from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, adjust
+from kochab.workflows.polar.measure import (
+    HandTurner,
+    MountTurner,
+    Sweep,
+    foreseen_arcsec,
+    measure_axis,
+    plan_path,
+)
+from kochab.workflows.polar.sources import NotMeasuredError
+from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench
 
 
@@ -48,7 +50,7 @@ def test_measure_adjust_measure_again_ends_at_the_pole(latitude):
     assert done.moves <= 5
     kinds = [entry.kind for entry in done.history.entries]
     assert kinds[0] == kinds[-1] == "measured"
-    assert {"live", "told"} <= set(kinds)
+    assert {"live", "instruction"} <= set(kinds)
 
 
 def test_what_is_likely_good_is_measured_again_before_a_bolt_is_touched():
@@ -60,7 +62,7 @@ def test_what_is_likely_good_is_measured_again_before_a_bolt_is_touched():
     done = follow(sky)
     first, told, last = done.history.entries
     assert first.total_arcsec + 3.0 * first.noise_arcsec > 30.0
-    assert "measured once more" in told.text
+    assert "measuring once more" in told.text
     assert last.noise_arcsec < 0.8 * first.noise_arcsec  # both count
     assert (done.good, done.moves, done.rounds) == (True, 0, 2)
 
@@ -72,12 +74,10 @@ def test_measuring_says_how_surely_and_how_much_further():
     told = [u for u in updates if isinstance(u, PolarUpdate) and u.measurement is not None]
     assert len(told) == 4  # from the second frame of five on
     assert told[0].more_turn_deg > told[2].more_turn_deg
-    assert f'turn {told[0].more_turn_deg:.0f} deg more for 10"' in told[0].detail
-    assert (
-        sky.missed_arcsec(found.measurement.error) < 4 * found.measurement.error.uncertainty_arcsec
-    )
+    assert f"Rotate {told[0].more_turn_deg:.0f}° more for 10″" in told[0].detail
+    assert sky.missed_arcsec(found.measurement.error) < 4 * found.measurement.error.uncertainty_arcsec
     assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
-    assert Kind.SLIPPING not in {f.kind for f in found.findings}
+    assert PolarFindingKind.SLIPPING not in {f.kind for f in found.findings}
 
 
 def test_a_person_may_stop_measuring_early():
@@ -115,13 +115,12 @@ def test_without_a_mount_words_are_said_and_the_frames_show_when_it_was_done():
     hand = ByHand(sky)
     updates = []
     found = run(
-        measure_axis(hand, hand, sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)),
-        updates.append,
+        measure_axis(hand, hand, sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)), updates.append
     )
     assert len(hand.words) == 2
-    assert "by hand, about 30 deg to the" in hand.words[0]
+    assert "Rotate RA about 30°" in hand.words[0]
     assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
-    assert any(u.stage == "turn" and u.detail == "turned 0 of 30 deg" for u in updates)
+    assert any(u.stage == "turn" and u.detail == "0° of 30°" for u in updates)
 
 
 class Clutch:
@@ -131,20 +130,18 @@ class Clutch:
 
     def __init__(self, sky):
         self.sky = sky
-        self.told_deg = None
+        self.reported_deg = None
 
     def turn(self, direction, degrees):
         yield from self.sky.turn(direction, 0.6 * degrees)
-        self.told_deg = degrees
+        self.reported_deg = degrees
 
 
 def test_a_slipping_clutch_is_told():
     sky = rig()
-    found = run(
-        measure_axis(sky, Clutch(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3))
-    )
-    assert found.findings[0].kind is Kind.SLIPPING
-    assert "says that it turned 30 deg and the sky says 18 deg" in found.findings[0].text
+    found = run(measure_axis(sky, Clutch(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)))
+    assert found.findings[0].kind is PolarFindingKind.SLIPPING
+    assert "reports a turn of 30°, the frames show 18°" in found.findings[0].text
 
 
 class Clouds:
@@ -161,7 +158,7 @@ class Clouds:
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        (None, "No frames come from the camera"),
+        (None, "The camera sends no frames"),
         (NoSolution(Reason.CLOUDED_OR_DARK, "Wait for the clouds to pass."), "clouded or dark"),
     ],
 )
@@ -177,12 +174,8 @@ def test_nothing_turned_is_one_sentence():
             yield Progress("turn")
 
     sky = rig()
-    with pytest.raises(NotMeasuredError, match="too alike"):
-        run(
-            measure_axis(
-                sky, Lazy(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)
-            )
-        )
+    with pytest.raises(NotMeasuredError, match="rotated by only"):
+        run(measure_axis(sky, Lazy(sky), sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)))
 
 
 def test_a_frame_without_an_answer_keeps_the_last_error_and_says_so():
@@ -207,7 +200,7 @@ def test_a_frame_without_an_answer_keeps_the_last_error_and_says_so():
             controls.remeasure()
 
     ended = run(adjust(Sometimes(), found.measurement, BoltTutor(), controls), watch)
-    assert ended.end is End.ASKED
+    assert ended.end is AdjustingEnd.REQUESTED
     lost = [u for u in updates if isinstance(u, PolarUpdate) and not u.solved]
     assert len(lost) == 1
     assert lost[0].steady is not None
@@ -221,7 +214,7 @@ def test_a_large_move_measures_again():
     task = adjust(sky, found.measurement, tutor, controls)
     next(task)
     sky.rig.mount.turn_bolts(180.0, 0.0)
-    assert run(task).end is End.LARGE_MOVE
+    assert run(task).end is AdjustingEnd.LARGE_MOVE
 
 
 def test_a_declination_that_moves_while_adjusting_is_told_and_measured_again():
@@ -234,10 +227,10 @@ def test_a_declination_that_moves_while_adjusting_is_told_and_measured_again():
         if isinstance(update, PolarUpdate) and update.live is not None:
             break
     sky.rig.mount.turn_by_hand(0.0, 0.25)
-    assert run(task, updates.append).end is End.DEC_MOVED
-    said = [f.text for f in updates[-1].findings if f.kind is Kind.DEC_MOVED]
+    assert run(task, updates.append).end is AdjustingEnd.DEC_MOVED
+    said = [f.text for f in updates[-1].findings if f.kind is PolarFindingKind.DEC_MOVED]
     assert len(said) == 1
-    assert "declination axis moved by 15." in said[0] or "moved by 14.9" in said[0]
+    assert "Declination moved by 15." in said[0] or "moved by 14.9" in said[0]
 
 
 def test_a_noisy_reading_does_not_overrule_a_fresh_measurements_stop():
@@ -247,19 +240,19 @@ def test_a_noisy_reading_does_not_overrule_a_fresh_measurements_stop():
     sky.rig = PracticeRig(replace(sky.rig.config, mount=config), open_catalogue())
     sky.point(-40.0, 50.0)
     found = run(measure_axis(sky, sky, sky.settings, ALIGN.sweep))
-    adjuster = Adjuster(found.measurement, BoltTutor())
-    assert adjuster.instruction.step is Step.STOP
+    adjuster = AdjustmentGuide(found.measurement, BoltTutor())
+    assert adjuster.instruction.step is TutorStep.STOP
     last = adjuster.live.update(sky.look())
     for frame in range(12):
         off = last.error.axis + 1.5 * np.sqrt(last.frame_covariance[0, 0]) * np.array([0, 0, 1.0])
         reading = replace(last, error=replace(last.error, axis=off / np.linalg.norm(off)))
         noisy = frame < 3
         steady, told = adjuster.see(reading if noisy else last, False)
-        assert told.step is Step.STOP, steady
+        assert told.step is TutorStep.STOP, steady
     sky.rig.mount.turn_bolts(3.0, 0.0)
     for _ in range(8):
         _, told = adjuster.see(adjuster.live.update(sky.look()), False)
-    assert told.step is not Step.STOP  # what really moved is answered
+    assert told.step is not TutorStep.STOP  # what really moved is answered
 
 
 def test_every_step_can_be_the_last():
@@ -279,22 +272,22 @@ def test_the_way_stays_up_and_on_its_side_of_the_meridian():
     for latitude in (-40.0, 45.0):
         for hour in (-60.0, -30.0, 30.0, 60.0):
             sky = rig(latitude=latitude, hour=hour, dec=np.sign(latitude) * 20.0)
-            first = to_local(sky.look(), sky.settings.site, sky.settings.air)
-            path = best_way(first.boresight, sky.settings, 60.0)
+            first = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
+            path = best_path(first.boresight, sky.settings, 60.0)
             assert path.lowest_deg >= 20.0
             assert path.past_meridian_deg <= 5.0
             assert path.turn_deg >= 20.0
             # what it foresees is what happens
             run(sky.turn(path.direction, path.turn_deg))
-            after = to_local(sky.look(), sky.settings.site, sky.settings.air)
+            after = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
             assert after.altitude_deg >= path.lowest_deg - 6.0  # the axis is up to 5 deg off
 
 
 def test_west_sinks_in_the_west():
     sky = rig(latitude=45.0, hour=40.0, dec=20.0)
-    first = to_local(sky.look(), sky.settings.site, sky.settings.air)
-    west = way(first.boresight, sky.settings, Direction.WEST, 30.0)
-    east = way(first.boresight, sky.settings, Direction.EAST, 30.0)
+    first = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
+    west = sweep_path(first.boresight, sky.settings, Direction.WEST, 30.0)
+    east = sweep_path(first.boresight, sky.settings, Direction.EAST, 30.0)
     assert west.lowest_deg < first.altitude_deg - 10.0
     assert east.lowest_deg == pytest.approx(first.altitude_deg, abs=1e-6)
 
@@ -304,11 +297,11 @@ def test_the_planner_turns_less_near_the_pole_and_backwards_the_second_time():
     sweep = Sweep(goal_arcsec=10.0)
     ways = []
     for sky in (near, far):
-        first = to_local(sky.look(), sky.settings.site, sky.settings.air)
-        ways.append(plan_way(first, sky.settings, sweep))
+        first = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
+        ways.append(plan_path(first, sky.settings, sweep))
     assert ways[0].turn_deg < ways[1].turn_deg
-    first = to_local(near.look(), near.settings.site, near.settings.air)
-    back = plan_way(first, near.settings, Sweep(turn_deg=40.0, backwards=Direction.WEST))
+    first = to_local(near.look(), near.settings.site, near.settings.refraction)
+    back = plan_path(first, near.settings, Sweep(turn_deg=40.0, backwards=Direction.WEST))
     assert back.direction is Direction.EAST
     assert foreseen_arcsec(first, near.settings, sweep) <= 10.0
 
@@ -364,7 +357,7 @@ def test_the_mount_turns_in_bounded_parts_and_is_stopped_at_the_end(share, direc
     begun = motor.ra
     run(turner.turn(direction, 60.0))
     assert abs(motor.ra - begun) == pytest.approx(60.0, abs=20.0 if share > 1 else 1.1)
-    assert turner.told_deg == pytest.approx(abs(motor.ra - begun))
+    assert turner.reported_deg == pytest.approx(abs(motor.ra - begun))
     assert max(seconds for _, seconds in motor.asked) <= 20.0
     assert {way for way, _ in motor.asked} == {direction}
     assert motor.stops == 1
@@ -405,7 +398,7 @@ def test_a_mount_that_never_comes_to_rest_is_stopped():
     motor = Motor()
     motor.slewing_for = 10**9
     turner, _ = clocked(motor)
-    with pytest.raises(RefusedError, match="still moving"):
+    with pytest.raises(RefusedError, match="still reports"):
         run(turner.turn(Direction.EAST, 10.0))
     assert motor.stops == 1
 
@@ -433,13 +426,11 @@ def guarded(**limits):
     night = datetime(2026, 1, 15, 22, 0, tzinfo=UTC).timestamp()
     camera = CameraConfig(width=900, height=700, fov_deg=6.0)
     bench = Bench(
-        RigConfig(
-            seed=2, site=site, mount=mount, start_deg=(-60.0, 40.0), start_unix=night, camera=camera
-        ),
+        RigConfig(seed=2, site=site, mount=mount, start_deg=(-60.0, 40.0), start_unix=night, camera=camera),
         **limits,
     )
     turner = MountTurner(bench.guard, 1.0, bench.wait, bench.rig.clock.now_unix)
-    return bench, turner, Settings(site, air=Air(pressure_hpa=1010.0))
+    return bench, turner, MeasureSettings(site, refraction=Refraction(pressure_hpa=1010.0))
 
 
 def test_within_the_guard_the_axis_of_the_rig_is_found_by_the_solver():
@@ -450,7 +441,7 @@ def test_within_the_guard_the_axis_of_the_rig_is_found_by_the_solver():
     assert found.measurement.error.distance2(truth) < 14.0  # one in a thousand
     assert found.measurement.error.uncertainty_arcsec < 25.0
     assert found.measurement.turn_deg == pytest.approx(45.0, abs=3.5)
-    assert {f.kind for f in found.findings} <= {Kind.UNSEEN_FLEXURE}
+    assert {f.kind for f in found.findings} <= {PolarFindingKind.FLEXURE_NOT_MEASURED}
     moves = [did for did in bench.mount.did if did[0] == "move"]
     assert len(moves) >= 3
     assert bench.mount.did[-1] == ("stop",)
@@ -469,22 +460,20 @@ def test_flexure_hides_from_one_sweep_and_shows_in_a_second(flexure):
     sky = rig()
     config = sky.rig.config
     build = Build(flexure_arcsec=flexure)
-    sky.rig = PracticeRig(
-        replace(config, mount=replace(config.mount, build=build)), open_catalogue()
-    )
+    sky.rig = PracticeRig(replace(config, mount=replace(config.mount, build=build)), open_catalogue())
     sky.optics = Optics(0.5, 5.0)
     seen = []
     for sweep, dec in enumerate((20.0, 75.0)):
         sky.point(-50.0, dec)
         for _ in range(5):
-            local = to_local(sky.look(), sky.settings.site, sky.settings.air)
+            local = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
             seen.append(replace(local, sweep=sweep))
             run(sky.turn(Direction.WEST, 15.0))
     one = measure_local(seen[:5], sky.settings)
     both = measure_local(seen, sky.settings)
     assert one.fit.chance > 0.001
-    assert {f.kind for f in one.findings} == {Kind.UNSEEN_FLEXURE}
-    shown = [f for f in both.findings if f.kind is Kind.DROOP]
+    assert {f.kind for f in one.findings} == {PolarFindingKind.FLEXURE_NOT_MEASURED}
+    shown = [f for f in both.findings if f.kind is PolarFindingKind.DROOP]
     if flexure:
         assert sky.missed_arcsec(one.error) > 3.0 * one.error.uncertainty_arcsec
         assert len(shown) == 1

@@ -6,18 +6,18 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from app.core.camera import Camera
-from app.core.errors import UsageError
-from app.core.frame import Frame
-from app.core.hint import Hint, Site
-from app.core.progress import run
-from app.core.solution import NoSolution, Reason, Solution
-from app.polar.sighting import Sighting
-from app.simulate.camera import CameraConfig
-from app.simulate.mechanics.mount import MountConfig
-from app.simulate.rig import PracticeRig, RigConfig
-from app.simulate.source import SimulatedCamera
-from app.workflows.polar_sources import CameraSightings, SolvedFile, sightings_of, site_of
+from kochab.core.camera import Camera
+from kochab.core.capture import CameraSource
+from kochab.core.errors import UsageError
+from kochab.core.frame import Frame, Hint, Site
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.polar.sighting import Sighting
+from kochab.simulate.camera import CameraConfig
+from kochab.simulate.camera_source import SimulatedCamera
+from kochab.simulate.mechanics.geometry import MountConfig
+from kochab.simulate.rig import PracticeRig, RigConfig
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile, sightings_of, site_of
 from tests.polar.mounts import ARCSEC
 
 WHEN = datetime(2026, 3, 1, 22, tzinfo=UTC)
@@ -27,10 +27,12 @@ WHEN = datetime(2026, 3, 1, 22, tzinfo=UTC)
 def rig():
     return PracticeRig(
         RigConfig(
-            seed=4, start_deg=(-30.0, 45.0), mount=MountConfig(german=False),
+            seed=4,
+            start_deg=(-30.0, 45.0),
+            mount=MountConfig(german=False),
             camera=CameraConfig(width=800, height=600, fov_deg=5.0),
         )
-    )  # fmt: skip
+    )
 
 
 def test_a_cameras_frames_become_sightings_where_the_rig_points(rig):
@@ -61,7 +63,7 @@ def test_a_turn_further_than_the_last_answers_hint_is_not_looked_for_there_for_e
     assert source._near(dark(WHEN)).hint.centre_deg is not None
 
 
-class Canned:
+class Canned(CameraSource):
     """A camera with a few frames in store."""
 
     name = "canned"
@@ -86,7 +88,7 @@ def test_no_frame_and_no_answer_are_values():
 
 
 def test_a_frame_without_a_time_needs_a_clock():
-    with pytest.raises(UsageError, match="when they were taken"):
+    with pytest.raises(UsageError, match="have no time"):
         run(CameraSightings(Canned(dark(None))).sight())
     asked = []
     source = CameraSightings(Canned(dark(None)), clock=lambda: asked.append(1) or WHEN)
@@ -95,7 +97,7 @@ def test_a_frame_without_a_time_needs_a_clock():
 
 
 def solved(path, time_utc=WHEN, site=None):
-    from app.core.attitude import Attitude, attitude_from
+    from kochab.core.attitude import Attitude, attitude_from
 
     attitude = Attitude(attitude_from(10.0, 20.0, 0.0).matrix, np.eye(3) * 1e-10)
     result = Solution(Camera.centred(800, 600, 9000.0), attitude, (), 0.2, -50.0, "patterns")
@@ -105,7 +107,7 @@ def solved(path, time_utc=WHEN, site=None):
 def test_files_must_say_when():
     seen = sightings_of([solved("/a/one.fits"), solved("/a/two.fits")], [0, 1])
     assert [(s.label, s.sweep) for s in seen] == [("one.fits", 0), ("two.fits", 1)]
-    with pytest.raises(UsageError, match=r"two\.fits does not say when"):
+    with pytest.raises(UsageError, match=r"two\.fits has no time"):
         sightings_of([solved("one.fits"), solved("two.fits", None)], [0, 0])
 
 
@@ -116,6 +118,6 @@ def test_where_is_what_is_given_or_what_all_frames_say():
     assert site_of(files, there) == there
     with pytest.raises(UsageError, match="--site"):
         site_of([solved("a"), solved("b")])
-    with pytest.raises(UsageError, match="a and d come from different places"):
+    with pytest.raises(UsageError, match="a and d were taken at different sites"):
         site_of([*files, solved("d", site=there)])
     assert site_of([solved("a", site=Site(0, 179.99)), solved("b", site=Site(0, -179.99))])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from app.core.errors import FrameError
-from app.core.frame import Frame
-from app.core.progress import run
-from app.core.solution import NoSolution, Reason
-from app.workflows.solve_frame import solve_file, solve_open_frame
+from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason
+from kochab.workflows.solve_frame import solve_file, solve_open_frame
 
 
 def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path) -> None:

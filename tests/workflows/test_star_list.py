@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.errors import UsageError
-from app.workflows.star_list import read_star_list
+from kochab.core.errors import UsageError
+from kochab.workflows.solve_frame import read_star_list
 
 
 def read(tmp_path, text, width=100, height=80):
@@ -47,9 +47,9 @@ def test_flux_puts_the_brightest_first(tmp_path, text) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "holds no stars"),
-        ("# nothing\n\n", "holds no stars"),
-        ("x,y\n", "holds no stars"),
+        ("", "has no stars"),
+        ("# nothing\n\n", "has no stars"),
+        ("x,y\n", "has no stars"),
         ("1\n2\n", "line 1 has 1 column; a star is x,y or x,y,flux"),
         ("1,2,3,4\n", "line 1 has 4 columns"),
         ("1,2\n3,4,5\n", "some stars have a flux"),

@@ -1,0 +1,121 @@
+"""``kochab`` and ``python -m app``: the window, or the command that was named."""
+
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kochab.gear.journal import open_journal
+
+if TYPE_CHECKING:
+    from kochab.core.solution import Solution
+    from kochab.lab.laboratory.comparison import FieldSettings
+    from kochab.server.phone_page import PhonePage
+    from kochab.simulate.practice import PracticeNight
+    from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
+    from kochab.workflows.live.update import LiveUpdate
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Open the window for nothing or for a file; leave all else to the command line.
+
+    Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not sys.warnoptions:  # python -W shows them; what a person should know is said in sentences
+        warnings.simplefilter("ignore")
+    try:
+        to_window = not arguments or _is_file(arguments)
+        open_journal(terminal=not to_window)
+        if to_window:
+            return _window(arguments)
+        from kochab.cli.main import main as cli_main
+
+        return cli_main(arguments)
+    except KeyboardInterrupt:  # while still starting
+        return 130
+
+
+def _is_file(arguments: list[str]) -> bool:
+    """Whether the one argument is a file to open rather than a command of the same name."""
+    if len(arguments) != 1 or arguments[0].startswith("-"):
+        return False
+    from kochab.cli.main import COMMANDS
+
+    name = arguments[0]
+    return name not in COMMANDS and (Path(name).exists() or bool(Path(name).suffix))
+
+
+def _window(paths: list[str]) -> int:
+    from kochab.window import display_check as display
+
+    trouble = display.trouble()
+    if trouble is None:
+        try:
+            from kochab.window.application import run
+            from kochab.workflows.session.wiring import Wiring
+        except ImportError as error:
+            trouble = display.missing(error)
+    if trouble is not None:
+        print(f"kochab: {trouble}", file=sys.stderr)
+        return 2
+    wiring = Wiring(_to_json, _practise, _simulated_field, _to_record, _simulated_picture, _phone_page)
+    return run(paths, wiring=wiring)
+
+
+def _to_json(file: str, solution: "Solution") -> str:
+    from kochab.cli.output import as_json, to_line
+
+    return to_line(as_json(file, solution))
+
+
+def _to_record(update: "LiveUpdate") -> dict[str, Any]:
+    from kochab.cli.live_output import finite_json
+
+    return finite_json(update)
+
+
+def _phone_page() -> "PhonePage":
+    from kochab.server.phone_page import PhonePage
+
+    return PhonePage()
+
+
+def _practise(**wishes: Any) -> "PracticeNight":
+    """A simulated telescope, see :func:`kochab.simulate.practice.practise` for the wishes."""
+    from kochab.simulate.practice import practise
+
+    return practise(**wishes)
+
+
+def _simulated_field(wish: "FieldSettings", seeds: "Sequence[int]") -> "RandomField":
+    """A star field for the Laboratory, from the room that the window does not know."""
+    import numpy as np
+
+    from kochab.simulate.random_fields import random_field
+    from kochab.sky import open_catalogue
+
+    return random_field(open_catalogue(), np.random.default_rng(list(seeds)), _plan(wish))
+
+
+def _simulated_picture(wish: "FieldSettings", seeds: "Sequence[int]") -> "RandomImage":
+    """The same as a picture."""
+    import numpy as np
+
+    from kochab.simulate.random_fields import random_picture
+    from kochab.sky import open_catalogue
+
+    return random_picture(open_catalogue(), np.random.default_rng(list(seeds)), _plan(wish))
+
+
+def _plan(wish: "FieldSettings") -> "FieldPlan":
+    from kochab.simulate.random_fields import FieldPlan
+
+    return FieldPlan(
+        wish.fov_deg, wish.size_px, wish.noise_px, wish.missing, wish.false, brightest=wish.stars
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""The attitude over many frames, and how fast it changes: an error-state Kalman filter.
+
+The state is the attitude as a rotation matrix and the camera's angular velocity about its own
+axes. What the filter carries as numbers is the error of both, six of them: a small rotation about
+the camera axes and a change of the velocity. After every star fit the error is estimated, put into
+the state by multiplication, and is zero again, so that no attitude is ever too far from itself for
+small angles (the multiplicative filter: Lefferts, Markley and Shuster 1982, J. Guid. Control 5,
+417; Markley 2003, J. Guid. Control Dyn. 26, 311). There is no gyro: the stars are the gyro. The
+velocity is a random walk, driven by white angular acceleration.
+
+Between frames ``M(t + dt) = exp(-[w] dt) M(t)``, with the covariance of the error by::
+
+    A = exp(-[w] dt),  Phi = [[A, -dt], [0, 1]],  Q = q [[dt^3 / 3, -dt^2 / 2], [-dt^2 / 2, dt]]
+
+``q`` grows with the squared innovations when they are larger than the filter believes, and comes
+back by itself: a mount that begins to slew is followed, one that tracks is averaged over seconds.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kochab.attitude import small_rotation
+from kochab.core.arrays import Floats
+from kochab.core.attitude import Attitude
+
+ARCSEC = float(np.radians(1.0 / 3600.0))
+MOST_AGILE = 1e10  # of q: the velocity changes by 56 deg/s in a second, more than any mount's
+
+
+@dataclass(frozen=True, slots=True)
+class MotionModel:
+    """The prior of how the camera moves.
+
+    Parameters
+    ----------
+    rate_sigma_arcsec_s : float
+        How fast it may turn when nothing is known yet, arcsec/s on each axis, 0.1 to 36000.
+    wander_arcsec_s : float
+        How much the velocity changes in one second, arcsec/s, 0.001 to 3600: the root of ``q``.
+    manoeuvre_arcsec_s : float
+        How much it may have changed when a frame contradicts the prediction, 1 to 36000.
+    gate : float
+        Squared innovation over its covariance, three degrees of freedom, from which a frame is
+        held to contradict: 21.1 happens once in ten thousand frames by chance.
+
+    """
+
+    rate_sigma_arcsec_s: float = 120.0
+    wander_arcsec_s: float = 2.0
+    manoeuvre_arcsec_s: float = 3600.0
+    gate: float = 21.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterState:
+    """The filter at one moment.
+
+    ``matrix`` (3, 3) ICRS to camera; ``rates_rad_s`` (3,) the camera's angular velocity about its
+    own axes against the stars; ``covariance`` (6, 6) of (rotation, velocity), rad and rad/s;
+    ``time_s`` on any clock; ``agility`` the factor on ``q``; ``chi2`` the last innovation;
+    ``step_s`` how far the last prediction went.
+    """
+
+    matrix: Floats
+    rates_rad_s: Floats
+    covariance: Floats
+    time_s: float
+    agility: float = 1.0
+    chi2: float = 0.0
+    contradicted: bool = False
+    step_s: float = 0.0
+
+    @property
+    def attitude(self) -> Attitude:
+        """The attitude with the covariance of its small rotation."""
+        return Attitude(self.matrix, self.covariance[:3, :3])
+
+    @property
+    def rates_deg_s(self) -> tuple[float, float, float]:
+        """The velocity about x, y, z, degrees a second."""
+        x, y, z = np.degrees(self.rates_rad_s)
+        return float(x), float(y), float(z)
+
+    @property
+    def rates_sigma_deg_s(self) -> tuple[float, float, float]:
+        """One-sigma errors of the velocity."""
+        x, y, z = np.degrees(np.sqrt(np.diag(self.covariance)[3:]))
+        return float(x), float(y), float(z)
+
+
+def begin(attitude: Attitude, time_s: float, motion: MotionModel) -> FilterState:
+    """The first state, from an attitude with covariance; the velocity is not known yet."""
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = _covariance(attitude)
+    covariance[3:, 3:] = np.eye(3) * (motion.rate_sigma_arcsec_s * ARCSEC) ** 2
+    return FilterState(np.asarray(attitude.matrix), np.zeros(3), covariance, time_s)
+
+
+def predicted(state: FilterState, time_s: float, motion: MotionModel) -> FilterState:
+    """The state carried on to ``time_s``; an earlier time leaves it where it is."""
+    dt = max(0.0, time_s - state.time_s)
+    turn = small_rotation(-state.rates_rad_s * dt)
+    phi = np.eye(6)
+    phi[:3, :3] = turn
+    phi[:3, 3:] = -dt * np.eye(3)
+    q = (motion.wander_arcsec_s * ARCSEC) ** 2 * state.agility
+    noise = np.zeros((6, 6))
+    noise[:3, :3] = q * dt**3 / 3.0 * np.eye(3)
+    noise[:3, 3:] = noise[3:, :3] = -q * dt**2 / 2.0 * np.eye(3)
+    noise[3:, 3:] = q * dt * np.eye(3)
+    covariance = phi @ state.covariance @ phi.T + noise
+    return replace(state, matrix=turn @ state.matrix, covariance=covariance, time_s=time_s, step_s=dt)
+
+
+def updated(state: FilterState, measured: Attitude, motion: MotionModel) -> FilterState:
+    """The state, predicted to the frame's time, after the attitude ``measured`` in it.
+
+    A measurement beyond the gate is a manoeuvre: the velocity is forgotten as far as ``motion``
+    says before the measurement is taken in, and ``contradicted`` is set.
+    """
+    innovation = rotation_vector(measured.matrix @ state.matrix.T)
+    noise = _covariance(measured)
+    chi2 = float(innovation @ np.linalg.solve(state.covariance[:3, :3] + noise, innovation))
+    covariance, contradicted = state.covariance, chi2 > motion.gate
+    if contradicted:
+        covariance = covariance + _manoeuvre(state.step_s, innovation, motion)
+    gain = np.linalg.solve(covariance[:3, :3] + noise, covariance[:3]).T
+    step = gain @ innovation
+    keep = np.eye(6)
+    keep[:, :3] -= gain
+    after = keep @ covariance @ keep.T + gain @ noise @ gain.T  # Joseph's form stays positive
+    surprise = min(chi2 / 3.0, 10.0) - 1.3  # chi2 / 3 is 1 on average: the factor then falls by 9 % a frame
+    agility = float(np.clip(state.agility * np.exp(0.3 * surprise), 1.0, MOST_AGILE))
+    return FilterState(
+        small_rotation(step[:3]) @ state.matrix,
+        state.rates_rad_s + step[3:],
+        0.5 * (after + after.T),
+        state.time_s,
+        agility,
+        chi2,
+        contradicted,
+        state.step_s,
+    )
+
+
+def rotation_vector(matrix: Floats) -> Floats:
+    """The vector (3,) of a rotation (3, 3), rad: the inverse of ``small_rotation``, under pi."""
+    vee = 0.5 * np.array(
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    )
+    sine = float(np.linalg.norm(vee))
+    angle = float(np.arctan2(sine, 0.5 * (np.trace(matrix) - 1.0)))
+    return vee if sine < 1e-12 else vee * (angle / sine)
+
+
+def _covariance(attitude: Attitude) -> Floats:
+    if attitude.covariance is None:
+        raise ValueError("The filter needs the covariance of every attitude.")
+    return np.asarray(attitude.covariance)
+
+
+def _manoeuvre(dt: float, innovation: Floats, motion: MotionModel) -> Floats:
+    """The (6, 6) that an unknown change of velocity adds when it came ``dt`` before the frame."""
+    dt = max(dt, 1e-3)
+    jump = max(motion.manoeuvre_arcsec_s * ARCSEC, 3.0 * float(np.linalg.norm(innovation)) / dt)
+    return np.asarray(jump**2 * np.kron([[dt * dt, -dt], [-dt, 1.0]], np.eye(3)))

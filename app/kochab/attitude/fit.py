@@ -1,0 +1,348 @@
+"""Matches to attitude and camera: a robust fit that adds only distortion terms that the stars support."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.attitude import FLOOR_PX
+from kochab.attitude.least_squares import (
+    FOCAL,
+    PARAMETERS,
+    FitState,
+    columns,
+    distortion_supported,
+    project_with_jacobian,
+    supported_terms,
+    undistorted,
+    without_distortion,
+)
+from kochab.core.arrays import Floats, Indices
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.solution import Matches
+
+
+@dataclass(frozen=True, slots=True)
+class FocalPrior:
+    """A focal length, px, and the one-sigma error of its logarithm: a Gaussian prior of a fit."""
+
+    focal_px: float
+    sigma: float
+
+    @classmethod
+    def of_scale(cls, low_arcsec_px: float, high_arcsec_px: float) -> "FocalPrior":
+        """From a range of scales at the frame's centre; half of it is taken for one sigma."""
+        middle = np.sqrt(low_arcsec_px * high_arcsec_px)
+        focal_px = float(np.degrees(1.0) * 3600.0 / middle)
+        return cls(focal_px, float(np.log(high_arcsec_px / low_arcsec_px) / 2.0))
+
+
+# -- Weights: the probability that each match is right, by a mixture model ---------------------
+# Residuals of right matches are normal in each coordinate; those of wrong ones (blends, mismatches,
+# hot pixels) are uniform within REACH_SIGMA. The share of wrong ones is learnt from the residuals by
+# expectation maximisation (Dempster, Laird and Rubin 1977, J. R. Stat. Soc. B 39, 1).
+
+REACH_SIGMA = 6.0
+"""Wrong matches are spread over this radius; those beyond have no weight."""
+PRIOR_COUNTS = (1.0, 10.0)
+"""Wrong and right matches assumed beforehand, counted as so many stars seen."""
+_NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(40)
+
+
+def trust(scaled: Floats, share: float) -> tuple[Floats, float]:
+    """The probability (M,) that each match is right, and the share of wrong ones seen anew.
+
+    Parameters
+    ----------
+    scaled : (M,)
+        Lengths of the residuals, in sigmas of one coordinate.
+    share : float
+        The share of wrong ones among those within :data:`REACH_SIGMA`, as believed so far.
+
+    """
+    right = _right(scaled**2 / 2.0, share)
+    near = scaled <= REACH_SIGMA
+    wrong = PRIOR_COUNTS[0] + float((1.0 - right[near]).sum())
+    return right, wrong / (sum(PRIOR_COUNTS) + float(near.sum()))
+
+
+def corrections(share: float) -> tuple[float, float]:
+    """What the weights do to right stars: of the mean square, and of the fit's covariance.
+
+    The weighted mean square of normal residuals falls short of their variance by the first factor.
+    The second is the covariance of the weighted fit over ``variance / sum(weights J^T J)`` (Huber
+    1981, Robust Statistics, section 7.6). Both are 1 without weights.
+    """
+    half = _NODES  # r^2 / 2 sigma^2 of two normal coordinates has an exponential law
+    weight = _right(half, share)
+    mean = float(_WEIGHTS @ weight)
+    square = float(_WEIGHTS @ (weight * half))
+    slope = -weight * (1.0 - weight)  # by half
+    bread = mean + float(_WEIGHTS @ (slope * half))
+    meat = float(_WEIGHTS @ (weight**2 * half))
+    return square / mean, meat * mean / bread**2
+
+
+def _right(half: Floats, share: float) -> Floats:
+    normal = (1.0 - share) * np.exp(-half) / 2.0
+    return np.asarray(normal / (normal + share / REACH_SIGMA**2))
+
+
+FEWEST_FOR_FOCAL = 4  # two would fit it exactly; four leave residuals to judge it by
+ENOUGH_TO_START_PLAIN = 18
+"""From so many stars on, every term of the distortion has to earn its place anew."""
+CLIP_SIGMA = 3.7  # 0.1 % of right matches lie beyond: two coordinates have a Rayleigh law
+FEWEST_TO_DOUBT = 6
+"""Among fewer matches an outlier cannot be told from the others."""
+SHORTER = (0.0, 1e-6, 1e-3, 0.1)
+"""Dampings of the reweighted steps, the next tried when one leads uphill."""
+REWEIGHTED_ROUNDS = 10
+SETTLED = 0.01
+"""Weights that change by less in a round have settled."""
+CONTRADICTED_SIGMA = 4.0
+"""A prior this far from what the stars say is wrong and left out."""
+TELLS_NOTHING = 10.0
+"""A prior this many times less certain than the stars changes nothing and is left out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A camera and an attitude that agree with ``M`` matches.
+
+    ``residuals_px`` (M, 2) are recorded minus computed pixels, of all matches; ``inliers`` (M,)
+    tells which are near enough to be matches; ``rms_px`` is the root mean square length of their
+    residuals. ``terms`` are the parameters that were fitted. The attitude's covariance is that of
+    the rotation as seen in the middle of the frame, where a shift of the principal point and a
+    turn are one thing.
+    """
+
+    camera: Camera
+    attitude: Attitude
+    residuals_px: Floats
+    rms_px: float
+    inliers: NDArray[np.bool_]
+    terms: tuple[str, ...]
+
+
+def refine(
+    matches: Matches,
+    camera: Camera,
+    attitude: Attitude,
+    sigma_px: Floats | float | None = None,
+    *,
+    distortion: bool = True,
+    rounds: int = 4,
+    focal: FocalPrior | None = None,
+    worst_px: float | None = None,
+) -> Fit:
+    """Fit rotation, focal length and whatever else the matches support.
+
+    Parameters
+    ----------
+    matches : Matches
+        M >= 2 pairs; wrong ones are left out as long as they are the minority.
+    camera, attitude
+        A first guess, good to a few pixels.
+    sigma_px : (M,) or float, optional
+        Centroid errors a coordinate; only their ratios matter, the level comes from the residuals.
+    distortion : bool
+        Whether terms beyond rotation and focal length may be tried at all.
+    rounds : int
+        How often at most outliers are looked for. With one round they are left out or not, and
+        the attitude has no covariance; with more each match is weighted in the end by the
+        probability that it is right.
+    focal : FocalPrior, optional
+        Counts by its sigma, unless the stars contradict it by more than four sigma.
+    worst_px : float, optional
+        Largest centroid error to accept, three sigma of a coordinate, however many stars show a
+        larger one.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    ValueError
+        Fewer than two matches.
+
+    Notes
+    -----
+    Levenberg-Marquardt steps. A term, or pair of terms, is added when the sum of squares falls
+    from R0 to R1 with ``(R1 / R0)^(dof / 2) < 1e-4``: for two terms this is exactly the tail of
+    the F distribution, for one an upper bound of it.
+
+    """
+    if len(matches) < 2:
+        raise ValueError("A fit needs two matches or more.")
+    count = len(matches)
+    sigma = np.broadcast_to(1.0 if sigma_px is None else sigma_px, count)
+    if distortion and count >= ENOUGH_TO_START_PLAIN:
+        camera = undistorted(camera)
+    everyone = np.ones(count, dtype=np.bool_)
+    state = FitState(
+        camera,
+        attitude.matrix,
+        matches,
+        _median(sigma) / sigma,
+        everyone,
+        camera,
+        np.ones(count),
+        largest=math.inf if worst_px is None else worst_px / 3.0,
+    )
+    base = columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
+    free, state = _without_outliers(state.descend(base), base, distortion, rounds)
+    if distortion and rounds > 1 and not distortion_supported(state, free):
+        free, state = _without_outliers(without_distortion(state).descend(base), base, distortion, rounds)
+    if focal is not None and count >= FEWEST_FOR_FOCAL:
+        pulled = _with_focal_prior(state, focal, free)
+        if pulled is not state:
+            free, state = _without_outliers(pulled.descend(free), base, distortion, rounds)
+    if rounds > 1:
+        state = _reweighted(state, free)
+    return _fit_of(state, free, covariance=rounds > 1)
+
+
+def _without_outliers(
+    state: FitState, base: Indices, distortion: bool, rounds: int
+) -> tuple[Indices, FitState]:
+    """The terms that the stars support and the state without outliers, found in turns."""
+    free = base
+    for _ in range(rounds):
+        if distortion:
+            free, state = supported_terms(state, base)
+        keep = _inliers(state, len(free))
+        if np.array_equal(keep, state.inliers):
+            break
+        state = replace(state, inliers=keep).descend(free)
+    return free, state
+
+
+def _inliers(state: FitState, parameters: int) -> NDArray[np.bool_]:
+    """Which matches are within the clip, seen from the spread of all of them."""
+    scaled = state.residuals() * state.weight[:, None]
+    if len(scaled) < FEWEST_TO_DOUBT:
+        return np.ones(len(scaled), dtype=np.bool_)
+    limit = CLIP_SIGMA * min(_spread(scaled, parameters), state.largest)
+    keep = np.square(scaled).sum(axis=1) <= limit * limit
+    return keep if 2 * int(keep.sum()) > len(keep) else state.inliers
+
+
+def _with_focal_prior(state: FitState, focal: FocalPrior, free: Indices) -> FitState:
+    """The state with a prior of the focal length; itself when that tells nothing or is wrong."""
+    flat, normal = state.linear()
+    freedom = 2 * int(state.inliers.sum()) - len(free)
+    level = max(float(flat @ flat) / max(freedom, 1), FLOOR_PX**2)
+    at = int(np.flatnonzero(free == FOCAL)[0])
+    own = float(np.sqrt(normal.only(free).inverse()[at, at] * level))
+    believed = math.log(focal.focal_px)
+    off = abs(believed - math.log(state.camera.focal_px))
+    if focal.sigma > TELLS_NOTHING * own:
+        return state
+    if off > CONTRADICTED_SIGMA * math.hypot(own, focal.sigma):
+        return state
+    return replace(state, pull=(believed, math.sqrt(level) / max(focal.sigma, 1e-9)))
+
+
+def _reweighted(state: FitState, free: Indices) -> FitState:
+    """The state in which each match weighs by the probability that it is right.
+
+    Itself when there are too few matches to tell, or no majority to be trusted.
+    """
+    before, share, level, right = state, PRIOR_COUNTS[0] / sum(PRIOR_COUNTS), 0.0, state.trust
+    left, jacobian = state.slopes()
+    for _ in range(REWEIGHTED_ROUNDS if len(state.matches) >= FEWEST_TO_DOUBT else 0):
+        scaled = left.T * state.weight[:, None]
+        length2 = np.square(scaled).sum(axis=1)
+        first = level == 0.0
+        level = _spread(scaled, len(free)) if first else _level(length2, right, share, len(free))
+        level = min(level, state.largest)
+        right, share = trust(np.sqrt(length2) / level, share)
+        if 2 * int((right > 0.5).sum()) <= len(right):
+            return before
+        tried, left, jacobian = _downhill_step(state, free, left, jacobian, state.weight * np.sqrt(right))
+        done = tried is state or float(np.abs(right - state.trust).max()) < SETTLED
+        state = replace(tried, trust=right, share=share)
+        if done:
+            break
+    return replace(state, inliers=state.trust > 1e-4)
+
+
+def _downhill_step(
+    state: FitState, free: Indices, left: Floats, jacobian: Floats, counts: Floats
+) -> tuple[FitState, Floats, Floats]:
+    """The state after a step that makes nothing worse, or itself; its residuals, the derivatives.
+
+    The derivatives are kept while their steps lead downhill: a centre and a distortion that are
+    hardly told apart else run away. Then they are made anew, and the steps shorter.
+    """
+    flat = state.flat(left, counts)
+    cost = float(flat @ flat) * (1.0 + 1e-9)
+    normal = state.normal(jacobian, counts).only(free)
+    for number, damping in enumerate((0.0, *SHORTER)):
+        if number == 1:
+            _, jacobian = state.slopes()
+            normal = state.normal(jacobian, counts).only(free)
+        tried = state.moved(free, normal.step(flat, damping))
+        there = tried.residuals().T
+        then = tried.flat(there, counts)
+        if float(then @ then) <= cost:
+            return tried, there, jacobian
+    return state, left, jacobian
+
+
+def _fit_of(state: FitState, free: Indices, covariance: bool) -> Fit:
+    residual = state.residuals()
+    inliers = _inliers(state, len(free)) if state.share > 0.0 else state.inliers
+    length2 = np.square(residual[inliers]).sum(axis=1)
+    return Fit(
+        state.camera,
+        Attitude(state.matrix, _covariance(state, free) if covariance else None),
+        residual,
+        math.sqrt(float(length2.sum()) / max(len(length2), 1)),
+        inliers,
+        tuple(PARAMETERS[i] for i in free),
+    )
+
+
+def _covariance(state: FitState, free: Indices) -> Floats:
+    """Of the small rotation (3, 3), rad^2."""
+    flat, normal = state.linear()
+    short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
+    freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
+    variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
+    spread = normal.only(free).inverse() * wider * max(variance, FLOOR_PX**2)
+    to_rotation = _as_rotation(state.camera)[:, free]
+    return np.asarray(to_rotation @ spread @ to_rotation.T)
+
+
+def _median(values: Floats) -> float:
+    """The median of a few numbers, ten times as quick as NumPy's for them."""
+    ordered = np.sort(values, axis=None)
+    half = len(ordered) // 2
+    return float(ordered[half] + ordered[~half]) / 2.0
+
+
+def _spread(scaled: Floats, parameters: int) -> float:
+    """Sigma of one coordinate from residuals (M, 2), by their median; at least the floor."""
+    freedom = max(scaled.size - parameters, 1) / scaled.size
+    return max(1.4826 * _median(np.abs(scaled)) / math.sqrt(freedom), FLOOR_PX)
+
+
+def _level(length2: Floats, right: Floats, share: float, parameters: int) -> float:
+    """Sigma of one coordinate from squared residuals (M,) that are ``right`` (M,) so far."""
+    square = float(right @ length2) / corrections(share)[0]
+    freedom = max(2.0 * float(right.sum()) - parameters, 1.0)
+    return max(math.sqrt(square / freedom), FLOOR_PX)
+
+
+def _as_rotation(camera: Camera) -> Floats:
+    """(3, 10): the rotation that moves the middle of the frame as each parameter does."""
+    middle = np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]])
+    _, jacobian = project_with_jacobian(camera, camera.unproject(middle))
+    turn = np.zeros((3, len(PARAMETERS)))
+    turn[:2] = np.linalg.solve(jacobian[0][:, :2], jacobian[0])
+    turn[2, 2] = 1.0
+    return turn

@@ -1,0 +1,347 @@
+"""Least squares of attitude, camera and the distortion terms that the stars support."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.attitude import small_rotation
+from kochab.core.arrays import Floats, Indices
+from kochab.core.camera import Camera
+from kochab.core.solution import Matches
+
+# -- Least squares of one step: normal equations with the columns scaled to one length ---------
+
+RIDGE = 1e-13
+"""Added to the scaled diagonal: columns that are one and the same share what they explain."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Normal:
+    """The derivatives ``rows`` (K, N) of N residuals by K parameters, and what they make.
+
+    ``scale`` (K,) are the rows' lengths and ``matrix`` (K, K) the normal matrix of rows of length
+    one.
+    """
+
+    rows: Floats
+    scale: Floats
+    matrix: Floats
+
+    @classmethod
+    def of(cls, rows: Floats) -> "Normal":
+        """Of derivatives (K, N), each parameter's in a row."""
+        matrix = rows @ rows.T
+        scale = np.sqrt(matrix.diagonal())
+        scale[scale == 0.0] = 1.0
+        matrix /= scale
+        matrix /= scale[:, None]
+        matrix.ravel()[:: len(matrix) + 1] += RIDGE
+        return cls(rows, scale, matrix)
+
+    def only(self, free: Indices) -> "Normal":
+        """The same with no other parameters than ``free``."""
+        matrix = self.matrix.take(free, axis=0).take(free, axis=1)
+        return Normal(self.rows.take(free, axis=0), self.scale.take(free), matrix)
+
+    def step(self, residual: Floats, damping: float = 0.0) -> Floats:
+        """The step (K,) of least squares of residuals (N,)."""
+        matrix = self.matrix
+        if damping:
+            matrix = matrix.copy()
+            matrix.ravel()[:: len(matrix) + 1] += damping
+        return np.asarray(np.linalg.solve(matrix, (self.rows @ residual) / self.scale) / self.scale)
+
+    def remainder(self, residual: Floats) -> float:
+        """Sum of squares left of residuals (N,) after a linear step."""
+        left = residual - self.step(residual) @ self.rows
+        return float(left @ left)
+
+    def inverse(self) -> Floats:
+        """The inverse (K, K) of the normal matrix."""
+        return np.asarray(np.linalg.inv(self.matrix) / self.scale / self.scale[:, None])
+
+
+def chance(before: float, after: float, freedom: int) -> float:
+    """Probability, at most, that a useless term lowers the sum of squares this much."""
+    if freedom <= 0 or before <= 0:
+        return 1.0
+    ratio = max(after / before, 1e-30)
+    return float(min(ratio, 1.0) ** (freedom / 2.0))
+
+
+# -- How pixels move when the attitude or the camera changes a little --------------------------
+
+PARAMETERS = ("rx", "ry", "rz", "log_focal", "cx", "cy", "k1", "k2", "p1", "p2")
+"""Columns of the Jacobian: a rotation about the camera axes (rad), ln focal length, the rest."""
+
+
+def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floats]:
+    """Pixels (N, 2) of camera-axes vectors (N, 3), z > 0, and their derivatives (N, 2, 10).
+
+    The derivatives are by :data:`PARAMETERS`, at no change; in memory a parameter's lie together.
+    The model is that of ``kochab.core.camera`` (Brown 1966, Photogramm. Eng. 32, 444).
+    """
+    flat = vectors[:, :2].T / vectors[:, 2]
+    u, v = flat
+    square = flat * flat
+    uu, vv = square
+    uv, r2 = u * v, uu + vv
+    jacobian = np.empty((len(PARAMETERS), 2, len(u)))
+    turn = jacobian[:3]
+    turn[0, 0], turn[0, 1] = -uv, -1.0 - vv
+    turn[1, 0], turn[1, 1] = 1.0 + uu, uv
+    turn[2, 0], turn[2, 1] = -v, u
+    bent = flat
+    if camera.distorted:
+        k1, k2, p1, p2 = camera.k1, camera.k2, camera.p1, camera.p2
+        radial, slope = 1.0 + r2 * (k1 + k2 * r2), 2.0 * (k1 + 2.0 * k2 * r2)
+        bent = np.stack(
+            [
+                u * radial + 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu),
+                v * radial + p1 * (r2 + 2.0 * vv) + 2.0 * p2 * uv,
+            ]
+        )
+        cross = slope * uv + 2.0 * (p1 * u + p2 * v)
+        by_u = radial + slope * uu + 2.0 * p1 * v + 6.0 * p2 * u
+        by_v = radial + slope * vv + 6.0 * p1 * v + 2.0 * p2 * u
+        across, down = by_u * turn[:, 0] + cross * turn[:, 1], by_v * turn[:, 1]
+        turn[:, 1] = down + cross * turn[:, 0]
+        turn[:, 0] = across
+    jacobian[3], jacobian[4:6] = bent, 0.0
+    np.multiply(flat, r2, out=jacobian[6])
+    np.multiply(jacobian[6], r2, out=jacobian[7])
+    jacobian[8, 0] = jacobian[9, 1] = 2.0 * uv
+    jacobian[8, 1], jacobian[9, 0] = r2 + 2.0 * square[::-1]
+    f = camera.focal_px
+    shape = np.array([[-f if camera.mirrored else f], [f]])
+    jacobian *= shape
+    jacobian[4, 0] = jacobian[5, 1] = 1.0
+    pixels = shape * bent + np.array([[camera.cx], [camera.cy]])
+    return pixels.T, jacobian.T
+
+
+def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]:
+    """The camera and the attitude matrix (3, 3) after a ``step`` (10,) of the parameters."""
+    x, y, z, focal, cx, cy, k1, k2, p1, p2 = step.tolist()
+    c = camera
+    after = Camera(
+        c.width,
+        c.height,
+        c.focal_px * math.exp(min(max(focal, -1.0), 1.0)),
+        c.cx + cx,
+        c.cy + cy,
+        c.k1 + k1,
+        c.k2 + k2,
+        c.p1 + p1,
+        c.p2 + p2,
+        c.mirrored,
+    )
+    return after, small_rotation(np.array([x, y, z])) @ matrix
+
+
+def sane(camera: Camera) -> bool:
+    """Whether the distortion keeps the frame in one piece.
+
+    Along each ray from the principal point to the frame's border the recorded radius must grow,
+    and no border point may be moved by more than two fifths of its radius.
+    """
+    if not camera.distorted:
+        return True
+    w, h = camera.width - 1.0, camera.height - 1.0
+    border = np.array([[0, 0], [w / 2, 0], [w, 0], [w, h / 2], [w, h], [w / 2, h], [0, h], [0, h / 2]])
+    ray = (border - [camera.cx, camera.cy]) / camera.focal_px
+    ray = ray * np.linspace(0.05, 1.0, 12)[:, None, None]
+    u, v = ray[..., 0], ray[..., 1]
+    r2 = u * u + v * v
+    shift = r2 * (camera.k1 + camera.k2 * r2)
+    tangential = 3.0 * (abs(camera.p1) + abs(camera.p2)) * np.sqrt(r2)
+    grows = 1.0 + r2 * (3.0 * camera.k1 + 5.0 * camera.k2 * r2) > 0.2
+    return bool(np.all(grows) and np.all(np.abs(shift) + tangential < 0.4))
+
+
+FOCAL = PARAMETERS.index("log_focal")
+FAR = 2.0
+"""When a step makes the sum of squares so many times smaller, the derivatives are made anew."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitState:
+    """One point of the descent.
+
+    ``plain`` has the terms of the distortion that stand while they are not fitted. ``weight`` (M,)
+    are the matches' by their errors, ``trust`` (M,) the probability that each is right and ``share``
+    how many are wrong. ``pull`` is a prior log focal length and the weight of a step of it, px.
+    ``largest`` is the largest sigma of one coordinate that may be, px.
+    """
+
+    camera: Camera
+    matrix: Floats
+    matches: Matches
+    weight: Floats
+    inliers: NDArray[np.bool_]
+    plain: Camera
+    trust: Floats
+    pull: tuple[float, float] | None = None
+    share: float = 0.0
+    largest: float = math.inf
+
+    def residuals(self) -> Floats:
+        """Recorded minus computed pixels (M, 2) of every match."""
+        return self.matches.xy - self.camera.project(self._ahead())
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Residuals (2, M) px and their derivatives (10, 2, M), of every match."""
+        pixels, jacobian = project_with_jacobian(self.camera, self._ahead())
+        return self.matches.xy.T - pixels.T, jacobian.T
+
+    def _ahead(self) -> Floats:
+        """Directions (M, 3) in camera axes; those behind the camera are far outside, finite."""
+        vectors = self.matches.vectors @ self.matrix.T
+        np.maximum(vectors[:, 2], 1e-3, out=vectors[:, 2])
+        return vectors
+
+    @property
+    def counts(self) -> Floats:
+        """How much each match counts (M,): outliers do not."""
+        return np.asarray(self.weight * np.sqrt(self.trust) * self.inliers)
+
+    def flat(self, residual: Floats, counts: Floats) -> Floats:
+        """Residuals (2, M) times ``counts``, (2 M,), and then what the belief is off by."""
+        left = (residual * counts).ravel()
+        if self.pull is None:
+            return left
+        believed, weight = self.pull
+        return np.append(left, (believed - np.log(self.camera.focal_px)) * weight)
+
+    def normal(self, jacobian: Floats, counts: Floats) -> Normal:
+        """The normal equations of derivatives (10, 2, M) times ``counts``, and of the belief."""
+        rows = (jacobian * counts).reshape(len(PARAMETERS), -1)
+        if self.pull is not None:
+            column = np.zeros((len(PARAMETERS), 1))
+            column[FOCAL] = self.pull[1]
+            rows = np.concatenate([rows, column], axis=1)
+        return Normal.of(rows)
+
+    def linear(self) -> tuple[Floats, Normal]:
+        """The weighted residuals here and their normal equations."""
+        residual, jacobian = self.slopes()
+        counts = self.counts
+        return self.flat(residual, counts), self.normal(jacobian, counts)
+
+    def weighted(self) -> Floats:
+        """The weighted residuals alone."""
+        return self.flat(self.residuals().T, self.counts)
+
+    def moved(self, free: Indices, change: Floats) -> "FitState":
+        """The state after a ``change`` of the ``free`` parameters."""
+        step = np.zeros(len(PARAMETERS))
+        step[free] = change
+        camera, matrix = moved(self.camera, self.matrix, step)
+        return replace(self, camera=camera, matrix=matrix)
+
+    def descend(self, free: Indices, steps: int = 8) -> "FitState":
+        """The state at the least squares over the ``free`` parameters.
+
+        Levenberg-Marquardt; the derivatives are kept as long as the steps are small.
+        """
+        state, damping, fresh = self, 0.0, True
+        residual, everything = state.linear()
+        normal = everything.only(free)
+        cost = float(residual @ residual)
+        for _ in range(steps):
+            tried = state.moved(free, normal.step(residual, damping))
+            left = tried.weighted()
+            cost_tried = float(left @ left)
+            if not cost_tried <= cost * (1.0 + 1e-9):
+                if fresh:
+                    damping = max(10.0 * damping, 1e-3)
+                    continue
+                normal, fresh = state.linear()[1].only(free), True
+                continue
+            gain, far = cost - cost_tried, cost > FAR * cost_tried
+            state, residual, cost, damping = tried, left, cost_tried, damping / 10.0
+            if gain <= 1e-6 * cost + 1e-18 * len(residual):
+                break
+            if far:
+                normal = state.linear()[1].only(free)
+            fresh = far
+        return state
+
+
+# -- Which distortion terms the stars support --------------------------------------------------
+
+LADDER: tuple[tuple[tuple[str, ...], int], ...] = (
+    (("k1",), 8),
+    (("k2",), 14),
+    (("cx", "cy"), 14),
+    (("p1", "p2"), 18),
+)
+"""Terms tried one after the other, each with the fewest stars that may support it."""
+LARGEST_CHANCE = 1e-4
+"""A term stays when chance alone would improve the fit as much with less than this probability."""
+K1 = PARAMETERS.index("k1")
+
+
+def columns(names: tuple[str, ...]) -> Indices:
+    """Where parameters stand in :data:`PARAMETERS`."""
+    return np.array([PARAMETERS.index(name) for name in names], dtype=np.intp)
+
+
+def supported_terms(state: FitState, base: Indices) -> tuple[Indices, FitState]:
+    """``base`` and the terms that the inliers support, and the state at their optimum.
+
+    Terms are tested to first order at the state; the last ones are dropped again when they lead
+    to an impossible camera.
+    """
+    residual, normal = state.linear()
+    given = np.array([getattr(state.camera, t) - getattr(state.plain, t) for t in PARAMETERS[4:]])
+    residual = residual + given @ normal.rows[4:]  # as if no term were set
+    count, chosen = int(state.inliers.sum()), [base]
+    now = normal.only(base).remainder(residual)
+    for names, fewest in LADDER:
+        if count < fewest or (names == ("k2",) and K1 not in chosen[-1]):
+            continue
+        more = np.sort(np.append(chosen[-1], columns(names)))
+        then = normal.only(more).remainder(residual)
+        if chance(now, then, 2 * count - len(more)) < LARGEST_CHANCE:
+            chosen.append(more)
+            now = then
+    for free in reversed(chosen[1:]):
+        tried = _plain_but(state, free).descend(free)
+        if sane(tried.camera) and _centre_plausible(tried.camera):
+            return free, tried
+    return base, _plain_but(state, base).descend(base) if given.any() else state
+
+
+def distortion_supported(state: FitState, free: Indices) -> bool:
+    """Whether the stars support a distortion that was given and not fitted."""
+    if not state.plain.distorted:
+        return True
+    bent, flat = state.weighted(), without_distortion(state).descend(free).weighted()
+    freedom = 2 * int(state.inliers.sum()) - len(free) - 1
+    return chance(float(flat @ flat), float(bent @ bent), freedom) < LARGEST_CHANCE
+
+
+def without_distortion(state: FitState) -> FitState:
+    """The same without any distortion."""
+    return replace(state, camera=undistorted(state.camera), plain=undistorted(state.plain))
+
+
+def undistorted(camera: Camera) -> Camera:
+    """The same camera without distortion."""
+    return replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0) if camera.distorted else camera
+
+
+def _plain_but(state: FitState, free: Indices) -> FitState:
+    """The state with the terms of the ladder that are not ``free`` as they were given."""
+    names = [t for k, t in enumerate(PARAMETERS) if k >= 4 and k not in free]
+    given = {name: getattr(state.plain, name) for name in names}
+    return replace(state, camera=replace(state.camera, **given))
+
+
+def _centre_plausible(camera: Camera) -> bool:
+    """Whether the principal point is inside the frame's middle half."""
+    middle_x, middle_y = (camera.width - 1) / 2, (camera.height - 1) / 2
+    return abs(camera.cx - middle_x) < camera.width / 4 and (abs(camera.cy - middle_y) < camera.height / 4)

@@ -1,0 +1,225 @@
+"""Several files, one after another or in several processes, with what is written beside each."""
+
+import logging
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from multiprocessing import parent_process
+from pathlib import Path
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from kochab.cli.output import Json, ProgressLine, card, to_line
+from kochab.cli.process import fault, journal_path
+from kochab.core.errors import KochabError
+from kochab.core.progress import Task, run
+
+if TYPE_CHECKING:  # they load numpy, which --help has no need of
+    from kochab.core.frame import Frame
+    from kochab.core.solution import Solution
+
+Item = TypeVar("Item")
+NO_MEMORY = "Out of memory: use fewer --workers, or lower the limits of the method (--set)."
+
+
+def run_batch(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json: bool, workers: int = 1
+) -> int:
+    """Print the outcome of ``work(item)`` for every item, in order, and return the exit code.
+
+    ``work`` is a task that returns the outcome; with several ``workers`` it and the items must
+    be picklable. An outcome's ``failures`` are sentences about files that could not be written.
+    """
+    many = workers > 1 and len(items) > 1
+    outcomes = _in_processes(work, items, workers) if many else _one_by_one(work, items)
+    with closing(outcomes):
+        return max((_print(outcome, as_json) for outcome in outcomes), default=0)
+
+
+def _print(outcome: Json, as_json: bool) -> int:
+    """Print one outcome and return the exit code it asks for."""
+    failures = outcome.pop("failures", [])
+    if as_json:
+        if failures:
+            outcome["warnings"] = [*outcome["warnings"], *failures]
+        print(to_line(outcome), flush=True)
+    elif "error" in outcome:
+        failures = [_named(outcome["file"], outcome["error"])]
+    else:
+        print(card(outcome), flush=True)
+    for sentence in failures:
+        print(f"kochab: {sentence}", file=sys.stderr)
+    return 2 if failures else _code(outcome)
+
+
+def _named(file: str, sentence: str) -> str:
+    """The sentence with the file's name, once."""
+    names_it = sentence.removeprefix("Can't open ").startswith((file, Path(file).name))
+    return sentence if names_it else f"{file}: {sentence}"
+
+
+def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) -> Json:
+    """The outcome of one item; what a person can act on becomes ``{"file", "error"}``.
+
+    A fault of our own becomes the same, named as one, so that it does not cost the other files.
+    """
+    file = str(getattr(item, "file", item))
+    try:
+        return run(work(item), report)
+    except KochabError as error:
+        return {"file": file, "error": str(error)}
+    except MemoryError:
+        return {"file": file, "error": NO_MEMORY}
+    except Exception as error:
+        return {"file": file, "error": fault(error)}
+
+
+def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> Generator[Json, None, None]:
+    for item in items:
+        line = ProgressLine(str(getattr(item, "file", item)))
+        try:
+            outcome = attempt(work, item, line)
+        finally:
+            line.clear()
+        yield outcome
+
+
+def _in_processes(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int
+) -> Generator[Json, None, None]:
+    from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    root = logging.getLogger("kochab")
+    journal = (root.level, journal_path()) if root.handlers else None
+    pool = ProcessPoolExecutor(min(workers, len(items)), get_context("spawn"), _begin, (journal,))
+    finished = False
+    try:
+        with _interrupts_left():
+            jobs = [pool.submit(_attempt_in_worker, work, item) for item in items]
+        for item, job in zip(items, jobs, strict=True):
+            try:
+                outcome, records = job.result()
+            except BrokenExecutor:  # killed from outside, out of memory most likely
+                file = str(getattr(item, "file", item))
+                outcome, records = {"file": file, "error": "Its process was ended from outside."}, []
+            for record in records:
+                logging.getLogger(record.name).handle(record)
+            yield outcome
+        finished = True
+    finally:
+        if not finished:  # interrupted: nobody waits for what is still being solved
+            for process in list(pool._processes.values()):
+                process.kill()
+        pool.shutdown(wait=finished, cancel_futures=True)
+
+
+_records: "SimpleQueue[logging.LogRecord]" = SimpleQueue()
+"""What a worker process has logged and not yet handed to its parent."""
+
+
+def _attempt_in_worker(
+    work: Callable[[Item], Task[Json]], item: Item
+) -> tuple[Json, list[logging.LogRecord]]:
+    """The outcome, and what was logged: the parent writes it, as one process alone can rotate a file."""
+    outcome = attempt(work, item)
+    return outcome, [_records.get() for _ in range(_records.qsize())]
+
+
+def _begin(journal: tuple[int, str | None] | None) -> None:
+    """Prepare a worker: Ctrl-C and warnings are left to the parent, and it ends with the parent.
+
+    ``journal`` is the level and the file of the parent's log, None when it keeps none.
+    """
+    if journal is not None:
+        from logging.handlers import QueueHandler
+
+        handler, root = QueueHandler(_records), logging.getLogger("kochab")
+        handler.name = journal[1]
+        root.addHandler(handler)
+        root.setLevel(journal[0])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+@contextmanager
+def _interrupts_left() -> Iterator[None]:
+    """Processes started meanwhile leave Ctrl-C to us from their first moment."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _code(outcome: Json) -> int:
+    if "error" in outcome:
+        return 2
+    return 0 if outcome["solved"] else 1
+
+
+# Files that are written beside an answer; each returns sentences about what could not be.
+
+
+def refuse_wcs_over(files: Sequence[str], inputs: Sequence[str], overwrite: bool) -> None:
+    """Refuse, before any work, ``.wcs`` files that would replace what no solver wrote.
+
+    Raises
+    ------
+    UsageError
+        ``FILE.wcs`` is an input, or is there and is no solution.
+
+    """
+    if not files:
+        return
+    from kochab.frames.outputs import is_solution_file, refuse_overwriting
+
+    for target in (f"{file}.wcs" for file in files):
+        refuse_overwriting([target], inputs, overwrite or is_solution_file(target))
+
+
+def write_wcs_beside(file: str, solution: "Solution") -> list[str]:
+    """Write ``FILE.wcs``."""
+    return write_wcs_to(f"{file}.wcs", solution)
+
+
+def write_wcs_to(target: str, solution: "Solution") -> list[str]:
+    """Write a ``.wcs`` file."""
+    from kochab.frames.wcs import write_wcs
+
+    try:
+        write_wcs(solution, target)
+    except OSError as error:
+        return [_sentence(target, error)]
+    return []
+
+
+def write_picture(target: str, frame: "Frame", solution: "Solution") -> list[str]:
+    """Write the picture with its stars named, a PNG."""
+    from kochab.frames.export import annotate
+
+    try:
+        annotate(frame, solution, target)
+    except OSError as error:
+        return [_sentence(target, error)]
+    return []
+
+
+def _sentence(target: str, error: OSError) -> str:
+    return f"{target} cannot be written: {error.strerror or error}."

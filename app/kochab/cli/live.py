@@ -1,0 +1,303 @@
+"""``kochab live`` and ``kochab camera``: a camera's frames, solved as they come, listed or taken."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from kochab.cli.live_output import finite_json, live_json, live_line, replay_json, replay_line
+from kochab.cli.options import (
+    add_address,
+    add_camera_settings,
+    add_detector,
+    add_overwrite,
+    add_profile,
+    add_search,
+    capture_settings,
+    number_above_zero,
+    options_of,
+)
+from kochab.cli.output import Json, tell_failure, to_line
+from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError
+from kochab.core.frame import Frame
+from kochab.core.progress import Progress
+from kochab.solver import SolveOptions
+from kochab.solver.tracker import Tracker, TrackOptions
+from kochab.workflows.live.session import SESSION, Recorder, options_json, recorded
+from kochab.workflows.live.solve import WARNING, LiveEngine, ProfiledTracker, live_solve
+from kochab.workflows.live.update import LiveUpdate
+
+SOLVE_TIMEOUT_S = 10.0
+"""A frame that takes longer is given up: there is a newer one by then."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``live`` to the command line."""
+    parser = subparsers.add_parser(
+        "live",
+        description="Runs until Ctrl-C. Exit code: 0 a frame was solved, 1 none was or the camera"
+        " failed, 2 unusable arguments; with --replay 1 when a solution differs.",
+    )
+    parser.add_argument("--source", metavar="NAME", help="kind of camera, see --list (default: folder)")
+    add_address(parser)
+    add_camera_settings(parser)
+    parser.add_argument("--frames", type=_frames, metavar="N", help="stop after N frames")
+    parser.add_argument("--reconnect", action="store_true", help="reconnect automatically")
+    parser.add_argument("--record", metavar="DIR", help="record frames and solutions there")
+    parser.add_argument(
+        "--profile",
+        metavar="NAME",
+        help="equipment profile, see kochab profile; also saves the camera calibration",
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--replay", metavar="DIR", help="solve a recorded session again")
+    what.add_argument("--list", action="store_true", help="list sources and their cameras")
+    parser.add_argument("--json", action="store_true", help="one line of JSON per frame")
+    add_search(parser)
+    add_detector(parser)
+    parser.set_defaults(run=run, timeout=SOLVE_TIMEOUT_S)
+
+
+def _frames(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a count of frames")
+    return int(text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """List, replay or solve a stream."""
+    if args.list:
+        return list_cameras(args.source, args.address, args.json)
+    work: Callable[[argparse.Namespace], int] = _replay if args.replay else _live
+    try:
+        return work(args)
+    except UsageError:
+        raise
+    except KochabError as error:
+        tell_failure(error, args.json)
+        return 1 if isinstance(error, DeviceError) else 2
+
+
+def _live(args: argparse.Namespace) -> int:
+    from kochab.gear.cameras import open_camera
+    from kochab.workflows.live.capture import Capture
+
+    options = options_of(args, args.detector)
+    settings = capture_settings(args)
+    source = args.source or "folder"
+    if source == "folder" and not args.address:
+        raise UsageError("Give the folder your capture program saves to: --address DIR.")
+    capture = Capture(lambda: open_camera(source, args.address, settings), args.reconnect)
+    engine = _engine(options, args.profile)
+    live = live_solve(capture, engine, args.frames)
+    if args.record:
+        if source == "folder":
+            _refuse_watched(Path(args.record), Path(args.address))
+        about = {
+            "source": source,
+            "address": args.address,
+            "settings": asdict(settings),
+            "solve": options_json(options),
+        }
+        live = recorded(live, Recorder(Path(args.record), finite_json, about))
+    solved = looked_at = 0
+    with closing(live):
+        try:
+            for step in live:
+                if isinstance(step, LiveUpdate):
+                    looked_at += 1
+                    solved += step.track.solution is not None
+                    _print(step, args.json)
+                else:
+                    _warn(step)
+        except KeyboardInterrupt:
+            pass  # how a person ends it
+    print(f"kochab: {solved} of {looked_at} frames solved.", file=sys.stderr)
+    if isinstance(engine, ProfiledTracker):
+        _keep(engine)
+    return 0 if solved else 1
+
+
+def _refuse_watched(record: Path, watched: Path) -> None:
+    """A recording into the watched folder would be read again, and would mix with its frames."""
+    if (record / SESSION).exists():
+        return  # the recorder says so
+    if record.resolve().is_relative_to(watched.resolve()):
+        raise UsageError(f"--record {record} is inside the watched folder; choose another.")
+
+
+def _print(update: LiveUpdate, as_json: bool) -> None:
+    print(to_line(live_json(update)) if as_json else live_line(update), flush=True)
+    if not as_json:
+        for sentence in update.warnings:
+            print(f"kochab: {sentence}", file=sys.stderr)
+
+
+def _warn(step: Progress) -> None:
+    if step.stage == WARNING:
+        print(f"kochab: {step.detail}", file=sys.stderr)
+
+
+def _replay(args: argparse.Namespace) -> int:
+    from kochab.workflows.live.session import Replayed, recorded_options, replay
+
+    if args.record:
+        raise UsageError("--replay and --record cannot be used together.")
+    folder = Path(args.replay)
+    same = True
+    with closing(replay(folder, _engine(recorded_options(folder)))) as steps:
+        for step in steps:
+            if isinstance(step, Replayed):
+                same = same and step.agrees and step.intact
+                line = to_line(replay_json(step)) if args.json else replay_line(step)
+                print(line, flush=True)
+    return 0 if same else 1
+
+
+def _engine(options: SolveOptions, profile: str | None = None) -> LiveEngine:
+    track = TrackOptions(solve=options)
+    return ProfiledTracker(profile, track) if profile else Tracker(options=track)
+
+
+def _keep(engine: ProfiledTracker) -> None:
+    profile = engine.profile
+    if profile is None or engine.keep() is None:
+        return
+    focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
+    print(
+        f"kochab: {engine.name}: focal length {focal:.2f} px, sigma {sigma:.2f} px,"
+        f" from {profile.frames} frames; saved.",
+        file=sys.stderr,
+    )
+
+
+# ``kochab camera list`` and ``kochab camera take``: which cameras there are, and one frame.
+
+FITS = (".fits", ".fit", ".fts")
+
+
+def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``camera`` and its actions to the command line."""
+    parser = subparsers.add_parser("camera")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    listing = actions.add_parser("list", help="kinds of cameras, what they need, and the cameras found")
+    listing.add_argument("--source", metavar="NAME", help="only this kind")
+    take = actions.add_parser("take", help="take a frame and write it as FITS")
+    take.add_argument("--source", metavar="NAME", help="kind of camera")
+    add_profile(take)
+    take.add_argument("--output", "-o", required=True, metavar="FITS", help="the .fits to write")
+    add_overwrite(take)
+    add_camera_settings(take)
+    take.add_argument(
+        "--wait",
+        type=number_above_zero,
+        default=60.0,
+        metavar="S",
+        help="time limit after the exposure, seconds (default: %(default)g)",
+    )
+    for action in (listing, take):
+        add_address(action)
+        action.add_argument("--json", action="store_true", help="one JSON object a line")
+        action.set_defaults(run=run_camera)
+
+
+def run_camera(args: argparse.Namespace) -> int:
+    """Do what was asked: 0 done, 1 the camera failed, 2 the file cannot be written."""
+    if args.action == "list":
+        return list_cameras(args.source, args.address, args.json)
+    try:
+        return _take(args)
+    except UsageError:
+        raise
+    except KochabError as error:
+        tell_failure(error, args.json)
+        return 1 if isinstance(error, DeviceError) else 2
+
+
+def list_cameras(source: str | None, address: str, as_json: bool) -> int:
+    """Print every kind of camera, or one, with what can be opened now."""
+    from kochab.gear.cameras import SOURCES
+
+    if source is not None:
+        SOURCES.check(source)
+    for name in SOURCES.loaded() if source is None else (source,):
+        told = _told(name, address)
+        print(to_line(told) if as_json else _text(told), flush=True)
+    return 0
+
+
+def _told(name: str, address: str) -> Json:
+    from kochab.gear.cameras import list_devices, missing
+
+    told: Json = {"source": name, "missing": missing(name), "cameras": []}
+    if told["missing"] is None:
+        try:
+            told["cameras"] = [
+                {"address": d.address, "description": d.description} for d in list_devices(name, address)
+            ]
+        except DeviceError as error:
+            told["error"] = str(error)
+    return told
+
+
+def _text(told: Json) -> str:
+    lines = [told["source"]]
+    lines += [f"  {c['address']}  {c['description']}" for c in told["cameras"]]
+    said = told["missing"] or told.get("error")
+    if said or not told["cameras"]:
+        lines.append(f"  {said or 'none found; see --address'}")
+    return "\n".join(lines)
+
+
+def _take(args: argparse.Namespace) -> int:
+    from kochab.frames.fits_write import write_fits
+    from kochab.frames.outputs import refuse_input, refuse_overwriting
+    from kochab.gear.cameras import open_camera
+
+    if not args.source:
+        raise UsageError("Choose a camera: --source NAME, or --profile NAME.")
+    target = Path(args.output)
+    if target.suffix.lower() not in FITS:
+        raise UsageError(f"--output {target}: the frame is written as FITS, name it .fits.")
+    if not target.parent.is_dir():  # told before the exposure, not after
+        raise KochabError(f"{target} cannot be written: there is no folder {target.parent}.")
+    if not os.access(target.parent, os.W_OK):
+        raise KochabError(f"{target} cannot be written: no permission to write to its folder.")
+    camera = open_camera(args.source, args.address, capture_settings(args))
+    try:
+        refuse_overwriting([target], overwrite=args.overwrite)
+        frame = None
+        deadline = monotonic() + args.wait + (args.exposure or 0.0)
+        while frame is None and monotonic() < deadline:
+            frame = camera.next_frame(0.2)
+    finally:
+        camera.close()
+    if frame is None:
+        raise NoAnswerError(f"No frame came from {args.address or args.source} in time.")
+    refuse_input(target, [frame.path] if frame.path else [])
+    try:
+        write_fits(frame, target)
+    except OSError as error:
+        raise KochabError(f"{args.output} cannot be written: {error.strerror}.") from None
+    told = _frame_json(frame, args.output)
+    print(to_line(told) if args.json else f"{told['file']}: {told['width']} x {told['height']} px")
+    return 0
+
+
+def _frame_json(frame: Frame, file: str) -> Json:
+    hint = frame.hint
+    return {
+        "file": file,
+        "width": frame.width,
+        "height": frame.height,
+        "bayer": frame.bayer,
+        "exposure_s": hint.exposure_s,
+        "time_utc": hint.time_utc and hint.time_utc.isoformat(),
+        "camera": hint.camera,
+        "warnings": list(frame.warnings),
+    }

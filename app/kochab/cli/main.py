@@ -1,0 +1,145 @@
+"""``kochab COMMAND ...``: finds the command, runs it, and turns every end into an exit code.
+
+0 done, 1 a frame has no solution, 2 unusable arguments or input, 130 interrupted.
+"""
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
+
+from kochab import __version__
+from kochab.cli import process
+from kochab.cli.process import ended_by_signals
+from kochab.core.errors import KochabError, UsageError
+
+COMMANDS: dict[str, tuple[str, str]] = {
+    "solve": ("kochab.cli.solve:add_parser", "plate solve frames"),
+    "identify": ("kochab.cli.solve:add_identify_parser", "plate solve lists of star positions"),
+    "detect": ("kochab.cli.solve:add_detect_parser", "find the stars of a frame"),
+    "catalog": ("kochab.cli.catalog:add_parser", "star catalogues: info, build, import, coverage"),
+    "live": ("kochab.cli.live:add_parser", "plate solve a camera's frames as they arrive"),
+    "camera": ("kochab.cli.live:add_camera_parser", "list cameras, take a frame"),
+    "profile": ("kochab.cli.profile:add_parser", "equipment profiles: list, show, save, remove"),
+    "practice": ("kochab.cli.practice:add_parser", "a simulated telescope to practise on"),
+    "mount": (
+        "kochab.cli.mount:add_parser",
+        "a telescope mount: probe, sync, goto, stop, centre, recover, disagree",
+    ),
+    "polar": ("kochab.cli.polar:add_parser", "polar alignment error, from two frames or more"),
+    "bench": ("kochab.lab.bench.command:add_parser", "measure and compare with the goals"),
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the arguments and exit 2."""
+        start, _, left = message.partition("unrecognized arguments: ")
+        if not start and left and not left.startswith("-"):
+            message += ": name all files together, before the options or after them"
+        self.exit(2, f"{self.prog}: {message[:1].upper()}{message[1:].rstrip('.')}.\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    process.make_ready()
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        if _is_astap(arguments):
+            from kochab.cli.astap import run
+
+            code = run(arguments)
+        else:
+            code = _command(arguments)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # whoever read our output has left
+        process.give_up()
+        return 141
+    except OSError as error:  # standard output on a full disk, a folder that may not be read
+        process.give_up()
+        process.say(_plain(error))
+        return 2
+    except Exception as error:  # our own mistake: its traceback goes to the journal
+        process.say(process.fault(error))
+        return 2
+    return code
+
+
+def _command(arguments: list[str]) -> int:
+    """Run the command that ``arguments`` name, or say in one sentence why not."""
+    if "--debug" in arguments:
+        arguments = [argument for argument in arguments if argument != "--debug"]
+        process.show_journal()
+    try:
+        _refuse_bare_files(arguments)
+        args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
+        if getattr(args, "profile", None) is not None:
+            from kochab.cli.profile import use_profile
+
+            use_profile(args)
+        with ended_by_signals():
+            code: int = args.run(args)
+    except SystemExit as end:  # argparse: --help, --version, bad arguments
+        return end.code if isinstance(end.code, int) else 2
+    except KochabError as error:
+        process.say(str(error))
+        return 2
+    return code
+
+
+def _is_astap(arguments: Sequence[str]) -> bool:
+    """Whether these are ASTAP's arguments: ``-f``, among words of one dash."""
+    return "-f" in arguments and re.match("-[a-z]", arguments[0]) is not None
+
+
+def _refuse_bare_files(arguments: Sequence[str]) -> None:
+    """Say which command is meant for files that were named without one."""
+    first = arguments[0] if arguments else ""
+    if first not in COMMANDS and not first.startswith("-") and os.path.isfile(first):
+        raise UsageError(f"{first} is a file: kochab solve FILE... solves it.")
+
+
+def _plain(error: OSError) -> str:
+    """The system's own words; without a file's name they are about our output."""
+    what = error.filename if isinstance(error.filename, str) else "The output"
+    return f"{what} cannot be used: {error.strerror or error}."
+
+
+def _with_negative_lists(arguments: Sequence[str]) -> list[str]:
+    """``--near -10,40,5`` as ``--near=-10,40,5``: argparse takes such a list for an option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if re.match(r"-[\d.]+,", argument) and joined and re.fullmatch(r"--[a-z-]+", joined[-1]):
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def build_parser(arguments: Sequence[str]) -> Parser:
+    """The parser for ``arguments``: only the command they name is imported."""
+    parser = Parser(
+        prog="kochab",
+        description="Plate solving, polar alignment and mounts. Without a command the window opens.",
+        epilog="kochab COMMAND --help describes a command."
+        " kochab -f FILE ... takes ASTAP's options, for programs that call ASTAP.",
+    )
+    parser.add_argument("--version", action="version", version=f"kochab {__version__}")
+    parser.add_argument(
+        "--debug", action="store_true", help="show the journal on standard error; works with any command"
+    )
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, (place, text) in COMMANDS.items():
+        if arguments and arguments[0] == name:
+            module, _, function = place.partition(":")
+            getattr(import_module(module), function)(subparsers)
+        else:
+            subparsers.add_parser(name, help=text)
+    return parser

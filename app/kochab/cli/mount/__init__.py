@@ -1,0 +1,205 @@
+"""``kochab mount ACTION``: the actions, and the mount and the frames that they share."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from kochab.cli.options import (
+    add_camera_choice,
+    add_detector,
+    add_mount_choice,
+    add_profile,
+    add_search,
+    capture_settings,
+    options_of,
+)
+from kochab.cli.output import tell_failure, with_progress
+from kochab.core.errors import KochabError, UsageError
+from kochab.core.mount import Home
+from kochab.gear.actions import ACTIONS
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from kochab.core.frame import Frame, Site
+    from kochab.core.solution import SolveNow
+    from kochab.gear.mounts.guard import Guard
+    from kochab.gear.mounts.motion_plan import Preview
+
+COMMANDS: dict[str, tuple[str, str]] = {
+    "list": ("status:add_ports_action", "list the serial ports and their likely mounts"),
+    "probe": ("status:add_ports_action", "find the mount; nothing moves"),
+    "position": ("status:add_status_action", "position and state of the mount"),
+    "sync": ("pointing:add_sync_or_goto", ACTIONS["sync"].help),
+    "goto": ("pointing:add_sync_or_goto", ACTIONS["goto"].help),
+    "stop": ("status:add_status_action", ACTIONS["stop"].help),
+    "centre": ("pointing:add_centre", ACTIONS["centre"].help),
+    "recover": ("recover:add_recover", ACTIONS["recover"].help),
+    "disagree": ("recover:add_disagree", ACTIONS["why"].help),
+}
+"""Action -> the function of this package that adds its parser, called with (actions, name, help)."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add the ``mount`` command and its actions."""
+    parser = subparsers.add_parser(
+        "mount",
+        description="Every motion is checked first: horizon limit, meridian, Sun."
+        " Exit code: 0 done, 1 failed or refused, 2 usage.",
+    )
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for name, (place, text) in COMMANDS.items():
+        module, _, function = place.partition(":")
+        getattr(import_module(f"{__name__}.{module}"), function)(actions, name, text)
+
+
+def add_line_options(
+    parser: argparse.ArgumentParser, run: Callable[[Any], int], moves: tuple[str, ...] = ()
+) -> None:
+    """Add what every action that talks to a mount needs; ``moves`` are its safety switches."""
+    add_mount_choice(parser)
+    add_profile(parser)
+    parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
+    parser.add_argument(
+        "--home",
+        type=Home,
+        choices=list(Home),
+        help="Sky-Watcher motor board: tube at the pole and counterweight down now, at "
+        "power-on, or when EQMod set its counters",
+    )
+    parser.add_argument("--equatorial", action="store_true", help="an AZ-GTi or unknown board on a wedge")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    for name, text in SWITCHES.items():
+        if name in moves:
+            parser.add_argument(f"--{name}", action="store_true", help=text)
+    parser.set_defaults(
+        run=reporting_failures(run), limits=None, **dict.fromkeys(("no_site", "allow_flip"), False)
+    )
+
+
+SWITCHES = {
+    "yes": "carry it out (default: preview only)",
+    "no-site": "allow it without a site, so without a horizon limit",
+    "allow-flip": "allow a meridian flip",
+}
+
+
+def reporting_failures(run: Callable[[Any], int]) -> Callable[[Any], int]:
+    """``run`` whose failure is ``{"error": ...}`` or a sentence on stderr, and exit 1."""
+
+    def reporting(args: Any) -> int:
+        try:
+            return run(args)
+        except UsageError:
+            raise
+        except KochabError as error:
+            tell_failure(error, args.json)
+            return 1
+
+    return reporting
+
+
+def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> "Guard":
+    """The mount of ``--port`` and ``--driver``, either of which may be left to be found."""
+    from kochab.gear.mounts.motion_plan import Limits
+    from kochab.gear.session import EPOCH_NAMES, MountSelection, complete, guarded
+
+    epoch = None if args.epoch is None else EPOCH_NAMES[args.epoch]
+    given = MountSelection(args.port or "", args.driver or "", args.baud, epoch, args.home, args.equatorial)
+    selection = with_progress("probing", complete(given))
+    args.port, args.driver = selection.port, selection.driver
+    limits = args.limits or Limits()
+    limits = replace(
+        limits,
+        allow_without_site=args.no_site,
+        allow_flip=args.allow_flip or limits.allow_flip,
+        crosses_meridian=args.fork or limits.crosses_meridian,
+    )
+    return guarded(selection, args.site, limits=limits, stop_first=stop_first)
+
+
+def preview_lines(preview: "Preview", done: bool = False) -> list[str]:
+    """What speaks for and against a motion, and how to have it done."""
+    lines = [*preview.refusals, *preview.confirmations, *preview.warnings]
+    if preview.allowed and not done:
+        lines.append(NOTHING_SENT)
+    return [f"  {line}" for line in lines]
+
+
+NOTHING_SENT = "preview only; add --yes to carry it out"
+
+# -- Where ``centre``, ``recover`` and ``disagree`` get their frames from: files, or a camera --
+
+SOLVE_TIMEOUT_S = 30.0
+
+
+@dataclass(slots=True)
+class MountFrames:
+    """What solves frames; of the last one, when it was taken and where, if it says so itself."""
+
+    solve_now: "SolveNow"
+    taken: "Callable[[], datetime | None]"
+    site: "Callable[[], Site | None]"
+    used: Callable[[], list[str]]
+
+
+def add_camera(parser: argparse.ArgumentParser, files: bool = False) -> None:
+    """Add the options of a camera and of the solver, and ``--frames`` for ``files``."""
+    if files:
+        parser.add_argument(
+            "--frames", nargs="+", metavar="F", help="files or folders of frames taken just now"
+        )
+    add_camera_choice(parser)
+    parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
+    add_search(parser)
+    add_detector(parser)
+    parser.set_defaults(timeout=SOLVE_TIMEOUT_S)
+
+
+@contextmanager
+def mount_frames(args: argparse.Namespace) -> Iterator[MountFrames]:
+    """What the arguments mean; a camera is opened, and given back at the end.
+
+    Raises
+    ------
+    UsageError
+        Neither frames nor a camera, or both.
+
+    """
+    from kochab.workflows.fresh_frame import FileFrames, solver_of
+
+    with_files = "frames" in args
+    files = args.frames if with_files else None
+    if [files, args.source or None, args.folder].count(None) != 2:
+        frames = "--frames F..., " if with_files else ""
+        raise UsageError(f"Give the source of the frames: {frames}--folder DIR or --source NAME.")
+    options = options_of(args, args.detector)
+    if files is not None:
+        found = FileFrames(files, options)
+        yield MountFrames(
+            found.solve_now, lambda: found.time_utc, lambda: found.site, lambda: list(found.used)
+        )
+        return
+    from kochab.core.frame import Hint
+    from kochab.gear.cameras import open_camera
+
+    source, address = (args.source, args.address) if args.folder is None else ("folder", args.folder)
+    camera = open_camera(source, address, capture_settings(args))
+    last = Hint()
+
+    def see(frame: "Frame", _: object) -> None:
+        nonlocal last
+        last = frame.hint
+
+    try:
+        yield MountFrames(
+            solver_of(camera, options, seen=see),
+            lambda: None if last.time_of_file else last.time_utc,
+            lambda: None,
+            list,
+        )
+    finally:
+        camera.close()

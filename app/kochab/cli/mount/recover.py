@@ -1,0 +1,190 @@
+"""``kochab mount recover`` and ``disagree``: when mount and sky do not agree."""
+
+import argparse
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from kochab.cli.mount import NOTHING_SENT, add_camera, add_line_options, guarded_mount, mount_frames
+from kochab.cli.mount.status import where
+from kochab.cli.output import Json, radec, to_line, with_progress
+from kochab.core.errors import NoAnswerError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability
+from kochab.core.solution import NoSolution
+
+if TYPE_CHECKING:
+    from kochab.gear.mounts.guard import Guard
+    from kochab.solver.disagreement import Disagreement
+    from kochab.workflows.recover_mount import Recovery
+
+
+def add_recover(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
+    """Add ``recover``."""
+    parser = actions.add_parser(
+        name,
+        help=text,
+        description="Solves blind and syncs the mount; nothing moves. Only frames taken after the "
+        "start count. A script or a timer syncs at once; at a terminal it is a preview until you "
+        "add --yes. Exit code: 0 synced (or previewed), 1 not, 2 usage.",
+    )
+    add_line_options(parser, run_recover, ("no-site",))
+    add_camera(parser, files=True)
+    parser.add_argument(
+        "--yes",
+        action="store_true",
+        help="do it, even beyond 5 deg or with an older frame: the telescope has not moved",
+    )
+    parser.add_argument("--arm", action="store_true", help="even beyond 20 deg")
+    parser.add_argument("--dry-run", action="store_true", help="solve and report, change nothing")
+
+
+def run_recover(args: argparse.Namespace) -> int:
+    """Recover, and tell what was done."""
+    from kochab.workflows.recover_mount import recover_mount
+
+    asked = not (args.yes or args.arm or args.dry_run) and somebody_there()
+    with mount_frames(args) as seeing, guarded_mount(args) as guard:
+        notes: list[str] = []
+
+        def site_known() -> None:
+            if guard.site is None and not args.no_site:
+                guard.site, told = _site(seeing.site(), guard)
+                notes.extend(told)
+
+        def solve_now() -> Any:
+            found = yield from seeing.solve_now()
+            site_known()
+            return found
+
+        task = recover_mount(
+            guard,
+            solve_now,
+            confirmed=args.yes,
+            armed=args.arm,
+            only_look=args.dry_run or asked,
+            taken=seeing.taken,
+        )
+        done = with_progress("recover", task)
+        told = {**_json(done, seeing.used(), notes), **where(args, guard)}
+        asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks
+    if args.json:
+        print(to_line(told))
+    else:
+        _say(told)
+        if asked:
+            print(f"  {NOTHING_SENT}")
+    return 0
+
+
+def somebody_there() -> bool:
+    """Whether a person can read a preview and repeat the command: not a timer, not a script."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _site(from_frame: Site | None, guard: "Guard") -> tuple[Site | None, list[str]]:
+    """The frame's own site, or else the mount's; and what is to be said of it."""
+    if from_frame is not None:
+        return from_frame, ["The site is the one in the frame's header."]
+    own = guard.site_report().site
+    if own is not None:
+        return own, ["The site is the one set in the mount, which may be wrong: give --site."]
+    return None, []
+
+
+def _json(done: "Recovery", frames: list[str], notes: list[str]) -> Json:
+    s = done.solution
+    return {
+        "action": "recover",
+        "recovered": done.synced,
+        "solved_ra_deg": done.sky_deg[0],
+        "solved_dec_deg": done.sky_deg[1],
+        "roll_deg": s.roll_deg,
+        "before_ra_deg": done.before_deg[0],
+        "before_dec_deg": done.before_deg[1],
+        "after_ra_deg": done.after_deg[0],
+        "after_dec_deg": done.after_deg[1],
+        "offset_deg": done.preview.offset_deg,
+        "east_deg": done.preview.east_deg,
+        "north_deg": done.preview.north_deg,
+        "evidence": asdict(done.evidence),
+        "matches": len(s.stars),
+        "frames": frames,
+        "refusals": list(done.preview.refusals),
+        "confirmations": list(done.preview.confirmations),
+        "warnings": [*notes, *done.warnings],
+    }
+
+
+def _say(told: Json) -> None:
+    print(
+        f"The telescope points at {radec(told['solved_ra_deg'], told['solved_dec_deg'])} "
+        f"(J2000); the mount was off by {told['offset_deg']:.3f} deg."
+    )
+    done = "Synced, and read back from the mount." if told["recovered"] else "Nothing was changed."
+    print(f"  {done}")
+    asking = () if told["recovered"] else told["confirmations"]
+    for sentence in (*told["refusals"], *asking, *told["warnings"]):
+        print(f"  {sentence}")
+
+
+# -- ``kochab mount disagree``: why the mount says another place than the sky ------------------
+
+SHOWN = 5
+LIKELY = 0.01
+
+
+def add_disagree(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
+    """Add ``disagree``."""
+    parser = actions.add_parser(
+        name,
+        help=text,
+        description="Compares a solved frame with the mount's position, time and site; changes "
+        "nothing. Exit code: 0 done, 1 failed, 2 usage.",
+    )
+    add_line_options(parser, run_disagree)
+    add_camera(parser, files=True)
+
+
+def run_disagree(args: argparse.Namespace) -> int:
+    """Solve, ask the mount, and name the cause."""
+    from kochab.solver.disagreement import investigate
+    from kochab.workflows.recover_mount import sighted
+
+    with mount_frames(args) as seeing, guarded_mount(args) as guard:
+        solved = with_progress("disagree", seeing.solve_now())
+        if isinstance(solved, NoSolution):
+            raise NoAnswerError(f"The frame has no solution, {solved.reason}: {solved.advice}")
+        sighting = sighted(guard, solved, seeing.taken() if args.frames else None, args.site or seeing.site())
+        found = investigate([sighting])
+        told = {**_cause_json(found), **where(args, guard)}
+    told["solved_ra_deg"], told["solved_dec_deg"] = solved.ra_dec_deg
+    if args.json:
+        print(to_line(told))
+    else:
+        _say_cause(found)
+    return 0
+
+
+def _cause_json(found: "Disagreement") -> Json:
+    return {
+        "action": "disagree",
+        "agrees": found.agrees,
+        "cause": found.cause or None,
+        "sentence": found.sentence,
+        "offset_arcsec": found.offset_arcsec,
+        "east_arcsec": found.east_arcsec,
+        "north_arcsec": found.north_arcsec,
+        "suspects": [asdict(s) for s in found.suspects[:SHOWN]],
+    }
+
+
+def _say_cause(found: "Disagreement") -> None:
+    print(found.sentence)
+    print(
+        f"  from the mount's position to the sky: {found.east_arcsec / 60.0:+.1f}' east, "
+        f"{found.north_arcsec / 60.0:+.1f}' north"
+    )
+    for s in found.suspects[:SHOWN]:
+        if s.score >= LIKELY:
+            print(f"  {100.0 * s.score:3.0f} %  {s.name}: {s.evidence}")

@@ -1,0 +1,141 @@
+"""``kochab mount list``, ``probe``, ``position`` and ``stop``."""
+
+import argparse
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from kochab.cli.mount import add_line_options, guarded_mount, reporting_failures
+from kochab.cli.output import Json, radec, to_line, with_progress
+from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, PortError, RefusedError
+from kochab.core.frame import Site
+
+if TYPE_CHECKING:
+    from kochab.gear.mounts.guard import Guard
+
+
+ELSEWHERE = (
+    "If another Kochab uses it, press Esc in its window or Ctrl-C in its terminal; in an emergency,"
+    " cut the mount's power."
+)
+
+
+def add_status_action(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
+    """Add ``position`` or ``stop``."""
+    parser = actions.add_parser(name, help=text)
+    add_line_options(parser, _position if name == "position" else _stop)
+
+
+def _position(args: argparse.Namespace) -> int:
+    with guarded_mount(args) as guard:
+        told = {**where(args, guard), **_state(guard), "epoch_doubt": guard.epoch_doubt()}
+    if args.json:
+        print(to_line(told))
+        return 0
+    print(told["name"])
+    print(f"  {radec(told['ra_deg'], told['dec_deg'])}  (J2000)")
+    print(f"  mount: {told['mount_ra_deg']:.4f} {told['mount_dec_deg']:+.4f} {told['epoch']}")
+    if told["epoch_doubt"]:
+        print(f"  {told['epoch_doubt']}")
+    for key, value in told["state"].items():
+        if value is not None:
+            print(f"  {key.replace('_', ' ')}: {value}")
+    for ability, reason in told["lacks"].items():
+        print(f"  no {ability}: {reason}")
+    return 0
+
+
+def _stop(args: argparse.Namespace) -> int:
+    """Stop, and see whether it stands; a failure says in capitals that it may still move."""
+    from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE
+
+    args.equatorial = True  # whatever stands there is only asked whether it stands still
+    args.site = args.site or Site(0.0, 0.0)  # which needs a place of a mount that knows none
+    try:
+        with guarded_mount(args, stop_first=True) as guard:
+            guard.stop()
+            guard.emergency.confirm()
+    except PortError as error:
+        raise PortError(f"{error} {ELSEWHERE}") from error
+    except (NoAnswerError, RefusedError, LineLostError) as error:
+        raise NotStoppedError(f"{MAY_STILL_MOVE} {error}") from error
+    print(to_line({"stopped": True}) if args.json else "The mount has stopped.")
+    return 0
+
+
+def where(args: argparse.Namespace, guard: "Guard") -> Json:
+    """The mount's position as JSON: ICRS degrees, and its own."""
+    from kochab.gear.mounts.coordinates import from_mount_epoch
+
+    here = guard.position()
+    ra, dec = from_mount_epoch(here, guard.clock())
+    return {
+        "port": args.port,
+        "driver": args.driver,
+        "name": guard.identify(),
+        "ra_deg": ra,
+        "dec_deg": dec,
+        "mount_ra_deg": here.ra_deg,
+        "mount_dec_deg": here.dec_deg,
+        "epoch": str(here.epoch),
+    }
+
+
+def _state(guard: "Guard") -> Json:
+    state = guard.state()
+    told = {
+        "slewing": state.slewing,
+        "parked": state.parked,
+        "aligned": state.aligned,
+        "tracking": state.tracking,
+        "pier_side": None if state.pier_side is None else str(state.pier_side),
+        "home_confirmed": state.home_confirmed,
+    }
+    return {"state": told, "lacks": {str(k): v for k, v in guard.lacks.items()}}
+
+
+# -- ``kochab mount list`` and ``kochab mount probe`` ------------------------------------------
+
+
+def add_ports_action(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
+    """Add ``list`` or ``probe``."""
+    parser = actions.add_parser(name, help=text)
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    if name == "probe":
+        parser.add_argument("--port", action="append", metavar="P", help="only this one; may be repeated")
+    parser.set_defaults(run=reporting_failures(_list if name == "list" else _probe))
+
+
+def _list(args: argparse.Namespace) -> int:
+    from kochab.gear.mounts import DRIVERS
+    from kochab.gear.mounts.probe import list_ports
+
+    ports = list_ports()
+    drivers = {name: driver.title for name, driver in DRIVERS.loaded().items()}
+    if args.json:
+        print(to_line({"ports": [asdict(port) for port in ports], "drivers": drivers}))
+        return 0
+    if not ports:
+        print("No serial ports: plug in the USB cable of the mount and switch it on.")
+    for port in ports:
+        print("  ".join(x for x in (port.port, port.description, port.usb, port.hint) if x))
+    print("drivers: " + "; ".join(f"{name} ({title})" for name, title in drivers.items()))
+    return 0
+
+
+def _probe(args: argparse.Namespace) -> int:
+    from kochab.gear.mounts.probe import list_ports, probe
+
+    ports = args.port or [port.port for port in list_ports()]
+    found = with_progress("probing", probe(ports))
+    advice = "" if ports else "No serial ports: plug in the USB cable and switch the mount on."
+    if args.json:
+        rows = [{**asdict(d), "found": d.found} for d in found]
+        print(to_line({"ports": rows, **({"error": advice} if advice else {})}))
+    else:
+        for d in found:
+            baud = f" --baud {d.baud}" if d.baud else ""
+            words = f"{d.name}: --port {d.port} --driver {d.driver}{baud}" if d.found else ""
+            print(". ".join(x for x in (words, d.advice) if x))
+        if advice:
+            print(advice)
+    return 0 if any(d.found for d in found) else 1

@@ -1,0 +1,406 @@
+"""The options that commands share: search, methods and their settings, files."""
+
+import argparse
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from glob import glob
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kochab.core.errors import UsageError
+
+if TYPE_CHECKING:  # what loads numpy is imported when it is used: --help is quick
+    from kochab.core.capture import CaptureSettings
+    from kochab.core.frame import Site
+    from kochab.core.registry import Registry
+    from kochab.solver import SolveOptions
+
+Place = tuple[float, float, float]  # RA, Dec and radius, degrees
+
+# ``--set NAME=VALUE`` and ``--methods``: the options of methods, detectors and attitudes.
+
+KINDS = ("method", "detector", "attitude")
+DEFAULTS = ("patterns", "auto")
+NEEDS = (
+    "Every method but patterns needs the scale, from --fov, --scale or the frame's header;"
+    " predict also needs the position."
+)
+
+
+OF_METHOD = "an option of the method; prefix detector. or attitude. for those of the other two"
+OF_DETECTOR = "an option of the detector"
+
+
+def add_settings(parser: argparse.ArgumentParser, text: str = OF_METHOD) -> None:
+    """Add the options that change a method, and the list of what can be changed."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="NAME=VALUE",
+        help=f"{text}; may be repeated",
+    )
+    parser.add_argument(
+        "--methods",
+        action=_ListSettings,
+        nargs=0,
+        help="list methods, detectors and attitudes with their options, units, ranges and papers",
+    )
+
+
+def settings_of(
+    settings: Sequence[str], method: str, detector: str, attitude: str | None
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """What ``--set`` says of the method, of the detector and of the attitude.
+
+    Raises
+    ------
+    UsageError
+        There is no such option, or it cannot have that value.
+
+    """
+    said: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
+    for text in settings:
+        name, equals, value = text.partition("=")
+        kind, dot, option = name.strip().partition(".")
+        if not equals or not (option if dot else kind):
+            raise UsageError(f"--set {text} is not NAME=VALUE.")
+        if dot and kind in said:
+            said[kind][option] = value
+        else:
+            said["method"][name.strip()] = value
+    names = {"method": method, "detector": detector, "attitude": attitude}
+    if said["attitude"] and attitude is None:
+        raise UsageError("--set attitude.NAME needs --attitude.")
+    made = [_checked(kind, names[kind], said[kind]) for kind in KINDS]
+    return made[0], made[1], made[2]
+
+
+def detector_settings_of(settings: Sequence[str], detector: str) -> dict[str, Any]:
+    """What ``--set`` says of the detector where there is nothing else to set.
+
+    Raises
+    ------
+    UsageError
+        There is no such option, or it cannot have that value.
+
+    """
+    named = (text if text.startswith("detector.") else f"detector.{text}" for text in settings)
+    return settings_of(list(named), "", detector, None)[1]
+
+
+def _checked(kind: str, name: str | None, said: Mapping[str, str]) -> dict[str, Any]:
+    from kochab.core.registry import checked
+
+    if not said or name is None:
+        return {}
+    try:
+        return checked(_registry(kind).load(name), said)
+    except UsageError as error:
+        raise UsageError(f"{kind.capitalize()} {name}: {error}") from error
+
+
+def _registry(kind: str) -> "Registry[Any]":
+    from kochab.attitude import ESTIMATORS
+    from kochab.detection import DETECTORS
+    from kochab.identification import IDENTIFIERS
+
+    registries: dict[str, Registry[Any]]
+    registries = {"method": IDENTIFIERS, "detector": DETECTORS, "attitude": ESTIMATORS}
+    return registries[kind]
+
+
+def everything() -> str:
+    """All registered methods, detectors and attitudes, with what can be set about each."""
+    from kochab.core.registry import options_of
+
+    lines = [NEEDS]
+    for kind in KINDS:
+        prefix = "" if kind == "method" else f"{kind}."
+        for name, found in _registry(kind).loaded().items():
+            paper = getattr(found, "paper", "")
+            about = "the default" if name in DEFAULTS else paper
+            lines.append(f"--{kind} {name}{f'   ({about})' if about else ''}")
+            for option in options_of(found):
+                absent = f": {option.none}" if option.none else ""
+                what = f"{option.text} [{option.range_text}{absent}]"
+                lines.append(f"    {prefix}{option.name}={option.value_text}   {what}")
+    return "\n".join(lines)
+
+
+class _ListSettings(argparse.Action):
+    """Print the list and leave, as ``--help`` does."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        """Do it."""
+        print(everything())
+        parser.exit()
+
+
+def add_choices(parser: argparse.ArgumentParser) -> None:
+    """Add the options that steer a search and its output."""
+    parser.add_argument("--json", action="store_true", help="one line of JSON per file")
+    add_search(parser)
+    add_profile(parser)
+    parser.add_argument(
+        "--workers",
+        type=whole_number,
+        default=1,
+        metavar="N",
+        help="files solved at the same time, 1 to 256 (default: %(default)s)",
+    )
+    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each solved file")
+    add_overwrite(parser)
+    parser.add_argument(
+        "--strict", action="store_true", help="a solution outside --near counts as not solved"
+    )
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Add the permission to replace existing files."""
+    parser.add_argument("--overwrite", action="store_true", help="replace existing files, never an input")
+
+
+def add_profile(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of an equipment profile; :func:`kochab.cli.profile.use_profile` reads it."""
+    parser.add_argument("--profile", metavar="NAME", help="equipment profile, see kochab profile")
+
+
+def add_camera_settings(parser: argparse.ArgumentParser) -> None:
+    """Add what can be set on a camera."""
+    parser.add_argument("--exposure", type=number_above_zero, metavar="S", help="seconds")
+    parser.add_argument("--gain", type=number, metavar="G", help="in the camera's units")
+    parser.add_argument("--binning", type=whole_number, metavar="N", help="pixels a side")
+
+
+def add_address(parser: argparse.ArgumentParser) -> None:
+    """Add where a camera is."""
+    parser.add_argument("--address", default="", metavar="WHERE", help="folder, host:port/camera or device")
+
+
+def add_camera_choice(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of a camera, and what can be set on it."""
+    parser.add_argument("--source", metavar="NAME", help="kind of camera: folder, indi, alpaca, webcam, ...")
+    add_address(parser)
+    add_camera_settings(parser)
+
+
+def capture_settings(args: argparse.Namespace) -> "CaptureSettings":
+    """What the arguments set on the camera."""
+    from kochab.core.capture import CaptureSettings
+
+    return CaptureSettings(args.exposure, args.gain, args.binning)
+
+
+def add_site(parser: argparse.ArgumentParser, text: str = "degrees, east positive, metres") -> None:
+    """Add where the telescope stands."""
+    parser.add_argument("--site", type=site, metavar="LAT,LON[,H]", help=text)
+
+
+def add_mount_choice(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of a mount and of its site."""
+    parser.add_argument("--port", metavar="P", help="/dev/ttyUSB0, COM3 or socket://HOST:PORT")
+    parser.add_argument("--driver", metavar="NAME", help="the mount's protocol (default: detected)")
+    parser.add_argument("--baud", type=_baud, metavar="N", help="baud rate (default: the driver's)")
+    parser.add_argument("--epoch", choices=["J2000", "date"], help="equinox of the mount's coordinates")
+    add_site(parser)
+
+
+def add_search(parser: argparse.ArgumentParser) -> None:
+    """Add the options that steer a search alone."""
+    parser.add_argument(
+        "--fov", type=field_deg, metavar="DEG", help="width of the frame in degrees, good to a tenth"
+    )
+    parser.add_argument(
+        "--scale",
+        type=between(0.001, 36000.0, "arcsec a pixel"),
+        metavar="ARCSEC_PX",
+        help="pixel scale, good to a tenth (--fov takes precedence)",
+    )
+    parser.add_argument("--near", type=_near, metavar="RA,DEC,RADIUS", help="search here first, in degrees")
+    parser.add_argument(
+        "--method",
+        default="patterns",
+        metavar="NAME",
+        help="how stars are identified, see --methods (default: %(default)s, which needs no hint)",
+    )
+    parser.add_argument(
+        "--attitude", metavar="NAME", help="attitude estimator (default: fitted together with the camera)"
+    )
+    add_settings(parser)
+    parser.add_argument(
+        "--timeout",
+        type=number_above_zero,
+        default=30.0,
+        metavar="S",
+        help="time limit per frame, seconds (default: %(default)g)",
+    )
+
+
+def add_detector(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of a detector."""
+    parser.add_argument(
+        "--detector",
+        default="auto",
+        metavar="NAME",
+        help="how stars are detected, see --methods (default: %(default)s)",
+    )
+
+
+def options_of(args: argparse.Namespace, detector: str = "auto") -> "SolveOptions":
+    """The options a person asked for; what they said of the sky is a hint and no more.
+
+    Raises
+    ------
+    UsageError
+        There is no such method, detector or attitude, or none with such an option.
+
+    """
+    from kochab.attitude import ESTIMATORS
+    from kochab.core.frame import Hint
+    from kochab.detection import DETECTORS
+    from kochab.identification import IDENTIFIERS
+    from kochab.solver import SolveOptions
+
+    IDENTIFIERS.check(args.method)
+    DETECTORS.check(detector)
+    if args.attitude is not None:
+        ESTIMATORS.check(args.attitude)
+    of_method, of_detector, of_attitude = settings_of(args.settings, args.method, detector, args.attitude)
+    hint = Hint(scale_arcsec_px=scale_range(args.scale), centre_deg=args.near, source="command line")
+    return SolveOptions(
+        method=args.method,
+        method_options=of_method,
+        detector=detector,
+        detector_options=of_detector,
+        attitude=args.attitude,
+        attitude_options=of_attitude,
+        hint=hint if hint.helps else None,
+        fov_deg=args.fov,
+        timeout_s=args.timeout,
+    )
+
+
+def scale_range(scale: float | None) -> tuple[float, float] | None:
+    """A pixel scale as a hint takes it: good to a tenth."""
+    return None if scale is None else (scale / 1.1, scale * 1.1)
+
+
+def bound_of(args: argparse.Namespace) -> Place | None:
+    """RA, Dec and radius, degrees, that ``--strict`` demands of the answer, or None.
+
+    Raises
+    ------
+    UsageError
+        ``--strict`` without ``--near``.
+
+    """
+    if not args.strict:
+        return None
+    if args.near is None:
+        raise UsageError("--strict needs --near RA,DEC,RADIUS.")
+    near: Place = args.near
+    return near
+
+
+def number_above_zero(text: str) -> float:
+    """An argument that must be a positive number."""
+    value = number(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not more than zero")
+    return value
+
+
+def within(text: str, low: float, high: float, unit: str) -> float:
+    """An argument that must be a number from ``low`` to ``high``."""
+    value = number(text)
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
+    return value
+
+
+def between(low: float, high: float, unit: str) -> Callable[[str], float]:
+    """What reads an argument that must be a number from ``low`` to ``high``."""
+    return partial(within, low=low, high=high, unit=unit)
+
+
+def field_deg(text: str) -> float:
+    """An argument that must be the width of a flat picture."""
+    return within(text, 0.001, 170.0, "deg")
+
+
+def whole_number(text: str) -> int:
+    """An argument that must be a small count."""
+    if not text.isdigit() or not 1 <= int(text) <= 256:
+        raise argparse.ArgumentTypeError(f"{text} is not a count from 1 to 256")
+    return int(text)
+
+
+def _near(text: str) -> Place:
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text} is not RA,DEC,RADIUS in degrees")
+    ra, dec, radius = (number(part) for part in parts)
+    if not -360 <= ra <= 360 or not -90 <= dec <= 90 or not 0 < radius <= 180:
+        raise argparse.ArgumentTypeError(f"{text} is not a place on the sky and a radius, degrees")
+    return ra % 360.0, dec, radius
+
+
+def number(text: str) -> float:
+    """An argument that must be a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a number")
+    return value
+
+
+def site(text: str) -> "Site":
+    """An argument that must be a place on the Earth."""
+    from kochab.core.angle_text import parse_site
+
+    try:
+        return parse_site(text)
+    except UsageError:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not LAT,LON or LAT,LON,HEIGHT in degrees and metres"
+        ) from None
+
+
+def _baud(text: str) -> int:
+    if not text.isdigit() or not 300 <= int(text) <= 4000000:
+        raise argparse.ArgumentTypeError(f"{text} is not a baud rate")
+    return int(text)
+
+
+# Names of files as people type them where the shell leaves patterns alone, as Windows' does.
+
+
+def named(given: Iterable[str]) -> list[str]:
+    """The files meant, patterns such as ``*.fits`` filled in; one that fits none stays as it is.
+
+    Raises
+    ------
+    UsageError
+        A name is empty.
+
+    """
+    return [name for text in given for name in _filled_in(text)]
+
+
+def _filled_in(text: str) -> list[str]:
+    if not text.strip():  # a script's empty variable, not the folder we stand in
+        raise UsageError("A file's name is empty.")
+    if not set(text) & set("*?[") or Path(text).exists():
+        return [text]
+    return sorted(glob(text)) or [text]

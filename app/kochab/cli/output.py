@@ -1,0 +1,187 @@
+"""What a solve prints: one JSON object a line, or a card for people."""
+
+import json
+import logging
+import math
+import sys
+from collections.abc import Mapping
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from kochab.core.errors import KochabError
+from kochab.core.progress import Progress, Task, run
+
+if TYPE_CHECKING:  # it loads numpy, which --help has no need of
+    from kochab.core.solution import NoSolution, Solution
+
+Json = dict[str, Any]
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+
+
+def as_json(file: str, result: "Solution | NoSolution") -> Json:
+    """The stable JSON form of a solution, or of why there is none."""
+    from kochab.core.solution import Solution
+
+    return _solved(file, result) if isinstance(result, Solution) else _unsolved(file, result)
+
+
+def to_line(value: Json) -> str:
+    """One line of strictly valid JSON in ASCII, so that no encoding on its way can spoil it.
+
+    What is not a finite number becomes null.
+    """
+    return json.dumps(_finite(value), allow_nan=False)
+
+
+def tell_failure(error: KochabError, as_json: bool) -> None:
+    """``{"error": ...}`` for a program, or a sentence on standard error; all of it to the journal."""
+    logger.debug("told: %s", error, exc_info=error)
+    if as_json:
+        print(to_line({"error": str(error)}), flush=True)
+    else:
+        print(f"kochab: {error}", file=sys.stderr)
+
+
+def _solved(file: str, s: "Solution") -> Json:
+    ra, dec = s.ra_dec_deg
+    camera, attitude = s.camera, s.attitude
+    terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")
+    return {
+        "file": file,
+        "solved": True,
+        "ra_deg": ra,
+        "dec_deg": dec,
+        "roll_deg": s.roll_deg,
+        "mirrored": camera.mirrored,
+        "fov_deg": list(camera.fov_deg),
+        "scale_arcsec_px": camera.scale_arcsec_px,
+        "camera": {name: float(getattr(camera, name)) for name in terms},
+        "matches": len(s.stars),
+        "detections": s.detections,
+        "rms_px": s.rms_px,
+        "rms_arcsec": s.rms_arcsec,
+        "sigma_arcsec": list(attitude.sigma_arcsec),
+        "log10_false_alarm": s.log10_false_alarm,
+        "method": s.method,
+        "quaternion": list(attitude.quaternion),
+        "dcm": attitude.matrix.tolist(),
+        "euler_deg": list(attitude.euler_deg),
+        "stars": [
+            {
+                "x": star.x,
+                "y": star.y,
+                "id": star.id,
+                "name": star.name,
+                "mag": star.mag,
+                "ra_deg": star.ra_deg,
+                "dec_deg": star.dec_deg,
+                "residual_px": star.residual_px,
+            }
+            for star in s.stars
+        ],
+        "warnings": list(s.warnings),
+        "elapsed_ms": dict(s.elapsed_ms),
+    }
+
+
+def _unsolved(file: str, n: "NoSolution") -> Json:
+    return {
+        "file": file,
+        "solved": False,
+        "reason": str(n.reason),
+        "advice": n.advice,
+        "tried": n.tried,
+        "detections": n.detections,
+        "measured": dict(n.measured),
+        "warnings": list(n.warnings),
+        "elapsed_ms": dict(n.elapsed_ms),
+    }
+
+
+def card(outcome: Json) -> str:
+    """The same for people, a few lines."""
+    lines = _solved_lines(outcome) if outcome["solved"] else _unsolved_lines(outcome)
+    lines += [f"note     {text}" for text in outcome["warnings"]]
+    return "\n  ".join([outcome["file"], *lines])
+
+
+def _solved_lines(o: Json) -> list[str]:
+    w, h = o["fov_deg"]
+    sx, sy, sr = o["sigma_arcsec"]
+    named = [s["name"] for s in sorted(o["stars"], key=lambda s: s["mag"]) if s["name"]]
+    lines = [
+        f"centre   {radec(o['ra_deg'], o['dec_deg'])}   ({o['ra_deg']:.5f}, {o['dec_deg']:+.5f} deg, J2000)",
+        f"rotation {o['roll_deg']:.3f} deg east of north" + ", mirrored" * o["mirrored"],
+        f"field    {w:.3f} x {h:.3f} deg, {o['scale_arcsec_px']:.4g} arcsec/px",
+        f"error    1 sigma {sx:.2f}, {sy:.2f} arcsec, rotation {sr:.1f} arcsec",
+        f"matched  {o['matches']} of {o['detections']} stars, RMS {o['rms_px']:.2f} px"
+        f" ({o['rms_arcsec']:.2f} arcsec); chance match 1 in 10^{-o['log10_false_alarm']:.0f}",
+        f"method   {o['method']}, {o['elapsed_ms'].get('total', math.nan):.0f} ms",
+    ]
+    return lines + ([f"stars    {', '.join(named[:8])}"] if named else [])
+
+
+def _unsolved_lines(o: Json) -> list[str]:
+    lines = [f"no solution: {o['reason']} ({o['detections']} stars detected)", o["advice"]]
+    if o["measured"]:
+        numbers = (f"{k.replace('_', ' ')} {v:.4g}" for k, v in o["measured"].items())
+        lines.append("measured " + ", ".join(numbers))
+    return lines + ([f"tried    {o['tried']}"] if o["tried"] else [])
+
+
+def radec(ra_deg: float, dec_deg: float) -> str:
+    """Both as 05h35m17.30s -05d23'28.0", in ASCII: not every terminal's encoding has ° and ′."""
+    from kochab.core.angle_text import AngleStyle, dec_text, ra_text
+
+    style = AngleStyle.SEXAGESIMAL
+    parts = (text(value, style).replace(" ", "") for text, value in ((ra_text, ra_deg), (dec_text, dec_deg)))
+    return " ".join(parts).translate(str.maketrans("°′″−–", "d'\"--"))
+
+
+def _finite(value: Any) -> Any:
+    """``value`` with every number that JSON cannot hold replaced by None."""
+    if isinstance(value, Mapping):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+class ProgressLine:
+    """Progress on stderr: a line that rewrites itself on a terminal, else one line after 2 s."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._terminal = sys.stderr.isatty()
+        self._start = perf_counter()
+        self._said = False
+
+    def __call__(self, progress: Progress) -> None:
+        """Show one step."""
+        text = f"{self._label}: {progress.stage} {progress.detail}".rstrip()
+        if self._terminal:
+            sys.stderr.write(f"\r\x1b[K{text[:100]}")
+            sys.stderr.flush()
+            self._said = True
+        elif not self._said and perf_counter() - self._start > 2.0:
+            self._said = True
+            print(f"{text} ...", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Leave the terminal as it was."""
+        if self._terminal and self._said:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def with_progress(label: str, task: Task[T]) -> T:
+    """The result of a task, its progress shown on standard error meanwhile."""
+    line = ProgressLine(label)
+    try:
+        return run(task, line)
+    finally:
+        line.clear()
+        task.close()

@@ -1,0 +1,237 @@
+"""``kochab polar FRAME FRAME ...``: how far the mount's axis is from the pole."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kochab.cli.options import (
+    add_overwrite,
+    add_profile,
+    add_site,
+    between,
+    field_deg,
+    named,
+    number_above_zero,
+    scale_range,
+)
+from kochab.cli.output import Json, with_progress
+from kochab.core.errors import FrameError, UsageError
+from kochab.core.frame import Hint
+from kochab.core.solution import NoSolution
+from kochab.frames.outputs import refuse_overwriting
+from kochab.polar.error import altitude_in_words, azimuth_in_words, split_in_words, total_in_words
+from kochab.polar.horizon import Pole, Refraction, name_of
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure
+from kochab.polar.plan import more_turn_deg, plan_second
+from kochab.polar.report import History
+from kochab.solver import SolveOptions
+from kochab.workflows.polar.measure import optics_of
+from kochab.workflows.polar.sources import SolvedFile, sightings_of, site_of, solve_polar_file
+
+
+@dataclass(frozen=True, slots=True)
+class UnusableFrame:
+    """A file that cannot be used: ``code`` is what the program ends with for it."""
+
+    path: str
+    reason: str
+    code: int
+
+    @property
+    def told(self) -> str:
+        """One sentence that names the file."""
+        known = self.path in self.reason or Path(self.path).name in self.reason
+        return self.reason if known else f"{self.path}: {self.reason}"
+
+
+SPOILT = {
+    PolarFindingKind.FAR,
+    PolarFindingKind.SITE_OR_TIME,
+    PolarFindingKind.DEC_MOVED,
+    PolarFindingKind.CAMERA_TURNED,
+    PolarFindingKind.DISAGREE,
+}
+"""What must be put right first: nothing is better after it."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``polar`` to the command line."""
+    parser = subparsers.add_parser(
+        "polar",
+        description="Take frames while rotating RA only, by hand or by motor, anywhere in the sky,"
+        " 30 degrees or more from first to last; tracking may be on or off. The uncertainty (1 sigma)"
+        " is measurement and possible flexure; only a second sweep (--check) measures flexure. Exit"
+        " code: 0 measured, 1 a frame has no solution or there is no axis, 2 unusable input.",
+    )
+    parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_site(parser, "degrees, east positive, metres (default: from the frames)")
+    add_profile(parser)
+    parser.add_argument(
+        "--pole",
+        choices=[str(p) for p in Pole],
+        default=str(Pole.REFRACTED),
+        help="where the axis should point (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--check",
+        nargs="+",
+        default=[],
+        metavar="FRAME",
+        help="two frames or more of a second sweep at another declination, same adjustment: measures flexure",
+    )
+    parser.add_argument(
+        "--pressure",
+        type=between(0.0, 1100.0, "hPa"),
+        metavar="HPA",
+        help="air pressure; 0 for no refraction (default: standard at the site's height)",
+    )
+    parser.add_argument(
+        "--temperature",
+        type=between(-90.0, 60.0, "deg C"),
+        default=10.0,
+        metavar="C",
+        help="air temperature, degrees Celsius (default: %(default)g)",
+    )
+    parser.add_argument("--fov", type=field_deg, metavar="DEG", help="width of the frames in degrees")
+    parser.add_argument(
+        "--timeout",
+        type=number_above_zero,
+        default=30.0,
+        metavar="S",
+        help="time limit per frame, seconds (default: %(default)g)",
+    )
+    parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
+    add_overwrite(parser)
+    parser.set_defaults(run=run, scale=None)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve the frames, measure the axis, say it."""
+    args.files, args.check = named(args.files), named(args.check)
+    paths = [*args.files, *args.check]
+    if len(args.files) < 2:
+        raise UsageError("Polar alignment needs two frames or more.")
+    if len(args.check) == 1:
+        raise UsageError("A second sweep (--check) needs two frames or more as well.")
+    if args.report is not None:
+        page = Path(args.report)
+        refuse_overwriting([page, page.with_suffix(".json")], paths, args.overwrite)
+    scale = Hint(scale_arcsec_px=scale_range(args.scale), source="profile") if args.scale else None
+    options = SolveOptions(hint=scale, fov_deg=args.fov, timeout_s=args.timeout)
+    tried = [_solve(path, options) for path in paths]
+    if bad := [one for one in tried if isinstance(one, UnusableFrame)]:
+        code = max(one.code for one in bad)
+        return _fail(" ".join(one.told for one in bad), args.json, code, bad)
+    files = [one for one in tried if isinstance(one, SolvedFile)]
+    sweeps = [0] * len(args.files) + [1] * len(args.check)
+    try:
+        site, sightings = site_of(files, args.site), sightings_of(files, sweeps)
+    except UsageError as error:
+        return _fail(str(error), args.json, 2)
+    air = Refraction(args.pressure, args.temperature)
+    result = measure(sightings, MeasureSettings(site, Pole(args.pole), air))
+    if isinstance(result, NoAxis):
+        reason = f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}"
+        return _fail(reason, args.json, 1)
+    doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings]
+    print(json.dumps(as_json(result, doubts)) if args.json else as_text(result, doubts))
+    if args.report is not None:
+        _write_report(args.report, result)
+    return 0
+
+
+def as_json(m: Measurement, doubts: Sequence[str] = ()) -> Json:
+    """The stable JSON form of a measurement; ``doubts`` are what reading the files warned of."""
+    error = m.error
+    return {
+        "altitude_error_arcsec": error.altitude_arcsec,
+        "azimuth_error_arcsec": error.azimuth_arcsec,
+        "azimuth_error_on_sky_arcsec": error.azimuth_on_sky_arcsec,
+        "total_arcsec": error.total_arcsec,
+        "sigma_arcsec": list(error.sigma_arcsec),
+        "unseen_arcsec": list(error.flexure_arcsec),
+        "sigma_total_arcsec": error.with_flexure.sigma_total_arcsec,
+        "noise_total_arcsec": error.sigma_total_arcsec,
+        "unseen_total_arcsec": error.flexure_along_arcsec,
+        "droop_arcsec": m.droop.arcsec if len(m.results) > 1 else None,
+        "sigma_droop_arcsec": m.droop.sigma_arcsec,
+        "pole": str(m.settings.pole),
+        "turn_deg": m.turn_deg,
+        "frames": len(m.attitudes),
+        "chi2": m.fit.chi2,
+        "degrees_of_freedom": m.fit.freedom,
+        "warnings": [*(finding.text for finding in m.findings), *doubts],
+    }
+
+
+def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
+    """A card for people."""
+    error = m.error
+    sweeps = f" of {len(m.results)} sweeps" if len(m.results) > 1 else ""
+    lines = [
+        f"{total_in_words(error)} from the {name_of(m.settings.pole, m.settings.site)}",
+        f"altitude  {altitude_in_words(error)}",
+        f"azimuth   {azimuth_in_words(error)}",
+        f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
+        f" {m.rho_deg:.0f} deg from the axis" + _chi2(m),
+    ]
+    lines.append(f"of the ±  {split_in_words(error)}")
+    if error.below_uncertainty:
+        lines.append("stop      the error is within its uncertainty")
+    if not SPOILT & {finding.kind for finding in m.findings}:
+        lines += _better(m)
+    notes = [*(finding.text for finding in m.findings), *doubts]
+    return "\n  ".join(lines + [f"note      {note}" for note in notes])
+
+
+def _better(m: Measurement) -> list[str]:
+    """How the axis could be known better: by a longer turn, by a second sweep."""
+    lines, optics = [], optics_of(m.attitudes[0])
+    if more := more_turn_deg(optics, m.rho_deg, m.fit.turns_rad, 30.0):
+        lines.append(f"better    rotate RA {more:.0f}° more for an uncertainty of 30″")
+    if len(m.results) == 1 and (second := plan_second(m, optics, len(m.attitudes))):
+        lines.append(
+            f"better    sweep again at declination {second.declination_deg:+.0f}° (--check) for an"
+            f" uncertainty of {second.foreseen_arcsec:.0f}″, flexure included"
+        )
+    return lines
+
+
+def _chi2(m: Measurement) -> str:
+    if m.fit.freedom <= 0:
+        return ""
+    return f"; chi-square {m.fit.chi2:.1f} of {m.fit.freedom} expected"
+
+
+def _solve(path: str, options: SolveOptions) -> "SolvedFile | UnusableFrame":
+    try:
+        file = with_progress(path, solve_polar_file(path, options))
+    except FrameError as error:
+        return UnusableFrame(path, str(error), 2)
+    if isinstance(file.result, NoSolution):
+        return UnusableFrame(path, f"no solution: {file.result.reason}. {file.result.advice}", 1)
+    return file
+
+
+def _fail(sentence: str, as_json: bool, code: int, bad: Sequence[UnusableFrame] = ()) -> int:
+    """Say why there is no measurement, and of which files; one document in JSON."""
+    if as_json:
+        files = [{"file": one.path, "error": one.reason} for one in bad]
+        print(json.dumps({"error": sentence} | ({"files": files} if bad else {})))
+    else:
+        for told in [one.told for one in bad] or [sentence]:
+            print(f"kochab: {told}", file=sys.stderr)
+    return code
+
+
+def _write_report(path: str, m: Measurement) -> None:
+    from kochab.polar.report import write_report
+
+    history = History()
+    history.measured(m)
+    write_report(path, history)

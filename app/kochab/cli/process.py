@@ -1,0 +1,105 @@
+"""The process of a command: standard streams as they come, and signals that end it."""
+
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+
+def make_ready() -> None:
+    """Let neither a closed stream nor a file's strange name cost an answer.
+
+    What a stream's encoding has no letter for is written as an escape; a stream that was closed
+    by whoever started us (or is not there, as in a Windows program without a console) is
+    replaced by one that takes everything.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+
+
+def say(sentence: str) -> None:
+    """One sentence on standard error, if that takes it."""
+    with suppress(OSError):
+        print(f"kochab: {sentence}", file=sys.stderr, flush=True)
+
+
+def show_journal() -> None:
+    """Show all that is logged on standard error as well."""
+    import logging
+
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
+    root = logging.getLogger("kochab")
+    root.addHandler(handler)
+    root.setLevel(logging.DEBUG)
+
+
+def journal_path() -> str | None:
+    """The journal's file, None when there is none.
+
+    A worker process has no file open; its handler is named after the parent's.
+    """
+    import logging
+
+    handlers = logging.getLogger("kochab").handlers
+    files = (h.baseFilename if isinstance(h, logging.FileHandler) else h.name for h in handlers)
+    return next(filter(None, files), None)
+
+
+def fault(error: Exception) -> str:
+    """Log an unexpected exception with its traceback; one sentence that says where to find it."""
+    import logging
+
+    root = logging.getLogger("kochab")
+    journal = journal_path()
+    if root.handlers:  # else logging itself would print the traceback
+        # The journal's own name, for what is logged under it is shown nowhere else unasked.
+        logging.getLogger("kochab.gear.journal").critical("fault", exc_info=error)
+    where = f"the journal has the details: {journal}" if journal else "--debug shows the details"
+    first = (str(error).splitlines() or [""])[0].rstrip(".")
+    return f"A fault in Kochab: {type(error).__name__}: {first}; {where}."
+
+
+def give_up() -> None:
+    """Drop what no stream would take, so that the interpreter's end does not try again."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+# Signals that ask a program to end; they end it as Ctrl-C does, and nothing is left running.
+
+POLITE = ("SIGTERM", "SIGHUP")
+"""A polite kill, and the terminal that was closed or the line to another computer that broke."""
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Let each of them raise KeyboardInterrupt meanwhile.
+
+    One that is ignored, as nohup has it, stays so. Outside the main thread, where no signal can
+    be caught, nothing is done.
+    """
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        there = (getattr(signal, name) for name in POLITE if hasattr(signal, name))
+        before = {n: signal.signal(n, _end) for n in there if signal.getsignal(n) is signal.SIG_DFL}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,294 @@
+"""``kochab solve``, ``identify`` and ``detect``: where frames and star lists point, and their stars."""
+
+import argparse
+import json
+import os
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kochab.cli.batch import refuse_wcs_over, run_batch, write_picture, write_wcs_beside
+from kochab.cli.options import (
+    OF_DETECTOR,
+    Place,
+    add_choices,
+    add_detector,
+    add_settings,
+    bound_of,
+    detector_settings_of,
+    named,
+    options_of,
+)
+from kochab.cli.output import Json, as_json
+from kochab.core.errors import KochabError, UsageError
+from kochab.core.progress import Task
+
+if TYPE_CHECKING:  # they load numpy, which --help has no need of
+    from kochab.core.frame import Detections
+    from kochab.core.solution import Solution
+    from kochab.solver import SolveOptions
+    from kochab.workflows.solve_frame import SolvedFrame
+
+WRITTEN = (".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True, slots=True)
+class SolveRequest:
+    """One file and what is to be written from it."""
+
+    file: str
+    wcs: bool = False
+    annotate: str | None = None
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``solve`` to the command line."""
+    parser = subparsers.add_parser(
+        "solve", description="Exit code: 0 all solved, 1 one has no solution, 2 unusable input."
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
+    add_choices(parser)
+    add_detector(parser)
+    parser.add_argument(
+        "--annotate", metavar="PNG", help="save the frame with its stars labelled: a .png, .jpg or folder"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve every file, print as they are done."""
+    wishes = _wishes(args)
+    _refuse_overwriting(wishes, args.overwrite)
+    options = options_of(args, args.detector)
+    work = partial(solve_one, options=options, bound=bound_of(args))
+    return run_batch(work, wishes, args.json, args.workers)
+
+
+def solve_one(wish: SolveRequest, options: "SolveOptions", bound: Place | None = None) -> Task[Json]:
+    """The outcome of one file, and what was asked to be written from it."""
+    from kochab.core.solution import Solution
+    from kochab.solver.pipeline import with_doubts, within_radius
+    from kochab.workflows.solve_frame import solve_file
+
+    if Path(wish.file).is_dir():
+        raise UsageError(_why_no_pictures(wish.file))
+    solved = yield from solve_file(wish.file, options)
+    result = within_radius(solved.result, bound)
+    outcome = as_json(wish.file, with_doubts(result, options, solved.frame.hint))
+    if isinstance(result, Solution):
+        failures = _write(wish, solved, result)
+        if failures:
+            outcome["failures"] = failures
+    return outcome
+
+
+def _wishes(args: argparse.Namespace) -> list[SolveRequest]:
+    files = [name for given in named(args.files) for name in _expand(given)]
+    target = None if args.annotate is None else Path(args.annotate)
+    if target is None:
+        return [SolveRequest(file, args.wcs) for file in files]
+    if not target.is_dir() and target.suffix.lower() not in WRITTEN:
+        raise UsageError(f"--annotate {target}: the image is a .png or a .jpg.")
+    if target.is_dir():
+        return [SolveRequest(f, args.wcs, str(target / f"{Path(f).name}.png")) for f in files]
+    if len(files) > 1:
+        raise UsageError(f"--annotate {target} is one image for {len(files)} frames: name a folder.")
+    return [SolveRequest(file, args.wcs, str(target)) for file in files]
+
+
+def _refuse_overwriting(wishes: list[SolveRequest], overwrite: bool) -> None:
+    inputs = [wish.file for wish in wishes]
+    refuse_wcs_over([wish.file for wish in wishes if wish.wcs], inputs, overwrite)
+    pictures: dict[str, str] = {}
+    for wish in wishes:
+        if wish.annotate and pictures.setdefault(wish.annotate, wish.file) != wish.file:
+            raise UsageError(
+                f"{wish.annotate} would be the image of both {pictures[wish.annotate]} and {wish.file}:"
+                " solve them one after the other into different folders."
+            )
+    if pictures:
+        from kochab.frames.outputs import refuse_overwriting
+
+        refuse_overwriting(pictures, inputs, overwrite)
+
+
+def _expand(given: str) -> list[str]:
+    path = Path(given)
+    if not path.is_dir():
+        return [given]
+    from kochab.frames import SUFFIXES
+
+    try:
+        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in {*SUFFIXES} - {".gz"})
+    except OSError:
+        return [given]  # told in its turn, like a file that cannot be read
+    return found or [given]
+
+
+def _why_no_pictures(folder: str) -> str:
+    try:
+        os.listdir(folder)
+    except OSError as error:
+        return f"{folder} cannot be read: {error.strerror}."
+    return f"{folder} is a folder without frames."
+
+
+def _write(wish: SolveRequest, solved: "SolvedFrame", solution: "Solution") -> list[str]:
+    """Write what was asked; sentences about what could not be written."""
+    failures = write_wcs_beside(wish.file, solution) if wish.wcs else []
+    if wish.annotate is not None:
+        failures += write_picture(wish.annotate, solved.frame, solution)
+    return failures
+
+
+# -- ``kochab identify STARS.csv...``: where lists of star positions point ---------------------
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifyRequest:
+    """One list, the size of the frame it came from, and whether a WCS is wanted."""
+
+    file: str
+    width: int
+    height: int
+    wcs: bool = False
+
+
+def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``identify`` to the command line."""
+    parser = subparsers.add_parser(
+        "identify",
+        description=(
+            "A list holds x,y or x,y,flux a line, in pixels, x right, y down, (0, 0) the centre "
+            "of the first pixel; without flux the brightest comes first."
+        ),
+    )
+    parser.add_argument("files", nargs="+", metavar="STARS.csv", help="lists of stars")
+    parser.add_argument("--width", type=_pixels, required=True, metavar="W", help="frame, px")
+    parser.add_argument("--height", type=_pixels, required=True, metavar="H", help="frame, px")
+    add_choices(parser)
+    parser.set_defaults(run=run_identify)
+
+
+def run_identify(args: argparse.Namespace) -> int:
+    """Identify every list, print as they are done."""
+    wishes = [IdentifyRequest(file, args.width, args.height, args.wcs) for file in named(args.files)]
+    if args.wcs:
+        files = [wish.file for wish in wishes]
+        refuse_wcs_over(files, files, args.overwrite)
+    work = partial(identify_one, options=options_of(args), bound=bound_of(args))
+    return run_batch(work, wishes, args.json, args.workers)
+
+
+def identify_one(wish: IdentifyRequest, options: "SolveOptions", bound: Place | None = None) -> Task[Json]:
+    """The outcome of one list."""
+    from kochab.core.solution import Solution
+    from kochab.solver.pipeline import with_doubts, within_radius
+    from kochab.workflows.solve_frame import solve_star_list
+
+    found = yield from solve_star_list(wish.file, wish.width, wish.height, options)
+    result = within_radius(found, bound)
+    outcome = as_json(wish.file, with_doubts(result, options))
+    if wish.wcs and isinstance(result, Solution):
+        outcome["failures"] = write_wcs_beside(wish.file, result)
+    return outcome
+
+
+def _pixels(text: str) -> int:
+    if not text.isdigit() or not 2 <= int(text) <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"{text} is not a size in pixels")
+    return int(text)
+
+
+# -- ``kochab detect FILE``: the stars of a frame, without naming them -------------------------
+
+
+def add_detect_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``detect`` to the command line."""
+    parser = subparsers.add_parser(
+        "detect",
+        description="Positions are in pixels, x right, y down, (0, 0) the centre of the first pixel;"
+        " angles in degrees from x towards y. Exit code: 0 done, with stars or without, 2 unusable"
+        " input.",
+    )
+    parser.add_argument("file", metavar="FILE", help="a frame of the night sky")
+    add_detector(parser)
+    add_settings(parser, OF_DETECTOR)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=run_detect)
+
+
+def run_detect(args: argparse.Namespace) -> int:
+    """Print the detections; 2 when the file cannot be read."""
+    from kochab.detection import DETECTORS
+    from kochab.frames import read_frame
+
+    DETECTORS.check(args.detector)
+    options = detector_settings_of(args.settings, args.detector)
+    try:
+        started = time.perf_counter()
+        frame = read_frame(args.file)
+        read = time.perf_counter()
+        detections = DETECTORS.make(args.detector, **options).detect(frame)
+        done = time.perf_counter()
+    except KochabError as error:
+        if not args.json:
+            raise
+        print(json.dumps({"file": args.file, "error": str(error)}))
+        return 2
+    if args.json:
+        elapsed = {"read": 1e3 * (read - started), "detect": 1e3 * (done - read)}
+        told = {**detections_json(detections), "warnings": list(frame.warnings), "elapsed_ms": elapsed}
+        print(json.dumps({"file": args.file, **told}))
+    else:
+        print("\n".join([detections_text(detections), *(f"note: {text}" for text in frame.warnings)]))
+    return 0
+
+
+def detections_json(detections: "Detections") -> dict[str, Any]:
+    """The stable JSON form of a list of stars."""
+    return {
+        "width": detections.width,
+        "height": detections.height,
+        "background": _number(detections.background),
+        "noise": _number(detections.noise),
+        "detections": len(detections),
+        "stars": [
+            {
+                "x": round(float(detections.xy[i, 0]), 4),
+                "y": round(float(detections.xy[i, 1]), 4),
+                "flux": _number(detections.flux[i]),
+                "snr": _number(detections.snr[i]),
+                "fwhm_px": _number(detections.fwhm_px[i]),
+                "elongation": _number(detections.elongation[i]),
+                "angle_deg": _number(detections.angle_rad[i] * 57.29577951308232),
+                "saturated": bool(detections.saturated[i]),
+                "blended": bool(detections.blended[i]),
+            }
+            for i in range(len(detections))
+        ],
+    }
+
+
+def detections_text(detections: "Detections") -> str:
+    """A table with a line of totals."""
+    lines = [
+        f"{len(detections)} stars in {detections.width} x {detections.height}, "
+        f"background {detections.background:.5g}, noise {detections.noise:.4g}",
+        f"{'x':>9} {'y':>9} {'flux':>11} {'SNR':>8} {'FWHM':>6} {'long':>5} {'angle':>6}",
+    ]
+    for star in detections_json(detections)["stars"]:
+        marks = " saturated" * star["saturated"] + " blended" * star["blended"]
+        lines.append(
+            f"{star['x']:9.2f} {star['y']:9.2f} {star['flux'] or 0:11.5g} {star['snr'] or 0:8.1f} "
+            f"{star['fwhm_px'] or 0:6.2f} {star['elongation'] or 0:5.2f} "
+            f"{star['angle_deg'] or 0:6.1f}{marks}"
+        )
+    return "\n".join(lines)
+
+
+def _number(value: Any) -> float | None:
+    number = float(value)
+    return round(number, 5) if abs(number) < float("inf") else None

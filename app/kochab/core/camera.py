@@ -1,0 +1,109 @@
+"""The camera: how a direction becomes a pixel and back.
+
+Camera axes: x right, y down, z out along the boresight. A point of the tangent plane is
+``u = X/Z, v = Y/Z``. Distortion (Brown-Conrady) takes the ideal ``(u, v)`` to the recorded one::
+
+    r2 = u^2 + v^2;  radial = 1 + k1 r2 + k2 r2^2
+    ud = u radial + 2 p1 u v + p2 (r2 + 2 u^2)
+    vd = v radial + p1 (r2 + 2 v^2) + 2 p2 u v
+
+and the pixel is ``x = cx + s f ud, y = cy + f vd`` with ``s = -1`` for a mirrored frame, else +1.
+A mirrored camera's x axis therefore points to the left of the screen, so that the attitude
+stays a proper rotation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Optics of one frame; lengths in px, pixel (0, 0) is the centre of the first pixel."""
+
+    width: int
+    height: int
+    focal_px: float
+    cx: float
+    cy: float
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    mirrored: bool = False
+
+    @classmethod
+    def centred(cls, width: int, height: int, focal_px: float, mirrored: bool = False) -> "Camera":
+        """A camera without distortion whose principal point is the frame's centre."""
+        return cls(width, height, focal_px, (width - 1) / 2, (height - 1) / 2, mirrored=mirrored)
+
+    @property
+    def scale_arcsec_px(self) -> float:
+        """Pixel scale at the principal point."""
+        return float(np.degrees(1.0 / self.focal_px) * 3600.0)
+
+    @property
+    def fov_deg(self) -> tuple[float, float]:
+        """Width and height of the undistorted field, edge to edge."""
+        half = np.arctan(np.array([self.width, self.height]) / (2.0 * self.focal_px))
+        w, h = np.degrees(2.0 * half)
+        return float(w), float(h)
+
+    def project(self, vectors: Floats) -> Floats:
+        """Pixels (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""
+        v = np.asarray(vectors, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            uv = np.where(v[..., 2:] > 1e-6, v[..., :2] / v[..., 2:], np.nan)
+        return self._pixels(self._distort(uv))
+
+    def unproject(self, pixels: Floats) -> Floats:
+        """Unit vectors (N, 3) in camera axes of pixels (N, 2)."""
+        p = np.asarray(pixels, dtype=np.float64)
+        sign = -1.0 if self.mirrored else 1.0
+        uvd = np.stack([sign * (p[..., 0] - self.cx), p[..., 1] - self.cy], axis=-1) / self.focal_px
+        uv = self._straighten(uvd) if self.distorted else uvd
+        out = np.concatenate([uv, np.ones_like(uv[..., :1])], axis=-1)
+        return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))
+
+    @property
+    def distorted(self) -> bool:
+        """Whether any distortion term is set."""
+        return any((self.k1, self.k2, self.p1, self.p2))
+
+    def _distort(self, uv: Floats) -> Floats:
+        if not self.distorted:
+            return uv
+        u, v = uv[..., 0], uv[..., 1]
+        r2 = u * u + v * v
+        radial = 1.0 + r2 * (self.k1 + self.k2 * r2)
+        ud = u * radial + 2.0 * self.p1 * u * v + self.p2 * (r2 + 2.0 * u * u)
+        vd = v * radial + self.p1 * (r2 + 2.0 * v * v) + 2.0 * self.p2 * u * v
+        return np.stack([ud, vd], axis=-1)
+
+    def _straighten(self, uvd: Floats) -> Floats:
+        """The ideal (u, v) of recorded ones, by Newton's steps: the error squares at each."""
+        uv = uvd.copy()
+        for _ in range(6):
+            u, v = uv[..., 0], uv[..., 1]
+            r2 = u * u + v * v
+            radial = 1.0 + r2 * (self.k1 + self.k2 * r2)
+            slope = 2.0 * (self.k1 + 2.0 * self.k2 * r2)  # of radial, over u or v
+            uu = radial + u * u * slope + 2.0 * self.p1 * v + 6.0 * self.p2 * u
+            vv = radial + v * v * slope + 6.0 * self.p1 * v + 2.0 * self.p2 * u
+            uv_ = u * v * slope + 2.0 * self.p1 * u + 2.0 * self.p2 * v
+            du, dv = np.moveaxis(uvd - self._distort(uv), -1, 0)
+            det = uu * vv - uv_ * uv_
+            step = np.stack([vv * du - uv_ * dv, uu * dv - uv_ * du], axis=-1)
+            step /= np.where(np.abs(det) > 0.01, det, 1.0)[..., None]
+            uv = uv + step
+            if not (np.abs(step) > 1e-14).any():
+                break
+        return uv
+
+    def _pixels(self, uvd: Floats) -> Floats:
+        sign = -1.0 if self.mirrored else 1.0
+        return np.stack(
+            [self.cx + sign * self.focal_px * uvd[..., 0], self.cy + self.focal_px * uvd[..., 1]], axis=-1
+        )

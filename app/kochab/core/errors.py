@@ -1,0 +1,61 @@
+"""The few ways Kochab says that something outside it is wrong."""
+
+from pathlib import Path
+
+
+class KochabError(Exception):
+    """Anything a person can act on; its text is one clear sentence, shown as it stands."""
+
+
+class FrameError(KochabError):
+    """A file that cannot be read as a picture of the sky."""
+
+
+class CatalogueError(KochabError):
+    """A star catalogue that is missing, damaged or cannot be built."""
+
+
+class DamagedPatternsError(CatalogueError):
+    """A pattern volume holds what nobody wrote there; ``folder`` is where it lies."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            f"The patterns in {folder} are missing or damaged and cannot be used: install Kochab again."
+        )
+        self.folder = folder
+
+
+class UsageError(KochabError):
+    """Arguments or a star list that cannot be used."""
+
+
+class DeviceError(KochabError):
+    """Hardware that is absent, silent or refuses."""
+
+
+class PortError(DeviceError):
+    """The port cannot be opened: absent, in use, or not permitted."""
+
+
+class NoAnswerError(DeviceError):
+    """The device is silent, or its answer came too late or makes no sense."""
+
+
+class RefusedError(DeviceError):
+    """The device understood and said no, or our own guard did."""
+
+
+class StoppedError(RefusedError):
+    """A person said Stop: what was under way is not gone on with."""
+
+
+class StrayedError(StoppedError):
+    """The mount went where it was not sent, and the guard stopped it."""
+
+
+class NotStoppedError(DeviceError):
+    """Stop was sent, and the device was not seen to stand still."""
+
+
+class LineLostError(DeviceError):
+    """The line broke while in use: a cable pulled, a server gone."""

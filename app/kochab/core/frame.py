@@ -1,0 +1,132 @@
+"""A frame in memory, the hints about it (scale, place, time, site), and its detections."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Floats
+
+# -- What a person or a header believes about a frame. Hints save time; they never decide ------
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A place on the Earth: geodetic degrees, east positive, metres above the ellipsoid."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """Optional beliefs about scale, place and time; any of them may be wrong.
+
+    ``scale_arcsec_px`` is a (low, high) range at the frame's centre; ``centre_deg`` is
+    (RA, Dec, radius) in ICRS degrees; ``time_utc`` is aware, at mid-exposure, and
+    ``time_of_file`` says that it is only when the file was written.
+    """
+
+    scale_arcsec_px: tuple[float, float] | None = None
+    centre_deg: tuple[float, float, float] | None = None
+    time_utc: datetime | None = None
+    exposure_s: float | None = None
+    site: Site | None = None
+    camera: str = ""
+    source: str = ""
+    time_of_file: bool = False
+
+    @property
+    def helps(self) -> bool:
+        """Whether it narrows the search at all."""
+        return self.scale_arcsec_px is not None or self.centre_deg is not None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One exposure as read from a file or a camera.
+
+    ``pixels`` (H, W), native dtype, native byte order, C-contiguous, row 0 at the top of the
+    screen: what detection sees (luminance, or the raw mosaic when ``bayer`` names its pattern,
+    e.g. ``"RGGB"``, read from pixel (0, 0)). ``colour`` (H, W, 3) is kept for display only.
+    ``saturation`` is the level at which pixels clip, in the units of ``pixels``, None if unknown.
+    ``warnings`` are sentences for the person; ``header`` is whatever the file said of itself.
+    """
+
+    pixels: NDArray[Any]
+    colour: NDArray[Any] | None = None
+    bayer: str | None = None
+    saturation: float | None = None
+    path: str = ""
+    hint: Hint = field(default_factory=Hint)
+    warnings: tuple[str, ...] = ()
+    header: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return int(self.pixels.shape[1])
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return int(self.pixels.shape[0])
+
+
+# -- What a detector found in a frame ----------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detections:
+    """Stars of one frame, brightest first; all per-star arrays share the length N.
+
+    ``xy`` (N, 2) float64 px, (0, 0) is the centre of the first pixel, x right, y down.
+    ``flux`` (N,) in the frame's units above background; ``snr`` (N,); ``fwhm_px`` (N,);
+    ``elongation`` (N,) major over minor axis, 1 is round; ``angle_rad`` (N,) of the major axis
+    from +x towards +y; ``saturated`` and ``blended`` (N,) bool.
+    ``background`` and ``noise`` are the frame's median level and RMS per pixel.
+    """
+
+    width: int
+    height: int
+    xy: Floats
+    flux: Floats
+    snr: Floats
+    fwhm_px: Floats
+    elongation: Floats
+    angle_rad: Floats
+    saturated: NDArray[np.bool_]
+    blended: NDArray[np.bool_]
+    background: float = float("nan")
+    noise: float = float("nan")
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    def take(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Detections":
+        """The same frame with only the stars ``index`` selects, in that order."""
+        kept = {
+            f.name: getattr(self, f.name)[index]
+            for f in fields(self)
+            if isinstance(getattr(self, f.name), np.ndarray)
+        }
+        rest = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in kept}
+        return Detections(**kept, **rest)
+
+    @classmethod
+    def from_list(cls, xy: Floats, width: int, height: int, flux: Floats | None = None) -> "Detections":
+        """Detections from bare positions (N, 2) px; brightest first unless ``flux`` says."""
+        xy = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+        n = len(xy)
+        if flux is None:
+            flux = np.arange(n, 0, -1, dtype=np.float64)
+        order = np.argsort(-np.asarray(flux, dtype=np.float64), kind="stable")
+        nan = np.full(n, np.nan)
+        no = np.zeros(n, dtype=np.bool_)
+        return cls(
+            width, height, xy[order], np.asarray(flux, dtype=np.float64)[order], nan, nan, nan, nan, no, no
+        )

@@ -1,0 +1,208 @@
+"""Where a frame points with its evidence, or why that is not known."""
+
+import unicodedata
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude, radec_deg, roll_at
+from kochab.core.camera import Camera
+from kochab.core.progress import Task
+
+if TYPE_CHECKING:
+    from astropy.wcs import WCS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matches:
+    """Detections paired with catalogue stars; all arrays share the length M.
+
+    ``detection`` (M,) indexes the detections, ``star`` (M,) the catalogue's rows; ``xy`` (M, 2)
+    px; ``vectors`` (M, 3) ICRS unit vectors at the frame's date.
+    """
+
+    detection: Ints
+    star: Ints
+    xy: Floats
+    vectors: Floats
+
+    def __len__(self) -> int:
+        return len(self.detection)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """What an identifier returns: matches, a camera and an attitude good to about a pixel.
+
+    ``log10_false_alarm`` bounds the probability of so good a match by chance, all ``candidates``
+    that were tried counted.
+    """
+
+    matches: Matches
+    camera: Camera
+    attitude: Attitude
+    log10_false_alarm: float
+    method: str
+    candidates: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class NamedStar:
+    """One identified star, for people and for JSON. ``mag`` is V; degrees are ICRS."""
+
+    x: float
+    y: float
+    id: str
+    name: str
+    mag: float
+    ra_deg: float
+    dec_deg: float
+    residual_px: float
+
+    @property
+    def ascii_name(self) -> str:
+        """The name where there is no Greek: ``theta1 Ori`` is θ¹ Ori."""
+        known = ((c, unicodedata.name(c, "")) for c in self.name)
+        text = "".join(n.split()[-1].lower() if n.startswith("GREEK SMALL") else c for c, n in known)
+        plain = unicodedata.normalize("NFKD", text.replace("lamda", "lambda"))  # Unicode writes LAMDA
+        return plain.encode("ascii", "ignore").decode()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """A pointing with its evidence. Angles are ICRS (J2000) and belong to the frame's centre."""
+
+    camera: Camera
+    attitude: Attitude
+    stars: tuple[NamedStar, ...]
+    rms_px: float
+    log10_false_alarm: float
+    method: str
+    detections: int = 0
+    elapsed_ms: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def centre_vector(self) -> Floats:
+        """ICRS unit vector (3,) at the middle of the frame, distortion included."""
+        middle = np.array([[(self.camera.width - 1) / 2, (self.camera.height - 1) / 2]])
+        return np.asarray(self.attitude.matrix.T @ self.camera.unproject(middle)[0])
+
+    @property
+    def ra_dec_deg(self) -> tuple[float, float]:
+        """ICRS degrees of the middle of the frame."""
+        return radec_deg(self.centre_vector)
+
+    @property
+    def roll_deg(self) -> float:
+        """Position angle of the frame's up at its middle, degrees east of north."""
+        return roll_at(self.attitude.matrix, self.centre_vector)
+
+    @property
+    def rms_arcsec(self) -> float:
+        """Residual RMS on the sky."""
+        return self.rms_px * self.camera.scale_arcsec_px
+
+    def sky_at(self, pixels: Floats) -> Floats:
+        """ICRS unit vectors (N, 3) of pixels (N, 2)."""
+        return np.asarray(self.camera.unproject(pixels) @ self.attitude.matrix)
+
+    def pixels_of(self, vectors: Floats) -> Floats:
+        """Pixels (N, 2) of ICRS unit vectors (N, 3); NaN behind the camera."""
+        return self.camera.project(np.asarray(vectors) @ self.attitude.matrix.T)
+
+    @property
+    def wcs(self) -> "WCS":
+        """The same as an `astropy.wcs.WCS`, TAN or TAN-SIP; its pixel (0, 0) is our (0, 0)."""
+        from kochab.core.wcs import astropy_wcs  # astropy takes half a second to import
+
+        return astropy_wcs(self.camera, self.attitude)
+
+    def _repr_html_(self) -> str:
+        """For a notebook: pointing, field, uncertainty, chance match and the brightest stars."""
+        from kochab.core import angle_text as text
+
+        ra, dec = self.ra_dec_deg
+        width, height = map(text.angle_text, self.camera.fov_deg)
+        x, y, roll = map(text.arcsec_text, self.attitude.sigma_arcsec)
+        rows = {
+            "Centre (ICRS)": text.radec_text(ra, dec, text.AngleStyle.SEXAGESIMAL),
+            "": text.radec_text(ra, dec, text.AngleStyle.DECIMAL),
+            "Field of view": f"{width} × {height}, {self.camera.scale_arcsec_px:.4g}″/px",
+            "Rotation": f"{self.roll_deg:.3f}° east of north" + ", mirrored" * self.camera.mirrored,
+            "Uncertainty (1σ)": f"{x} × {y}, rotation {roll}",
+            "Stars matched": f"{len(self.stars)} of {self.detections}, RMS {self.rms_px:.2f} px",
+            "Chance match": text.false_alarm_text(self.log10_false_alarm),
+        }
+        stars = [("Star", "V", "RA", "Dec", "x", "y", "Residual")]
+        for star in sorted(self.stars, key=lambda star: star.mag)[:8]:
+            place = (f"{star.ra_deg:.4f}°", f"{star.dec_deg:+.4f}°", f"{star.x:.1f}", f"{star.y:.1f}")
+            stars.append((star.name or star.id, f"{star.mag:.2f}", *place, f"{star.residual_px:.2f} px"))
+        return _html("Solution", [*rows.items()]) + _html("", stars, header=True) + _notes(self.warnings)
+
+
+class Reason(StrEnum):
+    """Why there is no solution."""
+
+    TOO_FEW_STARS = "too few stars"
+    TRAILED = "trailed"
+    OUT_OF_FOCUS = "out of focus"
+    CLOUDED_OR_DARK = "clouded or dark"
+    FIELD_TOO_SMALL = "field too small for the catalogue"
+    NO_PATTERN_AGREED = "no pattern agreed"
+    DISTORTION_TOO_STRONG = "distortion too strong"
+    CANCELLED = "cancelled"
+    TIMED_OUT = "timed out"
+    OUTSIDE_RADIUS = "outside the search radius"
+
+
+@dataclass(frozen=True, slots=True)
+class NoSolution:
+    """No solution is a value: why, what was measured and tried, and one thing to do next."""
+
+    reason: Reason
+    advice: str
+    tried: str = ""
+    detections: int = 0
+    elapsed_ms: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def searched(self) -> bool:
+        """Whether anything was tried: a method that lacks what it needs tries ``nothing``."""
+        return not self.tried.startswith("nothing")
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the reason, what was measured, and what to do."""
+        rows = [
+            ("Reason", str(self.reason)),
+            ("Advice", self.advice),
+            ("Stars detected", str(self.detections)),
+        ]
+        rows += [("Tried", self.tried)] * bool(self.tried)
+        rows += [(name.replace("_", " "), f"{value:.4g}") for name, value in self.measured.items()]
+        return _html("No solution", rows) + _notes(self.warnings)
+
+
+SolveNow = Callable[[], Task[Solution | NoSolution]]
+"""Each call takes a new frame and solves it."""
+
+
+def _html(title: str, rows: Sequence[Sequence[str]], header: bool = False) -> str:
+    """A table; the first row or else the first column is its header."""
+    out = []
+    for k, row in enumerate(rows):
+        tags = ["th" if (k == 0 if header else j == 0) else "td" for j in range(len(row))]
+        cells = (f"<{tag}>{escape(cell)}</{tag}>" for tag, cell in zip(tags, row, strict=True))
+        out.append(f"<tr>{''.join(cells)}</tr>")
+    return f"<table>{f'<caption>{title}</caption>' * bool(title)}{''.join(out)}</table>"
+
+
+def _notes(warnings: Sequence[str]) -> str:
+    return "".join(f"<p>{escape(text)}</p>" for text in warnings)

@@ -1,0 +1,272 @@
+"""Peaks of the smoothed frame, one for each star, and the stamps cut around them."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices
+from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
+
+STRIP = 160  # rows of the frame; what a strip needs fits the cache
+
+
+def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: int) -> tuple[Floats, Floats]:
+    """Positions (N, 2) px and heights (N,) in noise of maxima above ``sigmas``, highest first.
+
+    At most ``limit`` are returned; a position is the middle of 2 x 2 pixels.
+    """
+    pixels = pixels[: pixels.shape[0] // 2 * 2]
+    tops = np.arange(0, len(pixels), STRIP)
+    smoother = Smoother(how, float(mesh.level.mean()))
+    columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
+    lines = _lines(mesh, tops, columns, sigmas * how.noise_gain / how.gain)
+    lines *= how.gain
+    lines = _as_thresholds(lines, smoother.dtype(pixels))
+    found = [_strip_peaks(pixels, smoother, line, int(top)) for top, line in zip(tops, lines, strict=True)]
+    counts = [len(hit) for hit, _ in found]
+    hit, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
+    row, column = np.divmod(hit, len(columns))
+    xy = np.stack([columns[column], np.repeat(tops, counts) + 2.0 * row - 1.5], axis=1)
+    level, noise = mesh.at(xy[:, 0], xy[:, 1])
+    heights = (value / how.gain - level) / (noise * (how.noise_gain / how.gain))
+    high = np.flatnonzero(heights > sigmas)
+    order = high[np.lexsort((xy[high, 0], xy[high, 1], -heights[high]))][:limit]
+    return xy[order], heights[order]
+
+
+def _lines(mesh: Mesh, tops: Indices, columns: Floats, rise: float) -> Floats:
+    """The lowest threshold (S, C) in each strip at ``columns`` (C,) px."""
+    grid = mesh.level + rise * mesh.noise
+    knots = np.arange(len(mesh.rows))
+    ends = np.interp(np.stack([tops, tops + STRIP]), mesh.rows, knots)
+    lowest = np.full((len(tops), grid.shape[1]), np.inf)
+    for at in (ends[0], ends[1], ends.mean(axis=0)):
+        i = np.minimum(at.astype(np.intp), max(0, len(grid) - 2))
+        j, part = np.minimum(i + 1, len(grid) - 1), (at - i)[:, None]
+        lowest = np.minimum(lowest, grid[i] * (1.0 - part) + grid[j] * part)
+    return np.stack([np.interp(columns, mesh.columns, line) for line in lowest])
+
+
+def _strip_peaks(pixels: Array, smoother: Smoother, line: Array, top: int) -> tuple[Indices, Array]:
+    """Flat indices and values of maxima in the rows from ``top``; neighbours are looked at too.
+
+    The smoothed strip has one row more above and below, and one column more at each side.
+    """
+    height = pixels.shape[0]
+    first, last = max(0, top - 4), min(height, top + STRIP + 4)
+    smoothed = smoother(pixels[first:last], (2 * (first == top), 2 * (last == height), 2))
+    rows, columns = smoothed.shape
+    hit = _where(smoother.above(smoothed, line))
+    a, b = np.searchsorted(hit, (columns, min(rows - 1, STRIP // 2 + 1) * columns))
+    hit = hit[a:b]
+    hit = hit[_is_maximum(smoothed, hit)]
+    return hit, smoothed.ravel()[hit].astype(np.float64)
+
+
+def _where(above: NDArray[np.bool_]) -> Indices:
+    """Indices of what is true in a flat mask, looking at eight at a time because little is."""
+    whole = len(above) // 8 * 8
+    words = np.flatnonzero(above[:whole].view(np.uint64) != 0)
+    near = (words[:, None] * 8 + np.arange(8)).ravel()
+    near = np.concatenate([near, np.arange(whole, len(above))])
+    return np.asarray(near[above[near]])
+
+
+def _is_maximum(field: Array, hit: Indices) -> NDArray[np.bool_]:
+    """Whether each is above its eight neighbours; of equals the last counts."""
+    flat, row = field.ravel(), field.shape[1]
+    value = flat[hit]
+    keep = np.ones(len(hit), dtype=np.bool_)
+    for step in (1, row - 1, row, row + 1):
+        keep &= (value >= flat[hit - step]) & (value > flat[hit + step])
+    return keep
+
+
+def _as_thresholds(lines: Floats, dtype: type[np.generic]) -> Array:
+    """``lines`` in the type of what is compared, which then is not converted pixel by pixel.
+
+    They are overwritten. The outermost columns, which have no neighbour, are never above.
+    """
+    lines[:, [0, -1]] = np.inf
+    if np.issubdtype(dtype, np.floating):
+        return lines.astype(dtype)
+    most = np.iinfo(dtype).max  # type: ignore[type-var]
+    np.floor(lines, out=lines)
+    np.clip(lines, 0, most, out=lines)
+    return lines.astype(dtype)
+
+
+# -- One star, one detection: duplicates, bumps on brighter stars, blends ----------------------
+
+
+def close_pairs(xy: Floats, radius_px: float) -> tuple[Indices, Indices]:
+    """Index pairs (i, j), i < j, of positions (N, 2) not farther apart than ``radius_px``."""
+    order = np.argsort(xy[:, 0], kind="stable")
+    x, y = xy[order, 0], xy[order, 1]
+    end = np.searchsorted(x, x + radius_px, side="right")
+    firsts: list[Indices] = []
+    seconds: list[Indices] = []
+    for step in range(1, int((end - np.arange(len(x))).max(initial=1))):
+        i = np.flatnonzero(end - np.arange(len(x)) > step)
+        j = i + step
+        near = np.hypot(x[i] - x[j], y[i] - y[j]) <= radius_px
+        firsts.append(order[i[near]])
+        seconds.append(order[j[near]])
+    if not firsts:
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    a, b = np.concatenate(firsts), np.concatenate(seconds)
+    return np.minimum(a, b), np.maximum(a, b)
+
+
+def apart(xy: Floats, reach: Floats) -> Bools:
+    """Which of positions (N, 2), brightest first, have no brighter kept one within its reach.
+
+    ``reach`` (N,) px belongs to the brighter of a pair.
+    """
+    return _kept(len(xy), *_within(xy, reach))
+
+
+def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach: Floats) -> Bools:
+    """Which of positions (N, 2), brightest first, have a valley between them and brighter ones.
+
+    ``height`` (N,) is the peak above background, ``noise`` (N,) that of a pixel, ``reach`` (N,)
+    how far the brighter star's light may go. Between two stars the light sinks below the fainter
+    peak by a quarter of it or more; on a plateau, a halo or a trail it does not.
+    """
+    i, j = _within(xy, reach)
+    if not len(i):
+        return np.ones(len(xy), dtype=np.bool_)
+    valley = _lowest_between(pixels, xy[i], xy[j])
+    peak = _means(pixels, xy[j])
+    bump = peak - valley < np.maximum(0.25 * np.abs(height[j]), 1.5 * noise[j])
+    return _kept(len(xy), i[bump], j[bump])
+
+
+def _within(xy: Floats, reach: Floats) -> tuple[Indices, Indices]:
+    """Pairs i < j of positions (N, 2), the second within the reach (N,) of the first."""
+    i, j = close_pairs(xy, float(reach.max(initial=0.0)))
+    near = np.hypot(*(xy[i] - xy[j]).T) <= reach[i]
+    return i[near], j[near]
+
+
+def _kept(count: int, i: Indices, j: Indices) -> Bools:
+    """What is left (count,) when each kept i, from the brightest on, takes its j away."""
+    keep = np.ones(count, dtype=np.bool_)
+    for a in np.argsort(i, kind="stable"):
+        if keep[i[a]]:
+            keep[j[a]] = False
+    return keep
+
+
+def _lowest_between(pixels: Array, a: Floats, b: Floats) -> Floats:
+    """Lowest 3 x 3 mean (N,) on the straight way from ``a`` to ``b``, both (N, 2)."""
+    along = np.linspace(0.1, 0.9, 12)
+    path = a[:, None] + along[None, :, None] * (b - a)[:, None]
+    return np.asarray(_means(pixels, path.reshape(-1, 2)).reshape(len(a), 12).min(axis=1))
+
+
+def _means(pixels: Array, xy: Floats) -> Floats:
+    """Means (N,) of the 3 x 3 pixels around positions (N, 2)."""
+    height, width = pixels.shape
+    x, y = np.rint(xy).astype(np.intp).T
+    total = np.zeros(len(xy))
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            total += pixels[np.clip(y + dy, 0, height - 1), np.clip(x + dx, 0, width - 1)]
+    return total / 9.0
+
+
+# -- Small squares of the frame around stars, gathered at once ---------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stamps:
+    """``value`` (N, K, K) above background; ``weight`` (N, K, K) is 1 where a pixel may be used.
+
+    ``x``, ``y`` (N,) are the columns and rows of the middle pixel.
+    """
+
+    value: Floats32
+    weight: Floats32
+    x: NDArray[np.intp]
+    y: NDArray[np.intp]
+
+    @property
+    def offsets(self) -> Floats32:
+        """Pixel offsets (K,) from the middle."""
+        half = self.value.shape[1] // 2
+        return np.arange(-half, half + 1, dtype=np.float32)
+
+    def take(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> "Stamps":
+        """Only the stamps that ``index`` selects."""
+        return Stamps(self.value[index], self.weight[index], self.x[index], self.y[index])
+
+    def core(self, reach: int) -> Floats32:
+        """The middle (N, 2 reach + 1, 2 reach + 1) of the values."""
+        half = self.value.shape[1] // 2
+        middle = slice(half - reach, half + reach + 1)
+        return self.value[:, middle, middle]
+
+
+def cut(pixels: Array, how: Halving, xy: Floats, level: Floats, half: int) -> Stamps:
+    """Stamps of ``2 half + 1`` pixels a side around positions (N, 2) px, ``level`` (N,) removed.
+
+    Pixels outside the frame, not finite, and the red and blue of a mosaic get weight 0 and value 0.
+    """
+    height, width = pixels.shape
+    x = np.clip(np.rint(xy[:, 0]).astype(np.intp), 0, width - 1)
+    y = np.clip(np.rint(xy[:, 1]).astype(np.intp), 0, height - 1)
+    reach = np.arange(-half, half + 1)
+    columns, rows = x[:, None] + reach, y[:, None] + reach
+    inside_x, inside_y = (columns >= 0) & (columns < width), (rows >= 0) & (rows < height)
+    np.clip(columns, 0, width - 1, out=columns)
+    np.clip(rows, 0, height - 1, out=rows)
+    raw = pixels[rows[:, :, None], columns[:, None, :]]
+    use = inside_y[:, :, None] & inside_x[:, None, :]
+    if how.greens is not None:
+        use &= ((rows[:, :, None] + columns[:, None, :]) & 1) == how.greens
+    with np.errstate(over="ignore"):
+        value = raw.astype(np.float32)
+    if pixels.dtype.kind == "f":
+        use &= np.abs(value) < BROKEN
+        value[~use] = 0.0
+    value -= level.astype(np.float32)[:, None, None]
+    weight = use.astype(np.float32)
+    value *= weight
+    return Stamps(value, weight, x, y)
+
+
+# -- What the steps of a detection share: the pixels and what is already known of them ---------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedFrame:
+    """Pixels (H, W), how they are halved, their background, and hot pixels (M, 2) as x, y."""
+
+    pixels: Array
+    how: Halving
+    mesh: Mesh
+    hot: Floats = field(default_factory=lambda: np.empty((0, 2)))
+
+    def stamps(self, xy: Floats, half: int) -> tuple[Stamps, Floats, Floats]:
+        """Stamps around places (N, 2) px without background and hot pixels, level and noise."""
+        level, noise = self.mesh.at(xy[:, 0], xy[:, 1])
+        stamps = cut(self.pixels, self.how, xy, level, half)
+        if len(self.hot) and len(xy):
+            leave_out(stamps, self.hot)
+        return stamps, level, noise
+
+
+def leave_out(stamps: Stamps, hot: Floats) -> None:
+    """Give hot pixels (M, 2) no weight in those stamps that hold them, in place."""
+    half = stamps.value.shape[1] // 2
+    centres = np.stack([stamps.x, stamps.y], axis=1).astype(np.float64)
+    star, other = close_pairs(np.concatenate([centres, hot]), 1.5 * half)
+    mixed = (star < len(centres)) & (other >= len(centres))
+    star, at = star[mixed], hot[other[mixed] - len(centres)].astype(np.intp)
+    column, row = at[:, 0] - stamps.x[star] + half, at[:, 1] - stamps.y[star] + half
+    inside = (abs(column - half) <= half) & (abs(row - half) <= half)
+    star, column, row = star[inside], column[inside], row[inside]
+    stamps.weight[star, row, column] = 0.0
+    stamps.value[star, row, column] = 0.0

@@ -1,0 +1,368 @@
+"""Position, flux and shape of stars: fits of the frame's star image, adaptive moments.
+
+The image is a Gaussian averaged over each pixel; flux and place are found by Gauss-Newton steps
+of least squares with equal weights, which is the maximum likelihood where the background makes
+the noise. Unused pixels (mosaic, saturated, broken) simply do not take part.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.core.arrays import Bools, Floats, Floats32, Indices
+from kochab.detection.peaks import PreparedFrame, Stamps, cut
+
+Index = Bools | Indices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fits:
+    """``dx``, ``dy`` (N,) px from the stamps' middles, ``flux`` (N,) and its ``snr`` (N,).
+
+    ``snr`` is for a noise of 1 a pixel. ``moments`` (N, 3) are xx, yy, xy weighted by the star
+    image, px^2.
+    """
+
+    dx: Floats
+    dy: Floats
+    flux: Floats
+    snr: Floats
+    moments: Floats
+
+    @classmethod
+    def empty(cls, n: int) -> "Fits":
+        """Room for ``n`` fits."""
+        return cls(np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty((n, 3)))
+
+    def take(self, index: Index) -> "Fits":
+        """Only the fits that ``index`` selects."""
+        return Fits(*(getattr(self, name)[index] for name in _FIELDS))
+
+    def put(self, index: Index, fits: "Fits") -> None:
+        """Set those that ``index`` selects."""
+        for name in _FIELDS:
+            getattr(self, name)[index] = getattr(fits, name)
+
+
+_FIELDS = ("dx", "dy", "flux", "snr", "moments")
+
+
+def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 3) -> Fits:
+    """Fit stamps with the star image whose second moments (2, 2) px^2 are ``covariance``."""
+    if abs(covariance[0, 1]) > 1e-3:
+        return _fit(stamps, covariance, steps)
+    whole = np.asarray(stamps.weight.all(axis=(1, 2)))
+    if whole.all():
+        return _fit_whole(stamps, covariance, steps)
+    out = Fits.empty(len(whole))
+    for chosen, fit in ((whole, _fit_whole), (~whole, _fit)):
+        if chosen.any():
+            out.put(chosen, fit(stamps.take(chosen), covariance, steps))
+    return out
+
+
+def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) -> None:
+    """Fit bright stars again, in place, giving each pixel the weight its own light leaves it.
+
+    ``light`` (N,) is the background above zero, whose noise is that of the stamps: a pixel with
+    as much star light as that is half as certain. A fit with equal weights would lose up to a
+    third of the precision where the star's own photons make the noise.
+    """
+    top = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
+    bright = np.flatnonzero(fits.flux * top > 0.3 * light)
+    if not len(bright):
+        return
+    some, start = stamps.take(bright), fits.take(bright)
+    x, y = start.dx.astype(np.float32), start.dy.astype(np.float32)
+    image, _, _ = _star_image(stamps.offsets, x, y, covariance)
+    share = (start.flux / light[bright]).astype(np.float32)
+    certain = some.weight / (1.0 + np.maximum(image, 0.0) * share[:, None, None])
+    better = _fit(Stamps(some.value, certain, some.x, some.y), covariance, 2, start)
+    settled = (better.flux > 0) & (np.hypot(better.dx - start.dx, better.dy - start.dy) < 0.5)
+    bright = bright[settled]
+    fits.dx[bright], fits.dy[bright] = better.dx[settled], better.dy[settled]
+    fits.flux[bright] = better.flux[settled]
+
+
+def _fit(stamps: Stamps, covariance: Floats, steps: int, start: Fits | None = None) -> Fits:
+    """Any star image, any pixels missing."""
+    n, u = len(stamps.value), stamps.offsets
+    x, y = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+    if start is not None:
+        x, y = start.dx.astype(np.float32), start.dy.astype(np.float32)
+    limit = np.float32(stamps.value.shape[1] / 2.0 - 1.0)
+    for _ in range(steps):
+        image, gx, gy = _star_image(u, x, y, covariance)
+        flux, mx, my = _solve(image, gx, gy, stamps)
+        safe = np.where(flux > 0, flux, np.inf)
+        x = np.clip(x + np.clip(mx / safe, -1, 1), -limit, limit).astype(np.float32)
+        y = np.clip(y + np.clip(my / safe, -1, 1), -limit, limit).astype(np.float32)
+    image, _, _ = _star_image(u, x, y, covariance)
+    seen = image * stamps.weight
+    power = np.maximum((seen * image).sum(axis=(1, 2)), 1e-12)
+    product = seen * stamps.value
+    px, py = u - x[:, None], u - y[:, None]
+    cols, rows = product.sum(axis=1), product.sum(axis=2)
+    light = cols.sum(axis=1)
+    cross = ((product @ px[:, :, None])[:, :, 0] * py).sum(axis=1)
+    squares = (cols * px * px).sum(axis=1), (rows * py * py).sum(axis=1), cross
+    return _fits(x, y, light, power, np.stack(squares, axis=1))
+
+
+def _fit_whole(stamps: Stamps, covariance: Floats, steps: int) -> Fits:
+    """The same for a star image with axes along the pixels' and all pixels there.
+
+    Sums over a stamp are then products of sums along its sides.
+    """
+    n, u, value = len(stamps.value), stamps.offsets, stamps.value
+    sigma_x, sigma_y = (float(np.sqrt(covariance[k, k])) for k in (0, 1))
+    x, y = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+    limit = np.float32(value.shape[1] / 2.0 - 1.0)
+    for _ in range(steps):
+        (ax, dx), (ay, dy) = _profile(u - x[:, None], sigma_x), _profile(u - y[:, None], sigma_y)
+        lines = value @ np.stack([ax, dx], axis=2)
+        sx, sy, ux, uy = _dot(ax, ax), _dot(ay, ay), _dot(ax, dx), _dot(ay, dy)
+        flux = _dot(ay, lines[:, :, 0]) / (sx * sy)
+        safe = np.where(flux > 0, flux, np.inf)
+        mx = (_dot(ay, lines[:, :, 1]) / sy - flux * ux) / (safe * _dot(dx, dx))
+        my = (_dot(dy, lines[:, :, 0]) / sx - flux * uy) / (safe * _dot(dy, dy))
+        x, y = (
+            np.clip(x + np.clip(mx, -1, 1), -limit, limit),
+            np.clip(y + np.clip(my, -1, 1), -limit, limit),
+        )
+    px, py = u - x[:, None], u - y[:, None]
+    (ax, _), (ay, _) = _profile(px, sigma_x), _profile(py, sigma_y)
+    lines = value @ np.stack([ax, ax * px, ax * px * px], axis=2)
+    power = np.maximum(_dot(ax, ax) * _dot(ay, ay), 1e-12)
+    squares = (_dot(ay, lines[:, :, 2]), _dot(ay * py * py, lines[:, :, 0]), _dot(ay * py, lines[:, :, 1]))
+    return _fits(x, y, _dot(ay, lines[:, :, 0]), power, np.stack(squares, axis=1))
+
+
+def _fits(x: Floats32, y: Floats32, light: Floats32, power: Floats32, squares: Floats32) -> Fits:
+    """Fits of the light seen through the star image and the image's own power."""
+    moments = squares / np.where(light > 0, light, np.inf)[:, None]
+    parts = (x, y, light / power, light / np.sqrt(power), moments)
+    return Fits(*(np.asarray(part, dtype=np.float64) for part in parts))
+
+
+def _dot(a: Floats32, b: Floats32) -> Floats32:
+    return np.asarray(np.einsum("nk,nk->n", a, b))
+
+
+def _star_image(
+    u: Floats32, x: Floats32, y: Floats32, covariance: Floats
+) -> tuple[Floats32, Floats32, Floats32]:
+    """Unit-flux star image (N, K, K) at offsets ``x``, ``y`` and its slopes along them."""
+    if abs(covariance[0, 1]) < 1e-3:
+        ax, dax = _profile(u - x[:, None], float(np.sqrt(covariance[0, 0])))
+        ay, day = _profile(u - y[:, None], float(np.sqrt(covariance[1, 1])))
+        return (
+            ay[:, :, None] * ax[:, None, :],
+            ay[:, :, None] * dax[:, None, :],
+            day[:, :, None] * ax[:, None, :],
+        )
+    inverse = np.linalg.inv(covariance + np.eye(2) / 12.0).astype(np.float32)
+    px, py = (u - x[:, None])[:, None, :], (u - y[:, None])[:, :, None]
+    along_x = inverse[0, 0] * px + inverse[0, 1] * py
+    along_y = inverse[0, 1] * px + inverse[1, 1] * py
+    image = np.exp(-0.5 * (along_x * px + along_y * py))
+    image *= np.float32(np.sqrt(np.linalg.det(inverse)) / (2.0 * np.pi))
+    return image, image * along_x, image * along_y
+
+
+def _profile(d: Floats32, sigma: float) -> tuple[Floats32, Floats32]:
+    """A unit Gaussian averaged over pixels centred at ``d`` (N, K), and minus its slope.
+
+    Three-point Gauss-Legendre over the pixel: exact to 1e-4 of the peak for sigma > 0.5.
+    """
+    node = np.float32(0.5 * np.sqrt(0.6))
+    scale = np.float32(1.0 / sigma)
+    value, slope = np.zeros_like(d), np.zeros_like(d)
+    for shift, share in ((-node, 5 / 18), (np.float32(0), 8 / 18), (node, 5 / 18)):
+        t = (d + shift) * scale
+        part = np.exp(-0.5 * t * t) * np.float32(share / (np.sqrt(2.0 * np.pi) * sigma))
+        value += part
+        slope += part * t * scale
+    return value, slope
+
+
+def _solve(
+    image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps
+) -> tuple[Floats32, Floats32, Floats32]:
+    """Flux (N,) by least squares, and the Gauss-Newton steps of the place times the flux.
+
+    What flux and place share of each other is left to the next step: it is nothing for a whole
+    stamp and little for half a one, and where the steps end does not depend on it.
+    """
+    n = len(image)
+    g, x, y = (part.reshape(n, -1) for part in (image, gx, gy))
+    weight, value = stamps.weight.reshape(n, -1), stamps.value.reshape(n, -1)
+    weighted = g * weight
+    power: Floats32 = np.maximum(_dot(weighted, g), np.float32(1e-12))
+    flux: Floats32 = _dot(weighted, value) / power
+    rest: Floats32 = weight * (value - flux[:, None] * g)
+    weighted_x = weight * x
+    xx, yy, xy = _dot(weighted_x, x), _dot(weight * y, y), _dot(weighted_x, y)
+    along_x, along_y = _dot(rest, x), _dot(rest, y)
+    determinant = np.maximum(xx * yy - xy * xy, np.float32(1e-3) * xx * yy + np.float32(1e-12))
+    dx = (yy * along_x - xy * along_y) / determinant
+    dy = (xx * along_y - xy * along_x) / determinant
+    return flux, np.asarray(dx), np.asarray(dy)
+
+
+# -- Sizes, shapes and places of bright or odd stars by adaptive moments -----------------------
+# The weight is an elliptical Gaussian that is made as large as the star itself: of a Gaussian star
+# seen through its own shape the weighted second moments are half the true ones, and the iteration
+# sits still (Bernstein & Jarvis 2002, AJ 123, 583, section 3).
+
+FWHM_PER_SIGMA = 2.0 * float(np.sqrt(2.0 * np.log(2.0)))
+PIXEL_VARIANCE = 1.0 / 12.0  # of a square pixel, px^2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """``dx``, ``dy`` (N,) px from the stamp's middle; ``xx``, ``yy``, ``xy`` (N,) px^2; ``flux``.
+
+    ``good`` (N,) says that the iteration settled inside the stamp.
+    """
+
+    dx: Floats
+    dy: Floats
+    xx: Floats
+    yy: Floats
+    xy: Floats
+    flux: Floats
+    good: Bools
+
+    def axes(self) -> tuple[Floats, Floats, Floats]:
+        """Sigma along the major and the minor axis, px, and the major axis' angle, rad."""
+        return principal_axes(self.xx, self.yy, self.xy)
+
+
+def principal_axes(xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats, Floats]:
+    """Sigma of the major and minor axis and the angle (from +x to +y) of second moments (N,)."""
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    major = np.sqrt(np.maximum(mean + half, 1e-12))
+    minor = np.sqrt(np.maximum(mean - half, 1e-12))
+    return major, minor, 0.5 * np.arctan2(2.0 * xy, xx - yy)
+
+
+def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px: float = 0.2) -> Shapes:
+    """Moments of every stamp, from a round weight of ``sigma_px``, never below ``least_px``."""
+    n, size, _ = stamps.value.shape
+    u = stamps.offsets.astype(np.float64)
+    x, y = np.zeros(n), np.zeros(n)
+    xx, yy, xy = np.full(n, sigma_px**2), np.full(n, sigma_px**2), np.zeros(n)
+    limit, flux, good = size / 2.0 - 1.0, np.zeros(n), np.ones(n, dtype=np.bool_)
+    for _ in range(steps):
+        px, py = u - x[:, None], u - y[:, None]
+        det = np.maximum(xx * yy - xy * xy, 1e-6)
+        a, b, c = yy / det, xx / det, -xy / det
+        power = a[:, None, None] * (px * px)[:, None, :] + b[:, None, None] * (py * py)[:, :, None]
+        power += (2.0 * c)[:, None, None] * px[:, None, :] * py[:, :, None]
+        light = np.exp(-0.5 * power) * stamps.value
+        cols, rows = light.sum(axis=1), light.sum(axis=2)
+        total = cols.sum(axis=1)
+        good &= total > 0
+        safe = np.where(total > 0, total, np.inf)
+        mx, my = (cols * px).sum(axis=1) / safe, (rows * py).sum(axis=1) / safe
+        sxx = (cols * px * px).sum(axis=1) / safe - mx * mx
+        syy = (rows * py * py).sum(axis=1) / safe - my * my
+        sxy = np.einsum("nij,nj,ni->n", light, px, py) / safe - mx * my
+        flux = 2.0 * total
+        before = np.stack([x, y, xx, yy])
+        x, y = np.clip(x + 2.0 * mx, -limit, limit), np.clip(y + 2.0 * my, -limit, limit)
+        xx, yy, xy = _bounded(2.0 * sxx, 2.0 * syy, 2.0 * sxy, least_px, limit)
+        if np.all(np.abs(np.stack([x, y, xx, yy]) - before) < 2e-3):
+            break
+    major, minor, _ = principal_axes(xx, yy, xy)
+    good &= (np.hypot(x, y) < limit) & (major < 0.98 * limit) & (minor > 0.3)
+    return Shapes(x, y, xx, yy, xy, flux, good)
+
+
+def _bounded(xx: Floats, yy: Floats, xy: Floats, least: float, most: float) -> tuple[Floats, Floats, Floats]:
+    """Second moments held between the squares of two sizes."""
+    xx, yy = np.clip(xx, least**2, most**2), np.clip(yy, least**2, most**2)
+    across = np.sqrt(np.maximum(xx - 0.99 * least**2, 0) * np.maximum(yy - 0.99 * least**2, 0))
+    return xx, yy, np.clip(xy, -0.995 * across, 0.995 * across)
+
+
+# -- What a star looks like in this frame: its size and shape, and where pixels clip -----------
+
+TYPICAL = np.eye(2) * 1.2**2  # px^2: a FWHM of 2.8 px, when too few stars show it
+SHARPEST = 0.6  # px: a narrower star image cannot be told from a hot pixel
+ENOUGH = 50  # stars to measure the width
+ROUND = 1.4  # the elongation up to which stars are fitted as round
+
+
+def clip_level(view: PreparedFrame, xy: Floats, given: float | None) -> float:
+    """The level at which pixels count as saturated, guessed from flat tops when not ``given``."""
+    if given is not None and np.isfinite(given):
+        return 0.98 * float(given)
+    values = cut(view.pixels, view.how, xy[:300], np.zeros(min(len(xy), 300)), 2).value
+    top = float(values.max(initial=0.0))
+    flat = (values >= 0.98 * top).sum(axis=(1, 2)) >= 5
+    return 0.98 * top if flat.any() else float(np.inf)
+
+
+def star_image(view: PreparedFrame, xy: Floats, clip: float) -> tuple[Floats, bool]:
+    """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px.
+
+    Also whether most of them are well inside a few pixels. When not, stars are large or trailed,
+    or are not stars.
+    """
+    stamps, level, _ = view.stamps(xy[:1000], 1)
+    xy = xy[:1000][stamps.value.max(axis=(1, 2), initial=0.0) + level < clip][:ENOUGH]
+    if len(xy) < 3:
+        return TYPICAL, True
+    found, settled = _usual_moments(view, xy, 8)
+    if settled < 0.5:  # large stars, or lines and edges instead of stars
+        larger, of_larger = _usual_moments(view, xy, 20)
+        if of_larger >= 0.5 or of_larger > 2.0 * settled:
+            found = larger
+    return TYPICAL if found is None else _plausible(found), settled >= 0.5
+
+
+def unweighted(moments: Floats, covariance: Floats) -> Floats:
+    """Second moments (N, 3) of the light itself from those weighted by the star image.
+
+    Through a Gaussian weight W a Gaussian of moments C has M = (C^-1 + W^-1)^-1.
+    """
+    weight = np.linalg.inv(covariance + PIXEL_VARIANCE * np.eye(2))
+    m = np.empty((len(moments), 2, 2))
+    m[:, 0, 0], m[:, 1, 1] = np.maximum(moments[:, 0], 0.02), np.maximum(moments[:, 1], 0.02)
+    most = 0.98 * np.sqrt(m[:, 0, 0] * m[:, 1, 1])
+    m[:, 0, 1] = m[:, 1, 0] = np.clip(moments[:, 2], -most, most)
+    values, vectors = np.linalg.eigh(np.linalg.inv(m) - weight)
+    values = 1.0 / np.maximum(values, 1.0 / (100.0 * covariance.trace()))
+    full = (vectors * values[:, None, :]) @ vectors.transpose(0, 2, 1)
+    return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)
+
+
+def _usual_moments(view: PreparedFrame, xy: Floats, half: int) -> tuple[Floats | None, float]:
+    """Medians of the moments over those stars whose size is usual, and the share that settled.
+
+    A weight that has grown to fill the stamp has not found a star's edge. None when fewer than
+    three settle.
+    """
+    stamps, _, _ = view.stamps(xy, half)
+    least = 0.2 if view.how.greens is None else 0.8  # among greens a weight must hold several
+    shapes = adaptive_moments(stamps, 1.5, 5 if half < 12 else 12, least)
+    good = shapes.good & (np.hypot(shapes.dx, shapes.dy) < 0.3 * half)
+    good &= shapes.axes()[0] < 0.6 * half
+    if good.sum() < 3:
+        return None, 0.0
+    area = np.sqrt(np.maximum(shapes.xx * shapes.yy - shapes.xy**2, 1e-6))
+    usual = np.percentile(area[good], 40)
+    near = good & (area > usual / 1.6) & (area < usual * 1.6)
+    xx, yy, xy_ = (float(np.median(m[near])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    return np.array([[xx, xy_], [xy_, yy]]), float(good.mean())
+
+
+def _plausible(found: Floats) -> Floats:
+    """Round when nearly so, not as sharp as a hot pixel, and without the pixel's own width."""
+    major, minor, _ = principal_axes(found[:1, 0], found[1:, 1], found[:1, 1])
+    if major[0] < ROUND * minor[0]:
+        found = np.eye(2) * float(major[0] * minor[0])
+    scale = max(1.0, (SHARPEST**2 + PIXEL_VARIANCE) / float(minor[0] ** 2))
+    return np.asarray(scale * found - PIXEL_VARIANCE * np.eye(2))

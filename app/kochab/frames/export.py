@@ -1,0 +1,196 @@
+"""A solution as CSV, DS9 regions or an annotated image."""
+
+import csv
+import io
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.frame import Frame
+from kochab.core.solution import NamedStar, Solution
+from kochab.frames.atomic_file import write_atomically
+from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from PIL.ImageDraw import ImageDraw
+
+
+_COLUMNS = ("x", "y", "id", "name", "mag", "ra_deg", "dec_deg", "residual_px")
+_REGION_RADIUS_PX = 8.0
+
+
+def stars_csv(solution: Solution) -> str:
+    """The identified stars, one a line, brightest first, with a line of column names.
+
+    ``x``, ``y`` are px from the centre of the first pixel; degrees are ICRS; ``mag`` is V.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    for star in sorted(solution.stars, key=lambda s: s.mag):
+        place = f"{star.mag:.2f}", f"{star.ra_deg:.6f}", f"{star.dec_deg:.6f}", f"{star.residual_px:.3f}"
+        writer.writerow([f"{star.x:.3f}", f"{star.y:.3f}", star.id, star.name, *place])
+    return text.getvalue()
+
+
+def ds9_regions(solution: Solution) -> str:
+    """A region file for SAOImage DS9, in ASCII: a circle on the sky for every identified star."""
+    radius = _REGION_RADIUS_PX * solution.camera.scale_arcsec_px
+    lines = ["# Region file format: DS9 version 4.1", "global color=green", "icrs"]
+    for star in solution.stars:
+        label = (star.ascii_name or star.id).replace("{", "(").replace("}", ")")
+        place = f"{star.ra_deg:.6f},{star.dec_deg:.6f}"
+        lines.append(f'circle({place},{radius:.3f}") # text={{{label}}}')
+    return "\n".join(lines) + "\n"
+
+
+def write_csv(solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write `stars_csv`; raises OSError when that is not possible."""
+    write_atomically(path, stars_csv(solution))
+
+
+def write_regions(solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write `ds9_regions`; raises OSError when that is not possible."""
+    write_atomically(path, ds9_regions(solution))
+
+
+def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write the stretched frame with its stars, grid and north: a JPEG by its suffix, else a PNG.
+
+    Raises OSError when that is not possible.
+    """
+    picture = annotated_picture(frame, solution)
+    packed = io.BytesIO()
+    if str(os.fspath(path)).lower().endswith((".jpg", ".jpeg")):
+        picture.save(packed, format="JPEG", quality=92)
+    else:
+        picture.save(packed, format="PNG", compress_level=4)
+    write_atomically(path, packed.getvalue())
+
+
+_LONGEST_PX = 2400
+_NAMES = 40
+_STAR, _TEXT, _GRID, _NORTH, _EAST = "#35d07f", "#ffd166", "#3f6fb5", "#ff6b6b", "#6bb8ff"
+_STEPS_DEG = (90.0, 45.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, *(1 / n for n in (2, 3, 6, 12, 30, 60, 120, 360)))
+
+
+def annotated_picture(frame: Frame, solution: Solution, grid: bool = True) -> "Image":
+    """An RGB picture, thinned to at most 2400 px, with circles, names, grid and compass."""
+    from PIL import Image, ImageDraw
+
+    factor = max(1, -(-max(frame.width, frame.height) // _LONGEST_PX))
+    shown = debayer_preview(frame, factor)
+    colour = shown.ndim == 3
+    levels = apply(shown, white_balanced(shown) if colour else stretch_parameters(shown))
+    picture = Image.fromarray(levels).convert("RGB")
+    scale = picture.width / frame.width
+    draw = ImageDraw.Draw(picture)
+    if grid:
+        for line in grid_lines(solution):
+            draw.line([(float(x), float(y)) for x, y in (line + 0.5) * scale - 0.5], fill=_GRID)
+    _draw_stars(draw, solution.stars, scale, picture.size)
+    _draw_compass(draw, solution, picture.size)
+    return picture
+
+
+def _draw_stars(draw: "ImageDraw", stars: tuple[NamedStar, ...], scale: float, size: tuple[int, int]) -> None:
+    from PIL import ImageFont
+
+    width, height = size
+    radius = max(5.0, height / 120.0)
+    font = ImageFont.load_default(max(10.0, height / 60.0))
+    taken: list[tuple[float, float, float, float]] = []
+    for star in sorted(stars, key=lambda s: s.mag):
+        x, y = (star.x + 0.5) * scale - 0.5, (star.y + 0.5) * scale - 0.5
+        draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=_STAR)
+        at, text, anchor = (
+            (x + radius + 2.0, y),
+            star.ascii_name or star.id,
+            "lm",
+        )  # Pillow's font has no Greek
+        box = draw.textbbox(at, text, font=font, anchor=anchor)
+        if box[2] > width:  # to the left of its star, so that it is not cut off
+            at, anchor = (x - radius - 2.0, y), "rm"
+            box = draw.textbbox(at, text, font=font, anchor=anchor)
+        apart = (box[0] >= b[2] or b[0] >= box[2] or box[1] >= b[3] or b[1] >= box[3] for b in taken)
+        if len(taken) < _NAMES and all(apart):
+            draw.text(at, text, fill=_TEXT, font=font, anchor=anchor)
+            taken.append(box)
+
+
+def grid_lines(solution: Solution) -> list[Floats]:
+    """Lines of equal RA and of equal Dec over the frame, each (N, 2) px, N at least 2.
+
+    The step is the roundest that puts four or so lines of declination into the frame.
+    """
+    camera = solution.camera
+    x, y = np.meshgrid(np.linspace(-0.5, camera.width - 0.5, 25), np.linspace(-0.5, camera.height - 0.5, 25))
+    sky = solution.sky_at(np.stack([x.ravel(), y.ravel()], axis=-1))
+    centre = solution.centre_vector
+    reach = float(np.arccos(np.clip((sky @ centre).min(), -1.0, 1.0)))
+    ra0, dec0 = radec_deg(centre)
+    low, high = max(dec0 - np.degrees(reach), -90.0), min(dec0 + np.degrees(reach), 90.0)
+    step = next((s for s in _STEPS_DEG if (high - low) / s >= 4.0), _STEPS_DEG[-1])
+    polar = max(abs(low), abs(high)) > 89.9
+    narrow = np.cos(np.radians(dec0))
+    ra_reach = 180.0 if polar else float(np.degrees(np.arcsin(min(np.sin(reach) / max(narrow, 1e-9), 1.0))))
+    wanted = step / max(narrow, 0.02)
+    rounded = next((s for s in _STEPS_DEG if s <= wanted), _STEPS_DEG[-1])
+    ra_step = max(min(rounded, 30.0), ra_reach / 60.0)
+    lines = []
+    dec_samples = np.linspace(low, high, 240)
+    for k in range(int(np.ceil((ra0 - ra_reach) / ra_step)), int((ra0 + ra_reach) // ra_step) + 1):
+        if k * ra_step < ra0 - ra_reach + 360.0:  # all the way round once, not twice
+            lines += _inside(solution, unit_vectors(np.full(240, k * ra_step), dec_samples), reach)
+    ra_samples = ra0 + np.linspace(-ra_reach, ra_reach, 480)
+    for k in range(int(np.ceil(low / step)), int(high // step) + 1):
+        lines += _inside(solution, unit_vectors(ra_samples, np.full(480, k * step)), reach)
+    return lines
+
+
+def _inside(solution: Solution, vectors: Floats, reach: float) -> list[Floats]:
+    """The pieces of a line on the sky that lie on the frame."""
+    camera = solution.camera
+    pixels = solution.pixels_of(vectors)
+    # A distorting lens folds what is far outside back in: only what is near may be drawn.
+    near = vectors @ solution.centre_vector > np.cos(min(1.05 * reach, np.pi / 2))
+    with np.errstate(invalid="ignore"):
+        inside = near & ((pixels > -1.0) & (pixels < [camera.width, camera.height])).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    return [pixels[start:end] for start, end in pairs if end - start > 1]
+
+
+def compass(solution: Solution) -> tuple[Floats, Floats]:
+    """Unit vectors (2,) on the screen (x right, y down) towards north and east at the centre."""
+    camera = solution.camera
+    middle = np.array([(camera.width - 1) / 2.0, (camera.height - 1) / 2.0])
+    centre = solution.centre_vector
+    east = np.array([-centre[1], centre[0], 0.0])
+    if not np.linalg.norm(east) > 1e-9:
+        east = np.array([0.0, 1.0, 0.0])
+    east /= np.linalg.norm(east)
+    small = 2.0 / camera.focal_px
+    ends = centre + small * np.stack([np.cross(centre, east), east])
+    shift = solution.pixels_of(ends / np.linalg.norm(ends, axis=1, keepdims=True)) - middle
+    shift /= np.linalg.norm(shift, axis=1, keepdims=True)
+    return shift[0], shift[1]
+
+
+def _draw_compass(draw: "ImageDraw", solution: Solution, size: tuple[int, int]) -> None:
+    from PIL import ImageFont
+
+    length = min(size) / 12.0
+    middle = np.array([1.6 * length, size[1] - 1.6 * length])
+    font = ImageFont.load_default(max(10.0, min(size) / 50.0))
+    for way, letter, ink in zip(compass(solution), "NE", (_NORTH, _EAST), strict=True):
+        tip, name = middle + length * way, middle + 1.25 * length * way
+        across = np.array([-way[1], way[0]]) * length * 0.12
+        back = tip - way * length * 0.25
+        draw.line([*middle, *tip], fill=ink, width=2)
+        draw.polygon([tuple(tip), tuple(back + across), tuple(back - across)], fill=ink)
+        draw.text(tuple(name), letter, fill=ink, font=font, anchor="mm")

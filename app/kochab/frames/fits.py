@@ -1,0 +1,438 @@
+"""FITS: lenient headers, and the first image, plain, compressed (.fz) or gzipped.
+
+Plain images are read by hand, straight into the frame's memory and turned into native unsigned
+numbers strip by strip while they are in the processor's cache; tile compression is astropy's.
+A header card that breaks the standard (FITS 4.0, section 4) costs a warning, not the frame.
+"""
+
+import gzip
+import io
+import math
+import os
+import re
+import sys
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from kochab.core.arrays import Array
+from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
+from kochab.frames import MAX_PIXELS, bayer_pattern, check_size, clipping_level, finite, native, split
+from kochab.frames.hints import hint_from_keywords
+
+BLOCK = 2880
+_CARD = 80
+_MAX_BLOCKS = 2000
+
+_STRING = re.compile(r"\s*'((?:[^']|'')*)'\s*(?:/.*)?$")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+)?$")
+_NAME = re.compile(r"[A-Z0-9_-]*$")
+
+
+@dataclass(slots=True)
+class Header:
+    """Keyword values, the comments beside them, and the keywords of cards that did not parse."""
+
+    values: dict[str, Any] = field(default_factory=dict)
+    comments: dict[str, str] = field(default_factory=dict)
+    unparsed: list[str] = field(default_factory=list)
+
+    def integer(self, name: str, default: int | None = None) -> int:
+        """A keyword that must be a whole number.
+
+        Raises FrameError when it is absent without a default, or something else.
+        """
+        value = self.values.get(name, default)
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise FrameError(f"is a damaged FITS file: its header has no valid {name}.")
+        return value
+
+    def number(self, name: str, default: float) -> float:
+        """A keyword that should be a number, else the default."""
+        value = self.values.get(name, default)
+        ok = isinstance(value, int | float) and not isinstance(value, bool)
+        return float(value) if ok else default
+
+    def shape(self, prefix: str = "") -> tuple[int, ...]:
+        """The array's shape in numpy's order (last axis first); ``prefix`` Z for compressed."""
+        count = self.integer(f"{prefix}NAXIS")
+        if not 0 <= count <= 999:
+            raise FrameError(f"is a damaged FITS file: it claims {count} axes.")
+        sizes = [self.integer(f"{prefix}NAXIS{i + 1}") for i in range(count)]
+        if any(s < 0 for s in sizes):
+            raise FrameError("is a damaged FITS file: it claims an axis of negative length.")
+        return tuple(reversed(sizes))
+
+
+def read_header(file: BinaryIO) -> Header | None:
+    """The header at the file's position, leaving it at the data; None at the end of the file.
+
+    Raises FrameError when there is no END within the file.
+    """
+    cards: list[str] = []
+    for number in range(_MAX_BLOCKS):
+        block = file.read(BLOCK)
+        if len(block) < BLOCK:
+            if not number and not block.strip(b"\x00 \r\n"):
+                return None
+            if b"END" + b" " * 77 not in block:
+                raise FrameError("is cut short: its FITS header does not end.")
+        text = block.decode("latin-1")
+        lines = [text[i : i + _CARD] for i in range(0, len(text), _CARD)]
+        for line in lines:
+            if line.rstrip(" \x00") == "END":
+                return parse_cards(cards)
+            cards.append(line)
+    raise FrameError("is a damaged FITS file: its header does not end.")
+
+
+def parse_cards(cards: Iterable[str]) -> Header:
+    """A header from cards of 80 characters; the first of repeated keywords wins."""
+    header = Header()
+    last = ""
+    for card in cards:
+        name = card[:8].rstrip()
+        if name in ("COMMENT", "HISTORY", ""):
+            continue
+        if name == "CONTINUE":
+            _continue(header, last, card[8:])
+            continue
+        body = card[10:]
+        if name == "HIERARCH" and "=" in card:
+            name, body = (part.strip() for part in card[9:].split("=", 1))
+        elif card[8:9] == "=" and card[9:10].strip():
+            body = card[9:]  # a value that lacks the space before it, as some programs write
+        elif card[8:10].rstrip() != "=":
+            if not _NAME.match(name):
+                header.unparsed.append(_printable(name))
+            continue
+        last = name
+        if name in header.values:
+            continue
+        value, comment, ok = parse_value(body)
+        header.values[name] = value
+        header.comments[name] = comment
+        if not ok:
+            header.unparsed.append(_printable(name))
+    return header
+
+
+def parse_value(body: str) -> tuple[Any, str, bool]:
+    """A card's value, its comment, and whether it kept to the standard.
+
+    What does not parse comes back as bare text, since it often still means something
+    (``RA = 05 29 34``).
+    """
+    if string := _STRING.match(body):
+        comment = body[string.end(1) + 1 :].partition("/")[2].strip()
+        return string[1].replace("''", "'").rstrip(), comment, True
+    text, _, comment = body.partition("/")
+    text, comment = text.strip(), comment.strip()
+    if text in ("T", "F"):
+        return text == "T", comment, True
+    if not text:
+        return None, comment, True
+    if number := _NUMBER.match(text):
+        if number[2] is None and "." not in number[1]:
+            return (int(text), comment, True) if len(text) < 25 else (float(text), comment, True)
+        return float(text.upper().replace("D", "E")), comment, True
+    return text.strip("' "), comment, False
+
+
+def _continue(header: Header, name: str, body: str) -> None:
+    held = header.values.get(name)
+    value, _, ok = parse_value(body)
+    if ok and isinstance(held, str) and held.endswith("&") and isinstance(value, str):
+        header.values[name] = held[:-1] + value
+
+
+def _printable(name: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in name)
+
+
+_TYPES = {8: ">u1", 16: ">i2", 32: ">i4", 64: ">i8", -32: ">f4", -64: ">f8"}
+_MAX_HDUS = 1000
+_MAX_FIELDS = 999  # FITS standard 4.0, section 7.3.1
+_MAX_TILE_PX = 1 << 24  # of a tile that spans several planes
+_CHUNK_BYTES = 1 << 19
+
+
+@dataclass(slots=True)
+class _Image:
+    """Where an image lies: its header (with the primary's keywords), index, offset, shape."""
+
+    header: Header
+    index: int
+    offset: int
+    shape: tuple[int, ...]
+    bitpix: int
+    compressed: bool
+
+
+def read_fits(path: Path) -> Frame:
+    """Read the first image of a FITS file; row 0 of the array is the top of the screen.
+
+    ``ROWORDER`` turns nothing over, so that the solution belongs to the file's own pixels; it
+    only tells how the Bayer pattern is meant.
+
+    Raises FrameError when the file is cut short, damaged, too large, or holds no image.
+    """
+    with path.open("rb") as file:
+        if file.read(2) == b"\x1f\x8b":
+            return _read(_unzip(path), path)
+        file.seek(0)
+        return _read(file, path)
+
+
+def read_fits_bytes(data: bytes, name: str) -> Frame:
+    """The same of a file in memory, as a camera server sends it; ``name`` stands for its path.
+
+    Raises
+    ------
+    FrameError
+        As :func:`read_fits`, with one sentence that names it.
+    """
+    try:
+        return _read(io.BytesIO(data), Path(name))
+    except FrameError as error:
+        raise FrameError(f"{name} {error}") from None
+
+
+def _read(file: BinaryIO, path: Path) -> Frame:
+    image = _find_image(file)
+    header = image.header
+    wanted, notes = _choose(image.shape, abs(image.bitpix) // 8)
+    read = _decompress if image.compressed else _read_plain
+    samples = read(file, image, wanted)
+    samples = samples.reshape(wanted)
+    if len(wanted) == 3 and wanted[0] in (3, 4) and wanted[2] > 4:
+        samples = np.moveaxis(samples, 0, -1)
+    pixels, colour, _ = split(samples)
+    pixels, gaps = finite(pixels)
+    if header.unparsed:
+        names = ", ".join(dict.fromkeys(header.unparsed[:8]))
+        notes = (*notes, f"The FITS header has cards that break the standard: {names}.")
+    hint, doubts = hint_from_keywords(header.values, header.comments, pixels.shape)
+    return Frame(
+        pixels,
+        colour,
+        bayer_pattern(header.values, pixels.shape[0]) if colour is None else None,
+        _saturation(header, pixels.dtype),
+        str(path),
+        hint,
+        (*notes, *gaps, *doubts),
+        dict(header.values),
+    )
+
+
+def _unzip(path: Path) -> BinaryIO:
+    """The unpacked file in memory, refusing what would grow beyond the largest frame."""
+    limit = MAX_PIXELS * 4
+    try:
+        with gzip.open(path, "rb") as packed:
+            data = packed.read(limit + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise FrameError("is cut short or damaged: it does not unzip.") from None
+    if len(data) > limit:
+        raise FrameError("unzips to more than Kochab opens.")
+    if not data.startswith(b"SIMPLE  ="):
+        raise FrameError("holds no FITS image.")
+    return io.BytesIO(data)
+
+
+def check_tables(path: str | os.PathLike[str]) -> None:
+    """Refuse a FITS file that nothing should open as a whole; only its headers are read.
+
+    Raises FrameError when one of its tables claims more columns than the standard allows.
+    """
+    with Path(path).open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+        try:
+            for _ in _headers(_unzip(Path(path)) if packed else file):
+                pass
+        except FrameError as error:
+            raise FrameError(f"{Path(path).name} {error}") from None
+
+
+def _headers(file: BinaryIO) -> Iterator[Header]:
+    """Each part's header, believable as far as tables go, with the file at the data after it."""
+    end = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    for index in range(_MAX_HDUS):
+        start = file.tell()
+        if index and file.read(8) != b"XTENSION":
+            break  # whatever follows is no part of the file the standard knows
+        file.seek(start)
+        header = read_header(file)
+        if header is None:
+            break
+        _check_fields(header)
+        data = file.tell()
+        yield header
+        size = abs(header.integer("BITPIX", 8)) // 8 * header.integer("GCOUNT", 1)
+        whole = header.shape()
+        size *= header.integer("PCOUNT", 0) + (math.prod(whole) if whole else 0)
+        following = data + max(0, -(-size // BLOCK) * BLOCK)
+        if following >= end:
+            break
+        file.seek(following)
+
+
+def _find_image(file: BinaryIO) -> _Image:
+    primary: Header | None = None
+    for index, header in enumerate(_headers(file)):
+        primary = primary or header
+        values = header.values
+        compressed = values.get("ZIMAGE") is True
+        kind = values.get("XTENSION", "IMAGE")
+        if compressed or (kind in ("IMAGE", "IUEIMAGE") and "NAXIS" in values):
+            prefix = "Z" if compressed else ""
+            shape = tuple(s for s in header.shape(prefix) if s != 1)
+            if len(shape) >= 2 and all(shape):
+                bitpix = header.integer(f"{prefix}BITPIX")
+                if bitpix not in _TYPES:
+                    raise FrameError(f"is a damaged FITS file: BITPIX is {bitpix}.")
+                both = Header(
+                    {**primary.values, **values}, {**primary.comments, **header.comments}, header.unparsed
+                )
+                return _Image(both, index, file.tell(), shape, bitpix, compressed)
+            if any(s == 0 for s in shape) and len(shape) >= 2:
+                raise FrameError("holds an image without pixels.")
+    raise FrameError("holds no image.")
+
+
+def _choose(shape: tuple[int, ...], deep: int) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """The part of the array that is read, ``deep`` bytes a sample, and what is said of the rest."""
+    notes: tuple[str, ...] = ()
+    if len(shape) > 3:
+        shape, notes = shape[-3:], (f"Only the first of {shape[:-3]} sub-cubes is read.",)
+    if len(shape) == 3:
+        if (shape[0] in (3, 4) and shape[2] > 4) or shape[2] in (3, 4):
+            height, width = shape[1:] if shape[2] > 4 else shape[:2]
+            check_size(width, height, deep * math.prod(shape) // (width * height or 1))
+            return shape, notes
+        notes = (*notes, f"Only the first of {shape[0]} planes is read.")
+        shape = shape[1:]
+    check_size(shape[1], shape[0], deep)
+    return shape, notes
+
+
+def _read_plain(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Array:
+    stored = np.dtype(_TYPES[image.bitpix])
+    count = math.prod(wanted)
+    available = file.seek(0, os.SEEK_END) - image.offset
+    if available < count * stored.itemsize:
+        share = 100 * max(0, available) // (count * stored.itemsize)
+        raise FrameError(f"is cut short: {share} % of its image is there.")
+    file.seek(image.offset)
+    zero, scale = image.header.number("BZERO", 0.0), image.header.number("BSCALE", 1.0)
+    offset_type = _unsigned(image.bitpix, zero, scale)
+    out = np.empty(count, stored.newbyteorder("=") if offset_type is None else offset_type)
+    half = np.array(1 << (8 * stored.itemsize - 1)).astype(out.dtype)
+    step = _CHUNK_BYTES // stored.itemsize
+    for start in range(0, count, step):
+        part = out[start : start + step]
+        if file.readinto(part.view(np.uint8).data) != part.nbytes:  # type: ignore[attr-defined]
+            raise FrameError("is cut short.")
+        _swap(part)
+        if offset_type is not None:
+            part ^= half
+    if offset_type is None and (zero != 0.0 or scale != 1.0):
+        return _scaled(out, image.header, zero, scale)
+    return out
+
+
+def _swap(part: Array) -> None:
+    """Turn big-endian numbers into native ones, in place; shifts outrun numpy's byteswap."""
+    if part.itemsize == 1 or sys.byteorder == "big":
+        return
+    if part.itemsize != 2:
+        part.byteswap(inplace=True)
+        return
+    words = part.view(np.uint16)
+    high = words << 8
+    words >>= 8
+    words |= high
+
+
+def _unsigned(bitpix: int, zero: float, scale: float) -> np.dtype[Any] | None:
+    """The type meant by the standard's offset for the other signedness, if this is one."""
+    if scale != 1.0:
+        return None
+    kinds = {(8, -128.0): "i1", (16, 32768.0): "u2", (32, 2147483648.0): "u4"}
+    kind = kinds.get((bitpix, zero))
+    return np.dtype(kind) if kind else None
+
+
+def _scaled(stored: Array, header: Header, zero: float, scale: float) -> Array:
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = (stored * np.float64(scale) + zero).astype(np.float32)
+    blank = header.values.get("BLANK")
+    if stored.dtype.kind in "iu" and isinstance(blank, int) and not isinstance(blank, bool):
+        values[stored == blank] = np.nan
+    return values
+
+
+def _check_fields(header: Header) -> None:
+    """Refuse a table of more columns than the standard allows: astropy makes room for each."""
+    fields = header.integer("TFIELDS", 0)
+    if not 0 <= fields <= _MAX_FIELDS:
+        raise FrameError(f"is a damaged FITS file: it claims a table of {fields} columns.")
+
+
+def _decompress(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Array:
+    from astropy.io import fits
+
+    _check_tiles(image, wanted, file.seek(0, os.SEEK_END) - image.offset)
+    whole = image.header.shape("Z")
+    beyond = len(image.shape) - len(wanted)  # axes of the cube of which only the first is read
+    part: list[int | slice] = []
+    for size in whole:
+        leave_out = size != 1 and beyond > 0
+        beyond -= leave_out
+        part.append(0 if size == 1 or leave_out else slice(None))
+    file.seek(0)
+    try:
+        with fits.open(file, memmap=False, ignore_missing_simple=True) as hdus:
+            data = np.asarray(hdus[image.index].section[tuple(part)])
+    except Exception:  # the codecs raise a dozen kinds for damaged tiles
+        raise FrameError("is damaged: its tiles do not decompress.") from None
+    if data.shape != wanted:
+        raise FrameError("is cut short.")
+    return native(data.reshape(-1))
+
+
+def _check_tiles(image: _Image, wanted: tuple[int, ...], available: int) -> None:
+    """Refuse tiles that do not fit their picture, or its file, before memory is asked for.
+
+    After the FITS standard 4.0, section 10: a row of the table for each tile.
+    """
+    header = image.header
+    whole = header.shape("Z")
+    axes = range(1, len(whole) + 1)
+    tile = [header.integer(f"ZTILE{i}", whole[-1] if i == 1 else 1) for i in axes]
+    sizes = list(zip(reversed(whole), tile, strict=True))
+    if any(not 1 <= side <= max(size, 1) for size, side in sizes):
+        raise FrameError(f"is a damaged FITS file: it claims tiles of {tile} pixels.")
+    if math.prod(tile) > max(math.prod(wanted), _MAX_TILE_PX):
+        raise FrameError(f"packs {math.prod(tile)} pixels into one tile, more than Kochab unpacks.")
+    row, rows = header.integer("NAXIS1"), header.integer("NAXIS2")
+    if rows != math.prod(-(-size // side) for size, side in sizes):
+        raise FrameError(f"is a damaged FITS file: it has {rows} tiles, which is not all.")
+    if row * rows > available:
+        raise FrameError("is cut short: its table of tiles is not all there.")
+
+
+def _saturation(header: Header, dtype: np.dtype[Any]) -> float | None:
+    for name in ("SATURATE", "SATLEVEL", "DATAMAX"):
+        level = header.number(name, 0.0)
+        if 0.0 < level < 1e9:
+            return level
+    return clipping_level(dtype)

@@ -1,0 +1,63 @@
+"""Which files an output may replace: never one that is read, another only when a person says so."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from kochab.core.errors import UsageError
+
+Name = str | os.PathLike[str]
+
+_HEAD_BYTES = 1 << 15
+
+
+def refuse_overwriting(targets: Iterable[Name], inputs: Iterable[Name] = (), overwrite: bool = False) -> None:
+    """Refuse outputs that would cost a person a file; call it before any work.
+
+    Parameters
+    ----------
+    targets
+        What is to be written. Devices such as ``/dev/null`` and folders are let pass: nothing
+        is replaced there.
+    inputs
+        What is read. None of it is ever replaced, under whatever name.
+    overwrite
+        Whether a person asked for other files to be replaced.
+
+    Raises UsageError when a target is one of the inputs, or is there already.
+    """
+    names = list(inputs)
+    for target in map(Path, targets):
+        refuse_input(target, names)
+        if target.is_file() and not overwrite:
+            raise UsageError(f"{target} exists already: name another file, or add --overwrite to replace it.")
+
+
+def refuse_input(target: Name, inputs: Iterable[Name]) -> None:
+    """Refuse to write over a file that is read, also by a link or another spelling of its name.
+
+    Raises UsageError when ``target`` is one of ``inputs``.
+    """
+    if any(_same(target, name) for name in inputs):
+        raise UsageError(f"{target} is an input file and is never overwritten: name another file.")
+
+
+def is_solution_file(path: Name) -> bool:
+    """Whether a file is a ``.wcs`` or ``.ini`` that a solver wrote, which the next may replace."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError:
+        return False
+    header_only = head.startswith(b"SIMPLE  =") and b"NAXIS   =                    0" in head
+    return head.startswith(b"PLTSOLVD=") or (header_only and b"PLTSOLVD=" in head)
+
+
+def _same(one: Name, other: Name) -> bool:
+    try:
+        if os.path.samefile(one, other):  # links of both kinds
+            return True
+    except (OSError, ValueError):
+        pass  # one of them is not there
+    # Where case matters these are two files, until they are copied to a drive where it does not.
+    return os.path.realpath(one).casefold() == os.path.realpath(other).casefold()

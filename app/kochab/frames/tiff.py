@@ -1,0 +1,166 @@
+"""TIFF through tifffile, and camera raw files, most of them TIFF inside, through LibRaw."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
+from kochab.frames import check_size, split
+from kochab.frames.hints import Exif, exif_from_bytes, frame_with_exif, hint_from_exif
+
+_CFA = 32803
+
+
+def read_tiff(path: Path) -> Frame:
+    """Read the first page of a TIFF; a camera's raw file in disguise goes to the raw reader.
+
+    Raises FrameError when it is cut short, damaged or too large.
+    """
+    import logging
+
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)
+    try:
+        with tifffile.TiffFile(path) as file:
+            if _is_raw(file):
+                return read_raw(path)
+            page: Any = file.pages[0]
+            deep = int(page.samplesperpixel) * -(-int(page.bitspersample) // 8)
+            check_size(int(page.imagewidth), int(page.imagelength), deep)
+            samples, inverted = _samples(page)
+            count = len(file.pages)
+    except (FrameError, MemoryError):
+        raise
+    except Exception:  # tags of a damaged file fail in many ways
+        raise FrameError("is a damaged or cut short TIFF file.") from None
+    if inverted and samples.dtype.kind == "u":
+        samples = np.iinfo(samples.dtype).max - samples
+    notes = (f"Only the first of {count} pages is read.",) if count > 1 else ()
+    return frame_with_exif(samples, path, exif_from_bytes(path), (samples.shape[1], len(samples)), notes)
+
+
+def _samples(page: Any) -> tuple[NDArray[Any], bool]:
+    data = np.asarray(page.asarray())
+    while data.ndim > 3 or (data.ndim == 3 and 1 in data.shape[:1]):
+        data = data[0]
+    if data.ndim == 3 and page.planarconfig == 2:
+        data = np.moveaxis(data, 0, -1)
+    if page.photometric == 3 and page.colormap is not None and data.ndim == 2:
+        data = np.moveaxis(np.asarray(page.colormap), 0, -1)[data]
+    if data.ndim not in (2, 3):
+        raise FrameError("holds no flat picture.")
+    return data, page.photometric == 0
+
+
+def _is_raw(file: Any) -> bool:
+    page = file.pages[0]
+    if 50706 in page.tags or page.photometric == _CFA:
+        return True
+    return any(p.photometric == _CFA for p in (page.pages or ()))
+
+
+# A camera's raw file, through LibRaw: the mosaic as the sensor gave it, nothing interpolated.
+
+_EXIF_SEARCH_BYTES = 1 << 20
+
+
+def read_raw(path: Path) -> Frame:
+    """Read the visible part of the sensor, unturned; ``bayer`` is read from its pixel (0, 0).
+
+    Levels stay the sensor's own, black level included (``header["BLACK"]``), unless the four
+    colours have different black levels, which are then brought to the lowest. Sensors that are
+    not Bayer mosaics (X-Trans, layered, already linear) are interpolated by LibRaw instead.
+
+    Raises FrameError when LibRaw does not know the file or it is damaged.
+    """
+    import rawpy
+
+    try:
+        with rawpy.RawPy() as raw:
+            raw.open_file(str(path))
+            check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height))
+            raw.unpack()
+            frame = _from_raw(raw)
+    except (FrameError, MemoryError):
+        raise
+    except rawpy.LibRawFileUnsupportedError:
+        raise FrameError("is not a raw file that LibRaw knows.") from None
+    except Exception:  # LibRaw's errors and what its bindings add
+        raise FrameError("is a damaged or cut short raw file.") from None
+    pixels, colour, bayer, saturation, header = frame
+    height, width = pixels.shape
+    check_size(width, height)
+    hint, said, doubts = hint_from_exif(_exif(path), (width, height))
+    return Frame(pixels, colour, bayer, saturation, str(path), hint, doubts, {**said, **header})
+
+
+def _from_raw(raw: Any) -> tuple[NDArray[Any], NDArray[Any] | None, str | None, float | None, dict[str, Any]]:
+    import rawpy
+
+    mosaic = raw.raw_image_visible if raw.raw_type == rawpy.RawType.Flat else None
+    if mosaic is None or mosaic.ndim != 2 or raw.raw_pattern is None:
+        return (*_developed(raw), {})
+    if raw.raw_pattern.shape != (2, 2):
+        return (*_developed(raw), {})
+    letters = raw.color_desc.decode("ascii", "replace")
+    colours = np.asarray(raw.raw_colors_visible[:2, :2])
+    bayer = "".join(letters[int(i)] for i in colours.ravel())
+    if sorted(bayer) != ["B", "G", "G", "R"]:
+        return (*_developed(raw), {})
+    pixels = np.array(mosaic, order="C")
+    black = [float(b) for b in raw.black_level_per_channel]
+    _even_out(pixels, colours, black)
+    white = float(raw.white_level) if raw.white_level else None
+    return pixels, None, bayer, white, {"BLACK": min(black, default=0.0)}
+
+
+def _even_out(pixels: NDArray[Any], colours: NDArray[Any], black: list[float]) -> None:
+    lowest = min(black, default=0.0)
+    for row in (0, 1):
+        for column in (0, 1):
+            excess = int(black[int(colours[row, column])] - lowest)
+            if excess > 0:
+                part = pixels[row::2, column::2]
+                np.subtract(np.maximum(part, excess), excess, out=part, casting="unsafe")
+
+
+def _developed(raw: Any) -> tuple[NDArray[Any], NDArray[Any] | None, None, float | None]:
+    import rawpy
+
+    rgb = raw.postprocess(
+        demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
+        user_flip=0,
+        gamma=(1, 1),
+        no_auto_bright=True,
+        use_camera_wb=True,
+        output_bps=16,
+    )
+    pixels, colour, saturation = split(rgb)
+    return pixels, colour, None, saturation
+
+
+def _exif(path: Path) -> Exif:
+    """The EXIF block, wherever the maker put it: TIFF at the start, CR3 boxes, a RAF's JPEG."""
+    with path.open("rb") as file:
+        head = file.read(_EXIF_SEARCH_BYTES)
+    if head[4:8] == b"ftyp":
+        merged = exif_from_bytes(None)
+        for box in (b"CMT1", b"CMT2", b"CMT4"):
+            at = head.find(box)
+            if at > 4:
+                (size,) = struct.unpack(">I", head[at - 4 : at])
+                block = exif_from_bytes(head[at + 4 : at - 4 + size])
+                if box == b"CMT4":
+                    merged.gps.update(block.main)
+                else:
+                    (merged.main if box == b"CMT1" else merged.photo).update(block.main)
+        return merged
+    at = head.find(b"Exif\x00\x00") if head.startswith(b"FUJIFILM") else 0
+    if at < 0:
+        return exif_from_bytes(None)
+    return exif_from_bytes(head[at + 6 :] if at else path)

@@ -1,0 +1,1 @@
+"""What is connected: mounts, cameras, and the journal of what was sent to them."""

@@ -1,0 +1,307 @@
+"""A camera behind an ASCOM Alpaca server, here or on another computer."""
+
+import json
+import math
+import struct
+from contextlib import ExitStack, suppress
+from datetime import UTC, datetime, timedelta
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+
+from kochab.core.arrays import Array
+from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
+from kochab.core.frame import Frame, Hint
+from kochab.gear.cameras.alpaca_link import AlpacaLink, NotOfferedError, discover, raise_refusal
+from kochab.gear.cameras.server_camera import (
+    DOWNLOAD_S,
+    ExposingCamera,
+    Exposure,
+    NetAddress,
+    chosen,
+    making_sense,
+    net_address,
+)
+
+# -- A picture as Alpaca sends it: ImageBytes, or JSON from servers that know no better --------
+# ASCOM's arrays are [x][y] or [x][y][colour]; here they become rows.
+
+ACCEPT = "application/imagebytes"
+_HEADER = struct.Struct("<11i")
+_TYPES = {1: "<i2", 2: "<i4", 3: "<f8", 4: "<f4", 5: "<u8", 6: "u1", 7: "<i8", 8: "<u2", 9: "<u4"}
+_LARGEST = 300_000_000
+
+
+def image_of(data: bytes, content_type: str) -> Array:
+    """Rows (H, W) or (H, W, 3) of an answer, in the type it was sent in.
+
+    Raises
+    ------
+    NoAnswerError
+        It is no picture, or cut short.
+    kochab.core.errors.DeviceError
+        The server said in its place why there is none.
+
+    """
+    return _from_bytes(data) if ACCEPT in content_type else _from_json(data)
+
+
+def _from_bytes(data: bytes) -> Array:
+    if len(data) < _HEADER.size:
+        raise NoAnswerError("The camera sent an incomplete image. Take another.")
+    _, error, _, _, start, _, kind, rank, *sides = _HEADER.unpack_from(data)
+    if error:
+        raise_refusal(error, data[max(start, _HEADER.size) :].decode("utf-8", "replace"))
+    shape = tuple(sides[:rank])
+    if kind not in _TYPES or rank not in (2, 3) or min(shape, default=0) < 1 or start < 0:
+        raise NoAnswerError("The camera sent an image in an unsupported format.")
+    dtype = np.dtype(_TYPES[kind])
+    size = math.prod(shape)
+    if size > _LARGEST or len(data) - start < size * dtype.itemsize:
+        raise NoAnswerError("The camera sent an incomplete image. Take another.")
+    return _rows(np.frombuffer(data, dtype, size, start).reshape(shape))
+
+
+def _from_json(data: bytes) -> Array:
+    try:
+        told = json.loads(data)
+        raise_refusal(int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", "")))
+        array = np.asarray(told["Value"], dtype=np.float64 if told.get("Type") == 3 else np.int32)
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        raise NoAnswerError("The camera sent an image in an unsupported format.") from None
+    if array.ndim not in (2, 3) or not array.size:
+        raise NoAnswerError("The camera sent an image in an unsupported format.")
+    return _rows(array)
+
+
+def _rows(array: Array) -> Array:
+    return array.swapaxes(0, 1)
+
+
+def sensor_numbers(rows: Array, most: int | None) -> Array:
+    """The same as unsigned 8 or 16 bits where ``most`` (MaxADU) allows it, contiguous."""
+    if rows.dtype.kind not in "iu" or most is None or most > 65535:
+        wide = rows.dtype.newbyteorder("=")
+        if wide.itemsize == 8:
+            wide = np.dtype(np.float32)
+        return np.ascontiguousarray(rows, dtype=wide)
+    small: type[np.uint8] | type[np.uint16] = np.uint8 if rows.dtype == np.uint8 else np.uint16
+    if rows.dtype.kind == "i" or rows.dtype.itemsize > 2:
+        rows = np.clip(rows, 0, 65535)
+    return np.ascontiguousarray(rows, dtype=small)
+
+
+# -- A camera of an ASCOM Alpaca server by the names of its properties -------------------------
+
+POLL_S = 0.05
+POWER_UP_S = 20.0
+_COLOUR, _RGGB, _BROKEN = 1, 2, 5  # SensorType Color, SensorType RGGB, CameraState Error
+
+
+class AlpacaDevice:
+    """What one camera tells and takes; ``exposure_s`` is what it will expose next.
+
+    ``most`` is the level at which it clips, None when it does not say; ``binned`` pixels a side are
+    one.
+    """
+
+    def __init__(self, link: AlpacaLink, number: int) -> None:
+        self.link = link
+        self._path = f"camera/{number}/"
+        link.put(f"{self._path}connected", {"Connected": True}, POWER_UP_S)
+        self.name = str(self._get("name", "camera"))
+        self._sensor = int(self._get("sensortype", 0))
+        self.binned = 1
+        self._mosaic = int(self._get("bayeroffsetx", 0)), int(self._get("bayeroffsety", 0))
+        self.most = int(self._get("maxadu", 0)) or None
+        self.limits = self._limits()
+        low, high = self.limits.exposure_s or (0.0, 3600.0)
+        self.exposure_s = min(max(1.0, low), high)
+        self._whole_sensor(1)
+
+    def apply(self, settings: CaptureSettings) -> None:
+        """Set what is told."""
+        if settings.exposure_s is not None:
+            self.exposure_s = settings.exposure_s
+        if settings.gain is not None:
+            self._put("gain", Gain=round(settings.gain))
+        if settings.binning is not None:
+            self._whole_sensor(settings.binning)
+
+    @property
+    def in_force(self) -> CaptureSettings:
+        """What is set now."""
+        gain = self._get("gain", None)
+        return CaptureSettings(self.exposure_s, None if gain is None else float(gain), self.binned)
+
+    def expose(self) -> Exposure:
+        """Begin an exposure."""
+        self._put("startexposure", Duration=f"{self.exposure_s:.6f}", Light=True)
+        return Exposure.now(self.exposure_s)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the picture can be fetched; a refusal tells that exposing has failed."""
+        return bool(self.link.get(self._path + "imageready"))
+
+    def picture(self) -> tuple[bytes, str]:
+        """The picture's bytes and of what kind they are."""
+        return self.link.fetch(f"/api/v1/{self._path}imagearray", DOWNLOAD_S, ACCEPT)
+
+    def abort(self) -> None:
+        """End the exposure under way."""
+        try:
+            self._put("abortexposure")
+        except (NotOfferedError, RefusedError):
+            # Then it has to be waited for; a camera that cannot abort has short exposures.
+            deadline = monotonic() + self.exposure_s + DOWNLOAD_S
+            while not self._get("imageready", False) and monotonic() < deadline:
+                sleep(POLL_S)
+
+    def pattern(self) -> tuple[str | None, tuple[str, ...]]:
+        """The mosaic's pattern from the picture's first pixel."""
+        from kochab.frames import shifted
+
+        if self._sensor <= _COLOUR or self.binned > 1:
+            return None, ()
+        if self._sensor != _RGGB:
+            return None, (f"{self.name}: unsupported Bayer pattern. The frame is read as mono.",)
+        return shifted("RGGB", *self._mosaic), ()
+
+    def hint(self, exposed: Exposure) -> Hint:
+        """When it was exposed by the server's clock, else by ours."""
+        seconds = float(self._get("lastexposureduration", exposed.seconds))
+        begun, told = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
+        with suppress(ValueError):
+            begun = datetime.fromisoformat(told.strip().rstrip("Z")).replace(tzinfo=UTC)
+        middle = begun + timedelta(seconds=seconds / 2.0)
+        return Hint(time_utc=middle, exposure_s=seconds, camera=self.name)
+
+    def check(self) -> None:
+        """Raise LineLostError when the camera says that it is broken."""
+        if int(self._get("camerastate", 0)) == _BROKEN:
+            raise LineLostError(f"{self.name} reports a fault. Check its cable and power.")
+
+    def _whole_sensor(self, binning: int) -> None:
+        """All of the chip, ``binning`` pixels a side together."""
+        with suppress(NotOfferedError):
+            self._put("binx", BinX=binning)
+            self._put("biny", BinY=binning)
+        self.binned = int(self._get("binx", 1))
+        for axis in ("X", "Y"):
+            size = int(self._get(f"camera{axis.lower()}size", 0)) // self.binned
+            self._put(f"start{axis.lower()}", **{f"Start{axis}": 0})
+            self._put(f"num{axis.lower()}", **{f"Num{axis}": size})
+
+    def _limits(self) -> CaptureLimits:
+        low, high = self._get("exposuremin", None), self._get("exposuremax", None)
+        gain = self._get("gainmin", None), self._get("gainmax", None)
+        if None in gain:
+            names = self._get("gains", None)
+            gain = (0, len(names) - 1) if names else (None, None)
+        most_bins = int(self._get("maxbinx", 1))
+        return CaptureLimits(
+            None if low is None or high is None else (float(low), float(high)),
+            None if None in gain else (float(gain[0] or 0), float(gain[1] or 0)),
+            (1, most_bins) if most_bins > 1 else None,
+        )
+
+    def _get(self, name: str, default: Any) -> Any:
+        """A property, or ``default`` when the camera does not have it or not just now."""
+        try:
+            return self.link.get(self._path + name)
+        except RefusedError:
+            return default
+
+    def _put(self, name: str, **values: object) -> None:
+        self.link.put(self._path + name, values)
+
+
+PORT = 11111
+
+
+class AlpacaCamera(ExposingCamera[AlpacaDevice]):
+    """One Alpaca camera."""
+
+    @classmethod
+    def missing(cls) -> str | None:
+        """Nothing needs to be installed."""
+        return None
+
+    @classmethod
+    def devices(cls, address: str = "") -> list[CameraDevice]:
+        """Cameras of the server at ``host:port``, or of all that answer on the local network."""
+        if address:
+            return _listed(net_address(address, PORT))
+        found: list[CameraDevice] = []
+        for server in discover():
+            with suppress(DeviceError):  # it called, and is gone or is none after all
+                found += _listed(net_address(server, PORT))
+        return found
+
+    @classmethod
+    @making_sense()
+    def open(cls, address: str, settings: CaptureSettings) -> "AlpacaCamera":
+        """The camera at ``host:port/number``; without a number, the server's only one."""
+        where = net_address(address, PORT)
+        link = AlpacaLink(where)
+        with ExitStack() as failing:
+            failing.callback(link.close)
+            cameras = [(str(number), name) for number, name in link.cameras()]
+            device = AlpacaDevice(link, int(chosen(cameras, where, "Alpaca")))
+            camera = cls(device)
+            camera.configure(settings)
+            failing.pop_all()
+        return camera
+
+    @making_sense()
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """The picture of the exposure under way, when it arrives in time.
+
+        Raises
+        ------
+        LineLostError
+            The server or the camera went away, or a picture is overdue.
+        RefusedError
+            The camera refused to expose.
+
+        """
+        deadline = monotonic() + timeout_s
+        exposing = self._exposing = self._exposing or self._device.expose()
+        while not self._device.ready:
+            exposing.check_overdue(self.name)
+            left = deadline - monotonic()
+            if left <= 0:
+                self._device.check()
+                return None
+            sleep(min(POLL_S, left))
+        data, kind = self._device.picture()
+        hint = self._device.hint(exposing)
+        self._exposing = self._device.expose()  # the next one, while this is looked at
+        return self._frame(data, kind, hint)
+
+    def _frame(self, data: bytes, kind: str, hint: Hint) -> Frame:
+        from kochab.frames import split
+
+        self._count += 1
+        most, binned = self._device.most, self._device.binned
+        pixels, colour, clips = split(sensor_numbers(image_of(data, kind), most))
+        bayer, warnings = self._device.pattern() if colour is None else (None, ())
+        full = float(most) if most and colour is None else clips
+        return Frame(
+            pixels, colour, bayer, full, f"{self.name} {self._count}", hint, warnings, {"XBINNING": binned}
+        )
+
+
+def _listed(where: NetAddress) -> list[CameraDevice]:
+    link = AlpacaLink(where)
+    try:
+        cameras = link.cameras()
+    finally:
+        link.close()
+    return [
+        CameraDevice("alpaca", f"{where.server}/{number}", f"{name} on {where.host}")
+        for number, name in cameras
+    ]

@@ -1,0 +1,186 @@
+"""The Alpaca protocol of ASCOM over HTTP, and how its servers are found.
+
+Written here on the standard library because every call must end in bounded time, the download of
+a picture too; the usual client waits for that for ever. Facts: ASCOM Alpaca API reference, v1.
+"""
+
+import http.client
+import json
+import socket
+from collections.abc import Mapping
+from contextlib import suppress
+from itertools import count
+from time import monotonic
+from typing import Any
+from urllib.parse import urlencode
+
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
+from kochab.gear.cameras.server_camera import NetAddress, making_sense
+
+ANSWER_S = 5.0
+LARGEST_BYTES = 1_500_000_000
+DISCOVERY_PORT = 32227
+QUESTION = b"alpacadiscovery1"
+
+NOT_IMPLEMENTED = 0x400
+NOT_CONNECTED = 0x407
+
+
+class NotOfferedError(RefusedError):
+    """The device does not have this property; what uses it goes without."""
+
+
+class AlpacaLink:
+    """One server; the connection is kept open between calls. Not for several threads at once."""
+
+    def __init__(self, address: NetAddress) -> None:
+        self._address = address
+        self._http = http.client.HTTPConnection(address.host.strip("[]"), address.port, timeout=ANSWER_S)
+        self._transaction = count(1)
+        self._answered = False
+
+    def get(self, path: str, limit_s: float = ANSWER_S) -> Any:
+        """The value of a property, ``camera/0/gain`` for one."""
+        return self._value(self.fetch(f"/api/v1/{path}", limit_s)[0])
+
+    def put(self, path: str, values: Mapping[str, object], limit_s: float = ANSWER_S) -> None:
+        """Set a property or call a method."""
+        told = {k: str(v) for k, v in values.items()}
+        body = urlencode({**told, **self._ids()})
+        kind = {"Content-Type": "application/x-www-form-urlencoded"}
+        self._value(self._ask("PUT", f"/api/v1/{path}", limit_s, body, kind)[0])
+
+    def cameras(self) -> list[tuple[int, str]]:
+        """Number and name of every camera the server has."""
+        found = self._value(self.fetch("/management/v1/configureddevices", ANSWER_S)[0])
+        with making_sense():
+            return sorted(
+                (int(d["DeviceNumber"]), str(d.get("DeviceName", "camera")))
+                for d in found
+                if str(d.get("DeviceType", "")).lower() == "camera"
+            )
+
+    def fetch(self, path: str, limit_s: float, accept: str = "*/*") -> tuple[bytes, str]:
+        """The bytes of an answer and their content type.
+
+        Raises
+        ------
+        PortError, LineLostError
+            Nobody listens; somebody did before and has gone.
+        NoAnswerError
+            The answer is none that Alpaca knows.
+
+        """
+        query = urlencode(self._ids())
+        return self._ask("GET", f"{path}?{query}", limit_s, None, {"Accept": accept})
+
+    def close(self) -> None:
+        """Let the connection go."""
+        self._http.close()
+
+    def _ids(self) -> dict[str, str]:
+        return {"ClientID": "6521", "ClientTransactionID": str(next(self._transaction))}
+
+    def _ask(
+        self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str]
+    ) -> tuple[bytes, str]:
+        kept = self._http.sock is not None
+        try:
+            return self._once(method, path, limit_s, body, headers)
+        except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError) as error:
+            self._http.close()
+            if not kept:
+                raise self._gone(error) from None
+        except (OSError, http.client.HTTPException) as error:
+            self._http.close()
+            raise self._gone(error) from None
+        try:  # a server may close a connection that was idle: that is no loss yet
+            return self._once(method, path, limit_s, body, headers)
+        except (OSError, http.client.HTTPException) as error:
+            self._http.close()
+            raise self._gone(error) from None
+
+    def _once(
+        self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str]
+    ) -> tuple[bytes, str]:
+        self._http.timeout = limit_s
+        if self._http.sock is not None:
+            self._http.sock.settimeout(limit_s)
+        self._http.request(method, path, body, headers)
+        answer = self._http.getresponse()
+        data = _read(answer, monotonic() + limit_s)
+        if data is None:
+            self._http.close()
+            raise NoAnswerError(f"{self._address.server} sent too much data for an image.")
+        self._answered = True
+        if answer.status != 200:
+            text = " ".join(data.decode("utf-8", "replace").split())[:200] or answer.reason
+            raise NoAnswerError(f"{self._address.server} does not support this request: {text}.")
+        return data, answer.headers.get("Content-Type") or ""
+
+    def _value(self, data: bytes) -> Any:
+        try:
+            told = json.loads(data)
+            number, message = int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", ""))
+        except (ValueError, AttributeError, TypeError, RecursionError):
+            raise NoAnswerError(f"{self._address.server} is not an Alpaca server.") from None
+        raise_refusal(number, message)
+        return told.get("Value")
+
+    def _gone(self, error: Exception) -> DeviceError:
+        server = self._address.server
+        if self._answered:
+            return LineLostError(f"Lost the Alpaca server {server}. Check its computer.")
+        if isinstance(error, ConnectionRefusedError):
+            return PortError(f"No Alpaca server at {server}. Start it there.")
+        if isinstance(error, socket.gaierror):
+            return PortError(f"No computer named {self._address.host} on this network.")
+        if isinstance(error, http.client.HTTPException):
+            return PortError(f"{server} is not an Alpaca server.")
+        return PortError(f"{server} does not answer. Check its power and network.")
+
+
+def raise_refusal(number: int, message: str) -> None:
+    """Raise what an Alpaca error number means; 0 is none."""
+    if number == 0:
+        return
+    text = " ".join(message.split()).rstrip(".") or f"error {number:#x}"
+    if number == NOT_CONNECTED:
+        raise LineLostError(f"The camera is no longer connected to its server: {text}.")
+    if number == NOT_IMPLEMENTED:
+        raise NotOfferedError(f"The camera does not support this: {text}.")
+    raise RefusedError(f"The camera refused: {text}.")
+
+
+def discover(wait_s: float = 1.0) -> list[str]:
+    """``host:port`` of every Alpaca server that answers a call on the local network (IPv4)."""
+    found: list[str] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        for target in ("255.255.255.255", "127.0.0.1"):
+            with suppress(OSError):  # no network at all, or no broadcast in it
+                ear.sendto(QUESTION, (target, DISCOVERY_PORT))
+        deadline = monotonic() + wait_s
+        while (left := deadline - monotonic()) > 0:
+            ear.settimeout(left)
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                data, (host, _) = ear.recvfrom(1024)
+                found.append(f"{host}:{int(json.loads(data)['AlpacaPort'])}")
+    return list(dict.fromkeys(found))
+
+
+def _read(answer: http.client.HTTPResponse, deadline: float) -> bytes | None:
+    """The whole body, None when it is too large; a trickle past the limit is a lost line."""
+    parts, size = [], 0
+    while part := answer.read1(1 << 20):
+        parts.append(part)
+        size += len(part)
+        if size > LARGEST_BYTES:
+            return None
+        if monotonic() > deadline:
+            raise TimeoutError
+    missing = answer.length
+    answer.close()  # else the connection takes no further request
+    if missing:
+        raise ConnectionResetError
+    return b"".join(parts)

@@ -1,0 +1,271 @@
+"""A folder that another program writes pictures into, watched as if it were a camera.
+
+It is looked through a few times a second: that also works on a network share, where a system's
+own notices do not arrive.
+"""
+
+import os
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from time import monotonic, sleep
+
+from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.errors import FrameError, LineLostError, PortError
+from kochab.core.frame import Frame
+
+# -- Which files of a folder are new and finished; pure bookkeeping, the clock is given --------
+
+SETTLE_S = 0.3
+"""A file whose size and time have not changed for so long may be finished."""
+PATIENCE_S = 4.0
+"""A file that has not changed for so long and still cannot be read is broken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """What a directory says of a file: its size in bytes and when it was last written."""
+
+    size: int
+    mtime_ns: int
+
+
+@dataclass(slots=True)
+class _File:
+    stamp: Stamp
+    since_s: float
+    done: bool = False
+    retry_s: float = 0.0
+    watched: bool = True
+
+
+class Arrivals:
+    """Tells finished new files from those being written, newest first.
+
+    A file that is written again is new again, so that a program may overwrite one ``latest.jpg``.
+    """
+
+    def __init__(self) -> None:
+        self._files: dict[str, _File] = {}
+        self._listed = False
+
+    def update(self, listing: dict[str, Stamp], now_s: float) -> None:
+        """Take in what the folder holds at ``now_s`` (any steady clock, seconds)."""
+        for path in self._files.keys() - listing.keys():
+            del self._files[path]
+        for path, stamp in listing.items():
+            known = self._files.get(path)
+            if known is None:
+                self._files[path] = _File(stamp, now_s, watched=self._listed)
+            elif known.stamp != stamp:
+                self._files[path] = _File(stamp, now_s)
+        self._listed = True
+
+    def ready(self, now_s: float) -> list[str]:
+        """Files not yet given out that look finished, newest first."""
+        waiting = [(f.stamp.mtime_ns, path) for path, f in self._files.items() if self._due(f, now_s)]
+        return [path for _, path in sorted(waiting, reverse=True)]
+
+    def stamp(self, path: str) -> Stamp:
+        """Of a known file, as it was at the last look."""
+        return self._files[path].stamp
+
+    def written_while_watched(self, path: str) -> bool:
+        """Whether the file came or changed after the first look at the folder."""
+        return self._files[path].watched
+
+    def give(self, path: str, now_s: float) -> int:
+        """``path`` was read: older finished files will not be given any more; how many they are."""
+        given = self._files[path]
+        given.done = True
+        dropped = 0
+        for file in self._files.values():
+            if self._due(file, now_s) and file.stamp.mtime_ns <= given.stamp.mtime_ns:
+                file.done = True
+                dropped += 1
+        return dropped
+
+    def unreadable(self, path: str, now_s: float) -> bool:
+        """``path`` could not be read: whether it is broken, else it is tried again soon."""
+        file = self._files[path]
+        file.done = now_s - file.since_s >= PATIENCE_S
+        file.retry_s = now_s + SETTLE_S
+        return file.done
+
+    @staticmethod
+    def _due(file: _File, now_s: float) -> bool:
+        return not file.done and now_s - file.since_s >= SETTLE_S and now_s >= file.retry_s
+
+
+POLL_S = 0.1
+MOST_COMPLAINTS = 20
+DEEPEST = 4
+"""Folders in folders (target, night, filter) are looked into so far down."""
+
+
+class FolderCamera(CameraSource):
+    """A watched folder: the newest finished picture in it is the newest frame."""
+
+    name = "folder"
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._identity = self._who()
+        self._arrivals = Arrivals()
+        self._complaints: deque[str] = deque(maxlen=MOST_COMPLAINTS)
+        self._next_look_s = 0.0
+
+    @classmethod
+    def missing(cls) -> str | None:
+        """Nothing needs to be installed."""
+        return None
+
+    @classmethod
+    def devices(cls, address: str = "") -> list[CameraDevice]:
+        """The folder itself, when it is one."""
+        if not address or not Path(address).is_dir():
+            return []
+        return [CameraDevice(cls.name, address, f"images saved to {address}")]
+
+    @classmethod
+    def open(cls, address: str, settings: CaptureSettings) -> "FolderCamera":
+        """Watch the folder ``address``; a picture that is already there comes first."""
+        if not address:
+            raise PortError("Choose the folder your capture program saves to.")
+        folder = Path(address).expanduser()
+        if not folder.exists():
+            raise PortError(f"The folder {folder} does not exist.")
+        if not folder.is_dir():
+            raise PortError(f"{folder} is a file. Choose its folder.")
+        try:
+            with os.scandir(folder) as entries:
+                next(entries, None)
+        except OSError as error:
+            raise PortError(f"The folder {folder} cannot be read: {error.strerror}.") from None
+        return cls(folder)
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """Nothing can be set: another program holds the camera."""
+        return CaptureLimits()
+
+    def configure(self, settings: CaptureSettings) -> CaptureSettings:
+        """Nothing is applied; the program that writes the pictures decides."""
+        return CaptureSettings()
+
+    def complaints(self) -> tuple[str, ...]:
+        """Sentences about files that were left out since the last call."""
+        told = tuple(self._complaints)
+        self._complaints.clear()
+        return told
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """The newest finished picture not yet given out.
+
+        Raises
+        ------
+        LineLostError
+            The folder is gone: a drive unplugged, a share unmounted, or a folder removed.
+
+        """
+        deadline = monotonic() + timeout_s
+        while True:
+            if monotonic() >= self._next_look_s:
+                self._look()
+            for path in self._arrivals.ready(monotonic()):
+                frame = self._read(path)
+                if frame is not None:
+                    return frame
+                if monotonic() > deadline:
+                    break  # many broken files: the rest at the next call
+            left = deadline - monotonic()
+            if left <= 0:
+                return None
+            sleep(min(POLL_S, left))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _look(self) -> None:
+        """List the folder; a large one is listed less often, at a tenth of a processor at most."""
+        begun = monotonic()
+        self._arrivals.update(self._listing(), begun)
+        now = monotonic()
+        self._next_look_s = now + max(POLL_S, 9.0 * (now - begun)) - POLL_S / 2
+
+    def _read(self, path: str) -> Frame | None:
+        from kochab.frames import read_frame
+
+        before = _stamp(path)
+        if before != self._arrivals.stamp(path):
+            return None  # written to since the last look: the next one sees it as new
+        try:
+            frame = read_frame(path)
+        except FrameError as error:
+            if self._arrivals.unreadable(path, monotonic()):
+                self._complaints.append(f"File skipped: {error}")
+            return None
+        if before is None or _stamp(path) != before:
+            return None  # written to while it was read
+        watched = self._arrivals.written_while_watched(path)
+        self._arrivals.give(path, monotonic())
+        return _timed(frame, before) if watched else frame
+
+    def _listing(self) -> dict[str, Stamp]:
+        if self._who() != self._identity:
+            raise LineLostError(f"The folder {self._folder} was replaced. Open it again.")
+        try:
+            return dict(_pictures(self._folder, DEEPEST))
+        except OSError as error:
+            raise self._gone(error) from None
+
+    def _who(self) -> tuple[int, int]:
+        """What stays the same as long as it is the same folder of the same drive."""
+        try:
+            about = self._folder.stat()
+        except OSError as error:
+            raise self._gone(error) from None
+        return about.st_dev, about.st_ino
+
+    def _gone(self, error: OSError) -> LineLostError:
+        return LineLostError(
+            f"Lost the folder {self._folder} ({error.strerror}). Check the drive or network share."
+        )
+
+
+def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:
+    """Pictures in a folder and those below it; what vanishes meanwhile is left out."""
+    from kochab.frames import SUFFIXES
+
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            with suppress(OSError):
+                if entry.is_dir():
+                    if depth > 1:
+                        yield from _pictures(Path(entry.path), depth - 1)
+                elif os.path.splitext(entry.name)[1].lower() in SUFFIXES:
+                    about = entry.stat()
+                    yield entry.path, Stamp(about.st_size, about.st_mtime_ns)
+
+
+def _stamp(path: str) -> Stamp | None:
+    try:
+        about = os.stat(path)
+    except OSError:
+        return None
+    return Stamp(about.st_size, about.st_mtime_ns)
+
+
+def _timed(frame: Frame, stamp: Stamp) -> Frame:
+    """A file that does not say when it was taken was taken just before it was written."""
+    if frame.hint.time_utc is not None:
+        return frame
+    half = timedelta(seconds=(frame.hint.exposure_s or 0.0) / 2.0)
+    written = datetime.fromtimestamp(stamp.mtime_ns / 1e9, UTC)
+    hint = replace(frame.hint, time_utc=written - half, time_of_file=True)
+    return replace(frame, hint=hint)

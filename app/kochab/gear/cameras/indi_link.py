@@ -1,0 +1,251 @@
+"""A connection to an INDI server: the asyncio client of indipyclient in a thread of its own.
+
+Everything that touches the client's tables runs in its loop; the calling thread waits, at most
+for a limit, and is told when the line is lost.
+"""
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable, Coroutine
+from threading import Condition, Thread
+from time import monotonic
+from typing import Any, TypeVar
+
+from kochab.core.errors import LineLostError, NoAnswerError, PortError
+from kochab.gear.cameras.server_camera import NetAddress
+
+T = TypeVar("T")
+CONNECT_S = 5.0
+CALL_S = 5.0
+LARGEST_BYTES = 1_600_000_000  # of a message, in which three bytes are written as four
+CCD_INTERFACE = 1 << 1  # INDI's DriverInterface bit of a camera
+
+
+class IndiLink:
+    """One server, watched from the calling thread.
+
+    Raises
+    ------
+    PortError
+        There is no server at the address.
+
+    """
+
+    def __init__(self, address: NetAddress) -> None:
+        _knock(address)
+        self._address = address
+        self._news = Condition()
+        self._blob: tuple[bytes, str] | None = None
+        self._wanted = ""
+        self._lost: str | None = None
+        self._made = False
+        self.message = ""
+        """What the server last told as an error."""
+        self._loop = asyncio.new_event_loop()
+        self._client: Any = None
+        self._thread = Thread(target=self._run, name="kochab-indi", daemon=True)
+        self._thread.start()
+        if not self.wait(lambda: self._made, CONNECT_S):
+            self.close()
+            raise PortError(f"{address.server} does not answer as an INDI server.")
+
+    def cameras(self) -> list[str]:
+        """Names of the devices that are cameras, as far as the server has told."""
+        return self.ask(lambda client: [n for n, d in client.items() if _is_camera(d)])
+
+    def value(self, device: str, vector: str, member: str) -> str | None:
+        """A member's value, None when there is no such thing (any more)."""
+        return self.ask(lambda client: _member(client, device, vector, member))
+
+    def bounds(self, device: str, vector: str, member: str) -> tuple[float, float] | None:
+        """The least and the most a number may be."""
+
+        def read(client: Any) -> tuple[float, float] | None:
+            if _member(client, device, vector, member) is None:
+                return None
+            found = client[device][vector].member(member)
+            least, most = float(found.getfloat(found.min)), float(found.getfloat(found.max))
+            return (least, most) if most > least else None
+
+        return self.ask(read)
+
+    def state(self, device: str, vector: str) -> str | None:
+        """``Idle``, ``Ok``, ``Busy`` or ``Alert``; None when there is no such vector."""
+
+        def read(client: Any) -> str | None:
+            found = client.get(device, {}).get(vector)
+            return str(found.state) if found is not None and found.enable else None
+
+        return self.ask(read)
+
+    def send(self, device: str, vector: str, members: dict[str, str]) -> None:
+        """Ask the device to take new values; it answers when it likes."""
+        self._call(lambda: self._client.send_newVector(device, vector, members=members))
+
+    def want_blobs(self, device: str, vector: str) -> None:
+        """Have the pictures of one camera sent here, and nobody else's."""
+        self._wanted = f"{device}\n{vector}"
+        self._call(lambda: self._client.send_enableBLOB("Also", device, vector))
+
+    def take_blob(self, timeout_s: float) -> tuple[bytes, str] | None:
+        """The newest picture's bytes and suffix, None when none came in time."""
+        if not self.wait(lambda: self._blob is not None, timeout_s):
+            return None
+        with self._news:
+            blob, self._blob = self._blob, None
+        return blob
+
+    def wait(self, come: Callable[[], bool], timeout_s: float) -> bool:
+        """Whether ``come`` became true in time; it is asked after every piece of news.
+
+        Raises
+        ------
+        LineLostError
+            The server went away.
+
+        """
+        deadline = monotonic() + timeout_s
+        while True:
+            self.check()
+            if come():
+                return True
+            left = deadline - monotonic()
+            if left <= 0:
+                return False
+            with self._news:
+                self._news.wait(min(left, 0.05))
+
+    def check(self) -> None:
+        """Raise LineLostError when the server has gone."""
+        if self._lost is not None:
+            raise LineLostError(self._lost)
+
+    def ask(self, read: Callable[[Any], T]) -> T:
+        """What ``read`` finds in the client's tables, read in the client's own thread."""
+
+        async def reading() -> T:
+            return read(self._client)
+
+        return self._call(reading)
+
+    def close(self) -> None:
+        """Leave the server; never raises."""
+        self._lost = self._lost or "The camera was closed."
+        if self._client is not None:
+            self._client.shutdown()
+        self._thread.join(CALL_S)
+
+    def _call(self, work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        self.check()
+        doing = work()
+        try:
+            return asyncio.run_coroutine_threadsafe(doing, self._loop).result(CALL_S)
+        except TimeoutError:
+            self.check()
+            raise NoAnswerError(f"The INDI server {self._address.server} stopped answering.") from None
+        except RuntimeError:  # the loop has ended meanwhile
+            doing.close()
+            self.check()
+            raise
+
+    def _run(self) -> None:
+        from indipyclient import IPyClient
+
+        log = logging.getLogger("indipyclient")
+        log.addHandler(logging.NullHandler())
+        log.propagate = False  # what it says there reaches the person through our own sentences
+        link = self
+
+        class Client(IPyClient):  # type: ignore[misc]
+            _reader: Any
+
+            async def rxevent(self, event: Any) -> None:
+                if isinstance(self._reader, _Measured):
+                    self._reader.unheard_bytes = 0
+                link._hear(event)
+
+            async def hardware(self) -> None:
+                # The client takes the end of the stream for silence and would wait for ever.
+                while not self._stop:
+                    if self._reader is not None and not isinstance(self._reader, _Measured):
+                        self._reader = _Measured(self._reader)
+                    if self._reader is not None and self._reader.at_eof():
+                        link._lose()
+                        self.shutdown()
+                    await asyncio.sleep(0.05)
+
+        asyncio.set_event_loop(self._loop)
+        host = self._address.host.strip("[]")
+        self._client = Client(indihost=host, indiport=self._address.port)
+        try:
+            self._loop.run_until_complete(self._client.asyncrun())
+        finally:
+            self._lose()
+            self._loop.close()
+
+    def _lose(self) -> None:
+        with self._news:
+            self._lost = self._lost or (
+                f"The INDI server {self._address.server} disconnected. Check its computer."
+            )
+            self._news.notify_all()
+
+    def _hear(self, event: Any) -> None:
+        kind = event.eventtype
+        if kind == "ConnectionLost":
+            self._lose()
+        with self._news:
+            self._made = self._made or kind == "ConnectionMade"
+            if kind == "SetBLOB" and f"{event.devicename}\n{event.vectorname}" == self._wanted:
+                for name, data in event.items():
+                    if data:
+                        self._blob = bytes(data), str(event.sizeformat[name][1])
+            elif kind == "Message" and "[ERROR]" in str(event.message):
+                self.message = " ".join(str(event.message).replace("[ERROR]", "").split())
+            self._news.notify_all()
+
+
+class _Measured:
+    """A stream that ends when what it brings never becomes a whole message."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+        self.unheard_bytes = 0
+
+    async def read(self, most: int) -> bytes:
+        """The next piece."""
+        data: bytes = await self._stream.read(most)
+        self.unheard_bytes += len(data)
+        return data
+
+    def at_eof(self) -> bool:
+        """Whether nothing more comes, or nothing that can be used."""
+        return bool(self._stream.at_eof()) or self.unheard_bytes > LARGEST_BYTES
+
+
+def _knock(address: NetAddress) -> None:
+    """See that somebody listens, so that the reason is known when not."""
+    try:
+        socket.create_connection((address.host.strip("[]"), address.port), CONNECT_S).close()
+    except TimeoutError:
+        raise PortError(f"{address.host} does not answer. Check its power and network.") from None
+    except socket.gaierror:
+        raise PortError(f"No computer named {address.host} on this network.") from None
+    except ConnectionRefusedError:
+        raise PortError(f"No INDI server at {address.server}. Start indiserver there.") from None
+    except OSError as error:
+        raise PortError(f"{address.server} cannot be reached: {error.strerror or error}.") from None
+
+
+def _is_camera(device: Any) -> bool:
+    info = device.get("DRIVER_INFO")
+    told = info.get("DRIVER_INTERFACE", "") if info is not None and device.enable else ""
+    return str(told).strip().isdigit() and bool(int(told) & CCD_INTERFACE)
+
+
+def _member(client: Any, device: str, vector: str, member: str) -> str | None:
+    found = client.get(device, {}).get(vector)
+    if found is None or not found.enable or member not in found:
+        return None
+    return str(found[member])

@@ -1,0 +1,217 @@
+"""A camera behind a server that takes one exposure at a time: its address, its exposures, its limits."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from time import monotonic
+from typing import Generic, Protocol, TypeVar
+
+from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
+
+# An exposure under way on a camera that begins the next one when its picture has arrived.
+
+DOWNLOAD_S = 30.0
+"""How long after an exposure a picture may be under way before the line counts as lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exposure:
+    """``begun_s`` on :func:`time.monotonic`, the same in UTC, and how long it is."""
+
+    begun_s: float
+    begun_utc: datetime
+    seconds: float
+
+    @classmethod
+    def now(cls, seconds: float) -> "Exposure":
+        """One that has just begun."""
+        return cls(monotonic(), datetime.now(UTC), seconds)
+
+    @property
+    def middle_utc(self) -> datetime:
+        """Mid-exposure by this computer's clock."""
+        return self.begun_utc + timedelta(seconds=self.seconds / 2.0)
+
+    def check_overdue(self, camera: str) -> None:
+        """Raise LineLostError when its picture should have been here long ago."""
+        if monotonic() > self.begun_s + self.seconds + DOWNLOAD_S:
+            raise LineLostError(f"{camera} sent no image after its exposure.")
+
+
+# -- What a person types to name a camera on another computer: ``host:port/camera`` ------------
+
+
+@dataclass(frozen=True, slots=True)
+class NetAddress:
+    """A server and what is wanted of it; ``rest`` is empty when nothing was named."""
+
+    host: str
+    port: int
+    rest: str = ""
+
+    @property
+    def server(self) -> str:
+        """Host and port as they are typed."""
+        return f"{self.host}:{self.port}"
+
+
+def net_address(text: str, default_port: int) -> NetAddress:
+    """``text`` taken apart; nothing means this computer.
+
+    An IPv6 host stands in brackets: ``[fe80::1]:7624/Camera``.
+
+    Raises
+    ------
+    PortError
+        The port is not a number from 1 to 65535.
+
+    """
+    server, _, rest = text.strip().removeprefix("http://").partition("/")
+    host, port = server, ""
+    if server.startswith("["):
+        host, _, port = server.partition("]")
+        host, port = host + "]", port.removeprefix(":")
+    elif ":" in server:
+        host, _, port = server.partition(":")
+    number = int(port) if port.isascii() and port.isdigit() else (0 if port else default_port)
+    if not 1 <= number <= 65535:
+        raise PortError(f"'{port}' is not a port; write the address as host:{default_port}.")
+    return NetAddress(host or "localhost", number, rest.strip("/"))
+
+
+def chosen(cameras: Sequence[tuple[str, str]], where: NetAddress, kind: str) -> str:
+    """Which of a server's ``cameras``, each its address there and its name, ``where.rest`` names.
+
+    The only one need not be named. ``kind`` says of what protocol the server is.
+
+    Raises
+    ------
+    PortError
+        There is no such camera, none, or one has to be named: with those that there are.
+
+    """
+    for address, name in cameras:
+        if where.rest in (address, name):
+            return address
+    there = ", ".join(a if a == name else f"{a} ({name})" for a, name in cameras)
+    if where.rest:
+        others = f"; there is {there}" if cameras else ""
+        raise PortError(f"{where.server} has no camera {where.rest}{others}.")
+    if not cameras:
+        raise PortError(f"The {kind} server {where.server} has no camera.")
+    if len(cameras) > 1:
+        example = f"{where.server}/{cameras[0][0]}"
+        raise PortError(f"{where.server} has several cameras: {there}. Write {example}.")
+    return cameras[0][0]
+
+
+# -- Values of a camera server that are not what they should be --------------------------------
+
+
+@contextmanager
+def making_sense() -> Iterator[None]:
+    """Turn what comes of values of the wrong kind into one sentence: None, "x", 1e999, {}."""
+    try:
+        yield
+    except (ValueError, TypeError, AttributeError, ArithmeticError, LookupError) as error:
+        raise NoAnswerError("The camera's server reports invalid values.") from error
+
+
+# -- Settings against what a camera allows, before it is asked ---------------------------------
+
+Bounds = tuple[float, float] | tuple[int, int] | None
+
+
+def check_within(settings: CaptureSettings, limits: CaptureLimits) -> None:
+    """Raise RefusedError with the range when a wish is outside it or cannot be had."""
+    _within("exposure", settings.exposure_s, limits.exposure_s, "s")
+    _within("gain", settings.gain, limits.gain, "")
+    _within("binning", settings.binning, limits.binning, "")
+
+
+def _within(what: str, value: float | None, bounds: Bounds, unit: str) -> None:
+    if value is None:
+        return
+    if bounds is None:
+        raise RefusedError(f"The {what} of this camera cannot be set.")
+    if not bounds[0] <= value <= bounds[1]:
+        span = f"{bounds[0]:g} to {bounds[1]:g} {unit}".strip()
+        raise RefusedError(f"A {what} of {value:g} {unit}".strip() + f" is not within {span}.")
+
+
+class ServerLink(Protocol):
+    """The line to its server."""
+
+    def close(self) -> None:
+        """Let the server go; the camera stays connected to it."""
+
+
+class ExposingDevice(Protocol):
+    """The camera in the words of its server's protocol."""
+
+    name: str
+
+    @property
+    def link(self) -> ServerLink:
+        """The line to its server."""
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """What can be set."""
+
+    @property
+    def in_force(self) -> CaptureSettings:
+        """What is set."""
+
+    def apply(self, settings: CaptureSettings) -> None:
+        """Set what is given."""
+
+    def abort(self) -> None:
+        """End the exposure under way."""
+
+
+D = TypeVar("D", bound=ExposingDevice)
+
+
+class ExposingCamera(CameraSource, Generic[D]):
+    """One that exposes again as soon as a picture has arrived."""
+
+    def __init__(self, device: D) -> None:
+        self.name = device.name
+        self._device = device
+        self._exposing: Exposure | None = None
+        self._count = 0
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """As the camera tells them."""
+        return self._device.limits
+
+    @making_sense()
+    def configure(self, settings: CaptureSettings) -> CaptureSettings:
+        """Set exposure, gain and binning; an exposure under way is begun anew.
+
+        Raises
+        ------
+        RefusedError
+            A value is out of range, cannot be set on this camera, or was not accepted.
+
+        """
+        check_within(settings, self.limits)
+        if settings != CaptureSettings():
+            self._abort()
+        self._device.apply(settings)
+        return self._device.in_force
+
+    def close(self) -> None:
+        """End the exposure and let the server go; the camera stays connected to it."""
+        with suppress(DeviceError):
+            self._abort()
+        self._device.link.close()
+
+    def _abort(self) -> None:
+        if self._exposing is not None:
+            self._exposing = None
+            self._device.abort()

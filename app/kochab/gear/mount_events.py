@@ -1,0 +1,219 @@
+"""What the thread of a mount's line reports, and the state of the mount that follows from it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from kochab.core.frame import Frame, Site
+from kochab.core.mount import Ability, Epoch, MountState
+from kochab.core.progress import Progress
+from kochab.core.solution import Solution
+from kochab.gear.actions import POLAR, action
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """A mount answers; ``lacks`` is what it cannot do, each with the reason."""
+
+    name: str
+    lacks: Mapping[Ability, str]
+    epoch: Epoch
+    site: Site | None
+    rates_deg_s: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class EpochDoubted:
+    """Something of the mount's settings is not as it is taken to be."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class PositionReport:
+    """Where it says it points, ICRS degrees, and how it is."""
+
+    icrs_deg: tuple[float, float]
+    state: MountState
+    can_undo: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolvedPosition:
+    """A solved frame, and where the mount said it pointed then (ICRS degrees)."""
+
+    solution: Solution
+    mount_deg: tuple[float, float]
+    when: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class PracticeStarted:
+    """A simulated telescope has been started: where its mount answers, and its camera's name."""
+
+    port: str
+    camera: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameTaken:
+    """The camera gave a frame; it is being solved."""
+
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class OrderProgress:
+    """An order is under way."""
+
+    name: str
+    progress: Progress
+
+
+@dataclass(frozen=True, slots=True)
+class OrderDone:
+    """An order came to its end with this result."""
+
+    name: str
+    result: Any
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFailed:
+    """An order did not; ``stopped`` when a person ended it."""
+
+    name: str
+    sentence: str
+    stopped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The bytes of Stop have gone to the mount."""
+
+
+@dataclass(frozen=True, slots=True)
+class StandsStill:
+    """After a Stop the mount was seen to stand still."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopFailed:
+    """They could not be sent, or did not help: the mount may be moving."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoReply:
+    """A question was not answered; the next one may be."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class LineLost:
+    """The line broke; ``again`` is what came of the last try to open it anew."""
+
+    sentence: str
+    again: str = ""
+
+
+MountEvent = (
+    Connected
+    | EpochDoubted
+    | PositionReport
+    | PracticeStarted
+    | FrameTaken
+    | SolvedPosition
+    | OrderProgress
+    | OrderDone
+    | OrderFailed
+    | Stopped
+    | StandsStill
+    | StopFailed
+    | NoReply
+    | LineLost
+)
+
+# All that the window knows of its mount, kept true by the words of its line; nothing of Qt.
+
+
+@dataclass(slots=True)
+class MountSnapshot:
+    """All that is known; ``moved_since`` says that the sight is from before the last motion.
+
+    ``alarm`` says, until the mount is seen to stand still, that it may still move after a Stop.
+    ``busy`` is the name of the order under way, ``doing`` its newest progress.
+    """
+
+    phase: str = "off"
+    port: str = ""
+    connected: Connected | None = None
+    report: PositionReport | None = None
+    sight: SolvedPosition | None = None
+    moved_since: bool = False
+    busy: str = ""
+    doing: Progress | None = None
+    practice: bool = False
+    trouble: str = ""
+    alarm: str = ""
+
+    @property
+    def user(self) -> str:
+        """What uses the mount now, in words; empty when nothing does."""
+        return action(self.busy).doing or self.busy
+
+    @property
+    def slewing(self) -> bool:
+        """Whether it said so last."""
+        return self.report is not None and bool(self.report.state.slewing)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it says that it stands or tracks, and no order moves it at this moment."""
+        if self.phase == "lost" or self.slewing:
+            return False
+        if self.busy == POLAR:  # while the bolts are turned the mount stands
+            return self.doing is not None and self.doing.stage not in (POLAR, "turn")
+        return not action(self.busy).may_move
+
+    def hear(self, word: object) -> None:
+        """What a :data:`MountEvent` changes; anything else changes nothing."""
+        match word:
+            case PracticeStarted():
+                self.port = word.port
+            case SolvedPosition():
+                self.sight, self.moved_since = word, False
+            case Connected():
+                self.phase, self.connected = "on", word
+                self.trouble = self.alarm = ""
+            case PositionReport():
+                self.report, self.trouble = word, ""
+                if word.state.slewing:
+                    self.has_moved()
+            case OrderProgress() if not action(word.name).quick:
+                self.busy, self.doing = word.name, word.progress
+            case OrderDone() | OrderFailed() if not action(word.name).quick:
+                self.busy, self.doing = "", None
+                if action(word.name).moves:
+                    self.has_moved()
+            case LineLost():
+                self.phase = "lost"
+            case NoReply():
+                self.trouble = word.sentence
+            case StopFailed():
+                self.trouble = self.alarm = word.sentence
+            case StandsStill():
+                self.alarm = ""
+
+    def has_moved(self) -> None:
+        """What was seen last is of another place."""
+        self.moved_since = self.sight is not None
+
+    def has_synced(self) -> None:
+        """After a sync the mount says something else of the place of the last frame."""
+        if self.sight is not None and self.report is not None:
+            self.sight = SolvedPosition(self.sight.solution, self.report.icrs_deg, self.sight.when)
+            self.moved_since = False

@@ -1,0 +1,261 @@
+"""One thread owns the mount's line: it polls the mount and does one order at a time.
+
+Nothing of Qt: the view runs :meth:`MountLine.run` in a job, and hears of it in the frozen words
+of :mod:`kochab.gear.mount_events`. Stop does not pass through here at all; see
+:meth:`MountLine.stop`.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from time import monotonic, sleep
+from typing import Any
+
+from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
+from kochab.core.progress import Progress, Task
+from kochab.gear.mount_events import (
+    Connected,
+    EpochDoubted,
+    LineLost,
+    MountEvent,
+    NoReply,
+    OrderDone,
+    OrderFailed,
+    OrderProgress,
+    PositionReport,
+    StandsStill,
+    StopFailed,
+    Stopped,
+)
+from kochab.gear.mounts.guard import Guard
+
+# -- What is asked of the thread of a mount's line ---------------------------------------------
+
+MakeTask = Callable[[Guard], Task[Any]]
+Outlives = Callable[[Progress], bool]
+
+
+def never(_: Progress) -> bool:
+    """An order that ends when the line breaks, as whatever moves must."""
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class MountOrder:
+    """Something to do; ``stops`` is how often all was stopped when it was wished for.
+
+    ``outlives`` tells by the newest progress whether it can wait for a line that is lost and found
+    again: only what does not move the mount then.
+    """
+
+    name: str
+    make: MakeTask
+    stops: int
+    outlives: Outlives = never
+
+
+logger = logging.getLogger(__name__)
+POLL_S = 0.5
+LISTEN_S = 0.05
+REPORT_S = 0.05
+RETRY_S = 2.0
+STOPPED = "Stopped."
+LOST = "Connection to the mount lost."
+
+
+class MountLine:
+    """``opening`` opens the mount behind its guard; ``tell`` is called from this line's threads.
+
+    ``afterwards`` is called when everything is over, such as to end a practice telescope.
+    """
+
+    def __init__(
+        self,
+        opening: Callable[[], Guard],
+        tell: Callable[[MountEvent], None],
+        afterwards: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._opening, self._tell, self._afterwards = opening, tell, afterwards
+        self._orders: SimpleQueue[MountOrder] = SimpleQueue()
+        self._stops = 0  # an order that was wished for before a Stop is given up
+        self._guard: Guard | None = None
+        self._looked = self._spoke = 0.0
+        self._unasked = True  # which epoch it speaks in
+        self._stage = ""  # what was told last
+
+    # from any thread --------------------------------------------------------------------------
+    def order(self, name: str, make: MakeTask, outlives: Outlives = never) -> None:
+        """Do this when the orders before it are done; Done or Failed tells of its end."""
+        self._orders.put(MountOrder(name, make, self._stops, outlives))
+
+    def cancel(self) -> None:
+        """Give up the present order, at its next yield, and those that wait; what moves stops."""
+        self._stops += 1
+
+    def stop(self) -> None:
+        """Stop the mount now and give up every order; returns at once, whatever the line does.
+
+        The bytes are written by a thread of their own, ahead of whatever waits for an answer.
+        """
+        self._stops += 1
+        guard = self._guard
+        if guard is not None:
+            thread = threading.Thread(target=self._stop, args=(guard,), name="kochab-stop", daemon=True)
+            thread.start()
+
+    def _stop(self, guard: Guard) -> None:
+        try:
+            guard.stop()
+        except DeviceError as error:
+            self._tell(StopFailed(str(error)))
+        else:
+            self._tell(Stopped())
+
+    # the thread of the line -------------------------------------------------------------------
+    def run(self) -> Task[None]:
+        """Open the mount, serve orders until closed, then stop what moves and give the port back.
+
+        Raises
+        ------
+        kochab.core.errors.KochabError
+            The mount cannot be opened; one sentence with what to do.
+
+        """
+        try:
+            yield Progress("connecting")
+            self._guard = guard = self._opening()
+            self._tell(_connected(guard))
+            while True:
+                yield Progress("listening")
+                try:
+                    self._see_stopped(guard)
+                    self._look(guard)
+                    self._ask_once(guard)
+                    yield from self._next(guard)
+                except LineLostError as error:
+                    yield from self._wait_for(guard, error)
+        finally:
+            if self._guard is not None:
+                self._guard.close()
+            self._afterwards()
+
+    def _see_stopped(self, guard: Guard) -> None:
+        """After a Stop: whether it has worked, in this thread, for the Stop has long been sent."""
+        if not guard.emergency.unconfirmed:
+            return
+        try:
+            guard.emergency.confirm()
+        except NotStoppedError as error:
+            self._tell(StopFailed(str(error)))
+        else:
+            self._tell(StandsStill())
+
+    def _next(self, guard: Guard) -> Task[None]:
+        try:
+            order = self._orders.get(timeout=LISTEN_S)
+        except Empty:
+            return
+        self._tell(OrderProgress(order.name, Progress(order.name)))
+        try:
+            ended, result = yield from self._steps(guard, order)
+        except LineLostError as error:
+            self._tell(OrderFailed(order.name, str(error)))
+            raise
+        except KochabError as error:
+            logger.debug("%s failed", order.name, exc_info=True)
+            self._tell(OrderFailed(order.name, str(error), stopped=self._given_up(order)))
+        else:
+            self._look(guard, now=True)
+            told = OrderDone(order.name, result) if ended else OrderFailed(order.name, STOPPED, stopped=True)
+            self._tell(told)
+
+    def _given_up(self, order: MountOrder) -> bool:
+        return order.stops != self._stops
+
+    def _steps(self, guard: Guard, order: MountOrder) -> Task[tuple[bool, Any]]:
+        """One order to its end, its progress told and the mount looked at between its steps."""
+        task = order.make(guard)
+        try:
+            while not self._given_up(order):
+                try:
+                    progress = next(task)
+                except StopIteration as end:
+                    return True, end.value
+                self._say(order.name, progress)
+                try:
+                    self._look(guard)
+                except LineLostError as error:
+                    if not order.outlives(progress):
+                        raise
+                    yield from self._wait_for(guard, error, order)
+                yield progress
+        finally:
+            task.close()  # a motion under way is stopped by its own task
+        return False, None
+
+    def _say(self, name: str, progress: Progress) -> None:
+        """The progress of an order: every new stage, else as often as anybody can read it."""
+        if progress.stage != self._stage or monotonic() - self._spoke >= REPORT_S:
+            self._spoke, self._stage = monotonic(), progress.stage
+            self._tell(OrderProgress(name, progress))
+
+    def _look(self, guard: Guard, now: bool = False) -> None:
+        """Ask where the mount is and how it is, twice a second."""
+        if not now and monotonic() - self._looked < POLL_S:
+            return
+        self._looked = monotonic()
+        try:
+            said = PositionReport(guard.position_icrs(), guard.state(), guard.can_undo)
+        except LineLostError:
+            raise
+        except DeviceError as error:
+            self._tell(NoReply(str(error)))
+        else:
+            self._tell(said)
+
+    def _ask_once(self, guard: Guard) -> None:
+        """The question that may take a while, after the first report."""
+        if self._unasked:
+            self._unasked = False
+            doubt = guard.epoch_doubt()
+            if doubt:
+                self._tell(EpochDoubted(doubt))
+
+    def _wait_for(self, guard: Guard, error: LineLostError, order: MountOrder | None = None) -> Task[None]:
+        """The line is lost: try it again and again; when it is back, what moved is stopped.
+
+        An ``order`` that waits too is over when a person stops everything meanwhile.
+        """
+        self._tell(LineLost(str(error)))
+        tried = monotonic()
+        while True:
+            yield Progress("line lost")
+            self._drop_orders()
+            if order is not None and self._given_up(order):
+                raise error
+            if monotonic() - tried < RETRY_S:
+                sleep(LISTEN_S)
+                continue
+            tried = monotonic()
+            try:
+                guard.reconnect()
+                again = _connected(guard)
+            except DeviceError as still:
+                self._tell(LineLost(str(error), str(still)))
+            else:
+                self._tell(again)
+                return
+
+    def _drop_orders(self) -> None:
+        while not self._orders.empty():
+            self._tell(OrderFailed(self._orders.get().name, LOST))
+
+
+def _connected(guard: Guard) -> Connected:
+    try:
+        name = guard.identify()
+    except NoAnswerError:
+        name = guard.name
+    return Connected(name, dict(guard.lacks), guard.epoch, guard.site, guard.rates_deg_s)

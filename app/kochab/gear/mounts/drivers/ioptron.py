@@ -1,0 +1,91 @@
+"""iOptron mounts with the version 3 language."""
+
+from dataclasses import replace
+
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport
+from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.protocols import ioptron as protocol
+from kochab.gear.mounts.serial_line import Command
+
+
+class Ioptron(SerialMount):
+    """CEM, GEM and HAE mounts, over USB or their TCP port 8899."""
+
+    name = "ioptron"
+    title = "iOptron (version 3 language)"
+    blind_stop = b"#:Q#"
+    bauds = (115200, 230400)
+    timeout_s = 5.0
+    rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512)), 4.0)
+
+    def start(self) -> None:
+        """Its model."""
+        self.model = self.query(protocol.MOUNT_INFO, protocol.parse_model, 4)
+
+    def identify(self) -> str:
+        """The model."""
+        return f"iOptron {self.model}"
+
+    def read_position(self) -> protocol.PositionReply:
+        """All of ``:GEP#``."""
+        return self.query(protocol.POSITION, protocol.parse_position)
+
+    def position(self) -> Pointing:
+        """Where it says it points."""
+        self.watchdog.check()
+        place = self.read_position()
+        return Pointing(place.ra_deg, place.dec_deg, self.epoch)
+
+    def altaz_deg(self) -> tuple[float, float]:
+        """Altitude and azimuth."""
+        return self.query(protocol.ALTAZ, protocol.parse_altaz)
+
+    def state(self) -> MountState:
+        """``:GLS#``, and the pier side from ``:GEP#``."""
+        state = self.query(protocol.STATUS, protocol.parse_status)
+        return replace(state, pier_side=self.read_position().pier_side)
+
+    def site_report(self) -> SiteReport:
+        """Site, zone and clock."""
+        site = self.query(protocol.STATUS, protocol.parse_site)
+        return SiteReport(site, *self.query(protocol.TIME, protocol.parse_time))
+
+    def sync(self, ra_deg: float, dec_deg: float) -> None:
+        """Set the target, then match it."""
+        self.set_target(ra_deg, dec_deg)
+        self.require_accepted(protocol.SYNC, "The mount refuses the sync.")
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """Set the target, then slew."""
+        since = self.talk.stops
+        self.set_target(ra_deg, dec_deg)
+        self.require_accepted(protocol.SLEW, "The mount refuses to go there: outside its limits.", since)
+
+    def set_target(self, ra_deg: float, dec_deg: float) -> None:
+        """Both coordinates."""
+        for command in (protocol.set_ra(ra_deg), protocol.set_dec(dec_deg)):
+            self.require_accepted(command, "The mount does not accept these coordinates.")
+
+    def stop_commands(self, moved: bool) -> list[Command]:
+        """End a slew, and moves on both axes."""
+        commands = [protocol.STOP, *([protocol.HALT_RA, protocol.HALT_DEC] if moved else [])]
+        return [(command, (self.reply(1),)) for command in commands]
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """The mount itself ends it."""
+        self.talk.send(protocol.pulse(direction, milliseconds))
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """At the nearest of nine rates."""
+        since = self.talk.stops
+        rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
+        self.require_accepted(rate, "The mount does not accept this rate.")
+        vertical = direction in (Direction.NORTH, Direction.SOUTH)
+        halt = protocol.HALT_DEC if vertical else protocol.HALT_RA
+        self.bounded(direction, seconds, (halt, (self.reply(1),)))
+        self.talk.send(protocol.move(direction), since)
+
+    def track(self, on: bool) -> None:
+        """Sidereal."""
+        command = protocol.TRACK_ON if on else protocol.TRACK_OFF
+        self.require_accepted(command, "The mount refuses to change its tracking.")

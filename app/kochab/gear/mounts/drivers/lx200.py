@@ -1,0 +1,202 @@
+"""The LX200 family: classic, Autostar, 10micron, OnStep and OnStepX."""
+
+from dataclasses import dataclass
+
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, MountState, Pointing, SiteReport
+from kochab.gear.mounts.coordinates import utc_of
+from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.protocols import lx200 as protocol
+from kochab.gear.mounts.protocols import parse_accepted
+from kochab.gear.mounts.serial_line import Command, Link, until
+
+PRODUCT_S = 1.0  # a classic does not know the question and stays silent
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """What differs between the members of the family."""
+
+    title: str
+    pulse: bool = True
+    status: bytes = b""  # reports tracking and alignment
+    precise: bytes = protocol.TOGGLE_PRECISION
+    track: tuple[bytes, bytes] | None = None  # off, on
+
+
+CLASSIC = Dialect("Meade LX200 classic", pulse=False)
+AUTOSTAR = Dialect("Meade Autostar", status=b":GW#")
+TEN_MICRON = Dialect("10micron", precise=b":U1#", track=(b":AL#", b":AP#"))
+CLONE = Dialect("LX200 compatible mount")
+
+AUTOSTARS = ("autostar", "audiostar", "lx2001", "lx200gps", "etx", "rcx")
+DIALECTS = {"10micron": TEN_MICRON, **dict.fromkeys(AUTOSTARS, AUTOSTAR)}
+"""Part of the product's name, lower case -> its dialect."""
+
+
+class Lx200(SerialMount):
+    """A mount that speaks Meade's LX200 language."""
+
+    name = "lx200"
+    title = "Meade LX200, Autostar, 10micron and compatible"
+    blind_stop = b"#:Q#"
+    rates_deg_s = (2 * SIDEREAL_DEG_S, 32 * SIDEREAL_DEG_S, 2.0, 6.0)
+    rate_commands = (b":RG#", b":RC#", b":RM#", b":RS#")
+
+    def start(self) -> None:
+        """Find the dialect, and ask for the longer form of coordinates."""
+        self.product = self.ask_product()
+        self.dialect = self.find_dialect()
+        self.refine()
+        if not self.dialect.pulse:
+            self._lacks[Ability.PULSE] = "The classic LX200 has no guide pulse."
+        if self.dialect.track is None:
+            self._lacks[Ability.TRACKING] = (
+                f"The {self.dialect.title} cannot stop tracking without losing its alignment."
+            )
+
+    def ask_product(self) -> str:
+        """The product's name, or nothing."""
+        try:
+            return self.talk.ask(protocol.PRODUCT, until(b"#", 40, PRODUCT_S), protocol.parse_text)
+        except NoAnswerError:
+            return ""
+
+    def find_dialect(self) -> Dialect:
+        """By the product's name; no name is a classic."""
+        plain = self.product.lower().replace(" ", "")
+        found = next((d for key, d in DIALECTS.items() if key in plain), None)
+        return found or (CLONE if self.product else CLASSIC)
+
+    def refine(self) -> None:
+        """``:U#`` toggles: read, toggle only when coarse, read again."""
+        if self.query(protocol.GET_RA, protocol.parse_coarse):
+            self.talk.send(self.dialect.precise)
+            self.query(protocol.GET_RA, protocol.parse_ra)  # the toggle itself is not answered
+
+    def identify(self) -> str:
+        """The product's name where it has one."""
+        return self.product or self.dialect.title
+
+    def position(self) -> Pointing:
+        """Where it says it points."""
+        self.watchdog.check()
+        ra = self.query(protocol.GET_RA, protocol.parse_ra)
+        return Pointing(ra, self.query(protocol.GET_DEC, protocol.parse_dec), self.epoch)
+
+    def altaz_deg(self) -> tuple[float, float]:
+        """Altitude and azimuth, which some count from south."""
+        altitude = self.query(protocol.ALTITUDE, protocol.parse_dec)
+        return altitude, self.query(protocol.AZIMUTH, protocol.parse_azimuth)
+
+    def state(self) -> MountState:
+        """Slewing from the distance bars, the rest where the dialect reports it."""
+        slewing = self.query(protocol.BARS, protocol.parse_slewing)
+        aligned = tracking = None
+        if self.dialect is CLASSIC:
+            aligned = self.query(protocol.ALIGNMENT, protocol.parse_alignment, 1) != "L"
+        elif self.dialect.status:
+            tracking, aligned = self.query(self.dialect.status, protocol.parse_scope_status)
+        return MountState(slewing=slewing, aligned=aligned, tracking=tracking)
+
+    def site_report(self) -> SiteReport:
+        """Site, zone and clock."""
+        latitude = self.query(protocol.LATITUDE, protocol.parse_dec)
+        site = Site(latitude, self.query(protocol.LONGITUDE, protocol.parse_longitude))
+        offset = self.query(protocol.ZONE, protocol.parse_zone)
+        date = self.query(protocol.DATE, protocol.parse_date)
+        time = self.query(protocol.TIME, protocol.parse_time)
+        try:
+            return SiteReport(site, utc_of(*date, *time, offset), offset)
+        except ValueError:
+            return SiteReport(site, None, offset)
+
+    def sync(self, ra_deg: float, dec_deg: float) -> None:
+        """Set the target, then match it."""
+        self.set_target(ra_deg, dec_deg)
+        reason = self.talk.ask(protocol.SYNC, self.reply(), protocol.parse_sync)
+        if reason:
+            raise RefusedError(f"The mount refuses the sync: {reason}.")
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """Set the target, then slew."""
+        since = self.talk.stops
+        self.set_target(ra_deg, dec_deg)
+        reason = self.talk.ask(protocol.SLEW, self.read_slew, protocol.parse_slew, since)
+        if reason:
+            raise RefusedError(f"The mount refuses to go there: {reason.rstrip('.')}.")
+
+    def set_target(self, ra_deg: float, dec_deg: float) -> None:
+        """``:Sr`` and ``:Sd``; some mounts want a space after them."""
+        for setter, value in ((protocol.set_ra, ra_deg), (protocol.set_dec, dec_deg)):
+            if not any(
+                self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in (False, True)
+            ):
+                raise RefusedError("The mount does not accept these coordinates.")
+
+    def read_slew(self, link: Link) -> bytes:
+        """``0``, or a digit with a text that some leave out."""
+        first = link.read_exact(1, self.timeout_s)
+        if first == b"0" or not first.isdigit():
+            return first
+        try:
+            return first + link.read_until(b"#", 64, 0.5)
+        except NoAnswerError:
+            return first
+
+    def stop_commands(self, moved: bool) -> list[Command]:
+        """``:Q#`` ends slews and moves alike."""
+        return [(protocol.STOP, ())]
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """The mount itself ends it."""
+        self.require(Ability.PULSE)
+        self.talk.send(protocol.pulse(direction, milliseconds))
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """At the nearest of four rates."""
+        since = self.talk.stops
+        self.talk.send(self.rate_commands[self.nearest_rate(rate_deg_s)])
+        self.bounded(direction, seconds, (protocol.halt(direction), ()))
+        self.talk.send(protocol.move(direction), since)
+
+    def track(self, on: bool) -> None:
+        """Where the dialect can."""
+        self.require(Ability.TRACKING)
+        assert self.dialect.track is not None
+        self.talk.send(self.dialect.track[on])
+
+
+# OnStep and OnStepX: LX200 with a status word, refusals by number, and tracking on and off.
+
+ON_STEP = Dialect("OnStep", track=(b":Td#", b":Te#"))
+
+
+class OnStep(Lx200):
+    """A mount with Howard Dutton's OnStep."""
+
+    name = "onstep"
+    title = "OnStep and OnStepX"
+    bauds = (9600, 115200)
+    rates_deg_s = (SIDEREAL_DEG_S, 8 * SIDEREAL_DEG_S, 20 * SIDEREAL_DEG_S, 48 * SIDEREAL_DEG_S)
+    rate_commands = (b":RG#", b":RC#", b":RM#", b":R7#")
+
+    def find_dialect(self) -> Dialect:
+        """It names itself ``On-Step`` or ``OnStepX``."""
+        if "onstep" not in self.product.lower().replace("-", ""):
+            name = f"calls itself {self.product}" if self.product else "does not give its name"
+            raise NoAnswerError(
+                f"The device on {self.talk.link.port} {name}: not an OnStep, or wrong baud rate."
+            )
+        return ON_STEP
+
+    def state(self) -> MountState:
+        """Everything from ``:GU#``."""
+        return self.query(protocol.STATUS, protocol.parse_flags)
+
+    def track(self, on: bool) -> None:
+        """``:Te#`` or ``:Td#``, answered by 1 or 0."""
+        assert self.dialect.track is not None
+        refusal = "The mount refuses to change its tracking; is it parked?"
+        self.require_accepted(self.dialect.track[on], refusal)

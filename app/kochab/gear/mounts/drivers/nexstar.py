@@ -1,0 +1,192 @@
+"""NexStar hand controls (Celestron), and SynScan (Sky-Watcher), which shares their framing."""
+
+import math
+
+from kochab.core.errors import RefusedError
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport
+from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.protocols import code_table
+from kochab.gear.mounts.protocols import nexstar as protocol
+from kochab.gear.mounts.serial_line import Command, Link
+
+PRECISE_SINCE, SYNC_SINCE, PIER_SINCE = (1, 6), (4, 10), (4, 15)
+EQUATORIAL = {"CGE", "CGE Pro", "CGEM DX", "AVX", "CGX", "CGXL", "Advanced GT"}
+GUIDE_PERCENT, GUIDE_LONGEST_MS = 50, 2550
+
+
+class NexStar(SerialMount):
+    """A mount behind a NexStar hand control."""
+
+    name = "nexstar"
+    title = "Celestron NexStar hand control"
+    blind_stop = b"M"
+    timeout_s = 5.0
+    models = protocol.MODELS
+    rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 4, 8, 16, 64)), 0.5, 2.0, 4.0)
+    cancels = 1
+    pier_since: tuple[float, ...] = PIER_SINCE
+
+    def start(self) -> None:
+        """Its version decides what it can."""
+        self.version = self.talk.query(
+            protocol.VERSION, protocol.read_version(self.timeout_s), protocol.parse_version
+        )
+        self.model = self.byte(protocol.MODEL)
+        self._mode = 0
+        if self.version < SYNC_SINCE and self.default_epoch is NexStar.default_epoch:
+            version = ".".join(str(part) for part in self.version)
+            self._lacks[Ability.SYNC] = f"The hand control is version {version}, a sync needs 4.10."
+
+    def identify(self) -> str:
+        """Model and version."""
+        version = ".".join(f"{part:02d}" if i else str(part) for i, part in enumerate(self.version))
+        return f"{self.models.get(self.model, f'model {self.model}')}, hand control {version}"
+
+    def position(self) -> Pointing:
+        """``e``, or ``E`` of old versions."""
+        self.watchdog.check()
+        return Pointing(*self.angles(protocol.GET_PRECISE, protocol.GET_COARSE), self.epoch)
+
+    def altaz_deg(self) -> tuple[float, float]:
+        """Altitude and azimuth: ``z``, or ``Z`` of old versions."""
+        azimuth, altitude = self.angles(protocol.ALTAZ_PRECISE, protocol.ALTAZ_COARSE)
+        return altitude, azimuth
+
+    def angles(self, precise: bytes, coarse: bytes) -> tuple[float, float]:
+        """Two angles, degrees, as precisely as the version can."""
+        command, length = (precise, 18) if self.version >= PRECISE_SINCE else (coarse, 10)
+        return self.query(command, protocol.parse_position, length)
+
+    def state(self) -> MountState:
+        """Slewing, aligned, tracking; the side of the pier where the version reports it."""
+        knows_side = self.version >= self.pier_since
+        return MountState(
+            pier_side=self.query(protocol.PIER, protocol.parse_pier, 2) if knows_side else None,
+            slewing=self.query(protocol.SLEWING, protocol.parse_digit, 2),
+            aligned=self.query(protocol.ALIGNED, protocol.parse_flag, 2),
+            tracking=self.byte(protocol.TRACKING) != 0,
+        )
+
+    def site_report(self) -> SiteReport:
+        """Site, zone and clock."""
+        site = self.query(protocol.SITE, protocol.parse_site, 9)
+        return SiteReport(site, *self.query(protocol.TIME, protocol.parse_time, 9))
+
+    def sync(self, ra_deg: float, dec_deg: float) -> None:
+        """``s``, since version 4.10."""
+        self.require(Ability.SYNC)
+        self.require_aligned()
+        self.done(protocol.sync(ra_deg, dec_deg))
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """``r``; without an alignment it would answer and stay."""
+        since = self.talk.stops
+        self.require_aligned()
+        self.done(protocol.goto(ra_deg, dec_deg, self.version >= PRECISE_SINCE), since)
+
+    def require_aligned(self) -> None:
+        """Refuse on a mount that does not know the sky."""
+        if not self.query(protocol.ALIGNED, protocol.parse_flag, 2):
+            raise RefusedError("The mount is not aligned: do its alignment on the hand control first.")
+
+    def stop_commands(self, moved: bool) -> list[Command]:
+        """Cancel a goto, and end moves at a fixed rate on both axes."""
+        halts = [self.halt(board) for board in (protocol.AZM, protocol.ALT)] if moved else []
+        return [(protocol.CANCEL, (self.reply(1),))] * self.cancels + halts
+
+    def halt(self, board: int) -> Command:
+        """The bytes that end a move on one axis."""
+        return protocol.move_fixed(board, True, 0), (self.read_passed,)
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """The motor board ends it; a pulse too long for it runs at twice the rate for half."""
+        self.require(Ability.PULSE)
+        times = 2 if milliseconds > GUIDE_LONGEST_MS else 1
+        board, positive = axis_of(direction)
+        percent = GUIDE_PERCENT * times
+        hundredths = min(max(round(milliseconds / times / 10.0), 1), 255)
+        self.passed(protocol.guide(board, percent if positive else -percent, hundredths))
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """At the nearest of nine rates."""
+        since = self.talk.stops
+        board, positive = axis_of(direction)
+        self.bounded(direction, seconds, self.halt(board))
+        self.passed(protocol.move_fixed(board, positive, self.nearest_rate(rate_deg_s) + 1), since)
+
+    def track(self, on: bool) -> None:
+        """Off, or on in the mode it had."""
+        now = self.byte(protocol.TRACKING)
+        self._mode = now or self._mode
+        mode = (self._mode or self.usual_mode()) if on else 0
+        self.done(protocol.track(mode))
+
+    def usual_mode(self) -> int:
+        """1 for a fork in altitude and azimuth, 2 or 3 for an axis in the north or the south."""
+        if self.is_altaz():
+            return 1
+        return 3 if self.query(protocol.SITE, protocol.parse_site, 9).latitude_deg < 0.0 else 2
+
+    def is_altaz(self) -> bool:
+        """Whether the model is taken for alt-azimuth."""
+        return self.models.get(self.model) not in EQUATORIAL
+
+    def byte(self, command: bytes) -> int:
+        """One binary byte."""
+        return self.query(command, protocol.parse_byte, 2)
+
+    def done(self, command: bytes, since: int | None = None) -> None:
+        """What is answered by ``#``."""
+        self.talk.ask(command, self.reply(1), protocol.parse_done, since)
+
+    def passed(self, command: bytes, since: int | None = None) -> None:
+        """What the hand control passes on to a motor."""
+        self.talk.ask(command, self.read_passed, protocol.parse_passed, since)
+
+    def read_passed(self, link: Link) -> bytes:
+        """``#``, or one byte more when it failed."""
+        reply = link.read_exact(1, self.timeout_s)
+        return reply if reply == b"#" else reply + link.read_exact(1, self.timeout_s)
+
+
+def axis_of(direction: Direction) -> tuple[int, bool]:
+    """The motor board and the sign: north and west count up."""
+    board = protocol.ALT if direction in (Direction.NORTH, Direction.SOUTH) else protocol.AZM
+    return board, direction in (Direction.NORTH, Direction.WEST)
+
+
+# Sky-Watcher's SynScan hand controls: NexStar's framing, J2000, and a sync that may be refused.
+
+MODELS = {
+    **code_table(
+        "0 EQ6, 1 HEQ5, 2 EQ5, 3 EQ3, 4 EQ8, 5 AZ-EQ6, 6 AZ-EQ5, 9 EQ6-R, 10 Star Adventurer, 160 AllView"
+    ),
+    **dict.fromkeys(range(128, 144), "AZ GoTo"),
+    **dict.fromkeys(range(144, 160), "Dobsonian"),
+}
+
+
+class SynScan(NexStar):
+    """A mount behind a SynScan hand control; a sync beyond 6 to 7 deg is silently not taken."""
+
+    name = "synscan"
+    title = "Sky-Watcher SynScan hand control"
+    blind_stop = b"MM"
+    default_epoch = Epoch.J2000
+    timeout_s = 3.0
+    models = MODELS
+    cancels = 2  # the first may be lost while it slews
+    pier_since = (math.inf,)  # never: only newer versions report it
+
+    def start(self) -> None:
+        """No guide pulse through the hand control."""
+        super().start()
+        self._lacks[Ability.PULSE] = "A SynScan hand control has no guide pulse: use the guide port."
+
+    def identify(self) -> str:
+        """Model and version."""
+        return f"SynScan {super().identify()}"
+
+    def is_altaz(self) -> bool:
+        """Models from 128 on are alt-azimuth."""
+        return self.model >= 128

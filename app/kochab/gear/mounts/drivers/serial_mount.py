@@ -1,0 +1,120 @@
+"""The base of all drivers over a line: questions, bounded motions, Stop and close."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import datetime
+from types import MappingProxyType
+from typing import ClassVar, TypeVar
+
+from kochab.core.errors import DeviceError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction, Epoch, Home, SiteReport
+from kochab.gear.journal import utc_now
+from kochab.gear.mounts.emergency_stop import Watchdog
+from kochab.gear.mounts.protocols import parse_accepted
+from kochab.gear.mounts.serial_line import Command, Conversation, Link, Reader, exactly, until
+
+T = TypeVar("T")
+LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
+
+
+class SerialMount:
+    """The common half of a driver; a driver adds the commands of its protocol.
+
+    ``site`` and ``clock`` are only for a mount that knows neither; they are never sent.
+    ``home`` and ``equatorial`` are the user's word for a mount that does not report them.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    bauds: ClassVar[tuple[int, ...]] = (9600,)
+    default_epoch: ClassVar[Epoch] = Epoch.DATE
+    timeout_s: ClassVar[float] = 5.0
+    blind_stop: ClassVar[bytes]
+    rates_deg_s: tuple[float, ...] = ()
+
+    def __init__(
+        self,
+        link: Link,
+        epoch: Epoch | None = None,
+        site: Site | None = None,
+        clock: Callable[[], datetime] | None = None,
+        home: Home | None = None,
+        equatorial: bool = False,
+    ) -> None:
+        self.epoch = epoch or self.default_epoch
+        self.site = site
+        self.clock = clock or utc_now
+        self.home = home
+        self.equatorial = equatorial
+        self.talk = Conversation(link)
+        self.watchdog = Watchdog()
+        self._lacks: dict[Ability, str] = {}
+        self.start()
+
+    def start(self) -> None:
+        """Find out what is there; nothing may move."""
+
+    @property
+    def lacks(self) -> Mapping[Ability, str]:
+        """What it cannot do, each with the reason."""
+        return MappingProxyType(self._lacks)
+
+    def altaz_deg(self) -> tuple[float, float] | None:
+        """Altitude and azimuth where it reports them."""
+        return None
+
+    def site_report(self) -> SiteReport:
+        """The site and time it uses, where it reports them."""
+        return SiteReport()
+
+    def stop(self) -> None:
+        """Stop every motion, from any thread; the answers are read later."""
+        self.talk.stopping()
+        try:
+            moved = self.watchdog.moving
+            self.watchdog.disarm()
+            self.talk.send_now(*self.stop_commands(moved))
+        finally:
+            self.talk.stopped()
+
+    def stop_commands(self, moved: bool) -> list[Command]:
+        """The bytes of Stop and how their answers are read; ``moved``: a move may be running."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Stop a bounded motion that still runs, and give the port back."""
+        if self.watchdog.moving:
+            with suppress(DeviceError):
+                self.stop()
+                self.talk.read_pending()
+        self.watchdog.disarm()
+        self.talk.link.close()
+
+    def reply(self, size: int = 0) -> Reader:
+        """Reader of ``size`` bytes; without a size up to ``#``."""
+        return exactly(size, self.timeout_s) if size else until(b"#", LONGEST_REPLY, self.timeout_s)
+
+    def query(self, command: bytes, parse: Callable[[bytes], T], size: int = 0) -> T:
+        """Answer to a question, which is repeated when the answer makes no sense."""
+        return self.talk.query(command, self.reply(size), parse)
+
+    def require_accepted(self, command: bytes, refusal: str, since: int | None = None) -> None:
+        """Send a command that is answered by 1, or by 0 when the mount refuses it."""
+        if not self.talk.ask(command, self.reply(1), parse_accepted, since):
+            raise RefusedError(refusal)
+
+    def require(self, ability: Ability) -> None:
+        """Raise the reason when the mount cannot do this."""
+        if ability in self._lacks:
+            raise RefusedError(self._lacks[ability])
+
+    def nearest_rate(self, rate_deg_s: float) -> int:
+        """Index of the rate nearest to the one asked for."""
+        return min(range(len(self.rates_deg_s)), key=lambda i: abs(self.rates_deg_s[i] - rate_deg_s))
+
+    def bounded(self, direction: Direction, seconds: float, *halt: Command) -> None:
+        """End the motion that begins now after ``seconds`` by these commands."""
+        self.watchdog.check()
+        axis = "dec" if direction in (Direction.NORTH, Direction.SOUTH) else "ra"
+        self.watchdog.arm(axis, seconds, lambda: self.talk.send_now(*halt))

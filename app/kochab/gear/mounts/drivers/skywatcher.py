@@ -1,0 +1,456 @@
+"""Sky-Watcher motor boards: the driver keeps the coordinates, the board only counts steps.
+
+The board does not know where its tube points. Switched on, it counts from 0x800000 on both axes
+wherever they stand; INDI's EQMod sets the Dec axis to 0x800000 and a quarter turn at the pole
+(skywatcher.cpp, ``Init``). So nothing slews until the user or a solved frame has confirmed home.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from time import monotonic
+from typing import TypeVar
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
+from kochab.core.mount import (
+    CONFIRM_HOME,
+    SIDEREAL_DEG_S,
+    Ability,
+    Direction,
+    Home,
+    MountState,
+    PierSide,
+    Pointing,
+)
+from kochab.gear.mounts.coordinates import sidereal_deg, wrapped
+from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.protocols import skywatcher as protocol
+from kochab.gear.mounts.serial_line import Command, Conversation, ProtocolError, until
+
+T = TypeVar("T")
+TIMEOUT_S, TRIES = 0.3, 5
+REPLY = until(b"\r", 16, TIMEOUT_S)
+FAST_DEG_S = 0.5  # above this the board's fast mode is used
+BREAK_STEPS = 3500
+STOPPING_S = 3.0
+STILL_STEPS = 3
+
+
+class Motor:
+    """One axis, 0 or 1; angles in degrees from its home."""
+
+    def __init__(self, talk: Conversation, axis: int) -> None:
+        self.talk = talk
+        self.axis = axis
+        self.seen_steps = 0
+        self.steps_turn = self.number("a")
+        self.timer_hz = self.number("b")
+        self.ratio = max(1, int(self.query("g", protocol.parse_data)[:2] or "1", 16))
+
+    def query(self, letter: str, parse: Callable[[bytes], T]) -> T:
+        """Ask, and repeat the question when its answer is lost, as the maker's programs do."""
+        command = protocol.command(letter, self.axis)
+        for _ in range(TRIES - 1):
+            with suppress(NoAnswerError):
+                return self.talk.ask(command, REPLY, parse)
+        return self.talk.ask(command, REPLY, parse)
+
+    def angle_deg(self) -> float:
+        """The encoder's angle."""
+        self.seen_steps = self.query("j", protocol.parse_position)
+        return self.seen_steps / self.steps_turn * 360.0
+
+    def status(self) -> protocol.AxisStatus:
+        """The motor's status."""
+        return self.query("f", protocol.parse_status)
+
+    def number(self, letter: str) -> int:
+        """A parameter of 24 bits, which must not be 0."""
+        value = self.query(letter, protocol.parse_number)
+        if value == 0:
+            raise ProtocolError(f"The motor board answers 0 to {letter}.")
+        return value
+
+    def order(self, letter: str, data: str = "", since: int | None = None) -> None:
+        """Send a command that changes something; ``!`` is the board's refusal.
+
+        A setting whose answer is lost is repeated, which changes nothing. A start is not.
+        """
+        command = protocol.command(letter, self.axis, data)
+        for left in range(1 if letter == "J" else TRIES, 0, -1):
+            try:
+                refusal = self.talk.ask(command, REPLY, _parse_order, since)
+                break
+            except NoAnswerError:
+                if left == 1:
+                    raise
+        if refusal:
+            raise RefusedError(f"The motor board refuses: {refusal}.")
+
+    def begin(self, since: int, may_repeat: bool) -> None:
+        """Start the motor; when the answer is lost, check whether it turns.
+
+        Only a turn whose encoder was read after the motor had stopped may be repeated, and only
+        when it has not moved.
+        """
+        before = self.seen_steps
+        try:
+            self.order("J", since=since)
+        except NoAnswerError:
+            if self.status().running:
+                return
+            if not may_repeat:
+                raise
+            self.angle_deg()
+            if abs(self.seen_steps - before) <= STILL_STEPS:
+                self.order("J", since=since)
+
+    def turn_by(self, angle_deg: float, since: int) -> None:
+        """A goto by so much; the motor must stand."""
+        steps = round(angle_deg / 360.0 * self.steps_turn)
+        if steps == 0:
+            return
+        fast = abs(angle_deg) > 1.0
+        self.order("G", protocol.motion_mode(goto=True, fast=fast, backwards=steps < 0))
+        self.order("H", protocol.low_first(abs(steps)))
+        self.order("M", protocol.low_first(min(abs(steps) // 10 + 1, BREAK_STEPS)))
+        self.begin(since, may_repeat=True)
+
+    def run(self, rate_deg_s: float, since: int) -> None:
+        """Turn at a rate until stopped; the motor must stand."""
+        fast = abs(rate_deg_s) > FAST_DEG_S
+        self.order("G", protocol.motion_mode(goto=False, fast=fast, backwards=rate_deg_s < 0))
+        self.order("I", protocol.low_first(self.period(rate_deg_s)))
+        self.begin(since, may_repeat=False)
+
+    def period(self, rate_deg_s: float) -> int:
+        """Timer ticks a step."""
+        ratio = self.ratio if abs(rate_deg_s) > FAST_DEG_S else 1
+        return protocol.step_period(rate_deg_s, self.steps_turn, self.timer_hz, ratio)
+
+    def rate_command(self, rate_deg_s: float) -> Command:
+        """The bytes of another rate while it turns the same way, for :meth:`Conversation.send_now`."""
+        data = protocol.low_first(self.period(rate_deg_s))
+        return protocol.command("I", self.axis, data), (REPLY,)
+
+    def halt_command(self, now: bool = False) -> Command:
+        """The bytes that stop it, at once or with a ramp."""
+        return protocol.command("L" if now else "K", self.axis), (REPLY,)
+
+    def ensure_stopped(self) -> None:
+        """Stop it if it runs, so that it takes another mode."""
+        status = self.status()
+        if not status.initialised:
+            self.order("F")
+        if not status.running:
+            return
+        self.order("K")
+        end = monotonic() + STOPPING_S
+        while self.status().running:
+            if monotonic() > end:
+                raise NoAnswerError("The motor does not stop.")
+
+
+def _parse_order(reply: bytes) -> str:
+    refusal = protocol.parse_refusal(reply)
+    if not refusal:
+        protocol.parse_data(reply)
+    return refusal
+
+
+# -- From encoder angles to hour angle and declination, and back -------------------------------
+# Both angles are zero at home. The first grows as the sky turns in the north, and shrinks in the
+# south. With the second at or below zero the telescope is west of its pier, else east (as EQMOD).
+
+Degrees = tuple[float, float]
+
+
+def to_sky(axes_deg: Degrees, south: bool) -> tuple[float, float, PierSide]:
+    """Hour angle in [-180, 180), declination and side of the pier."""
+    first, second = axes_deg[0], wrapped(axes_deg[1])
+    west = second <= 0.0
+    hour_angle = first - 90.0 if west else first + 90.0
+    dec = 90.0 - abs(second)
+    side = PierSide.WEST if west else PierSide.EAST
+    return (wrapped(-hour_angle), -dec, side.opposite) if south else (wrapped(hour_angle), dec, side)
+
+
+def to_axes(hour_angle_deg: float, dec_deg: float, side: PierSide, south: bool) -> Degrees:
+    """Encoder angles that point there from one side of the pier."""
+    if south:
+        hour_angle_deg, dec_deg, side = -hour_angle_deg, -dec_deg, side.opposite
+    if side is PierSide.WEST:
+        return wrapped(hour_angle_deg + 90.0), dec_deg - 90.0
+    return wrapped(hour_angle_deg - 90.0), 90.0 - dec_deg
+
+
+def natural_side(hour_angle_deg: float) -> PierSide:
+    """West of the pier for what is east of the meridian: the counterweight stays below."""
+    return PierSide.WEST if hour_angle_deg < 0.0 else PierSide.EAST
+
+
+SLEW_DEG_S = 3.0  # predicts where the sky will be
+REACH_DEG = 100.0  # of the first axis from the counterweight's lowest place
+CLOSE_DEG, APPROACHES = 2.0 / 3600.0, 4
+GUIDE = 0.5
+
+ZEROS: dict[Home, Degrees] = {Home.POWER_ON: (0.0, 0.0), Home.EQMOD: (0.0, -90.0)}
+"""Home -> the offset of both axes, degrees, that makes home zero."""
+AT_HOME_DEG = 0.1  # a counter that was set there and has not turned since
+AGREES_DEG = 15.0  # home is set by eye, and the polar axis may be some degrees off
+NUDGE_DEG = 2.0  # so far it may be moved while home is not confirmed
+
+
+class SkyWatcher(SerialMount):
+    """An equatorial mount over an EQDIR cable or USB, without a hand control.
+
+    A sync is an offset of the axes that this driver keeps. A slew is finished, and tracking
+    resumed after a move, when the state or position is read next. After a Stop the motors stand
+    until tracking or a slew is ordered.
+    """
+
+    name = "skywatcher"
+    title = "Sky-Watcher motor board (EQMOD, EQDIR)"
+    blind_stop = b":L1\r:L2\r"
+    bauds = (9600, 115200)
+    timeout_s = 1.5
+    rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 8, 16, 64)), 0.5, 1.0, 3.0)
+
+    def start(self) -> None:
+        """Read the motors' parameters; nothing is switched on yet."""
+        if self.site is None:
+            raise RefusedError("A motor board stores no site: give --site LAT,LON.")
+        for ability in (Ability.SITE, Ability.TIME):
+            self._lacks[ability] = "A motor board stores neither site nor time."
+        self.motors = (Motor(self.talk, 0), Motor(self.talk, 1))
+        self.version = self.motors[0].query("e", protocol.parse_data)
+        objection = altaz_objection(protocol.parse_mount_code(self.version), self.equatorial)
+        if objection:
+            raise RefusedError(objection)
+        self.south = self.site.latitude_deg < 0.0
+        self.sky_rate = -SIDEREAL_DEG_S if self.south else SIDEREAL_DEG_S  # of the first motor
+        first = self.motors[0].status()
+        self.tracking = first.running and not first.goto and not first.fast
+        self.target_deg: Degrees | None = None
+        self.approaches = 0
+        self.offset_deg: Degrees = (0.0, 0.0)
+        self.home_confirmed = self.home is not None
+        if self.home is not None:
+            self.offset_deg = self.confirmed_offset(self.home)
+
+    def confirmed_offset(self, home: Home) -> Degrees:
+        """The offset of the home that the user confirms; refused when the counters contradict it."""
+        if home is Home.NOW:
+            if any(motor.status().running for motor in self.motors):
+                raise RefusedError("The mount is moving: stop it before you confirm its home.")
+            first, second = self.axes()
+            return -first, -second
+        other = Home.EQMOD if home is Home.POWER_ON else Home.POWER_ON
+        if all(abs(a + z) < AT_HOME_DEG for a, z in zip(self.axes(), ZEROS[other], strict=True)):
+            raise RefusedError(
+                f"The motor counters match the home position of {other}, not {home}. Point the tube at the "
+                "pole, counterweight down, and connect with --home now."
+            )
+        return ZEROS[home]
+
+    def offset_from_sky(self, hour_angle_deg: float, dec_deg: float) -> Degrees:
+        """The offset of the home that the counters were set at, by a solved position.
+
+        The position alone does not show the side of the pier; counters that fit do.
+        """
+        axes = self.axes()
+        for zero in ZEROS.values():
+            hour_angle, dec, _ = to_sky((axes[0] + zero[0], axes[1] + zero[1]), self.south)
+            if apart_deg((hour_angle, dec), (hour_angle_deg, dec_deg)) <= AGREES_DEG:
+                return zero
+        raise RefusedError(
+            "The motor counters match no home position, so the pier side is unknown. Point the tube at "
+            "the pole, counterweight down, and connect with home confirmed (--home now)."
+        )
+
+    def require_home(self) -> None:
+        """Raise while the home is not confirmed."""
+        if not self.home_confirmed:
+            raise RefusedError(CONFIRM_HOME)
+
+    def identify(self) -> str:
+        """The board's version."""
+        major, minor = int(self.version[:2], 16), int(self.version[2:4], 16)
+        return f"Sky-Watcher motor board, version {major}.{minor:02d}"
+
+    def position(self) -> Pointing:
+        """From the encoders, the site and the clock."""
+        self.watchdog.check()
+        self.continue_motion()
+        hour_angle, dec, _ = to_sky(self.axes(), self.south)
+        return Pointing((self.sidereal() - hour_angle) % 360.0, dec, self.epoch)
+
+    def state(self) -> MountState:
+        """Slewing until the target is reached."""
+        self.continue_motion()
+        return MountState(
+            slewing=self.target_deg is not None,
+            tracking=self.tracking,
+            pier_side=self.side() if self.home_confirmed else None,
+            home_confirmed=self.home_confirmed,
+        )
+
+    def sync(self, ra_deg: float, dec_deg: float) -> None:
+        """Keep the difference of the axes; the first one confirms home, where the counters fit."""
+        hour_angle = wrapped(self.sidereal() - ra_deg)
+        if not self.home_confirmed:
+            self.offset_deg = self.offset_from_sky(hour_angle, dec_deg)
+            self.home_confirmed = True
+        wanted = to_axes(hour_angle, dec_deg, self.side(), self.south)
+        first, second = (wrapped(w - a) for w, a in zip(wanted, self.axes(), strict=True))
+        self.offset_deg = self.offset_deg[0] + first, self.offset_deg[1] + second
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """Both motors to where the target will be."""
+        self.require_home()
+        since = self.talk.stops
+        self.aim(ra_deg, dec_deg, 0.0)  # refuses before anything moves
+        self.approaches = 0
+        self.approach(ra_deg, dec_deg, since)
+        self.target_deg = (ra_deg, dec_deg)
+        self.tracking = True
+        if since != self.talk.stops:  # the Stop came while the motors were being started
+            self.target_deg, self.tracking = None, False
+
+    def aim(self, ra_deg: float, dec_deg: float, ahead_s: float) -> Degrees:
+        """Axes that will point there in ``ahead_s``, with the counterweight down."""
+        hour_angle = wrapped(self.sidereal() + ahead_s * SIDEREAL_DEG_S - ra_deg)
+        wanted = to_axes(hour_angle, dec_deg, natural_side(hour_angle), self.south)
+        if abs(wanted[0]) > REACH_DEG:
+            raise RefusedError(f"The RA axis would turn to {wanted[0]:.0f}°, beyond its limit.")
+        return wanted
+
+    def approach(self, ra_deg: float, dec_deg: float, since: int) -> None:
+        """Turn both motors by what is left."""
+        for motor in self.motors:
+            motor.ensure_stopped()
+        axes = self.axes()
+        wanted = self.aim(ra_deg, dec_deg, 0.0)
+        longest = max(abs(w - a) for w, a in zip(wanted, axes, strict=True))
+        ahead = longest / SLEW_DEG_S + 0.3 if longest > 0.1 else 0.1
+        wanted = self.aim(ra_deg, dec_deg, ahead)
+        for motor, to, axis in zip(self.motors, wanted, axes, strict=True):
+            motor.turn_by(to - axis, since)
+
+    def continue_motion(self) -> None:
+        """Finish a slew whose motors have stopped; resume tracking after a move."""
+        if self.watchdog.moving:
+            return
+        with suppress(StoppedError):  # a question for the position must not raise the Stop of a motion
+            self.finish_slew()
+
+    def finish_slew(self) -> None:
+        """The rest of the slew, then tracking; a Stop meanwhile is `StoppedError`."""
+        since = self.talk.stops
+        target = self.target_deg
+        if target is not None:
+            if any(motor.status().running for motor in self.motors):
+                return
+            self.approaches += 1
+            left = max(abs(w - a) for w, a in zip(self.aim(*target, 0.0), self.axes(), strict=True))
+            if left > CLOSE_DEG and self.approaches < APPROACHES:
+                self.approach(*target, since)
+                return
+            self.target_deg = None
+        if self.tracking and not self.motors[0].status().running and since == self.talk.stops:
+            self.motors[0].ensure_stopped()
+            self.motors[0].run(self.sky_rate, since)
+
+    def stop(self) -> None:
+        """Both motors at once; they stand until tracking or a slew is ordered."""
+        self.target_deg, self.tracking = None, False
+        super().stop()
+        self.target_deg, self.tracking = None, False  # another thread may have set them meanwhile
+
+    def stop_commands(self, moved: bool) -> list[Command]:
+        """``L`` on both axes."""
+        return [motor.halt_command(now=True) for motor in self.motors]
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """RA by another period while it tracks, Dec by a short turn."""
+        self.require(Ability.PULSE)
+        since = self.talk.stops
+        seconds = milliseconds / 1000.0
+        if direction in (Direction.NORTH, Direction.SOUTH):
+            self.turn_dec(direction, GUIDE * SIDEREAL_DEG_S, seconds, since)
+            return
+        if not self.motors[0].status().running:
+            raise RefusedError("A guide pulse in right ascension needs the mount to track.")
+        motor, factor = self.motors[0], 1.0 + GUIDE if direction is Direction.WEST else 1.0 - GUIDE
+        self.bounded(direction, seconds, motor.rate_command(self.sky_rate))
+        self.talk.send_now(motor.rate_command(self.sky_rate * factor))
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """At the nearest rate, on top of tracking, which resumes at the next question."""
+        since = self.talk.stops
+        rate = self.rates_deg_s[self.nearest_rate(rate_deg_s)]
+        if rate * seconds > NUDGE_DEG:
+            self.require_home()
+        if direction in (Direction.NORTH, Direction.SOUTH):
+            self.turn_dec(direction, rate, seconds, since)
+            return
+        motor = self.motors[0]
+        over_sky = rate if direction is Direction.WEST else -rate
+        sky = self.sky_rate if self.tracking else 0.0
+        motor.ensure_stopped()
+        self.bounded(direction, seconds, motor.halt_command())
+        motor.run(sky + (-over_sky if self.south else over_sky), since)
+
+    def turn_dec(self, direction: Direction, rate_deg_s: float, seconds: float, since: int) -> None:
+        """The second motor for a bounded time."""
+        north = direction is Direction.NORTH
+        sign = 1.0 if north is (self.side() is PierSide.WEST) else -1.0
+        motor = self.motors[1]
+        motor.ensure_stopped()
+        self.bounded(direction, seconds, motor.halt_command())
+        motor.run(sign * rate_deg_s, since)
+
+    def track(self, on: bool) -> None:
+        """Sidereal rate on the first motor."""
+        since = self.talk.stops
+        self.tracking = on
+        self.motors[0].ensure_stopped()
+        if on:
+            self.motors[0].run(self.sky_rate, since)
+
+    def axes(self) -> Degrees:
+        """Both angles with the offset of the last sync."""
+        first, second = (motor.angle_deg() for motor in self.motors)
+        return first + self.offset_deg[0], second + self.offset_deg[1]
+
+    def side(self) -> PierSide:
+        """The side of the pier."""
+        return to_sky(self.axes(), self.south)[2]
+
+    def sidereal(self) -> float:
+        """Local sidereal time by our clock."""
+        assert self.site is not None
+        return sidereal_deg(self.site, self.clock())
+
+
+def altaz_objection(code: int, equatorial: bool) -> str:
+    """Why this board must not be driven as an equatorial mount; empty when it may.
+
+    ``equatorial`` is the user's word for a board whose code does not show it.
+    """
+    if code in protocol.ALT_AZIMUTH:
+        return (
+            f"Kochab can't slew this alt-azimuth mount (code 0x{code:02X}) directly: "
+            "use its hand control (--driver synscan)."
+        )
+    if code in protocol.EQUATORIAL or equatorial:
+        return ""
+    if code == protocol.AZ_GTI:
+        return (
+            "Kochab slews an AZ-GTi only in equatorial mode. If yours is on a wedge, connect as "
+            "equatorial (--equatorial)."
+        )
+    return (
+        f"Unknown Sky-Watcher mount (code 0x{code:02X}). If it is an equatorial mount, connect as "
+        "equatorial (--equatorial)."
+    )

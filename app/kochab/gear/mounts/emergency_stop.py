@@ -1,0 +1,208 @@
+"""The emergency stop: what may be moving, Stop, the check that it worked, and the watchdog."""
+
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from math import inf
+from threading import Lock, Timer
+from time import monotonic
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError
+from kochab.core.mount import SIDEREAL_DEG_S, Mount
+from kochab.gear.journal import MotionLog
+
+CANNOT_STOP = "Kochab can't stop the mount: cut its power."
+MAY_STILL_MOVE = "THE MOUNT MAY STILL MOVE: CUT ITS POWER."
+LOOK_S, LOOKS = 0.7, 4  # motors run out of a slew within two seconds
+LONG_S = 4.0  # no more checks after this time: a silent mount is as bad as a moving one
+STILL_DEG = 20.0 / 3600.0  # a mount that rounds to 15 arcsec may jump by that much
+
+logger = logging.getLogger(__name__)
+
+
+class EmergencyStop:
+    """Knows whether the mount may be moving, and stops it; `stop` may be called from any thread.
+
+    It never refers to its guard, so that a guard that is dropped still stops its mount.
+    """
+
+    def __init__(
+        self, mount: Mount, log: MotionLog, clock: Callable[[], datetime], wait: Callable[[float], None]
+    ) -> None:
+        self.mount = mount
+        self.stops = 0  # by the user: no motion that was ordered before is continued
+        self.unfinished = False  # a motion was under way when the line broke
+        self.wait = wait
+        self._log, self._clock = log, clock
+        self._moves_until = 0.0
+        self._sent = self._confirmed = 0  # Stops sent, and those whose effect was checked
+
+    def begin(self, seconds: float) -> None:
+        """A motion lasts at most ``seconds``; ``inf`` until the mount reports its end."""
+        self._moves_until = max(self._moves_until, monotonic() + seconds)
+
+    def end(self) -> None:
+        """Nothing moves any more, except by tracking."""
+        self._moves_until = 0.0
+
+    @property
+    def moving(self) -> bool:
+        """Whether something may be moving now."""
+        return monotonic() < self._moves_until
+
+    @property
+    def endless(self) -> bool:
+        """Whether a motion lasts until the mount reports its end."""
+        return self._moves_until == inf
+
+    def stop(self) -> None:
+        """The user's Stop: now, ahead of everything."""
+        self.stops += 1
+        self.halt()
+
+    def halt(self) -> None:
+        """Send Stop, twice when the first is not answered; `LineLostError` when neither went out."""
+        self._log.add("stop", "sent", journal=False)  # no disk holds up a Stop
+        try:
+            try:
+                self.mount.stop()
+            except NoAnswerError:
+                self.mount.stop()
+        except DeviceError as error:
+            self.unfinished = self.unfinished or self.moving
+            self._log.add("stop", "failed", CANNOT_STOP)
+            raise LineLostError(f"{CANNOT_STOP} ({error})") from error
+        self.end()
+        self._sent += 1
+        logger.info("stop sent")
+
+    def at_exit(self) -> None:
+        """Stop what moves when the program ends or the guard was dropped; never raises."""
+        if self.moving:
+            with suppress(DeviceError):
+                self.mount.stop()
+
+    def reconnect(self, reopen: Callable[[], Mount]) -> None:
+        """Open the line again and, first of all, stop what was moving; no motion is repeated."""
+        self.mount.close()
+        self.mount = reopen()
+        if self.unfinished or self.moving:
+            self.halt()
+            self.unfinished = False
+
+    @property
+    def unconfirmed(self) -> bool:
+        """Whether a Stop was sent and not checked yet."""
+        return self._sent != self._confirmed
+
+    def expect_motion(self) -> None:
+        """A motion begins: no earlier Stop needs to be confirmed."""
+        self._confirmed = self._sent
+
+    def confirm(self) -> None:
+        """Check that the mount stands still after a Stop; send Stop once more when it does not.
+
+        Only for the thread that owns the port; :meth:`stop` never waits for this.
+
+        Raises
+        ------
+        NotStoppedError
+            It still moves, or does not answer, after the second Stop.
+
+        """
+        try:
+            if not self._comes_to_rest():
+                try:
+                    self.halt()
+                finally:  # afterwards: no disk holds up a Stop
+                    self._log.add("stop", "failed", "The mount kept moving after a Stop.")
+                if not self._comes_to_rest():
+                    self._log.add("stop", "failed", MAY_STILL_MOVE)
+                    raise NotStoppedError(f"{MAY_STILL_MOVE} It is still moving after two Stop commands.")
+        finally:
+            self._confirmed = self._sent
+        self._log.add("stop", "done")
+
+    def _comes_to_rest(self) -> bool:
+        """Whether it reports one position twice in a row, and not that it slews."""
+        begun, before = monotonic(), None
+        for look in range(LOOKS):
+            if look:
+                self.wait(LOOK_S)
+            sent, now = monotonic(), self._clock()
+            try:
+                slewing, here = self.mount.state().slewing, self.mount.position()
+            except LineLostError:
+                raise
+            except DeviceError:
+                before = None
+            else:
+                if before is not None and not slewing:
+                    then, at, there = before
+                    passed_s = max(sent - then, (now - at).total_seconds())
+                    moved = apart_deg((here.ra_deg, here.dec_deg), (there.ra_deg, there.dec_deg))
+                    # the position of a mount that does not track drifts at the sidereal rate
+                    if moved <= STILL_DEG + 2.0 * SIDEREAL_DEG_S * passed_s:
+                        return True
+                before = sent, now, here
+            if monotonic() - begun > LONG_S:
+                break
+        return False
+
+
+class Watchdog:
+    """Calls ``halt`` after the time allowed unless the motion was ended before.
+
+    ``halt`` runs in the timer's thread, so it may call only what any thread may call. It is tried
+    three times; :meth:`check` then raises the error.
+    """
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._timers: dict[str, Timer] = {}
+        self.failure: DeviceError | None = None
+
+    def arm(self, name: str, seconds: float, halt: Callable[[], None]) -> None:
+        """Let the motion ``name`` last ``seconds``; arm before the motion begins."""
+        timer = Timer(max(0.0, seconds), self._expire, (name, halt))
+        timer.daemon = True
+        with self._lock:
+            before, self._timers[name] = self._timers.get(name), timer
+        if before is not None:
+            before.cancel()
+        timer.start()
+
+    def disarm(self) -> None:
+        """Every motion has been ended by other means."""
+        with self._lock:
+            timers, self._timers = list(self._timers.values()), {}
+        for timer in timers:
+            timer.cancel()
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion is still allowed to run."""
+        with self._lock:
+            return bool(self._timers)
+
+    def check(self) -> None:
+        """Raise the error of a motion that could not be ended, once."""
+        failure, self.failure = self.failure, None
+        if failure is not None:
+            raise failure
+
+    def _expire(self, name: str, halt: Callable[[], None]) -> None:
+        for _ in range(3):
+            try:
+                halt()
+            except DeviceError as error:
+                self.failure = error
+            else:
+                self.failure = None
+                break
+        if failure := self.failure:  # the journal after all tries: no disk holds them up
+            logger.error("The %s motion could not be ended.", name, exc_info=failure)
+        with self._lock:
+            self._timers.pop(name, None)

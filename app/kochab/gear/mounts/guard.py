@@ -1,0 +1,390 @@
+"""The guard: a mount that moves and syncs only within its limits.
+
+Everything that moves a mount does it through a :class:`Guard`, itself a :class:`~kochab.core.mount.Mount`.
+A motion is planned and allowed by its policy, written into its log, supervised while it lasts, and
+ended by its emergency stop when something goes wrong. Time and site are never sent to a mount.
+"""
+
+import weakref
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from math import inf
+from time import sleep
+from types import TracebackType
+from typing import Generic, NoReturn, Self, TypeVar
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import DeviceError, LineLostError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing
+from kochab.core.progress import Task
+from kochab.gear.journal import MotionLog, utc_now
+from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch, wrapped
+from kochab.gear.mounts.emergency_stop import EmergencyStop
+from kochab.gear.mounts.motion_plan import Limits, Preview, SyncEvidence
+from kochab.gear.mounts.motion_policy import MotionPolicy
+from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, slew_limit_s
+
+OVERRUN, OVERRUN_KNOWN = 4.0, 1.25  # how much further a move may go: rate unknown, or reported
+
+
+T = TypeVar("T")
+
+
+class FromDriver(Generic[T]):
+    """A part of the :class:`~kochab.core.mount.Mount` protocol that the guard leaves to its driver.
+
+    It is read at each use, because :meth:`Guard.reconnect` replaces the driver.
+    """
+
+    def __init__(self, read: Callable[[Mount], T]) -> None:
+        self._read = read
+
+    def __get__(self, guard: "Guard", owner: type) -> T:
+        return self._read(guard.mount)
+
+
+class Guard:
+    """A mount whose motions are limited, supervised and ended.
+
+    ``armed`` allows one sync beyond the largest step. ``reopen`` opens the same mount again after
+    the line was lost; see :meth:`reconnect`.
+    """
+
+    def __init__(
+        self,
+        mount: Mount,
+        site: Site | None = None,
+        limits: Limits | None = None,
+        clock: Callable[[], datetime] = utc_now,
+        log: MotionLog | None = None,
+        reopen: Callable[[], Mount] | None = None,
+        wait: Callable[[float], None] = sleep,
+    ) -> None:
+        self.clock = clock
+        self.log = log or MotionLog(clock=clock)
+        self.armed = False
+        self.policy = MotionPolicy(site, limits or Limits(), clock)
+        self.emergency = EmergencyStop(mount, self.log, clock, wait)
+        self.supervisor = SlewSupervisor(self.emergency, self.log, clock)
+        self._reopen = reopen
+        self._sync_shift_deg: tuple[float, float] | None = None  # what takes the last sync back
+        self._finalizer = weakref.finalize(self, self.emergency.at_exit)
+
+    # -- questions ------------------------------------------------------------------------------
+
+    @property
+    def site(self) -> Site | None:
+        """The site of the mount, for the horizon and the meridian; never sent."""
+        return self.policy.site
+
+    @site.setter
+    def site(self, site: Site | None) -> None:
+        self.policy.site = site
+
+    @property
+    def limits(self) -> Limits:
+        """What its motions may do."""
+        return self.policy.limits
+
+    @limits.setter
+    def limits(self, limits: Limits) -> None:
+        self.policy.limits = limits
+
+    @property
+    def mount(self) -> Mount:
+        """The driver behind the guard; only for questions."""
+        return self.emergency.mount
+
+    name = FromDriver(lambda driver: driver.name)
+    epoch = FromDriver(lambda driver: driver.epoch)
+    lacks = FromDriver(lambda driver: driver.lacks)
+    blind_stop = FromDriver(lambda driver: driver.blind_stop)
+    rates_deg_s = FromDriver(lambda driver: driver.rates_deg_s)
+    identify = FromDriver(lambda driver: driver.identify)
+    altaz_deg = FromDriver(lambda driver: driver.altaz_deg)
+    site_report = FromDriver(lambda driver: driver.site_report)
+
+    def position(self) -> Pointing:
+        """Where it says it points; `StrayedError` when it left its path and was stopped."""
+        return self.supervisor.position()
+
+    def position_icrs(self) -> tuple[float, float]:
+        """Where it says it points, ICRS degrees."""
+        return from_mount_epoch(self.position(), self.clock())
+
+    def state(self) -> MountState:
+        """State of the mount; while it moves its position is checked, too."""
+        return self.supervisor.state()
+
+    def to_mount(self, ra_deg: float, dec_deg: float) -> tuple[float, float]:
+        """ICRS degrees in the mount's epoch, now."""
+        return to_mount_epoch(ra_deg, dec_deg, self.epoch, self.clock())
+
+    def rate_deg_s(self, wanted_deg_s: float) -> float:
+        """The rate the mount would really use, when its driver reports its rates."""
+        return min(self.rates_deg_s, key=lambda r: abs(r - wanted_deg_s), default=wanted_deg_s)
+
+    def epoch_doubt(self) -> str:
+        """One sentence when the mount's own altitude and azimuth speak for the other epoch."""
+        found = reported_epoch(self.mount)
+        if found is None or found is self.epoch:
+            return ""
+        option = "J2000" if found is Epoch.J2000 else "date"
+        return (
+            f"The mount's altitude and azimuth show that its coordinates are {found}, not {self.epoch}. "
+            f"Choose the epoch {option} (--epoch {option})."
+        )
+
+    # -- syncs: on evidence, read back, and taken back on request -------------------------------
+
+    def preview_sync(
+        self, ra_deg: float, dec_deg: float, evidence: SyncEvidence | None = None, by_hand: bool = False
+    ) -> Preview:
+        """What a sync to the mount's own coordinates would do; nothing changes."""
+        to_deg = (ra_deg, dec_deg)
+        return self.policy.sync(self.position(), self.state(), to_deg, evidence, by_hand, self.armed)
+
+    def sync(
+        self,
+        ra_deg: float,
+        dec_deg: float,
+        evidence: SyncEvidence | None = None,
+        *,
+        by_hand: bool = False,
+        confirmed: bool = False,
+    ) -> None:
+        """Sync on two agreeing solves, or ``by_hand`` on the user's word, and read it back.
+
+        Raises
+        ------
+        RefusedError
+            A rule forbids it, it needs confirmation (``confirmed``), or the mount did not take it:
+            then an offset slew does the same without a sync.
+
+        """
+        self._require_ability(Ability.SYNC)
+        preview = self.preview_sync(ra_deg, dec_deg, evidence, by_hand)
+        self._require_allowed(preview, confirmed)
+        guessed = self.state().home_confirmed is False
+        self._sync(ra_deg, dec_deg)
+        shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
+        self._sync_shift_deg = None if guessed else shift  # a guess is nothing to go back to
+        self.armed = False
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a sync to take back."""
+        return self._sync_shift_deg is not None
+
+    def undo_sync(self) -> None:
+        """Take back the last sync, wherever the mount has gone since."""
+        if self._sync_shift_deg is None:
+            raise RefusedError("No sync to undo.")
+        here = self.position()
+        ra = (here.ra_deg + self._sync_shift_deg[0]) % 360.0
+        dec = min(90.0, max(-90.0, here.dec_deg + self._sync_shift_deg[1]))
+        self._require_allowed(self.policy.sync(here, self.state(), (ra, dec), by_hand=True, armed=True), True)
+        self._sync(ra, dec)
+        self._sync_shift_deg = None
+
+    def _sync(self, ra_deg: float, dec_deg: float) -> None:
+        self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump
+        self._send("sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg)
+        here = self.position()
+        away = 3600.0 * apart_deg((here.ra_deg, here.dec_deg), (ra_deg, dec_deg))
+        if away > self.limits.read_back_arcsec:
+            sentence = (
+                f"The mount ignored the sync, still off by {away / 60.0:.1f}′. Slew by the offset instead."
+            )
+            self.log.add("sync", "failed", sentence)
+            raise RefusedError(sentence)
+        self.log.add("sync", "done", detail={"read_back_arcsec": away})
+
+    # -- motions --------------------------------------------------------------------------------
+
+    def preview_goto(self, ra_deg: float, dec_deg: float) -> Preview:
+        """What a goto to the mount's own coordinates would do; nothing moves."""
+        return self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))[1]
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """Begin a slew that every rule allows; see :meth:`slew` for one that is waited for."""
+        self._begin_slew(ra_deg, dec_deg)
+
+    def slew(self, ra_deg: float, dec_deg: float) -> Task[Pointing]:
+        """Go to the mount's own coordinates and wait until it is there.
+
+        The mount is stopped when it takes too long, does not answer, leaves its path or the
+        limits, or when the task is cancelled or fails.
+        """
+        limit_s = self._begin_slew(ra_deg, dec_deg)
+        there = False
+        try:
+            result = yield from self.supervisor.arrival((ra_deg, dec_deg), limit_s)
+            there = True
+        except LineLostError:
+            self.emergency.unfinished = True
+            raise
+        finally:
+            if not there:
+                self.halt()
+        self.emergency.end()
+        self.log.add("goto", "done")
+        return result
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """Guide for a bounded time."""
+        self._require_ability(Ability.PULSE)
+        longest = self.limits.longest_pulse_ms
+        if not 0 < milliseconds <= longest:
+            self._refuse("pulse", f"A guide pulse of {milliseconds} ms is out of range: 1 to {longest} ms.")
+        seconds = milliseconds / 1000.0
+        self._send(
+            "pulse",
+            seconds + 0.5,
+            lambda: self.mount.pulse(direction, milliseconds),
+            self._allowed_move("pulse", direction, 0.008, seconds),
+            direction=str(direction),
+            milliseconds=milliseconds,
+        )
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """Move for a bounded time, over a bounded angle."""
+        self._require_ability(Ability.MOVE)
+        rate = self.rate_deg_s(rate_deg_s)
+        longest_s, longest_deg = self.limits.longest_move_s, self.limits.longest_move_deg
+        if not 0.0 < seconds <= longest_s:
+            self._refuse("move", f"A move of {seconds:g} s is out of range: at most {longest_s:g} s.")
+        if not 0.0 < rate * seconds <= longest_deg:
+            sentence = f"A move of {rate * seconds:.1f}° is out of range: at most {longest_deg:g}°."
+            self._refuse("move", sentence)
+        self._send(
+            "move",
+            seconds + 2.0,
+            lambda: self.mount.move(direction, rate_deg_s, seconds),
+            self._allowed_move("move", direction, rate, seconds),
+            direction=str(direction),
+            rate_deg_s=rate,
+            seconds=seconds,
+        )
+
+    def track(self, on: bool) -> None:
+        """Sidereal tracking on or off."""
+        self._require_ability(Ability.TRACKING)
+        if on and self.state().parked:
+            self._refuse("track", "The mount is parked: unpark it before it tracks.")
+        self._send("track", 0.0, lambda: self.mount.track(on), on=int(on))
+
+    def _begin_slew(self, ra_deg: float, dec_deg: float) -> float:
+        """Send a goto; in how many seconds it must have ended."""
+        self._require_ability(Ability.GOTO)
+        plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))
+        self._require_allowed(preview, confirmed=True)
+        motion = SupervisedMotion(plan, allowed_region(plan))
+        detail = {"ra_deg": ra_deg, "dec_deg": dec_deg}
+        self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, **detail)
+        return slew_limit_s(plan)
+
+    def _allowed_move(
+        self, action: str, direction: Direction, rate_deg_s: float, seconds: float
+    ) -> SupervisedMotion:
+        """Check where a move or pulse ends at the latest; what is then supervised."""
+        here, angle = self.position(), rate_deg_s * seconds
+        overrun = OVERRUN_KNOWN if self.rates_deg_s else OVERRUN
+        plan, preview, region = self.policy.move(action, here, self.state(), direction, angle, overrun)
+        self._require_allowed(preview, confirmed=True)
+        return SupervisedMotion(plan, region)
+
+    # -- stop, reconnect, close -----------------------------------------------------------------
+
+    @property
+    def stops(self) -> int:
+        """How often the user has stopped everything; see :meth:`check_not_stopped`."""
+        return self.emergency.stops
+
+    def stop(self) -> None:
+        """The user's Stop: now, ahead of everything, from any thread; tried twice."""
+        self.emergency.stop()
+
+    def halt(self) -> None:
+        """The same, for the program's own reasons, such as a slew that failed."""
+        self.emergency.halt()
+
+    def check_not_stopped(self, stops: int, what: str) -> None:
+        """Raise when the motion ``what`` that began at the count ``stops`` was stopped since."""
+        self.supervisor.check_not_stopped(stops, what)
+
+    def reconnect(self) -> None:
+        """Open the line again and, first of all, stop what was moving; repeat no motion."""
+        if self._reopen is None:
+            raise LineLostError("Connection to the mount lost. Reconnect.")
+        self.emergency.reconnect(self._reopen)
+
+    def close(self) -> None:
+        """Stop what moves and give the port back; never raises."""
+        if self.emergency.moving:
+            with suppress(DeviceError):
+                self.stop()
+        self._finalizer.detach()
+        self.mount.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if self.emergency.unconfirmed and not isinstance(error, LineLostError):
+                self.emergency.confirm()
+        finally:
+            self.close()
+
+    # -- sending --------------------------------------------------------------------------------
+
+    def _require_ability(self, ability: Ability) -> None:
+        if ability in self.lacks:
+            raise RefusedError(self.lacks[ability])
+
+    def _require_allowed(self, preview: Preview, confirmed: bool) -> None:
+        if preview.refusals:
+            self._refuse(preview.action, preview.refusals[0])
+        if preview.confirmations and not confirmed:
+            self._refuse(preview.action, preview.confirmations[0])
+
+    def _refuse(self, action: str, sentence: str) -> NoReturn:
+        self.log.add(action, "refused", sentence)
+        raise RefusedError(sentence)
+
+    def _send(
+        self,
+        action: str,
+        lasts_s: float,
+        do: Callable[[], None],
+        motion: SupervisedMotion | None = None,
+        **detail: float | str,
+    ) -> None:
+        """Send once; stop when the reply does not show what the mount does; never repeat."""
+        self.log.add(action, "sent", detail=detail)
+        if action != "sync":
+            self.emergency.expect_motion()
+        if lasts_s:
+            self.supervisor.begin(motion)
+            self.emergency.begin(lasts_s)
+        try:
+            do()
+        except RefusedError as error:
+            if lasts_s:
+                self.emergency.end()
+            self.log.add(action, "failed", str(error))
+            raise
+        except DeviceError as error:
+            try:
+                if lasts_s:
+                    self.emergency.unfinished = True
+                    self.halt()
+                    self.emergency.unfinished = False
+            finally:  # afterwards: no disk holds up a Stop
+                self.log.add(action, "failed", str(error))
+            raise

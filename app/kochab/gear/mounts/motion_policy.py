@@ -1,0 +1,337 @@
+"""The rules of motion: what a plan must satisfy before a byte is sent, one function a risk."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import datetime
+from itertools import combinations
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
+from kochab.core.frame import Site
+from kochab.core.mount import CONFIRM_HOME, Direction, Epoch, MountState, PierSide, Pointing
+from kochab.gear.mounts.coordinates import altitude_deg, from_mount_epoch, of_date, sun_vector, to_mount_epoch
+from kochab.gear.mounts.motion_plan import (
+    Degrees,
+    Limits,
+    Plan,
+    Preview,
+    RuleFinding,
+    SyncEvidence,
+    by_axes,
+    confirm,
+    great_circle,
+    over_the_pole,
+    preview_of,
+    refuse,
+    turned,
+    warn,
+)
+
+Findings = Iterator[RuleFinding]
+
+
+def readiness(plan: Plan) -> Findings:
+    """Refuse when the mount is parked, moves already, is not aligned, or its home is not confirmed."""
+    if plan.state.parked:
+        yield refuse(f"The mount is parked: unpark it before a {plan.action}.")
+    if plan.state.slewing and plan.action != "pulse":
+        yield refuse(f"The mount is slewing: wait or stop it before a {plan.action}.")
+    if plan.state.aligned is False:
+        yield refuse("The mount is not aligned: do its alignment on the hand control first.")
+    if plan.state.home_confirmed is False and plan.action == "goto":
+        yield refuse(CONFIRM_HOME)
+    if plan.state.home_confirmed is False and plan.action == "sync" and plan.by_hand:
+        yield refuse(
+            "The mount's home is not confirmed: only a solved frame can do that, or you when "
+            "you connect (--home now)."
+        )
+
+
+def slew_length(plan: Plan) -> Findings:
+    """Refuse a slew beyond the cap: a longer one is a mistake."""
+    cap = plan.limits.longest_slew_deg
+    if not plan.distance_deg <= cap:  # refuses a distance that is not a number, too
+        yield refuse(f"The slew of {plan.distance_deg:.1f} deg is longer than the {cap:g} allowed.")
+
+
+# -- Pier, tripod and ground: altitude and hour angle along the whole path ---------------------
+
+SLACK_DEG = 0.05
+
+
+def horizon(plan: Plan) -> Findings:
+    """Refuse a target or a path outside the altitudes and hour angles allowed.
+
+    A telescope that is too low already may go up, never further down.
+    """
+    if plan.site is None:
+        if plan.limits.allow_without_site or plan.action == "pulse":
+            yield warn("No site set: the horizon limit is off.")
+        else:
+            yield refuse(f"No site set, so no horizon limit. Set the site before a {plan.action}.")
+        return
+    ends = altitude_deg(np.stack([plan.start, plan.target]), plan.site, plan.time_utc)
+    start, target = float(ends[0]), float(ends[1])
+    if plan.action != "sync":
+        yield from _altitudes(plan, plan.site, start, target)
+        yield from _hour_angles(plan)
+    elif not target >= 0.0:
+        yield refuse(
+            f"The sync is refused: that place is {-target:.1f} deg below the horizon; "
+            "check the site, the time and the solve."
+        )
+
+
+def _altitudes(plan: Plan, site: Site, start: float, target: float) -> Findings:
+    low, high = plan.limits.lowest_altitude_deg, plan.limits.highest_altitude_deg
+    leaving = plan.action in ("move", "pulse")  # these may creep back into the allowed range
+    if target < low and not (leaving and target >= start):
+        yield refuse(f"The target is {target:.1f} deg high, the limit is {low:g} deg.")
+        return
+    if target > high and not (leaving and target <= start):
+        yield refuse(f"The target is {target:.1f} deg high, the upper limit is {high:g} deg.")
+        return
+    for path in plan.paths:
+        along = altitude_deg(path, site, plan.time_utc)
+        bottom, top = float(along.min()), float(along.max())
+        if bottom < min(low, start) - SLACK_DEG:
+            yield refuse(f"The path would dip to {bottom:.1f} deg, the limit is {low:g} deg.")
+            return
+        if top > max(high, start) + SLACK_DEG:
+            yield refuse(f"The path would rise to {top:.1f} deg, the limit is {high:g} deg.")
+            return
+
+
+def _hour_angles(plan: Plan) -> Findings:
+    east, west = plan.limits.hour_angle_deg
+    ends = plan.hour_angles_deg()
+    if ends is None or (east <= -180.0 and west >= 180.0):
+        return
+    along, start = plan.path_hour_angles_deg(), ends[0]
+    lowest, highest = float(along.min()), float(along.max())
+    too_far_east = lowest < min(east, start) - SLACK_DEG
+    if too_far_east or highest > max(west, start) + SLACK_DEG:
+        yield refuse(
+            f"The path reaches hour angle {(lowest if too_far_east else highest) / 15:+.1f} h, "
+            f"the limits are {east / 15:+.1f} to {west / 15:+.1f} h."
+        )
+
+
+def sun(plan: Plan) -> Findings:
+    """Refuse a path through the cone about the Sun; without a site the Sun is taken to be up.
+
+    A telescope that is inside the cone already may leave it, but not come nearer.
+    """
+    towards = sun_vector(plan.time_utc)
+    if plan.site is not None:
+        height = float(altitude_deg(np.atleast_2d(towards), plan.site, plan.time_utc)[0])
+        if height <= plan.limits.sun_up_deg:
+            return
+    cone = plan.limits.sun_cone_deg
+    start = separation_deg(plan.start, towards)
+    target = separation_deg(plan.target, towards)
+    leaving = plan.action in ("move", "pulse") and target >= start
+    if target < cone and not leaving:
+        yield refuse(f"The target is {target:.0f} deg from the Sun, nearer than {cone:g} deg.")
+        return
+    for path in plan.paths:
+        nearest = float(np.degrees(np.arccos(np.clip(path @ towards, -1.0, 1.0))).min())
+        if nearest < min(cone, start) - SLACK_DEG:
+            yield refuse(f"The path passes {nearest:.0f} deg from the Sun, nearer than {cone:g}.")
+            return
+
+
+# -- The meridian: where a German mount changes the side of its pier ---------------------------
+
+ACROSS = (
+    "The sync would move the mount across the meridian, to the other pier side. Slew away from the "
+    "meridian first. For a fork or wedge, set Meridian (--fork)."
+)
+
+
+def crosses(plan: Plan) -> bool:
+    """Whether start and target lie on different sides of the meridian."""
+    ends = plan.hour_angles_deg()
+    return ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0)
+
+
+def flip(plan: Plan) -> Findings:
+    """Refuse a slew across the meridian unless the user has allowed the flip."""
+    if plan.limits.crosses_meridian or not crosses(plan):
+        return
+    if plan.limits.allow_flip:
+        yield warn("The mount will flip to the other side of its pier: watch the cables.")
+    elif plan.state.pier_side is None:
+        yield warn("The path crosses the meridian: a German mount would flip there.")
+    else:
+        yield refuse(
+            f"The path crosses the meridian and would flip the mount from the {plan.state.pier_side}"
+            " side of its pier. Choose a target on this side, or allow the flip (Meridian in the"
+            " Mount view, or --allow-flip). For a fork or wedge, use --fork."
+        )
+
+
+def sync_across_meridian(plan: Plan) -> Findings:
+    """Refuse a sync across the meridian: the mount would believe in the other pier side."""
+    if not plan.limits.crosses_meridian and crosses(plan):
+        yield refuse(ACROSS)
+    if abs(plan.target_deg[1]) > plan.limits.near_pole_deg:
+        yield warn(
+            f"At declination {plan.target_deg[1]:+.1f}° a sync hardly corrects right ascension. "
+            "Sync again farther from the pole."
+        )
+
+
+EAST_MOST_DEG = -270.0  # past the lower meridian counts on from there
+
+
+def past_meridian(plan: Plan) -> Findings:
+    """Refuse a move that carries the telescope too far past the meridian on its side of the pier.
+
+    A move never flips a German mount: it runs into its pier. Only where the mount reports the
+    side: west of the pier it looks at the eastern sky. What is too far already may come back, and
+    a mount that reports no side may be a fork.
+    """
+    side, limit = plan.state.pier_side, plan.limits.past_meridian_deg
+    turns_dec = abs(plan.target_deg[1] - plan.start_deg[1]) > SLACK_DEG
+    if plan.limits.crosses_meridian or side is None or plan.site is None or turns_dec:
+        return
+    along = np.degrees(np.unwrap(np.radians(plan.path_hour_angles_deg())))
+    past = along if side is PierSide.WEST else -along
+    past -= 360.0 * np.floor((past[0] - EAST_MOST_DEG) / 360.0)  # begins in [-270, 90)
+    start = max(float(past[0]), float(-180.0 - past[0]))
+    worst = max(float(past.max()), float(-180.0 - past.min()))  # the upper, the lower meridian
+    if not worst <= max(limit, start) + SLACK_DEG:
+        yield refuse(
+            f"The move would take the telescope {worst:.0f}° past the meridian on the {side} side of"
+            f" the pier, where it may hit the pier (limit {limit:g}°). Start farther from the meridian,"
+            " or move the other way. For a fork or wedge, set Meridian in the Mount view (--fork)."
+        )
+
+
+# -- A sync on a wrong solution: its size, two solves that agree, and their residuals ----------
+
+
+def sync_step(plan: Plan) -> Findings:
+    """Refuse beyond the largest step; ask beyond the smaller one."""
+    limits, step = plan.limits, plan.distance_deg
+    guessed = plan.state.home_confirmed is False  # the step is from a guess: it proves nothing
+    if step > limits.refuse_sync_deg and not plan.armed and not guessed:
+        yield refuse(
+            f"The sync would shift the mount by {step:.1f}°, more than {limits.refuse_sync_deg:g}°. "
+            "If you are sure, allow it (--arm)."
+        )
+    elif step > limits.confirm_sync_deg:
+        yield confirm(f"The sync would shift the mount by {step:.1f} deg: confirm it.")
+
+
+def sync_evidence(plan: Plan) -> Findings:
+    """Refuse a sync that no two good solves agree on; a value that is not a number fails."""
+    e, limits = plan.evidence, plan.limits
+    if plan.by_hand:
+        return
+    if e is None or len(e.centres_deg) < 2:
+        count = 0 if e is None else len(e.centres_deg)
+        yield refuse(f"A sync needs two solves that agree, not {count}. Take another frame.")
+        return
+    if not len(e.centres_deg) == len(e.rms_px) == len(e.log10_false_alarm):
+        yield refuse("The solves for the sync are incomplete. Solve again.")
+        return
+    allowed = limits.solves_agree_arcsec
+    centres = [unit_vectors(*centre) for centre in e.centres_deg]
+    target = unit_vectors(*plan.target_icrs_deg)
+    apart = max(separation_deg(a, b) for a, b in combinations(centres, 2)) * 3600.0
+    away = min(separation_deg(target, centre) for centre in centres) * 3600.0
+    if not apart <= allowed:
+        yield refuse(f"The solves differ by {apart:.0f}″ (limit {allowed:g}″). Wait, then solve again.")
+    elif not away <= allowed:
+        yield refuse(f"The sync is {away:.0f}″ from the solved position. Solve again.")
+    rms_px, false_alarm = max(e.rms_px), max(e.log10_false_alarm)
+    if not rms_px <= limits.worst_rms_px:
+        yield refuse(f"The solve's residual is {rms_px:.1f} px (limit {limits.worst_rms_px:g} px).")
+    if not false_alarm <= limits.worst_log10_false_alarm:
+        yield refuse(
+            f"Possible chance match: 10^{false_alarm:.0f} "
+            f"(limit 10^{limits.worst_log10_false_alarm:g}). Solve a better frame."
+        )
+
+
+MOTION_RULES = (readiness, slew_length, horizon, sun, flip)
+MOVE_RULES = (readiness, horizon, past_meridian, sun)
+SYNC_RULES = (readiness, sync_step, sync_evidence, horizon, sync_across_meridian)
+
+
+class MotionPolicy:
+    """Plans motions and syncs and checks the rules; positions in the mount's own epoch."""
+
+    def __init__(self, site: Site | None, limits: Limits, clock: Callable[[], datetime]) -> None:
+        self.site, self.limits, self.clock = site, limits, clock
+
+    def goto(self, here: Pointing, state: MountState, to_deg: Degrees) -> tuple[Plan, Preview]:
+        """A slew, and its preview by the rules."""
+        plan = with_paths(self.plan("goto", here, state, to_deg))
+        return plan, preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, MOTION_RULES)
+
+    def move(
+        self,
+        action: str,
+        here: Pointing,
+        state: MountState,
+        direction: Direction,
+        angle_deg: float,
+        overrun: float,
+    ) -> tuple[Plan, Preview, Floats]:
+        """A move or pulse, its preview, and where it may be seen: ``overrun`` times as far."""
+        still = self.plan(action, here, state, (here.ra_deg, here.dec_deg))
+        plan = with_move(still, direction, angle_deg)
+        (region,) = with_move(plan, direction, overrun * angle_deg).paths
+        return plan, preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES), region
+
+    def sync(
+        self,
+        here: Pointing,
+        state: MountState,
+        to_deg: Degrees,
+        evidence: SyncEvidence | None = None,
+        by_hand: bool = False,
+        armed: bool = False,
+    ) -> Preview:
+        """What a sync would do."""
+        plan = self.plan("sync", here, state, to_deg)
+        plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=armed)
+        return preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, SYNC_RULES)
+
+    def plan(self, action: str, here: Pointing, state: MountState, to_deg: Degrees) -> Plan:
+        """From ``here`` to a place in the same epoch, without its paths yet."""
+        now = self.clock()
+        target_icrs = from_mount_epoch(Pointing(*to_deg, here.epoch), now)
+        return Plan(
+            start_deg=of_date(here, now),
+            target_deg=to_mount_epoch(*target_icrs, Epoch.DATE, now),
+            target_icrs_deg=target_icrs,
+            state=state,
+            limits=self.limits,
+            time_utc=now,
+            site=self.site,
+            action=action,
+        )
+
+
+def with_paths(plan: Plan) -> Plan:
+    """The paths a slew may take; over the pole only when a flip is allowed and due."""
+    start, target = plan.start_deg, plan.target_deg
+    paths = [great_circle(start, target), by_axes(start, target)]
+    if plan.limits.allow_flip and plan.state.pier_side is not None and crosses(plan):
+        north = plan.site is None or plan.site.latitude_deg >= 0.0
+        paths.append(over_the_pole(start, target, north))
+    return replace(plan, paths=tuple(paths))
+
+
+def with_move(plan: Plan, direction: Direction, angle_deg: float) -> Plan:
+    """A turn of one axis by so much, its end the target."""
+    turn_deg = angle_deg if direction in (Direction.EAST, Direction.NORTH) else -angle_deg
+    in_dec = direction in (Direction.NORTH, Direction.SOUTH)
+    path = turned(plan.start_deg, *((0.0, turn_deg) if in_dec else (turn_deg, 0.0)))
+    return replace(plan, target_deg=radec_deg(path[-1]), paths=(path,))

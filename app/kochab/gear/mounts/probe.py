@@ -1,0 +1,178 @@
+"""The serial ports of this computer, and the mount on each, found by questions only.
+
+No byte that moves anything is sent, nor one that could begin such a command on a device of another
+make: NexStar is asked first because the commands of other makes contain its one-letter commands
+(``R`` in ``:GR#`` begins a goto there).
+"""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+from kochab.core.errors import DeviceError, NoAnswerError, PortError
+from kochab.core.progress import Progress, Task
+from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
+from kochab.gear.mounts.serial_line import Conversation, Link, SerialLink, exactly, until
+
+PATIENCE_S = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The mount on a port, or what to do; ``advice`` may come with a mount as well."""
+
+    port: str = ""
+    driver: str = ""
+    baud: int = 0
+    name: str = ""
+    advice: str = ""
+
+    @property
+    def found(self) -> bool:
+        """Whether a mount answered."""
+        return bool(self.driver)
+
+
+def ask_nexstar(talk: Conversation) -> Diagnosis:
+    """Echo, version, alignment."""
+    echo = b"K\x40"
+    talk.ask(echo, exactly(2, PATIENCE_S), lambda reply: nexstar.parse_echo(reply, echo[1:]))
+    version = talk.ask(nexstar.VERSION, nexstar.read_version(PATIENCE_S), nexstar.parse_version)
+    driver, maker = ("synscan", "SynScan") if len(version) == 3 else ("nexstar", "NexStar")
+    aligned = talk.ask(nexstar.ALIGNED, exactly(2, PATIENCE_S), nexstar.parse_flag)
+    advice = "" if aligned else "It is not aligned: do its alignment on the hand control first."
+    name = f"{maker} hand control, version {'.'.join(map(str, version))}"
+    return Diagnosis(driver=driver, name=name, advice=advice)
+
+
+def ask_skywatcher(talk: Conversation) -> Diagnosis:
+    """Version and position of the first motor."""
+    reader = until(b"\r", 16, PATIENCE_S)
+    version = talk.ask(skywatcher.command("e", 0), reader, skywatcher.parse_data)
+    talk.ask(skywatcher.command("j", 0), reader, skywatcher.parse_position)
+    advice = "It stores no site: give --site LAT,LON."
+    return Diagnosis(
+        driver="skywatcher", name=f"Sky-Watcher motor board, version {version[:4]}", advice=advice
+    )
+
+
+def ask_lx200(talk: Conversation) -> Diagnosis:
+    """Declination first, for ``:GR#`` is not sent to an unknown device; then the product's name."""
+    reader = until(b"#", 40, PATIENCE_S)
+    talk.send(b"#")  # ends a question of another make
+    talk.ask(lx200.GET_DEC, reader, lx200.parse_dec)
+    talk.ask(lx200.GET_RA, reader, lx200.parse_ra)
+    product = ""
+    with suppress(NoAnswerError):
+        product = talk.ask(lx200.PRODUCT, reader, lx200.parse_text)
+    driver = "onstep" if "onstep" in product.lower().replace("-", "") else "lx200"
+    return Diagnosis(driver=driver, name=product or "LX200 classic or compatible")
+
+
+def ask_ioptron(talk: Conversation) -> Diagnosis:
+    """Model and position."""
+    talk.send(b"#")
+    model = talk.ask(ioptron.MOUNT_INFO, exactly(4, PATIENCE_S), ioptron.parse_model)
+    talk.ask(ioptron.POSITION, until(b"#", 24, PATIENCE_S), ioptron.parse_position)
+    return Diagnosis(driver="ioptron", name=f"iOptron {model}")
+
+
+Question = Callable[[Conversation], Diagnosis]
+QUESTIONS: tuple[tuple[int, tuple[Question, ...]], ...] = (
+    (9600, (ask_nexstar, ask_skywatcher, ask_lx200)),
+    (115200, (ask_skywatcher, ask_lx200, ask_ioptron)),
+    (230400, (ask_ioptron,)),
+)
+"""Baud rate -> the questions there, in this order."""
+
+ALL = (ask_nexstar, ask_skywatcher, ask_lx200, ask_ioptron)
+
+
+def probe(ports: Iterable[str], opener: Callable[[str, int], Link] = SerialLink) -> Task[list[Diagnosis]]:
+    """Look at every port; a cancel point before each question."""
+    diagnoses: dict[str, Diagnosis] = {}
+    for port in ports:
+        diagnoses[port] = yield from probe_port(port, opener)
+    return list(diagnoses.values())
+
+
+def probe_port(port: str, opener: Callable[[str, int], Link] = SerialLink) -> Task[Diagnosis]:
+    """What is on one port, or the exact thing to do."""
+    network = "://" in port
+    rounds = ((0, ALL),) if network else QUESTIONS
+    for baud, questions in rounds:
+        try:
+            link = opener(port, baud or 9600)
+        except PortError as error:
+            return Diagnosis(port, advice=str(error))
+        try:
+            found = yield from _round(port, baud, questions, Conversation(link))
+        except DeviceError as error:  # the line broke
+            return Diagnosis(port, advice=str(error))
+        finally:
+            link.close()
+        if found is not None:
+            return replace(found, port=port, baud=baud)
+    tried = "" if network else f" at {', '.join(str(baud) for baud, _ in QUESTIONS)} baud"
+    return Diagnosis(
+        port,
+        advice=f"No mount answers on {port}{tried}. Switch the mount on and check its cable. "
+        "Use the computer port, not the guide port.",
+    )
+
+
+def _round(
+    port: str, baud: int, questions: tuple[Question, ...], talk: Conversation
+) -> Task[Diagnosis | None]:
+    for ask in questions:
+        make = ask.__name__.removeprefix("ask_")
+        yield Progress("asking", None, f"{port} for {make}" + (f" at {baud} baud" if baud else ""))
+        with suppress(NoAnswerError):
+            return ask(talk)
+    return None
+
+
+# -- The serial ports of this computer, with a hint from their USB adapter ---------------------
+
+ADAPTERS = {
+    0x0403: "FTDI adapter (EQDIR cables, iOptron)",
+    0x067B: "Prolific adapter (Celestron and SynScan hand controls)",
+    0x1A86: "CH340 adapter (OnStep boards, newer Sky-Watcher mounts)",
+    0x10C4: "Silicon Labs adapter (OnStep on an ESP32, iOptron)",
+    0x2341: "Arduino",
+    0x16C0: "Teensy (OnStep)",
+    0x0483: "STMicroelectronics (mounts with their own USB)",
+    0x04D8: "Microchip (mounts with their own USB)",
+}
+"""USB vendor -> the adapter, and where it is often met; many makes share one."""
+
+MAKERS = ("celestron", "sky-watcher", "skywatcher", "ioptron", "onstep", "meade", "10micron")
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """One port; ``hint`` names what it might be, empty when nothing is known."""
+
+    port: str
+    description: str
+    usb: str = ""
+    hint: str = ""
+
+
+def list_ports() -> list[PortInfo]:
+    """Ports that have a device behind them, those on USB first."""
+    from serial.tools import list_ports as tools
+
+    found = [port_info(p) for p in tools.comports() if p.vid is not None or p.hwid not in ("", "n/a")]
+    return sorted(found, key=lambda p: (not p.usb, p.port))
+
+
+def port_info(port: Any) -> PortInfo:
+    """Description and hint for a port by its USB descriptors (pyserial's ``ListPortInfo``)."""
+    usb_name = " ".join(dict.fromkeys(word for word in (port.manufacturer, port.product) if word))
+    text = usb_name or (port.description if port.description not in (None, "n/a") else "") or "serial port"
+    usb = "" if port.vid is None else f"{port.vid:04x}:{port.pid or 0:04x}"
+    maker = next((m for m in MAKERS if m in f"{text} {port.description}".lower()), None)
+    hint = f"a mount by {maker}" if maker else ADAPTERS.get(port.vid or 0, "")
+    return PortInfo(port.device, text, usb, hint)

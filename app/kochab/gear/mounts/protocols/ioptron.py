@@ -1,0 +1,109 @@
+"""iOptron's RS-232 command language, version 3 (2016 and later mounts)."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from kochab.core.frame import Site
+from kochab.core.mount import Direction, MountState, PierSide
+from kochab.gear.mounts.protocols import code_table, match, require
+from kochab.gear.mounts.serial_line import ProtocolError
+
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+TIME, ALTAZ = b":GUT#", b":GAC#"
+MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
+SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
+TRACK_ON, TRACK_OFF = b":ST1#", b":ST0#"
+HALT_DEC, HALT_RA = b":qD#", b":qR#"
+PARTS_DEG = 360000.0  # 0.01 arcsec
+
+MODELS = code_table(
+    "0010 Cube II, 0025 CEM25, 0026 CEM26, 0027 CEM26-EC, 0028 GEM28, 0029 GEM28-EC, 0033 SmartEQ Pro+, "
+    "0035 SkyGuider Pro, 0040 CEM40, 0041 CEM40-EC, 0043 GEM45, 0044 GEM45-EC, 0045 iEQ45 Pro EQ, "
+    "0046 iEQ45 Pro AA, 0060 CEM60, 0061 CEM60-EC, 0070 CEM70, 0071 CEM70-EC, 0120 CEM120, "
+    "0121 CEM120-EC, 0122 CEM120-EC2, 5010 Cube II EQ, 5035 AZ Mount Pro"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PositionReply:
+    """Reply to ``:GEP#``: degrees of date, and the side of the pier when it is sure."""
+
+    ra_deg: float
+    dec_deg: float
+    pier_side: PierSide | None
+
+
+def set_ra(ra_deg: float) -> bytes:
+    """``:SRA%09d#`` in 0.01 arcsec."""
+    return b":SRA%09d#" % (round(ra_deg % 360.0 * PARTS_DEG) % 129600000)
+
+
+def set_dec(dec_deg: float) -> bytes:
+    """``:Sds%08d#`` in 0.01 arcsec."""
+    parts = round(dec_deg * PARTS_DEG)
+    return b":Sd%s%08d#" % (b"-" if parts < 0 else b"+", abs(parts))
+
+
+def parse_model(reply: bytes) -> str:
+    """The maker's name of a mount, from four digits without ``#``."""
+    code = match(rb"\d{4}", reply, "model of iOptron's")[0].decode()
+    return MODELS.get(int(code), f"model {code}")
+
+
+def parse_position(reply: bytes) -> PositionReply:
+    """``sDDDDDDDDRRRRRRRRRpc#``: Dec, RA, pier side (0 east, 1 west, 2 unsure), counterweight."""
+    found = match(rb"([+-]\d{8})(\d{9})([012])[01]#", reply, "position")
+    dec, ra = int(found[1]) / PARTS_DEG, int(found[2]) / PARTS_DEG
+    require(abs(dec) <= 90.0 and ra <= 360.0, reply, "position on the sky")
+    side = {b"0": PierSide.EAST, b"1": PierSide.WEST}.get(found[3])
+    return PositionReply(ra % 360.0, dec, side)
+
+
+def parse_altaz(reply: bytes) -> tuple[float, float]:
+    """Altitude and azimuth, degrees, of ``sAAAAAAAAZZZZZZZZZ#`` in 0.01 arcsec."""
+    found = match(rb"([+-]\d{8})(\d{9})#", reply, "altitude and azimuth")
+    altitude, azimuth = (int(part) / PARTS_DEG for part in found.groups())
+    require(abs(altitude) <= 90.0 and azimuth <= 360.0, reply, "altitude and azimuth")
+    return altitude, azimuth
+
+
+def parse_status(reply: bytes) -> MountState:
+    """``:GLS#``: sign, longitude 8, latitude 8, then six digits; the second is the status."""
+    status = int(match(rb"[+-]\d{17}([0-7])\d{4}#", reply, "status")[1])
+    return MountState(slewing=status in (2, 4), parked=status == 6, tracking=status in (1, 3, 5))
+
+
+def parse_site(reply: bytes) -> Site:
+    """The site at the beginning of ``:GLS#``; its latitude is 90 deg too great."""
+    parse_status(reply)
+    latitude = int(reply[9:17]) / PARTS_DEG - 90.0
+    longitude = int(reply[:9]) / PARTS_DEG
+    require(abs(latitude) <= 90.0 and abs(longitude) <= 360.0, reply, "site")
+    return Site(latitude, (longitude + 180.0) % 360.0 - 180.0)
+
+
+def parse_time(reply: bytes) -> tuple[datetime, float]:
+    """``:GUT#``: minutes of the zone, summer time, milliseconds of UTC since J2000 (JD 2451545)."""
+    found = match(rb"([+-]\d{3})([01])(\d{13})#", reply, "time")
+    require(abs(int(found[1])) <= 840, reply, "time")
+    try:
+        time_utc = J2000 + timedelta(milliseconds=int(found[3]))
+    except OverflowError:
+        raise ProtocolError(f"{reply!r} is no time.") from None
+    return time_utc, int(found[1]) / 60.0 + int(found[2])
+
+
+def move_rate(step: int) -> bytes:
+    """Rate 1 to 9 for the four arrows."""
+    return b":SR%d#" % min(max(step, 1), 9)
+
+
+def move(direction: Direction) -> bytes:
+    """Move until stopped: the letters name keys of the hand control, ``w`` to greater RA."""
+    return {"north": b":mn#", "south": b":ms#", "east": b":mw#", "west": b":me#"}[direction.value]
+
+
+def pulse(direction: Direction, milliseconds: int) -> bytes:
+    """``:ZS00500#``: S and Q are RA plus and minus, E and C Dec plus and minus."""
+    letter = {"north": b"E", "south": b"C", "east": b"S", "west": b"Q"}[direction.value]
+    return b":Z%s%05d#" % (letter, min(max(milliseconds, 0), 99999))

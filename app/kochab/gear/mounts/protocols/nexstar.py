@@ -1,0 +1,157 @@
+"""Celestron's NexStar hand control language, which SynScan shares.
+
+Source: NexStar Communication Protocol 1.2 (2006); SynScan serial protocol 3.3. Every answer ends
+in ``#``, but a data byte may be ``#`` as well: answers are read by their length.
+"""
+
+from datetime import datetime
+
+from kochab.core.frame import Site
+from kochab.core.mount import PierSide
+from kochab.gear.mounts.coordinates import utc_of
+from kochab.gear.mounts.protocols import code_table, match, require
+from kochab.gear.mounts.serial_line import Link, ProtocolError, Reader
+
+TURN = 1 << 32
+GET_PRECISE, GET_COARSE = b"e", b"E"
+ALTAZ_PRECISE, ALTAZ_COARSE = b"z", b"Z"
+VERSION, MODEL, ALIGNED, SLEWING = b"V", b"m", b"J", b"L"
+TRACKING, CANCEL, PIER, SITE, TIME = b"t", b"M", b"p", b"w", b"h"
+AZM, ALT = 16, 17  # the motor boards: RA or azimuth, Dec or altitude
+POSITIVE, NEGATIVE, GUIDE = 36, 37, 38  # move at a fixed rate, 0 to 9; guide pulse
+
+MODELS = code_table(
+    "1 NexStar GPS, 3 NexStar i-Series, 4 NexStar i-Series SE, 5 CGE, 6 Advanced GT, 7 SLT, 9 CPC, 10 GT, "
+    "11 NexStar 4/5 SE, 12 NexStar 6/8 SE, 13 CGE Pro, 14 CGEM DX, 15 LCM, 16 Sky Prodigy, 17 CPC Deluxe, "
+    "18 GT 16, 19 StarSeeker, 20 AVX, 21 Cosmos, 22 Evolution, 23 CGX, 24 CGXL, 25 Astro Fi, 26 SkyWatcher"
+)
+
+
+def angle_hex(angle_deg: float) -> str:
+    """Eight digits of an angle, two's complement in 2^32 parts of a turn."""
+    return f"{round(angle_deg / 360.0 * TURN) % TURN:08X}"
+
+
+def goto(ra_deg: float, dec_deg: float, precise: bool = True) -> bytes:
+    """``rXXXXXXXX,XXXXXXXX``, or ``RXXXX,XXXX`` for versions before 1.6."""
+    letter, digits = ("r", 8) if precise else ("R", 4)
+    return f"{letter}{angle_hex(ra_deg)[:digits]},{angle_hex(dec_deg)[:digits]}".encode()
+
+
+def sync(ra_deg: float, dec_deg: float) -> bytes:
+    """``sXXXXXXXX,XXXXXXXX``."""
+    return f"s{angle_hex(ra_deg)},{angle_hex(dec_deg)}".encode()
+
+
+def parse_position(reply: bytes) -> tuple[float, float]:
+    """RA and Dec (azimuth and altitude), degrees, of ``34AB0500,12CE0500#`` or ``34AB,12CE#``."""
+    found = match(rb"([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8}),([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8})#", reply, "position")
+    require(len(found[1]) == len(found[2]), reply, "position")
+    turn = 16 ** len(found[1])
+    ra, dec = (int(part, 16) / turn * 360.0 for part in found.groups())
+    dec = dec - 360.0 if dec >= 180.0 else dec
+    if abs(dec) > 90.0:  # the far side of a declination axis
+        dec = (180.0 - abs(dec)) * (1.0 if dec > 0 else -1.0)
+        ra = (ra + 180.0) % 360.0
+    return ra, dec
+
+
+def parse_done(reply: bytes) -> None:
+    """The bare ``#``."""
+    require(reply == b"#", reply, "bare #")
+
+
+def parse_echo(reply: bytes, sent: bytes) -> None:
+    """The answer to ``K`` and one byte."""
+    require(reply == sent + b"#", reply, f"echo of {sent!r}")
+
+
+def parse_byte(reply: bytes) -> int:
+    """One binary byte and ``#``."""
+    require(len(reply) == 2 and reply[1:] == b"#", reply, "byte and #")
+    return reply[0]
+
+
+def parse_flag(reply: bytes) -> bool:
+    """The binary 0 or 1 of ``J``."""
+    return match(rb"([\0\1])#", reply, "0 or 1")[1] == b"\1"
+
+
+def parse_digit(reply: bytes) -> bool:
+    """The ASCII ``0`` or ``1`` of ``L``."""
+    return match(rb"([01])#", reply, "0 or 1")[1] == b"1"
+
+
+def read_version(timeout_s: float) -> Reader:
+    """Read three bytes, or seven when they are SynScan's digits."""
+
+    def read(link: Link) -> bytes:
+        reply = link.read_exact(3, timeout_s)
+        return reply if reply[2:] == b"#" else reply + link.read_exact(4, timeout_s)
+
+    return read
+
+
+def parse_version(reply: bytes) -> tuple[int, ...]:
+    """Two bytes and ``#``, or SynScan's six digits and ``#``: (4, 37, 7)."""
+    if len(reply) == 3 and reply[2:] == b"#":
+        return reply[0], reply[1]
+    return tuple(bytes.fromhex(match(rb"([0-9A-Fa-f]{6})#", reply, "version")[1].decode()))
+
+
+def parse_pier(reply: bytes) -> PierSide:
+    """``E#`` or ``W#``: the side the telescope is on."""
+    side = match(rb"([EW])#", reply, "side of the pier")[1]
+    return PierSide.EAST if side == b"E" else PierSide.WEST
+
+
+def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes:
+    """``50 len board command d1 d2 d3 n``: eight bytes through the hand control to a motor."""
+    padded = (*data, 0, 0, 0)[:3]
+    return bytes([0x50, 1 + len(data), board, command, *padded, answer])
+
+
+def move_fixed(board: int, positive: bool, rate: int) -> bytes:
+    """Move at a rate from 0, which stops, to 9."""
+    return pass_through(board, POSITIVE if positive else NEGATIVE, rate)
+
+
+def parse_passed(reply: bytes, answer: int = 0) -> bytes:
+    """The ``answer`` bytes of a pass-through; a failure has one 0 more before ``#``."""
+    if len(reply) == answer + 2 and reply[-2:] == b"\x00#":
+        raise ProtocolError("The hand control could not reach the motor board.")
+    require(len(reply) == answer + 1 and reply[-1:] == b"#", reply, "answer of a motor board")
+    return reply[:-1]
+
+
+def guide(board: int, percent: int, hundredths: int) -> bytes:
+    """A pulse of so many hundredths of a second (1 to 255) at a signed percentage of sidereal."""
+    return pass_through(board, GUIDE, percent % 256, hundredths)
+
+
+def track(mode: int) -> bytes:
+    """0 off, 1 altitude and azimuth, 2 equatorial north, 3 equatorial south."""
+    return b"T" + bytes([mode])
+
+
+def parse_site(reply: bytes) -> Site:
+    """The nine bytes of ``w``: degrees, minutes, seconds, 1 for south or west, of both angles."""
+    require(len(reply) == 9 and reply[8:] == b"#" and max(reply[3], reply[7]) <= 1, reply, "site")
+    latitude, longitude = (
+        (d + m / 60.0 + s / 3600.0) * (-1.0 if minus else 1.0) for d, m, s, minus in (reply[:4], reply[4:8])
+    )
+    sixtieths = reply[1:3] + reply[5:7]
+    require(abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and max(sixtieths) <= 59, reply, "site")
+    return Site(latitude, longitude)
+
+
+def parse_time(reply: bytes) -> tuple[datetime, float]:
+    """Universal time and the hours of the zone from the nine bytes of ``h``."""
+    require(len(reply) == 9 and reply[8:] == b"#" and reply[7] <= 1, reply, "time")
+    hour, minute, second, month, day, year, zone, summer = reply[:8]
+    offset = float((zone - 256 if zone > 127 else zone) + summer)
+    require(abs(offset) <= 15.0, reply, "time")
+    try:
+        return utc_of(2000 + year, month, day, hour, minute, second, offset), offset
+    except ValueError:
+        raise ProtocolError(f"{reply!r} is no time.") from None

@@ -1,0 +1,308 @@
+"""The line to a mount: serial port or TCP, questions and answers, and Stop ahead of everything."""
+
+import errno
+import logging
+import os
+import sys
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from threading import Lock, RLock
+from time import monotonic, sleep
+from typing import Any, Protocol, TypeVar
+from urllib.parse import urlsplit
+
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
+
+BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
+
+
+def not_opened(port: str, error: Exception) -> PortError:
+    """The `PortError` for what pyserial raised on opening ``port``."""
+    if port.startswith("socket://"):
+        return PortError(_server(port, error))
+    if "://" in port:
+        return PortError(f"{port} is not a port: give a device, COM3 or socket://HOST:PORT.")
+    number = getattr(error, "errno", None)
+    text = str(error).lower()
+    if number in (errno.EACCES, errno.EPERM) and sys.platform != "win32":
+        return PortError(_permission(port))
+    if number in BUSY or "access is denied" in text or "exclusively lock" in text:
+        return PortError(f"{port} is in use: close the other program that talks to this mount.")
+    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV) or "filenotfound" in text:
+        return PortError(_absent(port))
+    return PortError(f"{port} cannot be used as a serial port.")
+
+
+def _server(port: str, error: Exception) -> str:
+    try:
+        parts = urlsplit(port)
+        is_address = bool(parts.hostname) and parts.port is not None
+    except ValueError:
+        is_address = False
+    if not is_address:
+        return f"{port} is not an address: write it as socket://HOST:PORT."
+    if "refused" in str(error).lower():
+        return f"No answer at {port}: check the address and the mount's Wi-Fi or network adapter."
+    return f"{port} cannot be reached: check the address and the network."
+
+
+def _permission(port: str) -> str:
+    group = _group(port)
+    if group in ("", "root"):
+        return f"No permission to open {port}: ask this computer's administrator."
+    return (
+        f"No permission to open {port} (group {group}): "
+        f"run `sudo usermod -aG {group} $USER` and log in again."
+    )
+
+
+def _group(port: str) -> str:
+    """The group that owns the device, ``dialout`` on Debian, ``uucp`` or ``plugdev`` elsewhere."""
+    try:
+        import grp
+
+        return grp.getgrgid(os.stat(port).st_gid).gr_name
+    except (ImportError, OSError, KeyError):
+        return ""
+
+
+def _absent(port: str) -> str:
+    if port.startswith("/dev/") or port.upper().startswith("COM"):
+        return f"No port {port}: plug in the USB cable and switch the mount on."
+    where = "" if Path(port).parent.is_dir() else ", nor its folder"
+    return f"No port {port}{where}: list ports with `kochab mount list`."
+
+
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+SLICE_S = 0.05  # a read returns this often, so that a closed line is seen at once
+WRITE_S = 2.0  # a line that takes no more bytes for so long is broken
+
+
+class Link(Protocol):
+    """A line to a mount. One thread reads; any thread may write."""
+
+    port: str
+
+    def write(self, data: bytes) -> None:
+        """Send all of ``data`` in one piece."""
+
+    def read_exact(self, count: int, timeout_s: float) -> bytes:
+        """``count`` bytes, or `NoAnswerError`."""
+
+    def read_until(self, terminator: bytes, limit: int, timeout_s: float) -> bytes:
+        """Bytes up to and with ``terminator``, at most ``limit``, or `NoAnswerError`."""
+
+    def discard(self, quiet_s: float = 0.0) -> bytes:
+        """Throw away what has come, until the line was silent for ``quiet_s``."""
+
+    def close(self) -> None:
+        """Give the port back; never raises."""
+
+
+class SerialLink:
+    """A :class:`Link` over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``socket://``.
+
+    Every failure of an open line is a `LineLostError` at once: a pulled cable, a hung-up
+    pseudo-terminal, a server that has gone.
+    """
+
+    def __init__(self, port: str, baud: int = 9600) -> None:
+        import serial
+
+        self.port = port
+        settings: dict[str, Any] = {"timeout": SLICE_S, "write_timeout": WRITE_S}
+        if "://" not in port and not port.upper().startswith("COM"):  # Windows' are always exclusive
+            settings["exclusive"] = True
+        try:
+            self._serial: Any = serial.serial_for_url(port, baudrate=baud, **settings)
+        except (OSError, ValueError) as error:
+            raise not_opened(port, error) from error
+        self._writing = Lock()
+        self._lost = False
+
+    def write(self, data: bytes) -> None:
+        """Send all of ``data`` in one piece; the lock is held for this write alone."""
+        with self._writing:
+            self._guarded(lambda: self._serial.write(data))
+
+    def read_exact(self, count: int, timeout_s: float) -> bytes:
+        """``count`` bytes within ``timeout_s``."""
+        return self._read(timeout_s, lambda got: len(got) >= count)
+
+    def read_until(self, terminator: bytes, limit: int, timeout_s: float) -> bytes:
+        """Bytes up to and with ``terminator``; ``limit`` bytes without it are no answer."""
+        got = self._read(timeout_s, lambda got: got.endswith(terminator) or len(got) >= limit)
+        if not got.endswith(terminator):
+            raise NoAnswerError(f"The device on {self.port} sends an endless answer: {got[:24]!r}.")
+        return got
+
+    def discard(self, quiet_s: float = 0.0) -> bytes:
+        """Throw away what has come; at most two seconds on a line that never falls silent."""
+        stale, quiet_since = bytearray(), monotonic()
+        end = quiet_since + 2.0
+        while self._guarded(lambda: self._serial.in_waiting) or (
+            quiet_s > 0.0 and monotonic() - quiet_since < quiet_s
+        ):
+            piece = self._guarded(lambda: self._serial.read(1))
+            if piece:
+                stale += piece
+                quiet_since = monotonic()
+            if monotonic() > end:
+                break
+        return bytes(stale)
+
+    def close(self) -> None:
+        """Give the port back; never raises."""
+        self._lost = True
+        with suppress(OSError, ValueError, TypeError):
+            self._serial.close()
+
+    def _read(self, timeout_s: float, complete: Callable[[bytearray], bool]) -> bytes:
+        got = bytearray()
+        end = monotonic() + timeout_s
+        while not complete(got):
+            got += self._guarded(lambda: self._serial.read(1))
+            if monotonic() > end and not complete(got):
+                if got:
+                    raise NoAnswerError(f"The answer on {self.port} stopped after {bytes(got[:24])!r}.")
+                raise NoAnswerError(f"The device on {self.port} did not answer within {timeout_s:g} s.")
+        return bytes(got)
+
+    def _guarded(self, action: Callable[[], T]) -> T:
+        """Run ``action``; `LineLostError` for whatever an open line raises when it breaks."""
+        if self._lost:
+            raise LineLostError(f"Port {self.port} is closed.")
+        try:
+            return action()
+        except (OSError, TypeError, ValueError) as error:
+            # pyserial reports a port closed under it as TypeError or ValueError
+            self._lost = True
+            raise LineLostError(f"Lost the mount on {self.port}. Check its cable and power.") from error
+
+
+# -- Question and answer on one line, with Stop ahead of everything ----------------------------
+# An exchange holds the line until its answer has come. :meth:`Conversation.send_now` does not wait
+# for it: it writes at once, and its answer is read later, in the order in which bytes were sent.
+
+Reader = Callable[[Link], bytes]
+Command = tuple[bytes, tuple[Reader, ...]]  # bytes, and how each answer to them is read
+QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
+DOUBT = 2  # exchanges: the first answer after a bad one may be that one, late
+
+
+class ProtocolError(NoAnswerError):
+    """An answer that makes no sense."""
+
+
+class Conversation:
+    """Exchanges over ``link``: one at a time, each with its own answer."""
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self._exchange = RLock()  # one reader
+        self._order = Lock()  # held for single writes only: who was sent first
+        self._pending: deque[Reader] = deque()  # answers to :meth:`send_now`
+        self._doubt = 0  # exchanges before which the line must fall silent
+        self._counting = Lock()
+        self._stopping = 0  # Stops whose bytes are on their way: everything else waits
+        self.stops = 0  # how often everything was stopped: what began before must not begin now
+
+    def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T], since: int | None = None) -> T:
+        """Send ``command``, read its answer and parse it.
+
+        A command that begins a motion gives ``since``, the count of :attr:`stops` when it was
+        decided: a Stop in between wins, and `StoppedError` is raised instead.
+        """
+        with self._exchange:
+            self._send(command, since)
+            try:
+                value = parse(self._read(read))
+            except NoAnswerError as error:
+                self._doubt = DOUBT
+                if isinstance(error, ProtocolError):
+                    sentence = f"Unexpected answer on {self.link.port}: {error}"
+                    raise ProtocolError(sentence) from error
+                raise
+            self._doubt = max(0, self._doubt - 1)
+            return value
+
+    def query(self, command: bytes, read: Reader, parse: Callable[[bytes], T], tries: int = 2) -> T:
+        """:meth:`ask` for what changes nothing: repeated when the answer makes no sense."""
+        for _ in range(tries - 1):
+            with suppress(ProtocolError):
+                return self.ask(command, read, parse)
+        return self.ask(command, read, parse)
+
+    def send(self, command: bytes, since: int | None = None) -> None:
+        """Send a command without an answer; ``since`` as for :meth:`ask`."""
+        with self._exchange:
+            self._send(command, since)
+
+    def stopping(self) -> None:
+        """Count a Stop, and let no other exchange begin until :meth:`stopped`."""
+        with self._counting:
+            self.stops += 1
+            self._stopping += 1
+
+    def stopped(self) -> None:
+        """The bytes of Stop have been sent, or could not be."""
+        with self._counting:
+            self._stopping -= 1
+
+    def send_now(self, *commands: Command) -> None:
+        """Send now, from any thread, without waiting; answers are read later."""
+        with self._order:
+            for command, answers in commands:
+                self.link.write(command)
+                self._pending.extend(answers)
+        for command, _ in commands:  # after all of them: no disk holds up a Stop
+            logger.debug("%s > %r", self.link.port, command)
+
+    def read_pending(self) -> None:
+        """Read the answers to :meth:`send_now` that are still due."""
+        with self._exchange:
+            while self._pending:
+                with suppress(NoAnswerError):
+                    self._read(self._pending[0])
+                self._pending.popleft()
+
+    def _send(self, command: bytes, since: int | None = None) -> None:
+        while True:
+            self.read_pending()
+            stale = self.link.discard(QUIET_S if self._doubt else 0.0)
+            if stale:
+                logger.debug("%s < %r (unexpected)", self.link.port, stale)
+            while self._stopping:
+                sleep(0.001)
+            # before it is sent, so that a crash loses no byte; outside the lock, which a Stop needs
+            logger.debug("%s > %r", self.link.port, command)
+            with self._order:
+                stopped = since is not None and since != self.stops
+                if not stopped and not self._pending:
+                    self.link.write(command)
+                    return
+            logger.debug("%s: %r was not sent, a Stop came first", self.link.port, command)
+            if stopped:
+                raise StoppedError("The motion was stopped before it began.")
+
+    def _read(self, read: Reader) -> bytes:
+        try:
+            reply = read(self.link)
+        except DeviceError as error:
+            logger.debug("%s < nothing: %s", self.link.port, error)
+            raise
+        logger.debug("%s < %r", self.link.port, reply)
+        return reply
+
+
+def exactly(count: int, timeout_s: float) -> Reader:
+    """Read ``count`` bytes."""
+    return lambda link: link.read_exact(count, timeout_s)
+
+
+def until(terminator: bytes, limit: int, timeout_s: float) -> Reader:
+    """Read up to and with ``terminator``."""
+    return lambda link: link.read_until(terminator, limit, timeout_s)

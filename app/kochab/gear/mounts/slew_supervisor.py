@@ -1,0 +1,256 @@
+"""Slew supervision: each position read back is compared with the plan until the motion has ended."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
+from time import monotonic
+from typing import NoReturn
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors
+from kochab.core.errors import NoAnswerError, RefusedError, StoppedError, StrayedError
+from kochab.core.mount import MountState, PierSide, Pointing
+from kochab.core.progress import Progress, Task
+from kochab.gear.journal import MotionLog
+from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg, wrapped
+from kochab.gear.mounts.emergency_stop import EmergencyStop
+from kochab.gear.mounts.motion_plan import Degrees, Plan, Severity
+from kochab.gear.mounts.motion_policy import crosses, horizon, sun
+
+RULES = (horizon, sun)
+ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
+FASTEST_DEG_S = 20.0  # no mount slews faster
+THERE_DEG = 0.5
+LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
+POLL_S = 0.2
+MISSES = 3  # positions that may be missed in a row during a slew
+FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
+GRID_DEG = 2.0
+FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed without a flip
+
+
+class SupervisedMotion:
+    """One motion under way: what the mount reports is compared with its plan.
+
+    Parameters
+    ----------
+    plan : Plan
+        As it was allowed, with its paths.
+    region : (N, 3) float64
+        Unit vectors of date: where the telescope may be seen on its way.
+
+    """
+
+    def __init__(self, plan: Plan, region: Floats) -> None:
+        self.plan = plan
+        self._region = region
+        self._here, self._at = plan.start, plan.time_utc
+        self._looked = monotonic()
+
+    @property
+    def due(self) -> bool:
+        """Whether the last position is older than `LOOK_S`."""
+        return monotonic() - self._looked >= LOOK_S
+
+    def finding(self, reported: Pointing, now_utc: datetime) -> str | None:
+        """What is wrong with the position reported now; None when nothing is."""
+        here = unit_vectors(*of_date(reported, now_utc))
+        # by the clock that ran more: one of them may be simulated
+        passed_s = max(monotonic() - self._looked, (now_utc - self._at).total_seconds())
+        found = self._jump(here, passed_s) or self._aside(here) or self._limit(here, now_utc)
+        if found is None:
+            self._here, self._at, self._looked = here, now_utc, monotonic()
+        return found
+
+    def side_finding(self, side: PierSide | None) -> str | None:
+        """What is wrong with the reported side of the pier; None when nothing is."""
+        before, limits = self.plan.state.pier_side, self.plan.limits
+        if limits.allow_flip or limits.crosses_meridian or before is None or side in (None, before):
+            return None
+        return f"it began to change from the {before} to the {side} side of its pier"
+
+    def _jump(self, here: Floats, passed_s: float) -> str | None:
+        moved = separation_deg(self._here, here)
+        there = separation_deg(here, self.plan.target) < THERE_DEG
+        if there or moved <= FASTEST_DEG_S * passed_s + ASIDE_DEG:
+            return None
+        return f"its position jumped by {moved:.0f} deg, faster than any motor"
+
+    def _aside(self, here: Floats) -> str | None:
+        nearest = float(np.degrees(np.arccos(np.clip((self._region @ here).max(), -1.0, 1.0))))
+        if nearest <= ASIDE_DEG:
+            return None
+        return f"it went the wrong way, {nearest:.0f} deg off its path"
+
+    def _limit(self, here: Floats, now_utc: datetime) -> str | None:
+        plan = replace(self.plan, paths=(np.atleast_2d(here),), time_utc=now_utc)
+        for rule in RULES:
+            for finding in rule(plan):
+                if finding.severity is Severity.REFUSE:
+                    return finding.sentence[:1].lower() + finding.sentence[1:].rstrip(".")
+        return None
+
+
+class SlewSupervisor:
+    """Reads the mount's state and position for its guard, and stops a motion that goes wrong."""
+
+    def __init__(self, emergency: EmergencyStop, log: MotionLog, clock: Callable[[], datetime]) -> None:
+        self.strayed = ""  # why the last motion was stopped on its way
+        self._emergency, self._log, self._clock = emergency, log, clock
+        self._motion: SupervisedMotion | None = None
+
+    def begin(self, motion: SupervisedMotion | None) -> None:
+        """A motion begins; a new one replaces what was supervised before."""
+        self.strayed, self._motion = "", motion
+
+    def forget(self) -> None:
+        """Compare no more: the mount's coordinates are about to change by a sync."""
+        self._motion = None
+
+    def position(self) -> Pointing:
+        """Where the mount says it points; one that leaves its path is stopped.
+
+        Raises
+        ------
+        StrayedError
+            It was under way and twice reported a place where it must not be.
+
+        """
+        mount, motion = self._emergency.mount, self._motion if self._emergency.moving else None
+        here = mount.position()
+        if motion is not None and motion.finding(here, self._clock()):
+            here = mount.position()  # a late answer may bring an old position
+            found = motion.finding(here, self._clock())
+            if found:
+                self._stop(found)
+        return here
+
+    def state(self) -> MountState:
+        """How the mount is, and while it moves where it is, too: see :meth:`position`."""
+        state = self._state()
+        motion = self._motion if self._emergency.moving else None
+        if motion is not None and motion.side_finding(state.pier_side):
+            state = self._state()
+            found = motion.side_finding(state.pier_side)
+            if found:
+                self._stop(f"{found}: allow the flip (Meridian, or --allow-flip), and watch the cables")
+        if motion is not None and motion.due:
+            self.position()
+        return state
+
+    def check_not_stopped(self, stops: int, what: str) -> None:
+        """Raise when the motion ``what`` that began at the count ``stops`` was stopped since."""
+        if self.strayed:
+            raise StrayedError(self.strayed)
+        if self._emergency.stops != stops:
+            raise StoppedError(f"The {what} was stopped.")
+
+    def arrival(self, target_deg: Degrees, limit_s: float) -> Task[Pointing]:
+        """Yield the distance left until the mount reports that it no longer slews.
+
+        Raises
+        ------
+        NoAnswerError
+            It took longer than ``limit_s``, or missed too many answers in a row.
+        RefusedError
+            It was stopped, or stands still somewhere else.
+
+        """
+        stops = self._emergency.stops
+        end = monotonic() + limit_s
+        first = left = None
+        misses = idle = 0
+        while True:
+            detail = "" if left is None else f"{left:.1f} deg to go"
+            done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
+            yield Progress("slewing", done, detail)
+            self._emergency.wait(POLL_S)
+            self.check_not_stopped(stops, "slew")
+            if monotonic() > end:
+                raise NoAnswerError(f"The slew did not end within {limit_s:.0f} s and was stopped.")
+            try:
+                slewing, here = self.state().slewing, self.position()
+            except NoAnswerError:
+                misses += 1
+                if misses >= MISSES:
+                    raise
+                continue
+            misses = 0
+            before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
+            first = first or left
+            unmoved = before is not None and abs(before - left) < 1e-3
+            idle = idle + 1 if slewing is False or (slewing is None and unmoved) else 0
+            if idle and left < FAR_DEG:
+                return here
+            if idle >= IDLE:
+                raise RefusedError(f"The mount stopped {left:.1f} deg from its target.")
+
+    def _state(self) -> MountState:
+        state = self._emergency.mount.state()
+        if state.slewing is False and self._emergency.endless:
+            self._emergency.end()
+        return state
+
+    def _stop(self, found: str) -> NoReturn:
+        self.strayed = f"Kochab stopped the slew: {found}."
+        try:
+            self._emergency.halt()
+        finally:  # afterwards: no disk holds up a Stop
+            self._log.add("stray", "failed", self.strayed)
+        raise StrayedError(self.strayed)
+
+
+# -- The allowed region of a motion: every place where the telescope may be seen on its way ----
+# A slew's two axes need not keep step, so the region is wider than the planned paths: all between
+# start and target by right ascension and declination, the same by azimuth and altitude, and
+# everything about the pole for a mount that may change the side of its pier.
+
+
+def allowed_region(plan: Plan) -> Floats:
+    """Unit vectors of date (N, 3), a few degrees from one to the next."""
+    start, target = plan.start_deg, plan.target_deg
+    regions = [*plan.paths, _between(start, target)]
+    if plan.site is not None:
+        level = horizon_frame(plan.site, sidereal_deg(plan.site, plan.time_utc))
+        here, there = (radec_deg(v @ level) for v in (plan.start, plan.target))
+        regions.append(_between(here, there, both_ways=plan.limits.crosses_meridian) @ level.T)
+    if may_flip(plan):
+        # a flip goes over the pole, wherever the other axis is then
+        north = plan.site is None or plan.site.latitude_deg >= 0.0
+        decs = (start[1], target[1])
+        regions.append(_grid(0.0, 360.0, *((min(decs), 90.0) if north else (-90.0, max(decs)))))
+    return np.concatenate(regions)
+
+
+def may_flip(plan: Plan) -> bool:
+    """Whether nothing forbids that the mount changes the side of its pier on its way."""
+    if plan.limits.allow_flip:
+        return True
+    if plan.limits.crosses_meridian or plan.state.pier_side is not None:
+        return False
+    ends = plan.hour_angles_deg()
+    return ends is None or crosses(plan) or 0.0 <= ends[0] < FOLLOWED_DEG
+
+
+def slew_limit_s(plan: Plan) -> float:
+    """In how many seconds a slew must have ended: its longer axis at the slowest rate."""
+    (ra, dec), (to_ra, to_dec), limits = plan.start_deg, plan.target_deg, plan.limits
+    turn_deg = 180.0 if may_flip(plan) else max(abs(wrapped(to_ra - ra)), abs(to_dec - dec))
+    return min(limits.slew_timeout_s, limits.slew_start_s + turn_deg / limits.slowest_slew_deg_s)
+
+
+def _between(start: Degrees, target: Degrees, both_ways: bool = False) -> Floats:
+    """All places between two longitudes, the short way round or both, and two latitudes."""
+    turn = 360.0 if both_ways else wrapped(target[0] - start[0])
+    return _grid(start[0], start[0] + turn, start[1], target[1])
+
+
+def _grid(west_deg: float, east_deg: float, low_deg: float, high_deg: float) -> Floats:
+    longitudes, latitudes = (
+        np.linspace(a, b, max(2, int(np.ceil(abs(b - a) / GRID_DEG)) + 1))
+        for a, b in ((west_deg, east_deg), (low_deg, high_deg))
+    )
+    grid = np.meshgrid(longitudes, latitudes)
+    return unit_vectors(grid[0].ravel(), grid[1].ravel())

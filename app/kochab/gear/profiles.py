@@ -1,0 +1,312 @@
+"""Equipment profiles: camera, optics, mount, site and limits under one name, kept from night to night.
+
+What solved frames teach of a camera and its lens is kept apart, by
+:mod:`kochab.solver.camera_profile`; :attr:`EquipmentProfile.optics` is its name there.
+"""
+
+import hashlib
+import json
+import logging
+import math
+import os
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, astuple, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from kochab.core.angle_text import parse_site, site_text
+from kochab.core.errors import KochabError, UsageError
+from kochab.core.frame import Site
+from kochab.core.mount import Epoch
+from kochab.frames.atomic_file import write_atomically
+from kochab.gear.mounts import DRIVERS
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.session import BAUDS, EXPOSURE_S, CameraSelection, Meridian, MountSelection, limits_at
+
+FORMAT = 1
+BOUNDS: dict[str, tuple[float, float, str]] = {
+    "exposure_s": (1e-6, 86400.0, "s"),
+    "gain": (-1e6, 1e6, ""),
+    "binning": (1, 256, "pixels a side"),
+    "focal_length_mm": (0.1, 1e6, "mm"),
+    "pixel_size_um": (0.1, 1000.0, "µm"),
+    "baud": (*BAUDS, "baud"),
+    "lowest_altitude_deg": (-5.0, 89.0, "degrees"),
+    "highest_altitude_deg": (1.0, 90.0, "degrees"),
+}
+ARCSEC_PER_RAD = math.degrees(1.0) * 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class EquipmentProfile:
+    """One telescope as it is set up; what is empty or None is left to the default or to be found.
+
+    ``source`` is a name of :data:`kochab.gear.cameras.SOURCES`, ``driver`` one of
+    :data:`kochab.gear.mounts.DRIVERS`. ``pixel_size_um`` is of one pixel before binning.
+
+    Raises
+    ------
+    UsageError
+        A value is out of its :data:`BOUNDS`.
+
+    """
+
+    name: str
+    source: str = ""
+    address: str = ""
+    exposure_s: float | None = None
+    gain: float | None = None
+    binning: int | None = None
+    focal_length_mm: float | None = None
+    pixel_size_um: float | None = None
+    camera_profile: str = ""
+    port: str = ""
+    driver: str = ""
+    baud: int | None = None
+    epoch: Epoch | None = None
+    site: Site | None = None
+    meridian: Meridian | None = None
+    lowest_altitude_deg: float | None = None
+    highest_altitude_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, (low, high, unit) in BOUNDS.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                words = name.rpartition("_")[0].replace("_", " ") if name.count("_") else name
+                raise UsageError(f"The {words} must be between {low:g} and {high:g} {unit}".rstrip() + ".")
+
+    @property
+    def optics(self) -> str:
+        """The name under which solved frames teach of this camera and lens."""
+        return self.camera_profile or self.name
+
+    @property
+    def scale_arcsec_px(self) -> float | None:
+        """The pixel scale, binning counted; None without focal length and pixel size."""
+        if self.focal_length_mm is None or self.pixel_size_um is None:
+            return None
+        return ARCSEC_PER_RAD * 1e-3 * self.pixel_size_um * (self.binning or 1) / self.focal_length_mm
+
+    @property
+    def mount(self) -> MountSelection:
+        """The mount to open."""
+        driver = self.driver if self.driver in DRIVERS else "lx200"
+        return MountSelection(self.port, driver, self.baud, self.epoch)
+
+    @property
+    def camera(self) -> CameraSelection:
+        """The camera to open; its source is empty when there is none."""
+        return CameraSelection(self.source, self.address, self.exposure_s or EXPOSURE_S)
+
+    @property
+    def limits(self) -> Limits:
+        """What the guard of its mount goes by; a mount is a German one until somebody says otherwise."""
+        limits = limits_at(self.meridian or Meridian.STAYS)
+        low, high = self.lowest_altitude_deg, self.highest_altitude_deg
+        return replace(
+            limits,
+            lowest_altitude_deg=limits.lowest_altitude_deg if low is None else low,
+            highest_altitude_deg=limits.highest_altitude_deg if high is None else high,
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """The stable JSON form, which :func:`from_json` reads."""
+        return {
+            **asdict(self),
+            "epoch": self.epoch and str(self.epoch),
+            "site": self.site and list(astuple(self.site)),
+            "meridian": self.meridian and self.meridian.name.lower(),
+        }
+
+
+def from_json(told: dict[str, Any]) -> EquipmentProfile:
+    """The profile of :meth:`EquipmentProfile.as_json`; ValueError, TypeError or UsageError when damaged."""
+    values = {f.name: told[f.name] for f in fields(EquipmentProfile) if told.get(f.name) is not None}
+    return EquipmentProfile(**{name: READERS[name](value) for name, value in values.items()})
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
+
+
+def _site(value: Any) -> Site:
+    return parse_site(value if isinstance(value, str) else ", ".join(str(float(part)) for part in value))
+
+
+READERS: dict[str, Callable[[Any], Any]] = {
+    **{field.name: _text for field in fields(EquipmentProfile)},
+    **dict.fromkeys(BOUNDS, float),
+    "binning": int,
+    "baud": int,
+    "epoch": Epoch,
+    "site": _site,
+    "meridian": lambda name: meridian_named(name),
+}
+
+
+def meridian_named(name: str) -> Meridian:
+    """``stays``, ``flips`` or ``crosses``; ValueError for anything else."""
+    for meridian in Meridian:
+        if meridian.name.lower() == name:
+            return meridian
+    raise ValueError(name)
+
+
+# -- On disk: one file a profile, written whole or not at all ----------------------------------
+
+
+def profile_folder() -> Path:
+    """Where profiles lie: below ``KOCHAB_CONFIG``, or in the user's own configuration."""
+    from platformdirs import user_config_path
+
+    told = os.environ.get("KOCHAB_CONFIG")
+    root = Path(told) if told else user_config_path("kochab", appauthor=False)
+    return root / "equipment"
+
+
+def profile_path(name: str) -> Path:
+    """The file of the profile of that name; UsageError when the name is empty."""
+    if not name.strip():
+        raise UsageError("A profile needs a name.")
+    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or "profile"
+    return profile_folder() / f"{plain}-{hashlib.sha256(name.encode('utf-8')).hexdigest()[:8]}.json"
+
+
+def save_profile(profile: EquipmentProfile) -> Path:
+    """Write a profile; KochabError when it cannot be written."""
+    path = profile_path(profile.name)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, json.dumps({"format": FORMAT, **profile.as_json()}, indent=1))
+    except OSError as error:
+        raise KochabError(f"{path} cannot be written: {error.strerror}.") from error
+    return path
+
+
+def load_profile(name: str) -> EquipmentProfile | None:
+    """The profile of that name, None when there is none; KochabError when its file is damaged."""
+    path = profile_path(name)
+    return _read(path) if path.exists() else None
+
+
+def remove_profile(name: str) -> bool:
+    """Forget a profile; whether there was one. KochabError when its file cannot be deleted."""
+    path = profile_path(name)
+    try:
+        path.unlink()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise KochabError(f"{path} cannot be deleted: {error.strerror}.") from error
+    return True
+
+
+def saved_profiles() -> tuple[list[EquipmentProfile], list[str]]:
+    """All profiles by name, and a sentence for every damaged file."""
+    found, damaged = [], []
+    for path in sorted(profile_folder().glob("*.json")):
+        try:
+            found.append(_read(path))
+        except KochabError as error:
+            damaged.append(str(error))
+    return sorted(found, key=lambda profile: profile.name.lower()), damaged
+
+
+def _read(path: Path) -> EquipmentProfile:
+    try:
+        return from_json(json.loads(path.read_text("utf-8")))
+    except OSError as error:
+        raise KochabError(f"{path} cannot be read: {error.strerror}.") from error
+    except (ValueError, TypeError, AttributeError, RecursionError, UsageError) as error:
+        raise KochabError(f"{path} is damaged: delete it, or save this profile again.") from error
+
+
+# -- What the window uses: the profile that was chosen, or the values of last time -------------
+
+CHOSEN = "equipment"
+KEYS = {
+    "source": "mount/camera",
+    "address": "mount/camera_address",
+    "exposure_s": "mount/exposure",
+    "port": "mount/port",
+    "driver": "mount/driver",
+    "baud": "mount/baud",
+    "epoch": "mount/epoch",
+    "meridian": "mount/meridian",
+    "site": "site",
+}
+
+
+class Remembered(Protocol):
+    """Named values that outlast the program."""
+
+    def text(self, name: str, default: str) -> str:
+        """A word."""
+        ...
+
+    def keep(self, name: str, value: Any) -> None:
+        """Remember a value."""
+        ...
+
+
+def current_profile(settings: Remembered) -> EquipmentProfile:
+    """The profile chosen in the window; without one, or when it is damaged, what was used last."""
+    chosen = settings.text(CHOSEN, "")
+    try:
+        profile = load_profile(chosen) if chosen else None
+    except KochabError:
+        profile = None
+    if profile is not None:
+        return profile
+    profile = EquipmentProfile("")
+    for name, key in KEYS.items():
+        text = settings.text(key, "")
+        with suppress(ValueError, UsageError):  # one damaged value costs no other
+            profile = replace(profile, **({name: READERS[name](text)} if text else {}))
+    return profile
+
+
+def choose_profile(settings: Remembered, name: str) -> None:
+    """Use this profile from now on; a new name begins with what is used now, "" with no profile.
+
+    Raises
+    ------
+    KochabError
+        Its file is damaged, or a new one cannot be written.
+
+    """
+    if name and load_profile(name) is None:
+        save_profile(replace(current_profile(settings), name=name))
+    settings.keep(CHOSEN, name)
+
+
+def keep_profile(settings: Remembered, **changes: Any) -> None:
+    """Remember what is used now, in the chosen profile too where that can be written."""
+    profile = replace(current_profile(settings), **changes)
+    told = profile.as_json() | {"site": profile.site and site_text(profile.site)}
+    for name, key in KEYS.items():
+        settings.keep(key, "" if told[name] is None else str(told[name]))
+    if profile.name:
+        try:
+            save_profile(profile)
+        except KochabError as error:  # no reason not to connect a mount
+            logging.getLogger(__name__).warning("%s", error)
+
+
+def save_mount(settings: Remembered, selection: MountSelection) -> None:
+    """Remember it."""
+    keep_profile(
+        settings, port=selection.port, driver=selection.driver, baud=selection.baud, epoch=selection.epoch
+    )
+
+
+def save_camera(settings: Remembered, selection: CameraSelection) -> None:
+    """Remember it."""
+    keep_profile(
+        settings, source=selection.source, address=selection.address, exposure_s=selection.exposure_s
+    )

@@ -1,0 +1,306 @@
+"""The mount and the camera of one evening, for the window and the command line: chosen, found, opened."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from functools import partial
+from typing import Any, Protocol
+
+from kochab.core.capture import CameraSource, CaptureSettings
+from kochab.core.errors import NoAnswerError, PortError, UsageError
+from kochab.core.frame import Site
+from kochab.core.mount import Epoch, Home
+from kochab.core.progress import Progress, Task
+from kochab.gear.mount_events import MountEvent, PracticeStarted
+from kochab.gear.mounts import DRIVERS, open_mount
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.mounts.probe import Diagnosis, PortInfo, list_ports, probe_port
+
+DRIVER_DEFAULT = "default"
+EPOCHS = {DRIVER_DEFAULT: None, str(Epoch.DATE): Epoch.DATE, str(Epoch.J2000): Epoch.J2000}
+EPOCH_NAMES = {"J2000": Epoch.J2000, "date": Epoch.DATE}  # as the command line writes them
+EXPOSURE_S = 2.0
+BAUDS = (300, 4_000_000)
+
+OpenCamera = Callable[[str, str, CaptureSettings], CameraSource]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSelection:
+    """Which camera: a name of :data:`kochab.gear.cameras.SOURCES`, its address, and the exposure."""
+
+    source: str
+    address: str = ""
+    exposure_s: float = EXPOSURE_S
+
+    @property
+    def camera(self) -> tuple[str, str]:
+        """Which one, whatever its exposure."""
+        return self.source, self.address
+
+
+@dataclass(frozen=True, slots=True)
+class MountSelection:
+    """A port and what listens there; ``baud`` and ``epoch`` are the driver's own when None.
+
+    ``home`` and ``equatorial`` are a person's word of this moment: they are never remembered.
+    """
+
+    port: str
+    driver: str = "lx200"
+    baud: int | None = None
+    epoch: Epoch | None = None
+    home: Home | None = None
+    equatorial: bool = False
+
+    @classmethod
+    def typed(
+        cls, port: str, driver: str, baud: str, epoch: str, home: Home | None = None, equatorial: bool = False
+    ) -> "MountSelection":
+        """From what stands in the fields; UsageError says what is wrong."""
+        port, baud = port.strip(), baud.strip()
+        if not port:
+            raise UsageError(
+                "Choose a port, or type one: a device, COM3 or socket://HOST:PORT; "
+                "“Find my mount” looks on all of them."
+            )
+        rate = None if baud in ("", DRIVER_DEFAULT) else parse_baud(baud)
+        return cls(port, driver, rate, EPOCHS.get(epoch), home, equatorial)
+
+
+def parse_baud(text: str) -> int:
+    """A baud rate as it is typed; UsageError when it is none."""
+    if not text.isdecimal() or not BAUDS[0] <= int(text) <= BAUDS[1]:
+        raise UsageError(f"“{text}” is not a baud rate: most mounts use 9600 or 115200.")
+    return int(text)
+
+
+class Meridian(StrEnum):
+    """The texts are on the screen."""
+
+    STAYS = "German mount: never flip it"
+    FLIPS = "German mount: a goto may flip it"
+    CROSSES = "Fork or wedge: no flip needed"
+
+
+def limits_at(meridian: Meridian) -> Limits:
+    """The guard's numbers for such a mount."""
+    return Limits(allow_flip=meridian is Meridian.FLIPS, crosses_meridian=meridian is Meridian.CROSSES)
+
+
+# -- Opening a mount behind its guard ----------------------------------------------------------
+
+
+def guarded(
+    selection: MountSelection,
+    site: Site | None,
+    clock: Callable[[], datetime] | None = None,
+    limits: Limits | None = None,
+    stop_first: bool = False,
+) -> Guard:
+    """Open a mount behind its guard; the line can be opened again when it was lost.
+
+    ``stop_first`` sends the bytes of Stop before anything is asked.
+
+    Raises
+    ------
+    DeviceError
+        With one sentence and what to do.
+
+    """
+    clock = clock or _utc_now
+    told = (selection.driver, selection.port, selection.baud, selection.epoch, site, clock)
+    again = partial(open_mount, *told, stop_first=True, equatorial=selection.equatorial)
+    # Home was confirmed for this moment, not for when a lost line is found again.
+    mount = again() if stop_first else again(stop_first=False, home=selection.home)
+    return Guard(mount, site, limits or Limits(), clock=clock, reopen=again)
+
+
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
+def complete(selection: MountSelection) -> Task[MountSelection]:
+    """The same with the port and the driver found where none was chosen; nothing moves.
+
+    Raises
+    ------
+    UsageError
+        No such driver, or several ports of which one has to be chosen.
+    DeviceError
+        There is no port, or no mount answers on it.
+
+    """
+    if selection.driver:
+        DRIVERS.check(selection.driver)
+    port = selection.port or _only_port()
+    if selection.driver:
+        return replace(selection, port=port)
+    found = yield from probe_port(port)
+    if not found.found:
+        raise NoAnswerError(found.advice)
+    return replace(selection, port=port, driver=found.driver, baud=selection.baud or found.baud or None)
+
+
+def _only_port() -> str:
+    ports = [port.port for port in list_ports()]
+    if len(ports) == 1:
+        return ports[0]
+    if not ports:
+        raise PortError("There is no serial port: plug in the mount's cable, or give --port.")
+    raise UsageError(f"There are {len(ports)} ports, give one with --port: {', '.join(ports)}.")
+
+
+# -- What a mount's line leads to: a mount on a port, or a simulated telescope -----------------
+
+PRACTICE_FOV_DEG = 4.0  # wide enough for the patterns that are shipped
+
+
+class Practice(Protocol):
+    """A practice night under way: a mount that answers at ``port``, and a camera on it."""
+
+    @property
+    def port(self) -> str:
+        """Where its mount answers: a device path or ``socket://host:port``."""
+        ...
+
+    @property
+    def driver(self) -> str:
+        """The protocol its mount speaks, a name of :data:`kochab.gear.mounts.DRIVERS`."""
+        ...
+
+    @property
+    def camera(self) -> str:
+        """The name by which the camera source "simulated" opens its camera."""
+        ...
+
+    @property
+    def rig(self) -> Any:
+        """The rig itself (``kochab.simulate.rig``): its clock, weather, bolts and truth."""
+        ...
+
+    @property
+    def config(self) -> Any:
+        """How it was started (``kochab.simulate.practice``)."""
+        ...
+
+    trouble: str
+    """One sentence when something of it failed, which whoever says it empties."""
+
+    def do(self, line: str) -> str:
+        """What hands do at the mount, as one typed line, and what came of it."""
+        ...
+
+    def score(self) -> Any:
+        """How far belief and axis are off now (``kochab.simulate.practice``)."""
+        ...
+
+    def stop(self) -> None:
+        """End it and give the port back."""
+        ...
+
+
+StartPractice = Callable[..., Practice]
+
+
+class Opening(Protocol):
+    """Called in the thread of the line; ``farewell`` is what is said when it is over."""
+
+    farewell: str
+
+    def __call__(self) -> Guard:
+        """The mount behind its guard; DeviceError with one sentence."""
+        ...
+
+    def over(self) -> None:
+        """The line is closed."""
+        ...
+
+
+class PortOpening:
+    """A mount on a serial port or a socket."""
+
+    farewell = ""
+
+    def __init__(self, selection: MountSelection, site: Site | None, limits: Limits) -> None:
+        self._selection, self._site, self._limits = selection, site, limits
+
+    def __call__(self) -> Guard:
+        """Open it behind its guard."""
+        return guarded(self._selection, self._site, limits=self._limits)
+
+    def over(self) -> None:
+        """Nothing is left to be done."""
+
+
+class PracticeOpening:
+    """Starts the simulated telescope and connects over its line; it ends with the line.
+
+    ``tell`` hears of it, in the thread of the line.
+    """
+
+    def __init__(self, start: StartPractice, tell: Callable[[MountEvent], None], limits: Limits) -> None:
+        self._start, self._tell, self._limits = start, tell, limits
+        self.practice: Practice | None = None
+        self.farewell = ""
+
+    def __call__(self) -> Guard:
+        """Start the practice night and open its mount."""
+        self.practice = practice = self._start(fov_deg=PRACTICE_FOV_DEG)
+        self._tell(PracticeStarted(practice.port, practice.camera))
+        selection = MountSelection(practice.port, practice.driver)
+        return guarded(selection, practice.rig.config.site, self.now, self._limits)
+
+    def now(self) -> datetime:
+        """The time of the practice night, once it has begun."""
+        if self.practice is None:
+            return datetime.now(UTC)
+        now: datetime = self.practice.rig.clock.now_utc()
+        return now
+
+    def over(self) -> None:
+        """End the practice night and keep its score as the farewell."""
+        if self.practice is not None:
+            self.farewell = self.practice.score().as_text()
+            self.practice.stop()
+
+
+# -- Finding ports and mounts: questions only, nothing moves -----------------------------------
+
+NO_PORTS = (
+    "There is no serial port: plug in the USB cable of the mount and switch it on. A mount on the "
+    "network is typed as socket://HOST:PORT."
+)
+
+
+def find_ports() -> Task[list[PortInfo]]:
+    """The serial ports with what USB tells of them."""
+    yield Progress("looking for ports")
+    return list_ports()
+
+
+def find_mounts(typed: str) -> Task[tuple[list[PortInfo], list[Diagnosis]]]:
+    """Ask on every port, first on the one that was typed, which mount is there."""
+    listed = yield from find_ports()
+    names = [typed] if typed else []
+    names += [info.port for info in listed if info.port != typed]
+    found = []
+    for name in names:
+        diagnosis = yield from probe_port(name)
+        found.append(diagnosis)
+        if diagnosis.found:
+            break
+    return listed, found
+
+
+def search_text(found: list[Diagnosis]) -> str:
+    """What came of it, with the exact fix where nothing answers."""
+    if not found:
+        return NO_PORTS
+    told = []
+    for one in found:
+        name = f"{one.name} on {one.port}" + (f" at {one.baud} baud" if one.baud else "")
+        told.append(". ".join(w for w in (name if one.found else "", one.advice) if w))
+    return "\n".join(told)

@@ -1,0 +1,395 @@
+"""The pattern index: quads of catalogue stars, found by shape in memory-mapped arrays.
+
+A volume is a folder of plain ``.npy`` files that covers several levels of field size:
+
+``stars`` (n, 3) float32 ICRS unit vectors, level after level, each level sorted by zone key ·
+``rows`` (n,) uint32 catalogue rows · ``keys`` (n,) uint32 zone keys · ``cells`` (c + 1,) uint32
+first quad of each code cell · ``codes`` (Q,) uint32, four bytes: place of the code within its cell
+in 1/256 of a cell · ``sizes`` (Q,) uint8 the base's length, see :func:`size_code` · ``quads``
+(Q, 12) uint8: four star numbers of 24 bits, in the order A, B, C, D. Parity is not stored: it is
+seen from the stars themselves.
+"""
+
+import json
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Floats, Ints
+from kochab.core.errors import CatalogueError, DamagedPatternsError
+
+RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above it in the key
+
+
+def zones_of(field_deg: float) -> int:
+    """How many declination zones serve fields of this size best, at most 4095."""
+    return int(min(4095, max(8, round(540.0 / field_deg))))
+
+
+def zone_keys(vectors: NDArray[np.floating], zones: int) -> NDArray[np.uint32]:
+    """Sort keys (N,) of unit vectors (N, 3) for ``zones`` (at most 4095) declination zones."""
+    v = np.asarray(vectors, dtype=np.float64)
+    dec = np.arcsin(np.clip(v[:, 2], -1.0, 1.0))
+    zone = np.clip(((dec / np.pi + 0.5) * zones).astype(np.int64), 0, zones - 1)
+    ra = np.arctan2(v[:, 1], v[:, 0]) % (2 * np.pi)
+    step = np.minimum((ra * (RA_STEPS / (2 * np.pi))).astype(np.int64), RA_STEPS - 1)
+    return np.asarray(zone * RA_STEPS + step, dtype=np.uint32)
+
+
+def cone_rows(keys: NDArray[np.uint32], zones: int, centre: Floats, radius: float) -> Ints:
+    """Rows of a sorted key list that may lie within ``radius`` rad of ``centre`` (3,).
+
+    Whole zones cut to a range of right ascension: a superset of the cone, never less.
+    """
+    dec = float(np.arcsin(np.clip(centre[2], -1.0, 1.0)))
+    height = np.pi / zones
+    first = max(0, int((dec - radius + np.pi / 2) / height))
+    last = min(zones - 1, int((dec + radius + np.pi / 2) / height))
+    zone = np.arange(first, last + 1)
+    if abs(dec) + radius >= np.pi / 2 - 1e-6:
+        low, high = zone * RA_STEPS, (zone + 1) * RA_STEPS
+    else:
+        half = float(np.arcsin(min(1.0, np.sin(min(radius, np.pi / 2)) / np.cos(dec))))
+        ra = float(np.arctan2(centre[1], centre[0]) % (2 * np.pi))
+        a = int(np.floor((ra - half) * (RA_STEPS / (2 * np.pi)))) - 1
+        b = int(np.ceil((ra + half) * (RA_STEPS / (2 * np.pi)))) + 1
+        if b - a >= RA_STEPS:
+            low, high = zone * RA_STEPS, (zone + 1) * RA_STEPS
+        else:
+            starts = [max(a, 0), a + RA_STEPS if a < 0 else 0]
+            ends = [min(b, RA_STEPS), RA_STEPS if a < 0 else max(b - RA_STEPS, 0)]
+            low = np.concatenate([zone * RA_STEPS + s for s in starts])
+            high = np.concatenate([zone * RA_STEPS + e for e in ends])
+    i = np.searchsorted(keys, np.minimum(low, 2**32 - 1).astype(np.uint32))
+    j = np.searchsorted(keys, np.minimum(high, 2**32 - 1).astype(np.uint32))
+    return ranges(i, np.maximum(j - i, 0))
+
+
+def ranges(start: NDArray[np.integer], count: NDArray[np.integer]) -> Ints:
+    """The integers ``start[k] .. start[k] + count[k] - 1`` of every k, in a row."""
+    total = int(count.sum())
+    if total == 0:
+        return np.zeros(0, dtype=np.int64)
+    offset = np.cumsum(count) - count
+    first = np.repeat(start.astype(np.int64) - offset.astype(np.int64), count)
+    return np.asarray(np.arange(total, dtype=np.int64) + first)
+
+
+ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {  # as they are stored, and the shape of a row
+    "stars": ("<f4", (3,)),
+    "rows": ("<u4", ()),
+    "keys": ("<u4", ()),
+    "cells": ("<u4", ()),
+    "codes": ("<u4", ()),
+    "sizes": ("|u1", ()),
+    "quads": ("|u1", (12,)),
+}
+HEADER_BYTES = 128  # of an ``.npy`` file; what it tells is known from the volume's facts
+UNIT = 1e-5  # how far from one the square of a stored unit vector may be
+MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds
+ALL_FOUR = np.uint32(0x01010101)  # four true bytes
+CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
+BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
+IM_REACH = 0.875  # |Im z| never exceeds sqrt(3)/2 while the base is the longest side
+SIZE_MIN_RAD, SIZE_STEPS = 1e-4, 127.0  # base length from 20 arcsec to pi rad in 127 steps
+SIZE_LOG = float(np.log(np.pi / SIZE_MIN_RAD))
+
+
+def size_code(base_rad: Floats) -> NDArray[np.uint8]:
+    """Base lengths (rad) in logarithmic steps of 8.5 %, 7 bits."""
+    s = np.log(np.maximum(base_rad, SIZE_MIN_RAD) / SIZE_MIN_RAD) / SIZE_LOG * SIZE_STEPS
+    return np.clip(np.floor(s), 0, SIZE_STEPS).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """How code space is cut: ``steps`` cells over [0, 1] of the real parts."""
+
+    steps: int
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Cells of Re zc (which stays below 1/2), Re zd, Im zc, Im zd."""
+        imag = int(np.ceil(2 * IM_REACH * self.steps))
+        return self.steps // 2 + 1, self.steps + 1, imag, imag
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return int(np.prod(self.shape))
+
+    def scaled(self, code: Floats) -> Floats:
+        """Codes (Q, 4) in units of a cell, from the grid's corner."""
+        return np.asarray((code + np.array([0.0, 0.0, IM_REACH, IM_REACH])) * self.steps)
+
+    def number(self, cell: Ints) -> Ints:
+        """Flat cell numbers of integer cells (Q, 4), which are clipped into the grid."""
+        return np.asarray(np.clip(cell, 0, np.array(self.shape) - 1) @ self.strides)
+
+    @property
+    def strides(self) -> Ints:
+        """What one step along each axis adds to a flat cell number (4,)."""
+        s = self.shape
+        return np.array([s[1] * s[2] * s[3], s[2] * s[3], s[3], 1])
+
+    def around(self, place: Floats, reach: Floats) -> tuple[Ints, Ints, Ints, Ints]:
+        """All cells that boxes of half-width ``reach`` (Q, 1) about ``place`` (Q, 4) touch.
+
+        ``reach`` is below half a cell, so a box touches one or two cells along each axis. Returns
+        the query, the corner (a row of ``CORNERS``) and the flat number of each cell touched, and
+        the lowest cell (Q, 4) of each query.
+        """
+        last = np.array(self.shape) - 1
+        low = np.clip(np.floor(place - reach).astype(np.int64), 0, last)
+        high = np.clip(np.floor(place + reach).astype(np.int64), 0, last)
+        bits = CORNERS.T.astype(np.int64)
+        differs = high > low
+        number = (low @ self.strides)[:, None] + (differs * self.strides) @ bits
+        query, corner = np.nonzero((~differs).astype(np.int64) @ bits == 0)
+        return query, corner, number[query, corner], low
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Volume:
+    """One opened index; see the module's text. ``mark``: the catalogue's SHA-256.
+
+    What has been mapped is not read before it is asked for, so damage shows only then: what cannot
+    be raises DamagedPatternsError, and what is merely wrong does not pass the verification.
+    """
+
+    grid: Grid
+    fields_deg: Floats
+    offsets: Ints
+    zones: Ints
+    stars: NDArray[np.float32]
+    rows: NDArray[np.uint32]
+    keys: NDArray[np.uint32]
+    cells: NDArray[np.uint32]
+    codes: NDArray[np.uint32]
+    sizes: NDArray[np.uint8]
+    quads: NDArray[np.uint8]
+    mark: str = ""
+    folder: Path = Path()
+
+    @property
+    def span_deg(self) -> tuple[float, float]:
+        """The smallest and the largest field its levels are made for."""
+        return float(self.fields_deg[0]), float(self.fields_deg[-1])
+
+    def lookup(self, code: Floats, tolerance: Floats, size: Floats) -> tuple[Ints, Ints]:
+        """Quads whose code lies within ``tolerance`` (Q,) of ``code`` (Q, 4) in every number.
+
+        ``size`` (Q, 2) limits the base's length in rad. Returns (query, quad) row pairs.
+        """
+        place = self.grid.scaled(code)
+        reach = np.minimum(tolerance * self.grid.steps, 0.499)[:, None]
+        query, corner, number, low = self.grid.around(place, reach)
+        start, end = (self.cells[n].astype(np.int64) for n in (number, number + 1))
+        count = end - start
+        if max(count.max(initial=0) - MOST_IN_CELL, end.max(initial=0) - len(self.codes)) > 0:
+            raise DamagedPatternsError(self.folder)
+        kept = count > 0
+        query, corner, start, count = query[kept], corner[kept], start[kept], count[kept]
+        entry = ranges(start, count)
+        # compare in 1/256 of a cell, where the stored numbers live: four bytes at a time, and
+        # "between low and high" as one unsigned subtraction that wraps below low
+        target = np.floor((place - low) * 256.0)
+        low8, span8 = _window(target, np.ceil(reach * 256.0), query, CORNERS[corner])
+        found = self.codes[entry].view(np.uint8).reshape(-1, 4)
+        found -= np.repeat(low8.view(np.uint32).ravel(), count).view(np.uint8).reshape(-1, 4)
+        within = found <= np.repeat(span8.view(np.uint32).ravel(), count).view(np.uint8).reshape(-1, 4)
+        good = np.nonzero(within.view(np.uint32).ravel() == ALL_FOUR)[0]
+        query, entry = np.repeat(query, count)[good], entry[good]
+        length = self.sizes[entry]
+        fits = (length >= size_code(size[:, 0])[query]) & (length <= size_code(size[:, 1])[query])
+        return query[fits], entry[fits]
+
+    def members(self, quad: Ints) -> Ints:
+        """Star numbers (Q, 4) of quads, as A, B, C, D."""
+        raw = self.quads[quad].reshape(-1, 4, 3).astype(np.int64)
+        members = np.asarray(raw @ BYTES24)
+        if members.max(initial=0) >= len(self.stars) or (members[:, 0] == members[:, 1]).any():
+            raise DamagedPatternsError(self.folder)
+        return members
+
+    def directions(self, star: Ints) -> Floats:
+        """ICRS unit vectors (..., 3) of star numbers."""
+        found = self.stars[star].astype(np.float64)
+        if not (np.abs(np.einsum("...i,...i", found, found) - 1.0) < UNIT).all():
+            raise DamagedPatternsError(self.folder)
+        return np.asarray(found)
+
+    def level_of(self, star: Ints) -> Ints:
+        """Levels of star numbers."""
+        return np.asarray(np.searchsorted(self.offsets, star, side="right") - 1)
+
+    def near(self, level: int, centre: Floats, radius: float) -> Ints:
+        """Star numbers of one level within ``radius`` rad of the unit vector ``centre``."""
+        a, b = int(self.offsets[level]), int(self.offsets[level + 1])
+        number = cone_rows(self.keys[a:b], int(self.zones[level]), centre, radius) + a
+        dot = self.stars[number] @ centre.astype(np.float32)
+        return np.asarray(number[dot >= np.cos(radius)])
+
+
+def _window(
+    target: Floats, margin: Floats, query: Ints, upper: NDArray[np.bool_]
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Lowest byte and width (N, 4) of what may match, for the lower and the upper cells (N, 4)."""
+    lows, spans = [], []
+    for shift in (0.0, 256.0):
+        low = np.minimum(np.maximum(target - (margin + shift), 0.0), 255.0).astype(np.uint8)
+        high = np.minimum(np.maximum(target + (margin - shift), 0.0), 255.0).astype(np.uint8)
+        lows.append(low)
+        spans.append(high - low)
+    return (
+        np.where(upper, lows[1][query], lows[0][query]),
+        np.where(upper, spans[1][query], spans[0][query]),
+    )
+
+
+def open_volume(folder: Path) -> Volume:
+    """Open a volume, memory mapped; raises DamagedPatternsError when it is not all there."""
+    try:
+        volume = _read_volume(folder)
+        sound = _is_consistent(volume)
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise DamagedPatternsError(folder) from error
+    if not sound:
+        raise DamagedPatternsError(folder)
+    return volume
+
+
+def _read_volume(folder: Path) -> Volume:
+    facts: dict[str, Any] = json.loads((folder / "index.json").read_text("utf-8"))
+    grid, offsets = Grid(int(facts["steps"])), np.array(facts["offsets"], dtype=np.int64)
+    counts = dict.fromkeys(ARRAYS, int(facts["quads"]))
+    counts |= dict.fromkeys(("stars", "rows", "keys"), int(offsets[-1])) | {"cells": grid.cells + 1}
+    return Volume(
+        grid,
+        np.array(facts["fields_deg"], dtype=np.float64),
+        offsets,
+        np.array(facts["zones"], dtype=np.int64),
+        **{name: _mapped(folder / f"{name}.npy", name, counts[name]) for name in ARRAYS},
+        mark=str(facts.get("mark", "")),
+        folder=folder,
+    )
+
+
+def _mapped(path: Path, name: str, count: int) -> NDArray[Any]:
+    """An array of so many rows; ValueError when the file has another size."""
+    dtype, row = ARRAYS[name]
+    array = np.memmap(path, dtype, "r", HEADER_BYTES, (count, *row))
+    if path.stat().st_size != HEADER_BYTES + array.nbytes:
+        raise ValueError(f"{path} has another size")
+    return array.view(np.ndarray)
+
+
+def _is_consistent(volume: Volume) -> bool:
+    """Whether levels and cells are what a build leaves: they say how all else is read."""
+    begin, zones = volume.offsets, [zones_of(field) for field in volume.fields_deg]
+    middle = begin[1:-1]  # where the keys begin anew
+    return bool(
+        len(begin) == len(zones) + 1
+        and begin[0] == 0
+        and (np.diff(begin) > 0).all()
+        and volume.zones.tolist() == zones
+        and (volume.keys[middle] < volume.keys[middle - 1]).all()
+        and volume.cells[-1] == len(volume.codes)
+    )
+
+
+# -- The installation's volumes: two shipped ones and one for small fields, made once -----------
+# ``wide`` and ``coarse`` lie in ``catalogs/patterns`` and serve fields from about 2.5 degrees up.
+# ``fine`` serves smaller ones; it is several times as large, so it is made from the shipped
+# catalogue when first needed (:mod:`kochab.identification.index_build`) and kept in the user's cache.
+
+FORMAT = 2
+SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
+    # name: levels, nearest stars taken at each (rich, poor sky), cells of code space
+    "wide": (range(9, 15), ((6, 6),) * 6, 16),
+    "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
+}
+PER_FIELD = 30  # stars that a level has in a field of its size
+LEVEL_FIELDS_DEG = tuple(float(0.5 * 2.0 ** (k / 2.0)) for k in range(1, 16))  # 0.71 ... 90.5
+
+
+def shipped_volume_folder() -> Path:
+    """Where the shipped volumes lie."""
+    from kochab.sky import shipped_folder as catalogs
+
+    return catalogs() / "patterns"
+
+
+def fine_folder() -> Path:
+    """Where the volume of small fields lies, or will: ``KOCHAB_CACHE`` or the user's cache."""
+    from platformdirs import user_cache_path
+
+    base = os.environ.get("KOCHAB_CACHE")
+    root = Path(base) if base else user_cache_path("kochab", appauthor=False)
+    return root / f"patterns-{FORMAT}-{catalogue_mark()[:12]}"
+
+
+@lru_cache(maxsize=1)
+def shipped() -> tuple[Volume, ...]:
+    """The shipped volumes, ``wide`` first; raises CatalogueError when one is missing."""
+    volumes = tuple(open_volume(shipped_volume_folder() / name) for name in SHIPPED)
+    if any(volume.mark != catalogue_mark() for volume in volumes):
+        raise CatalogueError("The shipped patterns belong to another catalogue: run kochab catalog build.")
+    return tuple(_of_catalogue(volume) for volume in volumes)
+
+
+def fine() -> Volume | None:
+    """The volume of small fields when it has been made and is whole, else None."""
+    folder = fine_folder()
+    try:
+        return _opened_fine(folder) if (folder / "index.json").exists() else None
+    except CatalogueError:  # it is made again
+        return None
+
+
+def drop_fine(folder: Path) -> bool:
+    """Whether ``folder`` is that of the volume of small fields, which is then made anew."""
+    if folder != fine_folder():
+        return False
+    (folder / "index.json").unlink(missing_ok=True)
+    _opened_fine.cache_clear()
+    return True
+
+
+@lru_cache(maxsize=1)
+def _opened_fine(folder: Path) -> Volume:
+    volume = open_volume(folder)
+    if not is_shipped(volume):
+        raise DamagedPatternsError(folder)
+    return _of_catalogue(volume)
+
+
+def _of_catalogue(volume: Volume) -> Volume:
+    """The same; DamagedPatternsError when it names stars that the shipped catalogue lacks."""
+    from kochab.sky import open_catalogue
+
+    if int(volume.rows.max()) >= len(open_catalogue()):
+        raise DamagedPatternsError(volume.folder)
+    return volume
+
+
+def is_shipped(volume: Volume) -> bool:
+    """Whether the rows of ``volume`` are those of the shipped catalogue."""
+    return volume.mark == catalogue_mark()
+
+
+@lru_cache(maxsize=1)
+def catalogue_mark() -> str:
+    """The catalogue the patterns must belong to: its SHA-256 from the manifest."""
+    from kochab.sky import shipped_folder as catalogs
+
+    try:
+        manifest = json.loads((catalogs() / "manifest.json").read_text("utf-8"))
+        return str(manifest["files"]["deep.kcat"]["sha256"])
+    except (OSError, ValueError, KeyError) as error:
+        raise CatalogueError("The catalogue's manifest is missing or damaged.") from error

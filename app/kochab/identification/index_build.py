@@ -1,0 +1,388 @@
+"""Making the pattern index: which stars and quads are in it, and the volumes made on this computer.
+
+A frame shows the brightest stars of its field, whatever its size. So there is a list of stars for
+each size (a level; sizes grow by sqrt 2): a star is in it when fewer than ``PER_FIELD`` brighter
+stars lie in a box of that field's area around it.
+"""
+
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Floats, Ints, Ints32
+from kochab.core.errors import CatalogueError
+from kochab.core.progress import Progress, Task
+from kochab.identification.index import (
+    LEVEL_FIELDS_DEG,
+    PER_FIELD,
+    SHIPPED,
+    Grid,
+    Volume,
+    catalogue_mark,
+    fine,
+    fine_folder,
+    open_volume,
+    shipped,
+    shipped_volume_folder,
+    size_code,
+    zone_keys,
+    zones_of,
+)
+from kochab.identification.quads import canonical, planar
+
+CHUNK = 1 << 18
+PARTS = 16  # a power of two
+STARS_AT_ONCE = 1 << 15  # a cancelled build ends within about a second
+COMPACT = 0.95  # quads of poor sky larger than this share of a field seldom lie in a frame
+AROUND = 8  # stars by whose distance the sky around a star is judged
+RICH, POOR = 15.0, 9.0  # stars a field: quads enough from the nearest, and all that can be had
+EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
+FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)  # as the entries of ``SHIPPED``
+ROOM_BYTES = 600_000_000
+ELSEWHERE = "KOCHAB_CACHE names another folder"
+WAITING = "waiting for another program to build the small-field index"
+
+
+def select(ra: Floats, dec: Floats, candidates: Ints, field_deg: float) -> Ints:
+    """The rows of ``candidates`` (brightest first) that are in the level of ``field_deg``.
+
+    ``ra``, ``dec`` (N,) radians of all stars; ``candidates`` are rows of the next finer level, of
+    which every level is a subset: a bigger box holds no fewer brighter stars.
+    """
+    a, d = ra[candidates], dec[candidates]
+    step = np.radians(field_deg) / 3.0
+    zones = max(3, round(np.pi / step))
+    zone = np.clip(((d / np.pi + 0.5) * zones).astype(np.int64), 0, zones - 1)
+    middle = (np.arange(zones) + 0.5) / zones * np.pi - np.pi / 2
+    columns = np.maximum(3, np.round(2 * np.pi * np.cos(middle) / step)).astype(np.int64)
+    first = np.concatenate([[0], np.cumsum(columns)])
+    n = len(candidates)
+    rank = np.arange(n, dtype=np.int64)
+    turn = a / (2 * np.pi)
+    cell = first[zone] + np.minimum((turn * columns[zone]).astype(np.int64), columns[zone] - 1)
+    order = np.argsort(cell, kind="stable")
+    keys = cell[order] * n + rank[order]
+    start = np.searchsorted(cell[order], np.arange(first[-1] + 1))
+    brighter = np.zeros(n, dtype=np.int64)
+    for dz in (-1, 0, 1):
+        z = zone + dz
+        inside = (z >= 0) & (z < zones)
+        zc = np.clip(z, 0, zones - 1)
+        column = np.minimum((turn * columns[zc]).astype(np.int64), columns[zc] - 1)
+        for dc in (-1, 0, 1):
+            other = first[zc] + (column + dc) % columns[zc]
+            # walking in cell order keeps the look-ups in the cache
+            found = np.empty(n, dtype=np.int64)
+            found[order] = np.searchsorted(keys, (other * n + rank)[order])
+            brighter += np.where(inside, found - start[other], 0)
+    return candidates[brighter < PER_FIELD]
+
+
+def all_levels(ra: Floats, dec: Floats) -> list[Ints]:
+    """Rows (brightest first) of every level of ``LEVEL_FIELDS_DEG``; stars are given so sorted."""
+    rows = np.arange(len(ra), dtype=np.int64)
+    out = []
+    for field in LEVEL_FIELDS_DEG:
+        rows = select(ra, dec, rows, field)
+        out.append(rows)
+    return out
+
+
+def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Task[Ints32]:
+    """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once.
+
+    ``neighbours`` nearest are used where the level is as rich as a level should be, up to
+    ``poorest`` where it holds a quarter of that: frames there show few stars, and a few
+    missing ones must not break every quad.
+    """
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(vectors)
+    k = min(max(neighbours, AROUND), len(vectors) - 1)
+    found = tree.query(vectors, k=k + 1, workers=-1)
+    reach = np.asarray(found[0])[:, k] / np.radians(field_deg)
+    stars_per_field = k / (np.pi * np.maximum(reach, 1e-9) ** 2)
+    share = np.clip((RICH - stars_per_field) / (RICH - POOR), 0.0, 1.0)
+    wanted = np.minimum(neighbours + np.round(share * (poorest - neighbours)).astype(int), len(vectors) - 1)
+    parts, done = [], 0
+    for count in np.unique(wanted):
+        every = np.nonzero(wanted == count)[0]
+        for at in range(0, len(every), STARS_AT_ONCE):
+            yield Progress("patterns", done / len(vectors), "grouping neighbours")
+            rows = every[at : at + STARS_AT_ONCE]
+            done += len(rows)
+            near = np.asarray(found[1])[rows]
+            if count > k:
+                near = np.asarray(tree.query(vectors[rows], k=count + 1, workers=-1)[1])
+            sets = _sets(near.astype(np.int32), int(count))
+            if count > neighbours:
+                sets = sets[_diameter(vectors, sets) < COMPACT * np.radians(field_deg)]
+            parts.append(sets)
+    quad = np.concatenate(parts)
+    del parts
+    mark = _marks(quad)
+    first = []
+    for part in range(PARTS):  # a whole sort would take ten seconds
+        yield Progress("patterns", 1.0, "leaving out what is there twice")
+        rows = np.nonzero(mark >> np.uint64(64 - PARTS.bit_length() + 1) == part)[0]
+        first.append(rows[np.unique(mark[rows], return_index=True)[1]])
+    return np.asarray(quad[np.sort(np.concatenate(first))])
+
+
+def _marks(quad: Ints32) -> NDArray[np.uint64]:
+    """A number (Q,) for each quad (Q, 4) that no two different ones are likely to share."""
+    mark = quad[:, 0].astype(np.uint64)
+    factors = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
+    with np.errstate(over="ignore"):
+        for factor, column in zip(factors, quad.T[1:], strict=True):
+            mark *= np.uint64(factor)
+            mark += column.astype(np.uint64)
+    return mark
+
+
+def _within(task: Task[Ints32], start: float, width: float) -> Task[Ints32]:
+    """The same task as a part, ``start`` to ``start + width``, of a longer one."""
+    while True:
+        try:
+            step = next(task)
+        except StopIteration as end:
+            return np.asarray(end.value)
+        yield Progress(step.stage, start + width * (step.fraction or 0.0), step.detail)
+
+
+def _sets(near: Ints32, neighbours: int) -> Ints32:
+    """Every star (column 0) with three of its ``neighbours`` nearest, members sorted (Q, 4)."""
+    combos = np.array(list(combinations(range(1, neighbours + 1), 3)))
+    first = np.broadcast_to(near[:, :1, None], (len(near), len(combos), 1))
+    quad = np.concatenate([first, near[:, combos]], axis=2).reshape(-1, 4)
+    quad.sort(axis=1)
+    return quad
+
+
+def _diameter(vectors: Floats, quads: Ints32) -> NDArray[np.float32]:
+    """Largest distance (Q,) between members of quads, rad."""
+    p = vectors.astype(np.float32)[quads]
+    pairs = [((p[:, i] - p[:, j]) ** 2).sum(axis=1) for i in range(4) for j in range(i)]
+    return np.asarray(np.sqrt(np.maximum.reduce(pairs)))
+
+
+def build_volume(
+    folder: Path,
+    vectors: Floats,
+    rows: Ints,
+    levels: Sequence[int],
+    *,
+    neighbours: Sequence[tuple[int, int]],
+    steps: int,
+    mark: str = "",
+) -> Task[None]:
+    """Write the volume of the chosen ``levels`` of a sky into ``folder``.
+
+    ``vectors`` (N, 3) ICRS unit vectors, brightest first, with their catalogue ``rows`` (N,).
+    ``neighbours`` per chosen level: how many nearest stars each star forms quads with,
+    where the sky is rich and where it is poor (see :func:`level_quads`).
+    ``mark`` is kept in the index so that a later catalogue is noticed.
+    """
+    yield Progress("patterns", 0.0, "sorting the stars by field size")
+    ra = np.arctan2(vectors[:, 1], vectors[:, 0]) % (2 * np.pi)
+    dec = np.arcsin(np.clip(vectors[:, 2], -1.0, 1.0))
+    chosen = all_levels(ra, dec)
+    stars, kept, keys, offsets, zones = [], [], [], [0], []
+    for k in levels:
+        count = zones_of(LEVEL_FIELDS_DEG[k])
+        key = zone_keys(vectors[chosen[k]], count)
+        order = np.argsort(key, kind="stable")
+        member = chosen[k][order]
+        stars.append(vectors[member].astype(np.float32))
+        kept.append(rows[member].astype(np.uint32))
+        keys.append(key[order])
+        zones.append(count)
+        offsets.append(offsets[-1] + len(member))
+    grid = Grid(steps)
+    cells, codes, sizes, quads = [], [], [], []
+    for i, xyz in enumerate(stars):
+        begin, width = 0.1 + 0.7 * i / len(stars), 0.35 / len(stars)
+        yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
+        field_deg = LEVEL_FIELDS_DEG[levels[i]]
+        task = level_quads(xyz.astype(np.float64), field_deg, *neighbours[i])
+        found = yield from _within(task, begin, width)
+        for at in range(0, len(found), CHUNK):
+            part = found[at : at + CHUNK]
+            c, code, size, order = _encode(grid, xyz.astype(np.float64)[part], part)
+            cells.append(c)
+            codes.append(code)
+            sizes.append(size)
+            numbers = (order + offsets[i]).astype("<u4").view(np.uint8).reshape(-1, 4, 4)
+            quads.append(numbers[:, :, :3].reshape(-1, 12))  # below 2^24: three bytes, low one first
+            yield Progress("patterns", begin + width * (1.0 + at / len(found)))
+    yield Progress("patterns", 0.85, "sorting the patterns by shape")
+    cell = np.concatenate(cells)
+    order = np.argsort(cell, kind="stable")
+    start = np.zeros(grid.cells + 1, dtype=np.uint32)
+    np.cumsum(np.bincount(cell, minlength=grid.cells), out=start[1:])
+    facts = {
+        "steps": steps,
+        "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],
+        "offsets": offsets,
+        "zones": zones,
+        "quads": len(cell),
+        "mark": mark,
+    }
+    yield Progress("patterns", 0.95, "writing")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, array in (
+        ("stars", np.concatenate(stars)),
+        ("rows", np.concatenate(kept)),
+        ("keys", np.concatenate(keys)),
+        ("cells", start),
+        ("codes", np.concatenate(codes)[order]),
+        ("sizes", np.concatenate(sizes)[order]),
+        ("quads", np.concatenate(quads)[order]),
+    ):
+        np.save(folder / f"{name}.npy", array)
+    (folder / "index.json").write_text(json.dumps(facts) + "\n", "utf-8")
+
+
+def _encode(
+    grid: Grid, xyz: Floats, members: Ints32
+) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], Ints]:
+    """Cells, stored codes and sizes (Q,), and members in canonical order (Q, 4) of one chunk."""
+    c = canonical(planar(xyz))
+    place = grid.scaled(c.code)
+    cell = np.floor(place).astype(np.int64)
+    inside = np.clip(np.floor((place - cell) * 256.0), 0, 255).astype(np.uint8)
+    code = inside.view(np.uint32).ravel()
+    ordered = np.take_along_axis(members.astype(np.int64), c.order, axis=1)
+    return grid.number(cell), code, size_code(c.base), ordered
+
+
+# -- The volumes of this installation ----------------------------------------------------------
+
+
+def build_shipped(folder: Path | None = None) -> Task[None]:
+    """Make the shipped volumes from the shipped catalogue; the same input gives the same bytes."""
+    catalogue_mark.cache_clear()
+    for name, plan in SHIPPED.items():
+        yield from _build((folder or shipped_volume_folder()) / name, *plan)
+    shipped.cache_clear()
+
+
+def make_fine() -> Task[Volume]:
+    """Return the volume of small fields, making it first if need be: half a minute, once.
+
+    Safe when several programs ask at once: one makes it, the others wait. Raises CatalogueError
+    when it cannot be written.
+    """
+    folder = fine_folder()
+    lock = folder.with_suffix(".lock")
+    while True:
+        ready = fine()
+        if ready is not None:
+            return ready
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            _need_room(folder.parent)
+            handle = acquire(lock)
+        except OSError as error:
+            raise CatalogueError(
+                f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror}"
+                f" ({ELSEWHERE})."
+            ) from error
+        if handle is not None:
+            break
+        yield Progress("patterns", None, WAITING)
+        time.sleep(0.2)
+    scratch = folder.with_suffix(".part")
+    try:
+        ready = fine()  # another may have been done since we looked
+        if ready is not None:
+            return ready
+        shutil.rmtree(scratch, ignore_errors=True)
+        yield from _build(scratch, *FINE)
+        for path in scratch.iterdir():  # on the disk itself: a name may get there before its content
+            with path.open("rb+") as file:
+                os.fsync(file.fileno())
+        shutil.rmtree(folder, ignore_errors=True)
+        scratch.rename(folder)
+    except OSError as error:
+        raise CatalogueError(
+            f"The patterns for small fields cannot be written to {folder.parent}: {error.strerror}."
+        ) from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+        release(handle, lock)
+    return open_volume(folder)
+
+
+def _need_room(parent: Path) -> None:
+    """Refuse at once what would fill the disk after a minute's work."""
+    free = shutil.disk_usage(parent).free
+    if free < ROOM_BYTES:
+        raise CatalogueError(
+            f"Patterns for small fields need {ROOM_BYTES // 1_000_000} MB in {parent}, where"
+            f" {free // 1_000_000} MB are free ({ELSEWHERE})."
+        )
+
+
+def _build(folder: Path, levels: range, neighbours: tuple[tuple[int, int], ...], steps: int) -> Task[None]:
+    from kochab.sky import open_catalogue
+
+    yield Progress("patterns", 0.0, "reading the catalogue")
+    catalogue = open_catalogue()
+    rows = np.arange(len(catalogue))
+    rows = rows[np.argsort(catalogue.mag(rows), kind="stable")]
+    vectors = catalogue.vectors(rows, EPOCH)
+    yield from build_volume(
+        folder, vectors, rows, levels, neighbours=neighbours, steps=steps, mark=catalogue_mark()
+    )
+
+
+def acquire(path: Path) -> int | None:
+    """Lock the file at ``path``, made if need be; its handle, or None when another holds it.
+
+    The system gives the lock up when its holder dies. A file system without locks lets everyone
+    in. Raises OSError when the file cannot be made.
+    """
+    handle = os.open(path, os.O_CREAT | os.O_RDWR)
+    try:
+        _lock(handle)
+    except (BlockingIOError, PermissionError):
+        os.close(handle)
+        return None
+    except OSError:
+        return handle
+    with suppress(FileNotFoundError):
+        if os.path.samestat(os.fstat(handle), path.stat()):
+            return handle
+    os.close(handle)  # its last holder has just removed it
+    return None
+
+
+def release(handle: int, path: Path) -> None:
+    """Give the lock up and remove its file."""
+    if sys.platform != "win32":  # before the lock is given up, or another may hold a removed file
+        path.unlink(missing_ok=True)
+    os.close(handle)
+    if sys.platform == "win32":  # an open file cannot be removed there
+        with suppress(OSError):  # another has it by now
+            path.unlink(missing_ok=True)
+
+
+def _lock(handle: int) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,402 @@
+"""The default method: quads of neighbouring stars, looked up by shape and verified.
+
+Blind at any scale and for both parities. Where the scale is known and the stars are few, their
+triangles are looked up first (:mod:`kochab.identification.triangles`): that needs fewer stars. Of quads,
+the brightest detections are tried first; each stage takes more of them and allows larger errors. A
+pointing is accepted only when chance cannot explain it (:mod:`kochab.identification.verification`),
+whatever found it.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.errors import DamagedPatternsError
+from kochab.core.frame import Detections, Hint
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import Identification, Matches, NoSolution, Reason
+from kochab.identification import with_places
+from kochab.identification.index import LEVEL_FIELDS_DEG, PER_FIELD, Volume, drop_fine, fine, shipped
+from kochab.identification.quads import (
+    SUPPOSED,
+    FieldStars,
+    Hypotheses,
+    QuadQuery,
+    image_quads,
+    propose,
+    quad_marks,
+)
+from kochab.identification.verification import (
+    ACCEPT_LOG10,
+    FEWEST,
+    CandidatePointing,
+    Verdict,
+    support,
+    verify,
+)
+
+if TYPE_CHECKING:
+    from kochab.identification.triangles import KnownSearch
+
+# -- One frame's search: which patterns to ask about, in what order, and which answers hold ----
+
+POOR_SEARCH = 16  # frames with no more stars than this are searched exhaustively
+CROWD = 400  # more pointings than this are thinned before the closer look
+FINE = 2  # the volume that may have to be made first
+
+
+@dataclass(frozen=True, slots=True)
+class SearchStage:
+    """How deep one round of the search goes; see :func:`kochab.identification.quads.propose`.
+
+    ``noise`` is the allowed error of a position in thousandths of the frame's larger side.
+    ``focal`` are supposed focal lengths in units of the larger side: 0 supposes none.
+    ``fine`` is whether the volume of small fields is asked too.
+    """
+
+    stars: int
+    neighbours: int
+    noise: float
+    slack: float
+    use: int
+    focal: tuple[float, ...] = ()
+    volume: int = 0
+    spread: float = 2.0
+    alone: int = 40
+
+
+WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)  # the last two, of 70 deg and more, are rare
+STAGES = (
+    SearchStage(10, 5, 0.9, 0.003, 30, volume=1, alone=4, spread=1.6),
+    SearchStage(10, 5, 0.9, 0.003, 30, volume=2, alone=4, spread=1.6),
+    SearchStage(14, 5, 0.9, 0.010, 40, focal=WIDE[:5], alone=20),
+    SearchStage(18, 6, 0.9, 0.003, 40, volume=1, alone=20),
+    SearchStage(18, 6, 0.9, 0.003, 40, volume=2, alone=20),
+    SearchStage(30, 6, 1.0, 0.003, 50, volume=1),
+    SearchStage(24, 6, 1.0, 0.012, 50, focal=WIDE, spread=3.0),
+    SearchStage(30, 6, 1.0, 0.003, 50, volume=2),
+    SearchStage(40, 6, 1.0, 0.004, 60, volume=1, spread=3.0),
+    SearchStage(40, 6, 1.0, 0.004, 60, volume=2, spread=3.0),
+)
+
+
+class Search:
+    """One frame's search: what was tried already, and how many pointings."""
+
+    def __init__(self, detections: Detections, hint: Hint | None) -> None:
+        middle = np.array([(detections.width - 1) / 2, (detections.height - 1) / 2])
+        self.xy = detections.xy - middle
+        self.half = np.array([detections.width / 2, detections.height / 2])
+        self.side = float(max(detections.width, detections.height))
+        self.tried = 0
+        self.before = 0  # pointings of another search, which has counted them itself
+        self.ways = 1  # so many searches may answer: each gets its share of the false alarms
+        self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
+        self.asked = 0
+        self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
+        lo, hi = 0.25 * self.side, 180.0 * self.side
+        if hint is not None and hint.scale_arcsec_px is not None:
+            a, b = (206264.806 / s for s in hint.scale_arcsec_px)
+            lo, hi = min(a, b), max(a, b)
+        self.scale = (lo, hi)
+        self.centre = None
+        if hint is not None and hint.centre_deg is not None:
+            from kochab.core.attitude import unit_vectors
+
+            ra, dec, radius = hint.centre_deg
+            self.centre = (unit_vectors(ra, dec), float(np.radians(radius)))
+
+    def plan(self, stages: tuple[SearchStage, ...], volumes: tuple[Volume, ...]) -> list[SearchStage]:
+        """The stages that the scale allows; of equal depth, the likeliest volume first."""
+        kept = []
+        narrow, wide = self.scale[1] / self.side, self.scale[0] / self.side
+        smallest, largest = self.field_deg(self.scale[1]), self.field_deg(self.scale[0])
+        for stage in stages:
+            if stage.volume >= len(volumes):
+                continue
+            if (narrow < 1.8 and not stage.focal) or (wide > 3.0 and stage.focal):
+                continue
+            first, last = volumes[stage.volume].span_deg
+            low, high = self._per_field(stage)
+            largest_wanted, smallest_wanted = largest * high, smallest * low
+            if largest_wanted < first and stage.volume != FINE:
+                continue
+            if smallest_wanted > last:
+                continue
+            middle = math.sqrt(largest_wanted * smallest_wanted)
+            miss = max(0.0, math.log(first / middle), math.log(middle / last))
+            kept.append((stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage))
+        return [s for _, _, s in sorted(kept, key=lambda k: k[:2])]
+
+    def wants_small_fields(self, stages: tuple[SearchStage, ...]) -> bool:
+        """Whether the allowed scales reach down to fields that only the fine volume serves."""
+        field = self.field_deg(self.scale[1])
+        return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[4] for s in stages)
+
+    def field_deg(self, focal_px: float) -> float:
+        """The side of a square field as large as the frame's, degrees."""
+        return math.degrees(2.0 * math.atan(math.sqrt(self.half[0] * self.half[1]) / focal_px))
+
+    def allows(self, boresight: Floats, focal: Floats | float) -> NDArray[np.bool_]:
+        """Whether the hint's place allows boresights (..., 3) with focal lengths (...), px."""
+        if self.centre is None:
+            return np.ones(np.shape(focal), dtype=bool)
+        wide = np.arctan(np.hypot(*self.half) / focal)
+        dot = boresight @ self.centre[0]
+        return np.asarray(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
+
+    def alarm(self, verdict: Verdict) -> float:
+        """The verdict's false-alarm bound after counting all pointings and ways tried."""
+        return min(0.0, verdict.log10_tail + math.log10(max(1, self.tried) * self.ways))
+
+    def round(self, volume: Volume, stage: SearchStage) -> Iterator[Verdict]:
+        """Accepted verdicts of one stage in one volume, best first."""
+        noise = stage.noise * self.side / 1000.0
+        quads = self._new_quads(stage, noise)
+        focal = None
+        if stage.focal:
+            supposed = np.array(stage.focal) * self.side
+            supposed = supposed[
+                (supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])
+            ]
+            focal = np.repeat(supposed, len(quads))
+            quads = np.tile(quads, (len(supposed), 1))
+        if len(quads) == 0:
+            return
+        view = FieldStars(self.xy, self.half, self.scale)
+        per_field = self._per_field(stage)
+        found = propose(volume, view, QuadQuery(quads, focal, noise, stage.slack, per_field))
+        if self.centre is not None:
+            found = found.take(self.allows(found.matrix[:, 2], found.focal))
+        self.tried += len(found)
+        self.asked += len(quads)
+        yield from self._check(volume, view, stage, found)
+
+    def _per_field(self, stage: SearchStage) -> tuple[float, float]:
+        """Lowest and highest ratio of a level's field to the frame's, for stars so bright.
+
+        A frame with hardly more stars than the stage takes may show all the catalogue has there, so
+        that any finer level will do.
+        """
+        n = len(self.xy)
+        density = math.sqrt(PER_FIELD / min(stage.stars, n))
+        low = density / stage.spread if n >= 2 * stage.stars else 0.3
+        return low, density * stage.spread
+
+    def _new_quads(self, stage: SearchStage, noise: float) -> Ints:
+        # a poor frame is asked about in every way there is: its few stars cost little
+        neighbours = stage.neighbours if len(self.xy) > POOR_SEARCH or stage.focal else 9
+        quads = image_quads(self.xy[: stage.stars], neighbours, 12.0 * noise)
+        marks = quad_marks(quads)
+        key = (stage.volume, stage.focal)
+        old = self.done.get(key, np.zeros(0, dtype=np.int64))
+        new = ~np.isin(marks, old)
+        self.done[key] = np.concatenate([old, marks[new]])
+        return quads[new]
+
+    def _check(
+        self, volume: Volume, view: FieldStars, stage: SearchStage, found: Hypotheses
+    ) -> Iterator[Verdict]:
+        reach = 0.010 * self.side
+        if len(found) > CROWD:
+            found = found.take(support(volume, self.xy[:8], found, reach) > 0)
+        votes = support(volume, self.xy[:16], found, reach)
+        # fewer cannot pass: verification wants two stars besides the proposers as well
+        order = np.argsort(-votes, kind="stable")[: min(stage.alone, int((votes > 1).sum()))]
+        for h in order:
+            start = CandidatePointing(found.matrix[h], float(found.focal[h]), bool(found.mirrored[h]))
+            verdict = verify(
+                volume,
+                int(found.level[h]),
+                view,
+                start,
+                found.detections[h],
+                found.stars[h],
+                reach,
+                stage.use,
+                ACCEPT_LOG10 - 6.0,
+            )
+            if verdict is None:
+                continue
+            self.least = min(self.least, self.alarm(verdict))
+            if self.alarm(verdict) < ACCEPT_LOG10:
+                yield verdict
+
+
+# -- What a search has found, in the words of ``core`` -----------------------------------------
+
+
+def identification_of(
+    verdict: Verdict,
+    detections: Detections,
+    rows: NDArray[np.integer],
+    vectors: NDArray[np.floating],
+    log10_false_alarm: float,
+    tried: int,
+) -> Identification:
+    """The default method's answer: a verdict on stars of which ``rows`` and ``vectors`` are all.
+
+    ``rows`` (N,) are the catalogue's, ``vectors`` (N, 3) ICRS unit vectors; ``tried`` pointings
+    were looked at.
+    """
+    p, w, h = verdict.pointing, detections.width, detections.height
+    camera = Camera(w, h, p.focal, (w - 1) / 2, (h - 1) / 2, k1=p.k1, mirrored=p.mirrored)
+    matches = Matches(
+        verdict.detections.astype(np.int64),
+        rows[verdict.stars].astype(np.int64),
+        detections.xy[verdict.detections],
+        vectors[verdict.stars].astype(np.float64),
+    )
+    return Identification(matches, camera, Attitude(p.matrix), log10_false_alarm, "patterns", tried)
+
+
+# -- When the quick road of a known camera is taken, and what its answer is made of ------------
+
+FEWEST_FOR_TRIANGLES, MOST_FOR_TRIANGLES = 3, 24
+"""So many detections are looked at so; of more the quads make as short work without a table."""
+COMPLETE = 6
+"""Of so many detections quads have found none that triangles had not."""
+POOR_FIELD = 8
+"""Of so many detections all triangles are tried, else only those of the brightest."""
+KNOWN, ROUGHLY = 1.03, 1.25
+"""Highest over lowest scale: of any frame, and of one with few stars."""
+
+
+def known_camera(search: Search, volumes: tuple[Volume, ...], year: float) -> tuple["KnownSearch", ...]:
+    """The searches by triangles to make; none where the scale or the field is not for them.
+
+    Where the stars are so few that chance has room, a table of fewer stars is asked first.
+    """
+    low, high = search.scale
+    poor = len(search.xy) <= POOR_FIELD
+    if (
+        high > low * (ROUGHLY if poor else KNOWN)
+        or not FEWEST_FOR_TRIANGLES <= len(search.xy) <= MOST_FOR_TRIANGLES
+    ):
+        return ()
+    from kochab.identification.pair_table import DENSE, SPARSE, table_for
+    from kochab.identification.triangles import BRIGHTEST, FEW, DetectionAngles, KnownSearch
+
+    field_deg = search.field_deg((low * high) ** 0.5)
+    wanted = (SPARSE, DENSE) if len(search.xy) <= FEW else (DENSE,)
+    tables = [table_for(volumes, field_deg, year, density) for density in wanted]
+    there = [table for table in tables if table is not None]
+    if not there:
+        return ()
+    asked = POOR_FIELD if poor and high <= low * KNOWN else BRIGHTEST
+    angles = DetectionAngles.of(search.xy[:asked], search.scale)
+    search.ways = len(there) + (len(search.xy) > COMPLETE)
+    return tuple(KnownSearch(t, search.xy, search.half, angles, search.ways) for t in there)
+
+
+def triangle_search(
+    search: Search, searches: tuple["KnownSearch", ...], detections: Detections
+) -> Task[Identification | None]:
+    """What the triangles say, if they say anything where the hint allows it."""
+    for known in searches:
+        yield Progress("identify", 0.0, "triangles of the known camera")
+        for verdict in known.verdicts():
+            p = verdict.pointing
+            if search.centre is None or search.allows(p.matrix[2], p.focal):
+                table = known.table
+                return identification_of(
+                    verdict, detections, table.rows, table.vectors, verdict.log10_tail, known.tried
+                )
+        search.least = min(search.least, known.least)
+        search.before += known.tried
+        search.asked += known.triangles
+    return None
+
+
+class Patterns:
+    """Lost in space by quads; see the module's text.
+
+    ``volumes`` are the shipped ones and, for tests, all there are; by default the installation's.
+    """
+
+    def __init__(
+        self, volumes: tuple[Volume, ...] | None = None, stages: tuple[SearchStage, ...] = STAGES
+    ) -> None:
+        self.volumes = volumes
+        self.stages = stages
+
+    def identify(
+        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
+    ) -> Task[Identification | NoSolution]:
+        """Name the stars of one frame; see :class:`kochab.identification.Identifier`.
+
+        The first frame that only the patterns for small fields can answer waits while those are
+        made, and says so. So does one that finds them damaged.
+        """
+        places = partial(self._identify, hint=hint, year=year)
+        try:
+            return (yield from with_places(detections, places))
+        except DamagedPatternsError as error:
+            if self.volumes is not None or not drop_fine(error.folder):
+                raise
+        return (yield from with_places(detections, places))
+
+    def _identify(
+        self, detections: Detections, hint: Hint | None, year: float
+    ) -> Task[Identification | NoSolution]:
+        search = Search(detections, hint)
+        known = known_camera(search, self.volumes or shipped(), year)
+        found = yield from triangle_search(search, known, detections)
+        if found is not None:
+            return found
+        if len(search.xy) < FEWEST:
+            return NoSolution(
+                Reason.TOO_FEW_STARS,
+                "Expose longer or point at a richer part of the sky.",
+                f"{len(search.xy)} stars",
+                len(detections),
+            )
+        if known and len(search.xy) <= COMPLETE:
+            return self._none(search, detections)
+        volumes = self.volumes
+        if volumes is None:
+            ready = fine()
+            volumes = (*shipped(), ready) if ready else shipped()
+        found = yield from self._search(search, volumes, self.stages, detections)
+        if found is None and self.volumes is None and len(volumes) == FINE:
+            late = tuple(s for s in self.stages if s.volume == FINE)
+            if search.wants_small_fields(late):
+                from kochab.identification.index_build import make_fine
+
+                made = yield from make_fine()
+                found = yield from self._search(search, (*volumes, made), late, detections)
+        return found or self._none(search, detections)
+
+    def _none(self, search: Search, detections: Detections) -> NoSolution:
+        return NoSolution(
+            Reason.NO_PATTERN_AGREED,
+            "Check that the frame shows stars in focus.",
+            f"{search.before + search.tried} pointings from {search.asked} star patterns",
+            len(detections),
+            measured={"pointings": search.before + search.tried, "log10_false_alarm": search.least},
+        )
+
+    def _search(
+        self,
+        search: Search,
+        volumes: tuple[Volume, ...],
+        stages: tuple[SearchStage, ...],
+        detections: Detections,
+    ) -> Task[Identification | None]:
+        plan = search.plan(stages, volumes)
+        for k, stage in enumerate(plan):
+            yield Progress("identify", k / len(plan), f"{stage.stars} brightest stars")
+            volume = volumes[stage.volume]
+            for verdict in search.round(volume, stage):
+                return identification_of(
+                    verdict, detections, volume.rows, volume.stars, search.alarm(verdict), search.tried
+                )
+        return None

@@ -1,0 +1,150 @@
+"""The Predictional Estimate: from where the stars should be to where the camera points.
+
+Liebe (1992, IEEE Aerosp. Electron. Syst. Mag. 7(6), 34), section "Predictional Estimate": the
+attitude believed so far gives the expected constellation; each expected star is matched to the
+recorded one at the least distance; differential changes of direction and rotation then make the
+distances small. Matching and changing are repeated here with a reach that follows the distances,
+and stars count only when each is the other's nearest, so that a false star has no say.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.attitude import small_rotation
+from kochab.attitude.least_squares import project_with_jacobian
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.identification.verification import least_likely, pair
+
+FEWEST = 2
+ROUNDS = 6
+CLIP_SIGMA = 3.7
+FLOOR_PX = 0.02
+BELIEF = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """An attitude with covariance; ``seen`` and ``star`` (M,) number what was matched.
+
+    ``residuals_px`` (M, 2) are recorded minus expected places; ``sigma_px`` their RMS a coordinate
+    over the degrees of freedom.
+    """
+
+    attitude: Attitude
+    seen: Ints
+    star: Ints
+    residuals_px: Floats
+    sigma_px: float
+
+
+def predictional_estimate(
+    camera: Camera,
+    matrix: Floats,
+    xy: Floats,
+    vectors: Floats,
+    reach_px: float,
+    *,
+    closest_px: float = 0.5,
+    worst_px: float | None = None,
+) -> Estimate | None:
+    """Match stars recorded at ``xy`` (N, 2) px to ``vectors`` (S, 3) ICRS and refine ``matrix``.
+
+    ``reach_px`` is how far off the expected places may be at first, ``closest_px`` the smallest
+    reach it comes down to; ``worst_px``, where it is known, is the largest error a star's place can
+    have, beyond which none counts in the end. None when fewer than two stars find each other.
+    """
+    last = np.zeros((2, 0), dtype=np.int64)
+    for _ in range(ROUNDS):
+        i, j, distance2 = pair(xy, expected_px(camera, matrix, vectors), reach_px)
+        if len(i) < FEWEST:
+            return None
+        matrix, _ = differential(camera, matrix, xy[i], vectors[j], np.ones(len(i)))
+        middle = float(np.sqrt(np.median(distance2)))
+        closer = max(closest_px, min(reach_px, CLIP_SIGMA * max(middle, FLOOR_PX)))
+        if worst_px is not None and middle < worst_px:
+            closer = min(closer, worst_px)
+        if closer > 0.99 * reach_px and np.array_equal([i, j], last):
+            break
+        reach_px, last = closer, np.array([i, j])
+    return concluded(camera, matrix, xy, vectors, i, j)
+
+
+def concluded(
+    camera: Camera,
+    matrix: Floats,
+    xy: Floats,
+    vectors: Floats,
+    i: Ints,
+    j: Ints,
+    sigma_px: Floats | None = None,
+) -> Estimate:
+    """The final estimate from matches ``i`` (M,) of ``xy`` and ``j`` (M,) of ``vectors``.
+
+    ``sigma_px`` (M,) are errors a coordinate; their level comes from the residuals and from what
+    was said, which counts as :data:`BELIEF` residuals more. When not given, residuals alone tell.
+    """
+    weight = np.ones(len(i)) if sigma_px is None else 1.0 / sigma_px
+    matrix, inverse = differential(camera, matrix, xy[i], vectors[j], weight)
+    left = xy[i] - expected_px(camera, matrix, vectors[j])
+    freedom = max(1, 2 * len(i) - 3)
+    square = float(np.sum(np.square(left * weight[:, None])))
+    if sigma_px is None:
+        level = max(square / freedom, FLOOR_PX**2)
+    else:
+        level = (square + BELIEF) / (freedom + BELIEF)
+    sigma = float(np.sqrt(np.sum(np.square(left)) / freedom))
+    return Estimate(Attitude(matrix, inverse * level), i, j, left, sigma)
+
+
+def differential(
+    camera: Camera, matrix: Floats, xy: Floats, vectors: Floats, weight: Floats, steps: int = 2
+) -> tuple[Floats, Floats]:
+    """Gauss-Newton steps of the rotation alone; the new matrix and the inverse normal matrix.
+
+    ``xy`` (M, 2) px, ``vectors`` (M, 3) ICRS, ``weight`` (M,) one over the error in px.
+    """
+    inverse: Floats = np.eye(3)
+    for _ in range(steps):
+        seen, jacobian = project_with_jacobian(camera, _ahead(vectors @ matrix.T))
+        left = ((xy - seen) * weight[:, None]).ravel()
+        slope = (jacobian[:, :, :3] * weight[:, None, None]).reshape(-1, 3)
+        normal = slope.T @ slope
+        normal[np.diag_indices(3)] *= 1.0 + 1e-12
+        inverse = np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
+        step = np.clip(inverse @ (slope.T @ left), -0.2, 0.2)
+        matrix = small_rotation(step) @ matrix
+    return matrix, np.asarray(inverse)
+
+
+def expected_px(camera: Camera, matrix: Floats, vectors: Floats) -> Floats:
+    """Where stars (S, 3) should be, px (S, 2); far outside the frame for those behind it."""
+    places = camera.project(vectors @ matrix.T)
+    return np.where(np.isfinite(places), places, -1e9)
+
+
+def agreement(
+    distance2_px: Floats,
+    witnesses: int,
+    stars: float,
+    area_px: float,
+    reach_px: float,
+    candidates: int,
+    free: int,
+) -> float:
+    """log10 of a bound for the chance of so good an agreement; see :mod:`kochab.identification.verification`.
+
+    ``distance2_px`` (M,) squared distances of matched stars, of ``witnesses`` recorded ones that
+    could have matched one of ``stars`` on ``area_px``; ``candidates`` predictions were tried, each
+    with ``free`` numbers fitted to the same stars.
+    """
+    square = np.sort(distance2_px)
+    return least_likely(square, witnesses, stars, area_px, reach_px, free, candidates)[0]
+
+
+def _ahead(body: Floats) -> Floats:
+    body = body.copy()
+    body[:, 2] = np.maximum(body[:, 2], 1e-3)
+    return body

@@ -1,0 +1,279 @@
+"""Quads of stars: their shape as four numbers, and the pointings they propose.
+
+The shape does not change with scale, rotation, shift or mirror. The two stars farthest apart become
+0 and 1 of the complex plane; the other two are then ``zc`` and ``zd``, both inside the lens of two
+unit discs. Three foldings make the code unique: the base is swapped until ``Re(zc + zd) <= 1``,
+mirrored until ``Im(zc + zd) >= 0``, and the stars ordered so that ``Re zc <= Re zd``. After Lang et
+al. 2010 (astrometry.net), with the longest side as the base and the mirror folded in, so that both
+parities share one index.
+"""
+
+from dataclasses import dataclass, fields
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Bools, Floats, Ints
+from kochab.identification.index import Volume
+
+PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+REST = np.array([[2, 3], [1, 3], [1, 2], [0, 3], [0, 2], [0, 1]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Codes:
+    """Canonical codes of Q quads.
+
+    ``code`` (Q, 4): Re zc, Re zd, Im zc, Im zd. ``order`` (Q, 4): which of the quad's stars is A,
+    B, C, D. ``mirrored`` (Q,): whether the mirror was applied. ``quad`` (Q,): the row of the input
+    the code belongs to (variants repeat rows). ``base`` (Q,): length of AB in the input's unit.
+    """
+
+    code: Floats
+    order: Ints
+    mirrored: NDArray[np.bool_]
+    quad: Ints
+    base: Floats
+
+
+def planar(vectors: Floats) -> NDArray[np.complex128]:
+    """Tangent-plane positions (Q, 4) of unit vectors (Q, 4, 3) about each quad's own centre.
+
+    The plane's axes are arbitrary but right-handed looking outwards, as a camera's x and y are.
+    """
+    centre = vectors.sum(axis=1)
+    centre /= np.linalg.norm(centre, axis=1, keepdims=True)
+    flat = vectors / np.einsum("qij,qj->qi", vectors, centre)[:, :, None]
+    e1 = flat[:, 1] - flat[:, 0]
+    e1 /= np.maximum(np.linalg.norm(e1, axis=1, keepdims=True), 1e-30)
+    e2 = cross(centre, e1)
+    rel = flat - flat[:, :1]
+    out: NDArray[np.complex128] = np.einsum("qij,qj->qi", rel, e1) + 1j * np.einsum("qij,qj->qi", rel, e2)
+    return out
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross products of vectors (N, 3); numpy's own costs six times as much for few rows."""
+    out = np.empty_like(a)
+    out[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    out[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    out[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return out
+
+
+def canonical(z: NDArray[np.complex128]) -> Codes:
+    """Canonical codes of quads given as complex positions (Q, 4)."""
+    side = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]])
+    return _fold(z, np.arange(len(z)), np.argmax(side, axis=1))
+
+
+def with_variants(z: NDArray[np.complex128], tolerance: Floats) -> Codes:
+    """Codes (Q, 4) and those an error of ``tolerance`` (Q,) might have folded otherwise."""
+    side = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]])
+    best = np.argmax(side, axis=1)
+    length = np.take_along_axis(side, best[:, None], axis=1)
+    tie = side > length * (1.0 - 1.5 * tolerance[:, None])
+    quad, base = np.nonzero(tie)
+    first = _fold(z, quad, base)
+    tol = tolerance[quad]
+    real, imag = first.code[:, 0] + first.code[:, 1], first.code[:, 2] + first.code[:, 3]
+    near_swap = np.abs(real - 1.0) < 2 * tol
+    near_mirror = np.abs(imag) < 2 * tol
+    near_order = np.abs(first.code[:, 0] - first.code[:, 1]) < 2 * tol
+    parts = [first]
+    for swap, mirror, order in ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 1, 1)):
+        wanted = np.ones(len(quad), dtype=bool)
+        for flag, near in ((swap, near_swap), (mirror, near_mirror), (order, near_order)):
+            if flag:
+                wanted &= near
+        if wanted.any():
+            parts.append(_vary(first, wanted, bool(swap), bool(mirror), bool(order)))
+    return Codes(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Codes)))
+
+
+def _fold(z: NDArray[np.complex128], quad: Ints, base: Ints) -> Codes:
+    ab, cd = PAIRS[base], REST[base]
+    order = np.concatenate([ab, cd], axis=1)
+    p = np.take_along_axis(z[quad], order, axis=1)
+    span = p[:, 1] - p[:, 0]
+    length = np.abs(span)
+    safe = np.where(length > 0, span, 1.0)
+    w = (p[:, 2:] - p[:, :1]) / safe[:, None]
+    swap = w.real.sum(axis=1) > 1.0
+    w = np.where(swap[:, None], 1.0 - w, w)
+    order = np.where(swap[:, None], order[:, [1, 0, 2, 3]], order)
+    mirrored = w.imag.sum(axis=1) < 0.0
+    w = np.where(mirrored[:, None], w.conj(), w)
+    turn = w[:, 0].real > w[:, 1].real
+    w = np.where(turn[:, None], w[:, ::-1], w)
+    order = np.where(turn[:, None], order[:, [0, 1, 3, 2]], order)
+    code = np.concatenate([w.real, w.imag], axis=1)
+    return Codes(code, order, mirrored, quad, length)
+
+
+def _vary(codes: Codes, which: NDArray[np.bool_], swap: bool, mirror: bool, turn: bool) -> Codes:
+    """The selected codes folded the other way; a swap alone flips Im, which a mirror puts back."""
+    code, order = codes.code[which].copy(), codes.order[which]
+    mirrored = codes.mirrored[which]
+    if swap:
+        code = np.concatenate([1.0 - code[:, :2], -code[:, 2:]], axis=1)
+        order = order[:, [1, 0, 2, 3]]
+    if swap != mirror:
+        code[:, 2:] *= -1.0
+        mirrored = ~mirrored
+    if swap != turn:  # after a swap the order of the real parts is reversed as well
+        code = code[:, [1, 0, 3, 2]]
+        order = order[:, [0, 1, 3, 2]]
+    return Codes(code, order, mirrored, codes.quad[which], codes.base[which])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldStars:
+    """A frame's stars while searching.
+
+    ``xy`` (N, 2) px from the frame's middle, brightest first; ``half`` (2,) half its width and
+    height in px; ``scale`` lowest and highest focal length allowed, px.
+    """
+
+    xy: Floats
+    half: Floats
+    scale: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuadQuery:
+    """Quads of detections to look up.
+
+    ``quads`` (Q, 4) detections. ``focal`` (Q,) is the focal length (px) supposed for each, within
+    16 % of which the answer must lie, or None: then shapes are taken straight from the pixels,
+    which is right while the field is narrow. ``noise_px`` is the error allowed in a position and
+    ``slack`` the share of a quad's size that optics may bend it by; ``per_field`` the lowest and
+    highest ratio of the size of field that a quad is typical of to the frame's.
+    """
+
+    quads: Ints
+    focal: Floats | None
+    noise_px: float
+    slack: float
+    per_field: tuple[float, float]
+
+    def shape(self, xy: Floats) -> tuple[NDArray[np.complex128], Floats]:
+        """Positions (Q, 4) of the quads in their own planes, and px in one unit of that (Q,)."""
+        p = xy[self.quads]
+        if self.focal is None:
+            return np.asarray(p[..., 0] + 1j * p[..., 1]), np.ones(len(p))
+        return planar(directions(self.focal[:, None], p)), self.focal
+
+
+SUPPOSED = 1.16  # a supposed focal length stands for all within this factor
+
+
+def directions(focal: Floats, xy: Floats) -> Floats:
+    """Unit vectors (..., 3) of pixels (..., 2) for focal lengths that broadcast to (...)."""
+    uv = xy / focal[..., None]
+    out = np.concatenate([uv, np.ones_like(uv[..., :1])], axis=-1)
+    return np.asarray(out / np.sqrt((out**2).sum(axis=-1, keepdims=True)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypotheses:
+    """Supposed pointings, H of them.
+
+    ``matrix`` (H, 3, 3) ICRS to camera, ``focal`` (H,) px, ``mirrored`` (H,), ``level`` (H,) and
+    the ``detections`` and ``stars`` (H, 4) that propose each.
+    """
+
+    matrix: Floats
+    focal: Floats
+    mirrored: Bools
+    level: Ints
+    detections: Ints
+    stars: Ints
+
+    def __len__(self) -> int:
+        return len(self.focal)
+
+    def take(self, index: Ints | Bools) -> "Hypotheses":
+        """A selection, in the order of ``index``."""
+        return Hypotheses(*(getattr(self, f.name)[index] for f in fields(self)))
+
+
+def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
+    """All pointings that the quads asked about suggest through one index volume."""
+    z, unit = ask.shape(view.xy)
+    span = np.abs(z[:, [0, 0, 0, 1, 1, 2]] - z[:, [1, 2, 3, 2, 3, 3]]).max(axis=1)
+    codes = with_variants(z, ask.noise_px / np.maximum(span * unit, 1e-9) + ask.slack)
+    length_px = codes.base * unit[codes.quad]
+    low, high = np.full(len(length_px), view.scale[0]), np.full(len(length_px), view.scale[1])
+    if ask.focal is not None:
+        low = np.maximum(low, ask.focal[codes.quad] / SUPPOSED)
+        high = np.minimum(high, ask.focal[codes.quad] * SUPPOSED)
+    size = np.stack([length_px / high * 0.97, length_px / low * 1.03], axis=1)
+    tolerance = ask.noise_px / np.maximum(length_px, 1e-9) + ask.slack
+    query, entry = volume.lookup(codes.code, tolerance, size)
+    stars = volume.members(entry)
+    sky = volume.directions(stars)
+    w = planar(sky)
+    w = (w[:, 2:] - w[:, :1]) / (w[:, 1] - w[:, 0])[:, None]
+    mirrored = (w.imag.sum(axis=1) < 0) != codes.mirrored[query]
+    detections = np.take_along_axis(ask.quads[codes.quad[query]], codes.order[query], axis=1)
+    arc = np.linalg.norm(sky[:, 1] - sky[:, 0], axis=1)
+    plane = 2.0 * np.tan(np.arcsin(np.clip(arc / 2.0, 0, 1)))  # AB in the quad's tangent plane
+    focal = length_px[query] / plane
+    level = volume.level_of(stars[:, 0])
+    frame_field = 2.0 * np.degrees(np.arctan(np.sqrt(view.half[0] * view.half[1]) / focal))
+    ratio = volume.fields_deg[level] / frame_field
+    # a scale known better than a quad's places is not for the quad to contradict
+    room = 1.0 + tolerance[query]
+    good = (focal * room >= view.scale[0]) & (focal <= view.scale[1] * room)
+    np.clip(focal, *view.scale, out=focal)
+    if ask.focal is not None:
+        good &= (focal >= low[query]) & (focal <= high[query])
+    good &= (ratio > ask.per_field[0]) & (ratio < ask.per_field[1])
+    matrix = pointings(view.xy, detections[good], sky[good], focal[good], mirrored[good])
+    return Hypotheses(matrix, focal[good], mirrored[good], level[good], detections[good], stars[good])
+
+
+def pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored: Bools) -> Floats:
+    """Attitudes (H, 3, 3) that put the two base stars of each quad where they are seen."""
+    p = xy[detections[:, :2]]
+    p[mirrored, :, 0] *= -1.0
+    seen = directions(np.broadcast_to(focal[:, None], p.shape[:2]), p)
+    camera, icrs = triad_axes(seen[:, 0], seen[:, 1]), triad_axes(sky[:, 0], sky[:, 1])
+    return np.asarray(camera @ icrs.transpose(0, 2, 1))
+
+
+def triad_axes(a: Floats, b: Floats) -> Floats:
+    """Orthonormal axes (H, 3, 3), as columns, from the middle and the difference of two vectors."""
+    m, d = a + b, b - a
+    n = cross(m, d)
+    m = m / np.linalg.norm(m, axis=1, keepdims=True)
+    n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-30)
+    return np.stack([m, cross(n, m), n], axis=2)
+
+
+def image_quads(xy: Floats, neighbours: int, smallest_px: float) -> Ints:
+    """Quads (Q, 4): each detection with three of its nearest among ``xy`` (N, 2), each set once.
+
+    Neighbours closer than ``smallest_px`` are passed over: noise would dominate their shape.
+    """
+    n = len(xy)
+    if n < 4:
+        return np.zeros((0, 4), dtype=np.int64)
+    d2 = ((xy[:, None] - xy[None]) ** 2).sum(axis=2)
+    d2[d2 < smallest_px**2] = np.inf
+    k = min(neighbours, n - 1)
+    near = np.argsort(d2, axis=1)[:, :k]
+    combos = np.array(list(combinations(range(k), 3)))
+    quads = np.concatenate(
+        [np.broadcast_to(np.arange(n)[:, None, None], (n, len(combos), 1)), near[:, combos]], axis=2
+    ).reshape(-1, 4)
+    quads = np.sort(quads, axis=1)
+    quads = quads[(np.diff(quads, axis=1) > 0).all(axis=1)]
+    return quads[np.sort(np.unique(quad_marks(quads), return_index=True)[1])]
+
+
+def quad_marks(quads: Ints) -> Ints:
+    """One number for each set of four detections (Q, 4), sorted, each below 4096."""
+    return np.asarray((quads[:, 0] << 36) | (quads[:, 1] << 24) | (quads[:, 2] << 12) | quads[:, 3])

@@ -1,0 +1,374 @@
+"""Verification of a proposed pointing, and its false-alarm probability."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.attitude import small_rotation
+from kochab.core.arrays import Floats, Ints
+from kochab.identification.index import RA_STEPS, Volume
+from kochab.identification.quads import FieldStars, Hypotheses, directions
+
+# -- A quick look at many supposed pointings at once, before any is verified in full -----------
+
+
+def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float) -> Ints:
+    """How many of the detections ``xy`` (D, 2), proposers apart, have a star of the level nearby.
+
+    Nearby is a box of half-width ``reach_px``. Stars across RA 0h are missed: it is a quick look.
+    """
+    h, d = len(found), len(xy)
+    p = np.broadcast_to(xy, (h, d, 2)).copy()
+    p[found.mirrored, :, 0] *= -1.0
+    # transposed product: camera to ICRS
+    sky = directions(np.broadcast_to(found.focal[:, None], (h, d)), p) @ found.matrix
+    hit = np.zeros((h, d), dtype=bool)
+    reach = reach_px / found.focal
+    for level in np.unique(found.level):
+        rows = np.nonzero(found.level == level)[0]
+        hit[rows] = _occupied(volume, int(level), sky[rows], reach[rows, None])
+    proposer = (found.detections[:, :, None] == np.arange(d)).any(axis=1)
+    return np.asarray((hit & ~proposer).sum(axis=1))
+
+
+def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> NDArray[np.bool_]:
+    """Whether the box around each direction (H, D, 3) holds a star of the level."""
+    a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
+    zones = int(volume.zones[level])
+    keys = volume.keys[a:b]
+    z = np.clip(sky[..., 2], -1.0, 1.0)
+    dec = np.arcsin(z)
+    ra = np.arctan2(sky[..., 1], sky[..., 0]) % (2 * np.pi) * (RA_STEPS / (2 * np.pi))
+    half = reach * (RA_STEPS / (2 * np.pi)) / np.maximum(np.sqrt(1.0 - z * z), 1e-3)
+    left = np.maximum(ra - half, 0.0).astype(np.int64)
+    right = np.minimum(ra + half, RA_STEPS - 1).astype(np.int64) + 1
+    found = np.zeros(z.shape, dtype=bool)
+    middle = (dec / np.pi + 0.5) * zones
+    reach = reach * (zones / np.pi)
+    low = np.maximum(middle - reach, 0.0).astype(np.int64)
+    high = np.minimum(middle + reach, zones - 1).astype(np.int64)
+    for zone in (low, high):
+        i = np.searchsorted(keys, (zone * RA_STEPS + left).astype(np.uint32))
+        j = np.searchsorted(keys, (zone * RA_STEPS + right).astype(np.uint32))
+        found |= j > i
+    return found
+
+
+# -- How likely chance alone is to give so good an agreement -----------------------------------
+# With N catalogue stars on a frame of area A, a detection placed at random falls within r of one of
+# them with probability p = 1 - exp(-N pi r^2 / A). Of n detections that did not propose the pointing,
+# m or more agree by chance with the binomial tail P(m; n, p). The answer is then bounded by counting
+# every way in which the search could have been lucky: the pointings tried, the radii tried, and the
+# room the refit had (four free numbers, each able to move the stars by ``reach`` in steps of r).
+#
+# Stars do not lie evenly. Where the detections crowd and so do the stars of an open cluster, many
+# agree at any pointing that lays the one on the other. So before a pointing is believed, N is
+# multiplied by how much denser the stars are where the detections stand (:func:`crowding`).
+
+ACCEPT_LOG10 = -5.0
+"""No pointing is believed that chance would give to one frame in so many, or more often."""
+
+NUDGE_RADIUS = 0.01  # over the frame's larger side
+NUDGE_RADII = (3.0, 4.5, 6.0, 8.0)
+NUDGE_DIRECTIONS = 12
+"""All stars are nudged by so many radii: too far for a right pointing to agree, yet near."""
+
+
+_angles = np.arange(NUDGE_DIRECTIONS) * 2.0 * np.pi / NUDGE_DIRECTIONS
+NUDGES = (
+    np.array(NUDGE_RADII)[:, None, None] * np.stack([np.cos(_angles), np.sin(_angles)], axis=1)
+).reshape(-1, 2)
+
+
+def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float:
+    """How much denser the stars are where the detections stand than ``density``, at least 1.
+
+    ``seen`` (n, 2) are the detections that bear witness and ``stars`` (N, 2) where the catalogue's
+    stars should be, px from the frame's middle; ``half`` (2,) is half the frame,
+    ``density`` in stars a square px. All stars are nudged together in 48 ways, by 3 to 8 radii,
+    of a hundredth of the frame's larger side each. The share of detections that then have a star
+    within a radius is compared with that of stars spread evenly.
+    """
+    radius_px = 2.0 * NUDGE_RADIUS * float(half.max())
+    places = (seen - radius_px * NUDGES[:, None]).reshape(-1, 2)
+    places = places[(np.abs(places) < half).all(axis=1)]  # beyond the rim nobody knows the stars
+    if len(stars) == 0 or len(places) == 0:
+        return 1.0
+    dx = places[:, 0, None] - stars[:, 0]
+    dy = places[:, 1, None] - stars[:, 1]
+    hits = int(((dx * dx + dy * dy).min(axis=1) < radius_px**2).sum())
+    even = -math.expm1(-density * math.pi * radius_px**2) * len(places)
+    return max(1.0, (hits + 1.0) / (even + 1.0))  # of few detections one hit proves nothing
+
+
+def log10_tail(m: int, n: int, p: float) -> float:
+    """log10 of P(at least ``m`` of ``n`` successes of probability ``p``)."""
+    if m <= 0:
+        return 0.0
+    if m > n or p <= 0.0:
+        return -math.inf
+    if p >= 1.0:
+        return 0.0
+    k = np.arange(m, n + 1)
+    steps = np.log((n - k[:-1]) / (k[:-1] + 1.0)) if len(k) > 1 else np.zeros(0)
+    first = math.lgamma(n + 1) - math.lgamma(m + 1) - math.lgamma(n - m + 1)
+    terms = first + np.concatenate([[0.0], np.cumsum(steps)])
+    terms = terms + k * math.log(p) + (n - k) * math.log1p(-p)
+    top = float(terms.max())
+    return min(0.0, (top + math.log(float(np.exp(terms - top).sum()))) / math.log(10.0))
+
+
+def log10_false_alarm(
+    matched: int,
+    detections: int,
+    catalogue: float,
+    radius_px: float,
+    area_px: float,
+    *,
+    reach_px: float,
+    radii: int,
+    candidates: int,
+    free: int = 4,
+) -> float:
+    """Bound for one agreement, as above; ``matched`` of ``detections`` exclude the proposers.
+
+    ``catalogue`` is the number of stars on the frame, times their crowding where it was measured.
+    """
+    p = -math.expm1(-catalogue * math.pi * radius_px**2 / area_px)
+    room = free * math.log10(max(1.0, reach_px / radius_px))
+    tail = log10_tail(matched, detections, p)
+    return min(0.0, tail + math.log10(max(1, candidates) * max(1, radii)) + room)
+
+
+def log10_by_distance(
+    distances: list[float], witnesses: int, density: float, tried: tuple[float, float]
+) -> tuple[float, int]:
+    """Bound for the agreement of few witnesses that no fit was made to, and how many it counts.
+
+    ``distances`` are those (px), ascending, of the witnesses that have a star near, of
+    ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
+    pointings whose proposers agree within r px, as ``a + b r``. That m of n lie within r by chance
+    has at most the probability C(n, m) p^m; the distance of the m-th nearest is taken for r, which
+    is as likely to be small as this says, so that only the choice of m is to be counted.
+    """
+    best, agree, ways = 0.0, 0, 1.0
+    for m, distance in enumerate(distances, 1):
+        ways *= (witnesses - m + 1) / m
+        value = math.log10(witnesses * ways * (tried[0] + tried[1] * distance))
+        value += m * math.log10(density * math.pi * distance * distance)
+        if value < best:
+            best, agree = value, m
+    return best, agree
+
+
+FEWEST = 6  # four stars propose, at least two more must agree
+LOG10_2 = 0.30103  # two ways of judging, the better counts
+RADII = 8  # agreement is judged at so many radii, each sqrt 2 apart, the best counts
+
+
+@dataclass(slots=True, eq=False)
+class CandidatePointing:
+    """A pointing while it is being improved: ``matrix`` ICRS to camera, focal length in px, k1."""
+
+    matrix: Floats
+    focal: float
+    mirrored: bool
+    k1: float = 0.0
+
+    def project(self, sky: Floats) -> tuple[Floats, Floats]:
+        """Pixels (N, 2) from the frame's middle, and tangent-plane points (N, 2)."""
+        c = sky @ self.matrix.T
+        uv = c[:, :2] / np.maximum(c[:, 2:], 1e-3)
+        r2 = (uv * uv).sum(axis=1, keepdims=True)
+        # beyond the turning point of a barrel lens the polynomial folds back: keep it monotonic
+        bend = np.maximum(1.0 + self.k1 * r2, 0.6)
+        xy = self.focal * uv * bend
+        xy[c[:, 2] <= 0.05] = 1e9
+        if self.mirrored:
+            xy[:, 0] = -xy[:, 0]
+        return xy, uv
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What verification found: matched detections and stars (M,), and how likely chance is."""
+
+    pointing: CandidatePointing
+    detections: Ints
+    stars: Ints
+    log10_tail: float
+    rms_px: float
+    level: int
+
+
+def pair(seen: Floats, expected: Floats, radius: float) -> tuple[Ints, Ints, Floats]:
+    """Mutual nearest pairs within ``radius``: indices into both lists and the distances squared."""
+    if len(seen) == 0 or len(expected) == 0:
+        none = np.zeros(0, dtype=np.int64)
+        return none, none, np.zeros(0)
+    dx = seen[:, 0, None] - expected[None, :, 0]
+    dy = seen[:, 1, None] - expected[None, :, 1]
+    d2 = dx * dx + dy * dy
+    j = d2.argmin(axis=1)
+    i = np.arange(len(seen))
+    best = d2[i, j]
+    good = (best < radius * radius) & (d2.argmin(axis=0)[j] == i)
+    return i[good], j[good], best[good]
+
+
+def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) -> CandidatePointing:
+    """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion.
+
+    ``seen`` (N, 2) px; ``xy`` and ``uv`` (N, 2) are what the pointing makes of the same stars.
+    """
+    u, v = uv[:, 0], uv[:, 1]
+    off = ((seen - xy) / pointing.focal).T.copy()
+    if pointing.mirrored:
+        off[0] = -off[0]
+    one = np.empty((5 if bend else 4, 2, len(u)))  # derivatives of u and of v
+    uu, uv_, vv = u * u, u * v, v * v
+    one[0, 0], one[0, 1] = -uv_, -1.0 - vv
+    one[1, 0], one[1, 1] = 1.0 + uu, uv_
+    one[2, 0], one[2, 1] = -v, u
+    one[3, 0], one[3, 1] = u, v
+    if bend:
+        np.multiply(one[3], uu + vv, out=one[4])
+    flat = one.reshape(len(one), -1)
+    normal = flat @ flat.T
+    normal.flat[:: len(one) + 1] *= 1.0 + 1e-9
+    try:
+        step = np.linalg.solve(normal, flat @ off.ravel()).tolist()
+    except np.linalg.LinAlgError:
+        return pointing
+    turn = small_rotation(np.array([_within(s, 0.2) for s in step[:3]]))
+    k1 = _within(pointing.k1 + step[4], 0.6) if bend else pointing.k1
+    focal = pointing.focal * math.exp(_within(step[3], 0.2))
+    return CandidatePointing(turn @ pointing.matrix, focal, pointing.mirrored, k1)
+
+
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+def verify(
+    volume: Volume,
+    level: int,
+    view: FieldStars,
+    start: CandidatePointing,
+    proposers: Ints,
+    proposing_stars: Ints,
+    reach_px: float,
+    use: int,
+    enough: float,
+) -> Verdict | None:
+    """Check one pointing against the brightest ``use`` detections; None when too few match.
+
+    ``proposers`` (4,) are the detections that suggested it and ``proposing_stars`` (4,) the stars
+    they would be: they are matched and refitted like the
+    others but do not count as evidence. ``reach_px`` is the first, widest radius;
+    evidence below ``enough`` (log10) needs no second way of judging.
+    """
+    seen = view.xy[:use]
+    corner = float(np.hypot(*view.half)) + reach_px
+    radius = float(np.arctan(corner * 1.05 / start.focal))
+    number = volume.near(level, start.matrix[2], min(radius, 1.4))
+    sky = volume.stars[number].astype(np.float64)
+    near = (np.abs(start.project(sky)[0]) < view.half + 3 * reach_px).all(axis=1)
+    sky, number = sky[near], number[near]
+    pointing = improve(start, seen, sky, reach_px, 5)
+    if pointing is None:
+        return None
+    evidence = np.ones(len(seen), dtype=bool)
+    evidence[proposers[proposers < len(seen)]] = False
+    tail, radius, (i, j, d2) = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
+    agree = d2 < radius * radius
+    i, j, d2 = i[agree], j[agree], d2[agree]
+    if len(i) < FEWEST:
+        return None
+    if tail > enough:
+        four = start
+        for _ in range(2):
+            at = four.project(volume.stars[proposing_stars].astype(np.float64))
+            four = refit(four, view.xy[proposers], *at, bend=False)
+        tail = min(tail, _tail(view, four, seen, sky, evidence, reach_px, free=0)[0])
+    rms = float(np.sqrt(d2.mean()))
+    return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
+
+
+def improve(
+    pointing: CandidatePointing, seen: Floats, sky: Floats, radius: float, steps: int
+) -> CandidatePointing | None:
+    """Pair and refit ``steps`` times, the radius shrinking with the residuals; None: it failed."""
+    last = 0
+    for step in range(steps):
+        xy, uv = pointing.project(sky)
+        i, j, d2 = pair(seen, xy, radius)
+        if len(i) < (5 if step else FEWEST):
+            return None
+        pointing = refit(pointing, seen[i], xy[j], uv[j], bend=len(i) >= 10)
+        if step:
+            middle = float(np.partition(d2, len(d2) // 2)[len(d2) // 2])
+            closer = max(0.5 * radius, min(radius, 3.0 * middle**0.5))
+            if closer > 0.95 * radius and len(i) == last:
+                break  # nothing would change any more
+            radius = closer
+        last = len(i)
+    return pointing
+
+
+def _tail(
+    view: FieldStars,
+    pointing: CandidatePointing,
+    seen: Floats,
+    sky: Floats,
+    evidence: NDArray[np.bool_],
+    reach_px: float,
+    free: int,
+) -> tuple[float, float, tuple[Ints, Ints, Floats]]:
+    """The least likely agreement over all radii, log10 for one candidate, and its radius in px.
+
+    And the pairs within the widest radius, as :func:`pair` gives them.
+    ``free`` is how many numbers of the pointing were fitted to the evidence itself: none when only
+    the proposers were used.
+    """
+    xy, _ = pointing.project(sky)
+    inside = float((np.abs(xy) < view.half).all(axis=1).sum())
+    pairs = pair(seen, xy, reach_px)
+    square = np.sort(pairs[2][evidence[pairs[0]]])
+    witnesses, area = int(evidence.sum()), float(4.0 * view.half[0] * view.half[1])
+    best, radius = least_likely(square, witnesses, inside, area, reach_px, free)
+    if best < ACCEPT_LOG10:
+        inside *= crowding(seen[evidence], xy, view.half, inside / area)
+        best, radius = least_likely(square, witnesses, inside, area, reach_px, free)
+    return best, radius, pairs
+
+
+def least_likely(
+    distance2_px: Floats,
+    witnesses: int,
+    stars: float,
+    area_px: float,
+    reach_px: float,
+    free: int,
+    candidates: int = 1,
+) -> tuple[float, float]:
+    """The least likely agreement over all radii, log10, and its radius in px.
+
+    ``distance2_px`` (M,), ascending, are the squared distances of matched stars; the rest is as in
+    :func:`kochab.identification.verification.log10_false_alarm`.
+    """
+    radii = reach_px / np.sqrt(2.0) ** np.arange(RADII)
+    matched = np.searchsorted(distance2_px, radii**2)
+    best, radius, last = 0.0, 0.0, -1
+    for m, r in zip(matched[::-1].tolist(), radii[::-1].tolist(), strict=True):
+        if m == last or m == 0:
+            continue  # the same agreement within a smaller radius is the less likely one
+        last = m
+        value = log10_false_alarm(
+            m, witnesses, stars, r, area_px, reach_px=reach_px, radii=RADII, candidates=candidates, free=free
+        )
+        if value < best:
+            best, radius = value, r
+    return best, radius

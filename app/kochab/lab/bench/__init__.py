@@ -1,0 +1,148 @@
+"""Benches: each measures one thing in this machine's own run and compares it with the goals."""
+
+import math
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, TypeVar
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.errors import UsageError
+
+T = TypeVar("T")
+Row = Mapping[str, Any]
+Report = Callable[[str], None]
+"""Called with a line of progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A number an issue asks for, measured.
+
+    ``goal`` reads like ``"<= 25"``, its unit is in ``name``; ``met`` is None when not measured.
+    """
+
+    name: str
+    value: float | None
+    goal: str
+    met: bool | None
+
+    @classmethod
+    def at_most(cls, name: str, value: float | None, limit: float) -> "Goal":
+        """A goal met when ``value <= limit``."""
+        return cls(name, value, f"<= {limit:g}", None if value is None else value <= limit)
+
+    @classmethod
+    def between(cls, name: str, value: float, low: float, high: float) -> "Goal":
+        """A goal met when ``low <= value <= high``."""
+        return cls(name, value, f"{low:g} to {high:g}", low <= value <= high)
+
+    @classmethod
+    def at_least(cls, name: str, value: float | None, limit: float) -> "Goal":
+        """A goal met when ``value >= limit``."""
+        return cls(name, value, f">= {limit:g}", None if value is None else value >= limit)
+
+
+@dataclass(frozen=True, slots=True)
+class BenchResult:
+    """``rows`` are measurements (plain numbers and words), ``goals`` compare some of them."""
+
+    bench: str
+    rows: Sequence[Row]
+    goals: Sequence[Goal]
+    machine: Mapping[str, Any] = field(default_factory=lambda: machine())
+
+    def as_json(self) -> dict[str, Any]:
+        """The stable JSON form; what is not a finite number becomes null."""
+        return {
+            "bench": self.bench,
+            "machine": dict(self.machine),
+            "rows": [{k: _plain(v) for k, v in row.items()} for row in self.rows],
+            "goals": [
+                {"name": g.name, "value": _plain(g.value), "goal": g.goal, "met": _plain(g.met)}
+                for g in self.goals
+            ],
+        }
+
+    def as_text(self) -> str:
+        """A table of the rows and a list of the goals."""
+        parts = [f"bench {self.bench}: {', '.join(f'{k} {v}' for k, v in self.machine.items())}"]
+        parts += [table(self.rows)] if self.rows else []
+        for goal in self.goals:
+            mark = {True: "met", False: "NOT MET", None: "not measured"}[goal.met]
+            parts.append(f"{mark:>12}  {goal.name}: {_cell(goal.value)} (goal {goal.goal})")
+        return "\n".join(parts)
+
+
+def machine() -> dict[str, Any]:
+    """What the bench ran on, without naming the host."""
+    return {
+        "cpus": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cpu": platform.processor() or platform.machine(),
+        "system": platform.system(),
+        "python": ".".join(map(str, sys.version_info[:3])),
+        "numpy": np.__version__,
+    }
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as aligned text, one column a key in order of first appearance."""
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [keys, *([_cell(row.get(key)) for key in keys] for row in rows)]
+    widths = [max(len(line[i]) for line in cells) for i in range(len(keys))]
+    return "\n".join(
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in cells
+    )
+
+
+def _cell(value: Any) -> str:
+    value = _plain(value)
+    if value is None:
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def column(rows: Sequence[Row], key: str) -> Floats:
+    """What the rows (N) have under a key, (N,)."""
+    return np.array([row[key] for row in rows], dtype=np.float64)
+
+
+def timed(work: Callable[[], T]) -> tuple[T, float]:
+    """What ``work`` returns, and the processor seconds it took."""
+    started = time.process_time()
+    done = work()
+    return done, time.process_time() - started
+
+
+Bench = Callable[[bool, Report], BenchResult]
+"""``run(quick, report)``: measures, a small part of it when ``quick``."""
+
+BENCHES: dict[str, str] = {
+    "detect": "kochab.lab.bench.detect:run",
+    "detectors": "kochab.lab.bench.detectors:run",
+    "identify": "kochab.lab.bench.identify:run",
+    "live": "kochab.lab.bench.live:run_live",
+    "mount": "kochab.lab.bench.mount:run",
+    "papers": "kochab.lab.bench.papers:run_papers",
+    "polar": "kochab.lab.bench.polar:run",
+}
+
+
+def load_bench(name: str) -> Bench:
+    """The function ``run(quick, report) -> BenchResult`` of a bench by name."""
+    if name not in BENCHES:
+        raise UsageError(f"There is no bench called {name}; there are {', '.join(BENCHES)}.")
+    module, function = BENCHES[name].split(":")
+    found: Bench = getattr(import_module(module), function)
+    return found

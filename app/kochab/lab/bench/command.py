@@ -1,0 +1,24 @@
+"""``kochab bench NAME``: measure, and compare with the goals."""
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from kochab.lab.bench import BENCHES, load_bench
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``bench`` to the command line."""
+    parser = subparsers.add_parser("bench", help="measure and compare with the goals")
+    parser.add_argument("name", choices=sorted(BENCHES), help="what to measure")
+    parser.add_argument("--quick", action="store_true", help="a small part, in about a minute")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the bench; 0 when it ran, whether or not the goals were met."""
+    result = load_bench(args.name)(args.quick, lambda line: print(line, file=sys.stderr, flush=True))
+    print(json.dumps(result.as_json()) if args.json else result.as_text())
+    return 0

@@ -1,0 +1,175 @@
+"""``kochab bench mount``: a lost telescope is centred, over real lines that go wrong.
+
+Every run is another night: a practice telescope with a misaligned axis, cone error, backlash,
+periodic error, flexure and a shaking tube points 3 deg from where it believes.
+It is sent to a target over one of the six drivers, a pseudo-terminal and the device's simulated
+far end, and corrected by what frames show. In every other run the line is bad.
+"""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import DeviceError, LineLostError
+from kochab.core.progress import run as drive
+from kochab.gear.mounts import DRIVERS
+from kochab.lab.bench import BenchResult, Goal, Report
+from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
+from kochab.sky import Catalogue, open_catalogue
+from kochab.workflows.centre_target import Centring, centre_target
+
+RUNS, QUICK_RUNS = 200, 20
+GOAL_ARCSEC, TOLERANCE_ARCSEC = 10.0, 8.5  # a solve's own error and the drift since fit between
+MOST_CORRECTIONS = 3
+RENDERED_EVERY = 10
+UNPLUGGED_EVERY, REFUSED_EVERY = 5, 3  # of the runs with faults
+AT_ONCE = 4
+AGAIN = 3  # how often somebody begins anew after the line was lost or the mount fell silent
+
+
+@dataclass(slots=True)
+class CentringRun:
+    """One run's outcome; ``error_arcsec`` is the truth in the middle of the last exposure."""
+
+    seed: int
+    driver: str
+    faulty: bool
+    rendered: bool
+    end: str = ""
+    error_arcsec: float = float("nan")
+    corrections: int = 0
+    again: int = 0
+    faults: int = 0
+    strays: list[str] = field(default_factory=list)
+    still: bool = True
+    seconds: float = 0.0
+    night_s: float = 0.0
+    trouble: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether it ended as wished."""
+        return self.error_arcsec <= GOAL_ARCSEC and self.corrections <= MOST_CORRECTIONS
+
+
+def run(quick: bool, report: Report) -> BenchResult:
+    """Centre 200 times (``quick``: 20)."""
+    catalogue, names = open_catalogue(), list(DRIVERS)
+    planned = [
+        CentringRun(k, names[k // 2 % len(names)], k % 2 == 1, k % RENDERED_EVERY < 2)
+        for k in range(QUICK_RUNS if quick else RUNS)
+    ]
+    _do(planned[0], catalogue)  # what is read once, before several do it at the same time
+    runs = planned[:1]
+    with ThreadPoolExecutor(AT_ONCE) as pool:  # lines are mostly waited for
+        for one in pool.map(lambda one: _do(one, catalogue), planned[1:]):
+            runs.append(one)
+            if not one.good or one.strays or len(runs) % 20 == 0:
+                report(_line(one))
+    return BenchResult("mount", _rows(runs, names), _goals(runs))
+
+
+def _do(one: CentringRun, catalogue: Catalogue) -> CentringRun:
+    begun = time.perf_counter()
+    with mount_rig(one.seed, one.driver, catalogue, one.rendered) as rig:
+        _centre(rig, one)
+    one.seconds = time.perf_counter() - begun
+    return one
+
+
+def _centre(rig: MountRig, one: CentringRun) -> None:
+    if one.faulty:
+        rig.spoil(refusal=one.seed // 2 % REFUSED_EVERY == 0)
+        if one.seed // 2 % UNPLUGGED_EVERY == 0:
+            rig.unplug_in = 3 + one.seed % 17  # during the first slew or a correction
+    made = 0
+    while True:
+        result, made = _once(rig, one, made)
+        if result is not None or one.again >= AGAIN:
+            break
+        one.again += 1
+    one.corrections = made
+    one.faults = sum(rig.faults.happened.values())
+    one.end = "given up" if result is None else str(result.end)
+    rig.faults.none()
+    one.strays = unguarded(rig.watched.orders, rig.guard)
+    one.still = not rig.rig.mount.slewing
+    one.night_s = rig.rig.clock.now_unix() - rig.rig.start_unix
+    if result is not None and result.solution is not None:
+        truth = rig.rig.truth(rig.exposed_unix).ra_dec_deg
+        one.error_arcsec = apart_deg(truth, (rig.target.ra_deg, rig.target.dec_deg)) * 3600.0
+
+
+def _once(rig: MountRig, one: CentringRun, made: int) -> tuple[Centring | None, int]:
+    """One centring; None when the line or the mount failed, and is as good as new again."""
+    left = MOST_CORRECTIONS - made if made < MOST_CORRECTIONS else 1
+    done: list[str] = []
+    task = centre_target(
+        rig.guard, rig.solve_now, rig.target, TOLERANCE_ARCSEC, left, confirmed=True, wait=rig.wait
+    )
+    try:
+        result = drive(task, lambda p: done.append(p.detail) if p.stage == "corrected" else None)
+    except DeviceError as error:
+        one.trouble = str(error)
+        if isinstance(error, LineLostError):
+            _replug(rig)
+        return None, made + len(done)
+    one.trouble = "" if result.centred else " ".join([result.sentence, *result.notes])
+    if result.centred or len(done) >= left:
+        return result, made + len(done)
+    return None, made + len(done)
+
+
+def _replug(rig: MountRig) -> None:
+    """Somebody puts the cable back; the guard stops the mount before anything else."""
+    for _ in range(AGAIN):
+        rig.line.plug()
+        try:
+            rig.guard.reconnect()
+        except DeviceError:
+            continue
+        return
+
+
+def _rows(runs: list[CentringRun], names: list[str]) -> list[dict[str, Any]]:
+    rows = []
+    for name, faulty in product(names, (False, True)):
+        some = [r for r in runs if r.driver == name and r.faulty is faulty]
+        if not some:
+            continue
+        errors, corrections = [r.error_arcsec for r in some], [r.corrections for r in some]
+        row: dict[str, Any] = {"driver": name, "line": "faults" if faulty else "good", "runs": len(some)}
+        row |= {"rendered": sum(r.rendered for r in some), "centred": sum(r.good for r in some)}
+        row |= {"median_arcsec": float(np.median(errors)), "worst_arcsec": float(np.max(errors))}
+        row |= {"corrections": float(np.mean(corrections)), "most": max(corrections)}
+        row |= {"faults": sum(r.faults for r in some), "begun_again": sum(r.again for r in some)}
+        row |= {"strays": sum(len(r.strays) for r in some)}
+        row |= {"night_s": float(np.mean([r.night_s for r in some]))}
+        rows.append(row | {"s_a_run": float(np.mean([r.seconds for r in some]))})
+    return rows
+
+
+def _goals(runs: list[CentringRun]) -> list[Goal]:
+    count = len(runs)
+    centred = f"runs centred within 10 arcsec in at most 3 corrections, of {count}"
+    faulty = sum(r.faults > 0 for r in runs)
+    return [
+        Goal.at_least(centred, sum(r.good for r in runs), count),
+        Goal.at_least("share of the runs with faults that happened", faulty / count, 0.45),
+        Goal.at_most("motions outside the guard", sum(len(r.strays) for r in runs), 0),
+        Goal.at_most("mounts left slewing", sum(not r.still for r in runs), 0),
+    ]
+
+
+def _line(one: CentringRun) -> str:
+    kind = f"{'faults' if one.faulty else 'good line'}{', rendered' if one.rendered else ''}"
+    mark = "" if one.good else "  NOT GOOD"
+    return (
+        f"  {one.seed}: {one.driver} ({kind}) {one.end}, {one.error_arcsec:.1f} arcsec after "
+        f"{one.corrections}, {one.seconds:.1f} s{mark} {one.trouble} {'; '.join(one.strays[:3])}"
+    )

@@ -1,0 +1,184 @@
+"""The thesis on spherical triangles as its own programs run: its appendix E, one step at a time.
+
+Its text leaves open what its programs tell: directions are drawn evenly in altitude, which favours
+the poles (E.30); a search is given up when a pivot leaves more finalists than there were, the same
+entry may stand for two figures, and all moments are bounded as the first triangle's (E.34, E.35);
+the mean of the pivots is that over all fields, whatever came out (E.13).
+
+Its star list is not published. It has 12,443 stars down to magnitude 12, so it is a selection, and
+less than 1 % of its fields hold fewer than three stars, while 1.8 % do of today's 8,118 brightest:
+the list is more even than the sky. Stars strewn at random are the most even list without a number
+to choose, and make the thesis' count of triangles. The last step is the tree of its section 3.3.3:
+1,364 nodes have five levels, one too many for 6.94 degrees, and leave out triangles between nodes
+that do not touch.
+
+The last step is judged. Each row's note tells what the steps before it gave, each on its own top.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kochab.core.arrays import Bools
+from kochab.lab.bench.papers import Published, share_error
+from kochab.lab.bench.papers import spherical_fields as fields
+from kochab.lab.methods.angles import Angles, FigureTable, angle_table, angles_of
+from kochab.lab.methods.pairs import LINEAR, PARABOLIC, make_kvector, make_pairs
+from kochab.lab.methods.spherical_triangles import (
+    SphericalTriangles,
+    TriangleTable,
+    make_triangles,
+    triangle_table,
+    triangles_of,
+    two_shared,
+)
+
+Tables = dict[str, Any]
+SHARES = {"correct": "correct", "inconclusive": "inconclusive", "incorrect": "incorrect"}
+MORE_SHARES = {
+    "of_four": "correct, of fields with 4 stars or more",
+    "of_five": "correct, of fields with 5 stars or more",
+}
+TABLES = Published("""
+free | 6.3, 6.7 | {name}: mean pivots without a limit, by its programs | | | | | scatter {scatter}
+share | 6.2 | {name}: {what}, by its programs | % | | | | step by step: {steps}
+pivots | 6.2 | {name}: pivots, by its programs | mean | | | | step by step: {steps}
+count | 3.6 | {what}, by its programs | | | | | mean of {lists} even lists, whose scatter gives the error;
+  {counts}; no list tried makes both of the thesis' counts: as many angles are those of the 7,075 brightest,
+  which make 737,796 triangles
+""")
+FREE = 1000  # "virtually no limit" of pivots
+TREE_LEVELS = 5  # 4 + 16 + 64 + 256 + 1,024 nodes
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramStep:
+    """A way to run the thesis' test; each differs in one thing from the one before."""
+
+    what: str
+    poles: bool = False
+    as_printed: bool = False
+    even: bool = False
+    tree: bool = False
+
+
+STEPS = (
+    ProgramStep("today's 8,118 brightest"),
+    ProgramStep("directions as E.30", True),
+    ProgramStep("pivots as E.34 and E.35", True, True),
+    ProgramStep("an even list of stars", True, True, True),
+    ProgramStep("its tree of 1,364 nodes", True, True, True, True),
+)
+
+
+def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
+    """Table 6.2, the counts and the figures without a limit; ``number`` attitudes a step.
+
+    ``lists`` (at least two) is how many even lists of stars are strewn for the counts.
+    """
+    made = all_tables(seed)
+    last = made[STEPS[-1]]
+    out = _count_rows(made, seed, lists)
+    for name in ("angles", "spherical_triangles"):
+        tallies = [run_step(name, step, made[step], number, seed) for step in STEPS]
+        free = run_step(name, STEPS[-1], last, number, seed, FREE)
+        keys = [*SHARES, *(MORE_SHARES if name == "spherical_triangles" else ()), "pivots"]
+        out += [_row(name, key, tallies, number) for key in keys]
+        why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
+        words = {"name": name, "scatter": f"{free.pivots_sd:.2f}{why}"}
+        paper, error = fields.PAPER[name]["free_pivots"], _mean_error(free, number)
+        out.append(TABLES.row("free", free.all_pivots, words=words, paper=paper, error=error))
+    return out
+
+
+def all_tables(seed: int) -> dict[ProgramStep, Tables]:
+    """The angles and triangles of every step's stars."""
+    today = {
+        "angles": angle_table(fields.LIMIT_DEG, fields.STARS, None),
+        "spherical_triangles": triangle_table(fields.LIMIT_DEG, fields.STARS, None),
+    }
+    even = random_tables(seed)
+    tree = tables_by_tree(even)
+    return {step: tree if step.tree else even if step.even else today for step in STEPS}
+
+
+def random_tables(seed: int) -> Tables:
+    """Those of as many stars strewn evenly over the sky."""
+    stars = np.random.default_rng([seed, fields.STARS]).normal(size=(fields.STARS, 3))
+    stars /= np.linalg.norm(stars, axis=1, keepdims=True)
+    pairs = make_pairs(np.arange(fields.STARS), stars, np.zeros(fields.STARS), np.radians(fields.LIMIT_DEG))
+    triangles = triangles_of(pairs, make_triangles(pairs, fields.LIMIT_DEG))
+    return {"angles": angles_of(pairs), "spherical_triangles": triangles}
+
+
+def tables_by_tree(made: Tables) -> Tables:
+    """What the thesis' tree finds of them."""
+    tree = fields.quad_tree(TREE_LEVELS)
+    return {
+        "angles": angles_by_tree(made["angles"], tree),
+        "spherical_triangles": triangles_by_tree(made["spherical_triangles"], tree),
+    }
+
+
+def angles_by_tree(table: FigureTable, tree: fields.QuadTree) -> FigureTable:
+    """The angles that the program E.11 finds: within a node or between two that touch."""
+    node = tree.node_of(table.pairs.vectors)
+    found = tree.shared(node[table.stars[:, 0]], node[table.stars[:, 1]]) >= 1
+    return FigureTable(table.pairs, table.stars[found], make_kvector(table.index.values[found], LINEAR))
+
+
+def triangles_by_tree(table: TriangleTable, tree: fields.QuadTree) -> TriangleTable:
+    """The triangles that the program E.12 finds: of a node and any that touch it."""
+    node = tree.node_of(table.pairs.vectors)[table.stars]
+    near = np.stack([tree.shared(node[:, a], node[:, b]) >= 1 for a, b in ((0, 1), (1, 2), (0, 2))])
+    found: Bools = near.sum(axis=0) >= 2
+    stars = table.stars[found]
+    index = make_kvector(table.index.values[found], PARABOLIC)
+    return TriangleTable(table.pairs, stars, index, two_shared(stars), table.moment[found])
+
+
+def run_step(
+    name: str, step: ProgramStep, made: Tables, number: int, seed: int, pivots: int | None = None
+) -> fields.FieldTally:
+    """What a method makes of ``number`` random fields of a step."""
+    method: Angles | SphericalTriangles
+    if name == "angles":
+        method = Angles(as_printed=step.as_printed, pivots=pivots or 9)
+    else:
+        method = SphericalTriangles(as_printed=step.as_printed, pivots=pivots or 3)
+    return fields.score_method(method, made[name], fields.PROGRAMS, fields.PROGRAMS, number, seed, step.poles)
+
+
+def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> dict[str, Any]:
+    field = "all_pivots" if key == "pivots" else key
+    values = [float(getattr(tally, field)) for tally in tallies]
+    paper = fields.PAPER[name][key]
+    steps = ", ".join(f"{s.what} {v:.3g}" for s, v in zip(STEPS, values, strict=True))
+    words = {"name": name, "steps": steps, "what": (SHARES | MORE_SHARES).get(key)}
+    if key == "pivots":
+        error = _mean_error(tallies[-1], number)
+        return TABLES.row("pivots", values[-1], words=words, paper=paper, error=error)
+    error = share_error(paper, number, fields.ATTITUDES)
+    return TABLES.row("share", values[-1], words=words, paper=paper, error=error)
+
+
+def _mean_error(tally: fields.FieldTally, number: int) -> float:
+    """Two sigma of the difference of two means, of ``number`` fields and of the thesis' 1,000."""
+    return 2.0 * tally.pivots_sd * float(np.sqrt(1.0 / number + 1.0 / fields.ATTITUDES))
+
+
+def _count_rows(made: dict[ProgramStep, Tables], seed: int, lists: int) -> list[dict[str, Any]]:
+    """Section 3.6: how many angles and triangles each list of stars makes."""
+    several = [made[STEPS[-1]]] + [tables_by_tree(random_tables(seed + k)) for k in range(1, lists)]
+    out = []
+    for name, what, paper in (
+        ("angles", "angles up to 6.94 deg", 106_308),
+        ("spherical_triangles", "triangles in circles of 6.94 deg", 662_799),
+    ):
+        listed = ", ".join(f"{step.what} {len(made[step][name].stars)}" for step in (STEPS[0], *STEPS[3:]))
+        counts = np.array([len(one[name].stars) for one in several], dtype=np.float64)
+        words = {"what": what, "lists": lists, "counts": listed}
+        error = 2.0 * float(counts.std(ddof=1)) * float(np.sqrt(1.0 + 1.0 / lists))
+        out.append(TABLES.row("count", float(counts.mean()), words=words, paper=paper, error=error))
+    return out

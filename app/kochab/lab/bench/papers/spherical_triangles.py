@@ -1,0 +1,217 @@
+"""The thesis on spherical triangles: Table 6.2, the counts of chapter 3 and the quad-tree's place.
+
+Here the stars are today's 8,118 brightest and the methods those of the product; what the thesis'
+own programs give, step by step, is in :mod:`kochab.lab.bench.papers.spherical_programs`, and that is
+judged against the tables.
+
+Random attitudes, circular fields of 8 degrees; a result is correct when every star that it names
+is in the field (section 4.1). The thesis gives its error of a place in four ways: 0.87 microradian
+(section 2.2.2), 87 (4.3), 87 with a factor of three in the noise (equation 4.6), and 87.2665 / 3 in
+its programs. All are run. The default method sees the same directions through a square camera that
+it knows as well; it is correct when its centre is, and unlike the thesis' methods it has to prove
+that chance did not give the answer.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import attitude_from, radec_deg
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections
+from kochab.core.solution import Solution
+from kochab.lab.bench import timed
+from kochab.lab.bench.papers import (
+    Better,
+    Published,
+    options_with_scale,
+    share_error,
+    solve_timed,
+    spherical_programs,
+)
+from kochab.lab.bench.papers import spherical_fields as fields
+from kochab.lab.methods.angles import Angles, angle_table
+from kochab.lab.methods.pairs import bright_stars, make_pairs
+from kochab.lab.methods.spherical_triangles import SphericalTriangles, make_triangles, triangle_table
+
+READINGS: tuple[tuple[str, float, float], ...] = (
+    # what, sigma of the bounds, sigma of the noise a coordinate, radians
+    ("87.2665/3 urad, as its programs", fields.PROGRAMS, fields.PROGRAMS),
+    ("0.87 urad, section 2.2.2", 0.87e-6, 0.87e-6),
+    ("87 urad in the noise, a third in the bounds, equation 4.6", fields.PROGRAMS, 3.0 * fields.PROGRAMS),
+    ("87 urad, section 4.3", 3.0 * fields.PROGRAMS, 3.0 * fields.PROGRAMS),
+)
+QUICK = 60
+SIDE_PX = 2048
+PIVOT_ERROR = {"angles": 0.28, "spherical_triangles": 0.13}
+"""Two sigma of the mean of 1,000 fields: 4.41 a field (6.3.2); a tenth of it where none is given."""
+AS_MANY_ANGLES = 7075  # the brightest stars that make as many angles as the thesis has
+WORDS = spherical_programs.SHARES | spherical_programs.MORE_SHARES
+BETTER: dict[str, Better] = {"correct": "more", "of_four": "more", "of_five": "more", "pivots": ""}
+BETTER |= {"inconclusive": "less", "incorrect": "less", "seconds": "less"}
+UNITS = {"pivots": "mean", "seconds": "s"}
+TABLES = Published("""
+angles | 3.6 | angles up to 6.94 deg of 8,118 stars | | 106308 | 1063.08 | | {why}
+triangles | 3.6 | triangles in circles of 6.94 deg | | 662799 | 6627.99 | | {why}
+listing angles | 3.6 | time to list the angles | s | 3600 | | less |
+  the thesis: an hour (7) or a few hours (3.6)
+listing triangles | 3.6 | time to list the triangles | s | 14400 | | less |
+size of angles | 6.5 | size of the angles | MB | 12 | | less |
+  of two stars and an angle; the k-vector is made anew
+size of triangles | 6.5 | size of the triangles | MB | 167 | | less |
+  kept on disk by content; the k-vector is made anew
+field | 6.2 | {name}: {what} | | | | | reading: {reading}; {number} attitudes{pivots}
+thin | 6.2 | {name}: pivots with the {stars} brightest stars | mean | | | |
+  reading: as many angles as the thesis has; {correct:.0f} % correct
+free | 6.4, 6.8 | {name}: mean time without a limit | s | | | less |
+""")
+
+
+def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
+    """All rows; ``quick`` runs 60 attitudes of one reading."""
+    number = QUICK if quick else fields.ATTITUDES
+    out = _counts() + spherical_programs.rows(number, seed, 3 if quick else 5)
+    for k, (what, bound, noise) in enumerate(READINGS[: 1 if quick else None]):
+        attitudes = number if k == 0 else number // 2
+        out += _reading(what, bound, noise, attitudes, seed, first=k == 0)
+    if not quick:
+        out += _no_limit(number // 4, seed)
+        out += _true_magnitude_six(number // 2, seed)
+    return out
+
+
+def _counts() -> list[dict[str, Any]]:
+    """Sections 3.3 to 3.6: what the catalogue gives, in which time, and how stars are found."""
+    stars = bright_stars(fields.STARS, None, 2016.0)
+    angles, of_angles = timed(lambda: make_pairs(*stars, np.radians(fields.LIMIT_DEG)))
+    triangles, of_triangles = timed(lambda: make_triangles(angles, fields.LIMIT_DEG))
+    even = fields.STARS * (fields.STARS - 1) / 2.0 * (1.0 - np.cos(np.radians(fields.LIMIT_DEG))) / 2.0
+    why = (
+        f"all of them, of today's brightest; {fields.STARS} stars spread evenly over the sky make "
+        f"{even:.0f} such angles"
+    )
+    words, nbytes = {"why": why}, sum(a.nbytes for a in triangles.values())
+    return [
+        TABLES.row("angles", len(angles), words=words, other_reading=True),
+        TABLES.row("triangles", len(triangles["stars"]), words=words, other_reading=True),
+        TABLES.row("listing angles", of_angles),
+        TABLES.row("listing triangles", of_triangles),
+        TABLES.row("size of angles", 16e-6 * len(angles)),
+        TABLES.row("size of triangles", 1e-6 * nbytes),
+        *fields.quad_tree_rows(angles),
+    ]
+
+
+def _reading(
+    what: str, bound: float, noise: float, number: int, seed: int, *, first: bool
+) -> list[dict[str, Any]]:
+    """Table 6.2 with one reading of the error."""
+    out = []
+    default = by_default(_sky(fields.STARS, None), noise, number, seed)
+    for name, tally in _both(fields.STARS, None, bound, noise, number, seed).items():
+        keys: tuple[str, ...] = ("correct", "inconclusive", "incorrect", "pivots", "seconds")
+        if first and name == "spherical_triangles":
+            keys += ("of_four", "of_five")
+        out += [_row(name, key, what, tally, default, number, noise) for key in keys]
+    return out
+
+
+def _row(
+    name: str,
+    key: str,
+    what: str,
+    tally: fields.FieldTally,
+    default: fields.FieldTally,
+    number: int,
+    noise: float,
+) -> dict[str, Any]:
+    share = key in WORDS
+    paper, ours = fields.PAPER[name][key], float(getattr(tally, key))
+    error = share_error(paper, number, fields.ATTITUDES) if share else PIVOT_ERROR[name]
+    over_all = f"; over the fields solved, {tally.all_pivots:.2f} over all" if key == "pivots" else ""
+    return TABLES.row(
+        "field",
+        ours,
+        float(getattr(default, key)) if key != "pivots" else None,
+        {"name": name, "what": WORDS.get(key, key), "reading": what, "number": number, "pivots": over_all},
+        unit="%" if share else UNITS[key],
+        paper=paper,
+        error=error,
+        better=BETTER[key],
+        other_reading=key != "seconds" or noise != fields.PROGRAMS,  # the programs' reading is judged
+    )
+
+
+def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
+    """Figures 6.4 and 6.8, without a limit of pivots; and what a thinner sky does to the pivots."""
+    out = []
+    thin = _both(AS_MANY_ANGLES, None, fields.PROGRAMS, fields.PROGRAMS, number, seed)
+    for name, tally in thin.items():
+        words = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
+        paper, error = fields.PAPER[name]["pivots"], PIVOT_ERROR[name]
+        out.append(
+            TABLES.row("thin", tally.pivots, None, words, paper=paper, error=error, other_reading=True)
+        )
+    for name, tally in _both(
+        fields.STARS, None, fields.PROGRAMS, fields.PROGRAMS, number, seed, pivots=1000
+    ).items():
+        paper = fields.PAPER[name]["free_seconds"]
+        out.append(TABLES.row("free", tally.seconds, words={"name": name}, paper=paper))
+    return out
+
+
+def _true_magnitude_six(number: int, seed: int) -> list[dict[str, Any]]:
+    """The same with the stars that truly are of V <= 6.0."""
+    out = []
+    default = by_default(_sky(0, 6.0), fields.PROGRAMS, number, seed)
+    what = "V <= 6.0 by today's catalogue, about six stars a field"
+    for name, tally in _both(fields.STARS, 6.0, fields.PROGRAMS, fields.PROGRAMS, number, seed).items():
+        keys = ("correct", "incorrect")
+        out += [_row(name, key, what, tally, default, number, fields.PROGRAMS) for key in keys]
+    return out
+
+
+def _both(
+    brightest: int,
+    mag_limit: float | None,
+    bound: float,
+    noise: float,
+    number: int,
+    seed: int,
+    pivots: int | None = None,
+) -> dict[str, fields.FieldTally]:
+    angles, triangles = Angles(), SphericalTriangles()
+    if pivots is not None:
+        angles, triangles = replace(angles, pivots=pivots), replace(triangles, pivots=pivots)
+    tables = (
+        angle_table(fields.LIMIT_DEG, brightest, mag_limit),
+        triangle_table(fields.LIMIT_DEG, brightest, mag_limit),
+    )
+    return {
+        "angles": fields.score_method(angles, tables[0], bound, noise, number, seed),
+        "spherical_triangles": fields.score_method(triangles, tables[1], bound, noise, number, seed),
+    }
+
+
+def _sky(brightest: int, mag_limit: float | None) -> Floats:
+    return angle_table(fields.LIMIT_DEG, brightest, mag_limit).pairs.vectors
+
+
+def by_default(sky: Floats, noise: float, number: int, seed: int) -> fields.FieldTally:
+    """The default method on the first ``number`` of the same fields."""
+    rng = np.random.default_rng(seed)
+    focal = SIDE_PX / 2.0 / float(np.tan(np.radians(fields.FIELD_DEG / 2.0)))
+    camera = Camera.centred(SIDE_PX, SIDE_PX, focal)
+    options = options_with_scale(camera.scale_arcsec_px)
+    log = []
+    for _ in range(number):
+        _, body, z = fields.field_of(sky, rng, noise)
+        truth = attitude_from(*radec_deg(z), 0.0)
+        xy = camera.project(body @ truth.matrix.T)
+        listed = Detections.from_list(np.clip(xy, 0, SIDE_PX - 1), SIDE_PX, SIDE_PX)
+        answer, seconds = solve_timed(listed, options)
+        good = isinstance(answer, Solution) and bool(answer.centre_vector @ z > np.cos(np.radians(0.05)))
+        log.append((len(body), isinstance(answer, Solution), good, 0, seconds))
+    return fields.tally_of(log)

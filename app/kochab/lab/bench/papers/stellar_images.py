@@ -1,0 +1,377 @@
+"""The thesis "Attitude from stellar images": Vega, Deneb and Sadr, in floating and fixed point.
+
+The centroids are the printed ones, so that everything after them can be compared number by number.
+The scans themselves are not published: centroids in fixed point are measured on frames drawn with
+stars at the printed places.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from kochab.attitude import ESTIMATORS
+from kochab.core.arrays import Floats
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Frame
+from kochab.core.progress import run
+from kochab.core.solution import Identification, NoSolution, Solution
+from kochab.detection import DETECTORS
+from kochab.identification import IDENTIFIERS
+from kochab.lab.bench import timed
+from kochab.lab.bench.papers import Published, solve_timed
+from kochab.lab.methods import triad_tests, triads_fixed_point
+from kochab.lab.methods.pairs import Pairs, catalogue_pairs
+from kochab.lab.methods.triad_tests import (
+    AngleUnit,
+    Tests,
+    TriadBudget,
+    TriadDetections,
+    triads_by_separation,
+)
+from kochab.lab.methods.triads import group_by_rotation
+from kochab.sky import open_catalogue
+from kochab.solver import SolveOptions
+
+# What the thesis "Attitude from stellar images" prints of its three frames, tables 4.1 to 4.21.
+
+FIELD_DEG = (9.0130, 6.9049)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Printed:
+    """One frame: ``centroids`` px from its centre, y up, brightest first, and what came of them.
+
+    ``fixed_deg`` are the separations in fixed point (1-2, 1-3, ..., 2-3, ...); ``pairs`` is the
+    sum of the catalogue pairs found, ``groups`` and ``largest`` of the triads.
+    """
+
+    name: str
+    size: tuple[int, int]
+    centroids: Floats
+    stars: tuple[int, ...]
+    centre_deg: tuple[float, float] | None
+    largest_error_deg: float | None
+    pairs: int
+    triads: int
+    groups: int
+    largest: int
+    centroid_off_px: float
+    separation_off_deg: float
+    seconds: float | None
+    seconds_fixed: float | None
+    separations_deg: Floats
+    fixed_deg: Floats
+
+
+def _numbers(text: str) -> Floats:
+    return np.array(text.split(), dtype=np.float64)
+
+
+VEGA = Printed(
+    name="Vega",
+    size=(427, 319),
+    centroids=_numbers(
+        "16.13144 74.39691 -162.81865 95.40933 -73.08759 69.96350 -15.73050 143.07092 79.27619 -113.87619"
+    ).reshape(-1, 2),
+    stars=(7001, 7139, 7056, 7051, 6872),
+    centre_deg=(278.45703, 37.24007),
+    largest_error_deg=0.02129,
+    pairs=5503,
+    triads=26,
+    groups=8,
+    largest=12,
+    centroid_off_px=0.00004,
+    separation_off_deg=0.00317,
+    seconds=0.232,
+    seconds_fixed=0.197,
+    separations_deg=_numbers("3.8045 1.8857 1.6315 4.2873 1.9725 3.2715 6.8250 1.9924 5.1148 5.9112"),
+    fixed_deg=_numbers("3.8027 1.8848 1.6309 4.2861 1.9717 3.2715 6.8281 1.9912 5.1152 5.9102"),
+)
+DENEB = Printed(
+    name="Deneb",
+    size=(424, 320),
+    centroids=_numbers("""
+        -76.22261 56.43993 67.43734 -126.10052 101.86992 -94.63821 -57.83884 124.35950 112.81633 29.45918
+        121.36667 42.18889 -144.14078 135.27670 -109.93023 145.53488 -0.88889 -81.14444
+    """).reshape(-1, 2),
+    stars=(7924, 7735, 7751, 7977, 7844, 7851, 8001, 8003, 7798),
+    centre_deg=(307.90724, 46.43192),
+    largest_error_deg=0.02184,
+    pairs=21283,
+    triads=96,
+    groups=36,
+    largest=23,
+    centroid_off_px=0.00006,
+    separation_off_deg=0.0028,
+    seconds=0.644,
+    seconds_fixed=0.622,
+    separations_deg=_numbers("""
+        4.9825 4.9943 1.5168 4.0603 4.2114 2.2311 2.0516 3.3728 0.9983 6.0231 3.4923 3.8077 7.2091 6.9657
+        1.7465 5.8163 2.6878 2.9814 7.2035 6.8609 2.2037 4.1650 4.2013 1.8496 1.1979 4.5963 0.3294 5.9189
+        5.3552 3.3962 5.9896 5.3976 3.7190 0.7602 5.5732 5.4115
+    """),
+    fixed_deg=_numbers("""
+        4.9814 4.9941 1.5156 4.0586 4.2099 2.2295 2.0508 3.3721 0.9971 6.0234 3.4912 3.8066 7.2119 6.9678
+        1.7461 5.8174 2.6865 2.9805 7.2060 6.8633 2.2021 4.1641 4.2002 1.8486 1.1963 4.5947 0.3271 5.9189
+        5.3555 3.3955 5.9902 5.3974 3.7188 0.7588 5.5732 5.4111
+    """),
+)
+SADR = Printed(
+    name="Sadr",
+    size=(469, 360),
+    centroids=_numbers("-24.02893 58.39256 -64.56410 -55.32051 -80.65517 -124.93103").reshape(-1, 2),
+    stars=(7796, 7763, 7736),
+    centre_deg=None,
+    largest_error_deg=None,
+    pairs=1086,
+    triads=2,
+    groups=2,
+    largest=1,
+    centroid_off_px=0.00004,
+    separation_off_deg=0.0015,
+    seconds=None,
+    seconds_fixed=None,
+    separations_deg=_numbers("2.3159 3.6805 1.3705"),
+    fixed_deg=_numbers("2.3145 3.6797 1.3691"),
+)
+
+TABLES = Published("""
+stars | 4.2 | stars to V 6.00, declination 30 to 90 | | 1266 | 26 | | {modern}
+separations | 4.2 | separations up to 12 deg | | 33851 | 1400 | | {modern}; made in {spent:.2f} s and kept
+angles | 4.2.5 | enclosed angles in the table | | 1175901 | 75000 | | three a triad; {modern};
+  entries are made when asked for, the thesis' took 5 MB
+off | {steps} | {n}: largest difference from the printed separations | deg | 0 | 6e-5 | |
+  the centroids are printed to 5 decimals
+pairs | {steps} | {n}: catalogue pairs within 0.15 deg | | | | | {modern}
+triads | {steps} | {n}: triads that pass both tests | | | | | {modern}
+groups | {steps} | {n}: groups | | | | | most are chance; {modern}
+largest | {steps} | {n}: triads in the largest group | | | | | {modern}
+right | 4.4, 4.9, 4.12 | {n}: stars named right | | | | more |
+wrong | 4.4, 4.9, 4.12 | {n}: stars named wrong | | 0 | | less |
+right in fixed | 4.2.4.3 | {n}: stars named right in fixed point | | | | more |
+seconds | 4.20, 4.21 | {n}: time, floating point | s | | | less |
+  the thesis on a 266 MHz Pentium II; the default knows the scale to a tenth only
+seconds in fixed | 4.20, 4.21 | {n}: time, fixed point | s | | | less |
+centre | 4.5, 4.10 | {n}: {axis} of the centre | deg | | 0.02 | |
+  plate constants; the thesis' error is 0.02, nobody knows the truth
+residual | 4.5, 4.10 | {n}: largest error of a star | deg | | 5e-4 | |
+  six plate constants follow the scan's stretched pixels; the default's camera has square ones
+centroids | 4.14-4.16 | {n}: centroids, fixed against floating | px | | 2e-5 | less |
+  on a drawn frame: the scan is not published
+fixed | 4.17-4.19 | {n}: separations, fixed against floating | deg | | 5e-4 | less |
+same | 4.17-4.19 | {n}: printed fixed separations met to the last bit | | | | |
+  reading: the field in 6.10 deg over the pixels is the scale, truncated at each step; the others met fewer
+""")
+STEP_TABLES = {"Vega": "4.1, 4.2", "Deneb": "4.6, 4.7", "Sadr": "4.11, 4.12"}
+THESIS = {"dec_deg": (30.0, 90.0), "field_deg": FIELD_DEG, "planar": True}
+TOLERANCES = (0.15, 5.0, 1.0)  # deg: separations, rotation angle, enclosed angle
+MAXIMUM_DEG = 12.0
+REPEATS = 5
+MODERN = "a list of today has other stars near V 6.0"
+
+
+@dataclass(frozen=True, slots=True)
+class NamedImage:
+    """How many stars of the frame got their printed names and other ones, and the answer."""
+
+    right: int
+    wrong: int
+    answer: Solution | Identification | NoSolution
+    seconds: float
+
+
+def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
+    """All rows; ``quick`` repeats the timed ones once only."""
+    out = _catalogue_rows()
+    for printed in (VEGA, DENEB, SADR):
+        out += _steps(printed)
+        out += _answers(printed, 1 if quick else REPEATS)
+        out += _fixed(printed, seed)
+    return out
+
+
+def list_of(printed: Printed) -> Detections:
+    """The printed centroids as detections, in their order."""
+    w, h = printed.size
+    xy = np.array([(w - 1) / 2.0, (h - 1) / 2.0]) + printed.centroids * [1.0, -1.0]
+    return Detections.from_list(xy, w, h)
+
+
+def _pairs() -> Pairs:
+    return catalogue_pairs(MAXIMUM_DEG, mag_limit=6.0, year=2000.0).within_declinations(30.0, 90.0)
+
+
+def _catalogue_rows() -> list[dict[str, Any]]:
+    """Section 4.2 and 4.2.5: what the catalogue gives, and the size of the tables."""
+    pairs, spent = timed(_pairs)
+    stars = len(np.unique(np.concatenate([pairs.first, pairs.second])))
+    words = {"modern": MODERN, "spent": spent}
+    ones = np.ones(len(pairs), dtype=np.int64)
+    up = csr_matrix((ones, (pairs.first, pairs.second)), shape=(pairs.stars, pairs.stars))
+    triads = int((up @ up).multiply(up).sum())  # of stars whose three separations are in the table
+    return [
+        TABLES.row("stars", stars, words=words),
+        TABLES.row("separations", len(pairs), words=words),
+        TABLES.row("angles", 3 * triads, words=words),
+    ]
+
+
+def _steps(printed: Printed) -> list[dict[str, Any]]:
+    """Tables 4.1 and 4.2, 4.6 and 4.7, 4.11 and 4.12: from separations to groups."""
+    tests = Tests(*np.radians(TOLERANCES))
+    pairs = _pairs()
+    sight = TriadDetections.of(list_of(printed), 2700.0, False, FIELD_DEG)
+    upper = np.triu_indices(len(sight.body), 1)
+    seps = np.degrees(sight.separation[upper])
+    off = float(np.abs(seps - printed.separations_deg).max())
+    seen, stars, looked = run(
+        triads_by_separation(pairs, sight.separation, tests.separation, AngleUnit(), TriadBudget(10**9))
+    )
+    found = triad_tests.passing_triads(sight, seen, stars, pairs, tests, planar=True)
+    groups = group_by_rotation(found, np.radians(5.0))
+    words = {"n": printed.name, "steps": STEP_TABLES[printed.name], "modern": MODERN}
+    counts = {"triads": len(found.star), "groups": len(groups), "largest": len(groups[0]) if groups else 0}
+    out = [
+        TABLES.row("off", off, words=words),
+        TABLES.row("pairs", looked, words=words, paper=printed.pairs, error=0.06 * printed.pairs),
+    ]
+    for key, ours in counts.items():
+        paper = getattr(printed, key)
+        out.append(TABLES.row(key, ours, words=words, paper=paper, error=2.0 * paper**0.5))  # Poisson
+    return out
+
+
+def _answers(printed: Printed, repeats: int) -> list[dict[str, Any]]:
+    """Tables 4.4, 4.5, 4.9, 4.10, 4.12, 4.20 and 4.21: names, centre, seconds."""
+    detections = list_of(printed)
+    thesis = _named(printed, detections, repeats, "float")
+    fixed = _named(printed, detections, repeats, "fixed")
+    default = _by_default(printed, detections, repeats)
+    words = {"n": printed.name}
+    expected = len(printed.stars) if printed.centre_deg else 0
+    best = {"paper": expected, "best": expected}
+    note = "" if expected else "three stars have no answer at vote number 2"
+    out = [
+        TABLES.row("right", thesis.right, default.right, words, note=note, **best),
+        TABLES.row("wrong", thesis.wrong, default.wrong, words, best=0),
+        TABLES.row("right in fixed", fixed.right, default.right, words, **best),
+    ]
+    if printed.centre_deg is None:
+        return out
+    paper = printed.seconds, printed.seconds_fixed
+    return [
+        *out,
+        *_centres(printed, thesis, default),
+        TABLES.row("seconds", thesis.seconds, default.seconds, words, paper=paper[0]),
+        TABLES.row("seconds in fixed", fixed.seconds, default.seconds, words, paper=paper[1]),
+    ]
+
+
+def _named(printed: Printed, detections: Detections, repeats: int, arithmetic: str) -> NamedImage:
+    method = IDENTIFIERS.make("triads", arithmetic=arithmetic, **THESIS)
+    run(method.identify(detections, None, 2000.0))  # tables and imports are not timed
+    spent = []
+    for _ in range(repeats):
+        answer, seconds = timed(lambda: run(method.identify(detections, None, 2000.0)))
+        spent.append(seconds)
+    if isinstance(answer, NoSolution):
+        return NamedImage(0, 0, answer, min(spent))
+    got = dict(zip(answer.matches.detection.tolist(), answer.matches.star.tolist(), strict=True))
+    return NamedImage(*_counted(printed, got), answer, min(spent))
+
+
+def _by_default(printed: Printed, detections: Detections, repeats: int) -> NamedImage:
+    options = SolveOptions(fov_deg=FIELD_DEG[0])
+    solve_timed(detections, options)
+    spent = []
+    for _ in range(repeats):
+        answer, seconds = solve_timed(detections, options)
+        spent.append(seconds)
+    if isinstance(answer, NoSolution):
+        return NamedImage(0, 0, answer, min(spent))
+    catalogue = open_catalogue()
+    got = {}
+    for star in answer.stars:
+        off = np.hypot(detections.xy[:, 0] - star.x, detections.xy[:, 1] - star.y)
+        found = catalogue.find(star.id)
+        got[int(off.argmin())] = -1 if found is None else int(found)
+    return NamedImage(*_counted(printed, got), answer, min(spent))
+
+
+def _counted(printed: Printed, got: dict[int, int]) -> tuple[int, int]:
+    """Right and wrong names; of a double star, any member is right."""
+    catalogue = open_catalogue()
+    right = 0
+    for k, star in got.items():
+        true = catalogue.find(f"HR {printed.stars[k]}")
+        two = catalogue.vectors(np.array([true, star]), 2000.0) if star >= 0 else np.eye(3)[:2]
+        right += bool(two[0] @ two[1] > np.cos(np.radians(0.18)))
+    return right, len(got) - right
+
+
+def _centres(printed: Printed, thesis: NamedImage, default: NamedImage) -> list[dict[str, Any]]:
+    """Where the centre lies, and how far the stars are from their places."""
+    assert printed.centre_deg is not None
+    assert isinstance(thesis.answer, Identification)
+    matches = thesis.answer.matches
+    camera = Camera.centred(*printed.size, thesis.answer.camera.focal_px)
+    plate = ESTIMATORS.make("plate_constants").estimate(matches.xy, matches.vectors, camera)
+    ours = plate.ra_dec_deg
+    theirs = default.answer.ra_dec_deg if isinstance(default.answer, Solution) else (None, None)
+    out = []
+    for k, axis in enumerate(("right ascension", "declination")):
+        words, paper = {"n": printed.name, "axis": axis}, printed.centre_deg[k]
+        out.append(TABLES.row("centre", ours[k], theirs[k], words, paper=paper))
+    residual = _plate_residual(matches.xy, matches.vectors, plate.boresight)
+    left = None
+    if isinstance(default.answer, Solution):
+        worst = max(star.residual_px for star in default.answer.stars)
+        left = worst * default.answer.camera.scale_arcsec_px / 3600.0
+    return [*out, TABLES.row("residual", residual, left, words, paper=printed.largest_error_deg)]
+
+
+def _plate_residual(xy: Floats, vectors: Floats, centre: Floats) -> float:
+    """The largest difference in right ascension or declination, deg, as the tables have it."""
+    east = np.array([-centre[1], centre[0], 0.0]) / np.hypot(centre[0], centre[1])
+    north = np.cross(centre, east)
+    standard = np.stack([vectors @ east, vectors @ north], axis=1) / (vectors @ centre)[:, None]
+    design = np.column_stack([xy, np.ones(len(xy))])
+    fitted = design @ np.linalg.lstsq(design, standard, rcond=None)[0]
+    off = np.degrees(np.abs(fitted - standard))
+    off[:, 0] /= np.sqrt(1.0 - vectors[:, 2] ** 2)
+    return float(off.max())
+
+
+def _fixed(printed: Printed, seed: int) -> list[dict[str, Any]]:
+    """Tables 4.14 to 4.19: fixed against floating point."""
+    sight = TriadDetections.of(list_of(printed), 2700.0, False, FIELD_DEG)
+    upper = np.triu_indices(len(sight.body), 1)
+    fixed = triads_fixed_point.ANGLE.floats(triads_fixed_point.separations(sight))[upper]
+    off = float(np.abs(fixed - np.degrees(sight.separation[upper])).max())
+    same = int((np.abs(fixed - printed.fixed_deg) < 6e-5).sum())
+    pairs = len(printed.fixed_deg)
+    frame = drawn(printed, seed)
+    floating = DETECTORS.make("clusters", threshold=51.0).detect(frame)
+    whole = DETECTORS.make("clusters", threshold=51.0, arithmetic="fixed").detect(frame)
+    apart = float("nan")
+    if len(floating) == len(whole):
+        apart = float(np.abs(floating.xy - whole.xy).max())
+    words = {"n": printed.name}
+    return [
+        TABLES.row("centroids", apart, words=words, paper=printed.centroid_off_px),
+        TABLES.row("fixed", off, words=words, paper=printed.separation_off_deg),
+        TABLES.row("same", same, words=words, paper=pairs, error=max(1.0, 0.3 * pairs)),
+    ]
+
+
+def drawn(printed: Printed, seed: int) -> Frame:
+    """An 8-bit frame with round stars at the printed places, on black, of falling size."""
+    w, h = printed.size
+    y, x = np.mgrid[:h, :w]
+    light = np.random.default_rng(seed).uniform(0.0, 20.0, (h, w))
+    for k, (at_x, at_y) in enumerate(list_of(printed).xy.tolist()):
+        spread = 2.0 * (3.2 - 0.15 * k) ** 2
+        light += 400.0 * np.exp(-((x - at_x) ** 2 + (y - at_y) ** 2) / spread)
+    return Frame(np.minimum(light, 255.0).astype(np.uint8))

@@ -1,0 +1,138 @@
+"""Stars as peaks: local maxima, Gaussians (photutils' DAOStarFinder), and both combined.
+
+Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.3, the "peak detection
+method".
+"""
+
+import warnings
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from kochab.core.errors import UsageError
+from kochab.core.frame import Detections, Frame
+from kochab.core.registry import integer, number, switch
+from kochab.detection.peaks import apart
+from kochab.lab.detectors.background import box_light, measured_detections, no_detections, without_background
+
+
+@dataclass(frozen=True, slots=True)
+class MaximaDetector:
+    """A pixel above the threshold that none in the box around it exceeds.
+
+    ``sigmas`` (above 0) and ``box_px`` (odd, 3 to 99 px) are the thesis' 5 and 5; its unit of the
+    threshold is the standard deviation of all pixels, that of the background when ``clipped``.
+    Pixels of equal height that touch, or are within half a box, are one star, as the thesis asks
+    without saying how. The place is the maximum's pixel, or with ``refined`` the centre of gravity
+    of the box, which the thesis does not take. At most ``max_stars`` are returned.
+    """
+
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.3"
+
+    sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold")
+    box_px: int = integer(5, "px", 3, 99, "the box of which a peak is the maximum, odd")
+    clipped: bool = switch(False, "sigma is the background's noise, not that of all pixels")
+    refined: bool = switch(False, "centre of gravity of the box instead of the pixel")
+    max_stars: int = integer(6000, "stars", 1, 200_000, "at most so many stars, the brightest")
+
+    def detect(self, frame: Frame) -> Detections:
+        """Stars of ``frame``, brightest first."""
+        from scipy.ndimage import center_of_mass, label, maximum_filter
+
+        flat = without_background(frame)
+        if flat is None:
+            return no_detections(frame)
+        top = flat.image == maximum_filter(flat.image, size=self.box_px)
+        top &= flat.image > flat.threshold(self.sigmas, self.clipped)
+        plateaus, count = label(top, np.ones((3, 3)))
+        if not count:
+            return no_detections(frame, flat)
+        places = center_of_mass(top, plateaus, np.arange(1, count + 1))
+        xy = np.array(places, dtype=np.float64).reshape(-1, 2)[:, ::-1]
+        half = self.box_px // 2
+        flux, pixels = box_light(flat, xy, half)
+        order = np.argsort(-flux, kind="stable")
+        order = order[apart(xy[order], np.full(len(order), half + 0.5))]
+        xy, flux, pixels = xy[order], flux[order], pixels[order]
+        if self.refined:
+            stamps = flat.stamps(xy, half)
+            light = np.maximum(stamps.value, 0.0)
+            total = np.maximum(light.sum(axis=(1, 2)), 1e-30)
+            dx = (light.sum(axis=1) @ stamps.offsets) / total
+            dy = (light.sum(axis=2) @ stamps.offsets) / total
+            xy = np.stack([stamps.x + dx, stamps.y + dy], axis=1).astype(np.float64)
+        return measured_detections(flat, xy, flux, pixels, self.max_stars)
+
+
+# Stars as peaks shaped like a Gaussian: photutils' DAOStarFinder (Stetson 1987, PASP 99, 191).
+# Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.2, the "source
+# detection method".
+
+
+@dataclass(frozen=True, slots=True)
+class GaussianDetector:
+    """``sigmas`` (above 0) sets the threshold, ``fwhm_px`` (1 to 50 px) the Gaussian's width.
+
+    Both defaults are the thesis'. Its threshold is in standard deviations of all pixels, so that
+    many bright stars raise it; with ``clipped`` the background's noise is the unit. Sources within
+    half a FWHM of a brighter one, which flat tops give, are left out. At most ``max_stars`` are
+    returned.
+    """
+
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.2"
+
+    sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold")
+    fwhm_px: float = number(5.0, "px", 1.0, 50.0, "width of the Gaussian")
+    clipped: bool = switch(False, "sigma is the background's noise, not that of all pixels")
+    max_stars: int = integer(6000, "stars", 1, 200_000, "at most so many stars, the brightest")
+
+    def detect(self, frame: Frame) -> Detections:
+        """Stars of ``frame``, brightest first."""
+        try:
+            from photutils.detection import DAOStarFinder
+        except ImportError as error:
+            raise UsageError(
+                "This detector needs photutils; install it with: pip install 'kochab[photutils]'"
+            ) from error
+        flat = without_background(frame)
+        if flat is None:
+            return no_detections(frame)
+        finder = DAOStarFinder(threshold=flat.threshold(self.sigmas, self.clipped), fwhm=self.fwhm_px)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that there are none is an answer
+            table = finder(flat.image, mask=flat.broken if flat.broken.any() else None)
+        if table is None or not len(table):
+            return no_detections(frame, flat)
+        new = "x_centroid" in table.colnames  # "xcentroid" before photutils 3
+        names = ("x_centroid", "y_centroid") if new else ("xcentroid", "ycentroid")
+        xy = np.stack([np.asarray(table[name], dtype=np.float64) for name in names], axis=1)
+        xy = xy[np.isfinite(xy).all(axis=1)]
+        flux, pixels = box_light(flat, xy, max(2, round(self.fwhm_px / 2)))
+        order = np.argsort(-flux, kind="stable")
+        order = order[apart(xy[order], np.full(len(order), 0.5 * self.fwhm_px))]
+        return measured_detections(flat, xy[order], flux[order], pixels[order], self.max_stars)
+
+
+# -- The combined detector of "Lost in space" for robotic telescopes (thesis, 2018) ------------
+# Source: sections 6.2.4 and 7.1.5: Gaussian sources first, and local maxima where those are too
+# few.
+
+
+@dataclass(frozen=True, slots=True)
+class ThesisDetector:
+    """The stars of ``first`` when they are ``fewest`` (1 or more; the thesis' 5) or more.
+
+    Else those of ``second``, which bears blurred and elongated stars better.
+    """
+
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 6.2.4"
+
+    fewest: int = integer(5, "stars", 1, 1000, "with fewer Gaussian sources, maxima are taken")
+    first: GaussianDetector = field(default_factory=GaussianDetector)
+    second: MaximaDetector = field(default_factory=MaximaDetector)
+
+    def detect(self, frame: Frame) -> Detections:
+        """Stars of ``frame``, brightest first."""
+        found = self.first.detect(frame)
+        return found if len(found) >= self.fewest else self.second.detect(frame)

@@ -1,0 +1,269 @@
+"""Published attitude estimators: TRIAD, plate constants, and accumulated averages.
+
+Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.4.1, equations 5.8 to
+5.17; the algorithm is Black's (1964, AIAA J. 2, 1350).
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from kochab.attitude import directions, sigma_rad, small_rotation
+from kochab.attitude.filter import rotation_vector
+from kochab.core.arrays import Floats
+from kochab.core.attitude import Attitude, radec_deg, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.registry import choice, integer, number
+
+
+@dataclass(frozen=True, slots=True)
+class Triad:
+    """Two stars out of the list; all others are ignored.
+
+    ``partner`` chooses the second star, which only sets the roll: "farthest" the one that is
+    farthest from parallel with the first, "next" the second of the list. The thesis takes two
+    and does not say which. ``least_angle_deg`` (0 to 90) is how far from parallel or opposite the
+    two must be; the thesis warns of the case without a number. ``sigma_px`` is the one-sigma error
+    of a centroid along one axis, px, above 0, which sets the covariance; None takes it from the
+    residuals of all stars.
+    """
+
+    paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.4.1"
+
+    partner: str = choice("farthest", ("farthest", "next"), "which star is the second")
+    least_angle_deg: float = number(0.01, "deg", 0.0, 90.0, "the two are at least so far apart")
+    sigma_px: float | None = number(
+        None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals"
+    )
+
+    def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
+        """The attitude from the first and one more of M >= 2 stars at ``xy_px`` (M, 2).
+
+        Raises
+        ------
+        ValueError
+            Fewer than two stars, or the two are nearly parallel: the roll is free.
+
+        """
+        seen, icrs = directions(xy_px, vectors, camera, 2)
+        sines = np.linalg.norm(np.cross(icrs[0], icrs[1:]), axis=1)
+        second = 1 + (int(np.argmax(sines)) if self.partner == "farthest" else 0)
+        b, v = seen[[0, second]], icrs[[0, second]]
+        apart = min(float(np.linalg.norm(np.cross(*pair))) for pair in (b, v))
+        if apart < 1e-9:
+            raise ValueError("The two stars lie in one direction and leave the roll free.")
+        if apart < np.sin(np.radians(self.least_angle_deg)):
+            raise ValueError(
+                f"The second star is less than {self.least_angle_deg:g} degrees from parallel with"
+                " the first, too near for a roll: allow a smaller least angle."
+            )
+        matrix = _axes(*b).T @ _axes(*v)  # equation 5.17, with the axes as rows
+        sigma = sigma_rad(seen, icrs, matrix, camera, self.sigma_px)
+        # for directions with a sigma of 1 each (Shuster and Oh 1981, section IV)
+        cosine, sine2, both = float(b[0] @ b[1]), float(np.sum(np.cross(*b) ** 2)), np.outer(*b)
+        covariance = np.eye(3) + cosine / sine2 * (both + both.T)
+        return Attitude(matrix, sigma**2 * covariance)
+
+
+def _axes(first: Floats, second: Floats) -> Floats:
+    """Rows r1, r2, r3 (3, 3) of equations 5.8 to 5.16."""
+    across = np.cross(first, second)
+    across /= np.linalg.norm(across)
+    return np.stack([first, across, np.cross(first, across)])
+
+
+# -- Plate constants: a linear map from the frame to the sky's tangent plane --------------------
+# Source: the thesis on attitude from stellar images, section 2.4: equations 2.8 to 2.15 (six plate
+# constants by least squares), 2.16 to 2.19 (standard coordinates and back) and the iteration for
+# the image centre of section 2.4.3.
+
+
+@dataclass(frozen=True, slots=True)
+class PlateConstants:
+    """Six constants from M >= 3 stars that are not on one line.
+
+    ``tolerance_arcsec`` (above 0) ends the iteration when the centre moves less; the paper's
+    example is 1. ``most_rounds`` (1 to 1000) bounds it.
+
+    The constants also hold a wrong scale, a shear and a shifted origin, so that the focal length
+    need not be right; that freedom costs precision when it is. The origin is the camera's
+    principal point, and the camera's distortion is taken out first, which the paper does not do.
+    The attitude is the rotation nearest to the constants.
+    """
+
+    paper: ClassVar[str] = "Attitude from stellar images, section 2.4"
+
+    tolerance_arcsec: float = number(
+        1.0, "arcsec", 1e-6, 3600.0, "the iteration ends when the centre moves less"
+    )
+    most_rounds: int = integer(50, "rounds", 1, 1000, "at most so many")
+
+    def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
+        """The attitude from M stars at ``xy_px`` (M, 2) px, ICRS unit ``vectors`` (M, 3).
+
+        Its covariance comes from the residuals, and is None for three stars, which leave none.
+
+        Raises
+        ------
+        ValueError
+            Fewer than three stars, all on one line, stars in more than half the sky, a centre
+            that does not settle, or a picture that is mirrored against the camera.
+
+        """
+        seen, icrs = directions(xy_px, vectors, camera, 3)
+        xy = seen[:, :2] / seen[:, 2:]
+        design = np.column_stack([xy, np.ones(len(xy))])
+        middle = xy.mean(axis=0)
+        spread = np.linalg.svd(xy - middle, compute_uv=False)
+        if spread[1] < 1e-6 * max(spread[0], 1e-12):
+            raise ValueError("The stars lie on one line: it has no plate constants.")
+        centre, tolerance = _first_centre(xy, icrs), np.radians(self.tolerance_arcsec / 3600.0)
+        for _ in range(self.most_rounds):
+            standard = _standard(icrs, centre)
+            constants = np.linalg.lstsq(design, standard - xy, rcond=None)[0]  # (3, 2)
+            east, north = _tangents(centre)
+            new = centre + constants[2, 0] * east + constants[2, 1] * north  # equations 2.18 to 2.21
+            new = new / np.linalg.norm(new)
+            if float(np.linalg.norm(new - centre)) < tolerance:
+                break
+            centre = new
+        else:
+            raise ValueError("The image centre does not settle.")
+        turn = constants[:2].T + np.eye(2)  # (xi, eta) = turn @ (x, y)
+        if np.linalg.det(turn) <= 0:
+            raise ValueError("The image is mirrored compared with the camera.")
+        roll = np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+        residual = standard - xy - design @ constants
+        return Attitude(_matrix(centre, roll, new), _plate_covariance(design, residual, roll, turn))
+
+
+def _tangents(centre: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors east and north (3,) at a direction (3,); at a pole, those of RA 0."""
+    ra = np.arctan2(centre[1], centre[0])
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    return east, np.cross(centre, east)
+
+
+def _standard(icrs: Floats, centre: Floats) -> Floats:
+    """Standard coordinates (M, 2) xi, eta about a centre: 2.16 and 2.17 as vectors."""
+    depth = icrs @ centre
+    if depth.min() < 0.01:
+        raise ValueError("The stars are not in one half of the sky.")
+    return np.stack([icrs @ axis for axis in _tangents(centre)], axis=1) / depth[:, None]
+
+
+def _first_centre(xy: Floats, icrs: Floats) -> Floats:
+    """Straight lines of RA and Dec against x and against y, at the origin, averaged (2.4.3).
+
+    RA is counted from that of the stars' mean direction, so that 0 h is no edge. Near a pole the
+    lines mean nothing; when they lead away from the stars, their mean direction is taken.
+    """
+    mean = icrs.mean(axis=0)
+    if np.linalg.norm(mean) < 1e-6:
+        raise ValueError("The stars are not in one half of the sky.")
+    mean = mean / np.linalg.norm(mean)
+    zero = radec_deg(mean)[0]
+    ra = np.degrees(np.arctan2(icrs[:, 1], icrs[:, 0])) - zero
+    angles = np.stack([(ra + 180.0) % 360.0 - 180.0, np.degrees(np.arcsin(icrs[:, 2]))], axis=1)
+    offset = xy - xy.mean(axis=0)
+    power = np.sum(offset**2, axis=0)
+    slopes = offset.T @ angles / np.where(power > 0, power, np.inf)[:, None]  # of x, of y
+    ra0, dec0 = angles.mean(axis=0) - 0.5 * (xy.mean(axis=0) @ slopes)
+    first = unit_vectors(float(ra0 + zero), float(np.clip(dec0, -90.0, 90.0)))
+    return first if (icrs @ first).min() > 0.5 * (icrs @ mean).min() else mean
+
+
+def _matrix(centre: Floats, roll: float, boresight: Floats) -> Floats:
+    """Attitude matrix (3, 3): the x axis is ``roll`` rad from east to north at ``centre`` (3,).
+
+    From there it is carried the last little way to the ``boresight`` (3,).
+    """
+    east, north = _tangents(centre)
+    x = np.cos(roll) * east + np.sin(roll) * north
+    x -= (x @ boresight) * boresight
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(boresight, x), boresight])
+
+
+def _plate_covariance(design: Floats, residual: Floats, roll: float, turn: Floats) -> Floats | None:
+    """Covariance (3, 3), rad^2, of a rotation about the camera axes, from the residuals (M, 2)."""
+    freedom = 2 * len(design) - 6
+    if freedom <= 0:
+        return None
+    one = np.linalg.inv(design.T @ design) * float(np.sum(residual**2)) / freedom
+    c, s = np.cos(roll), np.sin(roll)
+    twice = float(np.hypot(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
+    of_xi = np.array([[0, 0, s], [0, 0, c], [-s / twice, -c / twice, 0]])  # by a, b, c
+    of_eta = np.array([[0, 0, -c], [0, 0, s], [c / twice, -s / twice, 0]])  # by d, e, f
+    return np.asarray(of_xi @ one @ of_xi.T + of_eta @ one @ of_eta.T)
+
+
+# -- Accumulated averages: many attitudes of one camera make one better one --------------------
+# Liebe (1992, IEEE Aerosp. Electron. Syst. Mag. 7(6), 34, section "Predictional Estimate") averages
+# the estimates of successive frames, which takes 15 arcsec to under 2. The errors of N independent
+# frames leave ``sigma / sqrt(N)`` while the camera stands still among the stars; when it turns
+# steadily, the turn is fitted with the mean (the error at the middle of the time is then the same).
+
+
+@dataclass(slots=True)
+class Averages:
+    """Sums over attitudes added so far; their number does not make it grow.
+
+    ``turning`` fits a steady turn besides the mean. Attitudes may be up to a few degrees apart.
+    """
+
+    turning: bool = False
+    count: int = 0
+    _first: Floats | None = None
+    _start_s: float = 0.0
+    _normal: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+    _right: Floats = field(default_factory=lambda: np.zeros(6))
+
+    def add(self, attitude: Attitude, time_s: float) -> None:
+        """Take in one attitude with covariance, measured at ``time_s`` on any clock."""
+        if attitude.covariance is None:
+            raise ValueError("An average needs the covariance of every attitude.")
+        if self._first is None:
+            self._first, self._start_s = attitude.matrix, time_s
+        turn = rotation_vector(attitude.matrix @ self._first.T)
+        slope = np.hstack([np.eye(3), (time_s - self._start_s) * np.eye(3)])
+        weighted = np.linalg.solve(attitude.covariance, slope)
+        self._normal += slope.T @ weighted
+        self._right += weighted.T @ turn
+        self.count += 1
+
+    def mean(self, time_s: float | None = None) -> Attitude:
+        """The averaged attitude at ``time_s``, by default when it is known best.
+
+        Its covariance is that of the weighted mean: of N equal ones, an N-th.
+
+        Raises
+        ------
+        ValueError
+            Nothing was added yet.
+
+        """
+        if self._first is None:
+            raise ValueError("Nothing was averaged yet.")
+        if not self.turning or self.count < 3:
+            covariance = np.asarray(np.linalg.inv(self._normal[:3, :3]), dtype=np.float64)
+            return Attitude(small_rotation(covariance @ self._right[:3]) @ self._first, covariance)
+        inverse = np.asarray(np.linalg.inv(self._normal), dtype=np.float64)
+        at = self.middle_s - self._start_s if time_s is None else time_s - self._start_s
+        pick = np.hstack([np.eye(3), at * np.eye(3)])
+        turn = pick @ inverse @ self._right
+        return Attitude(small_rotation(turn) @ self._first, pick @ inverse @ pick.T)
+
+    @property
+    def middle_s(self) -> float:
+        """The weighted middle of the times."""
+        weight = float(np.trace(self._normal[:3, :3]))
+        return self._start_s + float(np.trace(self._normal[:3, 3:])) / max(weight, 1e-300)
+
+    @property
+    def rates_rad_s(self) -> Floats:
+        """The camera's steady angular velocity (3,) about its own axes; zero unless ``turning``."""
+        if not self.turning or self.count < 3:
+            return np.zeros(3)
+        return np.asarray(-np.linalg.solve(self._normal, self._right)[3:])

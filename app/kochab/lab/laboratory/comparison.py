@@ -1,0 +1,362 @@
+"""The parts of a solve compared on the same stars, with the truth beside them.
+
+Methods, detectors or estimators of the attitude. The stars are those of a frame, whose accepted
+solution stands for the truth, or of a simulated field.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from time import thread_time
+from typing import Any, TypeVar
+
+import numpy as np
+
+from kochab.attitude import ESTIMATORS
+from kochab.core.arrays import Floats
+from kochab.core.attitude import Attitude, radec_deg, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame, Hint
+from kochab.core.progress import PREPARING, Progress, Task
+from kochab.core.registry import Option, Registry, checked, options_of
+from kochab.core.solution import NoSolution, Solution
+from kochab.detection import DETECTORS
+from kochab.identification import IDENTIFIERS
+from kochab.simulate.random_fields import RandomField, RandomImage
+from kochab.solver import SolveOptions
+from kochab.solver.matches import mutual_nearest
+from kochab.solver.pipeline import examine_frame
+
+FIT = "fit"
+"""The default attitude: least squares of rotation and camera together, not an estimator's."""
+
+
+class ComparedPart(StrEnum):
+    """The part of a solve that is exchanged, as the command line calls it."""
+
+    METHOD = "method"
+    DETECTOR = "detector"
+    ATTITUDE = "attitude"
+
+
+REGISTRIES: dict[ComparedPart, Registry[Any]] = {
+    ComparedPart.METHOD: IDENTIFIERS,
+    ComparedPart.DETECTOR: DETECTORS,
+    ComparedPart.ATTITUDE: Registry(
+        "attitude", ESTIMATORS.group, {FIT: "kochab.attitude.fit:refine", **ESTIMATORS.own}
+    ),
+}
+
+
+def names_of(kind: ComparedPart) -> list[str]:
+    """All there are, the default first."""
+    return list(REGISTRIES[kind])
+
+
+def options_for(kind: ComparedPart, name: str) -> tuple[Option, ...]:
+    """What may be chosen about one of them; () when nothing is."""
+    return options_of(REGISTRIES[kind].load(name))
+
+
+def allowed(kind: ComparedPart, name: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values`` of its options, texts read as if typed; UsageError when one is wrong."""
+    return checked(REGISTRIES[kind].load(name), values)
+
+
+def paper_for(kind: ComparedPart, name: str) -> str:
+    """Author or title, year and chapter of its source."""
+    return str(getattr(REGISTRIES[kind].load(name), "paper", "")) or "Kochab's own"
+
+
+T = TypeVar("T")
+
+RIGHT_PX = 5.0
+NOISE_SPARED = 4.0  # an imprecise answer to a noisy field is not a wrong one
+SAME_SCALE = 0.03
+TOO_LONG = "timed out"
+SCALE_SPREAD = 0.02
+PLACE_DEG = 10.0
+"""Within this of the true centre, when the methods know the place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One method, detector or estimator with the options that were changed."""
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSettings:
+    """What a simulated field shall be like.
+
+    ``stars`` is the length of its list; ``false`` the number of false stars as a share of the
+    real ones; ``missing`` the share of the catalogue's stars that were not detected.
+    """
+
+    fov_deg: float = 20.0
+    stars: int = 20
+    noise_px: float = 0.3
+    false: float = 0.1
+    missing: float = 0.1
+    size_px: int = 2048
+
+
+MakeField = Callable[[FieldSettings, Sequence[int]], RandomField]
+"""Makes a field at a random place; the same seeds make the same field."""
+MakePicture = Callable[[FieldSettings, Sequence[int]], RandomImage]
+"""The same as a picture: the faintest star is as bright as its noise of a position asks."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldTruth:
+    """Where the camera really with_fitted_pointing.
+
+    An answer is right when its centre is within ``reach_px`` of the true one, and a name when its
+    star is within that of the detection.
+    """
+
+    camera: Camera
+    attitude: Attitude
+    reach_px: float = RIGHT_PX
+
+    @classmethod
+    def of(cls, field: RandomField | RandomImage, wish: FieldSettings) -> "FieldTruth":
+        """That of a simulated field."""
+        return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * wish.noise_px))
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """ICRS degrees of the frame's centre."""
+        return radec_deg(_centre(self.camera, self.attitude))
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What came of the stars with one method, detector or estimator.
+
+    ``seconds`` is its processor time, with a method's tables at hand; ``tables_s`` is what making
+    those took, when this was their first use. ``right`` and ``wrong`` (names that are not the
+    star's) are None when the truth is not known. ``off_arcsec`` is between the centres.
+    ``found`` is what a detector saw. ``from_fit_arcsec`` is how far an estimator's attitude is
+    from that of the fit, on the sky and in roll. ``sigma_arcsec`` are one-sigma errors along x,
+    along y, and of roll.
+    """
+
+    kind: ComparedPart
+    name: str
+    paper: str
+    seconds: float = 0.0
+    tables_s: float = 0.0
+    ra_dec_deg: tuple[float, float] | None = None
+    right: bool | None = None
+    matches: int = 0
+    wrong: int | None = None
+    off_arcsec: float | None = None
+    sigma_arcsec: tuple[float, float, float] | None = None
+    log10_false_alarm: float | None = None
+    rms_px: float | None = None
+    found: "DetectorScore | None" = None
+    from_fit_arcsec: tuple[float, float] | None = None
+    reason: str = ""
+    advice: str = ""
+
+    @property
+    def answered(self) -> bool:
+        """Whether there was an answer, right or wrong."""
+        return self.ra_dec_deg is not None
+
+
+def compare(
+    tries: Sequence[tuple[str, Task[Trial]]], tell: Callable[[Trial], None] = lambda _: None
+) -> Task[list[Trial]]:
+    """One after the other, each by its name; ``tell`` is called with each as it is done."""
+    trials = []
+    for number, (name, task) in enumerate(tries):
+        share = number / len(tries)
+        yield Progress("laboratory", share, name)
+        trial = yield from with_progress(task, share, name)
+        trials.append(trial)
+        tell(trial)
+    return trials
+
+
+def with_progress(task: Task[T], share: float, detail: str) -> Task[T]:
+    """The same task with its progress shown as the Laboratory's, except long preparations."""
+    while True:
+        try:
+            progress = next(task)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+        yield progress if progress.stage == PREPARING else Progress("laboratory", share, detail)
+
+
+def scale_hint(truth: FieldTruth, radius_deg: float | None = None) -> Hint:
+    """The scale to 2 %, and with ``radius_deg`` the place to within that, as a hint."""
+    scale = truth.camera.scale_arcsec_px
+    centre = None if radius_deg is None else (*truth.centre, radius_deg)
+    span = (scale / (1.0 + SCALE_SPREAD), scale * (1.0 + SCALE_SPREAD))
+    return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
+
+
+def unsolved_trial(
+    kind: ComparedPart, name: str, refusal: NoSolution | None, truth: FieldTruth | None
+) -> Trial:
+    """No answer and the reason for it; None when the time was over."""
+    reason = TOO_LONG if refusal is None else str(refusal.reason)
+    said = "Allow it more time." if refusal is None else refusal.tried or refusal.advice
+    right = None if truth is None else False
+    return Trial(kind, name, paper_for(kind, name), right=right, reason=reason, advice=said)
+
+
+def solved_trial(
+    kind: ComparedPart,
+    name: str,
+    camera: Camera,
+    attitude: Attitude,
+    xy: Floats,
+    vectors: Floats,
+    truth: FieldTruth | None,
+) -> Trial:
+    """An answer and what is to be said of it.
+
+    The stars at ``xy`` (M, 2) px were taken for those at ICRS unit ``vectors`` (M, 3).
+    """
+    centre = radec_deg(_centre(camera, attitude))
+    trial = Trial(kind, name, paper_for(kind, name), ra_dec_deg=centre, matches=len(xy))
+    if truth is None:
+        return trial
+    right, off_arcsec = compare_pointing(camera, attitude, truth)
+    return replace(trial, right=right, off_arcsec=off_arcsec, wrong=wrong_names(xy, vectors, truth))
+
+
+def sigma_of(attitude: Attitude) -> tuple[float, float, float] | None:
+    """One-sigma errors along x, y and in roll, arcsec; None when they are not known."""
+    sigma = attitude.sigma_arcsec
+    return sigma if all(map(math.isfinite, sigma)) else None
+
+
+def compare_pointing(camera: Camera, attitude: Attitude, truth: FieldTruth) -> tuple[bool, float]:
+    """Whether an answer is right, and how far its centre is off, arcsec."""
+    true = truth.camera
+    off_rad = float(np.linalg.norm(_centre(camera, attitude) - _centre(true, truth.attitude)))
+    right = off_rad * true.focal_px < truth.reach_px and camera.mirrored == true.mirrored
+    right = right and abs(camera.focal_px / true.focal_px - 1.0) < SAME_SCALE
+    return bool(right), float(np.degrees(off_rad) * 3600.0)
+
+
+def wrong_names(xy: Floats, vectors: Floats, truth: FieldTruth) -> int:
+    """How many of the stars at ``xy`` (M, 2) px are not those at unit ``vectors`` (M, 3)."""
+    true_xy = truth.camera.project(vectors @ truth.attitude.matrix.T)
+    gap = np.hypot(*(true_xy - xy).T)
+    return int((~(gap <= truth.reach_px)).sum())  # behind the camera is NaN, and wrong
+
+
+def _centre(camera: Camera, attitude: Attitude) -> Floats:
+    middle = np.array([[(camera.width - 1) / 2.0, (camera.height - 1) / 2.0]])
+    return np.asarray(attitude.matrix.T @ camera.unproject(middle)[0])
+
+
+def timed(task: Task[T], limit_s: float) -> Task[tuple[T | None, dict[str, float]]]:
+    """The task's result, None when it took longer than ``limit_s``; and seconds by stage.
+
+    Preparing the patterns of small fields, once on a machine, counts for neither.
+    """
+    spent: dict[str, float] = {}
+    stage = ""
+    try:
+        while True:
+            start, result = thread_time(), None
+            try:
+                progress = next(task)
+            except StopIteration as end:
+                progress, result = None, end.value
+            if stage != PREPARING:
+                spent[stage] = spent.get(stage, 0.0) + thread_time() - start
+            if progress is None or sum(spent.values()) > limit_s:
+                return result, spent
+            stage = progress.stage
+            yield progress
+    finally:
+        task.close()
+
+
+# -- One detector on one picture: what it found, and what a solve makes of that ----------------
+
+REACH_PX = 3.0
+"""A detection within this of a star's true place is that star."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorScore:
+    """``stars`` that were detected; of ``there`` true ones, ``true``, off by ``error_px`` (RMS).
+
+    The error is along one axis. All but ``stars`` are None when the true places are not known.
+    """
+
+    stars: int
+    true: int | None = None
+    there: int | None = None
+    error_px: float | None = None
+
+
+def try_detector(
+    frame: Frame,
+    choice: Choice,
+    hint: Hint | None,
+    truth: FieldTruth | None,
+    places: Floats | None = None,
+    limit_s: float = 30.0,
+) -> Task[Trial]:
+    """Solve ``frame`` with this detector and all else as ever; the time is the detector's.
+
+    As when methods are compared, a ``hint`` that helps is all that is searched.
+
+    ``places`` (N, 2) px are those of all stars in a simulated picture.
+
+    Raises
+    ------
+    UsageError
+        The detector is not known, or one of its options is not allowed.
+
+    """
+    options = allowed(ComparedPart.DETECTOR, choice.name, choice.options)
+    DETECTORS.make(choice.name).detect(Frame(np.eye(64)))  # loading its libraries is not its time
+    solve_options = SolveOptions(
+        detector=choice.name,
+        detector_options=options,
+        hint=hint,
+        use_header=False,
+        blind_after_hint=False,
+        timeout_s=limit_s,
+    )
+    examined, spent = yield from timed(examine_frame(frame, solve_options), float("inf"))
+    assert examined is not None, "there was no limit"
+    found, result = counted(examined.detections.xy, places), examined.result
+    seconds = spent.get("detect", 0.0)
+    if not isinstance(result, Solution):
+        return replace(
+            unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth), seconds=seconds, found=found
+        )
+    xy = np.array([(star.x, star.y) for star in result.stars])
+    sky = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in result.stars]).T)
+    pointing = result.camera, result.attitude
+    return replace(
+        solved_trial(ComparedPart.DETECTOR, choice.name, *pointing, xy, sky, truth),
+        seconds=seconds,
+        found=found,
+        sigma_arcsec=sigma_of(result.attitude),
+        log10_false_alarm=result.log10_false_alarm,
+        rms_px=result.rms_px,
+    )
+
+
+def counted(xy: Floats, places: Floats | None) -> DetectorScore:
+    """What ``xy`` (M, 2) px found of the stars at ``places`` (N, 2) px; each counts once."""
+    if places is None:
+        return DetectorScore(len(xy))
+    mine, theirs = mutual_nearest(xy, places, REACH_PX)
+    error = float(np.sqrt(np.mean((xy[mine] - places[theirs]) ** 2))) if len(mine) else None
+    return DetectorScore(len(xy), len(mine), len(places), error)

@@ -1,0 +1,188 @@
+"""One trial of a method of identification or of an estimator of the attitude."""
+
+from dataclasses import dataclass, replace
+from time import thread_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.attitude.fit import Fit, refine
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Hint
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import Identification, Matches, NoSolution
+from kochab.identification import IDENTIFIERS
+from kochab.lab.laboratory.comparison import (
+    FIT,
+    Choice,
+    ComparedPart,
+    FieldTruth,
+    Trial,
+    allowed,
+    sigma_of,
+    solved_trial,
+    timed,
+    unsolved_trial,
+)
+from kochab.sky import open_catalogue
+from kochab.solver import SolveOptions
+from kochab.solver.matches import centroid_sigma, extend
+from kochab.solver.pipeline import with_estimate
+
+
+def try_method(
+    detections: Detections,
+    choice: Choice,
+    hint: Hint | None,
+    truth: FieldTruth | None,
+    year: float = 2016.0,
+    limit_s: float = 30.0,
+) -> Task[Trial]:
+    """Run one method; a second time when the first had to make its tables.
+
+    Raises
+    ------
+    UsageError
+        The method is not known, or one of its options is not allowed.
+
+    """
+    options = allowed(ComparedPart.METHOD, choice.name, choice.options)
+    identifier = IDENTIFIERS.make(choice.name, **options)
+    found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
+    seconds, tables = sum(spent.values()), 0.0
+    if found is not None and _first_use(choice, hint, detections):
+        first = seconds
+        found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
+        seconds = sum(spent.values())
+        tables = max(0.0, first - seconds)
+    if not isinstance(found, Identification):
+        trial = unsolved_trial(ComparedPart.METHOD, choice.name, found, truth)
+        return replace(trial, seconds=seconds, tables_s=tables)
+    found, sigma = with_fitted_pointing(found)
+    pointing = found.camera, found.attitude
+    stars = found.matches.xy, found.matches.vectors
+    trial = solved_trial(ComparedPart.METHOD, choice.name, *pointing, *stars, truth)
+    trial = replace(trial, sigma_arcsec=sigma, log10_false_alarm=found.log10_false_alarm)
+    return replace(trial, seconds=seconds, tables_s=tables)
+
+
+_used: set[object] = set()
+
+
+def _first_use(choice: Choice, hint: Hint | None, detections: Detections) -> bool:
+    """Whether this may have made tables: they depend on method, options and field."""
+    scale = hint.scale_arcsec_px[0] if hint is not None and hint.scale_arcsec_px else 0.0
+    field_deg = round(scale * detections.width / 3600.0)
+    key = (choice.name, tuple(sorted((k, str(v)) for k, v in choice.options.items())), field_deg)
+    new = key not in _used
+    _used.add(key)
+    return new
+
+
+def with_fitted_pointing(found: Identification) -> tuple[Identification, tuple[float, float, float] | None]:
+    """The answer with the pointing that its names give, and its one-sigma errors, arcsec.
+
+    Methods end with names and a pointing good to some pixels; what they are worth is what a fit
+    makes of the names, as it does in every solve. The errors are along x, y and in roll; None
+    with fewer than three matches, which leave the pointing as it is.
+    """
+    if len(found.matches) < 3:
+        return found, None
+    fit = refine(found.matches, found.camera, found.attitude, distortion=False)
+    sigma = sigma_of(fit.attitude)
+    if sigma is None:
+        return found, None
+    return replace(found, camera=fit.camera, attitude=fit.attitude), sigma
+
+
+# -- One estimator of the attitude on named stars, beside the fit of every solve ----------------
+
+REPEATS = 20
+"""An estimate takes less than a clock of some systems can tell."""
+REFUSED = "not with these stars"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedStars:
+    """``matches`` whose places are good to ``sigma_px`` (M,), and the fit of them all.
+
+    ``camera`` and ``attitude`` are what that fit starts from.
+    """
+
+    matches: Matches
+    sigma_px: NDArray[np.float64]
+    camera: Camera
+    attitude: Attitude
+    log10_false_alarm: float
+    fit: Fit
+
+    def refit(self) -> Fit:
+        """The fit once more."""
+        return refine(self.matches, self.camera, self.attitude, self.sigma_px)
+
+
+def name_stars(
+    detections: Detections, hint: Hint | None, year: float, limit_s: float
+) -> Task[NamedStars | NoSolution | None]:
+    """Name every star by the default method; None when that took longer than ``limit_s``."""
+    task = IDENTIFIERS.make().identify(detections, hint, year)
+    found, _ = yield from timed(task, limit_s)
+    if not isinstance(found, Identification):
+        return found
+    yield Progress("attitude", None, "matching stars")
+    usable = detections.take(slice(0, SolveOptions().max_stars))
+    matches, _ = extend(usable, found, open_catalogue(), year)
+    sigma = centroid_sigma(usable)[matches.detection]
+    fit = refine(matches, found.camera, found.attitude, sigma)
+    return NamedStars(matches, sigma, found.camera, found.attitude, found.log10_false_alarm, fit)
+
+
+def try_attitude(
+    named: NamedStars | NoSolution | None, choice: Choice, truth: FieldTruth | None
+) -> Task[Trial]:
+    """Run one estimator, or the fit, on the named stars.
+
+    Raises
+    ------
+    UsageError
+        The estimator is not known, or one of its options is not allowed.
+
+    """
+    options = allowed(ComparedPart.ATTITUDE, choice.name, choice.options)
+    if not isinstance(named, NamedStars):
+        return unsolved_trial(ComparedPart.ATTITUDE, choice.name, named, truth)
+
+    def estimate() -> tuple[Fit, str]:
+        if choice.name == FIT:
+            return named.refit(), ""
+        return with_estimate(named.matches, named.fit, choice.name, named.sigma_px, options)
+
+    (fit, refusal), spent = estimate(), 0.0
+    for _ in range(REPEATS):  # the first is not timed: it may import
+        yield Progress("attitude")
+        start = thread_time()
+        fit, refusal = estimate()
+        spent += thread_time() - start
+    seconds = spent / REPEATS
+    if refusal:
+        none = unsolved_trial(ComparedPart.ATTITUDE, choice.name, None, truth)
+        return replace(none, seconds=seconds, reason=REFUSED, advice=refusal)
+    stars = named.matches.xy, named.matches.vectors
+    trial = solved_trial(ComparedPart.ATTITUDE, choice.name, fit.camera, fit.attitude, *stars, truth)
+    return replace(
+        trial,
+        seconds=seconds,
+        sigma_arcsec=sigma_of(fit.attitude),
+        log10_false_alarm=named.log10_false_alarm,
+        rms_px=fit.rms_px,
+        from_fit_arcsec=None if choice.name == FIT else between(fit.attitude, named.fit.attitude),
+    )
+
+
+def between(a: Attitude, b: Attitude) -> tuple[float, float]:
+    """How far two attitudes are apart, arcsec: on the sky at the boresight, and in roll."""
+    from scipy.spatial.transform import Rotation
+
+    about = Rotation.from_matrix(a.matrix @ b.matrix.T).as_rotvec(degrees=True) * 3600.0
+    return float(np.hypot(*about[:2])), float(abs(about[2]))

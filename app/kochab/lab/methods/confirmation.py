@@ -1,0 +1,206 @@
+"""What the published methods share: what they need to begin, and whether proposed names hold.
+
+The methods that compare angular separations end with names and no measure of trust, so all of them
+end here. Two of the named stars, the proposers, fix rotation and focal length; the evidence is how
+many of the other detections then fall on catalogue stars, against what chance would give
+(:mod:`kochab.identification.verification`), after counting every pair of catalogue stars the method
+looked at.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.attitude import wahba
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Hint
+from kochab.core.progress import Task
+from kochab.core.solution import Identification, Matches, NoSolution, Reason
+from kochab.identification import with_places
+from kochab.identification.verification import (
+    ACCEPT_LOG10,
+    CandidatePointing,
+    crowding,
+    least_likely,
+    pair,
+    refit,
+)
+from kochab.sky import open_catalogue
+
+WITNESSES = 40  # so many of the brightest detections may testify
+PROPOSERS = 15  # so many pairs of named stars, the widest first, are let propose
+FEWEST = 3
+ODD, ODD_PX = 5.0, 3.0  # a name is dropped beyond so many times the median error, and so many px
+
+
+Search = Callable[[Detections, float], Task[Identification | NoSolution]]
+"""Names the stars of detections that all have a place, at a focal length in px."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CandidateNames:
+    """Supposed names: ``detection`` (M,), catalogue ``rows`` (M,) and their ``vectors`` (M, 3).
+
+    ``tried`` is how many pairs of catalogue stars were compared with pairs of detections on the
+    way, each way round; ``mirrored`` is the parity, None when separations alone were used.
+    """
+
+    detection: Ints
+    rows: Ints
+    vectors: Floats
+    tried: int
+    mirrored: bool | None = None
+
+
+def confirm(
+    detections: Detections, names: CandidateNames, focal_px: float, reach_px: float, year: float, method: str
+) -> Identification | None:
+    """The answer that ``names`` amount to, or None when chance could explain them.
+
+    ``reach_px`` is the error allowed in a star's place; names further off are dropped.
+    """
+    if len(names.detection) < FEWEST:
+        return None
+    half = np.array([(detections.width - 1) / 2.0, (detections.height - 1) / 2.0])
+    seen = detections.xy - half
+    try:
+        start = _start(detections, names, focal_px)
+    except ValueError:  # all in one direction
+        return None
+    witnesses = seen[:WITNESSES]
+    corner = float(np.hypot(*half)) + 3.0 * reach_px
+    catalogue = open_catalogue()
+    radius = min(1.1 * float(np.arctan(corner / focal_px)), 1.4)
+    rows = catalogue.brightest(start.matrix[2], radius, 2 * len(witnesses) + 5, year)
+    sky = catalogue.vectors(rows, year)
+    best = 0.0
+    named = seen[names.detection]
+    pairs = np.stack(np.triu_indices(len(named), 1), axis=1)
+    widest = np.argsort(-np.hypot(*(named[pairs[:, 0]] - named[pairs[:, 1]]).T), kind="stable")
+    for two in pairs[widest[:PROPOSERS]]:
+        pointing = _refitted(start, seen[names.detection[two]], names.vectors[two])
+        if abs(np.log(pointing.focal / focal_px)) < 0.1:
+            others = np.delete(witnesses, names.detection[two][names.detection[two] < WITNESSES], 0)
+            best = min(best, _tail(pointing, others, sky, half, reach_px))
+    parities = 2 if names.mirrored is None else 1
+    alarm = min(0.0, best + np.log10(max(1, names.tried * parities)))
+    if alarm > ACCEPT_LOG10:
+        return None
+    return _answer(detections, names, start, seen, reach_px, float(alarm), method)
+
+
+def _start(detections: Detections, names: CandidateNames, focal_px: float) -> CandidatePointing:
+    """The pointing of the parity that suits the names better."""
+    best, least = None, np.inf
+    for mirrored in (False, True) if names.mirrored is None else (names.mirrored,):
+        camera = Camera.centred(detections.width, detections.height, focal_px, mirrored)
+        body = camera.unproject(detections.xy[names.detection])
+        matrix = wahba(body, names.vectors).matrix
+        left = float(np.square(body - names.vectors @ matrix.T).sum())
+        if best is None or left < least:
+            best, least = CandidatePointing(matrix, focal_px, mirrored), left
+    assert best is not None
+    return best
+
+
+def _refitted(pointing: CandidatePointing, seen: Floats, vectors: Floats) -> CandidatePointing:
+    """Rotation and focal length by these stars alone; three rounds, as the fit is linear."""
+    for _ in range(3):
+        pointing = refit(pointing, seen, *pointing.project(vectors), bend=False)
+    return pointing
+
+
+def _tail(pointing: CandidatePointing, seen: Floats, sky: Floats, half: Floats, reach_px: float) -> float:
+    """log10 of the chance that one pointing agrees so well with stars that did not propose it."""
+    places, _ = pointing.project(sky)
+    xy = places[(np.abs(places) < half).all(axis=1)]
+    square = np.sort(pair(seen, xy, reach_px)[2])
+    area, count = float(4.0 * half[0] * half[1]), float(len(xy))
+    tail, _ = least_likely(square, len(seen), count, area, reach_px, 0)
+    if tail <= ACCEPT_LOG10:
+        count *= crowding(seen, places, half, count / area)
+        tail, _ = least_likely(square, len(seen), count, area, reach_px, 0)
+    return tail
+
+
+def _answer(
+    detections: Detections,
+    names: CandidateNames,
+    start: CandidatePointing,
+    seen: Floats,
+    reach_px: float,
+    alarm: float,
+    method: str,
+) -> Identification | None:
+    """Fit rotation and focal length to the names, dropping the worst while it is too far off."""
+    kept = np.arange(len(names.detection))
+    while len(kept) >= FEWEST:
+        pointing = _refitted(start, seen[names.detection[kept]], names.vectors[kept])
+        gap = pointing.project(names.vectors[kept])[0] - seen[names.detection[kept]]
+        off = np.hypot(gap[:, 0], gap[:, 1])
+        limit = max(ODD_PX, ODD * float(np.median(off)))
+        if off.max() <= min(reach_px, limit):
+            break
+        kept = np.delete(kept, off.argmax())
+    else:
+        return None
+    chosen = names.detection[kept]
+    matches = Matches(chosen, names.rows[kept], detections.xy[chosen], names.vectors[kept])
+    camera = Camera.centred(detections.width, detections.height, pointing.focal, pointing.mirrored)
+    return Identification(matches, camera, Attitude(pointing.matrix), alarm, method, max(1, names.tried))
+
+
+# -- What the published methods need before they can begin, and how they refuse -----------------
+
+WIDEST_DEG = 40.0  # pairs further apart are not tabled: most of the sky's pairs would be
+
+
+def known_focal(hint: Hint | None) -> float | None:
+    """Focal length, px, at the geometric middle of the hint's range of scale; None without one."""
+    if hint is None or hint.scale_arcsec_px is None:
+        return None
+    low, high = hint.scale_arcsec_px
+    return float(1.0 / np.radians(np.sqrt(low * high) / 3600.0))
+
+
+def table_deg(detections: Detections, focal_px: float) -> float:
+    """The largest separation the frame can hold, whole degrees up, at most ``WIDEST_DEG``."""
+    diagonal = np.hypot(detections.width, detections.height)
+    return float(min(np.ceil(np.degrees(2.0 * np.arctan(diagonal / 2.0 / focal_px))), WIDEST_DEG))
+
+
+def with_known_scale(
+    detections: Detections, hint: Hint | None, fewest: int, search: Search, focal_px: float | None = None
+) -> Task[Identification | NoSolution]:
+    """What ``search`` makes of the detections that have a place, at the focal length in px.
+
+    That is ``focal_px`` or the hint's. NoSolution when neither is given, or when there are fewer
+    than ``fewest`` stars.
+    """
+    focal = focal_px or known_focal(hint)
+
+    def begin(listed: Detections) -> Task[Identification | NoSolution]:
+        if focal is None:
+            advice = "Give the field of view: this method compares angles."
+            return refused(listed, "nothing: the scale is unknown", advice)
+        if len(listed) < fewest:
+            return too_few(listed, fewest)
+        return (yield from search(listed, focal))
+
+    return (yield from with_places(detections, begin))
+
+
+def too_few(detections: Detections, fewest: int) -> NoSolution:
+    """Fewer stars than the method can work with."""
+    tried = f"{len(detections)} stars, at least {fewest} are needed"
+    advice = "Expose longer or point at a richer part of the sky."
+    return NoSolution(Reason.TOO_FEW_STARS, advice, tried, len(detections))
+
+
+def refused(detections: Detections, tried: str, advice: str = "") -> NoSolution:
+    """The method could not begin, or its names did not hold."""
+    advice = advice or "Check the field of view, or use the method 'patterns'."
+    return NoSolution(Reason.NO_PATTERN_AGREED, advice, tried, len(detections))

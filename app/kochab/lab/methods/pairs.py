@@ -1,0 +1,201 @@
+"""Pairs of bright catalogue stars by their angle, and the k-vector that searches them.
+
+The methods that compare angular separations share it. Kolomenkin et al. (2008, IEEE Trans. Aerosp.
+Electron. Syst. 44, 441) and the theses that follow them fill it in hours; here a k-d tree names the
+pairs: 8,870 stars (V <= 6.5) and 8 degrees give about 200,000 of them in a few hundredths of a
+second, so the table is made where it is first needed and kept, 16 bytes a pair; large ones also on
+disk.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from kochab.core.arrays import Floats, Ints, Ints32
+from kochab.core.errors import UsageError
+from kochab.identification.table_cache import Arrays, cached_table
+from kochab.sky import open_catalogue
+
+MOST_PAIRS = 12_000_000
+"""Some seconds and a gigabyte; the widest field of stars to V 5.9 has 10 million."""
+KEPT = ("rows", "vectors", "mag", "first", "second", "angle")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairs:
+    """All pairs of ``N`` stars up to an angle; P pairs, the closest first.
+
+    ``rows`` (N,) are catalogue rows, brightest first; ``vectors`` (N, 3) ICRS unit vectors at the
+    table's year and ``mag`` (N,) V magnitudes of the same stars. ``first`` and ``second`` (P,)
+    number stars in those arrays, first < second, so ``first`` is the brighter one; ``angle`` (P,)
+    is their separation in radians, ascending. ``max_rad`` is the largest angle asked for.
+    """
+
+    rows: Ints
+    vectors: Floats
+    mag: Floats
+    first: Ints32
+    second: Ints32
+    angle: Floats
+    max_rad: float
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @property
+    def stars(self) -> int:
+        """N, the number of stars."""
+        return len(self.rows)
+
+    def between(self, low: ArrayLike, high: ArrayLike) -> tuple[Ints, Ints]:
+        """Slices of the pairs with ``low <= angle <= high`` (radians), for any number of ranges.
+
+        Returns ``start`` and ``stop`` in the shape of ``low``: the pairs of one range are
+        ``first[start:stop]``, ``second[start:stop]``.
+        """
+        start = np.searchsorted(self.angle, np.asarray(low, dtype=np.float64), "left")
+        stop = np.searchsorted(self.angle, np.asarray(high, dtype=np.float64), "right")
+        return start.astype(np.int64), np.maximum(stop, start).astype(np.int64)
+
+    def within_declinations(self, low_deg: float, high_deg: float) -> "Pairs":
+        """The pairs of which both stars lie between two declinations; the stars stay numbered."""
+        if low_deg <= -90.0 and high_deg >= 90.0:
+            return self
+        low, high = np.sin(np.radians([low_deg, high_deg]))
+        inside = (self.vectors[:, 2] >= low) & (self.vectors[:, 2] <= high)
+        kept = inside[self.first] & inside[self.second]
+        ends = self.first[kept], self.second[kept]
+        return replace(self, first=ends[0], second=ends[1], angle=self.angle[kept])
+
+
+def spread(start: Ints, stop: Ints) -> tuple[Ints, Ints]:
+    """Every entry of many slices at once: which slice it is in, and the entry's number.
+
+    Both (K,) with K the sum of the slices' lengths; an entry comes once for each slice.
+    """
+    length = stop - start
+    which = np.repeat(np.arange(len(start), dtype=np.int64), length)
+    before = np.cumsum(length) - length
+    return which, np.arange(int(length.sum()), dtype=np.int64) - before[which] + start[which]
+
+
+def angles_between(a: Floats, b: Floats) -> Floats:
+    """Angles (...), radians, between unit vectors (..., 3); by the chord, exact for close ones too."""
+    chord = np.linalg.norm(a - b, axis=-1)
+    return np.asarray(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
+
+
+def make_pairs(rows: Ints, vectors: Floats, mag: Floats, max_rad: float) -> Pairs:
+    """The table of stars given brightest first: ``rows`` (N,), ``vectors`` (N, 3), ``mag`` (N,)."""
+    chord = 2.0 * np.sin(min(max_rad, np.pi) / 2.0)
+    if len(vectors) ** 2 * chord**2 / 8.0 > MOST_PAIRS:  # the share of the sky, N^2 / 2 times
+        raise UsageError(
+            f"{len(vectors)} stars make too many pairs of up to {np.degrees(max_rad):.3g} degrees:"
+            " take fewer stars, or a smaller field."
+        )
+    found = cKDTree(vectors).query_pairs(chord, output_type="ndarray").astype(np.int32)
+    first, second = found.min(axis=1), found.max(axis=1)
+    angle = angles_between(vectors[first], vectors[second])
+    order = np.lexsort((second, first, angle))
+    return Pairs(rows, vectors, mag, first[order], second[order], angle[order], max_rad)
+
+
+def catalogue_pairs(
+    max_deg: float, *, brightest: int | None = None, mag_limit: float | None = None, year: float = 2016.0
+) -> Pairs:
+    """Pairs up to ``max_deg`` degrees of the shipped catalogue's bright stars; kept.
+
+    Parameters
+    ----------
+    max_deg : float
+        Largest separation, degrees.
+    brightest : int, optional
+        Take so many of the brightest stars (8,118 reproduces the thesis on spherical triangles).
+    mag_limit : float, optional
+        Take the stars with V <= this. Exactly one of the two must be given.
+    year : float
+        Julian year to which proper motion is applied, whole: no bright star moves 6 arcsec in one.
+
+    """
+    if (brightest is None) == (mag_limit is None):
+        raise ValueError("Give either the number of stars or the limiting magnitude.")
+    return _tabled(max_deg, brightest, mag_limit, round(year))
+
+
+@lru_cache(maxsize=6)
+def _tabled(max_deg: float, brightest: int | None, mag_limit: float | None, year: int) -> Pairs:
+    """The table, from memory, from disk, or made."""
+    options = {"max_deg": max_deg, "brightest": brightest, "mag_limit": mag_limit, "year": year}
+
+    def make() -> Arrays:
+        made = make_pairs(*bright_stars(brightest, mag_limit, year), np.radians(max_deg))
+        return {name: getattr(made, name) for name in KEPT}
+
+    return Pairs(**cached_table("pairs", options, make), max_rad=float(np.radians(max_deg)))
+
+
+def bright_stars(brightest: int | None, mag_limit: float | None, year: float) -> tuple[Ints, Floats, Floats]:
+    """Rows (N,), unit vectors (N, 3) and magnitudes (N,) of the catalogue's bright stars."""
+    catalogue, pole = open_catalogue(), np.array([0.0, 0.0, 1.0])
+    if brightest is None:
+        rows = catalogue.cone(pole, np.pi, mag_limit)
+    else:
+        rows = catalogue.brightest(pole, np.pi, brightest)
+    return rows, catalogue.vectors(rows, year), catalogue.mag(rows)
+
+
+# -- The k-vector: a range search in a sorted array that needs hardly a comparison -------------
+# After Mortari, as the thesis on spherical triangles tells it (sections 3.8.1 and 3.8.2). A curve
+# through the first and the last value says where a value ought to lie; a table says how many
+# values truly lie below the curve there. The curve is a line for cosines of angles and a parabola
+# for areas.
+
+LINEAR, PARABOLIC = 1, 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KVector:
+    """``values`` (N,) ascending; ``below`` (N + 1,) how many of them are under the curve at 0..N.
+
+    The curve is ``values[0] + span (i / N) ** power``, ``power`` 1 (linear) or 2 (parabolic).
+    """
+
+    values: Floats
+    below: Ints
+    power: int
+
+    def between(self, low: ArrayLike, high: ArrayLike) -> tuple[Ints, Ints]:
+        """Slices ``start``, ``stop`` of the values with ``low <= value <= high``, many at once.
+
+        An empty range gives ``start == stop``.
+        """
+        lows, highs = np.atleast_1d(np.asarray(low, float)), np.atleast_1d(np.asarray(high, float))
+        n = len(self.values)
+        if n == 0:
+            return np.zeros(lows.shape, dtype=np.int64), np.zeros(lows.shape, dtype=np.int64)
+        start = self.below[np.maximum(self._place(lows) - 1, 0)]
+        stop = self.below[np.maximum(self._place(highs) - 1, 0)]
+        while (late := (start < n) & (self.values[np.minimum(start, n - 1)] < lows)).any():
+            start = start + late
+        while (late := (stop < n) & (self.values[np.minimum(stop, n - 1)] <= highs)).any():
+            stop = stop + late
+        return start, np.maximum(start, stop)
+
+    def _place(self, values: Floats) -> Ints:
+        """The last place of the curve, 0..N, that is not above each value."""
+        n = len(self.values)
+        span = float(self.values[-1] - self.values[0])
+        share = np.clip((values - self.values[0]) / (span or 1.0), 0.0, 1.0)
+        return np.asarray(np.floor(share ** (1.0 / self.power) * n), dtype=np.int64)
+
+
+def make_kvector(values: Floats, power: int = LINEAR) -> KVector:
+    """The k-vector of ``values`` (N,), ascending; ``power`` of its curve as in `KVector`."""
+    n = len(values)
+    if n == 0:
+        return KVector(values, np.zeros(1, dtype=np.int64), power)
+    curve = values[0] + (values[-1] - values[0]) * np.linspace(0.0, 1.0, n + 1) ** power
+    return KVector(values, np.searchsorted(values, curve, "left").astype(np.int64), power)

@@ -1,0 +1,290 @@
+"""Catalogue triads that fit three detections: separations, rotation, enclosed angle."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Array, Bools, Floats, Ints
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections
+from kochab.core.progress import Progress, Task
+from kochab.lab.methods.pairs import Pairs, angles_between, spread
+
+SLACK_RAD = 2e-5  # the first look at a third side is a little generous
+TOGETHER = 1_000_000  # catalogue triads that are looked at in one go
+
+
+class TooManyTriadsError(Exception):
+    """More catalogue triads than may be looked at for one frame."""
+
+
+@dataclass(slots=True)
+class TriadBudget:
+    """How many catalogue triads may still be looked at for one frame."""
+
+    left: int
+
+    def take(self, count: int) -> None:
+        """Look at so many.
+
+        Raises
+        ------
+        TooManyTriadsError
+            There are not so many left.
+
+        """
+        if count > self.left:
+            raise TooManyTriadsError
+        self.left -= count
+
+
+@dataclass(frozen=True, slots=True)
+class AngleUnit:
+    """How angles are counted: ``per_rad`` to the radian, and cut off to integers when ``whole``."""
+
+    per_rad: float = 1.0
+    whole: bool = False
+
+    def of(self, radians: Floats) -> Array:
+        """Radians in this unit."""
+        scaled = radians * self.per_rad
+        return np.trunc(scaled).astype(np.int64) if self.whole else scaled
+
+    def radians(self, numbers: Array) -> Floats:
+        """Back again, to the last bit."""
+        return np.asarray(numbers / self.per_rad, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TriadDetections:
+    """The n detections of one parity.
+
+    ``body`` (n, 3) unit vectors in camera axes; ``plane`` (n, 2) px from the centre, y up, x
+    reversed when mirrored; ``size_px`` (2,) of the frame, ``size_rad`` (2,) on the sky, pixels
+    times the scale; ``flat`` whether separations follow the latter, by equation 2.4, instead of
+    the directions.
+    """
+
+    body: Floats
+    plane: Floats
+    size_px: Ints
+    size_rad: Floats
+    flat: bool
+
+    @classmethod
+    def of(
+        cls, detections: Detections, focal_px: float, mirrored: bool, field_deg: tuple[float, float] | None
+    ) -> "TriadDetections":
+        """All ``detections``; ``field_deg`` is the frame's size when it is given."""
+        xy = detections.xy
+        size = np.array([detections.width, detections.height])
+        sign = -1.0 if mirrored else 1.0
+        plane = (xy - (size - 1) / 2.0) * np.array([sign, -1.0])
+        camera = Camera.centred(detections.width, detections.height, focal_px, mirrored)
+        across = size / focal_px if field_deg is None else np.radians(field_deg)
+        return cls(camera.unproject(xy), plane, size, across, field_deg is not None)
+
+    @property
+    def separation(self) -> Floats:
+        """All separations (n, n), radians."""
+        if not self.flat:
+            return angles_between(self.body[:, None], self.body)
+        step = (self.plane[:, None] - self.plane[None]) * self.size_rad / self.size_px
+        return np.asarray(np.arccos(np.clip(np.cos(step).prod(axis=2), -1.0, 1.0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundTriads:
+    """Triads: ``detection`` and ``star`` (K, 3), mean ``rotation`` (K,) radians, when known."""
+
+    detection: Ints
+    star: Ints
+    rotation: Floats
+
+
+def triads_by_separation(
+    pairs: Pairs, separation: Array, tolerance_rad: float, unit: AngleUnit, allowance: TriadBudget
+) -> Task[tuple[Ints, Ints, int]]:
+    """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree.
+
+    ``separation`` (n, n) is in ``unit``. The third result counts the catalogue pairs looked at.
+
+    Raises
+    ------
+    TooManyTriadsError
+        It would take more triads than ``allowance`` has left.
+
+    """
+    n = len(separation)
+    tolerance = unit.of(np.array(tolerance_rad))
+    lists, looked = _lists(pairs, separation, tolerance, unit.of(pairs.angle))
+    rough = pairs.vectors.astype(np.float32)  # half the memory to gather from
+    seen, stars = [np.zeros((0, 3), dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)]
+    for k, corners in enumerate(combinations(range(n), 3)):
+        yield Progress("identify", 0.8 * k / (n * (n - 1) * (n - 2) / 6), "triads")
+        turns = (corners, corners[1:] + corners[:1], corners[2:] + corners[:2])
+        v, a, b = min(turns, key=lambda t: len(lists[t[:2]].one) * len(lists[t[0], t[2]].one))
+        side = separation[a, b]
+        one, other = lists[v, a], lists[v, b]
+        allowance.take(int((other.first[one.one + 1] - other.first[one.one]).sum()))
+        found = _third_sides(pairs, rough, one, other, side, tolerance, unit)
+        stars.append(found)
+        seen.append(np.repeat(np.array([[v, a, b]]), len(found), axis=0))
+    detection, star = np.concatenate(seen), np.concatenate(stars)
+    order = np.argsort(detection, axis=1)
+    rows = np.arange(len(order))[:, None]
+    return detection[rows, order], star[rows, order], looked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PairList:
+    """Pairs of stars for two detections, both ways round: ``first`` (N + 1,) entry of each star."""
+
+    one: Ints
+    other: Ints
+    first: Ints
+
+
+def _lists(
+    pairs: Pairs, separation: Array, tolerance: Array, angle: Array
+) -> tuple[dict[tuple[int, int], _PairList], int]:
+    """For each two detections the pairs, both ways round: one star, other, first of a star."""
+    lists, looked = {}, 0
+    for i, j in combinations(range(len(separation)), 2):
+        start = np.searchsorted(angle, separation[i, j] - tolerance, "left")
+        stop = np.searchsorted(angle, separation[i, j] + tolerance, "right")
+        a, b = pairs.first[start:stop], pairs.second[start:stop]
+        looked += len(a)
+        one, other = np.concatenate([a, b]).astype(np.int64), np.concatenate([b, a])
+        order = np.argsort(one, kind="stable")
+        first = np.concatenate([[0], np.cumsum(np.bincount(one, minlength=pairs.stars))])
+        lists[i, j] = lists[j, i] = _PairList(one[order], other[order].astype(np.int64), first)
+    return lists, looked
+
+
+def _third_sides(
+    pairs: Pairs,
+    rough: NDArray[np.float32],
+    one: _PairList,
+    other: _PairList,
+    side: Array,
+    tolerance: Array,
+    unit: AngleUnit,
+) -> Ints:
+    """Stars (K, 3) of two lists with the same first star whose ends are ``side`` apart."""
+    start, middle, first = one.one, one.other, other.first
+    slack = SLACK_RAD + 2.0 * unit.whole / unit.per_rad
+    low = np.cos(np.maximum(unit.radians(side - tolerance) - slack, 0.0)) + 2e-7
+    high = np.cos(np.minimum(unit.radians(side + tolerance) + slack, np.pi)) - 2e-7
+    count = first[start + 1] - first[start]
+    cuts = np.searchsorted(np.cumsum(count), np.arange(TOGETHER, int(count.sum()), TOGETHER))
+    found = []
+    for part in np.split(np.arange(len(start)), cuts):
+        which, at = spread(first[start[part]], first[start[part] + 1])
+        which = part[which]
+        ends = middle[which], other.other[at]
+        cosine = np.einsum("ij,ij->i", rough[ends[0]], rough[ends[1]])
+        near = (cosine <= low) & (cosine >= high)
+        triad = np.stack([start[which[near]], ends[0][near], ends[1][near]], axis=1)
+        far = unit.of(angles_between(pairs.vectors[triad[:, 1]], pairs.vectors[triad[:, 2]]))
+        found.append(triad[np.abs(far - side) <= tolerance])
+    return np.concatenate(found)
+
+
+# -- The rotation-angle and the enclosed-angle test, in floating point, many at once -------------
+# The thesis "Attitude from stellar images", sections 2.3.4.1 and 2.3.4.2.
+
+UP = np.array([0.0, -1.0, 0.0])  # the camera's up, the pole of bearings in the frame
+POLE = np.array([0.0, 0.0, 1.0])
+ENDS = ((1, 2), (2, 0), (0, 1))  # the corners a side joins, opposite to corners 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Tests:
+    """Tolerances, radians, of separations, rotation angles and enclosed angles."""
+
+    separation: float
+    rotation: float
+    enclosed: float
+
+
+def passing_triads(
+    sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests, planar: bool
+) -> FoundTriads:
+    """Those of the triads ``seen`` (T, 3) and ``stars`` (T, 3) that pass both tests."""
+    turn = rotations(sight, seen, pairs.vectors[stars], planar)
+    off = wrapped(turn[:, 0] - turn[:, 1])
+    kept = np.abs(off) <= tests.rotation
+    mean = (turn[:, 1] + off / 2.0)[kept]
+    seen, stars = seen[kept], stars[kept]
+    kept = enclosed_agree(sight, seen, pairs.vectors[stars], tests.enclosed)
+    seen, stars, mean = seen[kept], stars[kept], mean[kept]
+    if not planar and len(seen):
+        mean = rolls(sight.body[seen], pairs.vectors[stars])
+    return FoundTriads(seen, stars, mean)
+
+
+def rotations(sight: TriadDetections, seen: Ints, sky: Floats, planar: bool) -> Floats:
+    """Angles (T, 2), counterclockwise, from image to sky of the first star's two vectors.
+
+    ``sky`` (T, 3, 3) are the stars' directions.
+    """
+    out = []
+    for end in (1, 2):
+        if planar:
+            step = sight.plane[seen[:, end]] - sight.plane[seen[:, 0]]
+            ra = np.arctan2(sky[..., 1], sky[..., 0])
+            dec = np.arcsin(np.clip(sky[..., 2], -1.0, 1.0))
+            east = wrapped(ra[:, end] - ra[:, 0])
+            real = np.arctan2(dec[:, end] - dec[:, 0], -east)
+            out.append(real - np.arctan2(step[:, 1], step[:, 0]))
+        else:
+            body = sight.body[seen]
+            image = _bearing(body[:, 0], body[:, end], UP)
+            out.append(_bearing(sky[:, 0], sky[:, end], POLE) - image)
+    return np.stack(out, axis=1)
+
+
+def _bearing(start: Floats, end: Floats, pole: Floats) -> Floats:
+    """Position angle of ``end`` at ``start`` (..., 3), radians, from the pole by the left."""
+    left = np.cross(pole, start)
+    up = np.cross(start, left)
+    return np.asarray(np.arctan2((end * left).sum(-1), (end * up).sum(-1)))
+
+
+def rolls(body: Floats, sky: Floats) -> Floats:
+    """Rotation at the frame's centre (T,), radians, of triads (T, 3, 3) seen and real."""
+    u, _, vt = np.linalg.svd(np.swapaxes(body, 1, 2) @ sky)
+    proper = np.linalg.det(u) * np.linalg.det(vt)
+    u[:, :, 2] *= proper[:, None]
+    matrix = u @ vt
+    z, up = matrix[:, 2], -matrix[:, 1]
+    east = np.stack([-z[:, 1], z[:, 0], np.zeros(len(z))], axis=1)
+    return np.asarray(np.arctan2((up * east).sum(-1), (up * np.cross(z, east)).sum(-1)))
+
+
+def enclosed_agree(sight: TriadDetections, seen: Ints, sky: Floats, tolerance: float) -> Bools:
+    """Whether all three inner angles (equations 2.5 to 2.7) agree, (T,)."""
+    image = sight.separation
+    image_sides = np.stack([image[seen[:, a], seen[:, b]] for a, b in ENDS], axis=1)
+    off = inner(chord_sides(sky)) - inner(image_sides)
+    return np.asarray((np.abs(off) <= tolerance).all(axis=1))
+
+
+def chord_sides(sky: Floats) -> Floats:
+    """Sides (T, 3), radians, opposite to the corners of triangles (T, 3, 3)."""
+    return np.stack([angles_between(sky[:, a], sky[:, b]) for a, b in ENDS], axis=1)
+
+
+def inner(sides: Floats) -> Floats:
+    """Inner angles (T, 3) of spherical triangles with sides (T, 3) opposite to them."""
+    a, b, c = sides, np.roll(sides, -1, axis=1), np.roll(sides, -2, axis=1)
+    below = np.maximum(np.sin(b) * np.sin(c), 1e-15)
+    return np.asarray(np.arccos(np.clip((np.cos(a) - np.cos(b) * np.cos(c)) / below, -1.0, 1.0)))
+
+
+def wrapped(angle: Floats) -> Floats:
+    """Angles in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

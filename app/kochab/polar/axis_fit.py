@@ -1,0 +1,296 @@
+"""The axis of two or more attitudes with its covariance, and what moved when they share none.
+
+The model of attitude k is Rot(a, theta_k) R_0, with theta_0 = 0. Unknown are the axis a (two
+numbers), the turns (N - 1) and the reference attitude R_0 (three). The residual is the rotation
+vector from the measured to the modelled attitude in that camera's own axes, weighted with the
+inverse of its covariance, so that a poor roll counts little. Three equations a frame leave
+2 N - 4 degrees of freedom: none for two frames.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.polar.rotations import (
+    ARCSEC,
+    about,
+    about_each,
+    rotation,
+    rotation_vector,
+    rotation_vectors,
+    tangents,
+)
+from kochab.polar.sighting import LocalAttitude
+
+# -- The axis from two attitudes: the axis of the rotation between them ------------------------
+
+
+def axis_of_two(first: Floats, second: Floats) -> tuple[Floats, float]:
+    """Axis (3,) in E, N, U and turn, radians in [0, pi], between two attitudes (3, 3).
+
+    Both take camera axes to E, N, U. The turn is right-handed about the axis; which end of the
+    line points to the pole is not decided here. NaN when nothing turned.
+    """
+    vector = rotation_vector(second @ first.T)
+    turn = float(np.linalg.norm(vector))
+    if turn < 1e-12:
+        return np.full(3, np.nan), 0.0
+    return vector / turn, turn
+
+
+STEPS = 20
+SMALLEST_STEP_RAD = 1e-10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisFit:
+    """An axis and what it was fitted with.
+
+    ``axis`` (3,) in E, N, U points to the elevated pole's side. ``turns_rad`` (N,) are right-handed
+    about it, from the first frame. ``reference`` (3, 3) is the first attitude as fitted.
+    ``residuals`` (N, 3) rad about each camera's axes; ``weighted`` (N, 3) the same in sigmas.
+    ``covariance`` (2, 2) rad^2 is of the axis along (altitude, azimuth on the sky).
+    ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a.
+    """
+
+    axis: Floats
+    turns_rad: Floats
+    reference: Floats
+    residuals: Floats
+    weighted: Floats
+    covariance: Floats
+    camera_covariance: Floats
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared weighted residuals."""
+        return float(np.sum(np.square(self.weighted)))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom, 2 N - 4."""
+        return 2 * len(self.turns_rad) - 4
+
+    @property
+    def chance(self) -> float:
+        """Probability of so large a chi-square by noise alone; 1 without degrees of freedom."""
+        if self.freedom <= 0:
+            return 1.0
+        from scipy.special import chdtrc  # scipy.stats takes two seconds to load
+
+        return float(chdtrc(self.freedom, self.chi2))
+
+    @property
+    def turn_rad(self) -> float:
+        """The smallest arc that holds all turns."""
+        full = 2.0 * np.pi
+        around = np.sort(self.turns_rad % full)
+        gaps = np.diff(np.append(around, around[0] + full))
+        return float(full - gaps.max())
+
+    @property
+    def axis_in_camera(self) -> Floats:
+        """The axis (3,) in camera axes, which no turn about it changes."""
+        return np.asarray(self.reference.T @ self.axis)
+
+
+def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
+    """The axis that two or more attitudes turned about.
+
+    Parameters
+    ----------
+    attitudes
+        N >= 2 of them, of one sweep, in any order; the mount may have tracked between or not.
+    towards : (3,)
+        The elevated pole in E, N, U: decides which end of the axis is meant, and nothing else.
+
+    Returns
+    -------
+    AxisFit
+
+    Raises
+    ------
+    ValueError
+        Fewer than two attitudes, or no two of them differ.
+
+    """
+    if len(attitudes) < 2:
+        raise ValueError("An axis needs two attitudes or more.")
+    measured = np.stack([a.matrix for a in attitudes])
+    whiten = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in attitudes])
+    axis = _first_axis(measured, towards)
+    turns = np.array([_turn_about(axis, m @ measured[0].T) for m in measured])
+    reference = measured[0]
+    for _ in range(STEPS):
+        residual, jacobian = _linear(axis, turns, reference, measured, whiten)
+        step = np.asarray(np.linalg.lstsq(jacobian, -residual.ravel(), rcond=None)[0], dtype=np.float64)
+        axis, turns, reference = _moved(axis, turns, reference, step)
+        if np.abs(step).max() < SMALLEST_STEP_RAD:
+            break
+    return _conclude(axis, turns, reference, measured, whiten)
+
+
+def foreseen_covariance(axis: Floats, turns_rad: Floats, reference: Floats, covariance: Floats) -> Floats:
+    """Covariance (2, 2) that frames yet to be taken would give, all with the same errors."""
+    measured = about_each(axis, turns_rad) @ reference
+    whiten = np.repeat(np.linalg.inv(np.linalg.cholesky(covariance))[None], len(turns_rad), axis=0)
+    return _conclude(axis, np.asarray(turns_rad), reference, measured, whiten).covariance
+
+
+def _first_axis(measured: Floats, towards: Floats) -> Floats:
+    """The axis of the pair that turned most, short of half a turn, with the first or the last."""
+    best, most = np.full(3, np.nan), 0.0
+    for first in (measured[0], measured[-1]):
+        for second in measured:
+            axis, turn = axis_of_two(first, second)
+            if np.sin(turn / 2.0) > most:
+                best, most = axis, float(np.sin(turn / 2.0))
+    if most < 1e-9:
+        raise ValueError("The attitudes are all the same.")
+    return best if best @ towards > 0 else -best
+
+
+def _turn_about(axis: Floats, matrix: Floats) -> float:
+    """The turn about ``axis`` that comes nearest to a rotation (3, 3), in (-pi, pi]."""
+    skew = np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
+    return float(np.arctan2(axis @ skew, np.trace(matrix) - axis @ matrix @ axis))
+
+
+def _linear(
+    axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats
+) -> tuple[Floats, Floats]:
+    """Weighted residuals (N, 3) and their Jacobian (3 N, N + 4).
+
+    Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the
+    turns but the first.
+    """
+    count = len(turns)
+    basis = np.stack([np.cross(axis, t) for t in tangents(axis)], axis=1)
+    turned = about_each(axis, turns)
+    model = turned @ reference
+    gaps = rotation_vectors(np.swapaxes(measured, 1, 2) @ model)
+    residual = np.einsum("kij,kj->ki", whiten, gaps)
+    into_camera = whiten @ np.swapaxes(model, 1, 2)
+    jacobian = np.zeros((count, 3, count + 4))
+    jacobian[:, :, :2] = into_camera @ (basis - turned @ basis)
+    jacobian[:, :, 2:5] = into_camera @ turned
+    later = np.arange(1, count)
+    jacobian[later, :, 4 + later] = into_camera[1:] @ axis
+    return residual, jacobian.reshape(3 * count, count + 4)
+
+
+def _moved(axis: Floats, turns: Floats, reference: Floats, step: Floats) -> tuple[Floats, Floats, Floats]:
+    upward, clockwise = tangents(axis)
+    moved = axis + step[0] * upward + step[1] * clockwise
+    turned = turns + np.concatenate([[0.0], step[5:]])
+    return moved / np.linalg.norm(moved), turned, rotation(step[2:5]) @ reference
+
+
+def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats) -> AxisFit:
+    weighted, jacobian = _linear(axis, turns, reference, measured, whiten)
+    inverse: Floats = np.asarray(
+        np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64
+    )
+    upward, clockwise = tangents(axis)
+    # R_0^T a moves with the axis, and against the reference's own rotation.
+    seen = np.zeros((3, 5))
+    seen[:, 0], seen[:, 1] = reference.T @ upward, reference.T @ clockwise
+    seen[:, 2:5] = reference.T @ np.cross(axis, np.eye(3)).T
+    return AxisFit(
+        axis=axis,
+        turns_rad=turns,
+        reference=reference,
+        residuals=np.asarray(np.linalg.solve(whiten, weighted[..., None])[..., 0], dtype=np.float64),
+        weighted=weighted,
+        covariance=inverse[:2, :2],
+        camera_covariance=seen @ inverse[:5, :5] @ seen.T,
+    )
+
+
+# -- What moved between the frames, when they do not share one axis ----------------------------
+# Frames of one sweep may only differ by turns about one axis. When chi-square says that they do
+# not, one more thing is assumed to have moved between two frames - the declination axis, or the
+# camera in its holder - and the axis is fitted again with that movement as another unknown. The
+# movement that leaves the least is named when it explains the rest.
+
+UNLIKELY = 1e-3
+"""Chi-squares less probable than this are not noise."""
+
+LEAST_ARCSEC = 30.0  # less is flexure or wind, and no axis that was left unlocked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Movement:
+    """``what`` moved by ``angle_arcsec`` between the frames labelled ``before`` and ``after``."""
+
+    what: str
+    before: str
+    after: str
+    angle_arcsec: float
+    sigma_arcsec: float
+    fit: AxisFit
+
+
+def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> Movement | None:
+    """The movement that best explains a poor fit of three or more frames; None when none does."""
+    if len(attitudes) < 3 or fit.chance > UNLIKELY:
+        return None
+    suppositions = [
+        _suppose(attitudes, fit, towards, what, after)
+        for after in range(len(attitudes) - 1)
+        for what in ("declination", "camera")
+    ]
+    best = min(suppositions, key=lambda m: m.fit.chi2)
+    explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
+    clear = abs(best.angle_arcsec) > max(3.0 * best.sigma_arcsec, LEAST_ARCSEC)
+    return best if explained and clear else None
+
+
+def _suppose(
+    attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int
+) -> Movement:
+    """The fit with the later frames turned back about one axis of the camera by the best angle.
+
+    Chi-square is nearly a parabola in the angle: Newton's steps from three values of it.
+    """
+    angle, step, curvature = 0.0, 30.0 * ARCSEC, 1.0
+    tried = fit
+    for _ in range(6):
+        low, here, high = (
+            _turned_back(attitudes, tried, towards, what, after, angle + d) for d in (-step, 0.0, step)
+        )
+        slope = (high.chi2 - low.chi2) / (2.0 * step)
+        curvature = (high.chi2 + low.chi2 - 2.0 * here.chi2) / step**2
+        tried = here
+        if curvature <= 0:
+            break
+        change = -slope / curvature
+        angle += float(np.clip(change, -0.2, 0.2))
+        if abs(change) < 0.1 * ARCSEC:
+            break
+    sigma = np.sqrt(2.0 / curvature) if curvature > 0 else np.inf
+    final = _turned_back(attitudes, tried, towards, what, after, angle)
+    names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
+    return Movement(what, names[after], names[after + 1], angle / ARCSEC, float(sigma) / ARCSEC, final)
+
+
+def _turned_back(
+    attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int, angle: float
+) -> AxisFit:
+    axis = _moving_axis(fit, what)
+    undo = about(axis, -angle)
+    return fit_axis(
+        [replace(a, matrix=a.matrix @ undo) if k > after else a for k, a in enumerate(attitudes)], towards
+    )
+
+
+def _moving_axis(fit: AxisFit, what: str) -> Floats:
+    """The axis (3,), in camera axes, of a movement in declination or of the camera alone."""
+    boresight = np.array([0.0, 0.0, 1.0])
+    if what == "camera":
+        return boresight
+    across = np.cross(boresight, fit.axis_in_camera)
+    length = float(np.linalg.norm(across))
+    return across / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])

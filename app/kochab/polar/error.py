@@ -1,0 +1,197 @@
+"""How far an axis is from its pole, how surely, in numbers and in words."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import angle_between
+from kochab.polar.rotations import ARCSEC, alt_az
+
+CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PolarError:
+    """An axis against its pole, both unit vectors (3,) in E, N, U.
+
+    ``covariance`` (2, 2), rad^2, is of the axis along (altitude, azimuth on the sky), from the
+    frames' own errors. Altitude is positive when the axis is too high, azimuth when it stands too
+    far clockwise, seen from above. ``flexure`` (2, 2), rad^2, comes on top: what the frames could
+    not show, such as a tube that sags. Whatever is shown after a ± is of :attr:`with_flexure`.
+    """
+
+    axis: Floats
+    pole: Floats
+    covariance: Floats
+    flexure: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+
+    @property
+    def altitude_arcsec(self) -> float:
+        """Altitude of the axis less that of the pole."""
+        return (alt_az(self.axis)[0] - alt_az(self.pole)[0]) / ARCSEC
+
+    @property
+    def azimuth_arcsec(self) -> float:
+        """Azimuth of the axis less that of the pole: what the azimuth knob has to turn."""
+        turn = alt_az(self.axis)[1] - alt_az(self.pole)[1]
+        return float((turn + np.pi) % (2.0 * np.pi) - np.pi) / ARCSEC
+
+    @property
+    def azimuth_on_sky_arcsec(self) -> float:
+        """The share of the azimuth error in the total: shorter by the cosine of the altitude."""
+        return self.azimuth_arcsec * float(np.cos(alt_az(self.axis)[0]))
+
+    @property
+    def total_arcsec(self) -> float:
+        """The angle between axis and pole."""
+        return angle_between(self.axis, self.pole) / ARCSEC
+
+    @property
+    def sigma_arcsec(self) -> tuple[float, float]:
+        """One-sigma errors along altitude and along azimuth on the sky."""
+        alt, az = np.sqrt(np.diag(self.covariance)) / ARCSEC
+        return float(alt), float(az)
+
+    @property
+    def sigma_azimuth_arcsec(self) -> float:
+        """One-sigma error of the knob's azimuth, not shortened."""
+        return self.sigma_arcsec[1] / max(float(np.cos(alt_az(self.axis)[0])), 1e-6)
+
+    @property
+    def uncertainty_arcsec(self) -> float:
+        """Root mean square distance of the measured from the true axis, without flexure."""
+        return float(np.sqrt(np.trace(self.covariance))) / ARCSEC
+
+    @property
+    def flexure_arcsec(self) -> tuple[float, float]:
+        """One-sigma flexure, along altitude and azimuth on the sky."""
+        alt, az = np.sqrt(np.maximum(np.diag(self.flexure), 0.0)) / ARCSEC
+        return float(alt), float(az)
+
+    @property
+    def flexure_total_arcsec(self) -> float:
+        """Root mean square distance by flexure, both directions."""
+        return float(np.hypot(*self.flexure_arcsec))
+
+    @property
+    def with_flexure(self) -> "PolarError":
+        """The same with flexure added to its covariance."""
+        return PolarError(self.axis, self.pole, self.covariance + self.flexure)
+
+    @property
+    def sigma_total_arcsec(self) -> float:
+        """One-sigma error of the total, along the line from pole to axis."""
+        line = np.array([self.altitude_arcsec, self.azimuth_on_sky_arcsec])
+        length = float(np.linalg.norm(line))
+        if length < 1e-9:
+            return self.uncertainty_arcsec / float(np.sqrt(2.0))
+        along = line / length
+        return float(np.sqrt(along @ self.covariance @ along) / ARCSEC)
+
+    @property
+    def flexure_along_arcsec(self) -> float:
+        """The share of flexure in ``with_flexure.sigma_total_arcsec``."""
+        both, noise = self.with_flexure.sigma_total_arcsec, self.sigma_total_arcsec
+        return float(np.sqrt(max(both**2 - noise**2, 0.0)))
+
+    @property
+    def below_uncertainty(self) -> bool:
+        """Whether the error could be zero: the pole is inside the 68 % ellipse."""
+        return self.distance2(self.pole) <= CHI2_68
+
+    def distance2(self, truth: Floats) -> float:
+        """Squared Mahalanobis distance of a direction (3,) from the axis; chi-square of two."""
+        alt, az = alt_az(truth)
+        own_alt, own_az = alt_az(self.axis)
+        turn = (az - own_az + np.pi) % (2.0 * np.pi) - np.pi
+        gap = np.array([alt - own_alt, turn * np.cos(own_alt)])
+        return float(gap @ np.linalg.solve(self.covariance, gap))
+
+    def ellipse_arcsec(self, probability: float = 0.6827) -> tuple[float, float, float]:
+        """Semi-axes (long, short), arcsec, and the long one's angle from azimuth to altitude, rad.
+
+        The true axis is inside with the given probability.
+        """
+        scale = np.sqrt(-2.0 * np.log1p(-probability)) / ARCSEC
+        values, vectors = np.linalg.eigh(self.covariance)
+        short, long = np.sqrt(np.maximum(values, 0.0)) * scale
+        return float(long), float(short), float(np.arctan2(vectors[0, 1], vectors[1, 1]))
+
+
+# -- Polar errors and bolt turns in words that hold from every side of the mount ---------------
+
+EIGHTHS = ["", "an eighth", "a quarter", "three eighths", "half", "five eighths", "three quarters"]
+EIGHTHS += ["seven eighths"]
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+FINEST_DEG = 2.0
+"""A hand cannot turn a bolt by less."""
+
+
+def sayable(turns: float) -> float:
+    """The amount of turns nearest to zero of ``turns`` that words can say: eighths, or degrees."""
+    size = abs(turns)
+    steps = 8.0 if size >= 0.125 else 360.0 / (5.0 if size >= 1 / 24 else FINEST_DEG)
+    return math.copysign(math.floor(size * steps + 1e-9) / steps, turns)
+
+
+def turns_in_words(turns: float) -> str:
+    """``"a quarter turn"`` for 0.25, ``"6°"`` for a sixtieth; without sign."""
+    eighths = round(abs(turns) * 8.0)
+    if abs(abs(turns) * 8.0 - eighths) > 1e-6 or eighths == 0:
+        return f"{abs(turns) * 360.0:.0f}°"
+    whole, rest = divmod(eighths, 8)
+    part = EIGHTHS[rest]
+    if not whole:
+        return {2: "a quarter turn", 4: "half a turn"}.get(rest, f"{part} of a turn")
+    number = NUMBERS[whole] if whole < len(NUMBERS) else str(whole)
+    if rest:
+        return f"{number} and {'a half' if rest == 4 else part} turns"
+    return f"{number} turn" + "s" * (whole > 1)
+
+
+def rotation_in_words(turns: float) -> str:
+    """Which way a bolt turns, looking at its head: positive is clockwise."""
+    return "clockwise" if turns > 0 else "anticlockwise"
+
+
+def angle_in_words(arcsec: float) -> str:
+    """``45″``, ``12.5′`` or ``1.25°``, without sign."""
+    size = abs(arcsec)
+    if size < 99.5:
+        return f"{size:.0f}″"
+    return f"{size / 60.0:.1f}′" if size < 5400.0 else f"{size / 3600.0:.2f}°"
+
+
+def total_in_words(error: PolarError) -> str:
+    """How far the axis is from the pole, with one sigma, flexure included."""
+    sigma = error.with_flexure.sigma_total_arcsec
+    return f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(sigma)}"
+
+
+def split_in_words(error: PolarError) -> str:
+    """What the ± of the total is made of; the squares of both add up to its own."""
+    noise, flexure = error.sigma_total_arcsec, error.flexure_along_arcsec
+    return f"{angle_in_words(noise)} measurement, {angle_in_words(flexure)} possible flexure"
+
+
+def altitude_in_words(error: PolarError) -> str:
+    """What has to be done in altitude, with one sigma, flexure included."""
+    value = error.altitude_arcsec
+    size = f"{angle_in_words(value)} ± {angle_in_words(error.with_flexure.sigma_arcsec[0])}"
+    return f"{size} too {'high: lower' if value > 0 else 'low: raise'} the axis"
+
+
+def azimuth_in_words(error: PolarError) -> str:
+    """What has to be done in azimuth, with one sigma, seen from above: true from every side."""
+    value = error.azimuth_arcsec
+    size = f"{angle_in_words(value)} ± {angle_in_words(error.with_flexure.sigma_azimuth_arcsec)}"
+    turn = "anticlockwise" if value > 0 else "clockwise"
+    return f"{size} too far {towards(error)}: rotate the mount {turn}, seen from above"
+
+
+def towards(error: PolarError) -> str:
+    """East or west: where the axis stands beside the pole."""
+    return "east" if error.axis[0] > error.pole[0] else "west"

@@ -1,0 +1,151 @@
+"""From ICRS to the horizon of a site (precession, aberration, refraction), and the pole to aim at.
+
+All of it is ERFA's (``apco``, ``atciqz``, ``atioq``). Nothing is downloaded: UT1 is taken for UTC,
+which turns the sky by at most 0.9 s about the pole and so moves an axis by no more than its
+distance from the pole times 13.5 arcsec a radian; polar motion (0.3 arcsec) is left out.
+"""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.frame import Site
+from kochab.polar.rotations import alt_az, direction
+from kochab.sky.apparent import JD_UNIX, julian_date_tt
+
+SEA_LEVEL_HPA = 1013.25
+SCALE_HEIGHT_M = 8434.0
+
+
+@dataclass(frozen=True, slots=True)
+class Refraction:
+    """The atmosphere's state; ``pressure_hpa`` None takes that of the site's height, 0 is no refraction."""
+
+    pressure_hpa: float | None = None
+    temperature_c: float = 10.0
+    humidity: float = 0.5
+    wavelength_um: float = 0.55
+
+    def pressure_at(self, site: Site) -> float:
+        """Pressure, hPa, at the site."""
+        if self.pressure_hpa is not None:
+            return self.pressure_hpa
+        return float(SEA_LEVEL_HPA * np.exp(-site.height_m / SCALE_HEIGHT_M))
+
+    def constants(self, site: Site) -> tuple[float, float]:
+        """A and B, radians, of the refraction A tan z + B tan^3 z (ERFA ``refco``)."""
+        import erfa
+
+        a, b = erfa.refco(self.pressure_at(site), self.temperature_c, self.humidity, self.wavelength_um)
+        return float(a), float(b)
+
+
+STANDARD_REFRACTION = Refraction()
+
+
+@dataclass(frozen=True, slots=True)
+class Horizon:
+    """One site at one moment."""
+
+    site: Site
+    time_utc: datetime
+    refraction: Refraction = STANDARD_REFRACTION
+
+    def observed(self, vectors: Floats) -> Floats:
+        """Directions (N, 3) in E, N, U refracted, of ICRS unit vectors (N, 3)."""
+        import erfa
+
+        v = np.asarray(vectors, dtype=np.float64).reshape(-1, 3)
+        ra, dec = np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))
+        context = _context(self.site, self.time_utc, self.refraction)
+        azimuth, zenith_distance, *_ = erfa.atioq(*erfa.atciqz(ra, dec, context), context)
+        level = np.sin(zenith_distance)
+        return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
+
+    def altitude_deg(self, vector: Floats) -> float:
+        """Altitude, degrees, of one ICRS unit vector (3,), refracted."""
+        return self.altaz_deg(vector)[0]
+
+    def altaz_deg(self, vector: Floats) -> tuple[float, float]:
+        """Refracted altitude and azimuth (from north through east), degrees, of an ICRS unit vector (3,)."""
+        east, north, up = self.observed(vector)[0]
+        altitude = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
+        return float(altitude), float(np.degrees(np.arctan2(east, north)) % 360.0)
+
+
+@lru_cache(maxsize=64)
+def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
+    """ERFA's star-independent parameters for a site and a moment."""
+    import erfa
+
+    tt = julian_date_tt(time_utc)
+    ut = JD_UNIX + time_utc.astimezone(UTC).timestamp() / 86400.0
+    heliocentric, barycentric = erfa.epv00(tt, 0.0)
+    x, y, s = erfa.xys06a(tt, 0.0)
+    return erfa.apco(
+        tt,
+        0.0,
+        barycentric,
+        heliocentric["p"],
+        x,
+        y,
+        s,
+        erfa.era00(ut, 0.0),
+        np.radians(site.longitude_deg),
+        np.radians(site.latitude_deg),
+        site.height_m,
+        0.0,
+        0.0,
+        erfa.sp00(tt, 0.0),
+        *refraction.constants(site),
+    )
+
+
+# -- The pole to align to ----------------------------------------------------------------------
+
+
+class Pole(StrEnum):
+    """The three points that people align to; they lie up to an arcminute apart and more.
+
+    Tracking over the sky is best at the refracted pole at middle latitudes, and half-way between
+    the two near latitude 20 degrees.
+    """
+
+    REFRACTED = "refracted"
+    TRUE = "true"
+    HALF_WAY = "half-way"
+
+
+def northern(site: Site) -> bool:
+    """Whether the axis points to the north celestial pole there; the equator counts as north."""
+    return site.latitude_deg >= 0.0
+
+
+def pole_direction(
+    site: Site, pole: Pole = Pole.REFRACTED, refraction: Refraction = STANDARD_REFRACTION
+) -> Floats:
+    """Unit vector (3,) in E, N, U of the elevated pole (refracted by ERFA ``apio``, ``atioq``)."""
+    azimuth = 0.0 if northern(site) else np.pi
+    true = abs(np.radians(site.latitude_deg))
+    if pole is Pole.TRUE:
+        return direction(true, azimuth)
+    import erfa
+
+    up = np.pi / 2.0 if northern(site) else -np.pi / 2.0
+    latitude, height = np.radians(site.latitude_deg), site.height_m
+    context = erfa.apio(0.0, 0.0, 0.0, latitude, height, 0.0, 0.0, *refraction.constants(site))
+    context["diurab"] = 0.0  # diurnal aberration moves a star there by 0.3 arcsec, but not the axis
+    _, zenith_distance, *_ = erfa.atioq(0.0, up, context)
+    refracted = float(np.pi / 2.0 - zenith_distance)
+    return direction(refracted if pole is Pole.REFRACTED else 0.5 * (true + refracted), azimuth)
+
+
+def name_of(pole: Pole, site: Site) -> str:
+    """Words for a screen: which pole, of which sky."""
+    sky = "north" if northern(site) else "south"
+    return f"{pole} {sky} pole at altitude {np.degrees(alt_az(pole_direction(site, pole))[0]):.2f}°"

@@ -1,0 +1,357 @@
+"""From sightings to the axis, its error and everything worth saying: what the callers use."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from enum import StrEnum
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import angle_between
+from kochab.core.frame import Site
+from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, find_movement, fit_axis
+from kochab.polar.error import PolarError, angle_in_words
+from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
+from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction
+from kochab.polar.rotations import ARCSEC, rotation_vector
+from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+
+
+class PolarFindingKind(StrEnum):
+    """What a finding is about."""
+
+    SMALL_TURN = "turn too small"
+    ALIKE = "frames too alike"
+    LOW = "frame too low"
+    DEC_MOVED = "declination moved"
+    CAMERA_TURNED = "camera turned in its holder"
+    DISAGREE = "frames do not share one axis"
+    RESTLESS = "residuals larger than noise"
+    UNCHECKED = "two frames only"
+    SLIPPING = "clutch slips"
+    FLEXURE = "flexure"
+    FLEXURE_NOT_MEASURED = "flexure not measured"
+    DROOP = "tube sags"
+    SITE_OR_TIME = "site or time implausible"
+    FAR = "far from the pole"
+    POLE = "which pole"
+    DONE = "error below its uncertainty"
+    REMEASURE = "measure again"
+
+
+@dataclass(frozen=True, slots=True)
+class PolarFinding:
+    """One sentence for the person, and what it is about."""
+
+    kind: PolarFindingKind
+    text: str
+
+
+SMALL_TURN_DEG = 15.0
+ALIKE_DEG = 2.0
+LOW_DEG = 15.0
+FAR_DEG = 10.0
+EQUATOR_DEG, POLES_APART_ARCSEC = 15.0, 60.0
+FLEXURE_ARCSEC = 30.0
+"""What a sweep cannot see of flexure, and what small mounts commonly have."""
+
+SCATTER_ARCSEC = 10.0  # residuals below this are no fault, only larger than the frames' own errors
+
+HARDLY = 0.8
+"""A droop whose sigma is still above this share of the usual one has not been measured."""
+
+FLEXURE_KINDS = (PolarFindingKind.FLEXURE_NOT_MEASURED, PolarFindingKind.FLEXURE, PolarFindingKind.DROOP)
+
+DISAGREE = 0.01
+"""Sweeps whose chi-square is less probable than this do not share one axis and droop."""
+
+CLUTCH_DEG, CLUTCH_SHARE = 1.5, 0.1
+"""A mount counts its motor's steps to a part in a thousand: more is its clutch."""
+
+
+def findings_of(
+    sweeps: Sequence[Sequence[LocalAttitude]],
+    fits: Sequence[AxisFit],
+    combined: CombinedSweeps,
+    results: Sequence[SweepResult],
+    movement: Movement | None,
+    settings: "MeasureSettings",
+) -> list[PolarFinding]:
+    """Everything a person should know about a measurement, most important first."""
+    errors = [result.error for result in results]
+    lowest = min((a for sweep in sweeps for a in sweep), key=lambda a: a.altitude_deg)
+    return [
+        *_place_and_time(lowest, errors[0]),
+        *_movement(fits, movement),
+        *_turn(fits, errors),
+        *_low(lowest),
+        *_pole(errors[0], settings),
+        *flexure_findings(results, combined),
+    ]
+
+
+def _place_and_time(lowest: LocalAttitude, error: PolarError) -> Iterator[PolarFinding]:
+    if lowest.altitude_deg < 0.0:
+        yield PolarFinding(
+            PolarFindingKind.SITE_OR_TIME,
+            f"{lowest.label or 'A frame'} would be {-lowest.altitude_deg:.0f}° below the horizon."
+            " Check the site, the time and the time zone.",
+        )
+    elif (off := error.total_arcsec / 3600.0) > FAR_DEG:
+        yield PolarFinding(
+            PolarFindingKind.FAR,
+            f"The axis is {off:.0f}° from the pole. Check the site and the time, and that only RA turned.",
+        )
+
+
+def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[PolarFinding]:
+    if movement is not None:
+        declination = movement.what == "declination"
+        yield PolarFinding(
+            PolarFindingKind.DEC_MOVED if declination else PolarFindingKind.CAMERA_TURNED,
+            f"{'Declination moved' if declination else 'The camera rotated in its holder'} by"
+            f" {angle_in_words(movement.angle_arcsec)} between {movement.before} and {movement.after}."
+            f" {'Lock' if declination else 'Tighten'} it and start again.",
+        )
+        return
+    if all(fit.freedom <= 0 for fit in fits):
+        yield PolarFinding(
+            PolarFindingKind.UNCHECKED,
+            "Two frames can't show whether declination or the camera moved between them. Take a third.",
+        )
+    for fit in fits:
+        if fit.chance < UNLIKELY:
+            worst = float(np.abs(fit.residuals[:, :2]).max()) / ARCSEC
+            if worst < SCATTER_ARCSEC:
+                yield PolarFinding(
+                    PolarFindingKind.RESTLESS,
+                    f"The frames scatter by up to {worst:.0f}″, more than their errors: wind or flexure."
+                    " The uncertainty includes it.",
+                )
+            else:
+                yield PolarFinding(
+                    PolarFindingKind.DISAGREE,
+                    f"The frames do not share one axis ({angle_in_words(worst)} apart). Something slipped"
+                    " or flexed, or the tripod moved: start again.",
+                )
+            return
+
+
+def _turn(fits: Sequence[AxisFit], errors: Sequence[PolarError]) -> Iterator[PolarFinding]:
+    turn = max(float(np.degrees(fit.turn_rad)) for fit in fits)
+    sigma = angle_in_words(min(error.uncertainty_arcsec for error in errors))
+    if turn < ALIKE_DEG:
+        yield PolarFinding(
+            PolarFindingKind.ALIKE,
+            f"RA rotated by only {turn:.1f}°, so the uncertainty is {sigma} at best. Rotate by at least 30°.",
+        )
+    elif turn < SMALL_TURN_DEG:
+        yield PolarFinding(
+            PolarFindingKind.SMALL_TURN,
+            f"RA rotated by only {turn:.0f}°, so the uncertainty is {sigma}. Rotate further.",
+        )
+
+
+def _low(lowest: LocalAttitude) -> Iterator[PolarFinding]:
+    if 0.0 <= lowest.altitude_deg < LOW_DEG:
+        yield PolarFinding(
+            PolarFindingKind.LOW,
+            f"{lowest.label or 'A frame'} is only {lowest.altitude_deg:.0f}° above the horizon, where"
+            f" refraction is large and hard to predict. Stay above {LOW_DEG:.0f}°.",
+        )
+
+
+def _pole(error: PolarError, settings: "MeasureSettings") -> Iterator[PolarFinding]:
+    """Near the Earth's equator refraction lifts the pole by far more than what is observed."""
+    if settings.pole is Pole.TRUE or abs(settings.site.latitude_deg) > EQUATOR_DEG:
+        return
+    true = pole_direction(settings.site, Pole.TRUE, settings.refraction)
+    lifted = angle_between(error.pole, true) / ARCSEC
+    if lifted >= POLES_APART_ARCSEC:
+        yield PolarFinding(
+            PolarFindingKind.POLE,
+            f"This close to the equator, refraction lifts the {settings.pole} pole by"
+            f" {angle_in_words(lifted)}, but stars higher up by far less. Align to the true pole for better"
+            " tracking.",
+        )
+
+
+def flexure_findings(results: Sequence[SweepResult], combined: CombinedSweeps) -> Iterator[PolarFinding]:
+    """What the sweeps show of flexure together, or that they do not."""
+    droop, error = combined.droop, combined.error
+    if combined.chance < DISAGREE:
+        apart = angle_between(results[0].error.axis, results[-1].error.axis) / ARCSEC
+        yield PolarFinding(
+            PolarFindingKind.FLEXURE,
+            f"The sweeps disagree by {angle_in_words(apart)}, more than their errors and a sagging tube"
+            " explain: flexure or backlash. The axis may be off by more than that.",
+        )
+    elif droop.sigma_arcsec > HARDLY * TUBE_ARCSEC:
+        # Nothing to say where noise is larger anyway, or at a pole of the Earth.
+        if error.uncertainty_arcsec >= FLEXURE_ARCSEC or error.flexure_total_arcsec < 1.0:
+            return
+        alike = "" if len(results) == 1 else "; the sweeps are too close in declination"
+        yield PolarFinding(
+            PolarFindingKind.FLEXURE_NOT_MEASURED,
+            f"Flexure not measured (±{error.flexure_total_arcsec:.0f}″ assumed{alike}). Sweep again at"
+            " another declination to measure it.",
+        )
+    elif len(results) > 1 and abs(droop.arcsec) > 2.0 * droop.sigma_arcsec:
+        yield PolarFinding(
+            PolarFindingKind.DROOP,
+            f"The tube {'sags' if droop.arcsec > 0 else 'rises'} by {abs(droop.arcsec):.0f}″ ±"
+            f" {droop.sigma_arcsec:.0f}″ from zenith to horizon. The axis is corrected for it.",
+        )
+
+
+def slipping(asked_deg: float, turned_deg: float) -> PolarFinding | None:
+    """A finding when the turn that the mount reports and the one the frames show differ."""
+    if abs(abs(asked_deg) - abs(turned_deg)) <= CLUTCH_DEG + CLUTCH_SHARE * abs(asked_deg):
+        return None
+    return PolarFinding(
+        PolarFindingKind.SLIPPING,
+        f"The mount reports a turn of {abs(asked_deg):.0f}°, the frames show {abs(turned_deg):.0f}°: the RA"
+        " clutch slips, or its gears are not engaged.",
+    )
+
+
+LEAST_TURN_RAD = np.radians(0.25)
+"""Below this no axis is given at all."""
+
+TOO_LARGE = 0.02
+"""Residuals less probable than this by their stated errors alone widen the covariance."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureSettings:
+    """The site, the pole to align to, and the atmosphere."""
+
+    site: Site
+    pole: Pole = Pole.REFRACTED
+    refraction: Refraction = STANDARD_REFRACTION
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """An axis measured from one sweep, or from several with different declinations.
+
+    ``fit`` is that of the last sweep; ``error`` combines all. ``results`` are the errors of the
+    single sweeps, ``before`` what was known of the tube's droop before them and ``droop`` what is
+    now. ``last_of_fit`` is the last attitude of the fitted sweep, ``time_utc`` that of the last
+    frame.
+    """
+
+    error: PolarError
+    fit: AxisFit
+    attitudes: tuple[LocalAttitude, ...]
+    last_of_fit: LocalAttitude
+    settings: MeasureSettings
+    time_utc: datetime
+    findings: tuple[PolarFinding, ...] = ()
+    movement: Movement | None = None
+    results: tuple[SweepResult, ...] = ()
+    before: Droop = UNKNOWN
+    droop: Droop = UNKNOWN
+
+    @property
+    def turn_deg(self) -> float:
+        """How far the axis turned from the first to the furthest frame."""
+        return float(np.degrees(self.fit.turn_rad))
+
+    @property
+    def rho_deg(self) -> float:
+        """Angle between boresight and axis."""
+        return float(np.degrees(_rho_rad(self.fit)))
+
+
+@dataclass(frozen=True, slots=True)
+class NoAxis:
+    """No axis can be had from these frames: why, and one thing to do next."""
+
+    reason: str
+    advice: str
+
+
+def measure(sightings: Sequence[Sighting], settings: MeasureSettings) -> Measurement | NoAxis:
+    """The axis of two or more sightings, with its error from the pole and findings."""
+    return measure_local([to_local(s, settings.site, settings.refraction) for s in sightings], settings)
+
+
+def measure_local(
+    attitudes: Sequence[LocalAttitude], settings: MeasureSettings, before: Droop = UNKNOWN
+) -> Measurement | NoAxis:
+    """The same from attitudes already in E, N, U.
+
+    ``before`` is what earlier sweeps with this tube have shown of its droop.
+    """
+    towards = pole_direction(settings.site, settings.pole, settings.refraction)
+    sweeps = _sweeps(attitudes)
+    if not sweeps:
+        return NoAxis("an axis needs at least two frames of one sweep", "Rotate RA and take another frame.")
+    if refusal := _too_alike(sweeps):
+        return refusal
+    fits = [fit_axis(sweep, towards) for sweep in sweeps]
+    movements = (find_movement(s, f, towards) for s, f in zip(sweeps, fits, strict=True))
+    movement = next((m for m in movements if m is not None), None)
+    results = [SweepResult(_error(fit, towards), _rho_rad(fit)) for fit in fits]
+    combined = combine_sweeps(results, before)
+    return Measurement(
+        error=combined.error,
+        fit=fits[-1],
+        attitudes=tuple(attitudes),
+        last_of_fit=sweeps[-1][-1],
+        settings=settings,
+        time_utc=max(a.time_utc for a in attitudes),
+        findings=tuple(findings_of(sweeps, fits, combined, results, movement, settings)),
+        movement=movement,
+        results=tuple(results),
+        before=before,
+        droop=combined.droop,
+    )
+
+
+def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:
+    numbers = sorted({a.sweep for a in attitudes})
+    groups = [[a for a in attitudes if a.sweep == n] for n in numbers]
+    return [group for group in groups if len(group) >= 2]
+
+
+def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
+    for sweep in sweeps:
+        first = sweep[0].matrix
+        turned = max(float(np.linalg.norm(rotation_vector(a.matrix @ first.T))) for a in sweep)
+        if turned < LEAST_TURN_RAD:
+            return NoAxis(
+                f"RA rotated by only {np.degrees(turned):.2f}° between the frames",
+                "Rotate RA by at least 30° between the first and the last frame.",
+            )
+    return None
+
+
+def _error(fit: AxisFit, pole: Floats) -> PolarError:
+    """The error of one fit; residuals too large for noise widen its covariance."""
+    widen = fit.chi2 / fit.freedom if fit.chance < TOO_LARGE else 1.0
+    return PolarError(fit.axis, pole, fit.covariance * widen)
+
+
+def _rho_rad(fit: AxisFit) -> float:
+    return angle_between(fit.axis, fit.reference[:, 2])
+
+
+def together(first: Measurement, again: Measurement) -> Measurement:
+    """The second of two measurements, with the error of both: the bolts were left alone between.
+
+    Findings about the frames are kept from both; those about flexure are made anew.
+    """
+    results = (*first.results, *again.results)
+    combined = combine_sweeps(results, first.before)
+    about_frames = {f.kind: f for f in (*again.findings, *first.findings) if f.kind not in FLEXURE_KINDS}
+    return replace(
+        again,
+        error=combined.error,
+        results=results,
+        before=first.before,
+        droop=combined.droop,
+        findings=(*about_frames.values(), *flexure_findings(results, combined)),
+    )

@@ -1,0 +1,146 @@
+"""The simulated camera: what it is, and frames of wherever the mount really points."""
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from kochab.core.arrays import Floats32
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame, Hint, Site
+from kochab.simulate.exposure import (
+    AttitudeAt,
+    ExposureLight,
+    Paths,
+    Sensitivity,
+    StarPaths,
+    background,
+    starlight,
+)
+from kochab.simulate.night_sky import Atmosphere, Glow, Weather
+from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
+from kochab.sky import Catalogue
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConfig:
+    """A camera on a telescope; the default is a 1.2 MP guide camera with a field of 2.4 deg.
+
+    Distortion as in :mod:`kochab.core.camera`. ``zero_point_e_s``: electrons a second of a star of
+    V = 0 above the air. Stars fainter than ``faintest``, or than the noise, are left out. Noise is
+    normal, which photons behind reading noise are nearly; ``cheap`` takes it from a pool that is
+    made once, for 30 frames a second. ``tell_scale`` puts the pixel scale into each frame's hint.
+    """
+
+    width: int = 1280
+    height: int = 960
+    fov_deg: float = 2.4
+    mirrored: bool = False
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    fwhm_px: float = 2.6
+    beta: float | None = None
+    zero_point_e_s: float = 2e7
+    faintest: float = 13.0
+    sensor: Sensor = field(default_factory=lambda: Sensor(1.0, 5.0, 100.0))
+    hot_per_mp: float = 20.0
+    hot_e_s: tuple[float, float] = (20.0, 3000.0)
+    rays_per_minute: float = 1.0
+    cheap: bool = False
+    tell_scale: bool = True
+    name: str = "simulated camera"
+
+    def optics(self) -> Camera:
+        """The same as the :class:`~kochab.core.camera.Camera` that a solver should find."""
+        focal = self.width / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0)
+        plain = Camera.centred(self.width, self.height, float(focal), self.mirrored)
+        return replace(plain, k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2)
+
+    @property
+    def sensitivity(self) -> Sensitivity:
+        """What the light becomes in electrons."""
+        return Sensitivity(self.zero_point_e_s, self.optics().scale_arcsec_px)
+
+
+class SkyCamera:
+    """Takes frames; the same seed and the same exposures give the same pixels."""
+
+    def __init__(
+        self,
+        config: CameraConfig,
+        catalogue: Catalogue,
+        site: Site,
+        air: Atmosphere | None = None,
+        glow: Glow | None = None,
+        weather: Weather | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.config = config
+        self.optics = config.optics()
+        self.site = site
+        self.glow = glow or Glow()
+        self.weather = weather
+        self._stars = StarPaths(catalogue, site, air)
+        self._rng = np.random.default_rng([seed, 11])
+        hot, size = np.random.default_rng([seed, 12]), config.width * config.height
+        self._hot = hot.choice(size, round(config.hot_per_mp * size / 1e6), replace=False).astype(np.intp)
+        low, high = np.log(config.hot_e_s)
+        self._hot_e_s = np.exp(hot.uniform(low, high, len(self._hot)))
+        self._pool: Floats32 | None = None
+
+    def paths(self, attitude_at: AttitudeAt, start: float, exposure_s: float) -> Paths:
+        """The stars of an exposure and where each goes over the sensor."""
+        return self._stars.over(self.optics, attitude_at, start, exposure_s, self.faintest(exposure_s))
+
+    def faintest(self, exposure_s: float) -> float:
+        """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
+        pixel = self.config.sensitivity.scale_arcsec_px**2
+        dark = self.config.sensitivity.electrons(np.array(self.glow.dark_mag), exposure_s) * pixel
+        area = 4.0 * np.pi * (self.config.fwhm_px / FWHM_PER_SIGMA) ** 2
+        lost = 2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2))
+        mag = 2.5 * np.log10(self.config.zero_point_e_s * exposure_s / lost)
+        return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
+
+    def light(self, paths: Paths, attitude_at: AttitudeAt) -> ExposureLight:
+        """The light of stars and sky in an exposure."""
+        return ExposureLight(
+            paths, attitude_at, self.optics, self.config.sensitivity, self.glow, self.weather
+        )
+
+    def frame(self, attitude_at: AttitudeAt, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
+        """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""
+        paths = self.paths(attitude_at, start, exposure_s)
+        light = self.light(paths, attitude_at)
+        electrons = background(light)
+        image = RenderedStar(self.config.fwhm_px, self.config.beta)
+        cores, flux = paths.cores(0.4 * image.fwhm_px), starlight(light)
+        places, shares = cores.reshape(-1, 2), np.tile(flux / len(cores), len(cores))
+        seen = np.isfinite(places).all(axis=1) & (shares > 0.0)
+        add_stars(electrons, places[seen], shares[seen], image)
+        electrons.ravel()[self._hot] += (self._hot_e_s * exposure_s).astype(np.float32)
+        rays = int(self._rng.poisson(self.config.rays_per_minute * exposure_s / 60.0))
+        sensor = replace(self.config.sensor, gain_e=gain_e) if gain_e else self.config.sensor
+        taken = expose(electrons, Sky(0.0, rays=rays), sensor, self._rng, self._noise(electrons.size))
+        return replace(taken, hint=self.hint(start, exposure_s))
+
+    def hint(self, start: float, exposure_s: float) -> Hint:
+        """What a header would say of an exposure."""
+        scale = self.optics.scale_arcsec_px
+        return Hint(
+            scale_arcsec_px=(0.97 * scale, 1.03 * scale) if self.config.tell_scale else None,
+            time_utc=datetime.fromtimestamp(start + exposure_s / 2.0, UTC),
+            exposure_s=exposure_s,
+            site=self.site,
+            camera=self.config.name,
+            source="the simulated camera",
+        )
+
+    def _noise(self, size: int) -> Floats32:
+        if not self.config.cheap:
+            return self._rng.standard_normal(size, dtype=np.float32)
+        if self._pool is None or len(self._pool) < size:
+            self._pool = self._rng.standard_normal(size + (1 << 18), dtype=np.float32)
+        first = int(self._rng.integers(0, len(self._pool) - size + 1))
+        return self._pool[first : first + size]

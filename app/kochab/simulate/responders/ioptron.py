@@ -1,0 +1,209 @@
+"""An iOptron mount in the command language of version 3, a CEM40.
+
+``:mw#`` goes to greater right ascension and ``:me#`` to smaller, as the maker's page says and
+INDI found: the letters name the keys of the hand controller, not the sky.
+"""
+
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.simulate.mechanics.mount import EquatorialMount
+from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
+
+PARTS_DEG = 360000.0  # 0.01 arcsec
+J2000_UNIX = 946728000.0
+MOVES = {b"mn": Direction.NORTH, b"ms": Direction.SOUTH, b"mw": Direction.EAST, b"me": Direction.WEST}
+PULSES = {b"ZS": Direction.EAST, b"ZQ": Direction.WEST, b"ZE": Direction.NORTH, b"ZC": Direction.SOUTH}
+PULSES |= {b"Mn": Direction.NORTH, b"Ms": Direction.SOUTH, b"Me": Direction.EAST, b"Mw": Direction.WEST}
+RATES_DEG_S = tuple(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512, 960))
+SIDES = {PierSide.EAST: 0, PierSide.WEST: 1}
+ONE_OK = b"1"
+TAKEN = re.compile(
+    rb"RT[0-4]|SGF[01]|SHE[01]|MSR[789]|SAL[+-]\d\d|RG\d{4}|SMT\d{3}|SP[PR][01]|RR\d{5}|SDS[01]"
+    rb"|SPA\d{9}|SPH\d{8}|SZP|MSH"
+)
+
+
+class IoptronResponder(Controller):
+    """What is not known is not answered. A sync while it slews is answered and ignored."""
+
+    def __init__(self, telescope: EquatorialMount) -> None:
+        super().__init__(telescope)
+        self.settings = LocalSettings.of(telescope)
+        self.rate = 5
+        self.target_deg = [0.0, 0.0]
+        self.plain: dict[bytes, Callable[[], bytes | None]] = {
+            b"MountInfo": lambda: b"0040",
+            **dict.fromkeys((b"FW1", b"FW2"), lambda: b"210105210105#"),
+            b"GEP": self.position,
+            b"GLS": self.status,
+            b"GUT": self.time,
+            b"GAC": self.altitude,
+            b"GPC": lambda: b"32400000000000000#",
+            b"GSR": lambda: b"9#",
+            b"GAL": lambda: b"+00#",
+            b"AG": lambda: b"5050#",
+            b"GMT": lambda: b"010#",
+            b"GTR": lambda: b"10000#",
+            **dict.fromkeys((b"GPE", b"GPR"), lambda: b"0"),
+            b"CM": self.sync,
+            **dict.fromkeys((b"MS1", b"MS2"), self.slew),
+            **dict.fromkeys((b"Q", b"MH"), telescope.stop),
+            b"qR": lambda: self.halt(Direction.EAST, Direction.WEST),
+            b"qD": lambda: self.halt(Direction.NORTH, Direction.SOUTH),
+            b"ST0": lambda: self.track(False),
+            b"ST1": lambda: self.track(True),
+            b"MP0": lambda: self.park(False),
+            b"MP1": lambda: self.park(True),
+        }
+        self.patterns: list[tuple[re.Pattern[bytes], Callable[[bytes], bytes | None]]] = [
+            (re.compile(rb"SRA(\d{9})"), self.set_ra),
+            (re.compile(rb"Sd([+-]\d{8})"), self.set_dec),
+            (re.compile(rb"SR([1-9])"), self.set_rate),
+            (re.compile(rb"(m[nsew])"), self.move),
+            (re.compile(rb"((?:Z[SQEC]|M[nsew])\d{5})"), self.pulse),
+            (re.compile(rb"SLO([+-]\d{8})"), self.set_longitude),
+            (re.compile(rb"SLA([+-]\d{8})"), self.set_latitude),
+            (re.compile(rb"SG([+-]\d{3})"), self.set_zone),
+            (re.compile(rb"SUT(\d{13})"), self.set_time),
+        ]
+
+    def _take(self) -> bytes | None:
+        """``:...#``; the rest is lost."""
+        pending = self._pending
+        while pending:
+            start, end = pending.find(b":"), pending.find(b"#")
+            if start < 0:
+                pending.clear()
+            elif start > 0:
+                del pending[:start]
+            elif end > 0:
+                command = bytes(pending[:end]).rpartition(b":")[2]
+                del pending[: end + 1]
+                return command
+            elif len(pending) > self.longest:
+                del pending[0]
+            else:
+                return None
+        return None
+
+    def _answer(self, command: bytes) -> bytes:
+        reply: bytes | None = None if TAKEN.fullmatch(command) else b""
+        if command in self.plain:
+            reply = self.plain[command]()
+        for pattern, method in self.patterns:
+            if (found := pattern.fullmatch(command)) is not None:
+                reply = method(found[1])
+        return ONE_OK if reply is None else reply  # what it does without a word to say
+
+    def position(self) -> bytes:
+        """Declination, right ascension, side of the pier, weights down."""
+        ra, dec = self.telescope.believed_deg()
+        parts = round(ra * PARTS_DEG) % 129600000
+        return b"%+09d%09d%d1#" % (round(dec * PARTS_DEG), parts, SIDES[self.telescope.pier_side])
+
+    def status(self) -> bytes:
+        """Place; GPS; status; sidereal; speed of the keys; time from RS-232; hemisphere."""
+        place = self.settings
+        return b"%+09d%08d0%d0%d1%d#" % (
+            round(place.longitude_deg * PARTS_DEG),
+            round((place.latitude_deg + 90.0) * PARTS_DEG),
+            self.state(),
+            self.rate,
+            place.latitude_deg >= 0,
+        )
+
+    def state(self) -> int:
+        """0 stopped, 1 tracking, 2 slewing, 6 parked."""
+        if self.telescope.slewing:
+            return 2
+        if self.telescope.parked:
+            return 6
+        return 1 if self.telescope.tracking else 0
+
+    def time(self) -> bytes:
+        """Minutes of the zone, summer time or not, milliseconds since J2000."""
+        milliseconds = round((self.settings.utc().timestamp() - J2000_UNIX) * 1000.0)
+        return b"%+04d0%013d#" % (round(self.settings.utc_offset_h * 60.0), max(0, milliseconds))
+
+    def altitude(self) -> bytes:
+        """Altitude and azimuth."""
+        altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
+        return b"%+09d%09d#" % (round(altitude * PARTS_DEG), round(azimuth * PARTS_DEG) % 129600000)
+
+    def set_ra(self, text: bytes) -> bytes:
+        """``1``, or ``0`` beyond a turn."""
+        if int(text) > 129600000:
+            return b"0"
+        self.target_deg[0] = int(text) / PARTS_DEG
+        return ONE_OK
+
+    def set_dec(self, text: bytes) -> bytes:
+        """``1``, or ``0`` beyond a pole."""
+        if abs(int(text)) > 32400000:
+            return b"0"
+        self.target_deg[1] = int(text) / PARTS_DEG
+        return ONE_OK
+
+    def slew(self) -> bytes:
+        """``0`` below the altitude limit or beyond the mechanical ones."""
+        return b"0" if self._goto(*self.target_deg) else ONE_OK
+
+    def sync(self) -> None:
+        """``1`` in any case."""
+        if not self.telescope.slewing:
+            self._sync(*self.target_deg)
+
+    def halt(self, *directions: Direction) -> None:
+        """What the keys of one axis began."""
+        for direction in directions:
+            self.telescope.halt(direction)
+
+    def track(self, on: bool) -> None:
+        """Sidereal, on or off."""
+        self.telescope.tracking = on
+
+    def park(self, on: bool) -> None:
+        """Where it stands."""
+        self.telescope.stop()
+        if on:
+            self.telescope.tracking = False
+        self.telescope.parked = on
+
+    def set_rate(self, text: bytes) -> None:
+        """Of the keys, 1 to 9."""
+        self.rate = int(text)
+
+    def move(self, text: bytes) -> bytes:
+        """Nothing is answered."""
+        self.telescope.move(MOVES[text], RATES_DEG_S[self.rate - 1])
+        return b""
+
+    def pulse(self, text: bytes) -> bytes:
+        """Nothing is answered."""
+        self.telescope.pulse(PULSES[text[:2]], float(text[2:]))
+        return b""
+
+    def set_longitude(self, text: bytes) -> None:
+        """East positive."""
+        self.settings.longitude_deg = int(text) / PARTS_DEG
+
+    def set_latitude(self, text: bytes) -> None:
+        """North positive."""
+        self.settings.latitude_deg = max(-90.0, min(90.0, int(text) / PARTS_DEG))
+
+    def set_zone(self, text: bytes) -> None:
+        """Minutes east of Greenwich."""
+        self.settings.utc_offset_h = int(text) / 60.0
+
+    def set_time(self, text: bytes) -> bytes:
+        """Milliseconds since J2000."""
+        try:
+            wanted = datetime.fromtimestamp(int(text) / 1000.0 + J2000_UNIX, UTC)
+        except (ValueError, OverflowError, OSError):
+            return b"0"
+        self.settings.clock_error += wanted - self.settings.utc()
+        self.settings.clock_error = max(self.settings.clock_error, timedelta(days=-9000))
+        return ONE_OK

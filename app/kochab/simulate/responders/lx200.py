@@ -1,0 +1,430 @@
+"""LX200 mounts: Meade's classic, the Autostar, OnStep and OnStepX."""
+
+import re
+from collections.abc import Callable
+
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.simulate.mechanics.mount import EquatorialMount
+from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
+
+# -- Angles as old hand controllers write them, and as they read them --------------------------
+
+_NUMBERS = re.compile(rb"\s*([+-]?)(\d{1,3})(?:[^0-9.+-](\d{1,2})(?:\.(\d)|[^0-9.+-](\d{1,2}(?:\.\d*)?))?)?")
+
+
+def hours(ra_deg: float, precise: bool, decimals: int = 0) -> bytes:
+    """``HH:MM:SS`` or, not precise, ``HH:MM.T``."""
+    if not precise:
+        tenths = round(ra_deg % 360.0 * 40.0) % 14400
+        return b"%02d:%02d.%d" % (tenths // 600, tenths // 10 % 60, tenths % 10)
+    unit = 10**decimals
+    ticks = round(ra_deg % 360.0 * 240.0 * unit) % (86400 * unit)
+    return b"%02d:%02d:" % (ticks // unit // 3600, ticks // unit // 60 % 60) + _seconds(ticks, decimals)
+
+
+def degrees(
+    angle_deg: float,
+    precise: bool,
+    mark: bytes = b"*",
+    width: int = 2,
+    signed: bool = True,
+    decimals: int = 0,
+    minute_mark: bytes = b":",
+) -> bytes:
+    """``sDD*MM:SS`` or, not precise, ``sDD*MM``; ``mark`` stands after the degrees."""
+    unit = 10**decimals if precise else 1
+    ticks = round(abs(angle_deg) * (3600 * unit if precise else 60))
+    minutes = ticks // unit // 60 if precise else ticks
+    sign = (b"-" if angle_deg < 0 and ticks else b"+") if signed else b""
+    text = sign + b"%0*d" % (width, minutes // 60) + mark + b"%02d" % (minutes % 60)
+    return text + minute_mark + _seconds(ticks, decimals) if precise else text
+
+
+def _seconds(ticks: int, decimals: int) -> bytes:
+    seconds, part = divmod(ticks, 10**decimals)
+    return b"%02d" % (seconds % 60) + (b".%0*d" % (decimals, part) if decimals else b"")
+
+
+def parse(text: bytes, most: float) -> float | None:
+    """``sDD*MM``, ``sDD*MM:SS``, ``HH:MM.T`` ... as a number of the first unit, or None.
+
+    None too where its size is beyond ``most`` or a part is 60 or more.
+    """
+    found = _NUMBERS.fullmatch(text.rstrip())
+    if found is None:
+        return None
+    sign, whole, minutes, tenths, seconds = found.groups()
+    m = float(minutes or 0) + (float(tenths) / 10.0 if tenths else 0.0)
+    s = float(seconds or 0)
+    value = float(whole) + m / 60.0 + s / 3600.0
+    if m >= 60 or s >= 60 or value > most:
+        return None
+    return -value if sign == b"-" else value
+
+
+TIME = re.compile(rb"(?P<hour>\d\d?):(?P<minute>\d\d?):(?P<second>\d\d?)")
+DATE = re.compile(rb"(?P<month>\d\d?)/(?P<day>\d\d?)/(?P<year>\d\d?)")
+DATE_TEXT = b"1Updating Planetary Data#" + b" " * 30 + b"#"
+
+
+class SiteAndTime:
+    """Place and time: longitudes and the hours of the zone grow westward.
+
+    Answers to ``:Gt#`` ``:Gg#`` ``:GG#`` ``:GL#`` ``:GC#`` ``:GS#`` and what sets them.
+    """
+
+    def __init__(self, telescope: EquatorialMount, mark: bytes, decimals: int = 0) -> None:
+        self.settings = LocalSettings.of(telescope)
+        settings = self.settings
+        self._getters: dict[bytes, Callable[[], bytes]] = {
+            b"Gt": lambda: degrees(settings.latitude_deg, False, mark),
+            b"Gg": lambda: degrees(-settings.longitude_deg % 360.0, False, mark, width=3, signed=False),
+            b"GG": self._zone,
+            b"GL": lambda: settings.local().strftime("%H:%M:%S").encode(),
+            b"GC": lambda: settings.local().strftime("%m/%d/%y").encode(),
+            b"GS": lambda: hours(telescope.sidereal_deg(), True, decimals),
+            b"Gc": lambda: b"24",
+        }
+        self._setters: dict[bytes, Callable[[bytes], bool]] = {
+            b"St": self._set_latitude,
+            b"Sg": self._set_longitude,
+            b"SG": self._set_zone,
+            b"SL": lambda text: self._set_clock(TIME, text),
+            b"SC": lambda text: self._set_clock(DATE, text),
+        }
+
+    def answer(self, command: bytes) -> bytes | None:
+        """The reply to a command of this group, None to any other."""
+        if (get := self._getters.get(command)) is not None:
+            return get() + b"#"
+        if (put := self._setters.get(command[:2])) is None:
+            return None
+        good = put(command[2:].strip())
+        return DATE_TEXT if good and command[:2] == b"SC" else b"1" if good else b"0"
+
+    def _zone(self) -> bytes:
+        west = -self.settings.utc_offset_h
+        return b"%+03d" % west if west == int(west) else b"%+05.1f" % west
+
+    def _set_latitude(self, text: bytes) -> bool:
+        if (value := parse(text, 90.0)) is not None:
+            self.settings.latitude_deg = value
+        return value is not None
+
+    def _set_longitude(self, text: bytes) -> bool:
+        if (west := parse(text, 360.0)) is not None:
+            self.settings.longitude_deg = (180.0 - west) % 360.0 - 180.0
+        return west is not None
+
+    def _set_zone(self, text: bytes) -> bool:
+        try:
+            west = float(text) if b":" not in text else parse(text, 14.0)
+        except ValueError:
+            return False
+        if west is None or not abs(west) <= 14.0:
+            return False
+        self.settings.utc_offset_h = -west
+        return True
+
+    def _set_clock(self, pattern: re.Pattern[bytes], text: bytes) -> bool:
+        if (found := pattern.fullmatch(text)) is None:
+            return False
+        parts = {name: int(digits) for name, digits in found.groupdict().items()}
+        if "year" in parts:
+            parts["year"] += 2000
+        return self.settings.set_local(**parts)
+
+
+DIRECTIONS = {b"n": Direction.NORTH, b"s": Direction.SOUTH, b"e": Direction.EAST, b"w": Direction.WEST}
+ACKNOWLEDGE = b"\x06"
+
+
+class Lx200Responder(Controller):
+    """The classic: imprecise when switched on, silent to guide pulses and to product names.
+
+    What a Meade does not know it does not answer, and ``:CM#`` has no word for a refusal.
+    """
+
+    mark = b"\xdf"
+    decimals = 0
+    starts_precise = False
+    rates_deg_s = {b"G": 2 * SIDEREAL_DEG_S, b"C": 32 * SIDEREAL_DEG_S, b"M": 2.0, b"S": 6.0}  # noqa: RUF012
+
+    def __init__(self, telescope: EquatorialMount) -> None:
+        super().__init__(telescope)
+        self.precise = self.starts_precise
+        self.rate_deg_s = self.rates_deg_s[b"S"]
+        self.target_deg = [0.0, 0.0]
+        self.site = SiteAndTime(telescope, self.mark, self.decimals)
+        self.plain: dict[bytes, Callable[[], bytes | None]] = {
+            ACKNOWLEDGE: self.alignment,
+            b"GR": lambda: self.written_ra(telescope.believed_deg()[0]),
+            b"GD": lambda: self.written_dec(telescope.believed_deg()[1]),
+            b"D": self.distance_bars,
+            b"GA": lambda: self.level()[0],
+            b"GZ": lambda: self.level()[1],
+            b"Gr": lambda: self.written_ra(self.target_deg[0]),
+            b"Gd": lambda: self.written_dec(self.target_deg[1]),
+            b"MS": self.slew,
+            b"CM": self.sync,
+            b"U": self.toggle_precision,
+            b"Q": telescope.stop,
+            b"GT": lambda: b"60.1#",
+            b"GM": lambda: b"SITE 1#",
+            b"GN": lambda: b"SITE 2#",
+            b"GO": lambda: b"SITE 3#",
+            b"GP": lambda: b"SITE 4#",
+        }
+        self.prefixed: dict[bytes, Callable[[bytes], bytes | None]] = {
+            b"Sr": self.set_ra,
+            b"Sd": self.set_dec,
+            b"M": self.move,
+            b"Q": self.halt,
+            b"R": self.set_rate,
+        }
+
+    def _take(self) -> bytes | None:
+        """``:...#`` or the lone 0x06; what is neither is lost, as on the real line."""
+        pending = self._pending
+        while pending:
+            if pending[0] == ACKNOWLEDGE[0]:
+                del pending[0]
+                return ACKNOWLEDGE
+            end = pending.find(b"#") if pending[0] == ord(":") else 0
+            if end > 0:
+                command = bytes(pending[:end]).lstrip(b":")
+                del pending[: end + 1]
+                return command
+            if end < 0 and len(pending) <= self.longest:
+                return None
+            del pending[0]
+        return None
+
+    def _answer(self, command: bytes) -> bytes | None:
+        if command in self.plain:
+            return self.plain[command]()
+        if (reply := self.site.answer(command)) is not None:
+            return reply
+        for length in (2, 1):
+            method = self.prefixed.get(command[:length])
+            if method is not None:
+                return method(command[length:])
+        return None
+
+    def alignment(self) -> bytes:
+        """``P`` aligned on an equatorial wedge, ``L`` not aligned: a land scope. No #."""
+        return b"P" if self.telescope.aligned else b"L"
+
+    def written_ra(self, ra_deg: float) -> bytes:
+        """With its #."""
+        return hours(ra_deg, self.precise, self.decimals) + b"#"
+
+    def written_dec(self, dec_deg: float) -> bytes:
+        """With its #."""
+        return degrees(dec_deg, self.precise, self.mark) + b"#"
+
+    def level(self) -> tuple[bytes, bytes]:
+        """Altitude, and azimuth from north."""
+        altitude, azimuth = horizontal_deg(self.telescope, self.site.settings.latitude_deg)
+        return (
+            degrees(altitude, self.precise, self.mark) + b"#",
+            degrees(azimuth, self.precise, self.mark, width=3, signed=False) + b"#",
+        )
+
+    def distance_bars(self) -> bytes:
+        """The two rows of the hand controller's display: 32 places, full while it slews."""
+        return (b"\x7f" if self.telescope.slewing else b" ") * 32 + b"#"
+
+    def set_ra(self, text: bytes) -> bytes:
+        """``1`` or ``0``, without #."""
+        value = parse(text, 24.0)
+        if value is None or value < 0:
+            return b"0"
+        self.target_deg[0] = value * 15.0 % 360.0
+        return b"1"
+
+    def set_dec(self, text: bytes) -> bytes:
+        """``1`` or ``0``, without #."""
+        value = parse(text, 90.0)
+        if value is None:
+            return b"0"
+        self.target_deg[1] = value
+        return b"1"
+
+    def slew(self) -> bytes:
+        """``0``, or the reason: 1 is the horizon, 2 any other, its text ended by #."""
+        reason = self._goto(*self.target_deg)
+        if reason is None:
+            return b"0"
+        code, text = (b"1", "object below horizon") if "horizon" in reason else (b"2", reason)
+        return code + text.capitalize().encode("ascii", "replace") + b".#"
+
+    def sync(self) -> bytes:
+        """The same words whether it did or not."""
+        self._sync(*self.target_deg)
+        return b"Coordinates     matched.        #"
+
+    def toggle_precision(self) -> None:
+        """Long and short in turns; nothing tells which, but the next position."""
+        self.precise = not self.precise
+
+    def move(self, text: bytes) -> None:
+        """``:Mn#``: nothing is answered."""
+        if text in DIRECTIONS:
+            self.telescope.move(DIRECTIONS[text], self.rate_deg_s)
+
+    def halt(self, text: bytes) -> None:
+        """``:Qn#``."""
+        if text in DIRECTIONS:
+            self.telescope.halt(DIRECTIONS[text])
+
+    def set_rate(self, text: bytes) -> None:
+        """``:RG#`` ``:RC#`` ``:RM#`` ``:RS#``."""
+        self.rate_deg_s = self.rates_deg_s.get(text, self.rate_deg_s)
+
+
+class AutostarResponder(Lx200Responder):
+    """Precise from the start, with a product name, guide pulses and a short ``:D#``."""
+
+    starts_precise = True
+
+    def __init__(self, telescope: EquatorialMount) -> None:
+        super().__init__(telescope)
+        self.plain |= {
+            b"GVP": lambda: b"Autostar#",
+            b"GVN": lambda: b"43Eg#",
+            b"GVD": lambda: b"Jan 01 2010#",
+            b"GVT": lambda: b"00:00:00#",
+            b"GVF": lambda: b"ETX Autostar|A|43Eg|Jan 01 2010@00:00:00#",
+            b"GW": self.how,
+            b"hP": self.park,
+        }
+        self.prefixed[b"Mg"] = self.pulse
+
+    def distance_bars(self) -> bytes:
+        """One bar while it slews."""
+        return b"\x7f#" if self.telescope.slewing else b"#"
+
+    def sync(self) -> bytes:
+        """The name of an object of no consequence."""
+        self._sync(*self.target_deg)
+        return b" M31 EX GAL MAG 3.5 SZ178.0'#"
+
+    def how(self) -> bytes:
+        """``:GW#``: the mounting, tracking or not, and on how many stars it is aligned."""
+        tracks = b"T" if self.telescope.tracking else b"N"
+        return b"P" + tracks + (b"2#" if self.telescope.aligned else b"0#")
+
+    def park(self) -> bytes | None:
+        """Nothing is answered; it does not move again until it is switched off and on."""
+        self.telescope.stop()
+        self.telescope.tracking, self.telescope.parked = False, True
+        return None
+
+    def pulse(self, text: bytes) -> None:
+        """``:Mgn0500#`` in milliseconds; nothing is answered."""
+        if text[:1] in DIRECTIONS and text[1:].isdigit() and len(text) <= 6:
+            self.telescope.pulse(DIRECTIONS[text[:1]], float(text[1:]))
+
+
+# -- OnStep and OnStepX: the LX200 language with digits for reasons and flags for the state ----
+
+RATES = tuple(k * SIDEREAL_DEG_S for k in (0.25, 0.5, 1, 2, 4, 8, 20, 48, 240, 480))
+UNSPECIFIED = 9
+REASONS = {"below horizon": 1, "overhead": 2, "parked": 4, "limits": 6, "moving": 8}
+
+
+class OnStepResponder(AutostarResponder):
+    """Precise from the start; an unknown command is answered by a bare ``0``."""
+
+    mark = b"*"
+    rates_deg_s = {b"G": RATES[2], b"C": RATES[5], b"M": RATES[6], b"F": RATES[7], b"S": RATES[8]} | {
+        b"%d" % k: rate for k, rate in enumerate(RATES)
+    }
+
+    def __init__(self, telescope: EquatorialMount) -> None:
+        super().__init__(telescope)
+        for meade in (b"GW", b"GVF"):
+            del self.plain[meade]
+
+        def fine(angle_deg: float) -> bytes:
+            return degrees(angle_deg, True, decimals=3) + b"#"
+
+        self.plain |= {
+            b"GVP": lambda: b"On-Step#",
+            b"GVN": lambda: b"10.24i#",
+            b"GVD": lambda: b"Jan 01 2025#",
+            b"GVT": lambda: b"00:00:00#",
+            b"GU": self.flags,
+            b"Gm": self.side,
+            b"GE": lambda: b"00#",
+            **dict.fromkeys((b"GRa", b"GRH"), lambda: hours(telescope.believed_deg()[0], True, 4) + b"#"),
+            **dict.fromkeys((b"GDe", b"GDH"), lambda: fine(telescope.believed_deg()[1])),
+            b"GT": lambda: b"60.16427#" if telescope.tracking else b"0#",
+            b"GtH": lambda: fine(self.site.settings.latitude_deg),
+            b"GX98": lambda: b"N#",
+            **dict.fromkeys((b"%BD", b"%BR"), lambda: b"0#"),
+            b"Gh": lambda: b"-10*#",
+            b"Go": lambda: b"85*#",
+            b"CS": self.silent_sync,
+            b"hR": self.unpark,
+            b"hP": self.park,
+            b"Te": lambda: self.track(True),
+            b"Td": lambda: self.track(False),
+        }
+        self.plain |= dict.fromkeys((b"TQ", b"TS", b"TL", b"TK"), lambda: None)  # tracking rates
+
+    def _answer(self, command: bytes) -> bytes | None:
+        known = command in self.plain or self.site.answer(command) is not None
+        known = known or command[:1] in (b"Q", b"M", b"R") or command[:2] in (b"Sr", b"Sd")
+        return super()._answer(command) if known else b"0"
+
+    def slew(self) -> bytes:
+        """One digit, without text and without #."""
+        return b"%d" % self._code(self._goto(*self.target_deg))
+
+    def sync(self) -> bytes:
+        """``N/A#`` when done, ``E1#`` to ``E9#`` when not."""
+        code = self._code(self._sync(*self.target_deg))
+        return b"E%d#" % code if code else b"N/A#"
+
+    def silent_sync(self) -> None:
+        """``:CS#`` fails without a word."""
+        self._sync(*self.target_deg)
+
+    def _goto(self, ra_deg: float, dec_deg: float) -> str | None:
+        return "in goto" if self.telescope.slewing else super()._goto(ra_deg, dec_deg)
+
+    def _code(self, reason: str | None) -> int:
+        if reason is None:
+            return 0
+        return 5 if reason == "in goto" else REASONS.get(reason, UNSPECIFIED)
+
+    def flags(self) -> bytes:
+        """``:GU#``: what is not so has a letter too."""
+        t = self.telescope
+        out = (b"" if t.tracking else b"n") + (b"" if t.slewing else b"N")
+        out += (b"P" if t.parked else b"p") + b"E"
+        return out + (b"T" if t.pier_side is PierSide.EAST else b"W") + b"120#"
+
+    def side(self) -> bytes:
+        """``E#`` or ``W#``."""
+        return b"E#" if self.telescope.pier_side is PierSide.EAST else b"W#"
+
+    def track(self, on: bool) -> bytes:
+        """``1``, or ``0`` when parked."""
+        if self.telescope.parked:
+            return b"0"
+        self.telescope.tracking = on
+        return b"1"
+
+    def park(self) -> bytes:
+        """``1``."""
+        super().park()
+        return b"1"
+
+    def unpark(self) -> bytes:
+        """``1``."""
+        self.telescope.parked = False
+        self.telescope.tracking = True
+        return b"1"

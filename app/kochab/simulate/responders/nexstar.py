@@ -1,0 +1,310 @@
+"""NexStar hand controls (Celestron), and SynScan (Sky-Watcher), byte for byte."""
+
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import lru_cache
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.simulate.mechanics.mount import EquatorialMount
+from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
+
+# -- Angles in the NexStar language: a turn is 2^16 or 2^32, in capital hexadecimal digits -----
+
+_HEX = re.compile(rb"[0-9A-Fa-f]+")
+Place = tuple[float, float]
+
+
+def written_angle(angle_deg: float, digits: int) -> bytes:
+    """Four digits, or eight of which the last two are zero as on the real ones."""
+    if digits == 4:
+        return b"%04X" % (round(angle_deg / 360.0 * 65536.0) % 65536)
+    return b"%06X00" % (round(angle_deg / 360.0 * 16777216.0) % 16777216)
+
+
+def written_pair(first_deg: float, second_deg: float, digits: int) -> bytes:
+    """Two angles with a comma between, and the #."""
+    return written_angle(first_deg, digits) + b"," + written_angle(second_deg, digits) + b"#"
+
+
+def read_pair(text: bytes, digits: int) -> tuple[float, float] | None:
+    """Two angles in degrees, the first in [0, 360), the second a declination; or None."""
+    first, second = text[:digits], text[digits + 1 :]
+    if not (_HEX.fullmatch(first) and _HEX.fullmatch(second) and text[digits : digits + 1] == b","):
+        return None
+    turn = 16.0**digits
+    around, dec = int(first, 16) / turn * 360.0, int(second, 16) / turn * 360.0
+    dec = (dec + 180.0) % 360.0 - 180.0
+    return (around, dec) if abs(dec) <= 90.0 else None
+
+
+LENGTHS = {b"K": 2, b"T": 2, b"W": 9, b"H": 9, b"P": 8, b"r": 18, b"s": 18, b"R": 10, b"S": 10} | {
+    bytes([c]): 1 for c in b"VvmeEzZtJLMwhp"
+}
+RATES_DEG_S = (0.0, *(k * SIDEREAL_DEG_S for k in (0.5, 1.0, 4.0, 8.0, 16.0, 64.0)), 0.5, 2.0, 4.0)
+RA_MOTOR, DEC_MOTOR = 16, 17
+FASTER, SLOWER, MOVE_UP, MOVE_DOWN = 6, 7, 36, 37  # the first two in quarters of an arcsec/s
+MOVES = {
+    (RA_MOTOR, MOVE_UP): Direction.WEST,
+    (RA_MOTOR, MOVE_DOWN): Direction.EAST,
+    (DEC_MOTOR, MOVE_UP): Direction.NORTH,
+    (DEC_MOTOR, MOVE_DOWN): Direction.SOUTH,
+}
+GUIDE = 0x26
+GUIDE_PERCENT = 50.0  # of sidereal: what a telescope's own pulse is
+TRACKING_OFF, TRACKING_EQ_NORTH, TRACKING_EQ_SOUTH = 0, 2, 3
+
+
+class NexStarResponder(Controller):
+    """Version 4.21 on an Advanced VX. Before an alignment it says ``#`` to a goto and stays."""
+
+    version = (4, 21)
+    model = 20
+
+    def __init__(self, telescope: EquatorialMount) -> None:
+        super().__init__(telescope)
+        self.settings = LocalSettings.of(telescope)
+        self.commands: dict[bytes, Callable[[bytes], bytes]] = {
+            b"K": lambda text: text + b"#",
+            b"V": lambda _: bytes(self.version) + b"#",
+            b"v": lambda _: b"\x11#",
+            b"m": lambda _: bytes([self.model]) + b"#",
+            b"e": lambda _: self.position(8),
+            b"E": lambda _: self.position(4),
+            b"z": lambda _: self.horizontal(8),
+            b"Z": lambda _: self.horizontal(4),
+            b"r": lambda text: self.goto(text, 8),
+            b"R": lambda text: self.goto(text, 4),
+            b"s": lambda text: self.sync(text, 8),
+            b"S": lambda text: self.sync(text, 4),
+            b"J": lambda _: bytes([telescope.aligned]) + b"#",
+            b"L": lambda _: b"1#" if telescope.slewing else b"0#",
+            b"M": self.cancel,
+            b"t": lambda _: bytes([self.tracking_mode()]) + b"#",
+            b"T": self.set_tracking,
+            b"p": lambda _: b"W#" if telescope.pier_side is PierSide.WEST else b"E#",
+            b"w": lambda _: self.site() + b"#",
+            b"W": self.set_site,
+            b"h": lambda _: self.time() + b"#",
+            b"H": self.set_time,
+            b"P": self.pass_on,
+        }
+
+    def _take(self) -> bytes | None:
+        """A command is known by its first byte and cut by its length: any byte may be a #."""
+        pending = self._pending
+        while pending and bytes(pending[:1]) not in LENGTHS:
+            del pending[0]
+        length = LENGTHS[bytes(pending[:1])] if pending else 1
+        if len(pending) < length:
+            return None
+        command = bytes(pending[:length])
+        del pending[:length]
+        return command
+
+    def _answer(self, command: bytes) -> bytes:
+        return self.commands[command[:1]](command[1:])
+
+    def position(self, digits: int) -> bytes:
+        """RA and Dec as it believes."""
+        return written_pair(*self.from_date(*self.telescope.believed_deg()), digits)
+
+    def from_date(self, ra_deg: float, dec_deg: float) -> Place:
+        """Equatorial degrees of date as this controller writes them."""
+        return ra_deg, dec_deg
+
+    def to_date(self, ra_deg: float, dec_deg: float) -> Place:
+        """The inverse."""
+        return ra_deg, dec_deg
+
+    def horizontal(self, digits: int) -> bytes:
+        """Azimuth and altitude as it believes."""
+        altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
+        return written_pair(azimuth, altitude, digits)
+
+    def goto(self, text: bytes, digits: int) -> bytes:
+        """Always ``#``: what it will not do it does not say."""
+        pair = read_pair(text, digits)
+        if pair is None:
+            return b""
+        if self.telescope.aligned:
+            self._goto(*self.to_date(*pair))
+        return b"#"
+
+    def sync(self, text: bytes, digits: int) -> bytes:
+        """``#``; a controller before 4.10 does not know the word and is silent."""
+        pair = read_pair(text, digits)
+        if pair is None or self.version < (4, 10):
+            return b""
+        if self.telescope.aligned:
+            self._sync(*pair)
+        return b"#"
+
+    def cancel(self, _: bytes = b"") -> bytes:
+        """Ends a goto."""
+        self.telescope.stop()
+        return b"#"
+
+    def tracking_mode(self) -> int:
+        """0 is off; an equatorial mount has one for each hemisphere."""
+        if not self.telescope.tracking:
+            return TRACKING_OFF
+        return TRACKING_EQ_NORTH if self.settings.latitude_deg >= 0 else TRACKING_EQ_SOUTH
+
+    def set_tracking(self, mode: bytes) -> bytes:
+        """Any mode but 0 tracks."""
+        if mode[0] > 3:
+            return b""
+        self.telescope.tracking = mode[0] != TRACKING_OFF
+        return b"#"
+
+    def site(self) -> bytes:
+        """Degrees, minutes, seconds and 1 for south or west, of each."""
+        out = bytearray()
+        for angle in (self.settings.latitude_deg, self.settings.longitude_deg):
+            seconds = round(abs(angle) * 3600.0)
+            out += bytes([seconds // 3600, seconds // 60 % 60, seconds % 60, angle < 0])
+        return bytes(out)
+
+    def set_site(self, text: bytes) -> bytes:
+        """The eight bytes of :meth:`site`."""
+        angles = [
+            (d + m / 60.0 + s / 3600.0) * (-1.0 if negative else 1.0)
+            for d, m, s, negative in (text[:4], text[4:])
+        ]
+        if abs(angles[0]) > 90.0 or abs(angles[1]) > 180.0:
+            return b""
+        self.settings.latitude_deg, self.settings.longitude_deg = angles
+        return b"#"
+
+    def time(self) -> bytes:
+        """Hour, minute, second, month, day, year - 2000, zone east in two's complement, summer."""
+        t = self.settings.local()
+        zone = int(self.settings.utc_offset_h) % 256
+        return bytes([t.hour, t.minute, t.second, t.month, t.day, t.year - 2000, zone, 0])
+
+    def set_time(self, text: bytes) -> bytes:
+        """The eight bytes of :meth:`time`."""
+        hour, minute, second, month, day, year, zone, summer = text
+        offset = (zone - 256 if zone > 127 else zone) + (1 if summer == 1 else 0)
+        if not -12 <= offset <= 15:
+            return b""
+        self.settings.utc_offset_h = float(offset)
+        date = {"year": 2000 + year, "month": month, "day": day}
+        good = self.settings.set_local(hour=hour, minute=minute, second=second, **date)
+        return b"#" if good else b""
+
+    def pass_on(self, text: bytes) -> bytes:
+        """A motor's own answer and ``#``; with no such device an extra 0 stands before the #."""
+        size, device, order, *values, count = text
+        reply = self.motor(device, order, bytes(values[: max(0, size - 1)]))
+        if reply is None:
+            return bytes(count % 16 + 1) + b"#"
+        return (reply + bytes(16))[: count % 16] + b"#"
+
+    def motor(self, device: int, order: int, values: bytes) -> bytes | None:
+        """What the motor ``device`` gives back, None when there is none or it does not know."""
+        if device not in (RA_MOTOR, DEC_MOTOR):
+            return None
+        if (device, order) in MOVES and values and values[0] < len(RATES_DEG_S):
+            self.move(device, order == MOVE_UP, RATES_DEG_S[values[0]])
+            return b""
+        if order in (FASTER, SLOWER) and len(values) == 2:
+            rate = (values[0] * 256 + values[1]) / 4.0 / 3600.0
+            self.move(device, order == FASTER, rate)
+            return b""
+        if order == GUIDE and len(values) == 2:
+            signed = values[0] - 256 if values[0] > 127 else values[0]  # percent of sidereal
+            direction = MOVES[device, MOVE_UP if signed >= 0 else MOVE_DOWN]
+            self.telescope.pulse(direction, values[1] * 10.0 * abs(signed) / GUIDE_PERCENT)
+            return b""
+        known = {0xFE: bytes(self.version), 0x27: b"\x00", 0x47: b"\x80", 0x46: b""}
+        return known.get(order)
+
+    def move(self, device: int, up: bool, rate_deg_s: float) -> None:
+        """On top of tracking; 0 ends both ways, whichever was asked."""
+        if rate_deg_s:
+            self.telescope.move(MOVES[device, MOVE_UP if up else MOVE_DOWN], rate_deg_s)
+        else:
+            self.telescope.halt(MOVES[device, MOVE_UP])
+            self.telescope.halt(MOVES[device, MOVE_DOWN])
+
+
+# -- Precession from J2000 to a date and back, which is all a hand controller does -------------
+
+
+@lru_cache(maxsize=64)
+def _matrix(year: float) -> Floats:
+    """Mean equator of J2000 to that of ``year`` (IAU 2006; Capitaine et al. 2003)."""
+    import erfa
+
+    _bias, precession, _ = erfa.bp06(2451545.0, (year - 2000.0) * 365.25)
+    return np.asarray(precession, dtype=np.float64)
+
+
+def from_j2000(ra_deg: float, dec_deg: float, year: float) -> Place:
+    """Mean equatorial degrees of ``year``, without nutation and aberration."""
+    return radec_deg(_matrix(round(year, 3)) @ unit_vectors(ra_deg, dec_deg))
+
+
+def to_j2000(ra_deg: float, dec_deg: float, year: float) -> Place:
+    """The inverse."""
+    return radec_deg(_matrix(round(year, 3)).T @ unit_vectors(ra_deg, dec_deg))
+
+
+SYNC_LIMIT_DEG = 6.0
+
+
+class SynScanResponder(NexStarResponder):
+    """Firmware 4.39.05 on an EQ6. Too far a sync is answered like a good one, and not done.
+
+    The first ``M`` while it slews only begins to brake; the second ends the goto.
+    """
+
+    firmware = b"042705"
+    model = 0
+
+    def __init__(self, telescope: EquatorialMount) -> None:
+        super().__init__(telescope)
+        self._braking = False
+        self.commands[b"V"] = lambda _: self.firmware + b"#"
+        self.commands[b"p"] = self.pointing_state
+        self.commands[b"v"] = lambda _: b""  # Celestron's alone
+
+    def from_date(self, ra_deg: float, dec_deg: float) -> Place:
+        """J2000."""
+        return to_j2000(ra_deg, dec_deg, self._year())
+
+    def to_date(self, ra_deg: float, dec_deg: float) -> Place:
+        """The inverse."""
+        return from_j2000(ra_deg, dec_deg, self._year())
+
+    def sync(self, text: bytes, digits: int) -> bytes:
+        """Always ``#``, and nothing done beyond some six degrees."""
+        there = read_pair(text, digits)
+        if there is None:
+            return b""
+        there = self.to_date(*there)
+        if apart_deg(there, self.telescope.believed_deg()) <= SYNC_LIMIT_DEG:
+            self._sync(*there)
+        return b"#"
+
+    def cancel(self, _: bytes = b"") -> bytes:
+        """The first of two only brakes."""
+        if self.telescope.slewing and not self._braking:
+            self._braking = True
+            return b"#"
+        self._braking = False
+        return super().cancel()
+
+    def pointing_state(self, _: bytes) -> bytes:
+        """Where the counterweights look: the other side than the tube's."""
+        return b"E#" if self.telescope.pier_side is PierSide.WEST else b"W#"
+
+    def _year(self) -> float:
+        at = datetime.fromtimestamp(self.telescope.now_unix(), UTC)
+        return at.year + (at.timetuple().tm_yday - 1 + at.hour / 24.0) / 365.25

@@ -1,0 +1,81 @@
+"""Where a star is tonight: annual aberration, and ICRS to apparent directions and back.
+
+A frame shows directions as the moving Earth sees them. Over a field of a few degrees aberration
+is nearly one shift, which the attitude takes up; over wide fields its change (20.5 arcsec x the
+field in radians) distorts, and the pointing of the mount needs it always.
+"""
+
+from datetime import UTC, datetime
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+
+JD_UNIX = 2440587.5
+TT_MINUS_UTC_S = 69.184  # since 2017; a second more or less moves nothing here
+LIGHT_AU_DAY = 173.1446326846693
+
+
+def julian_years(time_utc: datetime) -> float:
+    """Julian epoch (such as 2024.0) of an aware time."""
+    return 2000.0 + (julian_date_tt(time_utc) - 2451545.0) / 365.25
+
+
+def julian_date_tt(time_utc: datetime) -> float:
+    """Julian date in TT of an aware time."""
+    seconds = time_utc.astimezone(UTC).timestamp() + TT_MINUS_UTC_S
+    return JD_UNIX + seconds / 86400.0
+
+
+def earth_velocity(time_utc: datetime) -> Floats:
+    """Barycentric velocity (3,) of the Earth in units of c, ICRS axes (ERFA ``epv00``)."""
+    import erfa
+
+    _, barycentric = erfa.epv00(julian_date_tt(time_utc), 0.0)
+    return np.asarray(barycentric["v"], dtype=np.float64) / LIGHT_AU_DAY
+
+
+def aberrated(vectors: Floats, velocity: Floats) -> Floats:
+    """Directions (N, 3) an observer moving at ``velocity`` (3,), in c, sees stars in.
+
+    Exact special relativity: n' = (n / g + v + (n.v) v g / (1 + g)) / (1 + n.v), with the Lorentz
+    factor g (Explanatory Supplement 7.2.3). To undo it, give the negative velocity.
+    """
+    n = np.asarray(vectors, dtype=np.float64)
+    v = np.asarray(velocity, dtype=np.float64)
+    gamma = 1.0 / np.sqrt(1.0 - v @ v)
+    along = n @ v
+    top = n / gamma + v + (along * (gamma / (1.0 + gamma)))[..., None] * v
+    return np.asarray(top / (1.0 + along)[..., None])
+
+
+def with_aberration(vectors: Floats, time_utc: datetime) -> Floats:
+    """Catalogue directions (N, 3) as seen from the Earth at a time, still on ICRS axes."""
+    return aberrated(vectors, earth_velocity(time_utc))
+
+
+def without_aberration(vectors: Floats, time_utc: datetime) -> Floats:
+    """Catalogue directions (N, 3) of directions seen from the Earth at a time."""
+    return aberrated(vectors, -earth_velocity(time_utc))
+
+
+def of_date_matrix(time_utc: datetime) -> Floats:
+    """Rotation (3, 3) from ICRS axes to the true equator and equinox of date (ERFA ``pnm06a``)."""
+    import erfa
+
+    return np.asarray(erfa.pnm06a(julian_date_tt(time_utc), 0.0), dtype=np.float64)
+
+
+def apparent(vectors: Floats, time_utc: datetime) -> Floats:
+    """Geocentric apparent directions (N, 3), true equator and equinox of date.
+
+    Annual aberration, precession and nutation; parallax and the Sun's bending of light (under
+    1 arcsec outside 0.5 deg of the Sun) are left out. Proper motion belongs to the vectors.
+    """
+    return with_aberration(vectors, time_utc) @ of_date_matrix(time_utc).T
+
+
+def from_apparent(vectors: Floats, time_utc: datetime) -> Floats:
+    """Catalogue directions (N, 3) on ICRS axes of apparent directions of date."""
+    back = np.asarray(vectors, dtype=np.float64) @ of_date_matrix(time_utc)
+    return without_aberration(back, time_utc)

@@ -1,0 +1,235 @@
+"""The star catalogue: opened in a millisecond, read only in the zones that a cone touches."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kochab.core import data_folder
+from kochab.core.arrays import Floats, Ints
+from kochab.core.errors import CatalogueError
+from kochab.sky.catalogue_file import (
+    BV_LOWEST,
+    BV_STEP,
+    BV_UNKNOWN,
+    EPOCH,
+    HIPPARCOS,
+    TIER_EDGES_MMAG,
+    TURN,
+    ZONES,
+    Container,
+)
+from kochab.sky.names import StarNames, position_name
+
+ZONE_RAD = np.radians(0.5)
+
+
+def candidates(
+    ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats, radius: float, tiers: range
+) -> Ints:
+    """Rows of ``tiers`` near the cone, a superset of those in it, ascending.
+
+    ``ra`` (N,) in 1/2**32 turns, ascending within each (tier, zone); ``zones`` the first row of
+    each; ``centre`` (3,) unit vector; ``radius`` in radians.
+    """
+    dec0 = float(np.arctan2(centre[2], np.hypot(centre[0], centre[1])))
+    ra0 = float(np.arctan2(centre[1], centre[0]))
+    edge = 1e-9  # stored positions are rounded to 1.5e-9 rad
+    radius = min(radius + edge, np.pi)
+    first = int(np.clip((dec0 - radius + np.pi / 2) / ZONE_RAD, 0, ZONES - 1))
+    last = int(np.clip((dec0 + radius + np.pi / 2) / ZONE_RAD, 0, ZONES - 1))
+    zone = np.arange(first, last + 1)
+    if abs(dec0) + radius >= np.pi / 2 - 1e-6:
+        half = np.pi  # a pole is inside, and every right ascension
+    else:
+        # the widest the circle of the cone gets in right ascension, at sin dec = sin dec0 / cos r
+        half = float(np.arcsin(np.sin(radius) / np.cos(dec0))) + 1e-9 + 1e-9 / np.cos(dec0)
+    cell = (np.asarray(tiers)[:, None] * ZONES + zone).ravel()
+    start, stop = zones[cell].astype(np.int64), zones[cell + 1].astype(np.int64)
+    unit = TURN / (2 * np.pi)
+    low = int(np.floor((ra0 - half) * unit)) % 2**32 if half < np.pi else 0
+    high = int(np.ceil((ra0 + half) * unit)) % 2**32 if half < np.pi else 2**32 - 1
+    a = _bisect(ra, start, stop, low, right=False)
+    b = _bisect(ra, start, stop, high, right=True)
+    # An arc across RA 0 is two pieces: the start of the zone up to high, and low to its end.
+    begin, end = (np.stack([start, a], axis=1), np.stack([b, stop], axis=1)) if low > high else (a, b)
+    length = np.maximum(end - begin, 0).ravel()
+    offset = np.cumsum(length) - length
+    return np.repeat(begin.ravel() - offset, length) + np.arange(int(length.sum()))
+
+
+def _bisect(ra: NDArray[np.uint32], start: Ints, stop: Ints, value: int, right: bool) -> Ints:
+    """``searchsorted`` in many slices at once: first row >= (or, right, >) the value."""
+    low, high = start.copy(), stop.copy()
+    last = len(ra) - 1
+    for _ in range(int(np.max(stop - start, initial=0)).bit_length()):
+        middle = (low + high) >> 1
+        here = ra[np.minimum(middle, last)]
+        below = (here <= value) if right else (here < value)
+        open_ = low < high
+        low = np.where(open_ & below, middle + 1, low)
+        high = np.where(open_ & ~below, middle, high)
+    return low
+
+
+MAS = np.radians(1.0 / 3.6e6)
+
+
+def open_catalogue(path: str | Path | None = None) -> "Catalogue":
+    """The shipped catalogue, or the one at ``path``; memory mapped, so it costs about 1 ms.
+
+    Raises `CatalogueError` with one sentence when the file is missing or damaged.
+    """
+    return Catalogue(shipped_folder() / "deep.kcat" if path is None else Path(path))
+
+
+def shipped_folder() -> Path:
+    """The folder of the shipped catalogue files."""
+    return data_folder("catalogs")
+
+
+class Catalogue:
+    """Stars by row number, 0 to ``len - 1``, sorted by tier of magnitude, zone and RA."""
+
+    def __init__(self, path: Path) -> None:
+        self.container = Container(path)
+        self._ra = self.container.column("ra")
+        self._dec = self.container.column("dec")
+        self._pm_ra = self.container.column("pm_ra")
+        self._pm_dec = self.container.column("pm_dec")
+        self._mag = self.container.column("mag")
+        self._bv = self.container.column("bv")
+        self._flag = self.container.column("flag")
+        self._zones = self.container.column("zones")
+        self.max_pm_arcsec = float(self.container.facts["max_pm_arcsec"])
+        if int(self._zones[-1]) != len(self._ra):
+            raise self._damaged()
+
+    def __len__(self) -> int:
+        return len(self._ra)
+
+    def vectors(self, rows: ArrayLike, year: float = EPOCH) -> Floats:
+        """ICRS unit vectors (N, 3) of ``rows`` (N,) with proper motion applied to ``year``."""
+        rows = np.asarray(rows, dtype=np.int64)
+        ra = self._ra[rows] * (2 * np.pi / TURN)
+        dec = self._dec[rows] * (2 * np.pi / TURN)
+        sin_ra, cos_ra, sin_dec, cos_dec = np.sin(ra), np.cos(ra), np.sin(dec), np.cos(dec)
+        place = np.stack([cos_dec * cos_ra, cos_dec * sin_ra, sin_dec], axis=-1)
+        span = (year - EPOCH) * MAS
+        if span == 0.0:
+            return place
+        east, north = self._pm_ra[rows] * span, self._pm_dec[rows] * span
+        place[..., 0] -= east * sin_ra + north * sin_dec * cos_ra
+        place[..., 1] += east * cos_ra - north * sin_dec * sin_ra
+        place[..., 2] += north * cos_dec
+        # Motion runs along the tangent, so the length has grown by at most (motion)^2 / 2.
+        place /= np.sqrt(1.0 + east * east + north * north)[..., None]
+        return place
+
+    def mag(self, rows: ArrayLike) -> Floats:
+        """V magnitudes (N,) of ``rows`` (N,)."""
+        return np.asarray(self._mag[np.asarray(rows, dtype=np.int64)] * 1e-3)
+
+    def bv(self, rows: ArrayLike) -> Floats:
+        """Colours B-V (N,) of ``rows`` (N,), NaN where unknown."""
+        step = self._bv[np.asarray(rows, dtype=np.int64)]
+        return np.where(step == BV_UNKNOWN, np.nan, step * BV_STEP + BV_LOWEST)
+
+    def motions(self, rows: ArrayLike) -> Floats:
+        """Proper motions (N, 2), pmRA* and pmDE in mas/yr, of ``rows`` (N,); 0 where unknown."""
+        rows = np.asarray(rows, dtype=np.int64)
+        return np.stack([self._pm_ra[rows], self._pm_dec[rows]], axis=1).astype(np.float64)
+
+    def flags(self, rows: ArrayLike) -> NDArray[np.uint8]:
+        """Flags (N,) of ``rows``, the bits named in `kochab.sky.catalogue_file`."""
+        return np.asarray(self._flag[np.asarray(rows, dtype=np.int64)])
+
+    def cone(
+        self, vector: ArrayLike, radius_rad: float, mag_limit: float | None = None, year: float = EPOCH
+    ) -> Ints:
+        """Rows within ``radius_rad`` of an ICRS unit vector (3,) at ``year``, brightest first.
+
+        ``mag_limit`` keeps V <= limit, and then leaves the tiers of fainter stars unread.
+        """
+        tiers = range(len(TIER_EDGES_MMAG) + 1)
+        if mag_limit is not None:
+            tiers = range(int(np.searchsorted(TIER_EDGES_MMAG, mag_limit * 1e3, "right")) + 1)
+        centre = np.asarray(vector, dtype=np.float64)
+        return self._sorted(self._inside(centre, radius_rad, tiers, mag_limit, year))
+
+    def brightest(self, vector: ArrayLike, radius_rad: float, n: int, year: float = EPOCH) -> Ints:
+        """The ``n`` brightest rows of a cone, brightest first; fewer when it holds fewer."""
+        centre = np.asarray(vector, dtype=np.float64)
+        found: list[Ints] = []
+        have = 0
+        for tier in range(len(TIER_EDGES_MMAG) + 1):
+            found.append(self._inside(centre, radius_rad, range(tier, tier + 1), None, year))
+            have += len(found[-1])
+            if have >= n:
+                break
+        return self._sorted(np.concatenate(found))[:n]
+
+    def _sorted(self, rows: Ints) -> Ints:
+        return np.asarray(rows[np.argsort(self._mag[rows], kind="stable")])
+
+    def _inside(self, centre: Floats, radius: float, tiers: range, limit: float | None, year: float) -> Ints:
+        pad = abs(year - EPOCH) * np.radians(self.max_pm_arcsec / 3600.0)
+        rows = candidates(self._ra, self._zones, centre, radius + pad, tiers)
+        if limit is not None:
+            rows = rows[self._mag[rows] <= round(limit * 1e3)]
+        # Chord rather than cosine: exact for small cones too.
+        gap = self.vectors(rows, year) - centre
+        chord = 2.0 * np.sin(min(radius, np.pi) / 2.0)
+        inside = np.einsum("ij,ij->i", gap, gap) <= chord * chord * (1 + 1e-12) + 1e-24
+        return np.asarray(rows[inside])
+
+    def labels(self, rows: Ints) -> list[tuple[str, str]]:
+        """Identifiers and names of stars (N,): ``[("HIP 91262", "Vega"), ...]``.
+
+        A star that Hipparcos lacks is named by its position, ``("J183656.3+384701", "")``.
+        """
+        bright = [self.bright_row(row) for row in rows.tolist()]
+        return [
+            (position_name(place), "") if star is None else self.names.label(star)
+            for star, place in zip(bright, self.vectors(rows), strict=True)
+        ]
+
+    def label(self, row: int) -> tuple[str, str]:
+        """The same of one star."""
+        return self.labels(np.array([row]))[0]
+
+    def bright_row(self, row: int) -> int | None:
+        """The row of the bright list that ``row`` leads to (its brightest part), or None."""
+        if not int(self._flag[row]) & HIPPARCOS:
+            return None
+        deep = self.container.column("link_deep")
+        at = deep.searchsorted(deep.dtype.type(row))  # a number of its own type: nothing is copied
+        if at == len(deep) or deep[at] != row:
+            raise self._damaged()
+        return int(self.container.column("link_bright")[at])
+
+    def deep_row(self, bright_row: int) -> int:
+        """The row of this list that holds a row of the bright list."""
+        at = np.flatnonzero(self.container.column("link_bright") == bright_row)
+        row = int(self.container.column("link_deep")[at[0]]) if len(at) else len(self)
+        if row >= len(self):
+            raise self._damaged()
+        return row
+
+    def _damaged(self) -> CatalogueError:
+        return CatalogueError(f"{self.container.path} is damaged: its index does not fit its stars.")
+
+    def find(self, name: str) -> int | Floats:
+        """The row of a star, or the ICRS vector (3,) of an NGC, IC or Messier object.
+
+        Knows HIP, HD, HR and SAO numbers, star names, Bayer and Flamsteed designations. Raises
+        `UsageError` when nothing is called so.
+        """
+        found = self.names.find(name)
+        return self.deep_row(found) if isinstance(found, int) else found
+
+    @cached_property
+    def names(self) -> StarNames:
+        """The bright list and the tables of names, opened when first asked for."""
+        return StarNames(shipped_folder())

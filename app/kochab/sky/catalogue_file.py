@@ -1,0 +1,157 @@
+r"""The catalogue's file: columns, their units, tiers of magnitude and zones of declination.
+
+::
+
+    8 bytes   b"KOCHAB1\n"
+    8 bytes   length and CRC-32 of the header, both u4 little endian
+    ...       the header: JSON with ``sections`` {name: [offset, dtype, count]} and facts
+    ...       the columns, each starting at a multiple of 64 bytes, little endian
+
+Offsets count from the first column. Nothing in it depends on when or where it was written.
+"""
+
+import json
+import mmap
+import struct
+import zlib
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Floats
+from kochab.core.errors import CatalogueError
+
+MAGIC = b"KOCHAB1\n"
+ALIGN = 64
+
+
+class Container:
+    """A catalogue file, opened but not read: ``facts`` and columns by name."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            with open(path, "rb") as file:
+                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except FileNotFoundError:
+            raise CatalogueError(f"The star catalogue {path} is missing.") from None
+        except (OSError, ValueError) as error:
+            raise CatalogueError(f"The star catalogue {path} cannot be opened: {error}.") from None
+        self.facts, self._start = self._header()
+        self._sections: dict[str, list[Any]] = self.facts.pop("sections")
+        ends = [o + np.dtype(t).itemsize * n for o, t, n in self._sections.values()]
+        if len(self._map) != self._start + max(ends, default=0):
+            raise CatalogueError(f"The star catalogue {path} is cut short or has been altered.")
+
+    def _header(self) -> tuple[dict[str, Any], int]:
+        damaged = CatalogueError(f"{self.path} is not a Kochab star catalogue, or is damaged.")
+        if len(self._map) < 16 or self._map[:8] != MAGIC:
+            raise damaged
+        length, crc = struct.unpack("<II", self._map[8:16])
+        text = self._map[16 : 16 + length]
+        if len(text) != length or zlib.crc32(text) != crc:
+            raise damaged
+        return json.loads(text), _aligned(16 + length)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """The column ``name``, read-only, read from disk only where it is touched."""
+        try:
+            offset, dtype, count = self._sections[name]
+        except KeyError:
+            raise CatalogueError(f"{self.path} lacks the column {name}.") from None
+        return np.frombuffer(self._map, dtype, count, self._start + offset)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._sections
+
+
+def write_container(path: Path, facts: Mapping[str, Any], columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write ``columns`` and ``facts``; the same input gives the same bytes."""
+    sections: dict[str, list[Any]] = {}
+    offset = 0
+    for name, column in columns.items():
+        dtype = column.dtype.newbyteorder("<")
+        sections[name] = [offset, dtype.str, len(column)]
+        offset = _aligned(offset + dtype.itemsize * len(column))
+    text = json.dumps({**facts, "sections": sections}, sort_keys=True).encode("ascii")
+    temporary = path.with_name(path.name + ".part")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(MAGIC + struct.pack("<II", len(text), zlib.crc32(text)) + text)
+            for column in columns.values():
+                file.write(b"\0" * (-file.tell() % ALIGN))
+                file.write(np.ascontiguousarray(column, column.dtype.newbyteorder("<")).tobytes())
+        temporary.replace(path)
+    except OSError as error:
+        why = error.strerror or error
+        raise CatalogueError(f"The star catalogue {path} cannot be written: {why}.") from None
+    finally:
+        with suppress(OSError):  # it has its name by now, unless something failed
+            temporary.unlink()
+
+
+def _aligned(offset: int) -> int:
+    return -(-offset // ALIGN) * ALIGN
+
+
+# -- How stars are stored: units of the columns, tiers of magnitude, zones of declination ------
+
+TURN = 2.0**32  # RA and Dec are stored in 1/2**32 of a turn, 0.3 mas
+EPOCH = 2000.0
+TIER_EDGES_MMAG = (6000, 7500, 9000, 10000, 11000)  # V; a tier below each and one beyond
+ZONES = 360  # of half a degree, from the south pole
+BV_UNKNOWN = 255
+BV_STEP = 0.02
+BV_LOWEST = -0.6
+
+# Flags of a deep row.
+HIPPARCOS = 1  # it has a row in the bright list
+MERGED = 2  # the photocentre of components closer than 1.5"
+MOVING = 4  # its proper motion is known
+V_FROM_VT = 8  # no colour was known, so V is VT - 0.10
+REDATED = 16  # its source gave the position at 1991.65, taken to J2000 here
+
+
+def zone_of(dec_rad: Floats) -> NDArray[np.int64]:
+    """The declination zone (0 to 359, south to north) of declinations (N,) in radians."""
+    return np.clip((np.degrees(dec_rad) + 90.0) * 2.0, 0, ZONES - 1).astype(np.int64)
+
+
+def zone_index(tier: NDArray[np.int64], zone: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """Where each (tier, zone) begins among rows sorted so: (tiers * 360 + 1,)."""
+    cells = (len(TIER_EDGES_MMAG) + 1) * ZONES
+    counts = np.bincount(tier * ZONES + zone, minlength=cells)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
+
+
+def deep_columns(
+    ra_rad: Floats, dec_rad: Floats, pm_mas: Floats, mag: Floats, bv: Floats, flag: NDArray[Any]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+    """Columns of a deep list and the order that sorts the given stars (N,) into it.
+
+    ``pm_mas`` (N, 2) is pmRA*, pmDE in mas/yr; ``bv`` NaN where unknown.
+    """
+    ra = np.rint(ra_rad / (2 * np.pi) * TURN).astype(np.int64) % 2**32
+    dec = np.rint(dec_rad / (2 * np.pi) * TURN).astype(np.int64)
+    mmag = np.rint(mag * 1e3).astype(np.int64)
+    tier = np.searchsorted(TIER_EDGES_MMAG, mmag, side="right")
+    zone = zone_of(np.asarray(dec * (2 * np.pi / TURN), dtype=np.float64))
+    order = np.lexsort((dec, ra, zone, tier))
+    step = np.rint((np.nan_to_num(bv, nan=0.0) - BV_LOWEST) / BV_STEP)
+    colour = np.where(np.isnan(bv), BV_UNKNOWN, np.clip(step, 0, BV_UNKNOWN - 1))
+    pm = np.clip(np.rint(pm_mas), -32767, 32767)
+    columns = {
+        "zones": zone_index(tier, zone),
+        "ra": ra[order].astype("<u4"),
+        "dec": dec[order].astype("<i4"),
+        "pm_ra": pm[order, 0].astype("<i2"),
+        "pm_dec": pm[order, 1].astype("<i2"),
+        "mag": mmag[order].astype("<i2"),
+        "bv": colour[order].astype("u1"),
+        "flag": np.asarray(flag)[order].astype("u1"),
+    }
+    return columns, order

@@ -1,0 +1,319 @@
+"""One list out of two: epochs put right, artefacts dropped, partners found, components joined."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.progress import Progress, Task
+from kochab.sky.catalogue_file import HIPPARCOS, MERGED, MOVING, REDATED, V_FROM_VT
+from kochab.sky.catalogue_sources import (
+    ALSO_EARLY,
+    ARCSEC,
+    EARLY,
+    MOTIONS,
+    SUPPLEMENT,
+    TELLING,
+    Sources,
+    early_by_list,
+    moved,
+    shift_arcsec,
+)
+
+# The cells in which an astrometry.net index keeps only so many stars: HEALPix of any size.
+# Which cell a star falls in tells whether a star that the index lacks may have been left out for
+# room: only if the cell is full, and of stars that are all about as bright or brighter. (That no
+# cell of the Tycho-2 index holds more than ten, and 89,088 hold ten as its header says, is the
+# proof that the cells are the right ones.)
+
+SIDE = 156  # cells along each of the 12 base squares: 22.55 arcmin
+KEPT = 10  # stars kept in each cell
+VT_MARGIN = 0.35  # VT is fainter than V by 0.1 on average, of red stars by 0.3
+
+
+def cell_of(vector: Floats, side: int = SIDE) -> NDArray[np.int64]:
+    """The HEALPix cell (N,), 0 to 12 side^2 - 1, of unit vectors (N, 3).
+
+    Gorski et al. 2005, ApJ 622, 759, section 4; the numbering is our own, only cells matter.
+    """
+    z = vector[:, 2]
+    turn = (np.arctan2(vector[:, 1], vector[:, 0]) / (np.pi / 2)) % 4.0
+    sector = np.minimum(turn.astype(np.int64), 3)
+    along = turn - sector
+    # Caps: cell borders are where sqrt(3 (1 - |z|)) times the angle from a side is constant.
+    reach = np.sqrt(3.0 * (1.0 - np.abs(z)))
+    kx, ky = reach * (1.0 - along), reach * along
+    north = z > 2.0 / 3.0
+    cap = np.abs(z) > 2.0 / 3.0
+    # The belt: straight lines in (longitude, z), in diamonds above, below and between sectors.
+    height = (z + 2.0 / 3.0) * 0.75
+    p, q = height + along, height - along + 1.0
+    right, left = p >= 1.0, q >= 1.0
+    one_side = np.where(right, 4 + (sector + 1) % 4, np.where(left, 4 + sector, 8 + sector))
+    square = np.where(right & left, sector, one_side)
+    x = np.where(cap, np.where(north, 1.0 - kx, ky), p - right)
+    y = np.where(cap, np.where(north, 1.0 - ky, kx), q - left)
+    square = np.where(cap, np.where(north, sector, 8 + sector), square)
+    column = np.clip((x * side).astype(np.int64), 0, side - 1)
+    row = np.clip((y * side).astype(np.int64), 0, side - 1)
+    return np.asarray((square * side + column) * side + row)
+
+
+def crowded_out(vector: Floats, mag: Floats, kept: Floats, kept_vt: Floats) -> NDArray[np.bool_]:
+    """Whether stars (N,) of V ``mag`` may lack in an index with stars ``kept`` (K, 3) for room."""
+    cells = 12 * SIDE * SIDE
+    home = cell_of(kept)
+    count = np.bincount(home, minlength=cells)
+    faintest = np.full(cells, -np.inf)
+    np.maximum.at(faintest, home, kept_vt)
+    cell = cell_of(vector)
+    return np.asarray((count[cell] >= KEPT) & (faintest[cell] < mag + VT_MARGIN))
+
+
+PARTNER = 1.5  # arcsec within which a Tycho-2 star is the same star
+SAME_BRIGHT = 6.0  # arcsec, of a star without partner, if V agrees within
+SAME_MAG = 0.7
+JOIN = 1.5  # arcsec within which stars become one photocentre
+BV_REAL = (0.02, 2.4)  # artefacts have one band missing: their colour stands at a stop
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StarList:
+    """A list at J2000: ``vector`` (N, 3), ``pm`` (N, 2) mas/yr, ``mag`` V, ``bv`` NaN unknown.
+
+    ``hip`` 0 when none, ``flag`` bits of `kochab.sky.catalogue_file`.
+    """
+
+    vector: Floats
+    pm: Floats
+    mag: Floats
+    bv: Floats
+    hip: Ints
+    flag: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.mag)
+
+    def take(self, index: Ints | Bools) -> "StarList":
+        """The stars that ``index`` selects."""
+        return StarList(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    @classmethod
+    def joined(cls, a: "StarList", b: "StarList") -> "StarList":
+        """The stars of ``a``, then those of ``b``."""
+        names = [f.name for f in fields(cls)]
+        return cls(*(np.concatenate([getattr(a, n), getattr(b, n)]) for n in names))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Merged:
+    """``bright`` every Hipparcos star, unjoined, with ``source`` rows of Stellarium's list.
+
+    ``deep`` every star; ``link`` (L, 2) pairs (deep, bright), brightest part first within a star.
+    ``counts`` what was corrected, dropped and joined.
+    """
+
+    bright: StarList
+    source: Ints
+    deep: StarList
+    link: Ints
+    counts: dict[str, int]
+
+
+def merge(src: Sources) -> Task[Merged]:
+    """Make the bright and the deep list."""
+    from scipy.spatial import cKDTree
+
+    yield Progress("Looking for partners in Tycho-2", 0.1)
+    tree = cKDTree(src.tycho)
+    stars, place_listed, mag_listed = _stellarium_stars(src)
+    left_out = crowded_out(stars.vector, stars.mag, src.tycho, src.vt)
+    partner, counts, early = _partners(stars, place_listed, tree, left_out)
+    yield Progress("Putting epochs right", 0.3)
+    years = np.where(early, 2000.0 - EARLY, 0.0)
+    vector = moved(stars.vector, stars.pm, years)
+    flag = stars.flag | np.where(early, REDATED, 0).astype(np.uint8)
+    stars = StarList(vector, stars.pm, stars.mag, stars.bv, stars.hip, flag)
+    yield Progress("Dropping artefacts", 0.4)
+    keep = (stars.hip > 0) | (partner >= 0) | _plausible(stars, left_out)
+    counts["artefacts dropped"] = int((~keep).sum())
+    stars = _refined(stars, partner, src, mag_listed)
+    rest = _tycho_only(src, ~_listed_already(src, stars, partner, tree))
+    counts["stars of Tycho-2 alone"] = len(rest)
+    both = StarList.joined(stars.take(keep), rest)
+    yield Progress("Joining close components", 0.6)
+    listed_hip = dict(zip(src.listed.hip.tolist(), src.listed.mag.tolist(), strict=True))
+    deep, group = join(both, listed_hip)
+    counts["stars with joined components"] = int((deep.flag & MERGED > 0).sum())
+    hips = np.flatnonzero(stars.hip > 0)
+    bright, source, link = _linked(stars, hips, group[: int(keep.sum())][stars.hip[keep] > 0])
+    return Merged(bright, source, deep, link, counts)
+
+
+def _stellarium_stars(src: Sources) -> tuple[StarList, Floats, Floats]:
+    """Stellarium's stars with motions, and the independent list's places and V beside them."""
+    raw = src.stars
+    at = np.minimum(np.searchsorted(src.pm_hip, raw.hip), len(src.pm_hip) - 1)
+    known = (raw.hip > 0) & (src.pm_hip[at] == raw.hip)
+    pm = np.where(known[:, None], src.pm[at], raw.pm)
+    for hip, motion in MOTIONS.items():
+        pm[raw.hip == hip] = motion
+    order = np.argsort(src.listed.hip)
+    ids = src.listed.hip[order]
+    spot = np.minimum(np.searchsorted(ids, raw.hip), len(ids) - 1)
+    in_list = (ids[spot] == raw.hip) & _brightest_of_hip(raw.hip, raw.mag)
+    place = np.where(in_list[:, None], src.listed.vector[order][spot], np.nan)
+    mag = np.where(in_list & (raw.component == 0), src.listed.mag[order][spot], np.nan)
+    flag = np.full(len(raw), MOVING, dtype=np.uint8)
+    flag[raw.hip > 0] |= HIPPARCOS
+    # Magnitudes were floored to 0.05: the middle of the step is the best guess.
+    return StarList(raw.vector, pm, raw.mag + 0.025, raw.bv, raw.hip, flag), place, mag
+
+
+def _brightest_of_hip(hip: Ints, mag: Floats) -> Bools:
+    order = np.lexsort((mag, hip))
+    first = np.zeros(len(hip), dtype=np.bool_)
+    ranked = hip[order]
+    first[order[np.concatenate([[True], ranked[1:] != ranked[:-1]])]] = True
+    return first & (hip > 0)
+
+
+def _partners(
+    stars: StarList, listed: Floats, tree: Any, left_out: Bools
+) -> tuple[Ints, dict[str, int], Bools]:
+    """Each star's Tycho-2 partner (or -1), counts, and which stars stand at 1991.65."""
+    same = _nearest(tree, stars.vector, PARTNER)
+    then = moved(stars.vector, stars.pm, SUPPLEMENT - 2000.0)
+    supplement = _nearest(tree, then, PARTNER)
+    later = moved(stars.vector, stars.pm, 2000.0 - EARLY)
+    after = _nearest(tree, later, PARTNER)
+    lead = _brightest_of_hip(stars.hip, stars.mag)
+    checked = np.isfinite(listed[:, 0])
+    early = lead & checked & early_by_list(stars.vector, stars.pm, listed)
+    by_list = int(early.sum())
+    # Of single Hipparcos stars without any partner, 222 of the 236 that can be checked stand at
+    # 1991.65: so do the rest, save where the index left faint stars out for room (of those most
+    # stand at J2000: at V 11 to 12 one in ten is not in Tycho-2, but half are not in the index).
+    alone = lead & ~checked & (shift_arcsec(stars.pm) > TELLING)
+    alone &= (same < 0) & (supplement < 0) & (after < 0)
+    alone &= ~left_out | np.isin(stars.hip, ALSO_EARLY)
+    early |= alone
+    early = (stars.hip > 0) & np.isin(stars.hip, stars.hip[early])  # components follow
+    fast = shift_arcsec(stars.pm) > TELLING
+    partner = np.where(same >= 0, same, np.where(fast, supplement, -1))
+    partner = np.where(early & (after >= 0), after, partner)
+    counts = {
+        "redated by the independent list": by_list,
+        "redated for want of a Tycho-2 partner": int(alone.sum()),
+        "redated with their components": int(early.sum()),
+        "Tycho-2 positions at 1991.25 set aside": int(((same < 0) & (partner >= 0)).sum()),
+    }
+    return partner, counts, early
+
+
+def _nearest(tree: Any, vector: Floats, limit: float) -> Ints:
+    """Row of the nearest Tycho-2 star within ``limit`` arcsec, or -1."""
+    distance, row = tree.query(vector, distance_upper_bound=limit * ARCSEC)
+    return np.where(np.isfinite(distance), row, -1).astype(np.int64)
+
+
+def _plausible(stars: StarList, left_out: Bools) -> Bools:
+    """Stars without partner that may be real: not bright, of a real colour, and left out."""
+    real = (stars.bv > BV_REAL[0]) & (stars.bv < BV_REAL[1]) & (stars.mag > 8.0)
+    return np.asarray(real & left_out)
+
+
+def _refined(stars: StarList, partner: Ints, src: Sources, listed: Floats) -> StarList:
+    """Finer values from the partner: V for all, and for non-Hipparcos stars the place as well."""
+    vt = np.where(partner >= 0, src.vt[partner], np.nan)
+    v = vt - (0.121 * stars.bv - 0.009)
+    fine = np.abs(v - stars.mag) < 0.15
+    mag = np.where(np.isfinite(listed), listed, np.where(fine, v, stars.mag))
+    near = np.where(partner >= 0, np.linalg.norm(stars.vector - src.tycho[partner], axis=1), 9.0)
+    better = (stars.hip == 0) & (near < 0.5 * ARCSEC)
+    vector = np.where(better[:, None], src.tycho[partner], stars.vector)
+    return StarList(vector, stars.pm, mag, stars.bv, stars.hip, stars.flag)
+
+
+def _listed_already(src: Sources, stars: StarList, partner: Ints, tree: Any) -> Bools:
+    """Tycho-2 stars (T,) that are in the other list, or are none.
+
+    Besides the partners: the one at RA 0, Dec 0 to the last digit, which is a star without a
+    place, and stars as bright as a Hipparcos star without partner so near that it must be it.
+    """
+    used = np.zeros(len(src.tycho), dtype=np.bool_)
+    used[partner[partner >= 0]] = True
+    used |= np.linalg.norm(src.tycho - [1.0, 0.0, 0.0], axis=1) < 1e-8
+    unpartnered = stars.take((stars.hip > 0) & (partner < 0))
+    for years in (0.0, SUPPLEMENT - 2000.0):
+        near = _nearest(tree, moved(unpartnered.vector, unpartnered.pm, years), SAME_BRIGHT)
+        alike = (near >= 0) & (np.abs(src.vt[near] - 0.10 - unpartnered.mag) < SAME_MAG)
+        used[near[alike]] = True
+    return used
+
+
+def _tycho_only(src: Sources, index: Bools) -> StarList:
+    n = int(index.sum())
+    flag = np.full(n, V_FROM_VT, dtype=np.uint8)
+    return StarList(
+        src.tycho[index],
+        np.zeros((n, 2)),
+        src.vt[index] - 0.10,
+        np.full(n, np.nan),
+        np.zeros(n, dtype=np.int64),
+        flag,
+    )
+
+
+def join(stars: StarList, listed: dict[int, float]) -> tuple[StarList, Ints]:
+    """Replace components closer than `JOIN` by their photocentre; also each star's new row.
+
+    ``listed`` {HIP: V} holds the combined V of Hipparcos entries where that is known.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    n = len(stars)
+    pairs = cKDTree(stars.vector).query_pairs(JOIN * ARCSEC, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, group = connected_components(graph, directed=False)
+    rank = np.lexsort((np.arange(n), stars.mag, group))
+    first = np.concatenate([[True], np.diff(group[rank]) > 0])
+    head, start = rank[first], np.flatnonzero(first)
+    flux = 10.0 ** (-0.4 * stars.mag[rank])
+    total = np.add.reduceat(flux, start)
+    place = np.add.reduceat(flux[:, None] * stars.vector[rank], start)
+    motion = np.add.reduceat(flux[:, None] * stars.pm[rank], start) / total[:, None]
+    several = np.add.reduceat(np.ones(n), start) > 1
+    hip = _hip_of_groups(stars, rank, start)
+    flag = np.bitwise_or.reduceat(stars.flag[rank], start)
+    flag = (flag | np.where(several, MERGED, 0)).astype(np.uint8)
+    mag = np.where(several, -2.5 * np.log10(total), stars.mag[head])
+    combined = np.array([listed.get(h, np.nan) for h in hip[several].tolist()])
+    mag[several] = np.where(np.isfinite(combined), combined, mag[several])
+    one = ~several
+    place[several] /= np.linalg.norm(place[several], axis=1, keepdims=True)
+    place[one], motion[one] = stars.vector[head[one]], stars.pm[head[one]]
+    return StarList(place, motion, mag, stars.bv[head], hip, flag), group.astype(np.int64)
+
+
+def _hip_of_groups(stars: StarList, rank: Ints, start: Ints) -> Ints:
+    """The HIP number of each group's brightest Hipparcos member, 0 when it has none."""
+    size = np.diff(np.append(start, len(rank)))
+    owner = np.repeat(np.arange(len(start)), size)
+    members = np.flatnonzero(stars.hip[rank] > 0)
+    hip = np.zeros(len(start), dtype=np.int64)
+    hip[owner[members[::-1]]] = stars.hip[rank][members[::-1]]  # the first member is set last
+    return hip
+
+
+def _linked(stars: StarList, rows: Ints, group: Ints) -> tuple[StarList, Ints, Ints]:
+    """The bright list by HIP and brightness, its source rows, and (deep, bright) pairs."""
+    order = np.lexsort((stars.mag[rows], stars.hip[rows]))
+    source = rows[order]
+    link = np.stack([group[order], np.arange(len(rows))], axis=1)
+    rank = np.lexsort((stars.mag[source], link[:, 0]))
+    return stars.take(source), source, link[rank]

@@ -1,0 +1,411 @@
+"""The sources of the catalogue as arrays, and the epochs of their positions."""
+
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.errors import CatalogueError
+
+# -- Stellarium's star files: zones of a geodesic grid holding Hipparcos and Tycho-2 stars -----
+# The layout is a documented fact of the format (Stellarium 0.22, type 0 and type 1 files): a header
+# of eight int32, a count for every triangle of the grid, then packed records. Positions are offsets
+# along the east and north axes of their triangle's centre, on the plane that touches the sphere
+# there. Proper motions are stored beside them as if along the same axes, but their values are
+# (pmRA*, pmDE) at the star: turned from the zone's axes to the star's, Polaris would come out
+# rotated by some 50 degrees. Only their scale is that of the plane (measured against the table of
+# Hipparcos motions beside the files: 0.2 % at the median).
+
+MAGIC = 0x835F040A
+SIZES = {0: 28, 1: 10}
+FULL = {0: 2**31 - 1, 1: 2**19 - 1}  # the offset that reaches the farthest corner of a triangle
+FACES = "10A01909698607A670763683BA773B32B238AB424B54228541A451591895"
+"""The corners of the 20 faces of the icosahedron, counted 0 to B, in the order of the files."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ZoneStars:
+    """Stars as stored: all arrays (N,).
+
+    ``vector`` (N, 3) ICRS; ``pm`` (N, 2) pmRA*, pmDE in mas/yr; ``mag`` V, floored to its step;
+    ``bv`` mag, NaN when unknown; ``parallax`` mas; ``hip`` and ``component`` 0 when none.
+    """
+
+    vector: Floats
+    pm: Floats
+    mag: Floats
+    bv: Floats
+    parallax: Floats
+    hip: NDArray[np.int64]
+    component: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.hip)
+
+    @classmethod
+    def joined(cls, parts: "list[ZoneStars]") -> "ZoneStars":
+        """All the parts one after another."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
+
+def triangles(level: int) -> Floats:
+    """Corners (20 * 4**level, 3, 3) of the geodesic triangles of ``level``, in file order."""
+    golden = 0.5 * (1.0 + np.sqrt(5.0))
+    b = 1.0 / np.sqrt(1.0 + golden * golden)
+    a = b * golden
+    corners = np.zeros((12, 3))  # of an icosahedron: three golden rectangles
+    corners[:4, :2] = [[a, -b], [a, b], [-a, b], [-a, -b]]
+    corners[4:8, 1:] = [[a, -b], [a, b], [-a, b], [-a, -b]]
+    corners[8:, ::2] = [[-b, a], [b, a], [b, -a], [-b, -a]]
+    faces = np.array([int(corner, 36) for corner in FACES]).reshape(20, 3)
+    zone = corners[faces]
+    for _ in range(level):
+        c0, c1, c2 = zone[:, 0], zone[:, 1], zone[:, 2]
+        e0, e1, e2 = (_unit(p) for p in (c1 + c2, c2 + c0, c0 + c1))
+        children = [[c0, e2, e1], [e2, c1, e0], [e1, e0, c2], [e0, e1, e2]]
+        zone = np.stack([np.stack(c, axis=1) for c in children], axis=1).reshape(-1, 3, 3)
+    return np.asarray(zone, dtype=np.float64)
+
+
+def read_stars(path: Path) -> ZoneStars:
+    """Every star of one ``stars_*.cat`` file (types 0 and 1)."""
+    data = path.read_bytes()
+    head = np.frombuffer(data, "<i4", 8) if len(data) >= 32 else np.zeros(8, "<i4")
+    if int(head[0]) & 0xFFFFFFFF != MAGIC or int(head[1]) not in SIZES:
+        raise CatalogueError(f"{path.name} is not a Stellarium star file of type 0 or 1.")
+    kind, level, low, span, steps = (int(head[i]) for i in (1, 4, 5, 6, 7))
+    zones = 20 * 4**level
+    counts = np.frombuffer(data, "<u4", zones, 32).astype(np.int64)
+    body = np.frombuffer(data, np.uint8, offset=32 + 4 * zones)
+    if len(body) != SIZES[kind] * int(counts.sum()):
+        raise CatalogueError(f"{path.name} is cut short or damaged.")
+    rows = body.reshape(-1, SIZES[kind])
+    columns = _type0(rows) if kind == 0 else _type1(rows)
+    x, y, pm_ra, pm_dec, bv, step, parallax, hip, component = columns
+    vector, plane = _positions(level, kind, np.repeat(np.arange(zones), counts), x, y)
+    motion = _on_sphere(_floats(np.stack([pm_ra, pm_dec], axis=1) * 0.1), plane)
+    return ZoneStars(
+        vector,
+        motion,
+        _floats((low + step * (span / steps)) * 1e-3),
+        _floats(np.where(bv > 0, bv * (4.0 / 127.0) - 0.5, np.nan)),
+        _floats(parallax * 0.01),
+        hip,
+        component,
+    )
+
+
+def _type0(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ...]:
+    names = ["id", "x", "y", "bv", "mag", "sp", "dx", "dy", "plx"]
+    packed = np.dtype({"names": names, "formats": ["<u4", "<i4", "<i4", "u1", "u1", "<u2", *["<i4"] * 3]})
+    r = np.ascontiguousarray(rows).view(packed)[:, 0]
+    wide = [r[k].astype(np.int64) for k in ("x", "y", "dx", "dy", "bv", "mag", "plx", "id")]
+    *most, ident = wide
+    return (*most, ident & 0xFFFFFF, ident >> 24)
+
+
+def _type1(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ...]:
+    d = rows.astype(np.int64).T
+    x = _signed(d[0] | d[1] << 8 | (d[2] & 0xF) << 16, 20)
+    y = _signed(d[2] >> 4 | d[3] << 4 | d[4] << 12, 20)
+    dx = _signed(d[5] | (d[6] & 0x3F) << 8, 14)
+    dy = _signed(d[6] >> 6 | d[7] << 2 | (d[8] & 0xF) << 10, 14)
+    none = np.zeros_like(x)
+    return x, y, dx, dy, d[8] >> 4 | (d[9] & 7) << 4, d[9] >> 3, none, none, none
+
+
+def _signed(value: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+    return value - ((value >> (bits - 1)) << bits)
+
+
+def _positions(
+    level: int, kind: int, zone: NDArray[np.int64], x: NDArray[np.int64], y: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Unit vectors (N, 3), and places (N, 2) on the plane that touches each zone's centre."""
+    corners = triangles(level)
+    centre = _unit(corners.sum(axis=1))
+    east = _unit(np.cross([0.0, 0.0, 1.0], centre))
+    north = np.cross(centre, east)
+    offset = corners - centre[:, None]
+    along = np.stack([np.einsum("zck,zk->zc", offset, axis) for axis in (east, north)], axis=-1)
+    reach = np.abs(along) / np.sqrt(1.0 - np.sum(along**2, axis=-1, keepdims=True))
+    scale = reach.max() / FULL[kind]
+    plane = np.stack([x, y], axis=1) * scale
+    offset = plane[:, :1] * east[zone] + plane[:, 1:] * north[zone]
+    return _unit(centre[zone] + offset), _floats(plane)
+
+
+def _on_sphere(motion: Floats, plane: Floats) -> Floats:
+    """Undo the plane's scale: 1 / cos across the direction to its centre, 1 / cos^2 along it."""
+    square = np.sum(plane**2, axis=1, keepdims=True)
+    cosine = 1.0 / np.sqrt(1.0 + square)
+    outward = plane * (np.sum(motion * plane, axis=1, keepdims=True) / np.maximum(square, 1e-30))
+    return _floats((motion - outward) * cosine + outward * cosine**2)
+
+
+def _floats(values: NDArray[Any]) -> Floats:
+    return np.asarray(values, dtype=np.float64)
+
+
+def _unit(v: Floats) -> Floats:
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+# -- The star table inside an astrometry.net index file (series 4100, 5000 and their like) -----
+# A FITS file of tables, each one column of raw bytes. The stars are the data of a kd-tree: unsigned
+# integers x 3 that span the range given beside them. Rows of the tag-along table follow the order
+# of the stars. The file's byte order is stated in the header's ENDIAN card.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IndexStars:
+    """Stars of an index: ``vector`` (N, 3) unit vectors, ``columns`` tag-along arrays (N,)."""
+
+    vector: Floats
+    columns: dict[str, NDArray[Any]]
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Leave out astropy's remarks on files that are refused, or fine, in any case."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def read_index(path: Path) -> IndexStars:
+    """The stars of an astrometry.net index file."""
+    from astropy.io import fits
+
+    try:
+        with _quietly(), fits.open(path, memmap=False) as hdus:
+            names = {h.columns.names[0]: i for i, h in enumerate(hdus) if i and h.columns.names}
+            reach = hdus[names["kdtree_range_stars"]].data
+            data = hdus[names["kdtree_data_stars"]].data
+            tags = hdus[-1].data
+            stars = np.frombuffer(data.tobytes(), "<u4").reshape(-1, 3)
+            span = np.frombuffer(reach.tobytes(), "<f8")
+            vector = stars / span[6] + span[:3]
+            columns = {n: np.array(tags[n]) for n in tags.names if np.issubdtype(tags[n].dtype, np.number)}
+    except (OSError, KeyError, ValueError, IndexError, AttributeError) as error:
+        raise CatalogueError(f"{path.name} is not an index file with a star table ({error}).") from error
+    length = np.linalg.norm(vector, axis=1, keepdims=True)
+    if len(vector) == 0 or not np.all(np.abs(length - 1.0) < 1e-3):
+        raise CatalogueError(f"{path.name} holds stars that are not directions.")
+    columns = {n: c for n, c in columns.items() if len(c) == len(vector)}
+    return IndexStars(vector / length, columns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Listed:
+    """The independent list: ``hip`` (M,), ``vector`` (M, 3) at 2024.0, ``mag`` (M,) V."""
+
+    hip: Ints
+    vector: Floats
+    mag: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sources:
+    """All that is known before merging.
+
+    ``stars`` Stellarium's; ``hip_pm`` {HIP: (pmRA*, pmDE)} mas/yr as arrays ``pm_hip`` (K,) and
+    ``pm`` (K, 2); ``tycho`` (T, 3) vectors with ``vt`` (T,); ``cross`` {HIP: (SAO, HD, HR)};
+    ``names`` {HIP: (name, designation, other names)}.
+    """
+
+    stars: ZoneStars
+    pm_hip: Ints
+    pm: Floats
+    tycho: Floats
+    vt: Floats
+    listed: Listed
+    cross: dict[int, tuple[int, int, int]]
+    names: dict[int, tuple[str, str, list[str]]]
+
+
+def find_file(folder: Path, pattern: str) -> Path:
+    """The one file below ``folder`` matching ``pattern``; the first by name if several."""
+    found = sorted(folder.rglob(pattern))
+    if not found:
+        raise CatalogueError(f"The sources in {folder} lack {pattern}.")
+    return found[0]
+
+
+def source_files(folder: Path) -> list[Path]:
+    """The files below ``folder`` that the catalogue is made of."""
+    names = (
+        "index-tycho2-07.littleendian.fits",
+        "hip_pm.dat",
+        "cross-id.dat",
+        "name.fab",
+        "gcvs_hip_part.dat",
+        "default_database.npz",
+        "ongc.db",
+        "western/star_names.fab",
+        "western/constellationship.fab",
+    )
+    stars = sorted(folder.rglob("stars_[0-3]_*.cat"))
+    return stars + [find_file(folder, name) for name in names]
+
+
+def read_sources(folder: Path) -> Sources:
+    """Read every source below ``folder``, wherever the packages put them."""
+    parts = [read_stars(p) for p in sorted(folder.rglob("stars_[0-3]_*.cat"))]
+    if not parts:
+        raise CatalogueError(f"The sources in {folder} lack Stellarium's stars_*.cat.")
+    home = find_file(folder, "stars_0_*.cat").parent
+    index = read_index(find_file(folder, "index-tycho2-07.littleendian.fits"))
+    pm_hip, pm = _motions(home / "hip_pm.dat")
+    return Sources(
+        ZoneStars.joined(parts),
+        pm_hip,
+        pm,
+        index.vector,
+        index.columns["MAG_VT"].astype(np.float64),
+        _listed(find_file(folder, "default_database.npz")),
+        _cross(home / "cross-id.dat"),
+        _names(home, find_file(folder, "western/star_names.fab")),
+    )
+
+
+def _listed(path: Path) -> Listed:
+    with np.load(path) as data:
+        table = data["star_table"].astype(np.float64)
+        hip = data["star_catalog_IDs"].astype(np.int64)
+    ra, dec = table[:, 0], table[:, 1]
+    place = [np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)]
+    return Listed(hip, np.stack(place, axis=1), table[:, 5])
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """Lines of a text table, without comments and blanks."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise CatalogueError(f"{path} cannot be read: {error.strerror}.") from error
+    return (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
+
+
+def _motions(path: Path) -> tuple[Ints, Floats]:
+    rows = np.array([line.split()[:3] for line in _lines(path)], dtype=np.float64)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    return rows[:, 0].astype(np.int64), rows[:, 1:]
+
+
+def _cross(path: Path) -> dict[int, tuple[int, int, int]]:
+    """HIP -> (SAO, HD, HR), 0 where there is none; the first line of a star counts.
+
+    Columns: HIP, component, SAO, HD, HR.
+    """
+    table: dict[int, tuple[int, int, int]] = {}
+    for line in _lines(path):
+        cells = [int(re.sub(r"\D.*", "", c) or 0) for c in (line + "\t" * 4).split("\t")[:5]]
+        old = table.get(cells[0], (0, 0, 0))
+        table[cells[0]] = (old[0] or cells[2], old[1] or cells[3], old[2] or cells[4])
+    table.pop(0, None)
+    return table
+
+
+def _names(home: Path, western: Path) -> dict[int, tuple[str, str, list[str]]]:
+    """HIP -> (star name, designation, other names): the first name given, Bayer before Flamsteed.
+
+    Names of variable stars come last, as "R And".
+    """
+    proper: dict[int, list[str]] = {}
+    for hip, rest in _named(western):
+        found = re.search(r'_\("(.+?)"\)', rest)
+        if found:
+            proper.setdefault(hip, []).append(found[1].strip())
+    given: dict[int, list[str]] = {}
+    for hip, rest in _named(home / "name.fab"):
+        given.setdefault(hip, []).append(rest.replace("_", " "))
+    for line in _lines(home / "gcvs_hip_part.dat"):
+        cells = line.split("\t")
+        if cells[0].isdecimal() and len(cells) > 1:
+            given.setdefault(int(cells[0]), []).append(cells[1].strip())
+    table = {}
+    for hip in sorted(proper.keys() | given.keys()):
+        first, second = proper.get(hip, [""]), given.get(hip, [""])
+        also = dict.fromkeys([*first[1:], *second[1:]])
+        table[hip] = (first[0], second[0], [n for n in also if n not in (first[0], second[0])])
+    return table
+
+
+def _named(path: Path) -> Iterator[tuple[int, str]]:
+    """(HIP, text) of lines such as ``677|α_And``."""
+    for line in _lines(path):
+        hip, _, rest = line.partition("|")
+        if hip.strip().isdecimal() and rest.strip():
+            yield int(hip), rest.strip()
+
+
+# -- Which stored positions are not at J2000, and taking them there ----------------------------
+# Stellarium's list gives most stars at J2000, but Hipparcos stars that Tycho-2 lacks (the very
+# bright ones, and close or fast pairs) at 1991.65 or so; Tycho-2's supplement stands at 1991.25. At
+# 1 arcsec/yr that is an error of 8 arcsec. The judges are the independent list, whose positions are
+# at 2024.0 (but within 5 deg of the poles lack proper motion, so are at 1991.25), and Tycho-2.
+
+ARCSEC = np.radians(1.0 / 3600.0)
+EARLY = 1991.65  # the median over the stars found so, with a spread of 0.15 yr
+SUPPLEMENT = 1991.25
+LIST_EPOCH = 2024.0
+# Proxima: not in Tycho-2, in a full cell of the index, and too faint for the independent list.
+ALSO_EARLY = (70890,)
+# Where the table of motions is 80 mas/yr off: Barnard's and Kapteyn's stars, from Gaia DR3
+# (Gaia Collaboration 2023, A&A 674, A1), pmRA*, pmDE in mas/yr.
+MOTIONS = {87937: (-801.55, 10362.39), 24186: (6491.22, -5708.61)}
+TELLING = 0.15  # arcsec: a smaller shift can neither be told nor does it harm
+POLE_SIN = np.sin(np.radians(85.0))  # nearer the poles the independent list has no motion
+
+
+def tangent(vector: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors (N, 3) to the east and the north at ``vector`` (N, 3)."""
+    x, y = vector[:, 0], vector[:, 1]
+    flat = np.maximum(np.hypot(x, y), 1e-15)
+    east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)
+    return east, np.asarray(np.cross(vector, east), dtype=np.float64)
+
+
+def moved(vector: Floats, pm_mas: Floats, years: Floats | float) -> Floats:
+    """Vectors (N, 3) after ``years`` of the motion (N, 2) pmRA*, pmDE in mas/yr."""
+    east, north = tangent(vector)
+    step = pm_mas * 1e-3 * ARCSEC * np.reshape(years, (-1, 1))
+    out: Floats = vector + step[:, :1] * east + step[:, 1:] * north
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True), dtype=np.float64)
+
+
+def offsets(vector: Floats, other: Floats) -> Floats:
+    """Where ``other`` (N, 3) lies as seen from ``vector``: (N, 2) arcsec east and north."""
+    east, north = tangent(vector)
+    gap = other - vector
+    along = [np.sum(gap * axis, axis=1) / ARCSEC for axis in (east, north)]
+    return np.stack(along, axis=1)
+
+
+def shift_arcsec(pm_mas: Floats) -> Floats:
+    """How far (N,) the motions (N, 2) in mas/yr carry a star from 1991.65 to J2000, arcsec."""
+    return np.asarray(np.hypot(*pm_mas.T) * 1e-3 * (2000.0 - EARLY))
+
+
+def early_by_list(vector: Floats, pm_mas: Floats, listed: Floats) -> Bools:
+    """Stars (N,) whose place fits the independent list ``listed`` (N, 3) only if at 1991.65.
+
+    Rows of ``listed`` are NaN for stars it lacks. Where motion over eight years is too small to
+    tell, the answer is no, and no harm is done.
+    """
+    near_pole = np.abs(vector[:, 2]) > POLE_SIN
+    epoch = np.where(near_pole, SUPPLEMENT, LIST_EPOCH)
+    seen = offsets(vector, listed)
+    motion = pm_mas * 1e-3
+    now = np.hypot(*(seen - motion * (epoch - 2000.0)[:, None]).T)
+    then = np.hypot(*(seen - motion * (epoch - EARLY)[:, None]).T)
+    shift = shift_arcsec(pm_mas)
+    return np.asarray((shift > TELLING) & (then < 0.5 * now) & (then < 0.15 + 0.35 * shift))

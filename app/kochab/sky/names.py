@@ -1,0 +1,324 @@
+"""Names of stars, constellations and deep-sky objects, and finding them by any name."""
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.errors import CatalogueError, UsageError
+from kochab.sky.catalogue_file import Container
+
+# -- The 88 constellations: abbreviation, name and genitive; and the Greek letters of Bayer ----
+
+_TABLE = """
+And Andromeda Andromedae|Ant Antlia Antliae|Aps Apus Apodis|Aqr Aquarius Aquarii
+Aql Aquila Aquilae|Ara Ara Arae|Ari Aries Arietis|Aur Auriga Aurigae|Boo Boötes Boötis
+Cae Caelum Caeli|Cam Camelopardalis Camelopardalis|Cnc Cancer Cancri
+CVn Canes_Venatici Canum_Venaticorum|CMa Canis_Major Canis_Majoris
+CMi Canis_Minor Canis_Minoris|Cap Capricornus Capricorni|Car Carina Carinae
+Cas Cassiopeia Cassiopeiae|Cen Centaurus Centauri|Cep Cepheus Cephei|Cet Cetus Ceti
+Cha Chamaeleon Chamaeleontis|Cir Circinus Circini|Col Columba Columbae
+Com Coma_Berenices Comae_Berenices|CrA Corona_Australis Coronae_Australis
+CrB Corona_Borealis Coronae_Borealis|Crv Corvus Corvi|Crt Crater Crateris|Cru Crux Crucis
+Cyg Cygnus Cygni|Del Delphinus Delphini|Dor Dorado Doradus|Dra Draco Draconis
+Equ Equuleus Equulei|Eri Eridanus Eridani|For Fornax Fornacis|Gem Gemini Geminorum
+Gru Grus Gruis|Her Hercules Herculis|Hor Horologium Horologii|Hya Hydra Hydrae
+Hyi Hydrus Hydri|Ind Indus Indi|Lac Lacerta Lacertae|Leo Leo Leonis
+LMi Leo_Minor Leonis_Minoris|Lep Lepus Leporis|Lib Libra Librae|Lup Lupus Lupi
+Lyn Lynx Lyncis|Lyr Lyra Lyrae|Men Mensa Mensae|Mic Microscopium Microscopii
+Mon Monoceros Monocerotis|Mus Musca Muscae|Nor Norma Normae|Oct Octans Octantis
+Oph Ophiuchus Ophiuchi|Ori Orion Orionis|Pav Pavo Pavonis|Peg Pegasus Pegasi
+Per Perseus Persei|Phe Phoenix Phoenicis|Pic Pictor Pictoris|Psc Pisces Piscium
+PsA Piscis_Austrinus Piscis_Austrini|Pup Puppis Puppis|Pyx Pyxis Pyxidis
+Ret Reticulum Reticuli|Sge Sagitta Sagittae|Sgr Sagittarius Sagittarii
+Sco Scorpius Scorpii|Scl Sculptor Sculptoris|Sct Scutum Scuti|Ser Serpens Serpentis
+Sex Sextans Sextantis|Tau Taurus Tauri|Tel Telescopium Telescopii
+Tri Triangulum Trianguli|TrA Triangulum_Australe Trianguli_Australis|Tuc Tucana Tucanae
+UMa Ursa_Major Ursae_Majoris|UMi Ursa_Minor Ursae_Minoris|Vel Vela Velorum
+Vir Virgo Virginis|Vol Volans Volantis|Vul Vulpecula Vulpeculae
+"""
+
+_LETTERS = """
+Alpha Beta Gamma Delta Epsilon Zeta Eta Theta Iota Kappa Lambda Mu Nu Xi Omicron Pi Rho Sigma Tau
+Upsilon Phi Chi Psi Omega
+"""
+
+_ROWS = [
+    [word.replace("_", " ") for word in entry.split(" ")]
+    for entry in _TABLE.strip().replace("\n", "|").split("|")
+]
+NAMES: dict[str, str] = {short: name for short, name, _ in _ROWS}
+GENITIVES: dict[str, str] = {short: genitive for short, _, genitive in _ROWS}
+GREEK: dict[str, str] = dict(zip("αβγδεζηθικλμνξοπρστυφχψω", _LETTERS.split(), strict=True))
+
+
+NAMED_TO_V = 2.55
+"""Brighter stars are called by their proper names, fainter ones only if they are in `WELL_KNOWN`."""
+
+# Fainter stars whose proper names observers use: those of mounts' alignment lists, the Teapot, the
+# Pleiades, and a few famous double, variable and near stars.
+WELL_KNOWN = frozenset(
+    """
+Acamar,Achird,Acrab,Acubens,Adhafera,Albireo,Alchiba,Alcor,Alcyone,Alfirk,Algedi,Algenib,Algorab,
+Alkes,Almaaz,Alnasl,Alrescha,Alshain,Altais,Alula Australis,Alula Borealis,Arneb,Ascella,Asterope,
+Atlas,Barnard's Star,Baten Kaitos,Blaze Star,Cebalrai,Celaeno,Chara,Chertan,Cor Caroli,Cursa,Dabih,
+Deneb Algedi,Diadem,Edasich,Electra,Errai,Gienah,Gomeisa,Groombridge 1830,Hind's Crimson Star,Homam,
+Kapteyn's Star,Kaus Borealis,Kaus Media,Kitalpha,Kornephoros,Kruger 60,La Superba,Lalande 21185,
+Lesath,Luyten's Star,Maia,Marfik,Matar,Mebsuta,Megrez,Meissa,Mekbuda,Merope,Mira,Mothallah,
+Muphrid,Nashira,Nekkar,Nihal,Nusakan,Phact,Pherkad,Plaskett's Star,Pleione,Polis,Porrima,Propus,
+Proxima,Przybylski's Star,Rasalas,Rasalgethi,Rastaban,Rotanev,Ruchbah,Sadalbari,Sadalmelik,Sadalsuud,
+Segin,Seginus,Sheliak,Sheratan,Skat,Sualocin,Sulafat,Talitha,Tania Australis,Tania Borealis,Tarazed,
+Taygeta,Tejat,The Garnet Star,Thuban,Unukalhai,van Maanen's Star,Vindemiatrix,Wasat,Yed Posterior,
+Yed Prior,Yildun,Zaurak,Zavijava,Zosma,Zubeneschamali
+""".replace("\n", "").split(",")
+)
+
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def printed(designation: str, also: Sequence[str] = ()) -> str:
+    """A designation as charts print it: ``"θ1 Ori C"`` is θ¹ Ori C.
+
+    Of the other names ``also`` an index of the same Greek letter is taken (``"ψ Ori"`` is ψ² Ori),
+    and a Flamsteed number rather than a Latin letter (``"c Ori"`` is 42 Ori), but not of P Cygni
+    and the variables from R on.
+    """
+    head, _, rest = designation.partition(" ")
+    if head in GREEK:
+        better = rf"{head}\d+ {rest}"
+    elif re.fullmatch("[a-zA-O]", head):
+        better = rf"\d+ {rest}"
+    else:
+        better = designation
+    designation = next((word for word in also if re.fullmatch(better, word)), designation)
+    if designation[:1] not in GREEK:
+        return designation
+    head, _, rest = designation.partition(" ")
+    return f"{head.translate(_SUPERSCRIPTS)} {rest}"
+
+
+class StarNames:
+    """Every Hipparcos star by row: numbers, names, parallax; and the way back from a name."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @cached_property
+    def bright(self) -> Container:
+        """Columns of the bright list, sorted by HIP number and brightness."""
+        return Container(self.folder / "bright.kcat")
+
+    @cached_property
+    def table(self) -> dict[int, tuple[str, str, str]]:
+        """HIP number -> (star name, designation like ``"α Lyr"``, other names split by ";")."""
+        path = self.folder / "names.tsv"
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()[1:]
+            rows = (line.split("\t") for line in lines)
+            return {int(hip): (name, given, also) for hip, name, given, also in rows}
+        except (OSError, ValueError):
+            raise CatalogueError(f"The table of star names {path} is missing or damaged.") from None
+
+    def label(self, row: int) -> tuple[str, str]:
+        """("HIP n", name) of a row of the bright list, the name as people say it.
+
+        That is a well-known proper name, else the Bayer letter, Flamsteed number or variable's
+        designation, else HD n, else "". Fainter components of an entry carry their letter: "HIP n B".
+        """
+        numbers = self.bright.column("hip")
+        if row >= len(numbers):
+            raise CatalogueError(f"The catalogue in {self.folder} is damaged: a star has no name.")
+        hip = int(numbers[row])
+        if row and int(numbers[row - 1]) == hip:
+            letter = COMPONENTS[int(self.bright.column("component")[row]) % len(COMPONENTS)]
+            return f"HIP {hip} {letter}".rstrip(), self._name(hip, row)
+        return f"HIP {hip}", self._name(hip, row)
+
+    def _name(self, hip: int, row: int) -> str:
+        name, designation, also = self.table.get(hip, ("", "", ""))
+        first = int(np.searchsorted(self.bright.column("hip"), hip))  # the brightest component
+        bright = int(self.bright.column("mag")[first]) < NAMED_TO_V * 1e3
+        if name and (bright or name in WELL_KNOWN):
+            return name
+        if designation:
+            return printed(designation, also.split(";"))
+        hd = int(self.bright.column("hd")[row])
+        return f"HD {hd}" if hd else name
+
+    def details(self, row: int) -> dict[str, Any]:
+        """What the bright list knows of a row: numbers, V, B-V, motion, parallax, names."""
+        value = {k: int(self.bright.column(k)[row]) for k in ("hip", "hd", "hr", "sao")}
+        name, designation, also = self.table.get(value["hip"], ("", "", ""))
+        bv = int(self.bright.column("bv")[row])
+        return {
+            **{k: v or None for k, v in value.items()},
+            "name": name,
+            "designation": designation,
+            "also": [n for n in also.split(";") if n],
+            "v": int(self.bright.column("mag")[row]) / 1e3,
+            "bv": None if bv == np.iinfo(np.int16).min else bv / 1e3,
+            "pm_ra_mas": int(self.bright.column("pm_ra")[row]) / 1e2,
+            "pm_dec_mas": int(self.bright.column("pm_dec")[row]) / 1e2,
+            "parallax_mas": int(self.bright.column("parallax")[row]) / 1e2,
+        }
+
+    def find(self, name: str) -> int | Floats:
+        """The bright row of a star called ``name``, or the vector (3,) of a deep-sky object."""
+        # Compatibility forms turn θ¹, and a micro sign in place of μ, into what the table has.
+        words = unicodedata.normalize("NFKC", name.replace("_", " ")).split()
+        key = " ".join(words).casefold()
+        number = self._numbered(key)
+        if number is not None:
+            return number
+        hip = self._by_name.get(" ".join(words), self._by_name.get(_plain(key)))
+        if hip is not None:
+            return int(np.searchsorted(self.bright.column("hip"), hip))
+        place = self._objects.get(key.replace(" ", ""))
+        if place is not None:
+            return place
+        raise UsageError(f"No star or object in the catalogue is called {name.strip()!r}.")
+
+    def _numbered(self, key: str) -> int | None:
+        for prefix in ("hip", "hd", "hr", "sao"):
+            rest = key[len(prefix) :].strip()
+            if key.startswith(prefix) and rest.isdecimal():
+                at = np.flatnonzero(self.bright.column(prefix) == int(rest))
+                if int(rest) == 0 or not len(at):
+                    raise UsageError(f"The catalogue has no {prefix.upper()} {rest}.")
+                return int(at[0])
+        return None
+
+    @cached_property
+    def _by_name(self) -> dict[str, int]:
+        """Spelling -> HIP, as in the table (T Tau is not t Tau) and plain.
+
+        A star's first name wins over others' second ones, proper names over designations, and
+        those over shortened ones.
+        """
+        exact: dict[str, int] = {}
+        first: dict[str, int] = {}
+        proper: dict[str, int] = {}
+        given: dict[str, int] = {}
+        short: dict[str, int] = {}
+        hips = np.array(sorted(self.table))
+        numbers = self.bright.column("hip")
+        mag = self.bright.column("mag")[np.searchsorted(numbers, hips)]
+        for hip in hips[np.argsort(mag, kind="stable")].tolist():  # the brightest bears the name
+            name, designation, also = self.table[hip]
+            first.setdefault(_plain(name.casefold()), hip)
+            exact.setdefault(designation, hip)
+            for word in (name, designation, *also.split(";")):
+                key = _plain(word.casefold())
+                if (word + " ").split(" ")[1] in GENITIVES:
+                    given.setdefault(key, hip)
+                    short.setdefault(_plain(" ".join(word.split(" ")[:2]).casefold()), hip)
+                    short.setdefault(_shortened(word), hip)
+                else:
+                    proper.setdefault(key, hip)
+        found = {**short, **given, **proper, **first, **exact}
+        found.pop("", None)
+        return found
+
+    @cached_property
+    def _objects(self) -> dict[str, Floats]:
+        return {
+            alias: thing.vector for thing in read_objects(self.folder / "objects.tsv") for alias in thing.keys
+        }
+
+
+_GREEK_BY_NAME = {name.casefold(): letter for letter, name in GREEK.items()}
+_SHORT = {
+    spelling: short.casefold()
+    for short, genitive in GENITIVES.items()
+    for spelling in (genitive.casefold(), genitive.casefold().replace("ö", "o"))
+}
+COMPONENTS = ("", "A", "B", "C", "D", "E", "F", "G", "H", "K", "N", "P", "R", "S")
+
+
+def _plain(key: str) -> str:
+    """One spelling for each: ``alpha-1 lyrae a``, ``alpha1 lyr a``, ``α1 lyr a`` become ``α1lyra``."""
+    words = re.sub(r"^([a-z]+)(\d+) ", r"\1 \2 ", key.replace("-", " ")).split(" ")
+    words[0] = _GREEK_BY_NAME.get(words[0], words[0])
+    for first in range(1, len(words)):
+        for last in range(first + 1, len(words) + 1):
+            short = _SHORT.get(" ".join(words[first:last]))
+            if short is not None:
+                words[first:last] = [short]
+                return re.sub(r"[ '’]", "", "".join(words))
+    return re.sub(r"[ '’]", "", "".join(words))
+
+
+def _shortened(designation: str) -> str:
+    """``γ1 And`` and ``61 Cyg A`` without index and component: ``γand``, ``61cyg``."""
+    head, constellation = designation.split(" ")[:2]
+    if head[0] in GREEK:
+        head = head[0]
+    return _plain(f"{head} {constellation}".casefold())
+
+
+def position_name(vector: Floats) -> str:
+    """A name made of a J2000 position: ``J183656.3+384701``, cut off rather than rounded."""
+    ra, dec = radec_deg(vector)
+    tenths = int(ra * 2400.0) % 864000
+    seconds = int(abs(dec) * 3600.0)
+    hours, minutes = divmod(tenths // 600, 60)
+    sign = "-" if dec < 0 else "+"
+    return (
+        f"J{hours:02d}{minutes:02d}{tenths % 600 // 10:02d}.{tenths % 10}"
+        f"{sign}{seconds // 3600:02d}{seconds // 60 % 60:02d}{seconds % 60:02d}"
+    )
+
+
+# -- Deep-sky objects: the NGC, IC and Messier table, small enough to be text ------------------
+
+COLUMNS = "name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon"
+
+
+@dataclass(frozen=True, slots=True)
+class DeepSky:
+    """One object; ``mag`` (V, else B) and ``size_arcmin`` (longest axis) NaN when unknown."""
+
+    name: str
+    kind: str
+    ra_deg: float
+    dec_deg: float
+    mag: float
+    size_arcmin: float
+    messier: str
+    common: str
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """ICRS unit vector (3,)."""
+        return unit_vectors(self.ra_deg, self.dec_deg)
+
+    @property
+    def keys(self) -> list[str]:
+        """Every spelling it is found by, lower case and without spaces."""
+        names = [self.name, self.messier, self.messier.replace("M", "Messier", 1)]
+        names += self.common.split(",")
+        return [re.sub(r"\s", "", n).casefold() for n in names if n.strip()]
+
+
+def read_objects(path: Path) -> list[DeepSky]:
+    """All objects of the table, in its order."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise CatalogueError(f"The table of objects {path} cannot be read.") from error
+    if not lines or lines[0] != COLUMNS:
+        raise CatalogueError(f"The table of objects {path} is damaged.")
+    found = []
+    for line in lines[1:]:
+        name, kind, *numbers, messier, common = line.split("\t")
+        ra, dec, mag, size = (float(n) if n else float("nan") for n in numbers)
+        found.append(DeepSky(name, kind, ra, dec, mag, size, messier, common))
+    return found

@@ -1,0 +1,258 @@
+"""Why a frame did not solve: what was measured, and one thing to do next."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Detections, Frame, Hint
+from kochab.core.solution import NoSolution, Reason
+from kochab.solver import FEWEST_STARS
+from kochab.solver.frame_quality import (
+    FrameLevels,
+    Trails,
+    binned,
+    half_flux_diameter_px,
+    measure_light,
+    measure_trails,
+)
+
+FEWEST_CATALOGUE_STARS = 10
+CLEAR_SNR = 8.0
+"""Fainter detections may be noise when there is nothing else."""
+TRAILED_ASPECT = 2.2
+TRAILED_ELONGATION = 1.8
+DAY_SHARE = 0.45
+WHITE_SHARE = 0.8
+FLAT_CONTRAST = 4.0
+GLARE_SHARE = 0.002
+OUT_OF_FOCUS_PX = 12.0
+FISHEYE_DEG = 100.0
+SKY_DEG2 = 41253.0
+LARGE_DEG2 = 25.0
+"""Above this area the mean over the sky will do for the stars expected."""
+
+Finding = tuple[Reason, str]
+
+
+@dataclass(slots=True, eq=False)
+class Evidence:
+    """What a diagnosis is made from, and what was measured of it so far.
+
+    ``frame`` is None for a bare list of stars.
+    """
+
+    detections: Detections
+    hint: Hint | None = None
+    frame: Frame | None = None
+    measured: dict[str, float] = field(default_factory=dict)
+    light: FrameLevels | None = None
+    trails: Trails | None = None
+
+
+def diagnose(evidence: Evidence, refusal: NoSolution | None, elapsed_ms: Mapping[str, float]) -> NoSolution:
+    """Why the search ended without an answer: the first finding that the numbers support.
+
+    ``refusal`` is the identifier's own; it stands when the frame looks healthy.
+    """
+    _measure(evidence)
+    stated = (refusal.reason, refusal.advice) if refusal else (Reason.NO_PATTERN_AGREED, "")
+    lacking = refusal is not None and not refusal.searched
+    reason, advice = next(_findings(evidence), stated if lacking else _no_visible_fault(evidence, stated))
+    frame = evidence.frame
+    return NoSolution(
+        reason,
+        advice,
+        tried=refusal.tried if refusal else "",
+        detections=len(evidence.detections),
+        elapsed_ms=elapsed_ms,
+        measured=evidence.measured,
+        warnings=frame.warnings if frame else (),
+    )
+
+
+def timed_out(evidence: Evidence, timeout_s: float, elapsed_ms: Mapping[str, float]) -> NoSolution:
+    """The search went past its limit."""
+    _measure(evidence)
+    return NoSolution(
+        Reason.TIMED_OUT,
+        "Give the field of view or the pixel scale, or allow more time.",
+        tried=f"searched for {timeout_s:g} s",
+        detections=len(evidence.detections),
+        elapsed_ms=elapsed_ms,
+        measured=evidence.measured,
+    )
+
+
+def _measure(evidence: Evidence) -> None:
+    """Measure everything that can be measured."""
+    d, out = evidence.detections, evidence.measured
+    out["stars_found"] = float(len(d))
+    _note(out, "fwhm_px", _median(d.fwhm_px))
+    _note(out, "elongation", _median(d.elongation))
+    if len(d):
+        out["saturated_stars"] = float(np.count_nonzero(d.saturated))
+    if evidence.frame is not None:
+        bins = binned(evidence.frame)
+        evidence.light = measure_light(evidence.frame, bins)
+        evidence.trails = measure_trails(bins)
+        _note(out, "half_flux_diameter_px", half_flux_diameter_px(evidence.frame, d))
+        out["background_share"] = evidence.light.background_share
+        out["saturated_share"] = evidence.light.saturated_share
+        out["contrast_sigma"] = evidence.light.contrast
+    field_deg = implied_field_deg(evidence)
+    if field_deg is not None:
+        out["field_deg"] = field_deg
+        out["stars_expected"] = _expected(evidence, field_deg)
+
+
+def _findings(case: Evidence) -> Iterator[Finding]:
+    """Every finding the numbers support, the most telling first."""
+    yield from _no_stars(case)
+    yield from _glare(case)
+    yield from _trailing(case)
+    yield from _daylight(case)
+    yield from _focus(case)
+    yield from _field(case)
+    if len(case.detections) < FEWEST_STARS:
+        yield (
+            Reason.TOO_FEW_STARS,
+            f"Only {len(case.detections)} stars found, {FEWEST_STARS} or more are needed: expose longer "
+            "or use a wider field.",
+        )
+
+
+def _no_stars(case: Evidence) -> Iterator[Finding]:
+    light = case.light
+    if light is None:
+        return
+    snr = case.detections.snr
+    clear = int(np.count_nonzero(~(snr < CLEAR_SNR)))
+    if light.background_share > (DAY_SHARE if clear < 3 else WHITE_SHARE):
+        yield from _daylight(case)
+    if clear < 3 and light.contrast < FLAT_CONTRAST:
+        yield (
+            Reason.CLOUDED_OR_DARK,
+            "No stars above the background: check for clouds, a closed cover or dew, then expose longer.",
+        )
+
+
+def _daylight(case: Evidence) -> Iterator[Finding]:
+    light = case.light
+    if light is not None and light.background_share > DAY_SHARE:
+        yield (
+            Reason.CLOUDED_OR_DARK,
+            f"The background is at {100 * light.background_share:.0f} % of full scale (daylight, cloud "
+            "or a long exposure): wait for a dark sky or expose much shorter.",
+        )
+
+
+def _trailing(case: Evidence) -> Iterator[Finding]:
+    trails, d = case.trails, case.detections
+    if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT:
+        case.measured["trail_px"] = trails.length_px
+        _note(case.measured, "trail_angle_deg", trails.angle_deg)
+        at = f" at {trails.angle_deg:.0f} deg" if math.isfinite(trails.angle_deg) else " in arcs"
+        yield Reason.TRAILED, f"Stars trail {trails.length_px:.0f} px{at}: {_trail_advice(case)}"
+    bright = d.take(slice(0, 50))
+    if len(d) >= FEWEST_STARS and _median(bright.elongation) > TRAILED_ELONGATION:
+        length = _median(bright.fwhm_px) * math.sqrt(_median(bright.elongation) ** 2 - 1.0)
+        spin = np.mean(np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)]))
+        if abs(spin) > 0.6:
+            angle = float(np.degrees(np.angle(spin)) / 2 % 180.0)
+            case.measured.update(trail_px=length, trail_angle_deg=angle)
+            yield (Reason.TRAILED, f"Stars trail {length:.0f} px at {angle:.0f} deg: {_trail_advice(case)}")
+
+
+def _trail_advice(case: Evidence) -> str:
+    exposure = case.hint.exposure_s if case.hint else None
+    if exposure is not None and exposure > 20.0:
+        return f"track the sky, or expose shorter than {exposure:g} s."
+    return "wait 5 s after the slew, then expose again; expose shorter if the mount does not track."
+
+
+def _focus(case: Evidence) -> Iterator[Finding]:
+    fwhm = case.measured.get("fwhm_px", 0.0)
+    width = min(case.measured.get("half_flux_diameter_px", fwhm), fwhm)
+    if len(case.detections) >= 3 and width > OUT_OF_FOCUS_PX:
+        yield (
+            Reason.OUT_OF_FOCUS,
+            f"Stars are {width:.0f} px wide: focus until they are under 5 px, then expose again.",
+        )
+
+
+def _field(case: Evidence) -> Iterator[Finding]:
+    deg = case.measured.get("field_deg")
+    if deg is None:
+        return
+    expected = case.measured["stars_expected"]
+    if expected < FEWEST_CATALOGUE_STARS and deg < 2.0:
+        yield (
+            Reason.FIELD_TOO_SMALL,
+            f"The field is {deg:.2f} deg wide and the catalogue has about {expected:.0f} stars "
+            "there: use a shorter focal length or a reducer.",
+        )
+    if deg > FISHEYE_DEG and len(case.detections) >= 20:
+        yield (
+            Reason.DISTORTION_TOO_STRONG,
+            f"A field of {deg:.0f} deg is too distorted: crop the central 60 deg and solve that.",
+        )
+
+
+def _glare(case: Evidence) -> Iterator[Finding]:
+    light = case.light
+    if light is None or light.background_share > DAY_SHARE:
+        return
+    if GLARE_SHARE < light.glare_share < 0.4 and light.glare_aspect < 2.0:
+        case.measured["glare_share"] = light.glare_share
+        yield (
+            Reason.TOO_FEW_STARS,
+            f"A bright patch, perhaps the Moon, covers {100 * light.glare_share:.1f} % of the "
+            "frame and hides the stars: point away from it.",
+        )
+
+
+def _no_visible_fault(case: Evidence, stated: Finding) -> Finding:
+    """Nothing is visibly wrong with the frame."""
+    reason, advice = stated
+    if reason is not Reason.NO_PATTERN_AGREED:
+        return stated
+    if case.frame is None:
+        return (reason, "Check the frame's size, that y runs down, and that the brightest star comes first.")
+    scale = case.hint is not None and case.hint.scale_arcsec_px is not None
+    if not scale:
+        return (reason, "Give the field of view if you know it, and check that the image shows stars.")
+    return reason, advice or "Check that the image shows stars, not lights or noise."
+
+
+def implied_field_deg(evidence: Evidence) -> float | None:
+    """Width of the frame that a hinted scale implies, degrees; None without a hint."""
+    if evidence.hint is None or evidence.hint.scale_arcsec_px is None:
+        return None
+    low, high = evidence.hint.scale_arcsec_px
+    pixel = math.radians(math.sqrt(low * high) / 3600.0)
+    return math.degrees(2.0 * math.atan(evidence.detections.width / 2.0 * pixel))
+
+
+def _expected(evidence: Evidence, field_deg: float) -> float:
+    """Catalogue stars in a field so wide: at the hinted place, else the mean over the sky."""
+    from kochab.sky import open_catalogue
+
+    d, hint, catalogue = evidence.detections, evidence.hint, open_catalogue()
+    area_deg2 = min(field_deg**2 * d.height / max(d.width, 1), SKY_DEG2)
+    if hint is None or hint.centre_deg is None or area_deg2 > LARGE_DEG2:
+        return float(len(catalogue) * area_deg2 / SKY_DEG2)
+    centre = unit_vectors(*hint.centre_deg[:2])
+    return float(len(catalogue.cone(centre, math.radians(math.sqrt(area_deg2 / math.pi)))))
+
+
+def _median(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else math.nan
+
+
+def _note(measured: dict[str, float], name: str, value: float) -> None:
+    if math.isfinite(value):
+        measured[name] = value

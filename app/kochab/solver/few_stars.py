@@ -1,0 +1,201 @@
+"""Five or six stars in a field of several degrees: every pair of the bright sky is tried.
+
+Too few stars for patterns can still be enough when every one of them finds its place: two stars
+propose a pointing, the others must all confirm it. Where the scale is known, triangles have been
+looked up already (:mod:`kochab.identification.triangles`), and only five stars are left to this.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.attitude import wahba
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import angle_between, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Hint
+from kochab.core.solution import Identification, Matches
+from kochab.identification.patterns import ROUGHLY
+from kochab.identification.quads import triad_axes
+from kochab.identification.verification import ACCEPT_LOG10, crowding
+from kochab.solver.matches import StarCatalogue, mutual_nearest, without_companions
+
+FEWEST, MOST, MOST_HINTED = 5, 6, 5
+DEPTH = 1.6
+"""Catalogue stars taken a field, over the number of detections."""
+MOST_STARS = 12000
+TOLERANCE = 0.009
+"""Largest error of a confirmed place, over the frame's width."""
+SCALE_STEP = 1.21
+"""Ratio of the scales that are tried together."""
+BLIND_WIDTHS_DEG = (7.0, 45.0)
+"""Frames tried when the scale is unknown; narrower ones have too many pairs."""
+
+Checked = tuple[float, Matches, Camera, Floats]
+"""Largest error (px), matches, camera, and where every star should be, px (S, 2)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _BrightSky:
+    """The bright stars that may be in the frame, brightest first: rows, unit vectors (N, 3)."""
+
+    rows: Ints
+    vectors: Floats
+
+
+def identify_few(
+    detections: Detections, hint: Hint | None, catalogue: StarCatalogue, year: float
+) -> Identification | None:
+    """The one pointing at which every detection is a bright star, or None.
+
+    ``log10_false_alarm`` is the number of pairs tried times the chance that the confirming stars
+    all fall as near to a catalogue star as they do, taken at the largest of their distances.
+    """
+    scale = hint.scale_arcsec_px if hint is not None else None
+    triangles_tried = scale is not None and max(scale) <= ROUGHLY * min(scale)
+    if not FEWEST <= len(detections) <= (MOST_HINTED if triangles_tried else MOST):
+        return None
+    found: list[Checked] = []
+    tried = 0
+    for focal_px in _focal_windows(detections, hint):
+        sky = _sky(detections, focal_px, hint, catalogue, year)
+        if sky is None:
+            continue
+        first, second, focal = _pairs(detections, focal_px, sky)
+        for mirrored in (False, True):
+            tried += len(first)
+            for k in _supported_pairs(detections, sky, first, second, focal, mirrored):
+                pair = (int(first[k]), int(second[k]))
+                checked = _check(detections, sky, pair, float(focal[k]), mirrored)
+                found += [checked] if checked else []
+    if not found:
+        return None
+    worst_px, matches, camera, places = min(found, key=lambda checked: checked[0])
+    density = DEPTH * len(detections) / (detections.width * detections.height)
+    alarm = _alarm(detections, worst_px, density, tried)
+    if alarm <= ACCEPT_LOG10:
+        half = np.array([detections.width, detections.height]) / 2.0
+        witnesses = np.delete(detections.xy, _base(detections), axis=0)
+        density *= crowding(witnesses - half, places - half, half, density)
+        alarm = _alarm(detections, worst_px, density, tried)
+    if alarm > ACCEPT_LOG10:
+        return None
+    attitude = wahba(camera.unproject(matches.xy), matches.vectors)
+    return Identification(matches, camera, attitude, alarm, "few stars", tried)
+
+
+def _alarm(detections: Detections, worst_px: float, density: float, tried: int) -> float:
+    """The bound, log10, for stars of which ``density`` lie in a square px."""
+    chance = min(1.0, density * np.pi * worst_px**2)
+    return float(np.log10(max(tried, 1)) + (len(detections) - 2) * np.log10(chance))
+
+
+def _focal_windows(detections: Detections, hint: Hint | None) -> list[tuple[float, float]]:
+    """Ranges of the focal length, px, each narrow enough for one depth of the sky."""
+    if hint is not None and hint.scale_arcsec_px is not None:
+        low, high = (206264.8 / s for s in sorted(hint.scale_arcsec_px, reverse=True))
+    else:
+        half = np.radians(BLIND_WIDTHS_DEG) / 2.0
+        high, low = (float(f) for f in detections.width / 2.0 / np.tan(half))
+    count = max(1, int(np.ceil(np.log(high / low) / np.log(SCALE_STEP) - 1e-9)))
+    edges = np.geomspace(low, high, count + 1)
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+def _sky(
+    detections: Detections,
+    focal_px: tuple[float, float],
+    hint: Hint | None,
+    catalogue: StarCatalogue,
+    year: float,
+) -> _BrightSky | None:
+    pixel = 1.0 / np.sqrt(focal_px[0] * focal_px[1])
+    field_sr = detections.width * detections.height * pixel**2
+    density = DEPTH * len(detections) / field_sr
+    centre, radius = np.array([0.0, 0.0, 1.0]), np.pi
+    if hint is not None and hint.centre_deg is not None:
+        ra, dec, around = hint.centre_deg
+        reach = np.hypot(detections.width, detections.height) / 2 * pixel
+        centre, radius = unit_vectors(ra, dec), min(np.pi, np.radians(around) + reach)
+    count = int(density * 2.0 * np.pi * (1.0 - np.cos(radius)))
+    if count > MOST_STARS:
+        return None
+    rows = catalogue.brightest(centre, float(radius), count, year)
+    return _BrightSky(rows, catalogue.vectors(rows, year))
+
+
+def _base(detections: Detections) -> tuple[int, int]:
+    """The two detections farthest apart."""
+    gap = np.linalg.norm(detections.xy[:, None] - detections.xy[None], axis=2)
+    i, j = divmod(int(np.argmax(gap)), len(detections))
+    return i, j
+
+
+def _pairs(
+    detections: Detections, focal_px: tuple[float, float], sky: _BrightSky
+) -> tuple[Ints, Ints, Floats]:
+    """Pairs of stars, both ways, as far apart as the base may be, and their focal lengths."""
+    from scipy.spatial import cKDTree
+
+    grid = np.geomspace(*focal_px, 12)
+    base = detections.xy[list(_base(detections))]
+    cameras = [Camera.centred(detections.width, detections.height, float(f)) for f in grid]
+    angles = np.array([angle_between(*camera.unproject(base)) for camera in cameras])
+    reach = 2.0 * np.sin(angles[0] / 2.0)
+    pairs = cKDTree(sky.vectors).query_pairs(reach, output_type="ndarray").astype(np.int64)
+    chord = np.linalg.norm(sky.vectors[pairs[:, 0]] - sky.vectors[pairs[:, 1]], axis=1)
+    angle = 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
+    kept = angle >= angles[-1]
+    pairs, angle = pairs[kept], angle[kept]
+    focal = np.interp(angle, angles[::-1], grid[::-1])
+    first = np.concatenate([pairs[:, 0], pairs[:, 1]])
+    second = np.concatenate([pairs[:, 1], pairs[:, 0]])
+    return first, second, np.concatenate([focal, focal])
+
+
+def _supported_pairs(
+    detections: Detections, sky: _BrightSky, first: Ints, second: Ints, focal: Floats, mirrored: bool
+) -> Ints:
+    """Pairs at which every other detection has a star near, tested for all pairs at once."""
+    from scipy.spatial import cKDTree
+
+    i, j = _base(detections)
+    others = [k for k in range(len(detections)) if k not in (i, j)]
+    middle = np.array([(detections.width - 1) / 2, (detections.height - 1) / 2])
+    flat = (detections.xy - middle) * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
+
+    def seen(k: int) -> Floats:
+        out = np.column_stack([np.broadcast_to(flat[k], (len(focal), 2)), focal])
+        return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
+
+    body = triad_axes(seen(i), seen(j))
+    star = triad_axes(sky.vectors[first], sky.vectors[second])
+    left, tree = np.arange(len(first)), cKDTree(sky.vectors)
+    if len(left) == 0:
+        return left
+    reach = 2.0 * TOLERANCE * detections.width / float(focal.min())
+    for k in others:
+        inside = np.einsum("nij,ni->nj", body[left], seen(k)[left])
+        place = np.einsum("nij,nj->ni", star[left], inside)
+        distance, _ = tree.query(place, distance_upper_bound=reach)
+        left = left[np.isfinite(distance)]
+        if len(left) == 0:
+            break
+    return left
+
+
+def _check(
+    detections: Detections, sky: _BrightSky, pair: tuple[int, int], focal: float, mirrored: bool
+) -> Checked | None:
+    """What is found when every detection has a star of its own."""
+    camera = Camera.centred(detections.width, detections.height, focal, mirrored)
+    base = list(_base(detections))
+    pointing = wahba(camera.unproject(detections.xy[base]), sky.vectors[list(pair)])
+    seen = camera.project(sky.vectors @ pointing.matrix.T)
+    places = seen[np.isfinite(seen).all(axis=1)]
+    seen[~without_companions(seen, 2.0)] = np.nan
+    i, j = mutual_nearest(detections.xy, seen, TOLERANCE * detections.width)
+    if len(i) < len(detections):
+        return None
+    worst = float(np.max(np.linalg.norm(detections.xy[i] - seen[j], axis=1)))
+    return worst, Matches(i, sky.rows[j], detections.xy[i], sky.vectors[j]), camera, places

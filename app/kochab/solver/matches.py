@@ -1,0 +1,204 @@
+"""From the few identified stars to every star of the frame that the catalogue names."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.attitude.fit import Fit, FocalPrior, refine
+from kochab.attitude.least_squares import undistorted
+from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections
+from kochab.core.solution import Identification, Matches
+
+# -- Which detection is which catalogue star, by place alone -----------------------------------
+
+
+def mutual_nearest(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Ints]:
+    """Indices (K,), (K,) of the points of ``a`` (N, 2) and ``b`` (M, 2) that choose each other.
+
+    A pair counts when each is the other's nearest and they are within ``tolerance_px``. Points
+    that are not finite pair with nothing.
+    """
+    i, j, distance2 = _close(a, b, tolerance_px)
+    if len(i) == 0:
+        return i, j
+    order = np.argsort(distance2, kind="stable")
+    best_of_a = _first_of(i[order], len(a))
+    best_of_b = _first_of(j[order], len(b))
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    chosen = (best_of_a[i] == rank) & (best_of_b[j] == rank)
+    return i[chosen], j[chosen]
+
+
+def without_companions(places: Floats, resolution_px: float) -> NDArray[np.bool_]:
+    """Which of the places (N, 2), brightest first, a camera sees as stars of their own.
+
+    A star closer than ``resolution_px`` to a brighter one is part of that one's image.
+    """
+    i, j, _ = _close(places, places, resolution_px)
+    alone = np.ones(len(places), dtype=np.bool_)
+    alone[j[i < j]] = False
+    return alone
+
+
+def _close(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Ints, Floats]:
+    """All pairs within the tolerance: b sorted by x, and for each of a the slice of b near it."""
+    finite = np.flatnonzero(np.isfinite(b).all(axis=1))
+    order = finite[np.argsort(b[finite, 0], kind="stable")]
+    xs = b[order, 0]
+    low = np.searchsorted(xs, a[:, 0] - tolerance_px)
+    count = np.searchsorted(xs, a[:, 0] + tolerance_px, side="right") - low
+    count[~np.isfinite(a).all(axis=1)] = 0
+    i = np.repeat(np.arange(len(a), dtype=np.int64), count)
+    within = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+    j = order[np.repeat(low, count) + within].astype(np.int64)
+    distance2 = np.sum(np.square(a[i] - b[j]), axis=1)
+    near = distance2 <= tolerance_px**2
+    return i[near], j[near], distance2[near]
+
+
+def _first_of(labels: Ints, size: int) -> Ints:
+    """Position of the first occurrence of every label below ``size``; -1 where there is none."""
+    first = np.full(size, -1, dtype=np.int64)
+    first[labels[::-1]] = np.arange(len(labels))[::-1]
+    return first
+
+
+ROUNDS = 8
+REACH_GROWTH = 1.4
+ENOUGH_TO_GROW = 100
+SMALLEST_TOLERANCE_PX = 1.0
+LARGEST_TOLERANCE_PX = 8.0
+
+
+class StarCatalogue(Protocol):
+    """What is needed of a catalogue here."""
+
+    def vectors(self, rows: Ints, year: float) -> Floats:
+        """ICRS unit vectors (N, 3) at a Julian year."""
+        ...
+
+    def mag(self, rows: Ints) -> NDArray[np.floating]:
+        """V magnitudes (N,)."""
+        ...
+
+    def brightest(self, vector: Floats, radius_rad: float, n: int, year: float) -> Ints:
+        """The brightest rows of a cone around an ICRS unit vector."""
+        ...
+
+    def labels(self, rows: Ints) -> list[tuple[str, str]]:
+        """Identifiers and names."""
+        ...
+
+
+def extend(
+    detections: Detections,
+    found: Identification,
+    catalogue: StarCatalogue,
+    year: float,
+    *,
+    distortion: bool = True,
+    focal: FocalPrior | None = None,
+    worst_px: float | None = None,
+) -> tuple[Matches, Fit]:
+    """Match every detection it can against the catalogue, refitting as the set grows.
+
+    The search starts where the identified stars are and works outward, so that a strong
+    distortion is learnt ring by ring. ``focal`` and ``worst_px`` are what the last fit may believe
+    of the camera.
+    Returns the matches that agree, M of them, and their fit.
+    """
+    matches = found.matches
+    camera = found.camera if distortion else undistorted(found.camera)
+    fit = refine(matches, camera, found.attitude, distortion=distortion, rounds=1)
+    rows = _field_stars(detections, found, fit, catalogue, year)
+    vectors = catalogue.vectors(rows, year)
+    sigma = centroid_sigma(detections)
+    origin = matches.xy.mean(axis=0)
+    distance = np.hypot(*(detections.xy - origin).T)
+    reach = float(np.hypot(*(matches.xy - origin).T).max())
+    spacing = np.sqrt(detections.width * detections.height / max(len(rows), 1))
+    for _ in range(ROUNDS):
+        reach *= REACH_GROWTH
+        tolerance = float(np.clip(4.0 * fit.rms_px, SMALLEST_TOLERANCE_PX, LARGEST_TOLERANCE_PX))
+        tolerance = min(tolerance, max(0.2 * spacing, SMALLEST_TOLERANCE_PX))
+        grown = _matched(detections, distance <= reach, fit, rows, vectors, tolerance)
+        if len(grown) < max(4, len(found.matches) // 2):
+            break
+        settled = reach >= distance.max() and len(grown) <= 1.03 * len(matches)
+        matches = grown
+        if settled:
+            break
+        step = max(1, len(matches) // ENOUGH_TO_GROW)  # enough, bright and faint, to place the others
+        few = _selected(matches, slice(None, None, step))
+        fit = refine(few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1)
+    matched_sigma = sigma[matches.detection] if matches is not found.matches else None
+    last = partial(refine, matches, fit.camera, fit.attitude, matched_sigma, focal=focal, worst_px=worst_px)
+    fit = last(distortion=distortion)
+    if not fit.rms_px <= LARGEST_TOLERANCE_PX:  # farther than any match was taken from: it ran away
+        fit = min(last(distortion=False), fit, key=lambda f: f.rms_px)
+    return _inliers(matches, fit)
+
+
+def _selected(matches: Matches, index: Bools | slice) -> Matches:
+    return Matches(matches.detection[index], matches.star[index], matches.xy[index], matches.vectors[index])
+
+
+def centroid_sigma(detections: Detections) -> Floats:
+    """Relative centroid errors (N,), px: a floor, and the star's width over its SNR."""
+    photon = 0.5 * detections.fwhm_px / np.maximum(detections.snr, 1.0)
+    sigma = np.hypot(0.15, np.where(np.isfinite(photon), photon, 0.0))
+    return np.where(detections.saturated | detections.blended, 2.0 * sigma, sigma)
+
+
+def field_centre(camera: Camera, attitude: Attitude) -> tuple[Floats, float]:
+    """ICRS unit vector (3,) of the frame's middle, and the radius (rad) that holds its corners."""
+    w, h = camera.width - 1.0, camera.height - 1.0
+    places = np.array([[w / 2, h / 2], [0, 0], [w, 0], [0, h], [w, h]])
+    seen = camera.unproject(places) @ attitude.matrix
+    cosine = float(np.min(seen[1:] @ seen[0]))
+    return np.asarray(seen[0]), float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _field_stars(
+    detections: Detections, found: Identification, fit: Fit, catalogue: StarCatalogue, year: float
+) -> Ints:
+    """Rows of the field's brightest stars, about twice as many as there are detections."""
+    wanted = 2 * len(detections) + 50
+    centre, radius = field_centre(fit.camera, fit.attitude)
+    radius = min(1.08 * radius, np.pi / 2)
+    w, h = fit.camera.width, fit.camera.height
+    count = int(wanted * np.pi / 4.0 * (w * w + h * h) / (w * h))  # in the circle about the frame
+    rows = np.union1d(catalogue.brightest(centre, radius, count, year), found.matches.star)
+    rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
+    seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
+    widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
+    resolution_px = float(np.clip(np.median(widths), 2.0, 10.0)) if len(widths) else 2.0
+    return rows[without_companions(seen, resolution_px)]
+
+
+def _matched(
+    detections: Detections,
+    inside: NDArray[np.bool_],
+    fit: Fit,
+    rows: Ints,
+    vectors: Floats,
+    tolerance_px: float,
+) -> Matches:
+    seen = fit.camera.project(vectors @ fit.attitude.matrix.T)
+    candidates = np.flatnonzero(inside)
+    i, j = mutual_nearest(detections.xy[candidates], seen, tolerance_px)
+    detection = candidates[i].astype(np.int64)
+    return Matches(detection, rows[j], detections.xy[detection], vectors[j])
+
+
+def _inliers(matches: Matches, fit: Fit) -> tuple[Matches, Fit]:
+    good = fit.inliers
+    inliers = _selected(matches, good)
+    return inliers, replace(fit, residuals_px=fit.residuals_px[good], inliers=np.ones(len(inliers), np.bool_))

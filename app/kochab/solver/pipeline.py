@@ -1,0 +1,393 @@
+"""One frame, or one list of stars, to a ``Solution`` or a ``NoSolution``."""
+
+import logging
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kochab.attitude import ESTIMATORS
+from kochab.attitude.fit import Fit, FocalPrior, refine
+from kochab.core.arrays import Floats
+from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.frame import Detections, Frame, Hint
+from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
+from kochab.core.solution import Identification, Matches, NamedStar, NoSolution, Reason, Solution
+from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, SolveOptions
+from kochab.solver.matches import StarCatalogue
+
+if TYPE_CHECKING:
+    from kochab.sky import Catalogue
+
+
+logger = logging.getLogger(__name__)
+FEWEST_TO_TRY = 3
+"""With fewer stars than a triangle no method has anything to look for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Examined:
+    """The answer together with the detections it was made from."""
+
+    detections: Detections
+    result: Solution | NoSolution
+
+
+def solve_frame(
+    frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0
+) -> Task[Solution | NoSolution]:
+    """Detect the stars of ``frame``, identify them and refine the pointing.
+
+    Raises
+    ------
+    UsageError
+        The options name a method or detector that does not exist.
+
+    """
+    return (yield from examine_frame(frame, options, read_ms=read_ms)).result
+
+
+def examine_frame(
+    frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0
+) -> Task[Examined]:
+    """As :func:`solve_frame`, and also hand back the detections, for who wants to draw them."""
+    from kochab.detection import DETECTORS
+    from kochab.detection.auto import AutoDetector, single_pixels
+
+    options = options or SolveOptions()
+    clock = Stopwatch(options.timeout_s, read_ms)
+    detector = DETECTORS.make(options.detector, **options.detector_options)
+    yield Progress("detect", 0.1)
+    with clock.stage("detect"):
+        detections = detector.detect(frame)
+    hint = merged_hint(with_field(options, frame.width), frame.hint if options.use_header else None)
+    result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
+    few = len(detections) < FEWEST_STARS
+    if few and isinstance(result, NoSolution) and isinstance(detector, AutoDetector):
+        points = single_pixels(frame, detector)
+        if len(points) >= FEWEST_STARS:
+            second = yield from _solve(points, replace(options, hint=hint), clock, frame)
+            if isinstance(second, Solution):
+                detections, result = points, second
+    _log(result)
+    return Examined(detections, result)
+
+
+def solve_detections(
+    detections: Detections, options: SolveOptions | None = None, *, read_ms: float = 0.0
+) -> Task[Solution | NoSolution]:
+    """Identify a list of stars and refine the pointing; there is no frame to look at.
+
+    Raises
+    ------
+    UsageError
+        The options name a method that does not exist.
+
+    """
+    options = options or SolveOptions()
+    if options.fov_deg is not None:
+        options = replace(options, hint=with_field(options, detections.width))
+    result = yield from _solve(detections, options, Stopwatch(options.timeout_s, read_ms), None)
+    _log(result)
+    return result
+
+
+def _log(result: Solution | NoSolution) -> None:
+    """One line for the journal."""
+    total_ms = result.elapsed_ms.get("total", 0.0)
+    if isinstance(result, NoSolution):
+        logger.debug("no solution in %.0f ms: %s", total_ms, result.reason)
+        return
+    ra, dec = result.ra_dec_deg
+    pointing = f"RA {ra:.5f} Dec {dec:+.5f}, {len(result.stars)} stars, RMS {result.rms_px:.2f} px"
+    logger.debug("solved in %.0f ms by %s: %s", total_ms, result.method, pointing)
+
+
+def merged_hint(given: Hint | None, header: Hint | None) -> Hint | None:
+    """What the person gave, and the header's values for the rest."""
+    if given is None or header is None:
+        return given or header
+    values = {f.name: getattr(given, f.name) for f in fields(given)}
+    return replace(header, **{k: v for k, v in values.items() if v != getattr(Hint(), k)})
+
+
+def with_field(options: SolveOptions, width: int) -> Hint | None:
+    """The person's hint, with the scale that the given field width means."""
+    if options.fov_deg is None:
+        return options.hint
+    focal_px = width / 2.0 / math.tan(math.radians(options.fov_deg) / 2.0)
+    scale = math.degrees(1.0 / focal_px) * 3600.0
+    return replace(options.hint or Hint(source="person"), scale_arcsec_px=(scale / 1.1, scale * 1.1))
+
+
+def year_of(moment: datetime | None) -> float:
+    """Julian year of an aware time; a middling recent year when unknown."""
+    if moment is None:
+        return UNKNOWN_YEAR
+    return 2000.0 + (moment - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 31557600.0
+
+
+def _solve(
+    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None
+) -> Task[Solution | NoSolution]:
+    from kochab.identification import IDENTIFIERS
+
+    IDENTIFIERS.check(options.method)
+    if options.attitude is not None:
+        ESTIMATORS.check(options.attitude)
+    year = year_of(options.hint.time_utc if options.hint else None)
+    refusal: NoSolution | None = None
+    attempts = _attempts(options) if len(detections) >= FEWEST_TO_TRY else ()
+    try:
+        for hint in attempts:
+            found = yield from _identify(detections, options, hint, year, clock)
+            if isinstance(found, Identification):
+                yield Progress("attitude", 0.8)
+                return _finished(detections, found, year, options, clock, frame)
+            if refusal is None or found.searched:  # without the hint it may lack what it needs
+                refusal = found
+        few = _few(detections, options, year, clock)
+        if few is not None:
+            yield Progress("attitude", 0.8)
+            return _finished(detections, few, year, options, clock, frame)
+    except TimedOut:
+        from kochab.solver.diagnosis import Evidence, timed_out
+
+        evidence = Evidence(detections, options.hint, frame)
+        return timed_out(evidence, options.timeout_s or 0.0, clock.elapsed_ms())
+    yield Progress("diagnose", 0.9)
+    from kochab.solver.diagnosis import Evidence, diagnose
+
+    return diagnose(Evidence(detections, options.hint, frame), refusal, clock.elapsed_ms())
+
+
+def _finished(
+    detections: Detections,
+    found: Identification,
+    year: float,
+    options: SolveOptions,
+    clock: Stopwatch,
+    frame: Frame | None,
+) -> Solution:
+    with clock.stage("attitude"):
+        solution = _conclude(detections, found, year, options)
+    warnings = (frame.warnings if frame else ()) + solution.warnings
+    return replace(solution, elapsed_ms=clock.elapsed_ms(), warnings=warnings)
+
+
+def _few(
+    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
+) -> Identification | None:
+    """The last resort of the default method when stars are few."""
+    if options.method != DEFAULT_METHOD:
+        return None
+    from kochab.solver.few_stars import identify_few
+
+    with clock.stage("identify"):
+        return identify_few(detections, options.hint, _catalogue(), year)
+
+
+@cache
+def _catalogue() -> "Catalogue":
+    """One catalogue a process: its table of names is read once."""
+    from kochab.sky import open_catalogue
+
+    return open_catalogue()
+
+
+def _attempts(options: SolveOptions) -> Iterator[Hint | None]:
+    """Hints to try in order: the given one first, then blind."""
+    hint = options.hint
+    if hint is not None and hint.helps:
+        yield hint
+        if not options.blind_after_hint:
+            return
+    yield None
+
+
+def _identify(
+    detections: Detections, options: SolveOptions, hint: Hint | None, year: float, clock: Stopwatch
+) -> Task[Identification | NoSolution]:
+    from kochab.identification import IDENTIFIERS
+
+    yield Progress("identify", 0.3, "with a hint" if hint else "blind")
+    with clock.stage("identify"):
+        identifier = IDENTIFIERS.make(options.method, **options.method_options)
+        return (yield from clock.watch(identifier.identify(detections, hint, year)))
+
+
+def _conclude(detections: Detections, found: Identification, year: float, options: SolveOptions) -> Solution:
+    from kochab.solver.matches import centroid_sigma, extend
+
+    catalogue = _catalogue()
+    usable = detections.take(slice(0, options.max_stars))
+    scale = options.hint.scale_arcsec_px if options.hint else None
+    focal = FocalPrior.of_scale(*scale) if scale else None  # the fit drops it if the stars contradict it
+    matches, fit = extend(
+        usable, found, catalogue, year, distortion=options.distortion, focal=focal, worst_px=options.worst_px
+    )
+    seen = matches
+    warnings: tuple[str, ...] = ()
+    if options.aberration:
+        moment = options.hint.time_utc if options.hint else None
+        if moment is None:
+            warnings = ("Aberration is not corrected: the frame has no date.",)
+        else:
+            seen, fit = geometric_fit(matches, fit, moment, focal, options.worst_px)
+    if options.attitude is not None:
+        sigma = centroid_sigma(usable)[seen.detection]
+        fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
+        warnings += (doubt,) if doubt else ()
+    solution = build_solution(matches, fit, found, catalogue)
+    return replace(solution, detections=len(detections), warnings=warnings)
+
+
+def geometric_fit(
+    matches: Matches,
+    fit: Fit,
+    moment: datetime,
+    focal: FocalPrior | None = None,
+    worst_px: float | None = None,
+) -> tuple[Matches, Fit]:
+    """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
+
+    Its attitude says where the camera points geometrically, up to 20.5 arcsec from where the
+    stars of the plate are in ICRS.
+    """
+    from kochab.sky.apparent import with_aberration
+
+    seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
+    distortion = bool(fit.terms[4:])
+    return seen, refine(seen, fit.camera, fit.attitude, distortion=distortion, focal=focal, worst_px=worst_px)
+
+
+def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue: StarCatalogue) -> Solution:
+    """A solution from M agreeing ``matches`` and their ``fit``, its stars brightest first.
+
+    Positions are those at the frame's date, proper motion included.
+    """
+    mags = np.asarray(catalogue.mag(matches.star), dtype=np.float64)
+    order = np.argsort(mags, kind="stable")
+    columns = zip(
+        matches.xy[order].tolist(),
+        catalogue.labels(matches.star[order]),
+        mags[order].tolist(),
+        matches.vectors[order],
+        np.hypot(*fit.residuals_px[order].T).tolist(),
+        strict=True,
+    )
+    stars = tuple(
+        NamedStar(x, y, *label, mag, *radec_deg(vector), residual_px)
+        for (x, y), label, mag, vector, residual_px in columns
+    )
+    return Solution(fit.camera, fit.attitude, stars, fit.rms_px, found.log10_false_alarm, found.method)
+
+
+def with_estimate(
+    matches: Matches, fit: Fit, name: str, sigma_px: Floats, options: Mapping[str, Any] | None = None
+) -> tuple[Fit, str]:
+    """The same camera with the attitude that the estimator ``name`` gives, and what went wrong.
+
+    M ``matches`` are handed over with the smallest ``sigma_px`` (M,) first, of equals the
+    brightest. Residuals and RMS are those against the new attitude. When the estimator cannot
+    work with the stars, the fit stays as it is and the sentence says so; else it is empty.
+    """
+    order = np.lexsort((matches.detection, sigma_px))
+    try:
+        attitude = ESTIMATORS.make(name, **(options or {})).estimate(
+            matches.xy[order], matches.vectors[order], fit.camera
+        )
+    except ValueError as error:
+        return fit, f"{name}: {error} Used the least-squares fit instead."
+    seen = fit.camera.project(matches.vectors @ attitude.matrix.T)
+    residuals = matches.xy - seen
+    rms = float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
+    return replace(fit, attitude=attitude, residuals_px=residuals, rms_px=rms), ""
+
+
+# -- What the person or the header gave and the solution contradicts ---------------------------
+
+SLACK = 1.1
+"""A given scale passes when it is off by no more than this factor beyond its own range."""
+
+
+def with_doubts(
+    result: Solution | NoSolution, options: SolveOptions, header: Hint | None = None
+) -> Solution | NoSolution:
+    """``result`` with a warning for each hint it contradicts; ``header`` is the frame's own."""
+    if not isinstance(result, Solution):
+        return result
+    given = with_field(options, result.camera.width)
+    doubts = contradictions(result, given, "given")
+    if options.hint is not None and given is not options.hint:  # the field replaced its scale
+        doubts += _scale_doubt(result, options.hint, "given")
+    if options.use_header:
+        doubts += contradictions(result, header, "in the header")
+    return replace(result, warnings=(*result.warnings, *doubts))
+
+
+def within_radius(
+    result: Solution | NoSolution, centre_deg: tuple[float, float, float] | None
+) -> Solution | NoSolution:
+    """``result``, or no solution when the frame's centre lies outside the radius.
+
+    Parameters
+    ----------
+    result
+        What was found without regard to the bound.
+    centre_deg
+        (RA, Dec, radius) in ICRS degrees, as in `Hint`; None bounds nothing.
+
+    Returns
+    -------
+    Solution or NoSolution
+        The refusal says what was found and how far away, in ``measured`` too.
+
+    """
+    if centre_deg is None or not isinstance(result, Solution):
+        return result
+    ra, dec = result.ra_dec_deg
+    away = apart_deg(centre_deg[:2], (ra, dec))
+    if away <= centre_deg[2]:
+        return result
+    return NoSolution(
+        Reason.OUTSIDE_RADIUS,
+        f"Solved with {len(result.stars)} stars at RA {ra:.4f}, Dec {dec:+.4f} deg, {away:.4g} deg from"
+        f" the search position; the search radius is {centre_deg[2]:g} deg.",
+        detections=result.detections,
+        elapsed_ms=result.elapsed_ms,
+        measured={"ra_deg": ra, "dec_deg": dec, "away_deg": away},
+        warnings=result.warnings,
+    )
+
+
+def contradictions(solution: Solution, hint: Hint | None, where: str) -> tuple[str, ...]:
+    """One sentence for a wrong scale, one for a wrong place; ``where`` the hint came from."""
+    if hint is None:
+        return ()
+    doubts = _scale_doubt(solution, hint, where)
+    if hint.centre_deg is None:
+        return doubts
+    ra, dec, radius = hint.centre_deg
+    away = apart_deg((ra, dec), solution.ra_dec_deg)
+    if away <= radius + float(np.hypot(*solution.camera.fov_deg)) / 2.0:
+        return doubts
+    return (*doubts, f"The frame is {away:.3g} deg away from the position {where}.")
+
+
+def _scale_doubt(solution: Solution, hint: Hint, where: str) -> tuple[str, ...]:
+    if hint.scale_arcsec_px is None:
+        return ()
+    low, high = hint.scale_arcsec_px
+    true, middle = solution.camera.scale_arcsec_px, (low * high) ** 0.5
+    if low / SLACK <= true <= high * SLACK:
+        return ()
+    return (
+        f"The pixel scale {where}, about {middle:.3g} arcsec/px, is wrong by a factor of"
+        f" {max(true / middle, middle / true):.3g}: measured {true:.4g} arcsec/px, a focal length of"
+        f" {solution.camera.focal_px:.0f} px.",
+    )

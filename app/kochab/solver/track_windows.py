@@ -1,0 +1,371 @@
+"""Predictive centroiding: pixels are read only where a star is expected.
+
+A window around each expected place, its own background and noise, the highest smoothed peak in it,
+and there a fit of the star image as the default detector makes it. What a window holds is the
+brightest thing in it, whether or not it is the star; that is for the match to say.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kochab.core.arrays import Bools, Floats
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Frame
+from kochab.detection.background import Halving, halving
+from kochab.detection.peaks import Stamps, cut
+from kochab.detection.star_fit import (
+    FWHM_PER_SIGMA,
+    PIXEL_VARIANCE,
+    adaptive_moments,
+    fit_stars,
+    refit_bright,
+    unweighted,
+)
+from kochab.identification.predictional_estimate import (
+    Estimate,
+    agreement,
+    concluded,
+    differential,
+    expected_px,
+)
+from kochab.identification.verification import ACCEPT_LOG10
+from kochab.solver.track_prediction import Expected, Neighbourhood, Prediction
+
+SNR = 5.0
+FLOOR_PX = 0.03
+SATURATED_PX = 0.4
+SHAPED, FEWEST_SHAPED = 12, 4  # finds that tell the star image
+LONGEST_PX = 7.0  # RMS along a trail of 24 px
+UNLIKE = 1.8  # ratio of the largest second moments from which an image is another one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowStars:
+    """What W windows hold: ``xy`` (W, 2) px, ``sigma_px`` (W,) a coordinate, ``snr`` (W,).
+
+    ``found`` (W,) says whether there is anything that looks like a star. ``moments`` (3,) are xx,
+    yy, xy, px^2, of the usual star here, NaN when too few were found.
+    """
+
+    xy: Floats
+    sigma_px: Floats
+    snr: Floats
+    found: Bools
+    moments: Floats
+
+
+def look(
+    frame: Frame, places: Floats, half: int, covariance: Floats, *, adapt: bool = False, sharp: bool = False
+) -> WindowStars:
+    """Look for stars in windows of ``2 half + 1`` px a side around ``places`` (W, 2) px.
+
+    ``covariance`` (2, 2) px^2 are the second moments of the star image; with ``adapt`` it is
+    measured first, which costs a third more. ``sharp`` stars are single pixels; else such are held
+    for hot ones.
+    """
+    count = len(places)
+    if count == 0:
+        none = np.zeros(0)
+        return WindowStars(places, none, none, np.zeros(0, dtype=np.bool_), np.full(3, np.nan))
+    how = halving(frame.bayer)
+    wide = cut(frame.pixels, how, places, np.zeros(count), half)
+    level, noise = _background(wide)
+    peak, height = _peaks(wide, level, noise)
+    smeared = False
+    if adapt:
+        covariance, smeared = _image_here(frame, how, peak, level, height / noise, covariance)
+    major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    near = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
+    stamps = cut(frame.pixels, how, peak, level, near)
+    if smeared:  # the highest pixel of a trail may be anywhere along it
+        middle = adaptive_moments(stamps, major, 6)
+        moved = np.stack([middle.dx, middle.dy], axis=1) * middle.good[:, None]
+        peak = peak + moved
+        stamps = cut(frame.pixels, how, peak, level, near)
+    fit = fit_stars(stamps, covariance)
+    refit_bright(stamps, fit, covariance, np.maximum(level, 10.0 * noise))
+    xy = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
+    snr = fit.snr / noise
+    top = stamps.core(1).max(axis=(1, 2))
+    found = (snr > SNR) & (sharp | (snr > top / noise)) & (np.hypot(*(xy - peak).T) < max(2.0, 1.5 * major))
+    found &= major < LONGEST_PX  # the middle of a trail that leaves its window is not known
+    found &= np.all(np.abs(xy - places) <= half, axis=1) & _apart(xy, max(1.5, major))
+    sigma = np.hypot(FLOOR_PX, 1.2 * major / np.maximum(snr, 1.0))
+    if frame.saturation is not None:
+        clipped = top + level >= 0.98 * frame.saturation
+        sigma = np.where(clipped, np.maximum(sigma, SATURATED_PX), sigma)
+    shapes = fit.moments[found & (snr > 15)]
+    moments = np.median(unweighted(shapes, covariance), axis=0) if len(shapes) >= 3 else np.full(3, np.nan)
+    return WindowStars(xy, sigma, snr, found, np.asarray(moments))
+
+
+def _background(windows: Stamps) -> tuple[Floats, Floats]:
+    """Median and RMS (W,) of each window; stars are above the median."""
+    values = np.where(windows.weight > 0, windows.value, np.nan).reshape(len(windows.value), -1)
+    values.sort(axis=1)  # what has no weight comes last
+    n = np.maximum(np.isfinite(values).sum(axis=1), 1)
+    row = np.arange(len(values))
+    low, middle = values[row, n // 4], values[row, n // 2]
+    level = np.nan_to_num(middle).astype(np.float64)
+    noise = np.nan_to_num(middle - low).astype(np.float64) / 0.6745
+    usual = float(np.median(noise))
+    return level, np.maximum(noise, max(0.3 * usual, 0.3))
+
+
+def _image_here(
+    frame: Frame, how: Halving, peak: Floats, level: Floats, height: Floats, expected: Floats
+) -> tuple[Floats, bool]:
+    """The star image (2, 2) of this frame, and whether it is not as ``expected``.
+
+    It is taken from the brightest finds: a mount that begins to move smears all stars alike.
+    """
+    bright = np.argsort(-height, kind="stable")[:SHAPED]
+    bright = bright[height[bright] > 10.0]
+    if len(bright) < FEWEST_SHAPED:
+        return expected, False
+    stamps = cut(frame.pixels, how, peak[bright], level[bright], 12)
+    shapes = adaptive_moments(stamps, float(np.sqrt(np.trace(expected) / 2.0)), 8)
+    if shapes.good.sum() < FEWEST_SHAPED:
+        return expected, False
+    xx, yy, xy = (float(np.median(m[shapes.good])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    found = np.array([[xx, xy], [xy, yy]]) - PIXEL_VARIANCE * np.eye(2)
+    ratio = np.linalg.eigvalsh(found)[-1] / np.linalg.eigvalsh(expected)[-1]
+    if found[0, 0] <= 0.2 or found[1, 1] <= 0.2 or 1.0 / UNLIKE < ratio < UNLIKE:
+        return expected, False
+    return found, True
+
+
+def _peaks(windows: Stamps, level: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """Place (W, 2) px and height (W,) of the highest pixel of each window, smoothed 3 x 3."""
+    value = (windows.value - level[:, None, None].astype(np.float32)) * windows.weight
+    light, share = _smoothed(value), _smoothed(windows.weight)
+    light = np.where(share > 0.3, light / np.sqrt(np.maximum(share, 0.3)), -np.inf)
+    flat = light.reshape(len(light), -1)
+    at = flat.argmax(axis=1)
+    height = flat[np.arange(len(flat)), at].astype(np.float64)
+    half, side = windows.value.shape[1] // 2, light.shape[2]
+    x, y = at % side + 1 - half, at // side + 1 - half
+    return np.stack([windows.x + x, windows.y + y], axis=1).astype(np.float64), height
+
+
+def _smoothed(value: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Binomial means of 3 x 3 pixels (W, K - 2, K - 2)."""
+    lines = 0.25 * (value[:, :-2] + value[:, 2:]) + 0.5 * value[:, 1:-1]
+    return np.asarray(0.25 * (lines[:, :, :-2] + lines[:, :, 2:]) + 0.5 * lines[:, :, 1:-1])
+
+
+def _apart(xy: Floats, distance_px: float) -> Bools:
+    """Which places no earlier one is as near to: one star is one witness, however many look."""
+    d2 = np.square(xy[:, None] - xy).sum(axis=2)
+    return np.asarray(~np.tril(d2 < distance_px**2, -1).any(axis=1))
+
+
+# -- What was found where stars were expected: an attitude, or no better than chance -----------
+# The Predictional Estimate (:mod:`kochab.identification.predictional_estimate`) over windows
+# instead of detections. The windows' finds first agree on a common shift, then the rotation is
+# refined.
+#
+# How likely is it that chance alone agrees as well? A window's find that is not its star may be
+# anywhere in the window. So with n finds, m of them within r of one rotation of the prediction, the
+# bound is the binomial tail for p = 1 - exp(-pi r^2 / window's area), times the radii tried, times
+# the room of the three angles that were fitted to the same finds. Each look at the prediction is a
+# candidate. How dense the stars are elsewhere does not matter here: each window has one star.
+
+FEWEST = 4
+LEAST_SHARE = 0.5  # of the finds that must agree
+ROUNDS = 4
+CLIP_SIGMA = 3.7
+WORST_PX = 1.2  # RMS of the residuals; a lens that moved or a wrong match is worse
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """An estimate whose ``star`` numbers the windows, with its false-alarm bound."""
+
+    estimate: Estimate
+    log10_false_alarm: float
+
+
+def match(
+    camera: Camera,
+    matrix: Floats,
+    vectors: Floats,
+    places: Floats,
+    seen: WindowStars,
+    half: int,
+    roll_px: float = 0.0,
+    looks: int = 1,
+) -> Tracked | None:
+    """The attitude that W windows agree on, or None when chance could explain it.
+
+    ``vectors`` (W, 3) are the expected stars, ``places`` (W, 2) where they were expected with
+    ``matrix``, ``roll_px`` what an error of roll may do at the frame's rim, ``looks`` how often the
+    frame was looked at so far.
+    """
+    finds = np.flatnonzero(seen.found)
+    if len(finds) < FEWEST:
+        return None
+    shift = (seen.xy - places)[finds]
+    near = np.square(shift[:, None] - shift).sum(axis=2) <= (2.0 + roll_px) ** 2
+    kept = finds[near[near.sum(axis=1).argmax()]]  # around the shift that most others are near to
+    for _ in range(ROUNDS):
+        if len(kept) < FEWEST:
+            return None
+        weight = 1.0 / seen.sigma_px[kept]
+        matrix, _ = differential(camera, matrix, seen.xy[kept], vectors[kept], weight, steps=1)
+        left = seen.xy[finds] - expected_px(camera, matrix, vectors[finds])
+        length = np.hypot(*left.T)
+        scaled = length / seen.sigma_px[finds]
+        core = np.isin(finds, kept)
+        clip = CLIP_SIGMA * max(1.0, 1.05 * float(np.median(scaled[core])))
+        again = finds[(scaled <= clip) & (length <= max(3.0, 2.0 * WORST_PX))]
+        if np.array_equal(again, kept):
+            break
+        kept = again
+    if len(kept) < max(FEWEST, LEAST_SHARE * len(finds)):
+        return None
+    estimate = concluded(camera, matrix, seen.xy, vectors, kept, kept, seen.sigma_px[kept])
+    if estimate.sigma_px > WORST_PX:
+        return None
+    left = seen.xy[finds] - expected_px(camera, estimate.attitude.matrix, vectors[finds])
+    side = 2.0 * half + 1.0
+    alarm = agreement(np.sum(left**2, axis=1), len(finds), 1, side**2, float(half), candidates=looks, free=3)
+    return Tracked(estimate, alarm) if alarm <= ACCEPT_LOG10 else None
+
+
+# One look at a frame where a prediction puts the stars: what is there, and what it matches.
+
+FEWEST_EXPECTED = 5
+ENOUGH, ROUGH_PX, SECOND_LOOK_PX = 0.7, 0.5, 8
+SHARPNESS_STARS, SHARPNESS_SHARE = 40, 0.5  # stars that tell whether they are sharp, and their share
+SHARP_PX2 = 0.36 - PIXEL_VARIANCE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowSearchResult:
+    """The prediction looked at, the stars expected, what was seen, and what that matches."""
+
+    place: Prediction
+    stars: Expected
+    seen: WindowStars
+    found: Tracked
+
+    @property
+    def poor(self) -> bool:
+        """Whether a second look may be worth it."""
+        estimate = self.found.estimate
+        few = len(estimate.seen) < ENOUGH * len(self.stars.number)
+        return few or estimate.sigma_px > ROUGH_PX
+
+    def better_of(self, again: "WindowSearchResult | None") -> "WindowSearchResult":
+        """A second look if it is better. The first one's bound stands: it had no help."""
+        if again is None:
+            return self
+        mine, its = self.found.estimate, again.found.estimate
+        sharper = its.sigma_px < mine.sigma_px and 2 * len(its.seen) > len(mine.seen)
+        if len(its.seen) <= len(mine.seen) and not sharper:
+            return self
+        alarm = self.found.log10_false_alarm
+        return WindowSearchResult(self.place, again.stars, again.seen, Tracked(its, alarm))
+
+
+class WindowSearch:
+    """Looks at one frame; ``looks`` counts how often, since each look is a chance of error."""
+
+    def __init__(self, frame: Frame, camera: Camera, image: "TrackedStarImage", stars: int) -> None:
+        self._frame, self._camera = frame, camera
+        self._image, self._stars = image, stars
+        self.looks = 0
+
+    def at(self, place: Prediction, sky: Neighbourhood) -> WindowSearchResult | None:
+        """What is seen at a prediction, looked at again where that may help."""
+        result = self._once(place, sky)
+        if result is None:  # perhaps the stars are smeared by a motion nobody expected
+            result = self._once(place, sky, adapt=True)
+        if result is None or not result.poor:
+            return result
+        # Many were beyond their windows, or smeared: now it is known where.
+        return result.better_of(self._once(place, sky, result, adapt=True))
+
+    def _once(
+        self,
+        place: Prediction,
+        sky: Neighbourhood,
+        before: WindowSearchResult | None = None,
+        *,
+        adapt: bool = False,
+    ) -> WindowSearchResult | None:
+        """Look where the prediction, or a look before, puts the stars, and match what is there."""
+        matrix, half, roll_px = place.ahead.matrix, place.half, place.roll_px
+        if before is not None:
+            matrix, half, roll_px = before.found.estimate.attitude.matrix, SECOND_LOOK_PX, 0.0
+        stars = sky.expected(self._camera, matrix, self._stars, 4.0)
+        if len(stars.number) < FEWEST_EXPECTED:
+            return None
+        self.looks += 1
+        image = self._image.during(place, self._camera, self._frame.hint.exposure_s)
+        sharp = self._image.sharp
+        seen = look(self._frame, stars.xy, half, image, adapt=adapt and not sharp, sharp=sharp)
+        vectors = sky.vectors[stars.number]
+        found = match(self._camera, matrix, vectors, stars.xy, seen, half, roll_px, looks=self.looks)
+        return None if found is None else WindowSearchResult(place, stars, seen, found)
+
+
+class TrackedStarImage:
+    """The image of a star at rest, which follows focus and seeing; ``size_px2`` second moment.
+
+    ``sharp`` stars are as small as a pixel: what else looks so, the match has to tell.
+    """
+
+    def __init__(self, size_px2: float = 1.5, *, sharp: bool = False) -> None:
+        self.size_px2, self.sharp = size_px2, sharp
+
+    @classmethod
+    def of(cls, detections: Detections, frame: Frame, xy: Floats) -> "TrackedStarImage":
+        """That of the brightest unsaturated stars of a frame, whose stars are at ``xy`` (N, 2)."""
+        image = cls._of(detections)
+        if len(xy) < FEWEST_EXPECTED:
+            return image
+        seen = look(frame, xy[:SHARPNESS_STARS], SECOND_LOOK_PX, image.size_px2 * np.eye(2))
+        if seen.found.mean() >= SHARPNESS_SHARE:
+            return image
+        sharp = cls(SHARP_PX2, sharp=True)
+        again = look(frame, xy[:SHARPNESS_STARS], SECOND_LOOK_PX, SHARP_PX2 * np.eye(2), sharp=True)
+        return sharp if again.found.mean() > max(SHARPNESS_SHARE, seen.found.mean()) else image
+
+    @classmethod
+    def _of(cls, detections: Detections) -> "TrackedStarImage":
+        fwhm = detections.fwhm_px[~detections.saturated][:40]
+        fwhm = fwhm[np.isfinite(fwhm)]
+        middle = float(np.median(fwhm)) if len(fwhm) else 2.8
+        return cls(max((middle / FWHM_PER_SIGMA) ** 2, 0.36 - PIXEL_VARIANCE))
+
+    @property
+    def fwhm_px(self) -> float:
+        """Full width at half maximum."""
+        return FWHM_PER_SIGMA * float(np.sqrt(self.size_px2))
+
+    def during(self, place: Prediction, camera: Camera, exposure_s: float | None) -> Floats:
+        """Second moments (2, 2), px^2: the round image, smeared along the predicted motion."""
+        image = self.size_px2 * np.eye(2)
+        trail = _trail_px(place, camera, exposure_s)
+        if float(np.hypot(*trail)) > 1.0:
+            image = image + np.outer(trail, trail) / 12.0
+        return np.asarray(image)
+
+    def learn(self, seen: WindowStars, place: Prediction, camera: Camera, exposure_s: float | None) -> None:
+        """Follow what was seen, slowly, while nothing trails."""
+        xx, yy, _ = seen.moments
+        still = float(np.hypot(*_trail_px(place, camera, exposure_s))) < 1.0
+        if still and not self.sharp and np.isfinite(xx * yy) and xx > 0 and yy > 0:
+            size = float(np.sqrt(xx * yy))
+            self.size_px2 += 0.1 * float(np.clip(size / self.size_px2 - 1.0, -0.5, 0.5))
+
+
+def _trail_px(place: Prediction, camera: Camera, exposure_s: float | None) -> Floats:
+    """How far (2,) a star in the middle of the frame moves while it is exposed."""
+    x, y, _ = place.ahead.rates_rad_s * (exposure_s or 0.0) * camera.focal_px
+    sign = -1.0 if camera.mirrored else 1.0
+    return np.array([-sign * y, x])

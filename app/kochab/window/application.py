@@ -1,0 +1,146 @@
+"""Starts Qt, makes one window, and runs it to its end."""
+
+import gc
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from time import monotonic
+
+from PySide6.QtCore import QObject, QTimer
+from PySide6.QtWidgets import QApplication
+
+from kochab.core.progress import PREPARING, Progress
+from kochab.detection import DETECTORS
+from kochab.identification import IDENTIFIERS
+from kochab.window.job import Job
+from kochab.window.session import Session, WorkflowEngine
+from kochab.window.settings import WindowSettings
+from kochab.window.shell.commands import Commands
+from kochab.window.shell.main_window import MainWindow
+from kochab.window.shell.presenter import Presenter
+from kochab.window.shell.views import VIEWS
+from kochab.window.shell.welcome import Sample, samples
+from kochab.window.widgets import use_plain_numerals
+from kochab.workflows.session.wiring import Wiring
+
+AFTER_MS = 1500  # the person's first frame goes first
+
+
+class Background(QObject):
+    """Runs the engine's preparation in a thread, with its progress in the status bar."""
+
+    def __init__(self, window: MainWindow, engine: WorkflowEngine, after_ms: int = AFTER_MS) -> None:
+        super().__init__(window)
+        self._status = window.status
+        self.job = Job(engine.prepare(), "background", self)
+        self.job.progressed.connect(self._progressed)
+        self.job.failed.connect(self._failed)
+        self.job.finished.connect(lambda: self._status.background.setText(""))
+        window.closing.connect(self._close)
+        self._began: tuple[float, float] | None = None  # when, and at which share
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.timeout.connect(self.job.start)
+        self._timer.start(after_ms)
+
+    def _progressed(self, progress: Progress) -> None:
+        if progress.stage != PREPARING:
+            return
+        text = "Building the small-field index"
+        if (share := progress.fraction) is not None:
+            text += f": {100 * share:.0f} %"
+            self._began = self._began or (monotonic(), share)
+            when, first = self._began
+            if share - first > 0.05:
+                text += f", about {(monotonic() - when) * (1 - share) / (share - first):.0f} s left"
+        self._status.background.setText(text)
+        self._status.background.setToolTip(
+            "The index for fields narrower than about 2° is built on this computer, once. "
+            "Wider fields solve meanwhile."
+        )
+
+    def _failed(self, sentence: str) -> None:
+        self._status.showMessage(sentence, 15_000)
+
+    def _close(self) -> None:
+        self._timer.stop()
+        self.job.abandon()
+        self.job.join(5.0)
+
+
+EVERY_MS = 1000
+FULL_EVERY = 10  # ticks
+
+
+class Garbage(QObject):
+    """Collects Python's cyclic garbage in the window's thread, until :meth:`stop`.
+
+    Left alone, Python collects in whatever thread allocates: in a worker that destroys Qt objects
+    outside their thread, which crashes. A full collection walks a hundred thousand objects of
+    imported modules, which holds up the window for a tenth of a second.
+    """
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._modules = 0
+        self._ticks = 0
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self.tick)
+        self._timer.start(EVERY_MS)
+        gc.disable()
+        self.tick()
+
+    def tick(self) -> None:
+        """Freeze what imports made, which stays for good; collect the rest while it is young."""
+        self._ticks += 1
+        if len(sys.modules) != self._modules:
+            self._modules = len(sys.modules)
+            gc.freeze()
+        else:
+            gc.collect(2 if self._ticks % FULL_EVERY == 0 else 1)
+
+    def stop(self) -> None:
+        self._timer.stop()
+        gc.unfreeze()
+        gc.enable()
+
+
+def build(
+    engine: WorkflowEngine,
+    settings: WindowSettings,
+    sample_frames: list[Sample] | None = None,
+    wiring: Wiring | None = None,
+) -> tuple[MainWindow, Commands]:
+    """A window wired to ``engine``; it is not shown yet."""
+    offered = samples() if sample_frames is None else sample_frames
+    window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)
+    presenter = Presenter(window, Session(engine, window), settings)
+    return window, Commands(presenter, offered, wiring)
+
+
+def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
+    """Open the window, with the first of ``paths`` when there is one; the exit code."""
+    app = QApplication.instance() or QApplication(sys.argv[:1])
+    assert isinstance(app, QApplication)
+    app.setApplicationName("Kochab")
+    app.setDesktopFileName("kochab")
+    use_plain_numerals()
+    engine = WorkflowEngine(made_by.partition(":")[0] for _, _, made_by in VIEWS.values())
+    window, commands = build(engine, WindowSettings(), wiring=wiring)
+    garbage = Garbage()
+    background = Background(window, engine)
+    window.show()
+    if paths:
+        commands.open(Path(paths[0]))
+    else:
+        commands.add_thumbnails()
+    # Python handles Ctrl+C only when it runs, so the event loop lets it now and then.
+    signal.signal(signal.SIGINT, lambda *_: window.close())
+    pulse = QTimer()
+    pulse.start(300)
+    pulse.timeout.connect(lambda: None)
+    code = app.exec()
+    garbage.stop()
+    background.job.join(5.0)
+    return code

@@ -1,0 +1,122 @@
+"""The area of a plot, which is made when first shown.
+
+The plotting library takes half a second to load: in a thread, and not before a plot is shown.
+"""
+
+import logging
+import sys
+from importlib import import_module
+from typing import Any
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+from shiboken6 import isValid
+
+from kochab.core.progress import Progress, Task
+from kochab.window.job import Job
+from kochab.window.themes import THEMES, Colours
+
+log = logging.getLogger("kochab")
+LIBRARY = "pyqtgraph"
+BETWEEN_MS = 20  # from one plot to the next: the first one is painted meanwhile
+
+
+class PlotArea(QWidget):
+    """Holds one plot; subclasses make and fill it. ``after_ms`` delays loading the library."""
+
+    after_ms = 0
+
+    def __init__(self, title: str) -> None:
+        super().__init__()
+        self.colours: Colours = THEMES["dark"]
+        self.plot: Any = None  # a widget with ``set_colours(colours)``, once it is made
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+        self.setAccessibleName(title)
+
+    def make_plot(self) -> QWidget:
+        """A new plot; the library may be imported here."""
+        raise NotImplementedError
+
+    def fill_plot(self) -> None:
+        """Draw in :attr:`plot` what this area was given."""
+        raise NotImplementedError
+
+    def colour_plot(self) -> None:
+        self.plot.set_colours(self.colours)
+
+    def set_colours(self, colours: Colours) -> None:
+        self.colours = colours
+        if self.plot is not None:
+            self.colour_plot()
+
+    def refill(self) -> None:
+        if self.plot is not None:
+            self.fill_plot()
+
+    def describe(self, text: str) -> None:
+        """Text that a screen reader reads for the plot."""
+        self.setAccessibleDescription(text)
+        if self.plot is not None:
+            self.plot.setAccessibleDescription(text)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        if self.plot is None:
+            _LIBRARY.make_for(self)
+
+    def make_now(self) -> None:
+        """Make the plot; takes some ten milliseconds."""
+        if self.plot is not None:
+            return
+        self.plot = plot = self.make_plot()
+        plot.setAccessibleName(self.accessibleName())
+        plot.setAccessibleDescription(self.accessibleDescription())
+        if plot.focusPolicy() != Qt.FocusPolicy.NoFocus:
+            self.setFocusProxy(plot)
+        self.colour_plot()
+        self.fill_plot()
+        self._column.addWidget(plot)
+
+
+class _Library:
+    """Loads the library for the first plot, then makes one plot a turn of the event loop."""
+
+    def __init__(self) -> None:
+        self._waiting: list[PlotArea] = []
+        self._job: Job | None = None
+
+    def make_for(self, place: PlotArea) -> None:
+        if place not in self._waiting:
+            self._waiting.append(place)
+        if self._job is not None:
+            return
+        if LIBRARY in sys.modules:
+            QTimer.singleShot(0, self._next)
+            return
+        self._job = job = Job(_loading(), "plots")
+        job.succeeded.connect(self._has_loaded)
+        job.failed.connect(log.warning)
+        QTimer.singleShot(place.after_ms, job.start)
+
+    def _has_loaded(self, _: object) -> None:
+        self._job = None
+        self._next()
+
+    def _next(self) -> None:
+        while self._waiting:
+            place = self._waiting.pop(0)
+            if isValid(place):
+                place.make_now()
+                break
+        if self._waiting:
+            QTimer.singleShot(BETWEEN_MS, self._next)
+
+
+def _loading() -> Task[None]:
+    yield Progress("plots")
+    import_module(LIBRARY)
+
+
+_LIBRARY = _Library()

@@ -1,0 +1,185 @@
+"""The widget that shows a frame: zoom, pan, stretch, and marks painted on top in one pass."""
+
+from collections.abc import Callable
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from kochab.window.image.frame_image import FrameImage, ScreenStretch
+from kochab.window.image.screen_image import RenderedFrame, ScreenImage, Viewport
+
+Paint = Callable[[QPainter, Viewport], None]
+CLICK_PX = 4  # a press that moves less than this is a click, not a drag
+PANS_PX = {
+    Qt.Key.Key_Left: (60.0, 0.0),
+    Qt.Key.Key_Right: (-60.0, 0.0),
+    Qt.Key.Key_Up: (0.0, 60.0),
+    Qt.Key.Key_Down: (0.0, -60.0),
+}
+
+
+class FrameView(QWidget):
+    """Shows an image; ``marks`` paints over it. Holds no frame and no solution."""
+
+    hovered = Signal(object)  # (x, y) image px, or None outside
+    clicked = Signal(float, float, float)  # x, y image px and reach in px
+    zoomed = Signal(float)  # screen px per image px
+    viewed = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setMouseTracking(True)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMinimumSize(240, 180)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setAccessibleName("Frame")
+        self.setAccessibleDescription(
+            "The image. Plus and minus zoom, arrow keys pan, 0 fits it to the window, 1 shows it at 100 %."
+        )
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        self.background = QColor("black")
+        self.marks: Paint | None = None
+        self.viewport = Viewport(self.width(), self.height())
+        self._image = ScreenImage()
+        self._fits = True
+        self._pressed: QPointF | None = None
+        self._dragged = False
+
+    @property
+    def picture(self) -> FrameImage | RenderedFrame | None:
+        return self._image.picture
+
+    def show_picture(self, picture: FrameImage | RenderedFrame | None, keep_view: bool = False) -> None:
+        """Draw ``picture``, fitted unless ``keep_view``."""
+        self._image.set_picture(picture)
+        if not keep_view:
+            self.fit()
+        self.update()
+
+    def set_look(self, stretch: ScreenStretch, colour: bool, red: bool) -> None:
+        """How values become brightness; ``red`` draws with red light alone."""
+        self._image.set_look(stretch, colour, red)
+        self.update()
+
+    def fit(self) -> None:
+        """Show the whole frame, also when the window changes size."""
+        self._fits = True
+        picture = self.picture
+        if picture is not None:
+            self._look(self.viewport.fitted(picture.width, picture.height))
+
+    def actual_pixels(self) -> None:
+        self._zoom(1.0 / self.devicePixelRatioF() / self.viewport.scale)
+
+    def zoom_in(self) -> None:
+        self._zoom(1.5)
+
+    def zoom_out(self) -> None:
+        self._zoom(1 / 1.5)
+
+    def reveal(self, x: float, y: float) -> None:
+        """Bring image pixel (x, y) into sight, moving only when it is not."""
+        sx, sy = self.viewport.to_screen(np.array([[x, y]]))[0]
+        if not (20 < sx < self.width() - 20 and 20 < sy < self.height() - 20):
+            self._fits = False
+            self._look(self.viewport.centred_on(x, y))
+
+    def _zoom(self, factor: float, at: QPointF | None = None) -> None:
+        """Zoom around a place on the widget, by default its centre."""
+        at = at or QPointF(self.width() / 2, self.height() / 2)
+        self._fits = False
+        self._look(self.viewport.zoomed(factor, at.x(), at.y()))
+
+    def _look(self, viewport: Viewport) -> None:
+        if self.picture is not None and not self._fits:
+            viewport = viewport.held(self.picture.width, self.picture.height)
+        self.viewport = viewport
+        self.zoomed.emit(viewport.scale * self.devicePixelRatioF())
+        self.viewed.emit()
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.fillRect(self.rect(), self.background)
+        drawn = self._image.render(self.viewport, self.devicePixelRatioF())
+        if drawn is not None:
+            image, target = drawn
+            smooth = self.viewport.scale * self.devicePixelRatioF() < 2.0
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, smooth)
+            painter.drawImage(target, image, QRectF(image.rect()))
+            if self.marks is not None:
+                painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+                self.marks(painter, self.viewport)
+        if self.hasFocus():
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
+            painter.setPen(self.palette().highlight().color())
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            painter.drawRect(self.rect().adjusted(0, 0, -1, -1))
+        painter.end()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        old = self.viewport
+        self.viewport = Viewport(self.width(), self.height(), old.scale, old.dx, old.dy)
+        if self._fits:
+            self.fit()
+        elif self.picture is not None:
+            self._look(self.viewport.held(self.picture.width, self.picture.height))
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        steps = event.angleDelta().y() / 120.0
+        if self.picture is not None and steps:
+            self._zoom(1.25**steps, event.position())
+            self._hover(event.position())
+        event.accept()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        if event.button() in (Qt.MouseButton.LeftButton, Qt.MouseButton.MiddleButton):
+            self._pressed = event.position()
+            self._dragged = False
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        here = event.position()
+        if self._pressed is not None and self.picture is not None:
+            moved = here - self._pressed
+            if self._dragged or moved.manhattanLength() >= CLICK_PX:
+                self._dragged, self._fits = True, False
+                self.setCursor(Qt.CursorShape.ClosedHandCursor)
+                self._look(self.viewport.panned(moved.x(), moved.y()))
+                self._pressed = here
+        self._hover(here)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self._pressed is not None and not self._dragged and self.picture is not None:
+            x, y = self.viewport.to_image(event.position().x(), event.position().y())
+            self.clicked.emit(x, y, 14.0 / self.viewport.scale)
+        self._pressed = None
+        self.unsetCursor()
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        if self.picture is None:
+            return
+        if self._fits:
+            self._zoom(1.0 / self.devicePixelRatioF() / self.viewport.scale, event.position())
+        else:
+            self.fit()
+
+    def leaveEvent(self, event: object) -> None:
+        self.hovered.emit(None)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.key() in PANS_PX and self.picture is not None:
+            self._fits = False
+            self._look(self.viewport.panned(*PANS_PX[Qt.Key(event.key())]))
+        else:
+            super().keyPressEvent(event)
+
+    def _hover(self, position: QPointF) -> None:
+        picture = self.picture
+        if picture is None:
+            self.hovered.emit(None)
+            return
+        x, y = self.viewport.to_image(position.x(), position.y())
+        inside = -0.5 <= x < picture.width - 0.5 and -0.5 <= y < picture.height - 0.5
+        self.hovered.emit((x, y) if inside else None)

@@ -1,0 +1,113 @@
+"""The marks over a frame, all painted in one pass."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF
+from PySide6.QtGui import QFont, QPainter
+
+from kochab.core.arrays import Floats
+from kochab.core.solution import Solution
+from kochab.window.image import marks
+from kochab.window.image.screen_image import LabelSpace, Viewport
+from kochab.window.image.sky_grid import GridLine, grid_lines, paint_compass
+from kochab.window.themes import THEMES, Colours
+
+
+@dataclass(slots=True)
+class Switches:
+    """Which marks are painted."""
+
+    detected: bool = True
+    identified: bool = True
+    names: bool = True
+    centre: bool = True
+    grid: bool = True
+    compass: bool = True
+
+
+@dataclass(slots=True)
+class Overlay:
+    """Paints detections and a solution; ``selected`` indexes ``solution.stars``."""
+
+    switches: Switches = field(default_factory=Switches)
+    colours: Colours = field(default_factory=lambda: THEMES["dark"])
+    font: QFont | None = None
+    selected: int | None = None
+    solution: Solution | None = None
+    detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    _stars: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    _others: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    _lines: list[GridLine] = field(default_factory=list)
+    _lines_key: object = None
+
+    def show(self, detected: Floats, solution: Solution | None) -> None:
+        """Detections (N, 2) px, brightest first, and their solution."""
+        self.detected, self.solution, self.selected = detected, solution, None
+        stars = solution.stars if solution is not None else ()
+        self._stars = np.array([(s.x, s.y) for s in stars]).reshape(-1, 2)
+        self._others = detected[~_among(detected, self._stars)]
+
+    def clear(self) -> None:
+        self.show(np.empty((0, 2)), None)
+
+    def paint(self, painter: QPainter, view: Viewport) -> None:
+        """Everything that is switched on, back to front."""
+        if self.font is not None:
+            painter.setFont(self.font)
+        brush = marks.Brush(painter, view, self.colours, LabelSpace(view.width, view.height))
+        on, solution = self.switches, self.solution
+        edges = _edges(view, solution)
+        lines = self._grid(view, solution) if on.grid else []
+        marks.sky_lines(brush, lines, edges)
+        if on.detected:
+            # An identified star has its own circle, unless that kind is switched off.
+            xy = self._others if on.identified else self.detected
+            marks.circles(brush, xy, self.colours.detected, marks.DETECTED_PX, 1.0)
+        if solution is not None:
+            self._solved(brush, solution, lines, edges)
+
+    def _solved(self, brush: marks.Brush, solution: Solution, lines: list[GridLine], edges: QRectF) -> None:
+        on = self.switches
+        if on.identified:
+            marks.circles(brush, self._stars, self.colours.identified, marks.IDENTIFIED_PX, 1.5)
+        if on.centre:
+            camera = solution.camera
+            x, y = brush.view.to_screen(np.array([(camera.width - 1) / 2, (camera.height - 1) / 2]))
+            for colour, width, alpha in ((self.colours.halo, 4.5, 140), (self.colours.centre, 1.8, 255)):
+                brush.pen(colour, width, alpha)
+                marks.cross(brush, x, y, 6.0, 18.0)
+        if on.compass:
+            paint_compass(brush.painter, brush.view, solution, self.colours, brush.space)
+        if self.selected is not None and self.selected < len(solution.stars):
+            star = solution.stars[self.selected]
+            at = brush.view.to_screen(self._stars[self.selected])
+            marks.selection(brush, at, star.name or star.id)
+        marks.sky_labels(brush, lines, edges)
+        if on.names:
+            marks.names(brush, solution, self._stars)
+
+    def _grid(self, view: Viewport, solution: Solution | None) -> list[GridLine]:
+        if solution is None:
+            return []
+        if (key := (view, id(solution))) != self._lines_key:
+            self._lines, self._lines_key = grid_lines(solution, *view.corners()), key
+        return self._lines
+
+
+def _among(xy: Floats, stars: Floats) -> NDArray[np.bool_]:
+    """Which places (N, 2) are those of one of the stars (M, 2), to 0.01 px."""
+    grid = np.array([1.0, 1e7])
+    return np.isin(np.rint(xy * 100.0) @ grid, np.rint(stars * 100.0) @ grid)
+
+
+def _edges(view: Viewport, solution: Solution | None) -> QRectF:
+    """The part of the frame that the widget shows, screen px."""
+    whole = QRectF(0, 0, view.width, view.height)
+    if solution is None:
+        return whole
+    (x0, y0), (x1, y1) = view.to_screen(
+        np.array([[-0.5, -0.5], [solution.camera.width - 0.5, solution.camera.height - 0.5]])
+    )
+    return whole.intersected(QRectF(QPointF(x0, y0), QPointF(x1, y1)))

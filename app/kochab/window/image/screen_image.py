@@ -1,0 +1,188 @@
+"""The visible part of a frame as a QImage, where it lies on the screen, and where labels have room."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QRectF
+from PySide6.QtGui import QImage, qRgb
+
+from kochab.core.arrays import Floats
+from kochab.window.image.frame_image import FrameImage, ScreenStretch
+
+SMALLEST, LARGEST = 1.0 / 64.0, 48.0
+
+
+@dataclass(frozen=True, slots=True)
+class Viewport:
+    """``screen = (pixel + 0.5) * scale + offset`` in logical screen pixels.
+
+    ``width`` and ``height`` are those of the widget; the half brings pixel (0, 0), the centre of
+    the first pixel, to where it is drawn.
+    """
+
+    width: int
+    height: int
+    scale: float = 1.0
+    dx: float = 0.0
+    dy: float = 0.0
+
+    def to_screen(self, xy: Floats) -> Floats:
+        """Screen positions (N, 2) of image pixels (N, 2)."""
+        return np.asarray((np.asarray(xy) + 0.5) * self.scale + (self.dx, self.dy))
+
+    def to_image(self, x: float, y: float) -> tuple[float, float]:
+        """Image pixel of a screen position."""
+        return (x - self.dx) / self.scale - 0.5, (y - self.dy) / self.scale - 0.5
+
+    def corners(self) -> tuple[float, float, float, float]:
+        """Image pixels (x0, y0, x1, y1) of the widget's corners."""
+        return (*self.to_image(0.0, 0.0), *self.to_image(self.width, self.height))
+
+    def zoomed(self, factor: float, x: float, y: float) -> "Viewport":
+        """Scaled by ``factor`` with the image held still under screen position (x, y)."""
+        scale = min(max(self.scale * factor, SMALLEST), LARGEST)
+        f = scale / self.scale
+        return replace(self, scale=scale, dx=x - (x - self.dx) * f, dy=y - (y - self.dy) * f)
+
+    def panned(self, dx: float, dy: float) -> "Viewport":
+        return replace(self, dx=self.dx + dx, dy=self.dy + dy)
+
+    def fitted(self, width: int, height: int) -> "Viewport":
+        """The whole of a width x height image, centred, with a small margin."""
+        margin = 0.98
+        scale = margin * min(self.width / max(width, 1), self.height / max(height, 1))
+        scale = min(max(scale, SMALLEST), LARGEST)
+        return self.centred_on((width - 1) / 2, (height - 1) / 2, scale)
+
+    def centred_on(self, x: float, y: float, scale: float | None = None) -> "Viewport":
+        """Image pixel (x, y) in the middle of the widget."""
+        s = self.scale if scale is None else scale
+        return replace(self, scale=s, dx=self.width / 2 - (x + 0.5) * s, dy=self.height / 2 - (y + 0.5) * s)
+
+    def held(self, width: int, height: int) -> "Viewport":
+        """Moved back so that at least a quarter of the widget, or of the image, stays in sight."""
+        w, h = width * self.scale, height * self.scale
+        mx, my = min(self.width / 4, w / 2), min(self.height / 4, h / 2)
+        dx = min(max(self.dx, mx - w), self.width - mx)
+        dy = min(max(self.dy, my - h), self.height - my)
+        return replace(self, dx=dx, dy=dy)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RenderedFrame:
+    """A ``width`` x ``height`` px frame that another thread has stretched and perhaps binned.
+
+    ``histogram`` and ``auto`` as in :class:`FrameImage`; ``memory`` is what ``image`` borrows.
+    """
+
+    width: int
+    height: int
+    image: QImage
+    auto: ScreenStretch
+    histogram: NDArray[np.float64]
+    memory: NDArray[np.uint32]
+
+    def placed(self, viewport: Viewport) -> tuple[QImage, QRectF]:
+        """The image and where it goes on the widget, logical px."""
+        scale = viewport.scale
+        binned = -(-self.width // self.image.width())  # the last odd column was dropped
+        wide, high = self.image.width() * binned * scale, self.image.height() * binned * scale
+        return self.image, QRectF(viewport.dx, viewport.dy, wide, high)
+
+
+RED_TABLE = [qRgb(i, 0, 0) for i in range(256)]
+
+
+class ScreenImage:
+    """Crops the right pyramid level to the screen and applies the look-up table."""
+
+    def __init__(self) -> None:
+        self.picture: FrameImage | RenderedFrame | None = None
+        self._stretch = ScreenStretch()
+        self._colour = True
+        self._red = False
+        self._tables: list[NDArray[np.uint8]] = []  # mono, or red, green, blue
+        self._key: object = None
+        self._made: tuple[QImage, QRectF] | None = None
+        self._pixels: NDArray[np.uint8] | None = None  # QImage borrows this memory
+
+    def set_picture(self, picture: FrameImage | RenderedFrame | None) -> None:
+        self.picture = picture
+        self._tables, self._made, self._key = [], None, None
+
+    def set_look(self, stretch: ScreenStretch, colour: bool, red: bool) -> None:
+        self._stretch, self._colour, self._red = stretch, colour, red
+        self._tables, self._key = [], None
+
+    def render(self, viewport: Viewport, ratio: float) -> tuple[QImage, QRectF] | None:
+        """The image and where it goes on the widget (logical px); None when none is in sight."""
+        picture = self.picture
+        if picture is None:
+            return None
+        if isinstance(picture, RenderedFrame):
+            return picture.placed(viewport)
+        if (key := (viewport, ratio)) != self._key:
+            self._made, self._key = self._render(picture, viewport, ratio), key
+        return self._made
+
+    def _render(self, picture: FrameImage, viewport: Viewport, ratio: float) -> tuple[QImage, QRectF] | None:
+        level = picture.level_for(viewport.scale * ratio)
+        in_colour = self._colour and bool(picture.colour) and not self._red
+        levels = picture.colour if in_colour else picture.mono
+        level = min(level, len(levels) - 1)
+        source, b = levels[level], 2**level
+        x0, y0, x1, y1 = viewport.corners()
+        c0, r0 = max(0, int((x0 + 0.5) // b)), max(0, int((y0 + 0.5) // b))
+        c1 = min(source.shape[1], int((x1 + 0.5) // b) + 2)
+        r1 = min(source.shape[0], int((y1 + 0.5) // b) + 2)
+        if c1 <= c0 or r1 <= r0:
+            return None
+        image = self._to_image(picture, source[r0:r1, c0:c1], in_colour)
+        s = viewport.scale * b
+        target = QRectF(c0 * s + viewport.dx, r0 * s + viewport.dy, (c1 - c0) * s, (r1 - r0) * s)
+        return image, target
+
+    def _to_image(self, picture: FrameImage, crop: NDArray[Any], in_colour: bool) -> QImage:
+        if not self._tables:
+            shifts = picture.sky_shift if in_colour else (0.0,)
+            self._tables = [picture.table(self._stretch, shift) for shift in shifts]
+        pixels = np.empty(crop.shape, dtype=np.uint8)
+        if in_colour:
+            for c, table in enumerate(self._tables):
+                pixels[..., c] = table[crop[..., c]]
+        else:
+            np.take(self._tables[0], crop, out=pixels, mode="clip")
+        self._pixels = pixels
+        h, w = crop.shape[:2]
+        if in_colour:
+            return QImage(pixels.data, w, h, 3 * w, QImage.Format.Format_RGB888)
+        if self._red:
+            image = QImage(pixels.data, w, h, w, QImage.Format.Format_Indexed8)
+            image.setColorTable(RED_TABLE)
+            # Scaling an indexed image would not interpolate; the conversion owns its memory.
+            return image.convertToFormat(QImage.Format.Format_RGB32)
+        return QImage(pixels.data, w, h, w, QImage.Format.Format_Grayscale8)
+
+
+class LabelSpace:
+    """Keeps labels on a widget of ``width`` x ``height`` px from covering each other."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self._edges = QRectF(2, 2, width - 4, height - 4)
+        self._taken: list[QRectF] = []
+
+    def place(self, box: QRectF) -> QRectF | None:
+        """``box`` moved inside the widget, or None when its place is taken."""
+        if not self._edges.intersects(box):
+            return None
+        e = self._edges
+        x = min(max(box.left(), e.left() + 3), e.right() - box.width() - 3)
+        y = min(max(box.top(), e.top() + 1), e.bottom() - box.height() - 1)
+        box = QRectF(x, y, box.width(), box.height())
+        grown = box.adjusted(-3, -2, 3, 2)
+        if any(grown.intersects(other) for other in self._taken):
+            return None
+        self._taken.append(grown)
+        return box

@@ -1,0 +1,136 @@
+"""Generators run in threads, with signals in the window's thread."""
+
+import logging
+import threading
+import time
+from typing import Any
+
+from PySide6.QtCore import QObject, Qt, Signal, SignalInstance
+
+from kochab.core.errors import KochabError
+from kochab.core.progress import Task
+
+log = logging.getLogger("kochab")
+REPORT_EVERY_S = 0.03  # more often than this nobody can read it
+JOIN_S = 5.0
+
+
+class Job(QObject):
+    """Runs a :data:`Task` in a thread of its own.
+
+    All signals arrive in the thread that made the job. Exactly one of ``succeeded``, ``failed``
+    or ``cancelled`` comes, and ``finished`` always comes last.
+    """
+
+    progressed = Signal(object)  # Progress
+    succeeded = Signal(object)
+    failed = Signal(str)
+    cancelled = Signal()
+    finished = Signal()
+    _sent = Signal(str, tuple)  # the name of one of these, and what it carries
+
+    def __init__(self, task: Task[Any], name: str = "job", parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.name = name
+        self._task = task
+        self._stop = threading.Event()
+        self._muted = False
+        self._thread = threading.Thread(target=self._drive, name=f"kochab-{name}", daemon=True)
+        self._sent.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def cancel(self) -> None:
+        """Stop the task at its next yield."""
+        self._stop.set()
+
+    def abandon(self) -> None:
+        """Cancel without any further signal, not even ``finished``: the listener is going."""
+        self._muted = True
+        self._stop.set()
+
+    def join(self, limit_s: float) -> bool:
+        """Wait at most ``limit_s``; whether the thread has ended."""
+        if self._thread.is_alive():
+            self._thread.join(limit_s)
+        return not self._thread.is_alive()
+
+    @property
+    def running(self) -> bool:
+        return self._thread.is_alive()
+
+    def _drive(self) -> None:
+        kind, *value = self._outcome()
+        self._send(kind, *value)
+        self._send("finished")
+
+    def _outcome(self) -> tuple[Any, ...]:
+        """The name of the signal that ends the job, and its value."""
+        last = 0.0
+        try:
+            while not self._stop.is_set():
+                try:
+                    progress = next(self._task)
+                except StopIteration as end:
+                    # Cancelled in its last step: the person said no before there was a result.
+                    return ("cancelled",) if self._stop.is_set() else ("succeeded", end.value)
+                now = time.monotonic()
+                if now - last >= REPORT_EVERY_S:
+                    last = now
+                    self._send("progressed", progress)
+            self._task.close()
+        except KochabError as error:
+            log.debug("%s failed", self.name, exc_info=True)
+            return "failed", str(error)
+        except MemoryError:
+            log.exception("%s ran out of memory", self.name)
+            return "failed", "Out of memory. Close other programs and try again."
+        except Exception as error:  # the one broad except: every fault goes to the log, whole
+            log.exception("%s stopped by a fault", self.name)
+            return "failed", fault_text(error)
+        return ("cancelled",)
+
+    def _send(self, kind: str, *value: Any) -> None:
+        if self._muted:
+            return
+        try:
+            self._sent.emit(kind, value)
+        except RuntimeError:  # the window is gone: nobody listens any more
+            log.debug("%s ended after its window", self.name)
+
+    def _deliver(self, kind: str, value: tuple[Any, ...]) -> None:
+        if not self._muted and not (kind == "progressed" and self._stop.is_set()):
+            getattr(self, kind).emit(*value)
+
+
+def fault_text(error: BaseException) -> str:
+    """One sentence for a fault of the program: its kind, its message, and what to do."""
+    what = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(": .")
+    return f"Internal error ({what}). Please report it: Help, Save a report."
+
+
+class Jobs(QObject):
+    """Starts the jobs of a window and ends them with it."""
+
+    closing = Signal()
+
+    def __init__(self, window: QObject, window_closing: SignalInstance) -> None:
+        super().__init__(window)
+        self._jobs: list[Job] = []
+        window_closing.connect(self._close)
+
+    def run(self, task: Task[Any], name: str) -> Job:
+        """Start ``task`` in a thread; signals connected after this are not missed: they are queued."""
+        job = Job(task, name)
+        self._jobs = [j for j in self._jobs if j.running] + [job]
+        job.start()
+        return job
+
+    def _close(self) -> None:
+        self.closing.emit()  # a view may want to stop a mount first
+        for job in self._jobs:
+            job.abandon()
+        for job in self._jobs:
+            if not job.join(JOIN_S):
+                log.warning("%s did not end in time", job.name)

@@ -1,0 +1,115 @@
+"""The Laboratory's stars: the open frame or a simulated field, and what the methods know of it."""
+
+from enum import StrEnum
+from typing import Any
+
+from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout, QWidget
+
+from kochab.lab.laboratory.comparison import FieldSettings
+from kochab.window.widgets import choice_box, column, label
+
+NO_SKY = "Simulated fields are not available here."
+
+
+class StarSource(StrEnum):
+    """Where the stars come from."""
+
+    FRAME = "open frame"
+    FIELD = "simulated field"
+
+
+class Hints(StrEnum):
+    """What the methods know of the pointing."""
+
+    SCALE = "pixel scale"
+    POSITION = "pixel scale and position"
+    NOTHING = "nothing"
+
+
+# name: (title, tip, lowest, highest, default, decimals, unit)
+NUMBERS: dict[str, tuple[str, str, float, float, float, int, str]] = {
+    "width_deg": ("Field width", "Field of view of the simulated frame", 1, 120, 20, 1, " °"),
+    "size_px": ("Frame", "Side of the square frame", 128, 16384, 2048, 0, " px"),
+    "stars": ("Stars", "Number of stars", 3, 200, 20, 0, ""),
+    "noise_px": ("Noise", "Position noise; in an image, that of the faintest star", 0, 20, 0.3, 2, " px"),
+    "false": ("False stars", "False stars, % of the real ones; in an image, hot pixels", 0, 300, 10, 0, " %"),
+    "missing": ("Missing", "Stars that were not detected", 0, 95, 10, 0, " %"),
+    "seed": ("Field no.", "Number of the simulated field", 1, 999_999, 1, 0, ""),
+    "fields": ("Fields per point", "Simulated fields for each point of a curve", 1, 1000, 10, 0, ""),
+    "limit_s": ("Time limit", "Time limit of a method", 1, 600, 10, 0, " s"),
+}
+
+
+class LaboratorySetupPanel(QWidget):
+    """The fields of :data:`NUMBERS` with the source of the stars and the hints."""
+
+    def __init__(self, can_simulate: bool) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.can_simulate = can_simulate
+        self.source = choice_box("Stars from", StarSource, 10)
+        self.hints = choice_box("Known in advance", Hints, 10)
+        self.numbers = {name: _number(*made[1:]) for name, made in NUMBERS.items()}
+        titles = ("Stars from", "Known", *(title for title, *_ in NUMBERS.values()))
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(10)
+        grid.setVerticalSpacing(5)
+        grid.setColumnStretch(1, 1)
+        grid.setColumnStretch(3, 1)
+        fields = (self.source, self.hints, *self.numbers.values())
+        for place, (title, field) in enumerate(zip(titles, fields, strict=True)):
+            grid.addWidget(label(title), place // 2, place % 2 * 2)
+            grid.addWidget(field, place // 2, place % 2 * 2 + 1)
+        self.source.setEnabled(can_simulate)
+        why = () if can_simulate else (label(NO_SKY, "muted", wrap=True),)
+        column(grid, *why, None, on=self, margins=(8, 8, 8, 8))
+        self.source.currentIndexChanged.connect(self._enable)
+        self._enable()
+
+    def number(self, name: str) -> int:
+        """The whole number in a field."""
+        return round(self.numbers[name].value())
+
+    @property
+    def field_settings(self) -> FieldSettings:
+        value = {name: field.value() for name, field in self.numbers.items()}
+        return FieldSettings(
+            value["width_deg"],
+            round(value["stars"]),
+            value["noise_px"],
+            value["false"] / 100.0,
+            value["missing"] / 100.0,
+            round(value["size_px"]),
+        )
+
+    @property
+    def from_field(self) -> bool:
+        return StarSource(self.source.currentText()) is StarSource.FIELD
+
+    def state(self) -> dict[str, Any]:
+        kept: dict[str, Any] = {name: field.value() for name, field in self.numbers.items()}
+        return kept | {"source": self.source.currentText(), "hints": self.hints.currentText()}
+
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Choose what was kept, as far as it still makes sense."""
+        for name, field in self.numbers.items():
+            if isinstance(value := kept.get(name), int | float):
+                field.setValue(float(value))
+        if self.can_simulate:
+            self.source.setCurrentText(str(kept.get("source", StarSource.FRAME)))
+        self.hints.setCurrentText(str(kept.get("hints", Hints.SCALE)))
+
+    def _enable(self) -> None:
+        self.numbers["seed"].setEnabled(self.from_field)
+
+
+def _number(tip: str, low: float, high: float, value: float, decimals: int, unit: str) -> QDoubleSpinBox:
+    made = QDoubleSpinBox()
+    made.setDecimals(decimals)
+    made.setRange(low, high)
+    made.setSingleStep(10.0 ** (1 - decimals) if decimals > 1 else 1.0)
+    made.setValue(value)
+    made.setSuffix(unit)
+    made.setAccessibleName(tip)
+    made.setToolTip(tip)
+    return made

@@ -1,0 +1,248 @@
+"""The Laboratory: methods, detectors or estimators on the open frame or a simulated field."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
+
+from kochab.core.errors import UsageError
+from kochab.core.progress import PREPARING, Progress, Task
+from kochab.lab.laboratory.comparison import Choice, ComparedPart
+from kochab.lab.laboratory.curves import MakeScene, curves, points_csv, trials_csv
+from kochab.lab.laboratory.scene import Scene, comparison, scene_of_field, scene_of_frame, scene_of_picture
+from kochab.window.charts.chart import image_of, write_image, write_text
+from kochab.window.job import Job
+from kochab.window.laboratory.methods import MethodsPanel
+from kochab.window.laboratory.plots import Plots
+from kochab.window.laboratory.setup import Hints, LaboratorySetupPanel
+from kochab.window.laboratory.table import TrialTable
+from kochab.window.shell.dialogs import ask_save, tell
+from kochab.window.shell.views import Services
+from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, set_role
+
+
+class LaboratoryExporter(QObject):
+    """Exports the tab in front: numbers as CSV, its image as PNG."""
+
+    def __init__(self, view: "LaboratoryView", services: Services) -> None:
+        super().__init__(view)
+        self._view, self._services = view, services
+        self.csv = button("CSV…", lambda: self._ask("csv"), tip="The numbers, for a spreadsheet")
+        self.png = button("PNG…", lambda: self._ask("png"), tip="The image, at twice the size")
+        self.csv.setAccessibleName("Export as CSV")
+        self.png.setAccessibleName("Export as PNG")
+        view.tabs.currentChanged.connect(self.enable)
+
+    @property
+    def curves(self) -> bool:
+        return self._view.tabs.currentIndex() == 1
+
+    def enable(self, _: int = 0) -> None:
+        some = bool(self._view.plots.points if self.curves else self._view.table.trials)
+        self.csv.setEnabled(some)
+        self.png.setEnabled(some)
+
+    def _ask(self, ending: str) -> None:
+        folder = Path(self._services.settings.text("folder", str(Path.home())))
+        name = "laboratory-curves" if self.curves else "laboratory-table"
+        kinds = "CSV (*.csv)" if ending == "csv" else "PNG (*.png)"
+        red = self._services.looks.is_night
+        path = ask_save(self._view.window(), folder / f"{name}.{ending}", kinds, red)
+        if path is not None:
+            self.write(ending, path)
+
+    def write(self, ending: str, path: Path) -> None:
+        """Write the tab in front to ``path``, in a thread."""
+        view = self._view
+        if ending == "png":
+            task = write_image(image_of(view.tabs.currentWidget()), path)
+        else:
+            points = list(view.plots.points.values())
+            text = points_csv(points) if self.curves else trials_csv(view.table.trials)
+            task = write_text(text, path)
+        job = self._services.jobs.run(task, "export")
+        job.succeeded.connect(lambda p: self._services.say(f"Saved {p.name}"))
+        job.failed.connect(lambda sentence: tell(view.window(), "Export", sentence))
+
+
+READY = "Compare methods on the same stars, or plot how they cope with worse data."
+
+
+class _Relay(QObject):
+    """Carries results from a run's thread to the window's."""
+
+    trial = Signal(object)
+    point = Signal(object)
+
+
+class LaboratoryView(QWidget):
+    """Set-up above, table and curves below."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.setup = LaboratorySetupPanel(services.wiring.fields is not None)
+        self.methods = MethodsPanel()
+        self.table = TrialTable()
+        self.plots = Plots(ComparedPart.METHOD)
+        self.tabs = QTabWidget()
+        self.tabs.setDocumentMode(True)
+        self.tabs.setAccessibleName("Laboratory results")
+        self.tabs.addTab(self.table, "Table")
+        self.tabs.addTab(self.plots, "Curves")
+        self.status = label(READY, "muted", wrap=True)
+        self.bar = ProgressBar("Progress of the Laboratory")
+        self.compare = button("Compare", self.run_comparison, "main", "One row for each method")
+        self.draw = button("Draw curves", self.run_curves, tip="Simulated fields with more and more noise")
+        self.stop = button("Stop", self._stop, tip="Stop and keep the results so far")
+        self.export = LaboratoryExporter(self, services)
+        self.job: Job | None = None
+        self._relay = _Relay(self)
+        self._lay_out()
+        services.looks.changed.connect(lambda colours: self.plots.set_colours(colours))
+        self.plots.set_colours(services.looks.colours)
+        if kept := services.settings.table("laboratory"):
+            self.setup.restore(kept)
+            self.methods.restore(kept)
+        self.methods.kind_changed.connect(self._offer_curves)
+        self._idle()
+
+    def _lay_out(self) -> None:
+        top = QTabWidget()
+        top.setDocumentMode(True)
+        top.setAccessibleName("Laboratory set-up")
+        top.addTab(self.methods, "Methods")
+        top.addTab(scrolled(self.setup), "Stars")
+        buttons = row(self.compare, self.draw, self.stop, None, self.export.csv, self.export.png)
+        below = QWidget()
+        column(buttons, self.bar, self.status, (self.tabs, 1), on=below, margins=(0, 4, 0, 0))
+        parts = QSplitter(Qt.Orientation.Vertical)
+        parts.addWidget(top)
+        parts.addWidget(below)
+        parts.setStretchFactor(1, 1)
+        parts.setSizes([260, 500])
+        column(parts, on=self, margins=(8, 8, 8, 8))
+        self.setFocusProxy(self.compare)
+
+    def run_comparison(self) -> None:
+        if (choices := self._choices()) is None:
+            return
+        hints, relay = Hints(self.setup.hints.currentText()), self._begin()
+        self.table.begin(self.methods.kind)
+        relay.trial.connect(self.table.add)
+        task = comparison(
+            self._scene(),
+            self.methods.kind,
+            choices,
+            hints is not Hints.NOTHING,
+            hints is Hints.POSITION,
+            self.setup.number("limit_s"),
+            relay.trial.emit,
+        )
+        self._start(task, 0)
+
+    def run_curves(self) -> None:
+        make = self._simulated()
+        assert make is not None, "the button is off without it"
+        if (choices := self._choices()) is None:
+            return
+        relay = self._begin()
+        self._renew_plots()
+        self.plots.begin([choice.name for choice in choices])
+        relay.point.connect(self.plots.add)
+        task = curves(
+            make,
+            self.setup.field_settings,
+            self.methods.kind,
+            choices,
+            fields=self.setup.number("fields"),
+            seed=self.setup.number("seed"),
+            limit_s=self.setup.number("limit_s"),
+            place_known=Hints(self.setup.hints.currentText()) is Hints.POSITION,
+            tell=relay.point.emit,
+        )
+        self._start(task, 1)
+
+    def _choices(self) -> list[Choice] | None:
+        """What is ticked; None with the fault shown."""
+        try:
+            return self.methods.choices()
+        except UsageError as error:
+            self._say(str(error), "wrong")
+            return None
+
+    def _simulated(self) -> MakeScene | None:
+        """Makes the simulated fields; None where there are none."""
+        fields, pictures = self._services.wiring.fields, self._services.wiring.pictures
+        if self.methods.kind is ComparedPart.DETECTOR:
+            return None if pictures is None else partial(scene_of_picture, pictures)
+        return None if fields is None else partial(scene_of_field, fields)
+
+    def _scene(self) -> Task[Scene] | None:
+        make = self._simulated()
+        if self.setup.from_field and make is not None:
+            return make(self.setup.field_settings, (self.setup.number("seed"),))
+        known = self._services.session.known
+        if known.frame is None:
+            return None
+        return scene_of_frame(known.frame, known.detections, known.result, known.options.hint)
+
+    def _renew_plots(self) -> None:
+        if self.plots.kind is self.methods.kind:
+            return
+        self.tabs.removeTab(1)
+        self.plots.deleteLater()
+        self.plots = Plots(self.methods.kind)
+        self.plots.set_colours(self._services.looks.colours)
+        self.tabs.addTab(self.plots, "Curves")
+
+    def _begin(self) -> _Relay:
+        """A new relay for each run, so that results of an older one are dropped."""
+        self._stop()
+        self._relay.deleteLater()
+        self._relay = _Relay(self)
+        self._services.settings.keep("laboratory", json.dumps({**self.setup.state(), **self.methods.state()}))
+        return self._relay
+
+    def _start(self, task: Task[object], tab: int) -> None:
+        self.tabs.setCurrentIndex(tab)
+        self.job = job = self._services.jobs.run(task, "laboratory")
+        job.progressed.connect(self._progressed)
+        job.succeeded.connect(lambda _: self._done(tab))
+        job.failed.connect(lambda sentence: self._say(sentence, "wrong"))
+        job.cancelled.connect(lambda: self._say("Stopped. Results so far are kept.", "muted"))
+        job.finished.connect(lambda: self._idle() if self.job is job else None)
+        for b, on in ((self.compare, False), (self.draw, False), (self.stop, True)):
+            b.setEnabled(on)
+        self.bar.setVisible(True)
+
+    def _done(self, tab: int) -> None:
+        counts = ", ".join(f"{method} {count}" for method, count in self.plots.wrong_answers().items())
+        self._say(f"Done. Wrong answers: {counts or 'none'}." if tab else "Done.", "muted")
+
+    def _stop(self) -> None:
+        if self.job is not None:
+            self.job.cancel()
+
+    def _progressed(self, progress: Progress) -> None:
+        self.bar.show_share(progress.fraction)
+        preparing = "Building the small-field index: " if progress.stage == PREPARING else ""
+        self._say(f"{preparing}{progress.detail}", "muted")
+
+    def _idle(self) -> None:
+        self.bar.setVisible(False)
+        self.compare.setEnabled(True)
+        self.stop.setEnabled(False)
+        self._offer_curves()
+        self.export.enable()
+
+    def _offer_curves(self) -> None:
+        self.draw.setEnabled(not self.stop.isEnabled() and self._simulated() is not None)
+
+    def _say(self, text: str, role: str) -> None:
+        self.status.setText(text)
+        if self.status.property("role") != role:
+            set_role(self.status, role)

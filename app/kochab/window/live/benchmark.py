@@ -1,0 +1,160 @@
+"""Measures the real window on a stream of given frames: ``python -m kochab.window.live.benchmark FOLDER``.
+
+``FOLDER`` holds ``frames.npy`` (N, H, W), the frames of half a swing to be shown forth and back,
+and ``about.json`` with ``fps``, ``seconds``, ``exposure_s`` and perhaps ``bayer``. They come in
+real time, as from a camera that has no readout. One JSON object is printed: frames drawn and
+tracked a second, and the milliseconds from mid-exposure until a frame with its overlay was painted.
+"""
+
+import json
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from time import monotonic, process_time, sleep
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QEventLoop, QSettings, QTimer
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QApplication
+
+from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.frame import Frame, Hint
+from kochab.window.application import Garbage, build
+from kochab.window.live.frame_display import Rendered
+from kochab.window.live.view import LiveView
+from kochab.window.session import WorkflowEngine
+from kochab.window.settings import WindowSettings
+from kochab.workflows.session.live_stream import StreamRequest
+
+WARM_LIMIT_S = 60.0
+WARM_S = 1.0  # of tracking, before anything counts
+SIZE = (1360, 860)
+
+
+class GivenFrames(CameraSource):
+    """A camera that gives prepared frames by the clock; one that comes late is left out."""
+
+    name = "given frames"
+
+    def __init__(self, frames: NDArray[Any], fps: float, exposure_s: float, bayer: str | None = None) -> None:
+        self._frames, self._fps, self._exposure_s = frames, fps, exposure_s
+        self._bayer = bayer
+        self._begun, self._given = monotonic(), -1
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """Nothing can be set."""
+        return CaptureLimits()
+
+    def configure(self, settings: CaptureSettings) -> CaptureSettings:
+        """Nothing is."""
+        return CaptureSettings(exposure_s=self._exposure_s)
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """The frame whose exposure ended last."""
+        due = self._begun + (self._given + 1) / self._fps
+        sleep(max(0.0, min(timeout_s, due - monotonic())))
+        number = int((monotonic() - self._begun) * self._fps)
+        if number <= self._given:
+            return None
+        self._given = number
+        ended = self._begun + number / self._fps
+        middle = timedelta(seconds=monotonic() - ended + self._exposure_s / 2.0)
+        hint = Hint(exposure_s=self._exposure_s, time_utc=datetime.now(UTC) - middle)
+        period = 2 * (len(self._frames) - 1)
+        at = number % period
+        pixels = self._frames[min(at, period - at)]
+        return Frame(pixels, bayer=self._bayer, saturation=65535.0, hint=hint)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+@dataclass(slots=True)
+class DrawTally:
+    """What was drawn while it counted."""
+
+    latency_ms: list[float] = field(default_factory=list)
+    drawn: int = 0
+    tracked: int = 0
+
+    def add(self, ready: Rendered, latency_ms: float | None) -> None:
+        """One drawing, of a frame with its solution or without."""
+        self.drawn += 1
+        if ready.update is not None and latency_ms is not None:
+            self.latency_ms.append(latency_ms)
+            self.tracked += ready.update.mode == "tracking"
+
+    def as_json(self, seconds: float, cores: float) -> dict[str, Any]:
+        """Rates over ``seconds``."""
+        latency = self.latency_ms or [float("nan")]
+        return {
+            "frames": self.drawn,
+            "drawn_s": self.drawn / seconds,
+            "tracked_s": self.tracked / seconds,
+            "cores": cores,
+            "median_ms": float(np.median(latency)),
+            "p95_ms": float(np.percentile(latency, 95)),
+            "worst_ms": float(max(latency)),
+            "platform": QGuiApplication.platformName(),
+        }
+
+
+def measure(view: LiveView, source: GivenFrames, seconds: float) -> dict[str, Any]:
+    """Run ``source`` in the view and count for ``seconds``, once it is tracked."""
+    view.run(StreamRequest(lambda: source, source.name))
+    begun = monotonic()
+    while not _tracks(view) and monotonic() - begun < WARM_LIMIT_S and view.stream is not None:
+        _pass(0.1)
+    _pass(WARM_S)
+    tally = DrawTally()
+    connection = view.display.drawn.connect(lambda ready: tally.add(ready, view.display.latency_ms))
+    wall, spent = monotonic(), process_time()
+    _pass(seconds)
+    wall, spent = monotonic() - wall, process_time() - spent
+    view.display.drawn.disconnect(connection)
+    view.end()
+    return tally.as_json(wall, spent / wall)
+
+
+def _tracks(view: LiveView) -> bool:
+    latest = None if view.stream is None else view.stream.latest
+    return latest is not None and latest.mode == "tracking"
+
+
+def _pass(seconds: float) -> None:
+    loop = QEventLoop()
+    QTimer.singleShot(round(1e3 * seconds), loop.quit)
+    loop.exec()
+
+
+def main(folder: str) -> int:
+    """Measure what lies in ``folder`` and print it."""
+    about = json.loads(Path(folder, "about.json").read_text("utf-8"))
+    frames = np.load(Path(folder, "frames.npy"))
+    app = QApplication([])
+    with tempfile.TemporaryDirectory() as home:
+        settings = WindowSettings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
+        window, commands = build(WorkflowEngine(), settings, [])
+        garbage = Garbage()
+        window.resize(*SIZE)
+        window.show()
+        commands.views.show("live")
+        _pass(0.5)
+        view = commands.views.docks["live"].view
+        assert isinstance(view, LiveView)
+        source = GivenFrames(frames, float(about["fps"]), float(about["exposure_s"]), about.get("bayer"))
+        print(json.dumps(measure(view, source, float(about["seconds"]))), flush=True)
+        _pass(0.3)
+        window.close()
+        garbage.stop()
+    app.quit()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

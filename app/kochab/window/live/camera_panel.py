@@ -1,0 +1,237 @@
+"""The camera of the Live view: its exposure, gain and binning, and its histogram."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QSignalBlocker, QTimer, Signal
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QCheckBox,
+    QDoubleSpinBox,
+    QGridLayout,
+    QLineEdit,
+    QSpinBox,
+    QWidget,
+)
+
+from kochab.core.capture import CaptureLimits, CaptureSettings
+from kochab.gear.session import CameraSelection
+from kochab.window.cameras import CameraBox
+from kochab.window.image.stretch_strip import AXIS_POWER, Histogram
+from kochab.window.live.rendering import Levels
+from kochab.window.live.status_text import fixed_settings, levels_text
+from kochab.window.widgets import column, label, row
+
+if TYPE_CHECKING:
+    from kochab.window.charts.histogram_plot import HistogramPlot
+
+
+DEFAULT = "default"
+UNSET = -1.0
+LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
+
+
+class SettingFields(QWidget):
+    """Exposure, gain and binning; the lowest value of each is the camera's default."""
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.exposure = _number("Exposure", LONGEST_S, 4, " s")
+        self.gain = _number("Gain, in the camera’s units", MOST_GAIN, 1)
+        self.binning = QSpinBox()
+        self.binning.setRange(0, MOST_BINNING)
+        self.binning.setSpecialValueText(DEFAULT)
+        self.binning.setAccessibleName("Binning")
+        self.in_force = label("", "muted", wrap=True)
+        self.fields: dict[str, QAbstractSpinBox] = {
+            "exposure": self.exposure,
+            "gain": self.gain,
+            "binning": self.binning,
+        }
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setHorizontalSpacing(10)
+        grid.setVerticalSpacing(4)
+        for at, (name, field) in enumerate(self.fields.items()):
+            grid.addWidget(label(name.capitalize(), "muted"), 0, at)
+            grid.addWidget(field, 1, at)
+            grid.setColumnStretch(at, 1)
+        grid.addWidget(self.in_force, 2, 0, 1, 3)
+        for field in (self.exposure, self.gain):
+            field.valueChanged.connect(lambda _: self.changed.emit())
+        self.binning.valueChanged.connect(lambda _: self.changed.emit())
+        self.show_limits(None, CaptureSettings())
+
+    def settings(self) -> CaptureSettings:
+        """The settings to use; None where the camera's default is kept."""
+        return CaptureSettings(
+            self.exposure.value() if self.exposure.value() > 0 else None,
+            self.gain.value() if self.gain.value() > UNSET else None,
+            self.binning.value() or None,
+        )
+
+    def show_limits(self, limits: CaptureLimits | None, in_force: CaptureSettings) -> None:
+        """Restrict the fields to the camera's limits; None while no camera is open."""
+        reasons = {} if limits is None else fixed_settings(limits)
+        for name, field in self.fields.items():
+            field.setEnabled(name not in reasons)
+            field.setToolTip(reasons.get(name, ""))
+            field.setAccessibleDescription(reasons.get(name, ""))
+        known = limits or CaptureLimits()
+        with QSignalBlocker(self.exposure), QSignalBlocker(self.gain), QSignalBlocker(self.binning):
+            self.exposure.setMaximum(known.exposure_s[1] if known.exposure_s else LONGEST_S)
+            self.gain.setMaximum(known.gain[1] if known.gain else MOST_GAIN)
+            self.binning.setMaximum(known.binning[1] if known.binning else MOST_BINNING)
+        self.in_force.setText("" if limits is None else _in_force_text(in_force, reasons))
+        self.in_force.setVisible(bool(self.in_force.text()))
+
+    def state(self) -> dict[str, Any]:
+        """The settings to save."""
+        now = self.settings()
+        return {"exposure": now.exposure_s, "gain": now.gain, "binning": now.binning}
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Show saved settings; damaged ones become the default."""
+        for field, name, unset in ((self.exposure, "exposure", 0.0), (self.gain, "gain", UNSET)):
+            value = saved.get(name)
+            field.setValue(float(value) if isinstance(value, int | float) else unset)
+        binning = saved.get("binning")
+        self.binning.setValue(binning if isinstance(binning, int) else 0)
+
+
+def _number(name: str, most: float, decimals: int, unit: str = "") -> QDoubleSpinBox:
+    made = QDoubleSpinBox()
+    made.setDecimals(decimals)
+    made.setRange(0.0 if unit else UNSET, most)
+    made.setSpecialValueText(DEFAULT)
+    made.setSuffix(unit)
+    made.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
+    made.setAccessibleName(name)
+    made.setValue(made.minimum())
+    return made
+
+
+def _in_force_text(now: CaptureSettings, reasons: dict[str, str]) -> str:
+    parts = [f"{now.exposure_s:g} s"] if now.exposure_s is not None else []
+    parts += [f"gain {now.gain:g}"] if now.gain is not None else []
+    parts += [f"binning {now.binning}"] if now.binning is not None else []
+    text = f"Camera uses {', '.join(parts)}." if parts else ""
+    if reasons:
+        text += f" This camera cannot set {', '.join(reasons)}."
+    return text.strip()
+
+
+MARKS = (0.01, 0.1, 0.5)  # of full scale
+
+
+class LevelView(Histogram):
+    """The histogram of the camera's frames, full scale at the right edge."""
+
+    def __init__(self) -> None:
+        super().__init__("Histogram of the camera, empty to full")
+        self._levels = Levels()
+
+    def show_levels(self, levels: Levels) -> None:
+        """Show the levels of another frame."""
+        if levels is not self._levels:
+            self._levels = levels
+            self.set_counts(levels.counts)
+
+    def make_plot(self) -> "HistogramPlot":
+        plot = super().make_plot()
+        plot.mark_shares(tuple(share ** (1 / AXIS_POWER) for share in MARKS))
+        return plot
+
+    def fill_plot(self) -> None:
+        super().fill_plot()
+        self.plot.mark_full(self._levels.clipped > 0)
+
+
+SETTLE_MS = 300  # a mouse wheel changes a field many times; the camera is set once after the last
+
+
+@dataclass(frozen=True, slots=True)
+class CameraChoice:
+    """The camera to open, and how."""
+
+    source: str
+    address: str
+    profile: str
+    reconnect: bool
+    settings: CaptureSettings
+
+
+class CameraPanel(QWidget):
+    """The choice of a camera and its settings; opens nothing itself."""
+
+    settings_wanted = Signal(object)  # CaptureSettings
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.box = CameraBox()
+        self.lens = QLineEdit()
+        self.lens.setAccessibleName("Name of camera and lens")
+        self.lens.setPlaceholderText("name it to save its calibration")
+        self.reconnect = QCheckBox("Reconnect auto&matically")
+        self.fields = SettingFields()
+        self.levels = LevelView()
+        self.levels_status = label("", "muted", wrap=True)
+        self._settle = QTimer(self)
+        self._settle.setSingleShot(True)
+        self._settle.setInterval(SETTLE_MS)
+        self._settle.timeout.connect(lambda: self.settings_wanted.emit(self.fields.settings()))
+        self.fields.changed.connect(self._settle.start)
+        column(
+            self.box,
+            row(label("Lens"), (self.lens, 1)),
+            *(self.reconnect, self.fields, self.levels, self.levels_status, None),
+            on=self,
+            spacing=8,
+            margins=(10, 10, 10, 10),
+        )
+
+    def choice(self) -> CameraChoice:
+        """The camera to open, and how."""
+        lens, reconnect = self.lens.text().strip(), self.reconnect.isChecked()
+        address = self.box.address.text().strip()
+        return CameraChoice(self.box.kind, address, lens, reconnect, self.fields.settings())
+
+    def show_limits(self, limits: CaptureLimits, in_force: CaptureSettings) -> None:
+        """Limits of the open camera and the settings it uses now."""
+        self.fields.show_limits(limits, in_force)
+
+    def show_levels(self, levels: Levels) -> None:
+        """Histogram and exposure advice for the newest frame."""
+        self.levels.show_levels(levels)
+        self.levels_status.setText(levels_text(levels))
+
+    def set_running(self, on: bool) -> None:
+        """Disable the choice of another camera while one runs."""
+        for part in (self.box, self.lens, self.reconnect):
+            part.setEnabled(not on)
+        if not on:
+            self.fields.show_limits(None, CaptureSettings())
+
+    def state(self) -> dict[str, Any]:
+        """The choice to save."""
+        return {
+            "source": self.box.kind,
+            "where": self.box.address.text(),
+            "lens": self.lens.text(),
+            "again": self.reconnect.isChecked(),
+            **self.fields.state(),
+        }
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Show a saved choice, as far as it still exists."""
+        source, where, lens = (saved.get(name) for name in ("source", "where", "lens"))
+        if isinstance(source, str) and isinstance(where, str):
+            self.box.show_selection(CameraSelection(source, where))
+        if isinstance(lens, str):
+            self.lens.setText(lens)
+        self.reconnect.setChecked(saved.get("again") is True)
+        self.fields.restore(saved)

@@ -1,0 +1,192 @@
+"""The pointing of the live camera in numbers, and its trail on an all-sky chart."""
+
+from time import monotonic
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from PySide6.QtCore import QSize
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+
+from kochab.core.angle_text import AngleStyle, age_text
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg
+from kochab.window.charts.plot_area import PlotArea
+from kochab.window.live import status_text
+from kochab.window.live.sky_points import SkyPoints, Trail
+from kochab.window.live.status_text import NOTHING
+from kochab.window.widgets import column, facts_grid, label, position_labels, set_role, value_label
+from kochab.workflows.live.update import LiveUpdate
+from kochab.workflows.session.live_stream import Lens
+
+if TYPE_CHECKING:
+    from kochab.window.live.sky_plot import SkyPlot
+
+MARGIN_PX = 6
+FAR_RAD = np.radians(75.0)  # from the central meridian; farther out the map is re-centred
+
+
+class SkyChart(PlotArea):
+    """An all-sky chart with the trail of the pointing; the stars are redrawn only when it is re-centred."""
+
+    def __init__(self) -> None:
+        super().__init__("All-sky chart with the trail of the pointing")
+        self.trail = Trail()
+        self._points: SkyPoints | None = None
+        self._centre_ra_deg = 0.0
+        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        policy.setHeightForWidth(True)
+        self.setSizePolicy(policy)
+        self.setMinimumSize(220, 120)
+
+    def sizeHint(self) -> QSize:
+        return QSize(360, 186)
+
+    def heightForWidth(self, width: int) -> int:
+        return min(width // 2 + MARGIN_PX, 300)
+
+    def show_points(self, points: SkyPoints) -> None:
+        """The stars to draw."""
+        self._points = points
+        self._draw_sky()
+
+    def show_pointing(self, centre: Floats, old: bool) -> None:
+        """Add the boresight, an ICRS unit vector (3,), to the trail."""
+        first = self.trail.here is None
+        self.trail.add(centre, old)
+        ra, dec = radec_deg(centre)
+        title = "Last known pointing" if old else "Pointing"
+        self.describe(f"{title}: RA {ra:.1f}°, Dec {dec:+.1f}°.")
+        away = np.radians((ra - self._centre_ra_deg + 180.0) % 360.0 - 180.0)
+        if first or abs(away) > FAR_RAD:
+            self._centre_ra_deg = round(ra / 15.0) * 15.0 % 360.0
+            self._draw_sky()
+        self.refill()
+
+    def clear(self) -> None:
+        """Remove the trail."""
+        self.trail.clear()
+        self.refill()
+
+    def make_plot(self) -> "SkyPlot":
+        from kochab.window.live.sky_plot import SkyPlot
+
+        plot = SkyPlot()
+        plot.show_sky(self._points, self._centre_ra_deg)
+        return plot
+
+    def fill_plot(self) -> None:
+        self._sky.show_trail(self.trail)
+
+    def colour_plot(self) -> None:
+        self._sky.set_colours(self.colours)
+
+    @property
+    def _sky(self) -> "SkyPlot":
+        return cast("SkyPlot", self.plot)
+
+    def _draw_sky(self) -> None:
+        if self.plot is not None:
+            self._sky.show_sky(self._points, self._centre_ra_deg)
+            self.refill()
+
+
+ROWS = {
+    "Uncertainty": "1σ of the pointing, filtered over the frames",
+    "Age": "Time since mid-exposure of the last solved frame",
+    "Drift RA": "Times cos(Dec), positive towards the east",
+    "Drift Dec": "Positive towards the north",
+    "Rates": "Rotation of the camera about its x, y and z axes",
+    "Frame rate": "Frames per second",
+    "Latency": "Time to solve, and from mid-exposure to the screen",
+    "Lens": "Calibration of camera and lens",
+}
+STOPPED = "OLD: last pointing before the camera stopped"
+
+
+class PointingPanel(QWidget):
+    """Rewritten a few times a second, so that the age runs on without new frames."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.angle_style = AngleStyle.SEXAGESIMAL
+        self.ra, self.dec = position_labels()
+        self.old = label("", "old", wrap=True)
+        self.doubt = label("", "wrong", wrap=True)
+        self.values: dict[str, QLabel] = {}
+        self.chart = SkyChart()
+        grid = facts_grid(4, ("RA", self.ra), ("Dec", self.dec))
+        for row, (title, tip) in enumerate(ROWS.items(), 2):
+            name, value = label(title, "muted"), value_label(title)
+            name.setToolTip(tip)
+            value.setToolTip(tip)
+            grid.addWidget(name, row, 0)
+            grid.addWidget(value, row, 1)
+            self.values[title] = value
+        column(self.old, grid, self.doubt, (self.chart, 1), on=self, spacing=8, margins=(10, 10, 10, 10))
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing is known."""
+        for value in (self.ra, self.dec, *self.values.values()):
+            write(value, NOTHING)
+        self.old.setVisible(False)
+        self.doubt.setVisible(False)
+        self.chart.clear()
+
+    def show_update(
+        self, update: LiveUpdate, lens: Lens, name: str, drawn_hz: float | None, screen_ms: float | None
+    ) -> None:
+        """Show the latest update; may be called again with the same one, which has aged."""
+        now = monotonic()
+        old, good = status_text.is_old(update, now), update.last_good
+        ra, dec = status_text.position_texts(update, self.angle_style)
+        write(self.ra, ra)
+        write(self.dec, dec)
+        self._mute_position(old)
+        east, north = status_text.drift_texts(None if old else update.drift)
+        age = age_text(good.age_s(now)) if good is not None else NOTHING
+        for title, text in {
+            "Uncertainty": NOTHING if old else status_text.sigma_text(update),
+            "Age": age,
+            "Drift RA": east,
+            "Drift Dec": north,
+            "Rates": NOTHING if old else status_text.rates_text(update),
+            "Frame rate": status_text.frame_rate_text(update),
+            "Latency": status_text.latency_text(update, screen_ms),
+            "Lens": status_text.lens_text(lens, name),
+        }.items():
+            write(self.values[title], text)
+        self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
+        write(self.old, f"OLD: pointing of {age} ago. The current pointing is unknown.")
+        self.old.setVisible(old)
+        write(self.doubt, lens.doubt)
+        self.doubt.setVisible(bool(lens.doubt))
+        centre = status_text.pointing_vector(update)
+        if centre is not None:
+            self.chart.show_pointing(centre, old)
+
+    def show_stopped(self) -> None:
+        """The camera has stopped: keep the last pointing, marked as old."""
+        if self.ra.text() == NOTHING:
+            return
+        self._mute_position(True)
+        for title, value in self.values.items():
+            if title != "Lens":
+                write(value, NOTHING)
+        write(self.old, STOPPED)
+        self.old.setVisible(True)
+        if self.chart.trail.here is not None:
+            self.chart.show_pointing(self.chart.trail.here, old=True)
+
+    def _mute_position(self, old: bool) -> None:
+        role = "muted" if old else "value"
+        for value in (self.ra, self.dec):
+            if value.property("role") != role:
+                set_role(value, role)
+
+
+def write(target: QLabel, text: str) -> None:
+    """Set a text only when it has changed: each costs a layout."""
+    if target.text() != text:
+        target.setText(text)

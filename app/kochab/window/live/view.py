@@ -1,0 +1,330 @@
+"""The Live view: a camera runs, its frames are solved, and its pointing is shown."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from PySide6.QtCore import QSignalBlocker, QTimer, Signal
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QTabWidget, QWidget
+
+from kochab.core.capture import CameraSource, CaptureSettings
+from kochab.core.progress import Progress, Task
+from kochab.gear.session import CameraSelection
+from kochab.window.cameras import TITLES
+from kochab.window.job import Job
+from kochab.window.live import status_text
+from kochab.window.live.camera_panel import CameraPanel
+from kochab.window.live.frame_display import LiveDisplay
+from kochab.window.live.pointing_panel import PointingPanel, write
+from kochab.window.live.sky_points import sky_points
+from kochab.window.live.status_text import StreamStatus, recorded_text
+from kochab.window.shell.dialogs import ask_folder
+from kochab.window.shell.views import Services
+from kochab.window.themes import Colours
+from kochab.window.widgets import button, column, label, row, scrolled, set_role
+from kochab.workflows.live.solve import LiveEngine
+from kochab.workflows.session.live_stream import Recorded, Stream, StreamRequest
+
+NO_RECORDER = "Recording is not available in this window."
+
+
+class RecordPanel(QWidget):
+    """The recording switch: frames and solutions are saved to a folder."""
+
+    wanted = Signal(object)  # Path | None
+
+    def __init__(self, can_record: bool) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.folder = Path.home() / "Kochab"
+        self._red = False
+        self.switch = QCheckBox("&Record frames and solutions")
+        self.switch.setEnabled(can_record)
+        self.switch.toggled.connect(self._toggled)
+        self.choose = button("Fold&er…", self._ask, tip="Choose the folder for recordings")
+        self.status = label("", "muted", wrap=True)
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setColumnStretch(0, 1)
+        grid.addWidget(self.switch, 0, 0)
+        grid.addWidget(self.choose, 0, 1)
+        grid.addWidget(self.status, 1, 0, 1, 2)
+        self.use_folder(self.folder)
+
+    def show_state(self, state: Recorded | None) -> None:
+        """Frames recorded so far; the switch goes off when the recording has ended by itself."""
+        if state is None:
+            return
+        write(self.status, recorded_text(state))
+        if not state.going_on and self.switch.isChecked():
+            with QSignalBlocker(self.switch):
+                self.switch.setChecked(False)
+            self.choose.setEnabled(True)
+            self.wanted.emit(None)
+
+    def use_folder(self, folder: Path) -> None:
+        """Save the next recording there."""
+        self.folder = folder
+        self.status.setText(f"Saves to {folder}" if self.switch.isEnabled() else NO_RECORDER)
+
+    def use_red(self, on: bool) -> None:
+        """Whether dialogs show red light only."""
+        self._red = on
+
+    def _toggled(self, on: bool) -> None:
+        self.choose.setEnabled(not on)
+        self.wanted.emit(self.folder if on else None)
+
+    def _ask(self) -> None:
+        path = ask_folder(self.window(), str(self.folder), "Folder for recordings", self._red)
+        if path is not None:
+            self.use_folder(path)
+
+
+WRITE_EVERY_MS = 200
+READY = "Choose a camera, then press Start."
+POINTING = 1  # its tab
+
+
+class LiveView(QWidget):
+    """Runs one camera at a time; the headline, Start and Stop are always in sight."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.display = LiveDisplay(services, self)
+        self.stream: Stream | None = None
+        self.job: Job | None = None
+        self._ending: Job | None = None
+        self._changing_frame = False  # by this view itself, not by another
+        self._timer = QTimer(self)
+        self._timer.setInterval(WRITE_EVERY_MS)
+        self._timer.timeout.connect(self.write)
+        self._build()
+        self._connect()
+        self._set_colours(services.looks.colours)
+        self._restore()
+        self._show_idle()
+        self.camera.box.search()
+        chart = services.jobs.run(_chart_points(services), "sky-chart")
+        chart.succeeded.connect(self.pointing.chart.show_points)
+        chart.failed.connect(services.say)
+
+    def _build(self) -> None:
+        self.camera = CameraPanel()
+        self.pointing = PointingPanel()
+        self.record = RecordPanel(self._services.wiring.to_record is not None)
+        self.title = label("", "heading", wrap=True)
+        self.text = label(READY, "muted", wrap=True)
+        self.message = label("", wrap=True)
+        self.message.setVisible(False)
+        self.start = button("&Start", self.begin, "main", "Open the camera and solve its frames")
+        self.stop = button("Sto&p", self.end, tip="Close the camera; the last frame stays open")
+        self.tabs = QTabWidget()
+        self.tabs.setDocumentMode(True)
+        self.tabs.setAccessibleName("Live")
+        self.tabs.addTab(scrolled(self.camera), "Camera")
+        self.tabs.addTab(scrolled(self.pointing), "Pointing")
+        top = row((self.title, 1), self.start, self.stop)
+        parts = (top, self.text, self.message, (self.tabs, 1), self.record)
+        column(*parts, on=self, spacing=6, margins=(10, 8, 10, 8))
+        self.setFocusProxy(self.start)
+
+    def _connect(self) -> None:
+        services, cameras = self._services, self._services.cameras
+        self.camera.settings_wanted.connect(self._set_camera)
+        self.camera.box.follow(cameras)
+        self.camera.box.chosen.connect(lambda chosen: cameras.choose(chosen.source, chosen.address))
+        self.record.wanted.connect(self._set_recording)
+        cameras.chosen.connect(self._show_choice)
+        cameras.gone.connect(self._show_gone)
+        services.looks.changed.connect(self._set_colours)
+        services.session.opening.connect(self._make_way)
+        services.jobs.closing.connect(self._save)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        if self.stream is None:
+            self.camera.box.search()  # a practice telescope may have been started meanwhile
+        super().showEvent(event)
+
+    def begin(self) -> None:
+        """Open the chosen camera."""
+        choice, cameras = self.camera.choice(), self._services.cameras
+
+        def opened() -> CameraSource:
+            return cameras.open(choice.source, choice.address, choice.settings)
+
+        cameras.choose(choice.source, choice.address)
+        name = " ".join((TITLES.get(choice.source, choice.source), choice.address)).strip()
+        self._save()
+        self.run(StreamRequest(opened, name, choice.profile, choice.reconnect))
+
+    def run(self, request: StreamRequest, make_engine: Callable[[], LiveEngine] | None = None) -> None:
+        """Run any camera, with another engine than the tracker if given."""
+        if self.stream is not None or self._ending is not None:
+            return
+        queue = self.display.begin(request.name)
+        to_record = self._services.wiring.to_record
+        self.stream = stream = Stream(request, queue.show, to_record, make_engine)
+        if self.record.switch.isChecked():
+            stream.recording.wish = self.record.folder
+        self.pointing.clear()
+        self.pointing.angle_style = self._services.settings.angle_style
+        self._services.panes.show_side(False)  # the frame needs the room
+        self._show_message("")
+        self.job = job = self._services.jobs.run(stream.task(), "live")
+        job.failed.connect(lambda sentence: self._failed(job, sentence))
+        job.finished.connect(lambda: self._finished(job, stream))
+        self._show_running(True)
+        self.tabs.setCurrentIndex(POINTING)
+        self._show_status(StreamStatus("Opening the camera", request.name, "heading"))
+        self._timer.start()
+
+    def end(self) -> None:
+        """Stop at once; the camera is closed by its own thread."""
+        self._end(keep=True)
+
+    def _end(self, keep: bool) -> None:
+        job, stream = self.job, self.stream
+        self.job = self.stream = None
+        self._timer.stop()
+        if job is None or stream is None:
+            return
+        job.cancel()
+        self._ending = job
+        good = None if stream.latest is None else stream.latest.last_good
+        if keep and good is not None:
+            known = self._services.session.known
+            known.last_good, known.last_good_from = good.solution, stream.wish.name
+        self._changing_frame = True
+        self.display.end(keep)
+        self.pointing.show_stopped()
+        self._changing_frame = False
+        self._services.panes.show_side(True)
+        self._show_status(StreamStatus("Stopping", "Closing the camera…", "heading"))
+        self._show_running(False)
+        self.start.setEnabled(False)
+
+    def _set_camera(self, settings: CaptureSettings) -> None:
+        if self.stream is not None:
+            self.stream.capture.configure(settings)
+
+    def _set_recording(self, folder: Path | None) -> None:
+        if self.stream is not None:
+            self.stream.recording.wish = folder
+
+    def _show_choice(self, source: str, address: str) -> None:
+        """Another view has chosen a camera: adopt it, unless one runs."""
+        if self.stream is None:
+            self.camera.box.show_selection(CameraSelection(source, address))
+
+    def _show_gone(self, source: str, address: str) -> None:
+        box = self.camera.box
+        if self.stream is None and (source, address) == (box.kind, box.address.text().strip()):
+            box.address.clear()
+            box.search()
+
+    def write(self) -> None:
+        """Show what is known now; the age runs on without new frames."""
+        stream, shown = self.stream, self.display.shown
+        if stream is None:
+            return
+        while stream.said:
+            self._show_message(stream.said.popleft())
+        capture = stream.capture
+        if capture.name:
+            self.camera.show_limits(capture.limits, capture.in_force)
+        if shown is not None:
+            self.camera.show_levels(shown.levels)
+        self.record.show_state(stream.recording.state)
+        update = stream.latest
+        if update is not None:
+            self._show_status(status_text.stream_status(update, monotonic(), stream.seen_s))
+            self.pointing.show_update(
+                update, stream.lens, stream.wish.profile, self.display.drawn_hz, self.display.latency_ms
+            )
+        elif shown is not None:
+            self._show_status(StreamStatus("Searching", "Solving the first frame blind.", "heading"))
+        elif capture.name:
+            self._show_status(StreamStatus("Waiting for a frame", "", "heading"))
+
+    def _failed(self, job: Job, sentence: str) -> None:
+        """The camera failed: show why, and keep the last pointing, marked as old."""
+        self._show_message(sentence, "wrong")
+        if job is self.job:
+            self.write()
+            self._end(keep=True)
+
+    def _finished(self, job: Job, stream: Stream) -> None:
+        for sentence in stream.said:
+            self._show_message(sentence, str(self.message.property("role") or ""))
+        self.record.show_state(stream.recording.state)
+        if job is self.job:
+            self._end(keep=True)
+        if job is self._ending:
+            self._ending = None
+            self._show_idle()
+
+    def _make_way(self, _: object) -> None:
+        """A file was opened, or another view shows a frame."""
+        if not self._changing_frame and self.stream is not None:
+            self._end(keep=False)
+            self._show_message("Live stopped because another frame was opened.")
+
+    def _show_idle(self) -> None:
+        self._show_running(False)
+        self._show_status(StreamStatus("Live", READY, "heading"))
+
+    def _show_running(self, on: bool) -> None:
+        self.start.setEnabled(not on)
+        self.start.setVisible(not on)
+        self.stop.setVisible(on)
+        self.camera.set_running(on)
+        if on:
+            self.stop.setFocus()
+
+    def _show_status(self, status: StreamStatus) -> None:
+        write(self.title, status.title)
+        if self.title.property("role") != status.role:
+            set_role(self.title, status.role)
+        write(self.text, status.text)
+        self.text.setVisible(bool(status.text))
+
+    def _show_message(self, sentence: str, role: str = "") -> None:
+        """One sentence that stays until the next; all of them are in the log."""
+        if sentence:
+            self._services.log.info("%s", sentence)
+        self.message.setText(sentence)
+        self.message.setVisible(bool(sentence))
+        if self.message.property("role") != role:
+            set_role(self.message, role)
+
+    def _set_colours(self, colours: Colours) -> None:
+        self.camera.levels.set_colours(colours)
+        self.pointing.chart.set_colours(colours)
+        for panel in (self.camera.box, self.record):
+            panel.use_red(self._services.looks.is_night)
+        self.update()
+
+    def _save(self) -> None:
+        saved = {**self.camera.state(), "record": str(self.record.folder)}
+        self._services.settings.keep("live", json.dumps(saved))
+
+    def _restore(self) -> None:
+        saved: dict[str, Any] = self._services.settings.table("live")
+        if saved:
+            self.camera.restore(saved)
+            folder = saved.get("record")
+            if isinstance(folder, str) and folder:
+                self.record.use_folder(Path(folder))
+        if self._services.cameras.choice is not None:
+            self._show_choice(*self._services.cameras.choice)
+
+
+def _chart_points(services: Services) -> Task[object]:
+    yield Progress("chart")
+    return (yield from sky_points(services.catalogue()))

@@ -1,0 +1,193 @@
+"""The actions of the Mount view, and the sentences that tell their results."""
+
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import QObject, Qt, Signal
+
+from kochab.core.mount import Direction
+from kochab.core.solution import NoSolution, Solution
+from kochab.gear.actions import action
+from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
+from kochab.gear.mount_line import MakeTask
+from kochab.solver.disagreement import Disagreement
+from kochab.window.mount.connection import MountControl
+from kochab.window.mount.pointing import Offset, size_text
+from kochab.window.shell.views import Services
+from kochab.workflows.centre_target import Centring, CentringEnd
+from kochab.workflows.nudge import Nudged, Turn
+from kochab.workflows.session import mount_orders
+from kochab.workflows.sync_mount import SyncDone, SyncOffer
+
+SYNC_FIRST = "Use Sync… first to review it."
+
+
+def outcome_text(result: Any, sight: SolvedPosition | None) -> tuple[str, str]:
+    """The sentence for a result, empty when it needs none, and its style sheet role."""
+    match result:
+        case str():
+            return result, ""
+        case SyncOffer():
+            return result.in_words, ""
+        case SyncDone():
+            return result.sentence, "good" if result.synced else ""
+        case NoSolution():
+            return f"No solution: {result.reason}. {result.advice}", "wrong"
+        case Solution() if sight is not None:
+            off = size_text(Offset.between(sight.mount_deg, result.ra_dec_deg).total_deg)
+            return f"Solved. Mount is off by {off}.", ""
+        case Centring():
+            more = f" {SYNC_FIRST}" if result.sentence.endswith("confirm it.") else ""
+            return result.sentence + more, "good" if result.centred else "wrong"
+        case Nudged():
+            return f"Nudged {result.direction} by {result.by}.", ""
+        case Turn():
+            return "Star moved.", ""
+        case (Disagreement() as finding, _):
+            return finding.sentence, "good" if finding.agrees else ""
+    return "", ""
+
+
+class MountActions(QObject):
+    """Gives orders to the :class:`MountControl`; with ``auto_frame`` a frame follows each motion."""
+
+    offered = Signal(object)  # SyncOffer
+
+    def __init__(self, control: MountControl) -> None:
+        super().__init__(control)
+        self.auto_frame = True
+        self._control, self._frames = control, control.frames
+        control.ended.connect(self._ended)
+
+    def take_frame(self) -> None:
+        """Take a frame, show and solve it."""
+        self._control.ask("take", mount_orders.take(self._control.solver))
+
+    def offer_sync(self) -> None:
+        """Show what a sync would do; without a camera it uses the open frame."""
+        solver = None if self._frames.camera is None else self._control.solver
+        make: MakeTask | None = mount_orders.offer(solver, self._frames.solution)
+        if make is not None:
+            self._control.ask("sync", make)
+
+    def diagnose(self) -> None:
+        """Find the cause of the mount's offset."""
+        self._control.ask("why", mount_orders.why(self._control.solver, self._frames.sightings))
+
+    def accept_sync(self, offer: SyncOffer) -> None:
+        """Do a sync that was shown and accepted."""
+        self._control.ask("accept", mount_orders.accept(offer))
+
+    def undo_sync(self) -> None:
+        """Undo the last sync."""
+        self._control.ask("undo", mount_orders.undo())
+
+    def goto(self, text: str) -> None:
+        """Slew to a name or coordinates."""
+        self._control.ask("goto", mount_orders.goto(text))
+
+    def centre(self, text: str, tolerance_arcsec: float) -> None:
+        """Slew there, plate solve and correct until it is centred."""
+        self._control.ask("centre", mount_orders.centre(text, tolerance_arcsec, self._control.solver))
+
+    def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
+        """Move a little, at a rate of the mount or, for 0, at the slowest suitable one."""
+        dec = direction in (Direction.NORTH, Direction.SOUTH)
+        self._control.ask("nudge dec" if dec else "nudge", mount_orders.nudged(direction, arcsec, rate_deg_s))
+
+    def move_star(self, star: tuple[float, float], here: tuple[float, float]) -> None:
+        """Move the mount so that pixel ``star`` of the open frame comes to pixel ``here``."""
+        solution = self._frames.solution
+        if solution is not None:
+            self._control.ask("bring", mount_orders.bring(solution, star, here))
+
+    def track(self, on: bool) -> None:
+        """Switch tracking."""
+        self._control.ask("track", mount_orders.track(on))
+
+    def _ended(self, word: OrderDone | OrderFailed) -> None:
+        if isinstance(word, OrderFailed):
+            return
+        self._answered(word.name, word.result)
+        if action(word.name).frame_after and self.auto_frame and self._frames.camera is not None:
+            self.take_frame()
+
+    def _answered(self, name: str, result: Any) -> None:
+        known = self._control.known
+        sentence, role = outcome_text(result, known.sight)
+        if sentence:
+            self._control.message.emit(sentence, role)
+        match result:
+            case SyncOffer():
+                self.offered.emit(result)
+            case SyncDone(synced=True):
+                self._resynced()
+            case SyncDone(slewed=True):
+                known.has_moved()
+            case Centring() if known.sight is not None:
+                seen_last = known.sight.solution is result.solution
+                known.moved_since = not seen_last or result.end is CentringEnd.REFUSED
+            case (Disagreement(), sightings):
+                self._frames.learn(sightings)
+            case str() if name == "undo":
+                self._resynced()
+
+    def _resynced(self) -> None:
+        self._control.known.has_synced()
+        self._frames.forget()
+
+
+FIRST = "Click the star in the frame (Esc cancels). Click it twice to centre it."
+SECOND = "Click where to put it, or click it again to centre it."
+NEAR_PX = 12.0
+
+
+class MoveStarMode(QObject):
+    """Two clicks in the frame, a star and its new place; the first snaps to an identified star."""
+
+    message = Signal(str, str)  # a sentence and its role
+
+    def __init__(self, services: Services, control: MountControl, orders: MountActions) -> None:
+        super().__init__(control)
+        self._view, self._frames, self._orders = services.view, control.frames, orders
+        control.stopping.connect(self.end)
+        self._on = False
+        self._star: tuple[float, float] | None = None
+        services.session.opened.connect(lambda _: self.end())
+
+    def begin(self) -> None:
+        """Wait for the first click."""
+        self.end()
+        self._on, self._star = True, None
+        self._view.clicked.connect(self._clicked)
+        self._view.setCursor(Qt.CursorShape.CrossCursor)
+        self.message.emit(FIRST, "")
+
+    def end(self) -> None:
+        """Ignore clicks from now on."""
+        if self._on:
+            self._view.clicked.disconnect(self._clicked)
+            self._view.unsetCursor()
+        self._on = False
+
+    def _clicked(self, x: float, y: float, reach_px: float) -> None:
+        if self._star is None:
+            self._star = self._snapped(x, y, reach_px)
+            self.message.emit(SECOND, "")
+            return
+        star, here = self._star, (x, y)
+        self.end()
+        solution = self._frames.solution
+        if solution is None:
+            return
+        if np.hypot(x - star[0], y - star[1]) <= max(reach_px, NEAR_PX):
+            here = ((solution.camera.width - 1) / 2.0, (solution.camera.height - 1) / 2.0)
+        self._orders.move_star(star, here)
+
+    def _snapped(self, x: float, y: float, reach_px: float) -> tuple[float, float]:
+        solution = self._frames.solution
+        if solution is None or not solution.stars:
+            return x, y
+        nearest = min(solution.stars, key=lambda s: np.hypot(s.x - x, s.y - y))
+        near = np.hypot(nearest.x - x, nearest.y - y) <= reach_px
+        return (nearest.x, nearest.y) if near else (x, y)

@@ -1,0 +1,273 @@
+"""Which mount on which port, how it is found, and what it does at the meridian."""
+
+from functools import partial
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QHBoxLayout, QLineEdit, QWidget
+
+from kochab.core.angle_text import parse_site, site_text
+from kochab.core.errors import UsageError
+from kochab.core.frame import Site
+from kochab.core.mount import Home
+from kochab.core.progress import Progress
+from kochab.gear import session as equipment
+from kochab.gear.mounts import DRIVERS
+from kochab.gear.mounts.probe import Diagnosis, PortInfo
+from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, Meridian, MountSelection
+from kochab.window.job import Job, Jobs
+from kochab.window.widgets import button, column, label, narrow_box, row
+
+BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
+EPOCH_TIP = (
+    "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
+)
+COUNTS_STEPS = "skywatcher"  # these mounts report neither their home position nor their type
+HOME_TIP = (
+    "This mount only counts motor steps. It does not slew until you confirm the home position or "
+    "sync on a solved frame."
+)
+WEDGE_TIP = "Kochab moves an AZ-GTi only in equatorial mode, on a wedge"
+SITE_TIP = "Latitude, longitude in degrees, north and east positive; never sent to the mount"
+
+
+class ConnectBox(QWidget):
+    """Port, driver, baud rate, epoch and site of a mount that is not connected yet."""
+
+    connect_wanted = Signal(object)  # MountSelection
+    practice_wanted = Signal()
+    find_wanted = Signal()
+    site_given = Signal(object)  # Site, or None
+    profile_chosen = Signal(str)  # a name, empty for none
+    trouble = Signal(str)
+
+    def __init__(self, can_practise: bool) -> None:
+        super().__init__()
+        self.profile = _combo("Equipment profile", "none: type a name to keep this equipment")
+        self.profile.setToolTip("Camera, mount, site and limits under one name, for every view")
+        typed = self.profile.lineEdit()
+        assert typed is not None
+        for done in (self.profile.textActivated, typed.returnPressed):  # Qt tells of a new name by the latter
+            done.connect(lambda *_: self.profile_chosen.emit(self.profile.currentText().strip()))
+        self.port = _combo("Port of the mount", "a device, COM3 or socket://HOST:PORT")
+        self.driver = _combo("Driver of the mount")
+        for name, driver in DRIVERS.loaded().items():
+            self.driver.addItem(driver.title, name)
+        self.baud = _combo("Baud rate", "9600")
+        self.baud.addItems(BAUDS)
+        self.epoch = _combo("Epoch of the mount's coordinates")
+        self.epoch.addItems(list(EPOCHS))
+        self.epoch.setToolTip(EPOCH_TIP)
+        self.site = QLineEdit()
+        self.site.setAccessibleName("Site of the mount")
+        self.site.setPlaceholderText("48.14, 11.58 (sets the horizon limit)")
+        self.site.setToolTip(SITE_TIP)
+        self.site.editingFinished.connect(self._site_typed)
+        self.home = QCheckBox("At home: tube at the pole, counterweight down")
+        self.home.setToolTip(HOME_TIP)
+        self.equatorial = QCheckBox("AZ-GTi on an equatorial wedge")
+        self.equatorial.setToolTip(WEDGE_TIP)
+        self.driver.currentIndexChanged.connect(self._show_questions)
+        self.connect_button = button("Connect", self._connect, "main", "Open the port. Nothing moves.")
+        self.find_button = button(
+            "Find my mount", self.find_wanted.emit, "", "Ask every port which mount is there. Nothing moves."
+        )
+        self.practice_button = button(
+            "Practice with a simulated telescope",
+            self.practice_wanted.emit,
+            "",
+            "A misaligned mount with a camera, under a simulated sky",
+        )
+        self._lay_out()
+        self.practice_button.setVisible(can_practise)  # not before it has a parent: it would be a window
+        self._show_questions()
+
+    def _lay_out(self) -> None:
+        form = QFormLayout()
+        form.setHorizontalSpacing(12)
+        form.setVerticalSpacing(6)
+        form.addRow("Profile", self.profile)
+        form.addRow("Port", self.port)
+        form.addRow("Driver", self.driver)
+        line = row((self.baud, 1), label("Epoch"), (self.epoch, 1), spacing=10)
+        form.addRow("Baud rate", line)
+        form.addRow("Your site", self.site)
+        buttons = row(self.connect_button, self.find_button, None)
+        parts = (form, self.home, self.equatorial, buttons, self.practice_button)
+        column(*parts, on=self, spacing=8, margins=(0, 0, 0, 0))
+
+    def show_profiles(self, names: list[str], chosen: str) -> None:
+        """List the profiles."""
+        self.profile.clear()
+        self.profile.addItems(["", *names])
+        self.profile.setCurrentText(chosen)
+
+    def show_ports(self, ports: list[PortInfo]) -> None:
+        """List the ports; what was typed stays."""
+        typed = self.chosen_port
+        self.port.clear()
+        for info in ports:
+            words = ", ".join(w for w in (info.description, info.usb, info.hint) if w)
+            self.port.addItem(f"{info.port}  ({words})", info.port)
+        self.set_port(typed or (ports[0].port if ports else ""))
+
+    def set_port(self, port: str) -> None:
+        """Show a port, listed or not."""
+        at = self.port.findData(port)
+        if at >= 0:
+            self.port.setCurrentIndex(at)
+        else:
+            self.port.setEditText(port)
+
+    @property
+    def chosen_port(self) -> str:
+        """The chosen device, or what was typed."""
+        at = self.port.findText(self.port.currentText())
+        return str(self.port.itemData(at)) if at >= 0 else self.port.currentText().strip()
+
+    def show_selection(self, selection: MountSelection) -> None:
+        """Fill the fields."""
+        baud, epoch = selection.baud, selection.epoch
+        self.set_port(selection.port)
+        self.driver.setCurrentIndex(max(0, self.driver.findData(selection.driver)))
+        self.baud.setCurrentText(DRIVER_DEFAULT if baud is None else str(baud))
+        self.epoch.setCurrentText(DRIVER_DEFAULT if epoch is None else str(epoch))
+
+    def show_found(self, found: Diagnosis) -> None:
+        """Fill the fields with a mount that answered."""
+        self.show_selection(MountSelection(found.port, found.driver, found.baud or None))
+
+    def show_site(self, site: Site | None) -> None:
+        """Fill in the site."""
+        self.site.setText(site_text(site) if site is not None else "")
+
+    def _connect(self) -> None:
+        try:
+            selection = MountSelection.typed(
+                self.chosen_port,
+                str(self.driver.currentData()),
+                self.baud.currentText(),
+                self.epoch.currentText(),
+                *self._confirmed(),
+            )
+        except UsageError as error:
+            self.trouble.emit(str(error))
+            return
+        for question in (self.home, self.equatorial):
+            question.setChecked(False)  # true of this moment only, so asked every time
+        self.connect_wanted.emit(selection)
+
+    def _confirmed(self) -> tuple[Home | None, bool]:
+        """What only the person can know of a mount that reports neither."""
+        if self.driver.currentData() != COUNTS_STEPS:
+            return None, False
+        return (Home.NOW if self.home.isChecked() else None), self.equatorial.isChecked()
+
+    def _show_questions(self) -> None:
+        for question in (self.home, self.equatorial):
+            question.setVisible(self.driver.currentData() == COUNTS_STEPS)
+
+    def _site_typed(self) -> None:
+        text = self.site.text().strip()
+        try:
+            self.site_given.emit(parse_site(text) if text else None)
+        except UsageError as error:
+            self.trouble.emit(str(error))
+
+
+def _combo(name: str, example: str = "") -> QComboBox:
+    """A list to choose from; with an ``example`` it can be typed in, too."""
+    made = narrow_box(name, 8)
+    made.setEditable(bool(example))
+    if example:
+        made.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        field = made.lineEdit()
+        assert field is not None
+        field.setAccessibleName(name)
+        field.setPlaceholderText(example)
+    return made
+
+
+class Finder(QObject):
+    """Finds ports and mounts for a :class:`ConnectBox`, one search at a time."""
+
+    message = Signal(str, str)  # a sentence and its role
+    progressed = Signal(object)  # Progress, or None when it is over
+
+    def __init__(self, box: ConnectBox, jobs: Jobs) -> None:
+        super().__init__(box)
+        self._box, self._jobs = box, jobs
+        self._job: Job | None = None
+        box.find_wanted.connect(self.find)
+
+    @property
+    def running(self) -> bool:
+        """Whether a search is under way."""
+        return self._job is not None
+
+    def list_ports(self) -> None:
+        """List the ports, without asking anything of them."""
+        job = self._jobs.run(equipment.find_ports(), "ports")
+        job.succeeded.connect(self._box.show_ports)
+
+    def find(self) -> None:
+        """Search every port for a mount."""
+        self.cancel()
+        self._job = job = self._jobs.run(equipment.find_mounts(self._box.chosen_port), "find")
+        job.progressed.connect(self.progressed)
+        job.succeeded.connect(self._found)
+        job.failed.connect(lambda sentence: self.message.emit(sentence, "wrong"))
+        job.cancelled.connect(lambda: self.message.emit("Search cancelled.", "muted"))
+        job.finished.connect(partial(self._over, job))
+        self.progressed.emit(Progress("looking for ports"))
+
+    def cancel(self) -> None:
+        """End the search."""
+        if self._job is not None:
+            self._job.cancel()
+
+    def _over(self, job: Job) -> None:
+        if job is self._job:
+            self._job = None
+            self.progressed.emit(None)
+
+    def _found(self, result: tuple[list[PortInfo], list[Diagnosis]]) -> None:
+        listed, found = result
+        self._box.show_ports(listed)
+        mount = next((one for one in found if one.found), None)
+        if mount is not None:
+            self._box.show_found(mount)
+            self._box.connect_button.setFocus()
+        self.message.emit(equipment.search_text(found), "good" if mount else "wrong")
+
+
+TIP = (
+    "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
+    "alt-azimuth mount goes on without a flip."
+)
+
+
+class MeridianBox(QWidget):
+    """What the mount does at the meridian; ``chosen`` when a person changes it."""
+
+    chosen = Signal(object)  # Meridian
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.choice = narrow_box("What the mount does at the meridian", 8)
+        self.choice.setToolTip(TIP)
+        for meridian in Meridian:
+            self.choice.addItem(str(meridian), meridian)
+        self.choice.activated.connect(lambda _: self.chosen.emit(self.meridian))
+        line = QHBoxLayout(self)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.addWidget(label("Meridian"))
+        line.addWidget(self.choice, 1)
+
+    @property
+    def meridian(self) -> Meridian:
+        """The chosen one."""
+        return list(Meridian)[self.choice.currentIndex()]
+
+    def show_meridian(self, meridian: Meridian) -> None:
+        """Show it, without a signal."""
+        self.choice.setCurrentIndex(list(Meridian).index(meridian))

@@ -1,0 +1,417 @@
+"""The mount of a window: every view gives its orders here and is told of their end."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol
+
+from PySide6.QtCore import QObject, Signal
+
+from kochab.core.errors import RefusedError
+from kochab.core.frame import Site
+from kochab.core.solution import Solution, SolveNow
+from kochab.gear.actions import MountSituation, reason_against_order
+from kochab.gear.mount_events import (
+    Connected,
+    EpochDoubted,
+    FrameTaken,
+    LineLost,
+    MountSnapshot,
+    OrderDone,
+    OrderFailed,
+    OrderProgress,
+    PracticeStarted,
+    StandsStill,
+    StopFailed,
+    Stopped,
+)
+from kochab.gear.mount_line import MakeTask, MountLine, Outlives, never
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.profiles import current_profile, keep_profile
+from kochab.gear.session import (
+    CameraSelection,
+    Meridian,
+    MountSelection,
+    Opening,
+    PortOpening,
+    Practice,
+    PracticeOpening,
+)
+from kochab.solver.disagreement import MountSighting
+from kochab.window.cameras import Cameras
+from kochab.window.job import Job, Jobs
+from kochab.window.session import Session
+from kochab.window.settings import WindowSettings
+from kochab.workflows.session import mount_orders
+from kochab.workflows.session.mount_camera import FrameSolved, MountCamera, frame_solver
+from kochab.workflows.session.wiring import Wiring
+
+
+class Connection(QObject):
+    """One open line at a time, in its thread; of one being closed only the end is passed on."""
+
+    received = Signal(object)  # a MountEvent or FrameSolved
+    closed = Signal(str, str)  # why, empty when a person closed it, and a farewell
+    _posted = Signal(object)
+
+    def __init__(self, jobs: Jobs, parent: QObject) -> None:
+        super().__init__(parent)
+        self.line: MountLine | None = None
+        self._jobs = jobs
+        self._opening: Opening | None = None
+        self._job: Job | None = None
+        self._posted.connect(self._receive)
+
+    @property
+    def practice(self) -> Practice | None:
+        """The practice telescope at the other end, once it has started."""
+        opening = self._opening
+        return opening.practice if isinstance(opening, PracticeOpening) else None
+
+    def open(self, opening: Opening, on_end: Callable[[], None]) -> None:
+        """Open a line; ``on_end`` is called in its thread when it is closed."""
+
+        def over() -> None:
+            on_end()
+            opening.over()
+
+        line = MountLine(opening, lambda event: self.post(line, event), over)
+        self.line, self._opening = line, opening
+        self._job = job = self._jobs.run(line.run(), "mount")
+        job.failed.connect(lambda sentence: self._over(job, sentence))
+        job.cancelled.connect(lambda: self._over(job, ""))
+
+    def close(self) -> bool:
+        """Stop what moves and close the port; whether there is anything to wait for."""
+        if self._job is None:
+            return False
+        if self.line is not None:
+            self.line.stop()
+        self._job.cancel()
+        self.line = None
+        return True
+
+    def post(self, line: MountLine | None, event: object) -> None:
+        """Pass an event on from the line's threads."""
+        with suppress(RuntimeError):  # the window is gone
+            self._posted.emit((line, event))
+
+    def _receive(self, posted: tuple[MountLine | None, object]) -> None:
+        line, event = posted
+        if line is self.line:
+            self.received.emit(event)
+
+    def _over(self, job: Job, sentence: str) -> None:
+        if job is not self._job:
+            return
+        farewell = self._opening.farewell if self._opening is not None else ""
+        self._job = self.line = self._opening = None
+        self.closed.emit(sentence, farewell)
+
+
+class MountTask(QObject):
+    """One order, with a job's signals: ``succeeded``, ``failed`` or ``cancelled``, then ``finished``."""
+
+    succeeded = Signal(object)
+    failed = Signal(str)
+    cancelled = Signal()
+    finished = Signal()
+
+    def __init__(self, name: str, stop: Callable[[], None], parent: QObject) -> None:
+        super().__init__(parent)
+        self.name = name
+        self._stop = stop
+
+    def cancel(self) -> None:
+        """Stop the mount and end what is under way."""
+        self._stop()
+
+    def end(self, event: OrderDone | OrderFailed) -> None:
+        """Emit how it ended."""
+        if isinstance(event, OrderDone):
+            self.succeeded.emit(event.result)
+        elif event.stopped:
+            self.cancelled.emit()
+        else:
+            self.failed.emit(event.sentence)
+        self.finished.emit()
+        self.deleteLater()
+
+
+MOST_SIGHTINGS = 6
+
+
+class MountCameraFrames:
+    """The camera on the mount, its frames, and the offsets seen on them."""
+
+    def __init__(self, session: Session, cameras: Cameras) -> None:
+        self.camera: MountCamera | None = None
+        self.sightings: tuple[MountSighting, ...] = ()
+        self._session, self._cameras = session, cameras
+        self._frames = 0
+
+    @property
+    def solution(self) -> Solution | None:
+        """The solution of the open frame."""
+        result = self._session.known.result
+        return result if isinstance(result, Solution) else None
+
+    def use(self, selection: CameraSelection | None) -> MountCamera | None:
+        """Use this camera from now on; returns the one before, for its thread to close.
+
+        Another exposure of the same camera holds for the other views that use it, too.
+        """
+        before = self.camera
+        if selection is None:
+            self.camera = None
+            return before
+        same = before is not None and before.wish.camera == selection.camera
+        self.camera = MountCamera(selection, self._cameras.open, insists=same)
+        return before
+
+    def close(self) -> None:
+        """Close the camera until the next frame; in the thread of the line."""
+        if self.camera is not None:
+            self.camera.close()
+
+    def solver(self, guard: Guard, tell: Callable[[object], None]) -> SolveNow:
+        """Takes and solves a frame in the thread of the line; ``tell`` is called there, too."""
+        if self.camera is None:
+            raise RefusedError("No camera is chosen.")
+        return frame_solver(self.camera, guard, tell)
+
+    def show(self, event: object) -> None:
+        """Show a frame, or its solution."""
+        if isinstance(event, FrameTaken):
+            if self._session.streams:
+                return  # the Live view shows its camera's frames, this one too
+            self._frames += 1
+            self._session.show(event.frame, f"Camera frame {self._frames}")
+        elif isinstance(event, FrameSolved):
+            self._session.answer(event.solved)
+
+    def learn(self, sightings: tuple[MountSighting, ...]) -> None:
+        """Keep the offsets seen, for the next diagnosis."""
+        self.sightings = sightings[-MOST_SIGHTINGS:]
+
+    def forget(self) -> None:
+        """Forget the offsets, which a sync has changed."""
+        self.sightings = ()
+
+
+PRACTISE_LATER = "A mount is connected. Disconnect it before you practise."
+
+
+class MountServices(Protocol):
+    """What the mount's owner uses of :class:`kochab.window.shell.views.Services`."""
+
+    @property
+    def settings(self) -> WindowSettings: ...
+    @property
+    def session(self) -> Session: ...
+    @property
+    def jobs(self) -> Jobs: ...
+    @property
+    def wiring(self) -> Wiring: ...
+    @property
+    def cameras(self) -> Cameras: ...
+
+
+class MountControl(QObject):
+    """Connects the mount, gives it orders and keeps what is known of it, for all views."""
+
+    changed = Signal()
+    message = Signal(str, str)  # a sentence and its role
+    progressed = Signal(object)  # Progress, or None when nothing is under way
+    ended = Signal(object)  # OrderDone or OrderFailed, after every order
+    stopping = Signal()
+
+    def __init__(self, services: MountServices) -> None:
+        super().__init__(services.jobs)
+        self.known = MountSnapshot()
+        self.frames = MountCameraFrames(services.session, services.cameras)
+        self.by_hand = False  # a person turns the RA axis for a polar alignment
+        self._services = services
+        self._connection = Connection(services.jobs, self)
+        self._tasks: dict[str, MountTask] = {}
+        self._connection.received.connect(self._receive)
+        self._connection.closed.connect(self._closed)
+        services.jobs.closing.connect(self.stop)
+
+    def connect_mount(self, selection: MountSelection) -> None:
+        """Open a mount."""
+        opening = PortOpening(selection, self._services.settings.site, self.limits)
+        self.begin(opening, selection.port)
+
+    def practise(self) -> None:
+        """Start a simulated telescope and connect to it."""
+        if self.known.phase != "off":
+            self.message.emit(PRACTISE_LATER, "wrong")
+            return
+        start = self._services.wiring.practice
+        if start is None:
+            self.message.emit("No simulated telescope in this program.", "wrong")
+            return
+        self.begin(
+            PracticeOpening(start, lambda event: self._connection.post(self._line, event), self.limits), ""
+        )
+        self.known.practice = True
+        self.changed.emit()
+
+    @property
+    def practice(self) -> Practice | None:
+        """The practice telescope that is connected, once it has started."""
+        return self._connection.practice
+
+    def begin(self, opening: Opening, port: str) -> None:
+        """Open a line; the one before is closed."""
+        self.disconnect_mount()
+        self.known = MountSnapshot("connecting", port)
+        self._connection.open(opening, self.frames.close)
+        self.message.emit("Connecting…", "muted")
+        self.changed.emit()
+
+    def disconnect_mount(self) -> None:
+        """Stop what moves and close the port; a practice telescope ends with it."""
+        if self._connection.close():
+            self.stopping.emit()
+            self.known.phase = "leaving"
+            self.changed.emit()
+
+    def _closed(self, sentence: str, farewell: str) -> None:
+        practised, self.known = self.known.practice, MountSnapshot()
+        if practised:
+            saved, camera = current_profile(self._services.settings).camera, self.frames.camera
+            self.use_camera(saved if saved.source else None)
+            if camera is not None:
+                self._services.cameras.forget(camera.wish.source, camera.wish.address)
+        for name in list(self._tasks):
+            self._tasks.pop(name).end(OrderFailed(name, sentence, stopped=not sentence))
+        text = sentence or f"Disconnected, mount stopped. {farewell}"
+        self.message.emit(text.strip(), "wrong" if sentence else "muted")
+        self.progressed.emit(None)
+        self.changed.emit()
+
+    @property
+    def _line(self) -> MountLine | None:
+        return self._connection.line
+
+    def order(self, name: str, make: MakeTask, outlives: Outlives = never) -> MountTask:
+        """Do this on the guard, in the line's thread; one order at a time.
+
+        A line being opened does it once it is open. ``outlives`` tells from the order's progress
+        whether it waits for a lost line or ends.
+
+        Raises
+        ------
+        RefusedError
+            No mount is connected, or another order is under way; one sentence.
+
+        """
+        why = reason_against_order(name, self.situation)
+        if self._line is None or why:
+            raise RefusedError(why)
+        self.known.busy = name
+        self._tasks[name] = task = MountTask(name, self.stop, self)
+        self._line.order(name, make, outlives)
+        self.changed.emit()
+        return task
+
+    def ask(self, name: str, make: MakeTask) -> None:
+        """The same; when it cannot be done now, a message says why."""
+        try:
+            self.order(name, make)
+        except RefusedError as error:
+            self.message.emit(str(error), "wrong")
+
+    def stop(self) -> None:
+        """Stop the mount now and end every order; never waits."""
+        if self._line is not None:
+            self._line.stop()
+        self.stopping.emit()
+
+    def set_by_hand(self, by_hand: bool) -> None:
+        """Whether a person turns the RA axis: meanwhile nothing else of the mount may turn."""
+        self.by_hand = by_hand
+        self.changed.emit()
+
+    def use_camera(self, selection: CameraSelection | None) -> None:
+        """Use this camera from now on."""
+        camera = self.frames.camera
+        if camera is not None and selection == camera.wish:
+            return
+        before = self.frames.use(selection)
+        if before is not None and self._line is not None:
+            self._line.order("camera", mount_orders.close_camera(before))
+        self.changed.emit()
+
+    def use_site(self, site: Site | None) -> None:
+        """The site, which sets the guard's horizon limit."""
+        self._services.settings.keep_site(site)
+        if self._line is not None and not self.known.practice:
+            self._line.order("site", mount_orders.use_site(site))
+
+    def use_meridian(self, meridian: Meridian) -> None:
+        """What the mount does at the meridian, from the next motion on."""
+        keep_profile(self._services.settings, meridian=meridian)
+        if self._line is not None:
+            self._line.order("meridian", mount_orders.use_limits(self.limits))
+
+    @property
+    def limits(self) -> Limits:
+        """The limits of the next guard."""
+        return current_profile(self._services.settings).limits
+
+    def solver(self, guard: Guard) -> SolveNow:
+        """Takes and solves a frame in the line's thread, and shows it in this one."""
+        line = self._line
+        return self.frames.solver(guard, lambda event: self._connection.post(line, event))
+
+    @property
+    def situation(self) -> MountSituation:
+        """What decides which actions are possible now."""
+        known = self.known
+        return MountSituation(
+            known.phase,
+            known.connected.lacks if known.connected is not None else None,
+            known.report.state if known.report is not None else None,
+            known.user,
+            self.frames.camera is not None,
+            self.frames.solution is not None,
+            known.report is not None and known.report.can_undo,
+            self.by_hand,
+        )
+
+    def _receive(self, event: object) -> None:
+        self.known.hear(event)
+        self.frames.show(event)
+        match event:
+            case PracticeStarted():
+                self.use_camera(CameraSelection("simulated", event.camera))
+                self._services.cameras.choose("simulated", event.camera)
+            case Connected():
+                self.message.emit(f"Connected to {event.name}.", "good")
+            case EpochDoubted():
+                self.message.emit(event.sentence, "wrong")
+            case OrderProgress():
+                self.progressed.emit(event.progress)
+            case OrderDone() | OrderFailed():
+                self._end(event)
+            case LineLost():
+                self.message.emit(event.again or event.sentence, "wrong")
+            case Stopped():
+                self.message.emit("Stop sent.", "muted")
+            case StandsStill():
+                self.message.emit("Mount stopped.", "muted")
+            case StopFailed():
+                self.message.emit(event.sentence, "bad")
+        self.changed.emit()
+
+    def _end(self, event: OrderDone | OrderFailed) -> None:
+        self.progressed.emit(None)
+        task = self._tasks.pop(event.name, None)
+        if isinstance(event, OrderFailed):
+            self.message.emit(event.sentence, "muted" if event.stopped else "wrong")
+        if task is not None:
+            task.end(event)
+        self.ended.emit(event)

@@ -1,0 +1,236 @@
+"""Goto, centre and nudge, and buttons that explain why they cannot be used now."""
+
+from collections.abc import Callable
+from functools import partial
+
+from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QCompleter,
+    QDoubleSpinBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLineEdit,
+    QPushButton,
+    QWidget,
+)
+
+from kochab.core.mount import SIDEREAL_DEG_S, Direction
+from kochab.window.widgets import column, label, row
+
+
+class Explanation(QObject):
+    """Greys a control with a reason, which is shown when the control is pressed or gets the focus.
+
+    The control is not disabled: it must keep the focus for the keyboard to reach its reason.
+    """
+
+    shown = Signal(str)
+
+    def __init__(self, control: QWidget, tip: str) -> None:
+        super().__init__(control)
+        self.reason = ""
+        self._control, self._tip = control, tip
+        control.installEventFilter(self)
+        self._dress()
+
+    def set_reason(self, reason: str) -> None:
+        """Grey the control; an empty reason frees it."""
+        if reason != self.reason:
+            self.reason = reason
+            self._dress()
+            if self._control.hasFocus():
+                self.shown.emit(reason)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.FocusIn:
+            self.shown.emit(self.reason)
+        elif event.type() == QEvent.Type.FocusOut:
+            self.shown.emit("")
+        return False
+
+    def _dress(self) -> None:
+        control, off = self._control, bool(self.reason)
+        control.setToolTip(self.reason or self._tip)
+        control.setAccessibleDescription(f"Not available. {self.reason}" if off else self._tip)
+        if bool(control.property("off")) != off:
+            control.setProperty("off", off)
+            control.style().unpolish(control)
+            control.style().polish(control)
+
+
+class ExplainedButton(QPushButton):
+    """A button that explains why it cannot be used now."""
+
+    def __init__(self, text: str, pressed: Callable[[], object], tip: str, role: str = "") -> None:
+        super().__init__(text)
+        self.explanation = Explanation(self, tip)
+        self._pressed = pressed
+        self.setAutoDefault(False)
+        if role:
+            self.setProperty("role", role)
+        self.clicked.connect(self._click)
+
+    @property
+    def reason(self) -> str:
+        """Why it cannot be used now; empty when it can."""
+        return self.explanation.reason
+
+    def _click(self) -> None:
+        if self.reason:
+            self.explanation.shown.emit(self.reason)
+        else:
+            self._pressed()
+
+
+class ExplainedSwitch(QCheckBox):
+    """Shows a state of the mount; a click only asks for the other."""
+
+    wanted = Signal(bool)
+
+    def __init__(self, text: str, tip: str) -> None:
+        super().__init__(text)
+        self.explanation = Explanation(self, tip)
+
+    @property
+    def reason(self) -> str:
+        """Why it cannot be used now; empty when it can."""
+        return self.explanation.reason
+
+    def nextCheckState(self) -> None:
+        if self.reason:
+            self.explanation.shown.emit(self.reason)
+        else:
+            self.wanted.emit(not self.isChecked())
+
+
+STEPS_ARCSEC = {"10″": 10.0, "30″": 30.0, "1′": 60.0, "5′": 300.0, "20′": 1200.0, "1°": 3600.0, "5°": 18000.0}
+FIRST = "5′"
+HINT = "Arrow keys nudge while a button here has the focus: up is north, left is east."
+WAYS = {
+    Direction.NORTH: ("N ↑", 0, 1, Qt.Key.Key_Up),
+    Direction.EAST: ("← E", 1, 0, Qt.Key.Key_Left),
+    Direction.WEST: ("W →", 1, 2, Qt.Key.Key_Right),
+    Direction.SOUTH: ("S ↓", 2, 1, Qt.Key.Key_Down),
+}
+
+
+class NudgePad(QWidget):
+    """Nudges one at a time: presses while the mount moves are ignored. ``beside`` is another widget."""
+
+    nudge_wanted = Signal(object, float, float)  # Direction, arcsec, deg/s or 0
+    explained = Signal(str)
+
+    def __init__(self, beside: QWidget) -> None:
+        super().__init__()
+        self.step = QComboBox()
+        self.step.setAccessibleName("Step of a nudge")
+        self.step.setToolTip("How far one press moves the mount")
+        for text, arcsec in STEPS_ARCSEC.items():
+            self.step.addItem(text, arcsec)
+        self.step.setCurrentText(FIRST)
+        self.rate = QComboBox()
+        self.rate.setAccessibleName("Rate of a nudge")
+        self.rate.setToolTip("How fast; auto takes the slowest suitable rate of the mount")
+        self.rate.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.show_rates(())
+        self.buttons: dict[Direction, ExplainedButton] = {}
+        grid = QGridLayout()
+        grid.setSpacing(4)
+        for way, (text, at_row, at_column, _) in WAYS.items():
+            made = ExplainedButton(text, partial(self._nudge, way), f"Nudge {way}")
+            made.setAccessibleName(f"Nudge {way}")
+            made.explanation.shown.connect(self.explained)
+            made.installEventFilter(self)
+            grid.addWidget(made, at_row, at_column)
+            self.buttons[way] = made
+        grid.addWidget(self.step, 1, 1)
+        hint, below = label(HINT, "muted", wrap=True), row(self.rate, beside, None)
+        title = column(label("Nudge", "heading"), hint, None, below)
+        line = QHBoxLayout(self)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.setSpacing(14)
+        line.addLayout(grid)
+        line.addLayout(title, 1)
+
+    def show_rates(self, rates_deg_s: tuple[float, ...]) -> None:
+        """Offer the mount's rates."""
+        if [self.rate.itemData(i) for i in range(1, self.rate.count())] == list(rates_deg_s):
+            return
+        self.rate.clear()
+        self.rate.addItem("Auto rate", 0.0)
+        for rate in rates_deg_s:
+            self.rate.addItem(rate_text(rate), rate)
+
+    def allow(self, reason: str, dec_reason: str) -> None:
+        """Grey the buttons of the RA axis and those of the declination axis with their reasons."""
+        for way, made in self.buttons.items():
+            made.explanation.set_reason(reason if way in (Direction.EAST, Direction.WEST) else dec_reason)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
+            for way, (_, _, _, key) in WAYS.items():
+                if event.key() == key:
+                    self.buttons[way].setFocus()
+                    if not event.isAutoRepeat():
+                        self.buttons[way].click()
+                    return True
+        return super().eventFilter(watched, event)
+
+    def _nudge(self, way: Direction) -> None:
+        rate = float(self.rate.currentData() or 0.0)
+        self.nudge_wanted.emit(way, float(self.step.currentData()), rate)
+
+
+def rate_text(rate_deg_s: float) -> str:
+    """In degrees per second when fast, else in multiples of sidereal."""
+    times = rate_deg_s / SIDEREAL_DEG_S
+    return f"{rate_deg_s:.2g}°/s" if times > 100.0 else f"{times:.3g} × sidereal"
+
+
+TOLERANCE_ARCSEC = (2.0, 3600.0)
+
+
+class GoBox(QWidget):
+    """The target, Goto and Centre; ``beside`` stands beside the buttons."""
+
+    goto_wanted = Signal(str)
+    centre_wanted = Signal(str, float)
+
+    def __init__(self, beside: QWidget) -> None:
+        super().__init__()
+        self.target = QLineEdit()
+        self.target.setAccessibleName("Target")
+        self.target.setPlaceholderText("M 42, Vega, HIP 32349, or 5h35m17s -5d23m (J2000)")
+        self._names = QStringListModel(self)
+        self.completer = QCompleter(self._names, self)
+        self.completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        self.completer.setFilterMode(Qt.MatchFlag.MatchStartsWith)
+        self.target.setCompleter(self.completer)
+        self.goto = ExplainedButton("Goto", self._goto, "Slew there by the mount’s own pointing")
+        self.centre = ExplainedButton(
+            "Centre", self._centre, "Slew there, plate solve, and correct until the target is centred", "main"
+        )
+        self.tolerance = QDoubleSpinBox()
+        self.tolerance.setAccessibleName("Centring tolerance, arcseconds")
+        self.tolerance.setRange(*TOLERANCE_ARCSEC)
+        self.tolerance.setDecimals(0)
+        self.tolerance.setValue(60.0)
+        self.tolerance.setPrefix("to ")
+        self.tolerance.setSuffix("″")
+        self.target.returnPressed.connect(self.goto.click)
+        above = row(label("Go to", "heading"), (self.target, 1))
+        below = row(self.goto, self.centre, self.tolerance, beside, None)
+        column(above, below, on=self, margins=(0, 0, 0, 0))
+
+    def offer_names(self, names: list[str]) -> None:
+        """Names the field completes."""
+        self._names.setStringList(names)
+
+    def _goto(self) -> None:
+        self.goto_wanted.emit(self.target.text())
+
+    def _centre(self) -> None:
+        self.centre_wanted.emit(self.target.text(), self.tolerance.value())

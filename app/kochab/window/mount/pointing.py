@@ -1,0 +1,314 @@
+"""Where the mount reports that it points, where plate solving finds it, and what a sync would do."""
+
+import math
+from dataclasses import dataclass
+
+from PySide6.QtCore import QPointF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
+
+from kochab.core.angle_text import AngleStyle, arcsec_text, dec_text, ra_text, radec_text
+from kochab.core.attitude import apart_deg
+from kochab.core.mount import MountState
+from kochab.gear.mount_events import MountSnapshot
+from kochab.gear.mounts.coordinates import wrapped
+from kochab.window.themes import THEMES, Colours
+from kochab.window.widgets import (
+    Part,
+    button,
+    column,
+    draw_text,
+    facts_grid,
+    label,
+    row,
+    set_role,
+    value_label,
+)
+from kochab.workflows.sync_mount import SyncOffer
+
+RINGS = {
+    "10″": 10 / 3600,
+    "30″": 30 / 3600,
+    "1′": 1 / 60,
+    "3′": 3 / 60,
+    "10′": 10 / 60,
+    "30′": 0.5,
+    "1°": 1.0,
+    "3°": 3.0,
+    "10°": 10.0,
+    "30°": 30.0,
+    "90°": 90.0,
+    "180°": 180.0,
+}
+SHARE = 0.82  # of the half width: the radius of the ring
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """From the mount's position to the solved one, degrees on the sky."""
+
+    total_deg: float
+    east_deg: float
+    north_deg: float
+
+    @classmethod
+    def between(cls, mount_deg: tuple[float, float], sky_deg: tuple[float, float]) -> "Offset":
+        """Both ICRS degrees; the east part is times cos(Dec)."""
+        east = wrapped(sky_deg[0] - mount_deg[0]) * math.cos(math.radians(sky_deg[1]))
+        return cls(apart_deg(mount_deg, sky_deg), east, sky_deg[1] - mount_deg[1])
+
+    @property
+    def parts_text(self) -> str:
+        """East and north part."""
+        east = "east" if self.east_deg >= 0 else "west"
+        north = "north" if self.north_deg >= 0 else "south"
+        return f"{size_text(self.east_deg)} {east}, {size_text(self.north_deg)} {north}"
+
+
+def size_text(angle_deg: float) -> str:
+    """An angle in its natural unit."""
+    size = abs(angle_deg)
+    if size >= 1.0:
+        return f"{size:.2f}°"
+    return f"{size * 60:.1f}′" if size >= 1 / 60 else f"{size * 3600:.0f}″"
+
+
+def ring(total_deg: float) -> tuple[str, float]:
+    """Name and radius of the smallest ring around the arrow."""
+    return next(((n, r) for n, r in RINGS.items() if total_deg <= r * 1.001), ("180°", 180.0))
+
+
+class OffsetArrow(QWidget):
+    """An arrow from the mount's position to the solved one, north up and east left."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colours: Colours = THEMES["dark"]
+        self._offset: Offset | None = None
+        self._old = False
+        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        self.show_offset(None)
+
+    def sizeHint(self) -> QSize:
+        side = max(132, 8 * self.fontMetrics().height())
+        return QSize(side, side)
+
+    def show_offset(self, offset: Offset | None, old: bool = False) -> None:
+        """Draw it; ``old`` when the mount has moved since."""
+        if (offset, old) == (self._offset, self._old) and self.accessibleName():
+            return
+        self._offset, self._old = offset, old
+        text = "unknown"
+        if offset is not None:
+            text = f"{size_text(offset.total_deg)}: {offset.parts_text}"
+        self.setAccessibleName(f"Mount offset {text}")
+        self.setToolTip("From the position the mount reports (centre) to the solved position (tip)")
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        middle = QPointF(self.width() / 2, self.height() / 2)
+        radius = SHARE * min(self.width(), self.height()) / 2
+        self._scale(painter, middle, radius)
+        if self._offset is not None:
+            self._arrow(painter, middle, radius, self._offset)
+        painter.end()
+
+    def _scale(self, painter: QPainter, middle: QPointF, radius: float) -> None:
+        painter.setPen(QPen(QColor(self.colours.line), 1.2))
+        painter.drawEllipse(middle, radius, radius)
+        painter.drawEllipse(middle, 2.5, 2.5)
+        painter.setPen(QColor(self.colours.muted))
+        draw_text(painter, middle - QPointF(0, radius), "N", self.colours.surface)
+        draw_text(painter, middle - QPointF(radius, 0), "E", self.colours.surface)
+        if self._offset is not None:
+            name, _ = ring(self._offset.total_deg)
+            draw_text(painter, middle + QPointF(0, radius), name, self.colours.surface)
+
+    def _arrow(self, painter: QPainter, middle: QPointF, radius: float, offset: Offset) -> None:
+        colour = QColor(self.colours.faint if self._old else self.colours.accent)
+        long = radius * min(1.0, offset.total_deg / ring(offset.total_deg)[1])
+        angle = math.atan2(offset.north_deg, -offset.east_deg)
+        along = QPointF(math.cos(angle), -math.sin(angle))
+        tip = middle + along * long
+        painter.setPen(QPen(colour, 2.4, Qt.PenStyle.DashLine if self._old else Qt.PenStyle.SolidLine))
+        painter.drawLine(middle, tip)
+        if long > 8.0:
+            side = QPointF(-along.y(), along.x()) * 5.0
+            back = tip - along * 11.0
+            painter.setBrush(colour)
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.drawPolygon(QPolygonF([tip, back + side, back - side]))
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+
+
+NOT_SOLVED = "not solved yet"
+
+
+class PointingBox(QWidget):
+    """Reported position, solved position and the offset; ``beside`` stands beside the state."""
+
+    def __init__(self, beside: QWidget) -> None:
+        super().__init__()
+        self.mount = [value_label("Mount reports, right ascension"), value_label("Declination")]
+        self.sky = [value_label("Plate solve, right ascension"), value_label("Declination")]
+        for value in (*self.mount, *self.sky):
+            value.setProperty("role", "value")
+            value.setWordWrap(False)
+        self.state = value_label("State of the mount")
+        self.total, self.parts = value_label("Offset"), value_label("Offset, both parts")
+        self.total.setProperty("role", "value")
+        self.age = label("", "muted", wrap=True)
+        self.arrow = OffsetArrow()
+        self._lay_out(beside)
+
+    def _lay_out(self, beside: QWidget) -> None:
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(16)
+        grid.setVerticalSpacing(2)
+        for at, (title, values) in enumerate((("Mount reports", self.mount), ("Plate solve", self.sky))):
+            grid.addWidget(label(title, "muted"), 0, at)
+            for line, value in enumerate(values, 1):
+                grid.addWidget(value, line, at)
+            grid.setColumnStretch(at, 1)
+        numbers = column(label("Mount is off by", "muted"), self.total, self.parts, self.age, None)
+        offset = row(self.arrow, spacing=14)
+        offset.addLayout(numbers, 1)
+        column(row((self.state, 1), beside), grid, offset, on=self, margins=(0, 0, 0, 0))
+
+    def show_known(self, known: MountSnapshot, style: AngleStyle) -> None:
+        """Show a snapshot."""
+        report, sight = known.report, known.sight
+        _write(self.mount, None if report is None else report.icrs_deg, style, "–")
+        sky = None if sight is None else sight.solution.ra_dec_deg
+        _write(self.sky, sky, style, NOT_SOLVED if known.phase == "on" else "–")
+        offset = None if sight is None or sky is None else Offset.between(sight.mount_deg, sky)
+        self.total.setText("–" if offset is None else size_text(offset.total_deg))
+        self.parts.setText("" if offset is None else offset.parts_text)
+        self.arrow.show_offset(offset, known.moved_since)
+        age = "" if sight is None else f"Frame solved at {sight.when:%H:%M:%S} UTC"
+        self.age.setText(f"OLD: the mount has moved since. {age}" if known.moved_since else age)
+        role = "wrong" if known.phase == "lost" else ""
+        if self.state.property("role") != role:
+            set_role(self.state, role)
+        self.state.setText(state_text(known))
+
+
+PHASES = {
+    "off": "Not connected",
+    "connecting": "Connecting…",
+    "leaving": "Disconnecting…",
+    "lost": "CONNECTION LOST. The position shown is old. Reconnecting automatically.",
+}
+
+
+def state_text(known: MountSnapshot) -> str:
+    """The state of the mount in words."""
+    if known.phase != "on":
+        return PHASES[known.phase]
+    if known.report is None:
+        return known.trouble or "Reading the position…"
+    words = [known.port, *words_of(known.report.state)]
+    if known.connected is None or known.connected.site is None:
+        words.append("no site: set yours to allow motion")
+    trouble = " ".join(dict.fromkeys(t for t in (known.alarm, known.trouble) if t))
+    return ", ".join(words) + (f". {trouble}" if trouble else "")
+
+
+def words_of(state: MountState) -> list[str]:
+    """What the mount reports; what it does not report is left out."""
+    words = []
+    if state.parked:
+        words.append("parked")
+    elif state.slewing:
+        words.append("slewing")
+    elif state.tracking is None:
+        words.append("idle" if state.slewing is False else "idle or slewing (not reported)")
+    else:
+        words.append("tracking" if state.tracking else "idle, not tracking")
+    if state.aligned is not None:
+        words.append("aligned" if state.aligned else "not aligned")
+    if state.home_confirmed is False:
+        words.append("home NOT CONFIRMED (the position is a guess)")
+    if state.pier_side is not None:
+        words.append(f"{state.pier_side} of the pier")
+    return words
+
+
+def _write(labels: list[QLabel], place: tuple[float, float] | None, style: AngleStyle, empty: str) -> None:
+    texts = (empty, "") if place is None else (ra_text(place[0], style), dec_text(place[1], style))
+    for one, text in zip(labels, texts, strict=True):
+        one.setText(text)
+
+
+NO_SYNC = "Kochab can slew by the offset instead."
+IF_REFUSED = "If the mount rejects the sync, Kochab slews by the offset instead."
+
+
+class SyncDialog(QDialog):
+    """Shows a sync before it is done; ``wanted`` when it is accepted. ``mount_deg`` is ICRS."""
+
+    wanted = Signal(object)  # SyncOffer
+
+    def __init__(
+        self,
+        parent: QWidget,
+        offer: SyncOffer,
+        mount_deg: tuple[float, float],
+        style: AngleStyle,
+        colours: Colours,
+    ) -> None:
+        super().__init__(parent)
+        self.offer = offer
+        self.setWindowTitle("Sync the mount")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        offset = Offset.between(mount_deg, offer.sky_deg)
+        self.arrow = OffsetArrow()
+        self.arrow.colours = colours
+        self.arrow.show_offset(offset)
+        preview = offer.preview
+        line = row(self.arrow)
+        line.addLayout(_numbers(offer, offset, mount_deg, style), 1)
+        parts: list[Part] = [label(f"Mount is off by {size_text(offset.total_deg)}", "heading"), line]
+        for sentences, role in (
+            (preview.refusals, "wrong"),
+            (preview.confirmations, "wrong"),
+            (preview.warnings, ""),
+        ):
+            parts += [label(sentence, role, wrap=True) for sentence in sentences]
+        if offer.no_sync:
+            parts.append(label(f"{offer.no_sync} {NO_SYNC}", "", wrap=True))
+        elif preview.allowed:
+            parts.append(label(IF_REFUSED, "muted", wrap=True))
+        self.yes = button(_yes(offer), self._accept, "main")
+        self.yes.setVisible(preview.allowed)
+        self.no = button("Cancel" if preview.allowed else "Close", self.reject)
+        parts.append(row(None, self.yes, self.no))
+        column(*parts, on=self, spacing=10, margins=(20, 20, 20, 16))
+        (self.no if preview.confirmations or not preview.allowed else self.yes).setFocus()
+        self.setMinimumWidth(520)
+
+    def _accept(self) -> None:
+        self.wanted.emit(self.offer)
+        self.accept()
+
+
+def _yes(offer: SyncOffer) -> str:
+    if offer.no_sync:
+        return "Slew by the offset"
+    return "Sync anyway" if offer.preview.confirmations else "Sync"
+
+
+def _numbers(
+    offer: SyncOffer, offset: Offset, mount_deg: tuple[float, float], style: AngleStyle
+) -> QGridLayout:
+    frames = len(offer.evidence.centres_deg)
+    rows = (
+        ("Mount reports", radec_text(*mount_deg, style)),
+        ("Plate solve", radec_text(*offer.sky_deg, style)),
+        ("Offset", offset.parts_text),
+        ("Based on", "two frames that agree" if frames > 1 else "the open frame alone"),
+        ("Residual", arcsec_text(offer.solution.rms_arcsec)),
+    )
+    return facts_grid(6, *((title, label(text)) for title, text in rows))

@@ -1,0 +1,131 @@
+"""The state of the mount and Stop in the status bar, in sight of every view; Escape stops from anywhere."""
+
+from collections.abc import Callable
+from time import monotonic
+
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QApplication, QHBoxLayout, QWidget
+
+from kochab.gear.actions import action
+from kochab.gear.mount_events import MountSnapshot
+from kochab.window.mount.connection import MountControl
+from kochab.window.shell.main_window import MainWindow
+from kochab.window.widgets import button, label, set_role
+
+KEY = "Esc"
+SAME_S = 0.1
+
+
+class StopKey(QObject):
+    """Sees Escape wherever the focus is, before anything else, and lets it pass on."""
+
+    def __init__(self, stop: Callable[[], None], parent: QObject) -> None:
+        super().__init__(parent)
+        self._stop = stop
+        self._on = False
+        self._last = -1, 0.0  # stamp, and when it came
+
+    def listen(self, on: bool) -> None:
+        """Watch every event of the program, only while a mount is connected."""
+        app = QApplication.instance()
+        if on == self._on or app is None:
+            return
+        self._on = on
+        if on:
+            app.installEventFilter(self)
+        else:
+            app.removeEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() in (QEvent.Type.ShortcutOverride, QEvent.Type.KeyPress):
+            assert isinstance(event, QKeyEvent)
+            if event.key() == Qt.Key.Key_Escape and self._is_new(event.timestamp()):
+                self._stop()
+        return False
+
+    def _is_new(self, stamp: int) -> bool:
+        """One press reaches several objects; some systems stamp every press alike."""
+        last, when = self._last
+        self._last = stamp, monotonic()
+        return stamp != last or self._last[1] - when > SAME_S
+
+
+LINES = {
+    "off": "No mount",
+    "connecting": "Mount: connecting…",
+    "leaving": "Mount: disconnecting…",
+    "lost": "Mount: CONNECTION LOST",
+}
+ALARM = "THE MOUNT MAY STILL MOVE: CUT ITS POWER"
+
+
+class MountStatus(QWidget):
+    """The state of the mount in the status bar of every view, Stop, and the Stop key."""
+
+    def __init__(self, control: MountControl, window: MainWindow) -> None:
+        super().__init__()
+        self._control = control
+        self.text = label("", "muted")
+        self.text.setAccessibleName("Mount")
+        tip = f"Stop the mount now ({KEY} from anywhere)"
+        self.stop = button(f"Stop mount ({KEY})", control.stop, "small", tip)
+        line = QHBoxLayout(self)
+        line.setContentsMargins(10, 0, 0, 0)
+        line.setSpacing(8)
+        line.addWidget(self.text)
+        line.addWidget(self.stop)
+        window.status.addPermanentWidget(self)
+        self._key = StopKey(self._pressed, self)
+        window.closing.connect(lambda: self._key.listen(False))
+        control.changed.connect(self._show)
+        self._show()
+
+    def _show(self) -> None:
+        known = self._control.known
+        self._key.listen(known.phase != "off")
+        self.text.setText(mount_status_text(known))
+        name = "" if known.connected is None else known.connected.name
+        self.text.setToolTip(", ".join(w for w in (name, known.port, known.user) if name and w))
+        role = "bad" if known.alarm else {"lost": "wrong", "off": "muted"}.get(known.phase, "")
+        if self.text.property("role") != role:
+            set_role(self.text, role)
+        self.stop.setVisible(known.phase not in ("off", "leaving"))
+
+    def _pressed(self) -> None:
+        if not (self._control.known.at_rest and _closes_something()):
+            self._control.stop()
+
+
+def mount_status_text(known: MountSnapshot) -> str:
+    """The mount in a few words: what it does, else its state."""
+    if known.alarm:
+        return ALARM
+    if known.phase in LINES:
+        return LINES[known.phase]
+    name = "Practice mount" if known.practice else "Mount"
+    if known.busy:
+        doing = action(known.busy).doing.partition(" (")[0]
+        return f"{name}: {doing or known.busy}"
+    state = None if known.report is None else known.report.state
+    if state is None:
+        return f"{name}: connected"
+    if state.parked:
+        return f"{name}: parked"
+    if state.slewing:
+        return f"{name}: slewing"
+    tracks = {True: "tracking", False: "not tracking", None: "connected"}
+    return f"{name}: {tracks[state.tracking]}"
+
+
+def _closes_something() -> bool:
+    """Whether Escape closes a menu, a list, a dialog or a full-screen view now.
+
+    While the mount is at rest it does only that: closing a menu must not end an alignment.
+    """
+    window = QApplication.activeWindow()
+    return (
+        QApplication.activePopupWidget() is not None
+        or QApplication.activeModalWidget() is not None
+        or (window is not None and not isinstance(window, MainWindow) and window.isFullScreen())
+    )

@@ -1,0 +1,298 @@
+"""The Mount view: connect, compare, sync, goto, centre, nudge and stop."""
+
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QCheckBox, QWidget
+
+from kochab.core.errors import KochabError
+from kochab.core.progress import Progress
+from kochab.gear.actions import POLAR, reasons_against
+from kochab.gear.profiles import choose_profile, current_profile, save_camera, save_mount, saved_profiles
+from kochab.gear.session import CameraSelection, Meridian, MountSelection
+from kochab.window.cameras import CameraBox
+from kochab.window.mount.actions import MountActions, MoveStarMode
+from kochab.window.mount.connect_box import ConnectBox, Finder, MeridianBox
+from kochab.window.mount.controls import ExplainedButton, ExplainedSwitch, GoBox, NudgePad
+from kochab.window.mount.pointing import PointingBox, SyncDialog
+from kochab.window.mount.status import KEY
+from kochab.window.shell.views import Services
+from kochab.window.themes import Colours
+from kochab.window.widgets import (
+    Part,
+    ProgressBar,
+    button,
+    card,
+    column,
+    label,
+    page,
+    row,
+    rule,
+    scrolled,
+    set_role,
+)
+from kochab.workflows.session.mount_orders import names_to_offer
+from kochab.workflows.sync_mount import SyncOffer
+
+ALIGNING = "Polar alignment (F4) is using the mount"
+
+
+class MountView(QWidget):
+    """Cards that scroll; the message, the progress and Stop are always in sight below."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.control = services.mount
+        self.orders = MountActions(self.control)
+        self.move_star = MoveStarMode(services, self.control, self.orders)
+        self._make_controls()
+        self._lay_out()
+        self._finder = Finder(self.connect_box, services.jobs)
+        self._connect()
+        self._restore()
+        self._show()
+
+    def _make_controls(self) -> None:
+        orders, control = self.orders, self.control
+        self.connect_box = ConnectBox(self._services.wiring.practice is not None)
+        self.camera = CameraBox(at_once=True)
+        self.take = ExplainedButton("Take a frame", orders.take_frame, "See where the mount really points")
+        self.sync = ExplainedButton(
+            "Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main"
+        )
+        self.undo = ExplainedButton("Undo sync", orders.undo_sync, "Undo the last sync")
+        self.diagnose = ExplainedButton(
+            "Diagnose",
+            orders.diagnose,
+            "Take a frame and find the cause of the offset: summer time, epoch, site, hemisphere, cone error",
+        )
+        self.bring = ExplainedButton(
+            "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
+        )
+        self.pad = NudgePad(self.bring)
+        self.tracking = ExplainedSwitch("Tracking", "Follow the sky at the sidereal rate")
+        self.after = QCheckBox("Solve after slew")
+        self.after.setToolTip("Take and solve a frame after each goto or nudge")
+        self.go = GoBox(self.after)
+        self.meridian = MeridianBox()
+        self.pointing = PointingBox(self.tracking)
+        self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
+        self.stop = ExplainedButton(
+            f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop"
+        )
+        self.cancel_find = button("Cancel", lambda: None)
+        self.name = label("", "heading", wrap=True)
+        self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
+        self.bar = ProgressBar("Progress of the mount")
+        # by the names of the actions in kochab.gear.actions
+        self.explained = {
+            "sync": self.sync,
+            "undo": self.undo,
+            "take": self.take,
+            "goto": self.go.goto,
+            "centre": self.go.centre,
+            "bring": self.bring,
+            "why": self.diagnose,
+            "stop": self.stop,
+        }
+
+    def _lay_out(self) -> None:
+        for hidden in (self.bar, self.cancel_find, self.why):
+            hidden.setVisible(False)
+        self.area = scrolled(self._cards())
+        progress = row((self.bar, 1), self.cancel_find)
+        parts = ((self.area, 1), self.message, self.why, progress, self.stop)
+        column(*parts, on=self, margins=(8, 8, 8, 8))
+
+    def _cards(self) -> QWidget:
+        frames = row(self.take, self.sync, self.undo, self.diagnose, None)
+        self.connection = _card(self.connect_box)
+        self.compared = _card(self.pointing, frames, self.camera)
+        self.moving = _card(self.go, self.meridian, rule(), self.pad)
+        inside, top = page(), row((self.name, 1), self.leave)
+        parts = (top, self.connection, self.compared, self.moving, None)
+        column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))
+        return inside
+
+    def _connect(self) -> None:
+        control, orders, box, cameras = self.control, self.orders, self.connect_box, self._services.cameras
+        for explanation in (*(one.explanation for one in self.explained.values()), self.tracking.explanation):
+            explanation.shown.connect(self._explain)
+        self.pad.explained.connect(self._explain)
+        for speaker in (control, self.move_star, self._finder):
+            speaker.message.connect(self.say)
+        control.changed.connect(self._show)
+        control.progressed.connect(self._show_order)
+        orders.offered.connect(self._offer)
+        self._finder.progressed.connect(self._show_search)
+        self.cancel_find.clicked.connect(self._finder.cancel)
+        box.connect_wanted.connect(self._connect_mount)
+        box.practice_wanted.connect(self.practise)
+        box.site_given.connect(control.use_site)
+        box.profile_chosen.connect(self._use_profile)
+        box.trouble.connect(lambda sentence: self.say(sentence, "wrong"))
+        self.camera.chosen.connect(self._use_camera)
+        self.camera.follow(cameras)
+        cameras.chosen.connect(self._adopt_camera)
+        self.go.goto_wanted.connect(orders.goto)
+        self.go.centre_wanted.connect(orders.centre)
+        self.pad.nudge_wanted.connect(orders.nudge)
+        self.tracking.wanted.connect(orders.track)
+        self.meridian.chosen.connect(control.use_meridian)
+        session = self._services.session
+        for signal in (session.solved, session.unsolved, session.opened):
+            signal.connect(lambda _=None: self._show())
+        self._services.looks.changed.connect(self._set_colours)
+
+    def _restore(self) -> None:
+        settings = self._services.settings
+        self._show_equipment(self._services.cameras.choice)
+        self.after.toggled.connect(self._solve_after)
+        self.after.setChecked(settings.flag("mount/after", True))
+        self._set_colours(self._services.looks.colours)
+        names = self._services.jobs.run(names_to_offer(), "names")
+        names.succeeded.connect(self.go.offer_names)
+
+    def _show_equipment(self, camera_of_other_view: tuple[str, str] | None = None) -> None:
+        profile = current_profile(self._services.settings)
+        self.connect_box.show_profiles([one.name for one in saved_profiles()[0]], profile.name)
+        self.connect_box.show_selection(profile.mount)
+        self.connect_box.show_site(profile.site)
+        self.meridian.show_meridian(profile.meridian or Meridian.STAYS)
+        if not self.control.known.practice:
+            camera = profile.camera
+            if camera_of_other_view is not None:
+                camera = CameraSelection(*camera_of_other_view, camera.exposure_s)
+            self.camera.show_selection(camera)
+            self.control.use_camera(camera if camera.source else None)
+
+    def _use_profile(self, name: str) -> None:
+        try:
+            choose_profile(self._services.settings, name)
+        except KochabError as error:
+            self.say(str(error), "wrong")
+            return
+        self._show_equipment()
+        camera = self.camera.selection
+        if camera is not None:
+            self._services.cameras.choose(camera.source, camera.address)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self.connect_box.show_site(self._services.settings.site)
+        self._finder.list_ports()
+
+    def practise(self) -> None:
+        """Start a simulated telescope and connect to it."""
+        self.control.practise()
+        self.stop.setFocus()
+
+    def _connect_mount(self, selection: MountSelection) -> None:
+        save_mount(self._services.settings, selection)
+        self.control.connect_mount(selection)
+        self.stop.setFocus()
+
+    def _use_camera(self, selection: CameraSelection | None) -> None:
+        if not self.control.known.practice:
+            save_camera(self._services.settings, selection or CameraSelection(""))
+        self.control.use_camera(selection)
+        if selection is not None:
+            self._services.cameras.choose(selection.source, selection.address)
+
+    def _adopt_camera(self, source: str, address: str) -> None:
+        """Use the camera that another view has chosen; a practice telescope keeps its own."""
+        if self.control.known.practice:
+            return
+        selection = CameraSelection(source, address, self.camera.exposure.value())
+        if selection != self.camera.selection:
+            self.camera.show_selection(selection)
+            save_camera(self._services.settings, selection)
+            self.control.use_camera(selection)
+
+    def _solve_after(self, on: bool) -> None:
+        self.orders.auto_frame = on
+        self._services.settings.keep("mount/after", on)
+
+    def say(self, sentence: str, role: str) -> None:
+        """One sentence that stays until the next."""
+        if not sentence:
+            return
+        self.message.setText(sentence)
+        if self.message.property("role") != role:
+            set_role(self.message, role)
+
+    def _explain(self, reason: str) -> None:
+        self.why.setText(reason)
+        self.why.setVisible(bool(reason))
+
+    def _show(self) -> None:
+        known, why = self.control.known, reasons_against(self.control.situation)
+        off = known.phase == "off"
+        if self.connection.isHidden() == off:
+            self.area.updateGeometry()  # it is as wide as what it shows
+        self.connection.setVisible(off)
+        for part in (self.leave, self.compared, self.moving):
+            part.setVisible(not off)
+        self.leave.setText("End practice" if known.practice else "Disconnect")
+        self.name.setText(self._title())
+        self.pointing.show_known(known, self._services.settings.angle_style)
+        for name, control in self.explained.items():
+            control.explanation.set_reason(why[name])
+        self.pad.allow(why["nudge"], why["nudge dec"])
+        if known.connected is not None:
+            self.pad.show_rates(known.connected.rates_deg_s)
+        self.tracking.explanation.set_reason(why["track"])
+        if known.report is not None:
+            tracking = known.report.state.tracking
+            self.tracking.setChecked(bool(tracking))
+            self.tracking.setText("Tracking: not reported" if tracking is None else "Tracking")
+        camera = self.control.frames.camera
+        selection = None if camera is None else camera.wish
+        if selection != self.camera.selection:
+            self.camera.show_selection(selection or CameraSelection("", "", self.camera.exposure.value()))
+        self.camera.show_note("" if camera is None else camera.exposure_told)
+        if not known.busy and not self._finder.running:
+            self.bar.setVisible(False)
+
+    def _title(self) -> str:
+        known = self.control.known
+        if known.phase == "off":
+            return "Connect a mount"
+        name = known.connected.name if known.connected is not None else "Connecting"
+        return f"Practice: {name}" if known.practice else name
+
+    def _show_order(self, progress: Progress | None) -> None:
+        self._show_progress(progress, ALIGNING if self.control.known.busy == POLAR else "")
+
+    def _show_search(self, progress: Progress | None) -> None:
+        self.cancel_find.setVisible(progress is not None)
+        self._show_progress(progress)
+
+    def _show_progress(self, progress: Progress | None, user: str = "") -> None:
+        """Show progress, None when it is over; ``user`` is what uses the mount."""
+        self.bar.setVisible(progress is not None)
+        if progress is None:
+            return
+        self.bar.show_share(progress.fraction)
+        words = (user, progress.stage if user else progress.stage.capitalize(), progress.detail)
+        self.say(": ".join(w.rstrip(".…") for w in words if w) + "…", "muted")
+
+    def _offer(self, offer: SyncOffer) -> None:
+        report = self.control.known.report
+        if report is None:
+            return
+        style = self._services.settings.angle_style
+        dialog = SyncDialog(self.window(), offer, report.icrs_deg, style, self._services.looks.colours)
+        dialog.wanted.connect(self.orders.accept_sync)
+        dialog.open()
+
+    def _set_colours(self, colours: Colours) -> None:
+        self.pointing.arrow.colours = colours
+        self.pointing.arrow.update()
+        self.camera.use_red(self._services.looks.is_night)
+
+
+def _card(*parts: Part) -> QWidget:
+    made = card()
+    column(*parts, on=made, spacing=8, margins=(12, 10, 12, 10))
+    return made

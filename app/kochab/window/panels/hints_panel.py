@@ -1,0 +1,158 @@
+"""The tab with hints for a solve, and the choice of methods."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QFormLayout, QLineEdit, QWidget
+
+from kochab.core.angle_text import parse_dec_deg, parse_positive, parse_ra_deg, parse_site, site_text
+from kochab.core.errors import UsageError
+from kochab.core.frame import Hint, Site
+from kochab.solver import SolveOptions
+from kochab.window.panels.method_options import MethodGroup
+from kochab.window.widgets import button, column, label, row
+
+SPREAD = 0.2  # either way of a typed field or scale: people read them off a lens or a label
+NEAR_RADIUS_DEG = 10.0
+LIMIT_S = "30"
+SITE_TIP = (
+    "Latitude and longitude in degrees (north and east positive), and optionally the height in metres. "
+    "Used to show altitude and azimuth under the cursor."
+)
+ADVICE = "All optional. Hints speed up solving; a wrong hint only costs time."
+
+
+@dataclass(frozen=True, slots=True)
+class FrameHints:
+    """What was typed, parsed."""
+
+    fov_deg: float | None = None
+    scale_arcsec_px: float | None = None
+    centre_deg: tuple[float, float, float] | None = None
+
+    def hint(self, width_px: int) -> Hint | None:
+        """As a hint for a frame ``width_px`` wide; None when nothing was typed."""
+        scale = self.scale_arcsec_px
+        if scale is None and self.fov_deg is not None and width_px > 0:
+            focal_px = width_px / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0)
+            scale = float(np.degrees(1.0 / focal_px) * 3600.0)
+        if scale is None and self.centre_deg is None:
+            return None
+        span = None if scale is None else (scale * (1 - SPREAD), scale * (1 + SPREAD))
+        return Hint(scale_arcsec_px=span, centre_deg=self.centre_deg, source="typed")
+
+
+class HintsPanel(QWidget):
+    """Fields for hints, all optional: they save time and never decide."""
+
+    solve_wanted = Signal()
+    site_given = Signal(object)  # kochab.core.frame.Site, or None
+
+    def __init__(self, methods: list[str], detectors: list[str]) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.fov = self._field("Field of view in degrees", "e.g. 1.2")
+        self.scale = self._field("Pixel scale in arcseconds per pixel", "e.g. 3.6")
+        self.ra = self._field("Right ascension", "5h35m17s or 83.82")
+        self.dec = self._field("Declination", "-5d23m or -5.39")
+        self.radius = self._field("Search radius in degrees", f"default {NEAR_RADIUS_DEG:g}")
+        self.timeout = self._field("Time limit in seconds", "no limit if empty")
+        self.timeout.setText(LIMIT_S)
+        self.site = self._field("Your site", "48.14, 11.58: latitude, longitude")
+        self.site.setToolTip(SITE_TIP)
+        self.site.editingFinished.connect(self._site_typed)
+        self.methods = MethodGroup(methods, detectors)
+        self.method, self.detector = self.methods.method, self.methods.detector
+        self.header = QCheckBox("&Use the coordinates in the header first")
+        self.header.setChecked(True)
+        self.wrong = label("", "wrong", wrap=True)
+        self.wrong.setVisible(False)
+        form = QFormLayout()
+        form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
+        form.setHorizontalSpacing(12)
+        form.setVerticalSpacing(8)
+        for title, widget in (
+            ("Field &width, °", self.fov),
+            ("&Pixel scale, ″/px", self.scale),
+            ("RA &near", self.ra),
+            ("&Dec near", self.dec),
+            ("Rad&ius, °", self.radius),
+            ("Time &limit, s", self.timeout),
+            ("&Your site", self.site),
+        ):
+            form.addRow(title, widget)
+        solve, clear = (
+            button("S&olve with these", self.solve_wanted.emit, "main"),
+            button("Clea&r", self.clear),
+        )
+        parts = (label(ADVICE, "muted", wrap=True), form, self.header, self.wrong, row(solve, clear, None))
+        column(*parts, self.methods, None, on=self, spacing=10, margins=(12, 12, 12, 12))
+
+    def options(self, width_px: int) -> SolveOptions:
+        """For a frame ``width_px`` wide; UsageError says what is wrong."""
+        timeout = self.timeout.text().strip()
+        return SolveOptions(
+            **self.methods.choices(),
+            hint=self.hints().hint(width_px),
+            use_header=self.header.isChecked(),
+            timeout_s=parse_positive(timeout, "The time limit", 86400.0) if timeout else None,
+        )
+
+    def show_site(self, site: Site | None) -> None:
+        self.site.setText(site_text(site) if site is not None else "")
+
+    def _site_typed(self) -> None:
+        text = self.site.text().strip()
+        try:
+            self.site_given.emit(parse_site(text) if text else None)
+            self._show_fault("")
+        except UsageError as error:
+            self._show_fault(str(error))
+
+    def _show_fault(self, sentence: str) -> None:
+        self.wrong.setText(sentence)
+        self.wrong.setVisible(bool(sentence))
+
+    def checked_options(self, width_px: int) -> SolveOptions | None:
+        """The same, or None with the fault shown here."""
+        try:
+            options = self.options(width_px)
+        except UsageError as error:
+            self._show_fault(str(error))
+            return None
+        self._show_fault("")
+        return options
+
+    def hints(self) -> FrameHints:
+        """What was typed; UsageError says what is wrong."""
+        fov, scale = self.fov.text().strip(), self.scale.text().strip()
+        ra, dec, radius = (w.text().strip() for w in (self.ra, self.dec, self.radius))
+        centre = None
+        if ra or dec:
+            if not (ra and dec):
+                raise UsageError("Enter both right ascension and declination.")
+            within = parse_positive(radius, "The radius", 180.0) if radius else NEAR_RADIUS_DEG
+            centre = (parse_ra_deg(ra), parse_dec_deg(dec), within)
+        return FrameHints(
+            parse_positive(fov, "The field of view", 170.0) if fov else None,
+            parse_positive(scale, "The pixel scale", 3600.0) if scale else None,
+            centre,
+        )
+
+    def clear(self) -> None:
+        """Back to the defaults; the site stays."""
+        for field in (self.fov, self.scale, self.ra, self.dec, self.radius):
+            field.clear()
+        self.timeout.setText(LIMIT_S)
+        self.header.setChecked(True)
+        self.methods.reset()
+        self._show_fault("")
+
+    def _field(self, name: str, example: str) -> QLineEdit:
+        field = QLineEdit()
+        field.setPlaceholderText(example)
+        field.setAccessibleName(name)
+        field.setToolTip(f"{name}: {example}")
+        field.returnPressed.connect(self.solve_wanted)
+        return field

@@ -1,0 +1,80 @@
+"""The log pane: the journal's lines as they come, and a report to save."""
+
+import logging
+
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtWidgets import QCheckBox, QDockWidget, QPlainTextEdit, QWidget
+
+from kochab.gear.journal import versions
+from kochab.window.job import fault_text
+from kochab.window.widgets import button, column, copy_text, fixed_font_family, page, row
+
+MOST_LINES = 5000
+
+
+class _Bridge(QObject):
+    line = Signal(str)
+    fault = Signal(str)
+
+
+class QtLogHandler(logging.Handler):
+    """Carries log records from any thread to the window's."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.bridge = _Bridge()
+        self.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s", "%H:%M:%S"))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            self.bridge.line.emit(self.format(record))
+            if record.levelno >= logging.CRITICAL and record.exc_info and record.exc_info[1]:
+                self.bridge.fault.emit(fault_text(record.exc_info[1]))
+        except RuntimeError:  # the window is gone
+            logging.getLogger("kochab").removeHandler(self)
+
+
+class LogPanel(QDockWidget):
+    """Lines of the log, newest last; ``fault`` carries a sentence for a fault that nothing caught."""
+
+    fault = Signal(str)
+    report_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("Log", parent)
+        self.setObjectName("log")
+        self.setAllowedAreas(Qt.DockWidgetArea.BottomDockWidgetArea | Qt.DockWidgetArea.TopDockWidgetArea)
+        self.handler = QtLogHandler()
+        self.lines = QPlainTextEdit()
+        self.lines.setReadOnly(True)
+        self.lines.setTabChangesFocus(True)
+        self.lines.setMaximumBlockCount(MOST_LINES)
+        self.lines.setAccessibleName("Log")
+        self.lines.setStyleSheet(f"font-family: '{fixed_font_family()}', monospace;")
+        self.details = QCheckBox("Show details")
+        self.details.setToolTip("Also show every command to the mount, byte by byte")
+        self.details.toggled.connect(lambda on: self.handler.setLevel(logging.DEBUG if on else logging.INFO))
+        tip = "Pack the journal, versions and settings, without passwords or your exact site"
+        save = button("Save a report…", self.report_wanted.emit, tip=tip)
+        copy = button("Copy log", self.copy_log, tip="Copy the versions and these lines")
+        clear = button("Clear log", self.lines.clear)
+        inside = page()
+        column(self.lines, row(save, copy, clear, self.details, None), on=inside, margins=(8, 8, 8, 8))
+        self.setWidget(inside)
+        self.handler.bridge.line.connect(self.lines.appendPlainText)
+        self.handler.bridge.fault.connect(self.fault)
+        logger = logging.getLogger("kochab")
+        logger.addHandler(self.handler)
+        if logger.level == logging.NOTSET:
+            logger.setLevel(logging.INFO)
+
+    def text(self) -> str:
+        """The versions and the lines."""
+        head = ", ".join(f"{name} {version}" for name, version in versions().items())
+        return f"{head}\n{self.lines.toPlainText()}\n"
+
+    def copy_log(self) -> None:
+        copy_text(self.text())
+
+    def detach(self) -> None:
+        logging.getLogger("kochab").removeHandler(self.handler)

@@ -1,0 +1,256 @@
+"""The Stars tab; a row and its star in the image are selected together."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QItemSelection,
+    QModelIndex,
+    QPersistentModelIndex,
+    QSortFilterProxyModel,
+    Qt,
+    Signal,
+)
+from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QLineEdit, QTableView, QWidget
+
+from kochab.core.angle_text import AngleStyle, dec_text, ra_text
+from kochab.core.solution import NamedStar
+from kochab.window.widgets import column, copy_text, label
+
+Index = QModelIndex | QPersistentModelIndex
+UNEVEN = (0, 1)  # columns whose texts differ in length: names and numbers
+
+
+def _number_last(star: NamedStar) -> str:
+    """A catalogue's name and its number with leading zeros, so that HIP 9 comes before HIP 10."""
+    catalogue, _, number = star.id.partition(" ")
+    return f"{catalogue} {number.zfill(12)}"
+
+
+class Column(NamedTuple):
+    """``text`` and ``key`` are functions of one column: a sort calls its key thousands of times."""
+
+    title: str
+    tip: str
+    widest: str  # as wide as most texts
+    text: Callable[[NamedStar, AngleStyle], str]
+    key: Callable[[NamedStar], Any]
+
+
+COLUMNS = (
+    Column(
+        "Name",
+        "Proper name, Bayer letter or Flamsteed number",
+        "Zubeneschamali",
+        lambda s, _: s.name,
+        lambda s: s.name or "\uffff",  # those without a name come last
+    ),
+    Column("Catalogue", "Catalogue number", "J000000.0+000000", lambda s, _: s.id, _number_last),
+    Column("V", "Visual magnitude", "−1.46", lambda s, _: f"{s.mag:.2f}", lambda s: s.mag),
+    Column(
+        "RA",
+        "Right ascension, ICRS",
+        "00h 00m 00.00s",
+        lambda s, style: ra_text(s.ra_deg, style),
+        lambda s: s.ra_deg,
+    ),
+    Column(
+        "Dec",
+        "Declination, ICRS",
+        "+00° 00′ 00.0″",
+        lambda s, style: dec_text(s.dec_deg, style),
+        lambda s: s.dec_deg,
+    ),
+    Column("x", "Pixels from the left", "00000.0", lambda s, _: f"{s.x:.1f}", lambda s: s.x),
+    Column("y", "Pixels from the top", "00000.0", lambda s, _: f"{s.y:.1f}", lambda s: s.y),
+    Column(
+        "Residual",
+        "Distance from the fitted position, pixels",
+        "0.00",
+        lambda s, _: f"{s.residual_px:.2f}",
+        lambda s: s.residual_px,
+    ),
+)
+
+
+FILTER_ROLE = Qt.ItemDataRole.UserRole
+"""All the spellings of a star by which the filter finds it: θ is not on every keyboard."""
+
+
+class StarModel(QAbstractTableModel):
+    """The stars of a solution, sorted here: Qt would ask for every value of every comparison."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stars: tuple[NamedStar, ...] = ()
+        self._order: list[int] = []  # row -> index into the stars
+        self._sorted_by = (2, False)  # column, falling
+        self._style = AngleStyle.SEXAGESIMAL
+
+    def set_stars(self, stars: tuple[NamedStar, ...]) -> None:
+        self.beginResetModel()
+        self._stars = stars
+        self._order = self._sort()
+        self.endResetModel()
+
+    def set_style(self, style: AngleStyle) -> None:
+        self._style = style
+        if self._stars:
+            last = self.index(len(self._stars) - 1, len(COLUMNS) - 1)
+            self.dataChanged.emit(self.index(0, 0), last)
+
+    def longest(self, column: int) -> str:
+        """The longest text of a column; empty where there is none, or its texts are alike."""
+        if column not in UNEVEN:
+            return ""
+        return max((COLUMNS[column].text(star, self._style) for star in self._stars), key=len, default="")
+
+    def star_at(self, row: int) -> int:
+        """Index into the solution's stars of a row."""
+        return self._order[row]
+
+    def row_of(self, star: int) -> int:
+        return self._order.index(star)
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        if column < 0:
+            return
+        self._sorted_by = (column, order == Qt.SortOrder.DescendingOrder)
+        self.layoutAboutToBeChanged.emit()
+        old, self._order = self._order, self._sort()
+        row_of = {star: row for row, star in enumerate(self._order)}
+        held = self.persistentIndexList()
+        moved = [self.index(row_of[old[i.row()]], i.column()) for i in held]
+        self.changePersistentIndexList(held, moved)
+        self.layoutChanged.emit()
+
+    def _sort(self) -> list[int]:
+        column, falling = self._sorted_by
+        keys = [COLUMNS[column].key(star) for star in self._stars]
+        return sorted(range(len(keys)), key=keys.__getitem__, reverse=falling)
+
+    def rowCount(self, parent: Index | None = None) -> int:
+        return 0 if parent is not None and parent.isValid() else len(self._stars)
+
+    def columnCount(self, parent: Index | None = None) -> int:
+        return 0 if parent is not None and parent.isValid() else len(COLUMNS)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
+        if orientation != Qt.Orientation.Horizontal:
+            return section + 1 if role == Qt.ItemDataRole.DisplayRole else None
+        if role == Qt.ItemDataRole.DisplayRole:
+            return COLUMNS[section].title
+        return COLUMNS[section].tip if role == Qt.ItemDataRole.ToolTipRole else None
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid():
+            return None
+        if role == Qt.ItemDataRole.DisplayRole:
+            return COLUMNS[index.column()].text(self._stars[self._order[index.row()]], self._style)
+        if role == FILTER_ROLE:
+            star = self._stars[self._order[index.row()]]
+            return f"{star.name}\n{star.ascii_name}\n{star.id}"
+        if role == Qt.ItemDataRole.TextAlignmentRole and index.column() >= 2:
+            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        return None
+
+
+class StarFilter(QSortFilterProxyModel):
+    """Leaves rows out; sorting is the model's."""
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        self.sourceModel().sort(column, order)
+
+
+class StarTable(QWidget):
+    """Sortable, filterable; ``picked`` carries the index into ``solution.stars``, or None."""
+
+    picked = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.model = StarModel()
+        self.proxy = StarFilter()
+        self.proxy.setSourceModel(self.model)
+        self.proxy.setFilterRole(FILTER_ROLE)
+        self.proxy.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        self.filter = QLineEdit()
+        self.filter.setPlaceholderText("Filter by name or number")
+        self.filter.setAccessibleName("Filter stars")
+        self.filter.setClearButtonEnabled(False)
+        self.filter.textChanged.connect(self.proxy.setFilterFixedString)
+        self.table = self._table()
+        self.count = label("No stars identified yet", "muted")
+        column(self.filter, (self.table, 1), self.count, on=self, margins=(10, 10, 10, 10))
+        copy = QShortcut(QKeySequence.StandardKey.Copy, self.table)
+        copy.setContext(Qt.ShortcutContext.WidgetShortcut)
+        copy.activated.connect(self._copy)
+
+    def _table(self) -> QTableView:
+        table = QTableView()
+        table.setAccessibleName("Identified stars")
+        table.setModel(self.proxy)
+        table.setSortingEnabled(True)
+        table.sortByColumn(2, Qt.SortOrder.AscendingOrder)
+        table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        table.setAlternatingRowColors(True)
+        table.setShowGrid(False)
+        table.setTabKeyNavigation(False)
+        table.setWordWrap(False)
+        table.verticalHeader().hide()
+        table.verticalHeader().setMinimumSectionSize(16)
+        table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        table.horizontalHeader().setHighlightSections(False)
+        table.selectionModel().selectionChanged.connect(self._selection)
+        return table
+
+    def set_stars(self, stars: tuple[NamedStar, ...]) -> None:
+        self.model.set_stars(stars)
+        named = sum(bool(s.name) for s in stars)
+        self.count.setText(
+            f"{len(stars)} stars identified, {named} with a name" if stars else "No stars identified"
+        )
+        self._fit()
+
+    def set_style(self, style: AngleStyle) -> None:
+        self.model.set_style(style)
+        self._fit()
+
+    def _fit(self) -> None:
+        self.table.verticalHeader().setDefaultSectionSize(self.table.fontMetrics().height() + 8)
+        metrics = self.table.fontMetrics()
+        for at, (title, _, widest, _, _) in enumerate(COLUMNS):  # measuring every cell takes long
+            longest = self.model.longest(at) or widest
+            width = max(metrics.horizontalAdvance(longest), metrics.horizontalAdvance(title) + 14)
+            self.table.setColumnWidth(at, width + 16)
+
+    def select(self, star: int | None) -> None:
+        """Select the row of ``solution.stars[star]`` and bring it into sight."""
+        if star is None:
+            self.table.clearSelection()
+            return
+        index = self.proxy.mapFromSource(self.model.index(self.model.row_of(star), 0))
+        if not index.isValid():  # the filter hides it
+            self.filter.clear()
+            index = self.proxy.mapFromSource(self.model.index(self.model.row_of(star), 0))
+        self.table.selectRow(index.row())
+        self.table.scrollTo(index)
+
+    @property
+    def selected(self) -> int | None:
+        chosen = self.table.selectionModel().selectedRows()
+        return self.model.star_at(self.proxy.mapToSource(chosen[0]).row()) if chosen else None
+
+    def _selection(self, _on: QItemSelection, _off: QItemSelection) -> None:
+        self.picked.emit(self.selected)
+
+    def _copy(self) -> None:
+        chosen = self.table.selectionModel().selectedRows()
+        if chosen:
+            columns = range(self.model.columnCount())
+            copy_text("\t".join(str(chosen[0].siblingAtColumn(c).data()) for c in columns))

@@ -1,0 +1,168 @@
+"""One alignment from start to end: in a job, or in the mount's thread when the mount turns the axis."""
+
+import random
+
+from PySide6.QtCore import QObject, Signal
+
+from kochab.core.errors import UsageError
+from kochab.core.mount import Direction, PierSide
+from kochab.core.progress import Progress, Task
+from kochab.gear.actions import BUSY, POLAR, action
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.session import Practice
+from kochab.polar.report import History
+from kochab.polar.tutor import Instruction, Knob
+from kochab.window.job import Job
+from kochab.window.mount.connection import PRACTISE_LATER, MountTask
+from kochab.window.shell.views import Services
+from kochab.workflows.polar.update import PolarControls
+from kochab.workflows.session.alignment import (
+    AlignmentRequest,
+    AlignmentTools,
+    AxisTurnedBy,
+    FrameSource,
+    alignment_task,
+)
+from kochab.workflows.session.alignment_state import AlignmentState
+
+NO_MOUNT = "No mount set up. Connect it once in the Mount view (F3), or turn by hand."
+SLEWING = "The mount is slewing. Wait, or stop it."
+MOVING = ("opening", "turn", "settle")
+OTHER_SKY = (
+    "The practice telescope is connected. Choose it above, or end the practice in the Mount view (F3)."
+)
+
+
+def mount_is_still(progress: Progress) -> bool:
+    """Whether the alignment does not move the mount: it then outlives a loose cable."""
+    return progress.stage not in MOVING
+
+
+class AlignmentRun(QObject):
+    """Carries the steps of the alignment's thread into the window's."""
+
+    step = Signal(object)  # Progress
+    kept = Signal(object)  # History
+    practising = Signal(object)  # Practice
+
+    def __init__(self, services: Services, request: AlignmentRequest, parent: QObject) -> None:
+        super().__init__(parent)
+        self.controls = PolarControls()
+        self._services, self._request = services, request
+        self._mount = services.mount
+        self._tools = AlignmentTools(
+            self.controls,
+            self.step.emit,
+            self.kept.emit,
+            self.practising.emit,
+            services.wiring.practice,
+            lambda: self._mount.practice,
+            services.cameras.open,
+        )
+
+    def start(self) -> Job | MountTask:
+        """Start; the job returned tells of its end and can be cancelled.
+
+        Raises
+        ------
+        KochabError
+            It cannot start now; one sentence.
+
+        """
+        request = self._request
+        if request.source is FrameSource.FILES:
+            return self._services.jobs.run(alignment_task(request, self._tools), POLAR)
+        if request.hand is AxisTurnedBy.PERSON:
+            return self._by_hand()
+        started = self._connect()
+        task = self._mount.order(POLAR, self._on_line, mount_is_still)
+        if started:  # a practice telescope started for this ends with it
+            task.finished.connect(self._mount.disconnect_mount)
+        return task
+
+    def _by_hand(self) -> Job:
+        """A person turns the axis: meanwhile the mount may not slew."""
+        mount = self._mount
+        if action(mount.known.busy).may_move:
+            raise UsageError(BUSY.format(mount.known.user))
+        if mount.known.slewing:
+            raise UsageError(SLEWING)
+        job = self._services.jobs.run(alignment_task(self._request, self._tools), POLAR)
+        mount.set_by_hand(True)
+        job.finished.connect(lambda: mount.set_by_hand(False))
+        return job
+
+    def _connect(self) -> bool:
+        """Connect the right mount; whether that started a practice telescope."""
+        mount, request = self._mount, self._request
+        practise = request.source is FrameSource.PRACTICE
+        if mount.known.phase == "off":
+            if practise:
+                mount.practise()
+            elif request.mount is None:
+                raise UsageError(NO_MOUNT)
+            else:
+                mount.connect_mount(request.mount)
+            return practise
+        if practise != mount.known.practice:
+            raise UsageError(PRACTISE_LATER if practise else OTHER_SKY)
+        if request.site is not None:
+            mount.use_site(request.site)
+        return False
+
+    def _on_line(self, guard: Guard) -> Task[History]:
+        """Run in the mount's thread; closes the Mount view's camera, which the alignment may need."""
+        self._mount.frames.close()
+        return alignment_task(self._request, self._tools, guard)
+
+
+ARCMIN_A_TURN = (15.0, 60.0)
+AXES = {
+    Direction.WEST: ("ra", 1.0),
+    Direction.EAST: ("ra", -1.0),
+    Direction.NORTH: ("dec", 1.0),
+    Direction.SOUTH: ("dec", -1.0),
+}
+TURN_SIGMA = 0.05  # of every turn: a person does not turn exactly
+SLACK_TURNS = 1.0 / 360.0
+
+
+class PracticeAdjuster:
+    """Turns what the screen asks for on the practice telescope.
+
+    How far a turn of a bolt moves the axis, and which way, is random, as at an unknown mount.
+    """
+
+    def __init__(self, practice: Practice) -> None:
+        self._practice = practice
+        self._random = random.Random()
+        self._arcmin = {
+            knob: self._random.uniform(*ARCMIN_A_TURN) * self._random.choice((-1.0, 1.0)) for knob in Knob
+        }
+
+    def turn(self, state: AlignmentState) -> str:
+        """Make the turn that is asked for, and say what was turned."""
+        if state.asked is not None:
+            return self._turn_axis(state)
+        instruction = state.instruction
+        if instruction is None or instruction.knob is None:
+            return "Nothing to turn now."
+        return self._turn_bolt(instruction, instruction.knob)
+
+    def _turn_axis(self, state: AlignmentState) -> str:
+        assert state.asked is not None
+        axis, sign = AXES[state.asked.direction]
+        if axis == "dec" and self._practice.rig.mount.pier_side is PierSide.WEST:
+            sign = -sign  # declination runs the other way on that side of the pier
+        degrees = sign * state.asked.degrees * self._random.gauss(1.0, TURN_SIGMA)
+        self._practice.do(f"{axis} {degrees:.3f}")
+        name = "RA" if axis == "ra" else "declination"
+        return f"Turned {name} by {abs(degrees):.0f}°."
+
+    def _turn_bolt(self, instruction: Instruction, knob: Knob) -> str:
+        turns = instruction.turns * self._random.gauss(1.0, TURN_SIGMA)
+        turns += self._random.gauss(0.0, SLACK_TURNS)
+        arcmin = turns * self._arcmin[knob]
+        name = "alt" if knob is Knob.ALTITUDE else "az"
+        self._practice.do(f"{name} {arcmin:.5f}")
+        return f"Turned the {instruction.bolt}."

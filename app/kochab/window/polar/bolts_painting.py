@@ -1,0 +1,263 @@
+"""Draws the full-screen view at the bolts: large digits and few shapes, each with its words."""
+
+import math
+from dataclasses import dataclass
+
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt, QTimer
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QWidget
+
+from kochab.polar.tutor import Knob
+from kochab.window.themes import THEMES, Colours
+
+GAP_DEG = 70.0  # opening of the ring of a turning arrow
+
+
+def draw_arrow(painter: QPainter, box: QRectF, knob: Knob, positive: bool, colour: QColor) -> None:
+    """Draw the way to turn that removes a positive or negative error."""
+    if knob is Knob.ALTITUDE:
+        _straight(painter, _square(box), down=positive, colour=colour)
+    else:
+        _turning(painter, _square(box), clockwise=not positive, colour=colour)
+
+
+def draw_done(painter: QPainter, box: QRectF, colour: QColor) -> None:
+    """Draw a tick: nothing more to turn."""
+    square = _square(box)
+    side = square.width()
+    painter.setPen(_pen(colour, side / 8.0))
+    corner = square.topLeft()
+    places = ((0.15, 0.55), (0.42, 0.80), (0.88, 0.22))
+    painter.drawPolyline(QPolygonF([corner + QPointF(x * side, y * side) for x, y in places]))
+
+
+def _square(box: QRectF, share: float = 0.86) -> QRectF:
+    side = share * min(box.width(), box.height())
+    square = QRectF(0, 0, side, side)
+    square.moveCenter(box.center())
+    return square
+
+
+def _straight(painter: QPainter, box: QRectF, down: bool, colour: QColor) -> None:
+    painter.save()
+    painter.translate(box.center())
+    if down:
+        painter.rotate(180.0)
+    half = box.width() / 2.0
+    outline = ((0, -1), (0.8, -0.1), (0.3, -0.1), (0.3, 1), (-0.3, 1), (-0.3, -0.1), (-0.8, -0.1))
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(colour)
+    painter.drawPolygon(QPolygonF([QPointF(x * half, y * half) for x, y in outline]))
+    painter.restore()
+
+
+def _turning(painter: QPainter, box: QRectF, clockwise: bool, colour: QColor) -> None:
+    """Draw a ring, open at the top, around the post seen from above."""
+    painter.save()
+    painter.translate(box.center())
+    if not clockwise:
+        painter.scale(-1.0, 1.0)
+    radius, width = 0.36 * box.width(), 0.13 * box.width()
+    ring = QRectF(-radius, -radius, 2 * radius, 2 * radius)
+    painter.setBrush(Qt.BrushStyle.NoBrush)
+    painter.setPen(_pen(colour, width, Qt.PenCapStyle.FlatCap))
+    begin, span = 90.0 - GAP_DEG / 2.0, 360.0 - GAP_DEG
+    painter.drawArc(ring, round(16 * begin), round(-16 * span))  # Qt counts anticlockwise
+    end = math.radians(begin - span)
+    at = QPointF(radius * math.cos(end), -radius * math.sin(end))
+    along = QPointF(math.sin(end), math.cos(end))  # clockwise on the screen
+    out = QPointF(math.cos(end), -math.sin(end))
+    head = 1.35 * width
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(colour)
+    painter.drawPolygon(QPolygonF([at + out * head, at + along * (1.6 * head), at - out * head]))
+    painter.drawEllipse(QPointF(0, 0), 0.06 * box.width(), 0.06 * box.width())
+    painter.restore()
+
+
+def _pen(colour: QColor, width: float, cap: Qt.PenCapStyle = Qt.PenCapStyle.RoundCap) -> QPen:
+    return QPen(colour, width, Qt.PenStyle.SolidLine, cap, Qt.PenJoinStyle.RoundJoin)
+
+
+STEP_MS, STEP_DEG, ARC_DEG = 80, 30, 270
+
+
+class Spinner(QWidget):
+    """A small wheel that turns while the number is old; invisible otherwise."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colours: Colours = THEMES["dark"]
+        self.angle_deg = 0
+        self._timer = QTimer(self)
+        self._timer.setInterval(STEP_MS)
+        self._timer.timeout.connect(self._step)
+        self.setFixedSize(self.sizeHint())
+        self.setAccessibleName("Waiting for a newer frame")
+
+    def sizeHint(self) -> QSize:
+        side = self.fontMetrics().height() + 2
+        return QSize(side, side)
+
+    @property
+    def turning(self) -> bool:
+        """Whether it turns."""
+        return self._timer.isActive()
+
+    def turn(self, on: bool) -> None:
+        """Start or stop."""
+        if on != self.turning:
+            self._timer.start() if on else self._timer.stop()
+            self.update()
+
+    def _step(self) -> None:
+        self.angle_deg = (self.angle_deg + STEP_DEG) % 360
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        if not self.turning:
+            return
+        painter = QPainter(self)
+        draw_wheel(painter, QRectF(self.rect()), self.angle_deg, QColor(self.colours.accent))
+        painter.end()
+
+
+def draw_wheel(painter: QPainter, box: QRectF, angle_deg: int, colour: QColor) -> None:
+    """Draw the wheel at an angle."""
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    width = max(2.0, box.width() / 9.0)
+    painter.setPen(_pen(colour, width))
+    painter.setBrush(Qt.BrushStyle.NoBrush)
+    painter.drawArc(box.adjusted(width, width, -width, -width), -16 * angle_deg, 16 * ARC_DEG)
+
+
+DIGITS_SHARE = 1.0 / 3.0
+"""Of the screen's height: 8 cm on a laptop, 1.5 degrees at three metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """What the view shows; ``shape`` is "arrow" (for ``knob``), "done", "wheel" or ""."""
+
+    title: str
+    total: str
+    digits: str
+    way: str
+    words: str
+    keys: str
+    shape: str
+    knob: Knob
+    positive: bool = False
+    old: bool = False
+
+
+def paint_face(
+    painter: QPainter, box: QRectF, face: Face, font: QFont, colours: Colours, angle_deg: int
+) -> None:
+    """Draw the whole view with the wheel at ``angle_deg``."""
+    drawing = _Drawing(painter, face, font, colours, box.height())
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.fillRect(box, QColor(colours.window))
+    wide, high = box.width(), box.height()
+    edge = 0.03 * high
+    drawing.head(QRectF(edge, edge, wide - 2 * edge, 0.10 * high))
+    drawing.number(QRectF(edge, 0.15 * high, wide - 2 * edge, 0.46 * high), angle_deg)
+    drawing.words(QRectF(edge, 0.63 * high, wide - 2 * edge, 0.28 * high))
+    drawing.foot(QRectF(edge, 0.93 * high, wide - 2 * edge, 0.05 * high))
+
+
+def digit_font(base: QFont, digits: str, screen_px: float, width_px: float) -> QFont:
+    """A font with digits a third of the screen high, smaller when they would be too wide."""
+    font = QFont(base)
+    font.setBold(True)
+    font.setPixelSize(100)
+    metrics = QFontMetricsF(font)
+    cap = metrics.capHeight() or 70.0
+    size = 100.0 * DIGITS_SHARE * screen_px / cap
+    wide = metrics.horizontalAdvance(digits) * size / 100.0
+    font.setPixelSize(max(8, int(size * min(1.0, width_px / max(wide, 1.0)))))
+    return font
+
+
+class _Drawing:
+    """One face on one painter."""
+
+    def __init__(self, painter: QPainter, face: Face, font: QFont, colours: Colours, high_px: float) -> None:
+        self._painter, self._face, self._font = painter, face, font
+        self._colours, self._high_px = colours, high_px
+
+    def head(self, box: QRectF) -> None:
+        """The axis, and the total error."""
+        self._line(box, self._face.title, Qt.AlignmentFlag.AlignLeft, 0.8, bold=True)
+        if self._face.total:
+            self._line(box, self._face.total, Qt.AlignmentFlag.AlignRight, 0.62)
+
+    def number(self, box: QRectF, angle_deg: int) -> None:
+        """The digits with the shape beside them."""
+        face, painter = self._face, self._painter
+        colour = QColor(self._colours.muted if face.old else self._colours.text)
+        shape = QRectF(box.left(), box.top(), min(box.height(), 0.34 * box.width()), box.height())
+        text = box.adjusted(shape.width() + 0.02 * box.width(), 0, 0, 0)
+        font = digit_font(self._font, face.digits, self._high_px, text.width())
+        if face.old:
+            self._outlined(text, font, colour)
+        else:
+            painter.setFont(font)
+            painter.setPen(colour)
+            painter.drawText(text, Qt.AlignmentFlag.AlignCenter, face.digits)
+        if face.shape == "wheel":
+            draw_wheel(painter, _square(shape, 0.45), angle_deg, QColor(self._colours.text))
+        elif face.shape == "done":
+            draw_done(painter, shape, colour)
+        elif face.shape == "arrow":
+            draw_arrow(painter, shape, face.knob, face.positive, colour)
+
+    def words(self, box: QRectF) -> None:
+        """The arrow in words, and the instruction."""
+        way = box.adjusted(0, 0, 0, -0.66 * box.height())
+        self._line(way, self._face.way, Qt.AlignmentFlag.AlignCenter, 0.72, bold=True)
+        self._wrapped(box.adjusted(0, 0.36 * box.height(), 0, 0), self._face.words)
+
+    def foot(self, box: QRectF) -> None:
+        """What the keys do."""
+        font = QFont(self._font)
+        font.setPixelSize(max(9, int(0.52 * box.height())))
+        self._painter.setFont(font)
+        self._painter.setPen(QColor(self._colours.muted))
+        self._painter.drawText(box, Qt.AlignmentFlag.AlignCenter, self._face.keys)
+
+    def _outlined(self, box: QRectF, font: QFont, colour: QColor) -> None:
+        """Hollow digits: an old number, whatever the colours."""
+        path = QPainterPath()
+        path.addText(0.0, 0.0, font, self._face.digits)
+        path.translate(box.center() - path.boundingRect().center())
+        self._painter.setPen(QPen(colour, max(2.0, 0.012 * self._high_px)))
+        self._painter.setBrush(Qt.BrushStyle.NoBrush)
+        self._painter.drawPath(path)
+
+    def _line(self, box: QRectF, text: str, side: Qt.AlignmentFlag, share: float, bold: bool = False) -> None:
+        """A line ``share`` of the box high, or as high as its width allows."""
+        font = QFont(self._font)
+        font.setBold(bold)
+        font.setPixelSize(max(8, int(share * box.height())))
+        wide = QFontMetricsF(font).horizontalAdvance(text)
+        if wide > box.width():
+            font.setPixelSize(max(8, int(font.pixelSize() * box.width() / wide)))
+        self._painter.setFont(font)
+        self._painter.setPen(QColor(self._colours.text))
+        self._painter.drawText(box, side | Qt.AlignmentFlag.AlignVCenter, text)
+
+    def _wrapped(self, box: QRectF, text: str) -> None:
+        """Text over several lines, as large as it fits."""
+        wrap = int(Qt.TextFlag.TextWordWrap) | int(Qt.AlignmentFlag.AlignCenter)
+        font = QFont(self._font)
+        size = max(8, int(0.36 * box.height()))
+        while size > 8:
+            font.setPixelSize(size)
+            needed = QFontMetricsF(font).boundingRect(box, wrap, text)
+            if needed.height() <= box.height() and needed.width() <= box.width() + 1:
+                break
+            size -= max(1, size // 12)
+        self._painter.setFont(font)
+        self._painter.setPen(QColor(self._colours.text))
+        self._painter.drawText(box, wrap, text)

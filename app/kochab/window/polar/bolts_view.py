@@ -1,0 +1,144 @@
+"""The full-screen view at the mount: which bolt, which way and how far, readable from three metres.
+
+Arrows mean the same from every side of the mount: up and down in altitude, the sense of rotation
+seen from above in azimuth. Shapes and words carry everything that colours do.
+"""
+
+from PySide6.QtCore import QRectF, Qt, QTimer, Signal
+from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent
+from PySide6.QtWidgets import QWidget
+
+from kochab.polar.error import PolarError
+from kochab.polar.tutor import Knob
+from kochab.window.polar.bolts_painting import STEP_DEG, STEP_MS, Face, paint_face
+from kochab.window.polar.error_display import primes, total_text, typeset
+from kochab.window.themes import THEMES, Colours
+from kochab.workflows.session.alignment_state import AlignmentState
+
+KEYS = "Space: done    Tab: other axis    M: measure again    S: sounds    Esc: close"
+TURNING = "Esc: STOP the mount and close    Tab: other axis    S: sounds    F7: close"
+
+
+class BoltsView(QWidget):
+    """A full-screen window that shows an :class:`AlignmentState`; keys become signals."""
+
+    done = Signal()
+    remeasure = Signal()
+    sounds = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setWindowTitle("At the bolts")
+        self.setAccessibleName("At the bolts")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        self.colours: Colours = THEMES["night"]
+        self.state = AlignmentState()
+        self.old = False
+        self.sounding = ""
+        self._chosen: Knob | None = None
+        self._angle_deg = 0
+        self._timer = QTimer(self)
+        self._timer.setInterval(STEP_MS)
+        self._timer.timeout.connect(self._turn_wheel)
+
+    def show_state(self, state: AlignmentState, now_s: float) -> None:
+        """Show a state; a new instruction chooses its own axis."""
+        if state.instruction is not self.state.instruction:
+            self._chosen = None
+        self.state, self.old = state, state.old(now_s)
+        if self._waiting != self._timer.isActive():
+            self._timer.start() if self._waiting else self._timer.stop()
+        self.setAccessibleDescription(f"{self.digits()} {self.way()}. {state.words}")
+        self.update()
+
+    @property
+    def _waiting(self) -> bool:
+        return self.old or (self.state.running and self.state.stage != "adjust")
+
+    @property
+    def _over(self) -> bool:
+        return self.state.stop or self.state.stage == "done"
+
+    @property
+    def knob(self) -> Knob:
+        """The axis that is shown."""
+        return self._chosen or self.state.knob or Knob.ALTITUDE
+
+    def digits(self) -> str:
+        """The huge digits: the error of this axis, in the end the total."""
+        error = self.state.error
+        if error is None:
+            return "–"
+        return typeset(error.total_arcsec if self._over else _of(error, self.knob))
+
+    def way(self) -> str:
+        """The arrow in words."""
+        error = self.state.error
+        if error is None or self._over:
+            return ""
+        positive = _of(error, self.knob) > 0
+        if self.knob is Knob.ALTITUDE:
+            return "lower the axis" if positive else "raise the axis"
+        return f"{'anticlockwise' if positive else 'clockwise'}, from above"
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        key = Qt.Key
+        match event.key():
+            case key.Key_Escape | key.Key_F11 | key.Key_F7:
+                self.close()
+            case key.Key_Space | key.Key_Return | key.Key_Enter:
+                self.done.emit()
+            case key.Key_M:
+                self.remeasure.emit()
+            case key.Key_S:
+                self.sounds.emit()
+            case key.Key_Left | key.Key_Right | key.Key_Up | key.Key_Down:
+                self.other_axis()
+            case _:
+                super().keyPressEvent(event)
+
+    def focusNextPrevChild(self, next: bool) -> bool:
+        """Tab shows the other axis; there is nothing else to go to."""
+        self.other_axis()
+        return True
+
+    def other_axis(self) -> None:
+        """Show the other axis until the next instruction."""
+        self._chosen = Knob.AZIMUTH if self.knob is Knob.ALTITUDE else Knob.ALTITUDE
+        self.update()
+
+    @property
+    def face(self) -> Face:
+        """All that the view shows."""
+        state, error = self.state, self.state.error
+        title = "Polar alignment" if error is None else self.knob.value.capitalize()
+        old = f"OLD: {state.detail or 'wait for a new frame'}"
+        keys = TURNING if state.mount_turns else KEYS
+        shape = "" if error is None else "done" if self._over else "arrow"
+        return Face(
+            "Total" if self._over else title,
+            "" if error is None else f"total {total_text(error)}",
+            self.digits(),
+            old if self.old else self.way(),
+            primes(state.words) or "Start an alignment first.",
+            f"{keys}    ({self.sounding})" if self.sounding else keys,
+            "wheel" if self._waiting else shape,
+            self.knob,
+            error is not None and _of(error, self.knob) > 0,
+            self.old,
+        )
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        box = QRectF(self.rect())
+        paint_face(painter, box, self.face, self.font(), self.colours, self._angle_deg)
+        painter.end()
+
+    def _turn_wheel(self) -> None:
+        self._angle_deg = (self._angle_deg + STEP_DEG) % 360
+        self.update()
+
+
+def _of(error: PolarError, knob: Knob) -> float:
+    return error.altitude_arcsec if knob is Knob.ALTITUDE else error.azimuth_arcsec

@@ -1,0 +1,341 @@
+"""The Align page: what to do, the polar error in numbers, and the axis drawn around its pole."""
+
+import math
+import re
+
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
+
+from kochab.polar.error import (
+    PolarError,
+    altitude_in_words,
+    angle_in_words,
+    azimuth_in_words,
+    split_in_words,
+    total_in_words,
+)
+from kochab.polar.horizon import name_of
+from kochab.window.polar.bolts_painting import Spinner
+from kochab.window.themes import THEMES, Colours
+from kochab.window.widgets import card, column, draw_text, label, row, set_role, value_label
+from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
+from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
+
+RINGS_ARCSEC = (30.0, 60.0, 300.0, 1800.0, 7200.0, 36000.0)
+REACHES_ARCSEC = (45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
+SECONDS, MINUTES = re.compile(r'(?<=\d)"'), re.compile(r"(?<=\d)'")
+LEAST_RING_PX = 12.0
+LEAST_ELLIPSE_PX = 2.5
+
+
+class AxisTarget(QWidget):
+    """Draws the axis around the pole: altitude up, azimuth clockwise to the right.
+
+    Rings stand at round errors; around the axis is its error ellipse, behind it the trail.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colours: Colours = THEMES["dark"]
+        self.state = AlignmentState()
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumSize(180, 180)
+        self.setAccessibleName("The axis around the pole")
+
+    def sizeHint(self) -> QSize:
+        return QSize(340, 340)
+
+    def show_state(self, state: AlignmentState) -> None:
+        """Draw a state."""
+        self.state, error = state, state.error
+        self.setAccessibleDescription(
+            "Not measured yet." if error is None else f"{altitude_in_words(error)}; {azimuth_in_words(error)}"
+        )
+        self.update()
+
+    @property
+    def reach_arcsec(self) -> float:
+        """The error at the edge; those drawn are well inside, with their ellipses."""
+        errors = [e for e in (self.state.error, *self.state.measured[-1:]) if e is not None]
+        most = max((e.total_arcsec + 1.5 * e.ellipse_arcsec()[0] for e in errors), default=280.0)
+        return next((r for r in REACHES_ARCSEC if r > 1.1 * most), REACHES_ARCSEC[-1])
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.fillRect(self.rect(), QColor(self.colours.surface))
+        line = QFontMetricsF(self.font()).height()
+        box = QRectF(self.rect()).adjusted(4, line + 4, -4, -line - 4)
+        radius = min(box.width(), box.height()) / 2.0
+        centre, scale = box.center(), radius / self.reach_arcsec
+        self._rings(painter, centre, scale, radius)
+        self._names(painter, centre, radius, line)
+        painter.save()
+        painter.setClipRect(box)
+        for before in self.state.measured[:-1] if not self.state.live else self.state.measured:
+            self._ellipse(painter, centre, scale, before, QColor(self.colours.muted), 1.0)
+        self._trail(painter, centre, scale)
+        if self.state.error is not None:
+            self._ellipse(painter, centre, scale, self.state.error, QColor(self.colours.accent))
+            self._cross(painter, centre, scale, self.state.error)
+        painter.restore()
+        painter.end()
+
+    def _rings(self, painter: QPainter, centre: QPointF, scale: float, radius: float) -> None:
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        for ring in RINGS_ARCSEC:
+            size = ring * scale
+            if not LEAST_RING_PX <= size <= 1.02 * radius:
+                continue
+            painter.setPen(QPen(QColor(self.colours.grid), 1.2))
+            painter.drawEllipse(centre, size, size)
+            at = centre + QPointF(size * math.sin(0.6), -size * math.cos(0.6))
+            painter.setPen(QColor(self.colours.text))
+            draw_text(painter, at, ring_name(ring), self.colours.surface)
+        painter.setPen(QPen(QColor(self.colours.good), 2))
+        painter.drawLine(centre + QPointF(-8, 0), centre + QPointF(8, 0))
+        painter.drawLine(centre + QPointF(0, -8), centre + QPointF(0, 8))
+
+    def _names(self, painter: QPainter, centre: QPointF, radius: float, line: float) -> None:
+        painter.setPen(QColor(self.colours.muted))
+        wide = QRectF(centre.x() - 100, 0, 200, line)
+        middle = Qt.AlignmentFlag.AlignCenter
+        painter.drawText(wide.translated(0, centre.y() - radius - line - 2), middle, "too high")
+        painter.drawText(wide.translated(0, centre.y() + radius + 2), middle, "too low")
+        side = QRectF(6, centre.y() - 2.2 * line, self.width() - 12, line)
+        right, left = Qt.AlignmentFlag.AlignRight, Qt.AlignmentFlag.AlignLeft
+        painter.drawText(side, right, "clockwise")
+        painter.drawText(side, left, "anticlockwise")
+
+    def _place(self, centre: QPointF, scale: float, error: PolarError) -> QPointF:
+        x, y = error.azimuth_on_sky_arcsec, error.altitude_arcsec
+        return centre + QPointF(x * scale, -y * scale)
+
+    def _ellipse(
+        self,
+        painter: QPainter,
+        centre: QPointF,
+        scale: float,
+        error: PolarError,
+        colour: QColor,
+        width: float = 2.0,
+    ) -> None:
+        long, short, angle = error.with_flexure.ellipse_arcsec()
+        painter.save()
+        painter.translate(self._place(centre, scale, error))
+        painter.rotate(-math.degrees(angle))
+        painter.setPen(QPen(colour, width))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.drawEllipse(
+            QPointF(0, 0), max(long * scale, LEAST_ELLIPSE_PX), max(short * scale, LEAST_ELLIPSE_PX)
+        )
+        painter.restore()
+
+    def _cross(self, painter: QPainter, centre: QPointF, scale: float, error: PolarError) -> None:
+        at = self._place(centre, scale, error)
+        painter.setPen(QPen(QColor(self.colours.accent), 2.5))
+        for dx, dy in ((9, 0), (0, 9), (-9, 0), (0, -9)):
+            painter.drawLine(at + QPointF(dx / 2.2, dy / 2.2), at + QPointF(dx, dy))
+
+    def _trail(self, painter: QPainter, centre: QPointF, scale: float) -> None:
+        points = [centre + QPointF(x * scale, -y * scale) for x, y in self.state.trail]
+        painter.setPen(QPen(QColor(self.colours.muted), 1.2, Qt.PenStyle.DotLine))
+        painter.drawPolyline(QPolygonF(points))
+
+
+def ring_name(arcsec: float) -> str:
+    """``30″``, ``5′`` or ``2°``."""
+    if arcsec < 60.0:
+        return f"{arcsec:.0f}″"
+    return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
+
+
+def primes(text: str) -> str:
+    """Replace ' and " by primes."""
+    return SECONDS.sub("″", MINUTES.sub("′", text))
+
+
+def typeset(arcsec: float) -> str:
+    """``45″``, ``12.5′`` or ``1.25°``."""
+    return primes(angle_in_words(arcsec))
+
+
+NONE = "–"
+
+
+class Numbers(QWidget):
+    """The polar error in numbers, its age, warnings and reminders."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.total = value_label("Total error")
+        self.total.setProperty("role", "title")
+        self.split = label("", "muted", wrap=True)
+        self.split.setAccessibleName("Parts of the uncertainty")
+        self.altitude, self.altitude_cure = value_label("Altitude error"), label("", "", wrap=True)
+        self.azimuth, self.azimuth_cure = value_label("Azimuth error"), label("", "", wrap=True)
+        for value in (self.altitude, self.azimuth):
+            value.setProperty("role", "value")
+        self.age = label("", "muted", wrap=True)
+        self.more = label("", "", wrap=True)
+        self.findings = label("", "", wrap=True)
+        self.findings.setAccessibleName("Warnings")
+        self.reminder = label(LOCKED, "muted", wrap=True)
+        self.spinner = Spinner()
+        self._lay_out()
+        self.show_state(AlignmentState(), 0.0)
+
+    def _lay_out(self) -> None:
+        box = card()
+        grid = QGridLayout(box)
+        grid.addWidget(self.total, 0, 0, 1, 2)
+        grid.addWidget(self.split, 1, 0, 1, 2)
+        for at, (name, value, cure) in enumerate(
+            (("Altitude", self.altitude, self.altitude_cure), ("Azimuth", self.azimuth, self.azimuth_cure))
+        ):
+            grid.addWidget(label(name, "muted"), 2 + 2 * at, 0)
+            grid.addWidget(value, 2 + 2 * at, 1)
+            grid.addWidget(cure, 3 + 2 * at, 0, 1, 2)
+        grid.setColumnStretch(1, 1)
+        age = row(self.spinner, (self.age, 1))
+        column(box, age, self.reminder, self.more, self.findings, None, on=self, margins=(0, 0, 0, 0))
+
+    def show_state(self, state: AlignmentState, now_s: float) -> None:
+        """Show a state."""
+        error, old = state.error, state.old(now_s)
+        for value, text_of in (
+            (self.total, total_text),
+            (self.altitude, altitude_text),
+            (self.azimuth, azimuth_text),
+        ):
+            value.setText(NONE if error is None else text_of(error))
+        for line, line_of in (
+            (self.split, split_text),
+            (self.altitude_cure, altitude_cure),
+            (self.azimuth_cure, azimuth_cure),
+        ):
+            line.setText("" if error is None else line_of(error))
+        self.split.setVisible(error is not None)
+        if self.total.isEnabled() == old:  # each change costs a look at the style sheet
+            self.total.setEnabled(not old)
+        self.spinner.turn(old or (state.running and state.stage != "adjust"))
+        self.age.setText(age_text(state, now_s))
+        self.reminder.setVisible(state.stage == "adjust")
+        self.more.setText(more_text(state))
+        self.more.setVisible(bool(self.more.text()))
+        self.findings.setText("\n".join(f"⚠ {primes(finding.text)}" for finding in state.findings))
+        self.findings.setVisible(bool(state.findings))
+
+    def set_colours(self, colours: Colours) -> None:
+        """Use a theme's colours."""
+        self.spinner.colours = colours
+        set_role(self.total, "title")
+
+
+def total_text(error: PolarError) -> str:
+    """The angle between axis and pole with its uncertainty (1σ)."""
+    return primes(total_in_words(error))
+
+
+def split_text(error: PolarError) -> str:
+    """What the ± is made of."""
+    return f"Uncertainty: {split_in_words(error)}."
+
+
+def altitude_text(error: PolarError) -> str:
+    """Signed: positive is too high."""
+    return _signed(error.altitude_arcsec, error.with_flexure.sigma_arcsec[0])
+
+
+def azimuth_text(error: PolarError) -> str:
+    """Signed, at the knob: positive is too far clockwise."""
+    return _signed(error.azimuth_arcsec, error.with_flexure.sigma_azimuth_arcsec)
+
+
+def _signed(arcsec: float, sigma_arcsec: float) -> str:
+    return f"{'+' if arcsec >= 0 else '−'}{typeset(arcsec)} ± {typeset(sigma_arcsec)}"
+
+
+def altitude_cure(error: PolarError) -> str:
+    """Which way to turn in altitude."""
+    return "▼ lower the axis" if error.altitude_arcsec > 0 else "▲ raise the axis"
+
+
+def azimuth_cure(error: PolarError) -> str:
+    """Which way to turn in azimuth, true from every side."""
+    way = "↺ anticlockwise" if error.azimuth_arcsec > 0 else "↻ clockwise"
+    return f"{way}, seen from above"
+
+
+def more_text(state: AlignmentState) -> str:
+    """How much farther to rotate RA for the goal, while it is measured or when it was not reached."""
+    more = state.more_turn_deg
+    if state.stage not in ("measure", "turn", "done") or not more:
+        return ""
+    return f"Rotate RA {more:.0f}° farther for a more accurate axis."
+
+
+def age_text(state: AlignmentState, now_s: float) -> str:
+    """The age of the number."""
+    if state.error is None or not state.running:
+        return ""
+    seconds = max(0.0, now_s - state.heard_s)
+    title = "live" if state.live else "measured"
+    if not state.solved:
+        title = "OLD: newest frame not solved, last result"
+    elif state.old(now_s):
+        title = "OLD:"
+    return f"{title} {seconds:.0f} s ago"
+
+
+BESIDE = 68  # letters wide, from which on numbers and drawing stand side by side
+
+
+class AlignPage(QWidget):
+    """The instruction, the numbers, and the drawing beside them or, in a narrow view, below."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.pole = label("", "muted", wrap=True)
+        self.words = label("", "heading", wrap=True)
+        self.words.setAccessibleName("Instruction")
+        self.detail = label("", "muted", wrap=True)
+        self.numbers = Numbers()
+        self.target = AxisTarget()
+        box = card()
+        column(self.pole, self.words, self.detail, on=box)
+        self.parts = QBoxLayout(QBoxLayout.Direction.LeftToRight)
+        self.parts.addWidget(self.numbers, 2)
+        self.parts.addWidget(self.target, 3)
+        column(box, on=self, margins=(4, 8, 4, 4)).addLayout(self.parts, 1)
+
+    def show_pole(self, request: AlignmentRequest) -> None:
+        """Name the pole that is aligned to."""
+        text = f"{request.pole} pole of the frames’ site"
+        if request.source is FrameSource.PRACTICE:
+            text = f"{request.pole} pole of the practice site"
+        elif request.site is not None:
+            text = name_of(request.pole, request.site)
+        self.pole.setText(f"Aligning to: {text[0].upper()}{text[1:]}")
+
+    def show_state(self, state: AlignmentState, now_s: float) -> None:
+        """Show a state."""
+        self.words.setText(primes(state.words))
+        self.detail.setText(primes(state.detail))
+        self.detail.setVisible(bool(state.detail))
+        self.numbers.show_state(state, now_s)
+        self.target.show_state(state)
+
+    def set_colours(self, colours: Colours) -> None:
+        """Use a theme's colours."""
+        self.target.colours = colours
+        self.target.update()
+        self.numbers.set_colours(colours)
+
+    def resizeEvent(self, event: object) -> None:
+        wide = self.width() > BESIDE * self.fontMetrics().averageCharWidth()
+        direction = QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom
+        if self.parts.direction() != direction:
+            self.parts.setDirection(direction)

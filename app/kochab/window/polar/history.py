@@ -1,0 +1,223 @@
+"""The history of the night: every alignment, its error over time, and a report to save."""
+
+import re
+from pathlib import Path
+
+from PySide6.QtCore import QBuffer, QIODevice, QMarginsF, QSizeF, QUrl
+from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
+from PySide6.QtSvg import QSvgRenderer
+from PySide6.QtWidgets import QComboBox, QPlainTextEdit, QWidget
+
+from kochab.core.errors import KochabError
+from kochab.core.progress import Progress, Task
+from kochab.frames.atomic_file import write_atomically
+from kochab.polar.report import STYLE, Entry, History, report_html, write_report
+from kochab.window.charts.chart import Chart
+from kochab.window.charts.series import ChartAxis, Series
+from kochab.window.polar.error_display import primes, typeset
+from kochab.window.shell.dialogs import ask_save, tell
+from kochab.window.shell.views import Services
+from kochab.window.themes import Colours
+from kochab.window.widgets import button, column, label, row
+
+DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
+SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+CLEAR = re.compile(r"fill:(#[0-9a-fA-F]{6})([0-9a-fA-F]{2})")  # Qt's SVG reader takes #rrggbbaa for black
+RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+
+
+def writing(path: Path, history: History) -> Task[Path]:
+    """Write the web page and its JSON, or a PDF when the name ends so; takes 0.1 s, so in a job.
+
+    Raises
+    ------
+    KochabError
+        The file cannot be written.
+
+    """
+    yield Progress("report", None, path.name)
+    if path.suffix.lower() != ".pdf":
+        numbers = path.with_suffix(".json")
+        if numbers.exists() and not path.exists():  # the dialog asked about the page alone
+            raise KochabError(f"{numbers.name} already exists. Choose another name for the report.")
+        write_report(path, history)
+        return path
+    try:
+        write_pdf_report(path, history)
+    except OSError as error:
+        raise KochabError(f"Can't write the report {path}: {error.strerror or error}.") from None
+    return path
+
+
+def write_pdf_report(path: Path, history: History) -> None:
+    """The same page on paper, A4.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+
+    """
+    paper = QBuffer()  # QPdfWriter reports no error when a file cannot be written
+    paper.open(QIODevice.OpenModeFlag.WriteOnly)
+    writer = QPdfWriter(paper)
+    writer.setResolution(DPI)
+    margins = QMarginsF(MARGIN_MM, MARGIN_MM, MARGIN_MM, MARGIN_MM)
+    page = QPageSize(QPageSize.PageSizeId.A4)
+    layout = QPageLayout(page, QPageLayout.Orientation.Portrait, margins)
+    layout.setUnits(QPageLayout.Unit.Millimeter)
+    layout.setMargins(margins)
+    writer.setPageLayout(layout)
+    writer.setTitle("Polar alignment")
+    document = page_document(history)
+    document.documentLayout().setPaintDevice(writer)
+    document.setPageSize(QSizeF(writer.width(), writer.height()))
+    document.print_(writer)
+    write_atomically(path, bytes(paper.data().data()))
+
+
+def page_document(history: History) -> QTextDocument:
+    """The report with its drawings as images, as QTextDocument has no SVG."""
+    document = QTextDocument()
+    html = report_html(history)
+    for number, drawing in enumerate(SVG.findall(html)):
+        name = f"plot{number}.png"
+        picture = _drawn(drawing)
+        document.addResource(QTextDocument.ResourceType.ImageResource.value, QUrl(name), picture)
+        wide = round(picture.width() / FINE * DPI / 96.0)
+        html = html.replace(drawing, f'<p><img src="{name}" width="{wide}"></p>')
+    # QTextDocument knows little of a table's style.
+    html = html.replace("text-align:right;", "").replace("</td>", "&nbsp;&nbsp;</td>")
+    document.setHtml(html)
+    return document
+
+
+def _opaque(found: re.Match[str]) -> str:
+    return f"fill:{found[1]};fill-opacity:{int(found[2], 16) / 255.0:.2f}"
+
+
+def _drawn(drawing: str) -> QImage:
+    """Render a drawing with the page's style."""
+    rules = "".join(
+        f"{name.strip().split()[-1]}{{{CLEAR.sub(_opaque, body)}}}"
+        for name, body in RULE.findall(STYLE)
+        if name.strip().startswith((".", "svg text"))
+    )
+    styled = drawing.replace(">", f"><style>{rules}</style>", 1).replace(
+        "<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1
+    )
+    renderer = QSvgRenderer(styled.encode("utf-8"))
+    image = QImage(renderer.defaultSize() * FINE, QImage.Format.Format_RGB32)
+    image.fill(0xFFFFFF)
+    painter = QPainter(image)
+    renderer.render(painter)
+    painter.end()
+    return image
+
+
+NOTHING = "No alignment measured tonight."
+KINDS = "Web page (*.html);;PDF (*.pdf)"
+
+
+class HistoryPage(QWidget):
+    """The alignments since the window opened, the newest in front."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.histories: list[History] = []
+        self.which = QComboBox()
+        self.which.setAccessibleName("Alignment")
+        self.which.currentIndexChanged.connect(self._show)
+        self.save = button("Save &report…", self._ask, tip="Numbers and plots, HTML or PDF")
+        self.summary = label(NOTHING, "muted", wrap=True)
+        self.chart = Chart(
+            "Polar error over time",
+            ChartAxis("time", "min"),
+            ChartAxis("error", "arcsec", log=True),
+            legend=True,
+        )
+        self.lines = QPlainTextEdit()
+        self.lines.setReadOnly(True)
+        self.lines.setTabChangesFocus(True)
+        self.lines.setAccessibleName("Log of the alignment")
+        top = row((self.which, 1), self.save)
+        column(top, self.summary, (self.chart, 2), (self.lines, 3), on=self, margins=(12, 12, 12, 12))
+        self._show()
+
+    @property
+    def history(self) -> History | None:
+        """The one in front."""
+        index = self.which.currentIndex()
+        return self.histories[index] if 0 <= index < len(self.histories) else None
+
+    def keep(self, history: History) -> None:
+        """Show a history that is new, or has grown."""
+        at = next((i for i, known in enumerate(self.histories) if known is history), len(self.histories))
+        if at == len(self.histories):
+            self.histories.append(history)
+            self.which.addItem(f"Alignment {at + 1}")
+        self.which.setCurrentIndex(at)
+        self._show()
+
+    def set_colours(self, colours: Colours) -> None:
+        """Use a theme's colours."""
+        self.chart.set_colours(colours)
+
+    def _show(self, _: int = 0) -> None:
+        history = self.history
+        self.save.setEnabled(history is not None)
+        for part in (self.which, self.save, self.chart, self.lines):
+            part.setVisible(history is not None)
+        if history is None:
+            self.summary.setText(NOTHING)
+            return
+        entries = list(history.entries)  # the alignment may add to it meanwhile
+        measured = [e for e in entries if e.kind == "measured"]
+        self.summary.setText(_summary(measured))
+        start = entries[0].time_utc if entries else None
+        series = []
+        for number, (name, kind) in enumerate((("seen", "live"), ("measured", "measured"))):
+            chosen = [e for e in entries if e.kind == kind]
+            minutes = tuple((e.time_utc - start).total_seconds() / 60.0 for e in chosen if start)
+            error = tuple(e.total_arcsec for e in chosen)
+            sigma = tuple(e.sigma_total_arcsec for e in chosen) if kind == "measured" else ()
+            series.append(Series(name, minutes, error, number, sigma))
+        self.chart.show_series(tuple(s for s in series if s.x))
+        self.lines.setPlainText("\n".join(_line(e) for e in entries if e.kind != "live"))
+
+    def _ask(self) -> None:
+        history = self.history
+        if history is None:
+            return
+        day = f"{history.entries[0].time_utc:%Y-%m-%d}" if history.entries else "alignment"
+        folder = Path(self._services.settings.text("folder", str(Path.home())))
+        path = ask_save(self.window(), folder / f"polar-{day}.html", KINDS, self._services.looks.is_night)
+        if path is not None:
+            self.write(path)
+
+    def write(self, path: Path) -> None:
+        """Write the report of the alignment in front; a PDF when the name ends so."""
+        history = self.history
+        assert history is not None, "the button is off without one"
+        job = self._services.jobs.run(writing(path, history), "report")
+        job.succeeded.connect(lambda p: self._services.say(f"Wrote {p.name}"))
+        job.failed.connect(lambda sentence: tell(self.window(), "Report", sentence))
+
+
+def _summary(measured: list[Entry]) -> str:
+    if not measured:
+        return NOTHING
+    first, last = measured[0], measured[-1]
+    text = f"{last.time_utc:%H:%M} UTC: {typeset(last.total_arcsec)} from the pole"
+    if first is last:
+        return f"{text}, measured once."
+    return f"{text}, {typeset(first.total_arcsec)} at first, measured {len(measured)} times."
+
+
+def _line(entry: Entry) -> str:
+    sigma = typeset(entry.sigma_total_arcsec)
+    what = "Measured." if entry.kind == "measured" else "Instruction:"
+    moment, error = f"{entry.time_utc:%H:%M:%S}", typeset(entry.total_arcsec)
+    return f"{moment}  {error} ± {sigma}  {what} {primes(entry.text)}"

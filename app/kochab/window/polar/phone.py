@@ -1,0 +1,163 @@
+"""Serves the polar error to a phone on the local network; off by default."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from PySide6.QtCore import QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QCheckBox, QWidget
+
+from kochab.core.progress import Progress, Task
+from kochab.window.job import Job
+from kochab.window.shell.views import Services
+from kochab.window.themes import THEMES, Colours
+from kochab.window.widgets import button, column, copy_text, label, row, set_role, value_label
+from kochab.workflows.session.alignment_state import AlignmentState
+from kochab.workflows.session.wiring import PolarPage
+
+WHAT = (
+    "Shows the same numbers on a phone at the mount, read only, over the local network. Nothing is"
+    " sent to the internet, and the page ends when this window closes."
+)
+QUIET = 4  # empty modules around a QR code, as ISO/IEC 18004 requires
+
+Rows = Sequence[Sequence[int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """Where the page is, and its QR code as rows of 0 and 1."""
+
+    url: str
+    rows: tuple[tuple[int, ...], ...]
+
+
+def serving(page: PolarPage, host: str | None = None) -> Task[Served]:
+    """Switch the page on; in a job, because segno loads slowly."""
+    yield Progress("phone")
+    import segno
+
+    url = page.start(host)
+    code = segno.make(url, error="m", micro=False)
+    return Served(url, tuple(tuple(int(bool(bit)) for bit in row) for row in code.matrix))
+
+
+def _ending(page: PolarPage, starting: Job | None) -> Task[None]:
+    yield Progress("phone")
+    if starting is not None:
+        starting.abandon()
+        starting.join(5.0)
+    page.stop()
+
+
+class QrCode(QWidget):
+    """Dark modules on white; at night black on red, which phones read as well."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: Rows = ()
+        self.light, self.dark = QColor("#ffffff"), QColor("#000000")
+        self.setMinimumSize(200, 200)
+        self.setAccessibleName("QR code of the page's address")
+
+    def sizeHint(self) -> QSize:
+        return QSize(260, 260)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        if not self.rows:
+            return
+        painter = QPainter(self)
+        count = len(self.rows) + 2 * QUIET
+        module = max(1, min(self.width(), self.height()) // count)
+        side = module * count
+        painter.fillRect(QRectF(0, 0, side, side), self.light)
+        for y, bits in enumerate(self.rows):
+            for x, bit in enumerate(bits):
+                if bit:
+                    at = QRectF((x + QUIET) * module, (y + QUIET) * module, module, module)
+                    painter.fillRect(at, self.dark)
+        painter.end()
+
+
+class PhonePanel(QWidget):
+    """Switches the page on and off and shows its address; ``switched`` says which."""
+
+    switched = Signal(bool)
+
+    def __init__(self, services: Services, host: str | None = None) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self.page = services.wiring.phone_page() if services.wiring.phone_page else None
+        self._services, self._host = services, host
+        self._job: Job | None = None
+        self.switch = QCheckBox("Show on a pho&ne")
+        self.switch.toggled.connect(self._toggle)
+        self.switch.setEnabled(self.page is not None)
+        self.state = label("Off.", "muted", wrap=True)
+        self.url = value_label("Address of the page")
+        self.copy = button("Copy address", lambda: copy_text(self.url.text()))
+        self.code = QrCode()
+        self._lay_out()
+        self._show(None)
+        services.jobs.closing.connect(self.close_page)
+
+    def _lay_out(self) -> None:
+        what, copy = label(WHAT, "muted", wrap=True), row(self.copy, None)
+        made = column(self.switch, what, self.state, self.url, copy, on=self, margins=(12, 12, 12, 12))
+        made.addWidget(self.code, 1, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
+        made.addStretch(1)
+
+    @property
+    def on(self) -> bool:
+        """Whether the page is served."""
+        return self.page is not None and self.page.running
+
+    def show_state(self, state: AlignmentState) -> None:
+        """Update the page."""
+        if self.page is not None:
+            self.page.show(state.words, state.error, state.solved)
+
+    def close_page(self) -> None:
+        """Switch off at once, as when the window closes."""
+        if self._job is not None:
+            self._job.abandon()
+            self._job.join(5.0)
+            self._job = None
+        if self.page is not None:
+            self.page.stop()
+
+    def set_colours(self, colours: Colours) -> None:
+        """Red light only at night."""
+        self.code.light = QColor("#ff0000" if colours is THEMES["night"] else "#ffffff")
+        self.code.update()
+
+    def _toggle(self, on: bool) -> None:
+        if self.page is None:
+            return
+        if on:
+            self.state.setText("Switching on…")
+            self._job = job = self._services.jobs.run(serving(self.page, self._host), "phone")
+            job.succeeded.connect(self._show)
+            job.failed.connect(self._failed)
+            return
+        self._show(None)
+        self.switch.setEnabled(False)  # until it is really off, which takes a tenth of a second
+        off = self._services.jobs.run(_ending(self.page, self._job), "phone-off")
+        off.finished.connect(lambda: self.switch.setEnabled(True))
+
+    def _show(self, served: Served | None) -> None:
+        shown = served if served is not None and self.switch.isChecked() else Served("", ())
+        on = bool(shown.url)
+        self.url.setText(shown.url)
+        self.code.rows = shown.rows
+        self.code.update()
+        for part in (self.code, self.copy, self.url):
+            part.setVisible(on)
+        self.state.setText("On. Anyone on this network with the link can view." if on else "Off.")
+        set_role(self.state, "good" if on else "muted")
+        self.switched.emit(on)
+
+    def _failed(self, sentence: str) -> None:
+        self.switch.setChecked(False)
+        self.state.setText(sentence)
+        set_role(self.state, "wrong")

@@ -1,0 +1,293 @@
+"""The set-up of an alignment: frames, who turns the RA axis, pole and site; remembered between starts."""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QDoubleSpinBox,
+    QFileDialog,
+    QFormLayout,
+    QGridLayout,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QSpinBox,
+    QWidget,
+)
+
+from kochab.core.angle_text import parse_positive, parse_site, site_text
+from kochab.core.errors import UsageError
+from kochab.gear.cameras import SOURCES
+from kochab.gear.mount_events import MountSnapshot
+from kochab.gear.profiles import current_profile
+from kochab.gear.session import CameraSelection, MountSelection
+from kochab.polar.horizon import Pole, name_of
+from kochab.window.cameras import CameraBox
+from kochab.window.polar.alignment_run import NO_MOUNT
+from kochab.window.shell.dialogs import RedLight
+from kochab.window.shell.views import Services
+from kochab.window.widgets import button, column, label, narrow_box
+from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
+
+SWEEP = Qt.ItemDataRole.UserRole
+LINES = 6
+
+
+class FrameList(QListWidget):
+    """The frames to measure, each once; those of a second sweep measure flexure."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAccessibleName("Frames to measure")
+        self.setFixedHeight(LINES * self.fontMetrics().height())
+
+    def add(self, paths: list[Path], sweep: int = 0) -> None:
+        """Add frames of the first sweep (0) or the second (1)."""
+        there = {self.item(i).toolTip() for i in range(self.count())}
+        for path in paths:
+            if str(path) not in there:
+                there.add(str(path))
+                item = QListWidgetItem(f"{path.name}, second sweep" if sweep else path.name)
+                item.setToolTip(str(path))
+                item.setData(SWEEP, sweep)
+                self.addItem(item)
+
+    def paths(self, sweep: int) -> tuple[Path, ...]:
+        """The files of one sweep."""
+        items = [self.item(i) for i in range(self.count())]
+        return tuple(Path(i.toolTip()) for i in items if i.data(SWEEP) == sweep)
+
+
+FRAMES = "Frames (*.fit *.fits *.fts *.xisf *.cr2 *.cr3 *.nef *.arw *.dng *.tif *.tiff *.png *.jpg)"
+ADVICE = (
+    "Take two or more frames with the RA axis rotated between them, in any part of the sky, tracking"
+    " or not. The pole need not be visible."
+)
+POLES = {
+    Pole.REFRACTED: "Refracted pole: best tracking at mid latitudes",
+    Pole.TRUE: "True pole: without refraction",
+    Pole.HALF_WAY: "Halfway between: best near latitude 20°",
+}
+PLANNED = 0.0
+NO_SITE = "Set your site to see the target's altitude."
+SECOND_TIP = "Measures flexure, which a single sweep cannot tell from the axis error"
+SECOND = "Frames of a second sweep at another declination, to measure flexure"
+NAME = "polar"  # in the settings
+
+
+class AlignmentSetupPanel(QWidget):
+    """The fields; :meth:`request` reads them."""
+
+    message = Signal(str, str)  # a sentence and its role
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.source = narrow_box("Source of the frames", 8)
+        self.source.addItems([str(s) for s in FrameSource])
+        if services.wiring.practice is None:
+            self.source.removeItem(0)
+        self.files = FrameList()
+        self.add = button("&Add frames…", lambda: self._ask_files(0))
+        self.add_check = button("Second s&weep…", lambda: self._ask_files(1), tip=SECOND)
+        self.add_open = button("Use &open frame", self._add_open_frame)
+        self.clear = button("Clea&r", self.files.clear)
+        self.camera = CameraBox(n for n in SOURCES if n != "simulated")  # that one has its own mount
+        self.exposure = QDoubleSpinBox()
+        self.exposure.setRange(0.05, 60.0)
+        self.exposure.setSuffix(" s")
+        self.exposure.setValue(2.0)
+        self.exposure.setAccessibleName("Exposure")
+        self.exposure.setToolTip("Applies to every view of this camera during the alignment")
+        self.hand = narrow_box("Who turns the RA axis", 8)
+        self.hand.addItems([str(h) for h in AxisTurnedBy])
+        self.site = _text("Your site", "48.14, 11.58 (empty: as the frames say)")
+        self.pole = narrow_box("Pole", 8)
+        self.pole.addItems(list(POLES.values()))
+        self.pole_name = label("", "muted", wrap=True)
+        self.goal = _number("Goal", 10, 600, 30, "″")
+        self.turn = _number("Rotation in RA", 0, 120, 0, "°")
+        self.turn.setSpecialValueText("planned from the first frame")
+        self.turn.setSingleStep(5)
+        self.second = QCheckBox("measure with a second sweep")
+        self.second.setAccessibleName("Second sweep at another declination")
+        self.second.setToolTip(SECOND_TIP)
+        self.fov = _text("Field of view", "width in degrees, optional")
+        self.mount = label("", "muted", wrap=True)
+        self._known_mount: MountSelection | None = None
+        self._boxes = {"source": self.source, "hand": self.hand, "pole": self.pole}
+        self._numbers = {"goal": self.goal, "turn": self.turn}
+        self._lay_out()
+        self.source.currentIndexChanged.connect(self._enable)
+        self.pole.currentIndexChanged.connect(self._name_pole)
+        self.site.textChanged.connect(self._name_pole)
+        self._restore()
+        cameras = services.cameras
+        self.camera.follow(cameras)
+        cameras.chosen.connect(self._show_camera)
+        if cameras.choice is not None:
+            self._show_camera(*cameras.choice)
+        self._enable()
+
+    def _lay_out(self) -> None:
+        self.form = form = QFormLayout()
+        form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+        self.file_row = QWidget()
+        grid = QGridLayout(self.file_row)
+        for place, made in enumerate((self.add, self.add_check, self.add_open, self.clear)):
+            grid.addWidget(made, place // 2, place % 2)
+        grid.setContentsMargins(0, 0, 0, 0)
+        for title, field in (
+            ("Frames from", self.source),
+            ("", self.files),
+            ("", self.file_row),
+            ("Exposure", self.exposure),
+            ("RA a&xis", self.hand),
+            ("", self.mount),
+            ("&Your site", self.site),
+            ("&Pole", self.pole),
+            ("", self.pole_name),
+            ("&Goal", self.goal),
+            ("Rotation", self.turn),
+            ("Flexure", self.second),
+            ("Field of view", self.fov),
+        ):
+            form.addRow(title, field)
+        form.insertRow(3, self.camera)
+        column(label(ADVICE, "muted", wrap=True), form, None, on=self, margins=(12, 12, 12, 12))
+
+    @property
+    def chosen_source(self) -> FrameSource:
+        """Where the frames come from."""
+        return FrameSource(self.source.currentText())
+
+    @property
+    def chosen_pole(self) -> Pole:
+        """The pole to align to."""
+        return list(POLES)[self.pole.currentIndex()]
+
+    def request(self) -> AlignmentRequest:
+        """What was chosen; UsageError says what is wrong."""
+        site, fov, turn = self.site.text().strip(), self.fov.text().strip(), float(self.turn.value())
+        return AlignmentRequest(
+            self.chosen_source,
+            self.chosen_pole,
+            parse_site(site) if site else None,
+            self.files.paths(0),
+            self.files.paths(1),
+            CameraSelection(self.camera.kind, self.camera.address.text().strip(), self.exposure.value()),
+            AxisTurnedBy(self.hand.currentText()),
+            self._known_mount,
+            float(self.goal.value()),
+            None if turn == PLANNED else turn,
+            fov_deg=parse_positive(fov, "The field of view", 170.0) if fov else None,
+            second_sweep=self.second.isChecked(),
+        )
+
+    def _show_camera(self, source: str, address: str) -> None:
+        self.camera.show_selection(CameraSelection(source, address))
+
+    def refresh(self) -> None:
+        """Show the mount that would turn the axis, and the site unless one is typed."""
+        selection = current_profile(self._services.settings).mount
+        self._known_mount = selection if selection.port else None
+        self.mount.setText(mount_text(self._known_mount, self._services.mount.known))
+        site = self._services.settings.site
+        if not self.site.text().strip() and site is not None:
+            self.site.setText(site_text(site))
+
+    def _enable(self, _: int = 0) -> None:
+        source = self.chosen_source
+        files, camera = source is FrameSource.FILES, source is FrameSource.CAMERA
+        for widget in (self.files, self.file_row):
+            self.form.setRowVisible(widget, files)
+        for widget in (self.camera, self.mount):
+            self.form.setRowVisible(widget, camera)
+        for widget in (self.exposure, self.hand, self.turn, self.second):
+            self.form.setRowVisible(widget, not files)
+        for widget in (self.site, self.fov):
+            self.form.setRowVisible(widget, source is not FrameSource.PRACTICE)
+        self._name_pole()
+
+    def _name_pole(self, _: object = None) -> None:
+        site, text = self.site.text().strip(), ""
+        if self.chosen_source is not FrameSource.PRACTICE:  # which has a site of its own
+            with suppress(UsageError):
+                text = f"Target: {name_of(self.chosen_pole, parse_site(site))}" if site else NO_SITE
+        self.pole_name.setText(text)
+        self.form.setRowVisible(self.pole_name, bool(text))
+
+    def _ask_files(self, sweep: int) -> None:
+        start = self._services.settings.text("folder", str(Path.home()))
+        dialog = QFileDialog(self.window(), "Frames to measure", start, f"{FRAMES};;All files (*)")
+        dialog.setFileMode(QFileDialog.FileMode.ExistingFiles)
+        if self._services.looks.is_night:
+            dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
+            dialog.setGraphicsEffect(RedLight(dialog))
+        if dialog.exec():
+            self.files.add([Path(p) for p in dialog.selectedFiles()], sweep)
+        dialog.deleteLater()
+
+    def _add_open_frame(self) -> None:
+        path = self._services.session.known.path
+        if path is None:
+            self.message.emit("Open a frame first.", "muted")
+        else:
+            self.files.add([path])
+
+    def save(self) -> None:
+        """Remember what was chosen, except files and the site."""
+        kept: dict[str, object] = {name: box.currentText() for name, box in self._boxes.items()}
+        kept |= {name: number.value() for name, number in self._numbers.items()}
+        kept |= {"kind": self.camera.kind, "address": self.camera.address.text()}
+        kept |= {"exposure": self.exposure.value(), "fov": self.fov.text(), "second": self.second.isChecked()}
+        self._services.settings.keep(NAME, json.dumps(kept))
+
+    def _restore(self) -> None:
+        """As last time; damaged values stay at their defaults."""
+        saved = self._services.settings.table(NAME)
+        for name, box in self._boxes.items():
+            index = box.findText(str(saved.get(name, "")))
+            if index >= 0:
+                box.setCurrentIndex(index)
+        if isinstance(saved.get("kind"), str) and isinstance(saved.get("address"), str):
+            self.camera.show_selection(CameraSelection(saved["kind"], saved["address"]))
+        if isinstance(saved.get("fov"), str):
+            self.fov.setText(saved["fov"])
+        self.second.setChecked(saved.get("second") is True)
+        for name, number in self._numbers.items():
+            if isinstance(saved.get(name), int):
+                number.setValue(saved[name])
+        if isinstance(saved.get("exposure"), int | float):
+            self.exposure.setValue(float(saved["exposure"]))
+
+
+def mount_text(selection: MountSelection | None, known: MountSnapshot) -> str:
+    """Which mount would turn the axis."""
+    if known.phase not in ("off", "leaving"):
+        name = known.connected.name if known.connected is not None else known.port
+        return f"Connected: {name}. Esc stops it."
+    if selection is None:
+        return NO_MOUNT
+    return f"{selection.driver} on {selection.port}: connects when you begin."
+
+
+def _number(name: str, low: int, high: int, value: int, unit: str) -> QSpinBox:
+    made = QSpinBox()
+    made.setRange(low, high)
+    made.setValue(value)
+    made.setSuffix(unit)
+    made.setAccessibleName(name)
+    return made
+
+
+def _text(name: str, example: str) -> QLineEdit:
+    made = QLineEdit()
+    made.setAccessibleName(name)
+    made.setPlaceholderText(example)
+    return made

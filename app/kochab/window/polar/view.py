@@ -1,0 +1,311 @@
+"""The Polar alignment view: set up, measure, adjust, measure again, and keep the result."""
+
+import time
+from dataclasses import replace
+
+from PySide6.QtCore import QTimer
+from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
+from PySide6.QtWidgets import QApplication, QTabWidget, QWidget
+
+from kochab.core.errors import KochabError
+from kochab.core.progress import Progress
+from kochab.gear.session import Practice
+from kochab.polar.report import History
+from kochab.window.job import Job
+from kochab.window.mount.connection import MountTask
+from kochab.window.polar.alignment_run import AlignmentRun, PracticeAdjuster
+from kochab.window.polar.bolts_view import BoltsView
+from kochab.window.polar.error_display import AlignPage
+from kochab.window.polar.history import HistoryPage
+from kochab.window.polar.phone import PhonePanel
+from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
+from kochab.window.polar.sound_cues import Cues, SoundCues
+from kochab.window.shell.views import Services
+from kochab.window.themes import Colours
+from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, set_role
+from kochab.workflows.polar.update import PolarControls
+from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
+from kochab.workflows.session.alignment_state import AlignmentState, absorb
+
+READY = "Choose the source of the frames, then begin."
+REFRESH_MS = 250
+PHONE = 3  # its tab
+
+
+class PolarView(QWidget):
+    """Passes buttons to the alignment under way and shows its state on every page."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._services = services
+        self.state = AlignmentState()
+        self.controls = PolarControls()
+        self.adjuster: PracticeAdjuster | None = None
+        self.job: Job | MountTask | None = None
+        self._run: AlignmentRun | None = None
+        self.setup = AlignmentSetupPanel(services)
+        self.page = AlignPage()
+        self.history = HistoryPage(services)
+        self.phone = PhonePanel(services)
+        self.bolts = BoltsView()
+        self.cues = Cues(QApplication.beep)
+        self.sound_cues = SoundCues(self.cues)
+        self._make_buttons()
+        self.bar = ProgressBar("Progress of the alignment")
+        self.message = label(READY, "muted", wrap=True)
+        self.served = label("", "good", wrap=True)
+        self.served.setVisible(False)
+        self._lay_out()
+        self._connect()
+        self._set_colours(services.looks.colours)
+        self._show_idle()
+
+    def _make_buttons(self) -> None:
+        self.start = button("&Begin", self.begin, "main", "Measure, adjust, and measure again")
+        self.done = button("&Done", self.confirm_turned, tip="I have made this turn (Space)")
+        self.turn_for_me = button(
+            "Turn it &for me", self.turn_practice, tip="Let the practice telescope make this turn"
+        )
+        self.again = button("&Measure again", self.remeasure, tip="Stop adjusting and measure the axis now")
+        self.use_frames = button(
+            "Use &these frames", self.finish_sweep, tip="Continue with the frames taken so far"
+        )
+        self.second = button("Second s&weep", self.sweep_again, tip=SECOND_TIP)
+        self.at_bolts = button(
+            "At the bo&lts", self.show_bolts, tip="Full screen, readable from three metres (F7)"
+        )
+        self.sound = button(
+            "So&unds", self.switch_sounds, tip=f"Sound cues at the mount: {self.cues.description}"
+        )
+        self.sound.setCheckable(True)
+        self.cancel = button("Cancel", self.stop, tip="End the alignment; a turning mount stops")
+
+    def _lay_out(self) -> None:
+        self.tabs = QTabWidget()
+        self.tabs.setDocumentMode(True)
+        self.tabs.setAccessibleName("Polar alignment")
+        for widget, name in (
+            (self.setup, "Set up"),
+            (self.page, "Align"),
+            (self.history, "Tonight"),
+            (self.phone, "Phone"),
+        ):
+            self.tabs.addTab(scrolled(widget), name)
+        first = row(self.start, self.done, self.turn_for_me, self.cancel, (self.bar, 1), None)
+        second = row(self.again, self.use_frames, self.second, self.at_bolts, self.sound, None)
+        parts = ((self.tabs, 1), self.message, self.served, first, second)
+        column(*parts, on=self, margins=(8, 8, 8, 8))
+
+    def _connect(self) -> None:
+        services = self._services
+        self.setup.message.connect(self.say)
+        self.bolts.done.connect(self.confirm_turned)
+        self.bolts.remeasure.connect(self.remeasure)
+        self.bolts.sounds.connect(self.sound.click)
+        self.phone.switched.connect(self._show_served)
+        services.looks.changed.connect(self._set_colours)
+        services.jobs.closing.connect(self._close)
+        services.mount.changed.connect(self.setup.refresh)
+        QShortcut(QKeySequence("F7"), self, self.show_bolts)
+        self._clock = QTimer(self)
+        self._clock.setInterval(REFRESH_MS)
+        self._clock.timeout.connect(self._show)
+
+    def heightForWidth(self, width: int) -> int:
+        """As low as can be: the pages scroll, and the buttons stay in sight on a small screen."""
+        layout = self.layout()
+        return -1 if layout is None else layout.minimumHeightForWidth(width)
+
+    def begin(self) -> None:
+        """Start what was set up."""
+        try:
+            request = self.setup.request()
+            self._save(request)
+            run = self._new_run(request)
+            job = run.start()
+        except KochabError as error:
+            self.say(str(error), "wrong")
+            return
+        self.state = AlignmentState("opening", "Opening…")
+        self.controls, self.adjuster = run.controls, None
+        self.page.show_pole(request)
+        self._follow(job)
+
+    def confirm_turned(self) -> None:
+        """The turn that was asked for is made."""
+        if self.state.running:
+            self.controls.turned()
+            self.say("Waiting for a new frame.", "muted")
+
+    def remeasure(self) -> None:
+        """Stop adjusting and measure again now."""
+        if self.state.stage == "adjust":
+            self.controls.remeasure()
+            self.say("Measuring again after this frame.", "muted")
+
+    def finish_sweep(self) -> None:
+        """Continue with the frames taken so far."""
+        if self.state.running:
+            self.controls.enough()
+
+    def sweep_again(self) -> None:
+        """A second sweep, at another declination, after the present one."""
+        if self.state.running:
+            self.controls.second_sweep()
+            self.say("A second sweep at another declination follows, to measure flexure.", "muted")
+
+    def turn_practice(self) -> None:
+        """Let the practice telescope make the turn that is asked for."""
+        if self.adjuster is None:
+            return
+        try:
+            text = self.adjuster.turn(self.state)
+        except KochabError as error:
+            text = str(error)
+        self.confirm_turned()
+        self.say(text, "muted")
+
+    def switch_sounds(self) -> None:
+        """Sounds on or off, and speech where the system has a voice."""
+        on = self.sound.isChecked()
+        self.sound.setText("So&unds: on" if on else "So&unds")
+        self.cues.on = on
+        self.bolts.sounding = f"sounds: {self.cues.description}" if on else ""
+        self.bolts.update()
+        self.say(f"Sounds {'on' if on else 'off'}: {self.cues.description}.", "muted")
+
+    def show_bolts(self) -> None:
+        """Open the full-screen view."""
+        self.bolts.show_state(self.state, time.monotonic())
+        self.bolts.showFullScreen()
+        self.bolts.activateWindow()
+
+    def stop(self) -> None:
+        """End the alignment; a turning mount stops at once."""
+        if self.job is not None:
+            self.job.cancel()
+            self.say("Stopping…", "muted")
+
+    def _save(self, request: AlignmentRequest) -> None:
+        self.setup.save()
+        if request.site is not None and request.source is not FrameSource.PRACTICE:
+            self._services.settings.keep_site(request.site)
+        if request.source is FrameSource.CAMERA and request.camera is not None:
+            self._services.cameras.choose(request.camera.source, request.camera.address)
+
+    def _new_run(self, request: AlignmentRequest) -> AlignmentRun:
+        """A new run for each alignment, so that the steps of an older one are not shown."""
+        if self._run is not None:
+            self._run.deleteLater()
+        self._run = run = AlignmentRun(self._services, request, self)
+        run.step.connect(self._step)
+        run.kept.connect(self.history.keep)
+        run.practising.connect(self._use_practice)
+        return run
+
+    def _follow(self, job: Job | MountTask) -> None:
+        self.tabs.setCurrentIndex(1)
+        self.job = job
+        job.succeeded.connect(self._succeeded)
+        job.failed.connect(lambda sentence: self._ended(sentence, "wrong"))
+        job.cancelled.connect(lambda: self._ended("Cancelled. These are the last results.", "muted"))
+        job.finished.connect(lambda: self._finished(job))
+        self._clock.start()
+        self._enable(True)
+        self.say("", "muted")
+        self._show()
+
+    def _step(self, step: Progress) -> None:
+        before, self.state = self.state, absorb(self.state, step, time.monotonic())
+        if self.state == before:
+            return
+        self.sound_cues.play_change(before, self.state)
+        if self.state.hand_needed and not before.hand_needed and self._has_focus():
+            # Space presses the button that confirms the turn.
+            (self.turn_for_me if self.adjuster is not None else self.done).setFocus()
+        self._show()
+
+    def _has_focus(self) -> bool:
+        window = self.window()
+        return self.isAncestorOf(window.focusWidget() or window)
+
+    def _use_practice(self, practice: Practice) -> None:
+        self.adjuster = PracticeAdjuster(practice)
+        self.turn_for_me.setVisible(True)
+
+    def _succeeded(self, history: History) -> None:
+        self.history.keep(history)
+        self.say("Done. The report is in the Tonight tab.", "good")
+
+    def _ended(self, sentence: str, role: str) -> None:
+        self.state = replace(
+            self.state, stage="ended", words=sentence, detail="", asked=None, instruction=None
+        )
+        self.say(sentence, role)
+
+    def _finished(self, job: Job | MountTask) -> None:
+        if self.job is job:
+            self.job = None
+            self._show_idle()
+
+    def _show_idle(self) -> None:
+        self._clock.stop()
+        self.adjuster = None
+        self._enable(False)
+        self._show()
+
+    def _enable(self, running: bool) -> None:
+        """What can be pressed while an alignment runs, and while none does."""
+        had_focus = self._has_focus()
+        for made in (self.done, self.use_frames, self.second, self.cancel, self.bar):
+            made.setVisible(running)
+        self.again.setVisible(False)
+        self.start.setVisible(not running)
+        self.setup.setEnabled(not running)
+        self.turn_for_me.setVisible(False)
+        self.setFocusProxy(self.done if running else self.start)
+        if had_focus:
+            self.setFocus()
+
+    def _show(self) -> None:
+        state, now_s = self.state, time.monotonic()
+        self.page.show_state(state, now_s)
+        self.phone.show_state(state)
+        if self.bolts.isVisible():
+            self.bolts.show_state(state, now_s)
+        self.bar.show_share(state.fraction)
+        if state.running:
+            adjusting = state.stage == "adjust"
+            self.again.setVisible(adjusting)  # one of the two: while adjusting they mean the same
+            self.use_frames.setVisible(not adjusting)
+            self.use_frames.setEnabled(state.stage != "opening")
+            self.turn_for_me.setEnabled(state.hand_needed)
+
+    def say(self, text: str, role: str) -> None:
+        """One sentence that stays until the next; an empty one removes it."""
+        self.message.setText(text)
+        self.message.setVisible(bool(text))
+        if self.message.property("role") != role:
+            set_role(self.message, role)
+
+    def _show_served(self, on: bool) -> None:
+        """Whether the phone page is on, in sight from every tab."""
+        self.served.setText(f"Phone page is ON: {self.phone.url.text()}" if on else "")
+        self.served.setVisible(on)
+        self.tabs.setTabText(PHONE, "Phone: ON" if on else "Phone")
+
+    def _set_colours(self, colours: Colours) -> None:
+        for part in (self.page, self.history, self.phone):
+            part.set_colours(colours)
+        self.bolts.colours = colours
+        self.bolts.update()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        self.setup.refresh()
+        super().showEvent(event)
+
+    def _close(self) -> None:
+        self._clock.stop()
+        self.cues.close()
+        self.bolts.close()

@@ -1,0 +1,96 @@
+"""What the window remembers between starts."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QByteArray, QSettings
+
+from kochab.core.angle_text import AngleStyle
+from kochab.core.frame import Site
+from kochab.window.image.overlay import Switches
+
+MOST_RECENT = 10
+LARGEST = 2**31 - 1  # what Qt counts with; neither infinity nor NaN is below it
+
+
+class WindowSettings:
+    """Typed access to one :class:`QSettings`; damaged values read as their defaults."""
+
+    def __init__(self, store: QSettings | None = None) -> None:
+        self._store = store or QSettings(
+            QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window"
+        )
+
+    def flag(self, name: str, default: bool) -> bool:
+        value = self._store.value(name, default)
+        return value if isinstance(value, bool) else str(value).lower() in ("true", "1", "yes")
+
+    def text(self, name: str, default: str) -> str:
+        value = self._store.value(name, default)
+        return value if isinstance(value, str) else default
+
+    def table(self, name: str) -> dict[str, Any]:
+        """Named values, kept as JSON; without those that no field of a window could show."""
+        try:
+            kept = json.loads(self.text(name, "{}"))
+        except (ValueError, RecursionError):
+            return {}
+        return {k: v for k, v in kept.items() if _showable(v)} if isinstance(kept, dict) else {}
+
+    def data(self, name: str) -> QByteArray | None:
+        """Bytes, such as a window's geometry."""
+        value = self._store.value(name)
+        return value if isinstance(value, QByteArray) else None
+
+    def keep(self, name: str, value: Any) -> None:
+        self._store.setValue(name, value)
+
+    def as_dict(self) -> dict[str, str]:
+        """Every setting as text, for a report; without bytes such as a window's geometry."""
+        values = {name: self._store.value(name) for name in self._store.allKeys()}
+        return {name: str(value) for name, value in values.items() if not isinstance(value, QByteArray)}
+
+    def write(self) -> None:
+        self._store.sync()
+
+    @property
+    def angle_style(self) -> AngleStyle:
+        value = self.text("angles", AngleStyle.SEXAGESIMAL.value)
+        return AngleStyle(value) if value in list(AngleStyle) else AngleStyle.SEXAGESIMAL
+
+    @property
+    def site(self) -> Site | None:
+        """Where the person observes; None when they never said."""
+        from kochab.gear.profiles import current_profile
+
+        return current_profile(self).site
+
+    def keep_site(self, site: Site | None) -> None:
+        from kochab.gear.profiles import keep_profile
+
+        keep_profile(self, site=site)
+
+    def switches(self) -> Switches:
+        return Switches(**{f.name: self.flag(f"marks/{f.name}", True) for f in fields(Switches)})
+
+    def keep_switches(self, switches: Switches) -> None:
+        for f in fields(Switches):
+            self.keep(f"marks/{f.name}", getattr(switches, f.name))
+
+    @property
+    def recent(self) -> list[Path]:
+        """Files opened of late, newest first."""
+        value = self._store.value("recent", [])
+        names = value if isinstance(value, list) else [value]
+        return [Path(n) for n in names if isinstance(n, str) and n][:MOST_RECENT]
+
+    def add_recent(self, path: Path) -> None:
+        path = path.absolute()
+        names = [str(path)] + [str(p) for p in self.recent if p != path]
+        self.keep("recent", names[:MOST_RECENT])
+
+
+def _showable(value: Any) -> bool:
+    return not isinstance(value, int | float) or abs(value) <= LARGEST

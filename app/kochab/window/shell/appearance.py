@@ -1,0 +1,176 @@
+"""How the window and the frame look: theme, text size, stretch, colour and marks; all remembered."""
+
+from PySide6.QtCore import QObject, QSignalBlocker, Qt, QTimer, Signal
+from PySide6.QtGui import QActionGroup, QColor
+from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
+from shiboken6 import isValid
+
+from kochab.window.shell.dialogs import redden_caret
+from kochab.window.shell.main_window import MainWindow
+from kochab.window.shell.menus import MARKS, colour_icons
+from kochab.window.shell.presenter import Presenter
+from kochab.window.themes import THEMES, Colours, apply_theme
+
+
+class StyleSheets(QObject):
+    """Puts a style sheet on the window one part a turn of the event loop, visible parts first.
+
+    Given to the application as a whole, a sheet holds up the event loop for a tenth of a second,
+    longer with more views open. Nothing is painted until the visible parts have it.
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self.sheet = ""
+        self._window = window
+        self._waiting: list[QWidget] = []
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self._next)
+        window.has_part.connect(self._meet)
+        window.closing.connect(self._timer.stop)
+
+    def apply(self, sheet: str) -> None:
+        self.sheet = sheet
+        self._waiting = sorted(self.parts(), key=lambda part: not part.isVisible())
+        if self._window.isVisible():
+            self._window.setUpdatesEnabled(False)
+            self._timer.start(0)
+        else:
+            self.finish()
+
+    @property
+    def done(self) -> bool:
+        return not self._waiting
+
+    def finish(self) -> None:
+        """Apply the sheet to every part that waits."""
+        while self._waiting:
+            self._next()
+
+    def parts(self) -> list[QWidget]:
+        """What is styled separately: the window's direct children and the pages in its middle."""
+        window, pages = self._window, self._window.pages
+        direct = Qt.FindChildOption.FindDirectChildrenOnly
+        inside = [page for i in range(pages.count()) if (page := pages.widget(i)) is not None]
+        return inside + [w for w in window.findChildren(QWidget, options=direct) if w is not pages]
+
+    def _next(self) -> None:
+        part = self._waiting.pop(0) if self._waiting else None
+        if part is not None and isValid(part):
+            part.ensurePolished()  # else a toolbar that was never seen keeps its old margins
+            part.setStyleSheet(self.sheet)
+        self._waiting = [p for p in self._waiting if isValid(p)]  # a dialog may have been closed
+        if not self._waiting:
+            self._timer.stop()
+        if not (self._waiting and self._waiting[0].isVisible()):
+            self._show()
+
+    def _show(self) -> None:
+        if self._window.updatesEnabled():
+            return
+        self._window.setUpdatesEnabled(True)
+        screen = self._window.windowHandle()
+        if screen is not None:  # else Qt drops the updates asked for meanwhile, and waits for ever
+            screen.requestUpdate()
+
+    def _meet(self, part: QWidget) -> None:
+        """Style a dialog, or tabs of docks that share a place: made after the sheet was applied."""
+        if part is not self._window.pages and part.styleSheet() != self.sheet:
+            part.setStyleSheet(self.sheet)
+
+
+class Appearance(QObject):
+    """Theme, text size, stretch and marks, from the settings and the menus."""
+
+    changed = Signal(object)  # Colours
+
+    def __init__(self, presenter: Presenter) -> None:
+        super().__init__(presenter.window)
+        self._window, self._settings = presenter.window, presenter.settings
+        self._overlay = presenter.overlay
+        self._actions = self._window.actions_by_name
+        self._style = StyleSheets(self._window)
+        self._panes = self._window.workspace
+        self._restore()
+        self._panes.strip.changed.connect(self._stretched)
+        # Sliders are for the open frame; only the switch is remembered.
+        self._panes.strip.auto.toggled.connect(lambda on: self._settings.keep("stretch", on))
+        self._window.menus.themes.triggered.connect(lambda a: self.use_theme(a.data()))
+        self._window.menus.text_sizes.triggered.connect(lambda a: self.use_theme(text_size=a.data()))
+
+    def _restore(self) -> None:
+        for name in MARKS:
+            self._actions[name].setChecked(getattr(self._overlay.switches, name))
+        automatic = self._settings.flag("stretch", True)
+        self._actions["stretch"].setChecked(automatic)
+        self._panes.strip.auto.setChecked(automatic)
+        self._actions["colour"].setChecked(self._settings.flag("colour", True))
+        self.use_theme()
+
+    @property
+    def is_night(self) -> bool:
+        """Whether only red light is allowed."""
+        return self._settings.text("theme", "dark") == "night"
+
+    def use_theme(self, name: str | None = None, text_size: str | None = None) -> None:
+        """Switch theme or text size, and remember it; None keeps the present one."""
+        name = name or self._settings.text("theme", "dark")
+        name = name if name in THEMES else "dark"
+        size = text_size or self._settings.text("text_size", "normal")
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        colours, sheet = apply_theme(app, name, size)
+        self._style.apply(sheet)
+        self._settings.keep("theme", name)
+        self._settings.keep("text_size", size)
+        if name != "night":
+            self._settings.keep("day_theme", name)
+        colour_icons(self._actions, colours)
+        self._overlay.colours, self._overlay.font = colours, app.font()
+        self._panes.strip.histogram.set_colours(colours)
+        self._panes.view.background = QColor(colours.sky)
+        _check(self._window.menus.themes, name)
+        _check(self._window.menus.text_sizes, size)
+        with QSignalBlocker(self._actions["night"]):
+            self._actions["night"].setChecked(name == "night")
+        self.redden_carets(self._window)
+        self._window.welcome.draw_pictures(name == "night")
+        self.show_frame()
+        self.changed.emit(colours)
+
+    @property
+    def colours(self) -> Colours:
+        return self._overlay.colours
+
+    @property
+    def settled(self) -> bool:
+        """Whether the whole window has the present theme; it takes a few turns of the loop."""
+        return self._style.done
+
+    def redden_carets(self, within: QWidget) -> None:
+        """Make the carets of the fields in ``within`` red at night."""
+        for field in within.findChildren(QLineEdit):
+            redden_caret(field)
+
+    def use_night(self, on: bool) -> None:
+        self.use_theme("night" if on else self._settings.text("day_theme", "dark"))
+
+    def show_frame(self, _: object = None) -> None:
+        colour = self._actions["colour"].isChecked()
+        self._settings.keep("colour", colour)
+        self._panes.view.set_look(self._panes.strip.stretch, colour, self.is_night)
+
+    def show_mark(self, name: str, on: bool) -> None:
+        setattr(self._overlay.switches, name, on)
+        self._settings.keep_switches(self._overlay.switches)
+        self._panes.view.update()
+
+    def _stretched(self, _: object) -> None:
+        automatic = self._panes.strip.auto.isChecked()
+        self._actions["stretch"].setChecked(automatic)
+        self.show_frame()
+
+
+def _check(group: QActionGroup, name: str) -> None:
+    for action in group.actions():
+        action.setChecked(action.data() == name)

@@ -1,0 +1,287 @@
+"""What menus, toolbar and keys do, and the help boxes."""
+
+import time
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Qt
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QGridLayout, QSpacerItem, QVBoxLayout, QWidget
+
+from kochab import __version__
+from kochab.core.angle_text import short_name
+from kochab.core.solution import Solution
+from kochab.frames import SUFFIXES
+from kochab.gear.journal import save_report
+from kochab.window.job import Jobs
+from kochab.window.shell.appearance import Appearance
+from kochab.window.shell.dialogs import ask_open, ask_save, save_task, tell, without_icons
+from kochab.window.shell.exports import FrameExporter
+from kochab.window.shell.menus import MARKS, SPECS, connect
+from kochab.window.shell.presenter import Presenter
+from kochab.window.shell.views import VIEWS, Services, Views
+from kochab.window.shell.welcome import Sample, thumbnails
+from kochab.window.widgets import label
+from kochab.workflows.session.wiring import Wiring
+
+LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
+ABOUT = (
+    f"Kochab {__version__}",
+    "Plate solving, polar alignment and mount control. Nothing to download.",
+    "Free software under the GNU General Public License, version 3 or later.",
+)
+
+
+KEYS = [
+    ("F7", "Adjuster display, in Polar alignment"),
+    ("Esc", "Stop the connected mount, from any view"),
+    ("Arrows", "Pan the image or chart that has focus"),
+    ("Home", "Show the whole chart"),
+    ("Tab", "Next control"),
+]
+
+
+def about(parent: QWidget) -> QDialog:
+    """Version and licence."""
+    box, column = _box(parent, "About Kochab")
+    for text, role in zip(ABOUT, ("title", "", "muted"), strict=True):
+        column.insertWidget(column.count() - 1, label(text, role, wrap=True))
+    return box
+
+
+def keyboard(parent: QWidget) -> QDialog:
+    """Every keyboard shortcut."""
+    box, column = _box(parent, "Keyboard")
+    grid = QGridLayout()
+    grid.setHorizontalSpacing(18)
+    grid.setVerticalSpacing(3)
+    rows = [(s.keys.replace(" ", ", "), s.text.replace("&", "").rstrip("…")) for s in SPECS if s.keys]
+    rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
+    rows += KEYS
+    half = (len(rows) + 1) // 2
+    for i, (keys, text) in enumerate(rows):
+        row, column_number = i % half, i // half * 2
+        grid.addWidget(label(keys, "muted"), row, column_number)
+        grid.addWidget(label(text), row, column_number + 1)
+    column.insertLayout(0, grid)
+    return box
+
+
+def _box(parent: QWidget, title: str) -> tuple[QDialog, QVBoxLayout]:
+    box = QDialog(parent)
+    box.setWindowTitle(title)
+    box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    column = QVBoxLayout(box)
+    column.setContentsMargins(20, 20, 20, 16)
+    column.setSpacing(12)
+    column.addSpacerItem(QSpacerItem(LEAST_PX, 0))
+    buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+    without_icons(buttons.buttons())
+    buttons.rejected.connect(box.reject)
+    column.addWidget(buttons)
+    return box, column
+
+
+class Commands(QObject):
+    """What the actions of one window do."""
+
+    def __init__(self, presenter: Presenter, samples: list[Sample], wiring: Wiring | None = None) -> None:
+        super().__init__(presenter.window)
+        self.presenter = presenter
+        self.window, self.session = presenter.window, presenter.session
+        self.settings = presenter.settings
+        self.actions = self.window.actions_by_name
+        self.looks = Appearance(presenter)
+        wiring = wiring or Wiring()
+        jobs = Jobs(self.window, self.window.closing)
+        self.exporter = FrameExporter(
+            self.window, self.session, jobs, wiring.to_json, red=lambda: self.looks.is_night
+        )
+        self.services = Services(
+            self.settings,
+            self.session,
+            self.looks,
+            jobs,
+            wiring,
+            self._say,
+            self.window.workspace.view,
+            self.window.workspace,
+        )
+        self.views = Views(self.window, self.services)
+        self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
+        self._restore()
+        self._connect()
+        menus = self.window.menus
+        menus.show_files(menus.samples, [(s.title, s.path) for s in samples], self.open)
+        self._sample_paths = [s.path for s in samples]
+        self._show_recent()
+        self._enable()
+
+    def _restore(self) -> None:
+        keep, window = self.settings, self.window
+        for name, restore in (
+            ("geometry", window.restoreGeometry),
+            ("state", window.restoreState),
+            ("splitter", window.workspace.restoreState),
+        ):
+            saved = keep.data(name)
+            if saved is not None:
+                restore(saved)
+        self.actions["log"].setChecked(not window.log.isHidden())
+
+    def _connect(self) -> None:
+        window, panes = self.window, self.window.workspace
+        connect(
+            self.actions,
+            {
+                "open": self.choose,
+                "clear_recent": self._clear_recent,
+                "quit": window.close,
+                "solve": self.presenter.solve,
+                "cancel": self._escape,
+                "fit": panes.view.fit,
+                "one": panes.view.actual_pixels,
+                "in": panes.view.zoom_in,
+                "out": panes.view.zoom_out,
+                "stretch": panes.strip.auto.setChecked,
+                "colour": self.looks.show_frame,
+                "night": self.looks.use_night,
+                "fill": self._fill,
+                "full": self._full_screen,
+                "log": window.log.setVisible,
+                "copy": panes.solution.copy_position,
+                "copy_all": panes.solution.copy_all,
+                "tab_solution": lambda: self._tab(0),
+                "tab_stars": lambda: self._tab(1),
+                "tab_hints": lambda: self._tab(2),
+                "about": lambda: about(window).open(),
+                "keys": lambda: keyboard(window).open(),
+                "report": self.save_report,
+                **{name: lambda on, n=name: self.looks.show_mark(n, on) for name in MARKS},
+            },
+        )
+        window.log.visibilityChanged.connect(
+            lambda _: self.actions["log"].setChecked(not window.log.isHidden())
+        )
+        window.log.report_wanted.connect(self.save_report)
+        window.log.fault.connect(self._say)
+        window.welcome.open_wanted.connect(self.choose)
+        window.welcome.file_wanted.connect(self.open)
+        able = self.services.wiring.practice is not None
+        for start in (window.menus.practice, window.welcome.practice):
+            start.setVisible(able)
+        window.menus.practice.triggered.connect(lambda _=False: self.practise())
+        window.welcome.practice_wanted.connect(self.practise)
+        window.files_dropped.connect(self._open_dropped)
+        window.closing.connect(self._close)
+        s = self.session
+        for signal in (s.opening, s.solving, s.solved, s.idle, s.opened, s.streaming):
+            signal.connect(self._enable)
+        s.opened.connect(self._show_recent)
+
+    def practise(self) -> None:
+        """Start a simulated telescope in the Mount view."""
+        self.views.show("mount")
+        view = self.views.docks["mount"].view
+        if view is not None:
+            view.practise()  # type: ignore[attr-defined]
+
+    def choose(self) -> None:
+        start = self.settings.text("folder", str(Path.home()))
+        path = ask_open(self.window, start, _kinds(), self.looks.is_night)
+        if path is not None:
+            self.open(path)
+
+    def open(self, path: Path) -> None:
+        self.settings.keep("folder", str(path.absolute().parent))
+        self.session.open(path)
+
+    def _open_dropped(self, paths: list[Path]) -> None:
+        self.open(paths[0])
+        if len(paths) > 1:
+            self._say(f"Opened {short_name(paths[0].name)}, the first of {len(paths)} files.")
+
+    def add_thumbnails(self) -> None:
+        job = self.services.jobs.run(thumbnails(self._sample_paths), "thumbnails")
+        job.succeeded.connect(lambda made: self.window.welcome.add_pictures(made, self.looks.is_night))
+
+    def _show_recent(self) -> None:
+        recent = self.settings.recent
+        menus = self.window.menus
+        menus.show_files(menus.recent, [(p.name, p) for p in recent], self.open)
+        self.window.welcome.show_recent(recent)
+
+    def _clear_recent(self) -> None:
+        self.settings.keep("recent", [])
+        self._show_recent()
+
+    def save_report(self) -> None:
+        """Ask where to, and pack the journal, versions and settings there."""
+        path = ask_save(self.window, Path.home() / "kochab-report.zip", "ZIP (*.zip)", self.looks.is_night)
+        if path is not None:
+            settings = self.settings.as_dict()
+            job = self.services.jobs.run(save_task(lambda: save_report(path, settings), path), "report")
+            job.succeeded.connect(lambda p: self._say(f"Saved {p.name}. Attach it to your bug report."))
+            job.failed.connect(lambda sentence: tell(self.window, "Report", sentence))
+
+    def _say(self, sentence: str) -> None:
+        self.window.status.showMessage(sentence, 8000)
+
+    def _full_screen(self, on: bool) -> None:
+        full, state = Qt.WindowState.WindowFullScreen, self.window.windowState()
+        self.window.setWindowState(state | full if on else state & ~full)
+        self._enable()
+
+    def _fill(self, on: bool) -> None:
+        """Hide the image beside the open tools; without one it stays."""
+        docked = [d for d in self.views.docks.values() if d.isVisible() and not d.isFloating()]
+        self.window.pages.setVisible(not (on and docked))
+        if on and not docked:
+            self._say("Open a tool first (Tools menu).")
+            self.actions["fill"].setChecked(False)
+
+    def _tab(self, index: int) -> None:
+        panes = self.window.workspace
+        if panes.turn_to(index):
+            (panes.tabs.tabBar(), panes.stars.table, panes.hints.fov)[index].setFocus()
+        else:
+            panes.view.setFocus()
+
+    def _escape(self) -> None:
+        if self.session.busy:
+            self.session.cancel()
+        elif self.actions["full"].isChecked():
+            self.actions["full"].setChecked(False)
+
+    def _enable(self, _: object = None) -> None:
+        known = self.session.known
+        self.actions["cancel"].setEnabled(self.session.busy or self.actions["full"].isChecked())
+        self.actions["solve"].setEnabled(known.frame is not None)
+        for name in ("copy", "copy_all"):
+            self.actions[name].setEnabled(known.last_good is not None)
+        for name in ("fit", "one", "in", "out"):
+            self.actions[name].setEnabled(known.frame is not None or self.session.streams)
+        self.window.menus.export.setEnabled(isinstance(known.result, Solution))
+        for action in self.window.menus.export.actions():
+            action.setEnabled(action.objectName() != "export_fits" or _is_fits(known.path))
+        self.actions["colour"].setEnabled(
+            known.frame is None or known.frame.colour is not None or bool(known.frame.bayer)
+        )
+
+    def _close(self) -> None:
+        window, keep = self.window, self.settings
+        keep.keep("geometry", window.saveGeometry())
+        keep.keep("state", window.saveState())
+        keep.keep("splitter", window.workspace.saveState())
+        keep.keep("closed", time.strftime("%Y-%m-%d"))
+        keep.write()
+        self.session.close()
+
+
+def _is_fits(path: Path | None) -> bool:
+    """Whether a file may be FITS; only FITS can be copied with a WCS in its header."""
+    return path is not None and SUFFIXES.get(path.suffix.lower(), "FITS") == "FITS"
+
+
+def _kinds() -> str:
+    """The file types of the open dialog, in both cases for systems that tell capitals apart."""
+    endings = " ".join(f"*{s} *{s.upper()}" for s in SUFFIXES)
+    return f"Images ({endings});;All files (*)"

@@ -1,0 +1,102 @@
+"""Dialogs for files and messages, how files are saved, and red light over windows that are not ours."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtGui import QColor, QGuiApplication, QIcon, QPainter, QPalette
+from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QMessageBox, QWidget
+
+from kochab.core.errors import KochabError
+from kochab.core.progress import Progress, Task
+
+
+def is_red() -> bool:
+    """Whether the application uses red light alone."""
+    text = QGuiApplication.palette().color(QPalette.ColorRole.WindowText)
+    return text.red() > 0 and text.green() == text.blue() == 0
+
+
+def redden_caret(field: QWidget) -> None:
+    """Make a field's caret red at night: Qt inverts the background, which gives white."""
+    # None removes the effect, which PySide's stubs do not know.
+    field.setGraphicsEffect(RedLight(field) if is_red() else None)  # type: ignore[arg-type]
+
+
+class RedLight(QGraphicsEffect):
+    """Multiplies what a widget painted with pure red."""
+
+    def draw(self, painter: QPainter) -> None:
+        offset = QPoint()
+        picture = self.sourcePixmap(Qt.CoordinateSystem.DeviceCoordinates, offset)
+        shape = picture.copy()
+        filtered = QPainter(picture)
+        filtered.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
+        filtered.fillRect(picture.rect(), QColor(255, 0, 0))
+        # What was transparent, as outside rounded corners, has become red and is so no more.
+        filtered.setCompositionMode(QPainter.CompositionMode.CompositionMode_DestinationIn)
+        filtered.drawPixmap(0, 0, shape)
+        filtered.end()
+        painter.save()
+        painter.resetTransform()
+        painter.drawPixmap(offset, picture)
+        painter.restore()
+
+
+def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
+    """Save a file with ``write`` and return its path; KochabError when the disk refuses."""
+    yield Progress("export", None, path.name)
+    try:
+        write()
+    except OSError as error:
+        raise KochabError(f"Can't write {path.name}: {error.strerror or error}.") from error
+    return path
+
+
+def ask_open(parent: QWidget, folder: str, kinds: str, red: bool) -> Path | None:
+    """The file to open, or None."""
+    dialog = QFileDialog(parent, "Open an image", folder, kinds)
+    dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
+    return _answer(dialog, red)
+
+
+def ask_save(parent: QWidget, path: Path, kinds: str, red: bool) -> Path | None:
+    """Where to write, or None; asks again before an existing file is replaced."""
+    dialog = QFileDialog(parent, "Export", str(path.parent), kinds)
+    dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+    dialog.selectFile(path.name)
+    return _answer(dialog, red)
+
+
+def ask_folder(parent: QWidget, folder: str, title: str, red: bool) -> Path | None:
+    """A folder, or None."""
+    dialog = QFileDialog(parent, title, folder)
+    dialog.setFileMode(QFileDialog.FileMode.Directory)
+    dialog.setOption(QFileDialog.Option.ShowDirsOnly)
+    return _answer(dialog, red)
+
+
+def tell(parent: QWidget, title: str, text: str) -> None:
+    """Show a message box without waiting for it."""
+    box = QMessageBox(parent)
+    box.setWindowTitle(title)
+    box.setText(text)
+    box.addButton(QMessageBox.StandardButton.Ok)
+    without_icons(box.buttons())
+    box.open()
+
+
+def without_icons(buttons: Iterable[QAbstractButton]) -> None:
+    """Remove the style's icons: they are in no theme's colours, and green at night."""
+    for made in buttons:
+        made.setIcon(QIcon())
+
+
+def _answer(dialog: QFileDialog, red: bool) -> Path | None:
+    if red:  # the system's own dialog would be in its own colours
+        dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
+        dialog.setGraphicsEffect(RedLight(dialog))
+    accepted = dialog.exec()
+    chosen = dialog.selectedFiles()
+    dialog.deleteLater()
+    return Path(chosen[0]) if accepted and chosen else None

@@ -1,0 +1,101 @@
+"""What can be exported of a solved frame: asks where to, and writes in a thread."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from kochab.core.frame import Frame
+from kochab.core.progress import Task
+from kochab.core.solution import Solution
+from kochab.frames.atomic_file import write_atomically
+from kochab.frames.export import annotate, write_csv, write_regions
+from kochab.frames.outputs import refuse_input
+from kochab.frames.wcs import write_solved_copy, write_wcs
+from kochab.window.job import Jobs
+from kochab.window.session import Session
+from kochab.window.shell.dialogs import ask_save, save_task, tell
+from kochab.window.shell.main_window import MainWindow
+from kochab.workflows.session.wiring import ToJson
+
+Write = Callable[[Frame, Solution, Path], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """One kind of file: its menu text, what its name ends in, and how it is written."""
+
+    name: str
+    text: str
+    ending: str
+    kinds: str
+    write: Write
+
+
+EXPORTS = (
+    Export("csv", "Stars as &CSV…", "-stars.csv", "CSV (*.csv)", lambda _, s, p: write_csv(s, p)),
+    Export("regions", "&DS9 regions…", ".reg", "DS9 regions (*.reg)", lambda _, s, p: write_regions(s, p)),
+    Export("wcs", "&WCS header…", ".wcs", "WCS header (*.wcs)", lambda _, s, p: write_wcs(s, p)),
+    Export(
+        "fits",
+        "&FITS copy with WCS…",
+        "-solved.fits",
+        "FITS (*.fits)",
+        lambda frame, s, p: write_solved_copy(s, frame.path, p),
+    ),
+    Export("picture", "Annotated &image…", "-annotated.png", "PNG (*.png)", annotate),
+)
+
+
+class FrameExporter(QObject):
+    """Fills the Export menu; ``wrote`` carries the path of a file that is written."""
+
+    wrote = Signal(Path)
+
+    def __init__(
+        self,
+        window: MainWindow,
+        session: Session,
+        jobs: Jobs,
+        to_json: ToJson | None,
+        red: Callable[[], bool],
+    ) -> None:
+        super().__init__(window)
+        self._window, self._session, self._jobs, self._red = window, session, jobs, red
+        self.kinds = {kind.name: kind for kind in EXPORTS}
+        if to_json is not None:  # the same object as the command line's
+
+            def write(frame: Frame, solution: Solution, path: Path) -> None:
+                write_atomically(path, to_json(frame.path, solution) + "\n")
+
+            self.kinds["json"] = Export("json", "Solution as &JSON…", ".json", "JSON (*.json)", write)
+        for kind in self.kinds.values():
+            action = window.menus.export.addAction(kind.text)
+            action.setObjectName(f"export_{kind.name}")
+            action.triggered.connect(lambda _=False, k=kind: self.ask(k))
+
+    def ask(self, kind: Export) -> None:
+        base = self._session.known.path or Path("frame")
+        path = ask_save(self._window, base.with_name(base.stem + kind.ending), kind.kinds, self._red())
+        if path is not None:
+            self.write(kind, path)
+
+    def write(self, kind: Export, path: Path) -> None:
+        """Write the open frame's solution to ``path``; never over the frame itself."""
+        known = self._session.known
+        frame, solution, source = known.frame, known.result, known.path
+        if frame is None or not isinstance(solution, Solution):
+            return
+
+        def task() -> Task[Path]:
+            refuse_input(path, [source] if source else [])
+            return (yield from save_task(lambda: kind.write(frame, solution, path), path))
+
+        job = self._jobs.run(task(), f"export-{kind.name}")
+        job.succeeded.connect(self._done)
+        job.failed.connect(lambda sentence: tell(self._window, "Export", sentence))
+
+    def _done(self, path: Path) -> None:
+        self._window.status.showMessage(f"Saved {path.name}", 6000)
+        self.wrote.emit(path)

@@ -1,0 +1,192 @@
+"""Connects the session to the views, and the views to the session."""
+
+from pathlib import Path
+
+import numpy as np
+from PySide6.QtCore import QObject
+
+from kochab.core.angle_text import AngleStyle, milliseconds_text
+from kochab.core.frame import Frame
+from kochab.core.progress import Progress
+from kochab.core.solution import NoSolution, Solution
+from kochab.window.image.frame_image import FrameImage
+from kochab.window.image.overlay import Overlay
+from kochab.window.image.screen_image import RenderedFrame
+from kochab.window.session import Session
+from kochab.window.settings import WindowSettings
+from kochab.window.shell.main_window import MainWindow
+from kochab.window.shell.status import readout
+
+
+class Presenter(QObject):
+    """Shows one :class:`Session` in one :class:`MainWindow`, and passes on what the person does."""
+
+    def __init__(self, window: MainWindow, session: Session, settings: WindowSettings) -> None:
+        super().__init__(window)
+        self.window, self.session, self.settings = window, session, settings
+        self.overlay = Overlay(switches=settings.switches())
+        self.style = settings.angle_style
+        self.panes = panes = window.workspace
+        panes.view.marks = self.overlay.paint
+        panes.solution.set_style(self.style)
+        panes.hints.show_site(settings.site)
+        panes.stars.set_style(self.style)
+        session.options_for = lambda frame: panes.hints.checked_options(frame.width)
+        s = session
+        s.opening.connect(self._opening)
+        s.opened.connect(self._opened)
+        s.pictured.connect(self._pictured)
+        s.streaming.connect(self._streaming)
+        s.streamed.connect(self._streamed)
+        s.solving.connect(self._solving)
+        s.progressed.connect(self._progressed)
+        s.solved.connect(self._solved)
+        s.unsolved.connect(self._unsolved)
+        s.failed.connect(self._failed)
+        s.stopped.connect(self._stopped)
+        s.idle.connect(self._idle)
+        panes.view.hovered.connect(self._hovered)
+        panes.view.clicked.connect(self._clicked)
+        panes.view.zoomed.connect(self.window.status.show_zoom)
+        panes.stars.picked.connect(self._picked)
+        panes.solution.style_changed.connect(self._restyled)
+        panes.hints.solve_wanted.connect(self.solve)
+        panes.hints.site_given.connect(self.settings.keep_site)
+        panes.card.again_wanted.connect(self.solve)
+        panes.card.hints_wanted.connect(self._turn_to_hints)
+        self.window.status.cancel_wanted.connect(self.session.cancel)
+
+    def solve(self) -> None:
+        """Solve the open frame with what the hints pane says."""
+        frame = self.session.known.frame
+        if frame is None:
+            return
+        options = self.panes.hints.checked_options(frame.width)
+        if options is None:
+            self.panes.tabs.setCurrentIndex(2)
+            return
+        self.panes.tabs.setCurrentIndex(0)
+        self.session.solve(options)
+
+    def _turn_to_hints(self) -> None:
+        self.panes.tabs.setCurrentIndex(2)
+        self.panes.hints.fov.setFocus()
+
+    def _opening(self, path: Path) -> None:
+        self.window.setWindowTitle(f"{path.name} – Kochab")
+        self._begin(Progress("read", None, path.name))
+        self._progressed(Progress("read", None))
+
+    def _begin(self, progress: Progress) -> None:
+        """Clear what belongs to the frame before."""
+        self._clear_marks()
+        self._hovered(None)
+        self.panes.view.show_picture(None)
+        self.panes.card.show_working(progress)
+        self._age_solution()
+        self.window.show_frame_page()
+
+    def _opened(self, frame: Frame) -> None:
+        if self.session.known.path is not None:
+            self.settings.add_recent(self.session.known.path)
+        self.window.status.show_frame(f"{frame.width} × {frame.height}", "\n".join(frame.warnings))
+
+    def _pictured(self, picture: FrameImage) -> None:
+        self.panes.view.show_picture(picture)
+        self.panes.strip.show_picture(picture)
+
+    def _streaming(self, name: str) -> None:
+        self._begin(Progress("live", None, name))
+
+    def _streamed(self, picture: RenderedFrame) -> None:
+        view, result = self.panes.view, self.session.known.result
+        before, size = view.picture, (picture.width, picture.height)
+        same = before is not None and (before.width, before.height) == size
+        view.show_picture(picture, keep_view=same)
+        self._show_marks(result if isinstance(result, Solution) else None)
+
+    def _solving(self) -> None:
+        self._clear_marks()
+        self.panes.view.update()
+        self._age_solution()
+
+    def _progressed(self, progress: Progress) -> None:
+        self.window.status.show_progress(progress)
+        if progress.stage != "display":
+            self.panes.card.show_working(progress)
+
+    def _solved(self, solution: Solution) -> None:
+        known = self.session.known
+        self._show_marks(solution)
+        self.panes.card.show_solution(solution)
+        self.panes.solution.show_solution(solution, known.last_good_from)
+        self.panes.stars.set_stars(solution.stars)
+        self.panes.view.update()
+
+    def _unsolved(self, failure: NoSolution) -> None:
+        known = self.session.known
+        self._show_marks(None)
+        self.panes.card.show_failure(failure, known.path.name if known.path else "")
+        self.panes.tabs.setCurrentIndex(0)
+        self._age_solution()
+        self.panes.view.update()
+
+    def _failed(self, sentence: str) -> None:
+        known = self.session.known
+        self.panes.card.show_error("No image" if known.frame is None else "Error", sentence)
+        self.panes.tabs.setCurrentIndex(0)
+        if known.frame is None:  # facts of the frame before must not seem to be this one's
+            self.window.status.forget_frame()
+            self.panes.strip.forget_picture()
+
+    def _stopped(self) -> None:
+        self.panes.card.show_stopped()
+
+    def _idle(self) -> None:
+        known = self.session.known
+        total = known.result.elapsed_ms.get("total") if known.result else None
+        word = {Solution: "Solved", NoSolution: "No solution"}.get(type(known.result), "Ready")
+        took = f" in {milliseconds_text(total)}" if total is not None else ""
+        self.window.status.show_idle(word + took)
+
+    def _show_marks(self, solution: Solution | None) -> None:
+        found = self.session.known.detections
+        self.overlay.show(found.xy if found is not None else np.empty((0, 2)), solution)
+
+    def _clear_marks(self) -> None:
+        self.overlay.clear()
+        self.panes.stars.set_stars(())
+
+    def _age_solution(self) -> None:
+        known = self.session.known
+        if known.last_good is not None:
+            self.panes.solution.show_solution(known.last_good, known.last_good_from, old=True)
+
+    def _hovered(self, at: tuple[float, float] | None) -> None:
+        known = self.session.known
+        text = ""
+        if at is not None and known.frame is not None:
+            solution = known.result if isinstance(known.result, Solution) else None
+            text = readout(known.frame, solution, *at, style=self.style, site=self.settings.site)
+        self.window.status.place.setText(text)
+
+    def _clicked(self, x: float, y: float, reach: float) -> None:
+        result = self.session.known.result
+        if not isinstance(result, Solution) or not result.stars:
+            return
+        away = np.array([np.hypot(s.x - x, s.y - y) for s in result.stars])
+        nearest = int(away.argmin())
+        self.panes.stars.select(nearest if away[nearest] <= reach else None)
+
+    def _picked(self, star: int | None) -> None:
+        self.overlay.selected = star
+        result = self.session.known.result
+        view = self.panes.view
+        if star is not None and isinstance(result, Solution) and star < len(result.stars):
+            view.reveal(result.stars[star].x, result.stars[star].y)
+        view.update()
+
+    def _restyled(self, style: AngleStyle) -> None:
+        self.style = style
+        self.settings.keep("angles", style.value)
+        self.panes.stars.set_style(style)

@@ -1,0 +1,214 @@
+"""The welcome page with the sample frames."""
+
+import json
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from PySide6.QtCore import QEvent, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QImage, QPainter, QPixmap
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+
+from kochab.core import data_folder
+from kochab.core.angle_text import short_name
+from kochab.core.progress import Progress, Task
+from kochab.frames import SUFFIXES
+from kochab.window.themes import BASE_POINT
+from kochab.window.widgets import Part, button, clear_layout, column, label, page, row, rule, scrolled
+
+WIDTH, HEIGHT, GAP = 96, 64, 10
+
+
+def thumbnails(paths: list[Path]) -> Task[dict[Path, np.ndarray]]:
+    """A small picture of each file, see :func:`thumbnail`."""
+    made = {}
+    for i, path in enumerate(paths):
+        yield Progress("thumbnails", i / len(paths))
+        made[path] = thumbnail(path)
+    return made
+
+
+def thumbnail(path: Path) -> np.ndarray:
+    """The stretched frame in a box (HEIGHT * 2, WIDTH * 2, 3), uint8; black when unreadable.
+
+    Each cell keeps its brightest pixel, so that stars survive the shrinking.
+    """
+    from kochab.core.errors import KochabError
+    from kochab.frames import read_frame
+    from kochab.frames.stretch import apply, debayer_preview, stretch_parameters
+
+    box = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), dtype=np.uint8)
+    try:
+        frame = read_frame(path)
+    except KochabError:
+        return box
+    shown = debayer_preview(frame, 2) if frame.bayer or frame.colour is not None else frame.pixels
+    factor = max(1, shown.shape[0] // box.shape[0], shown.shape[1] // box.shape[1])
+    shown = shown[: shown.shape[0] // factor * factor, : shown.shape[1] // factor * factor]
+    cells = shown.reshape(
+        shown.shape[0] // factor, factor, shown.shape[1] // factor, factor, *shown.shape[2:]
+    )
+    grey = apply(cells.max(axis=(1, 3)), stretch_parameters(shown))
+    grey = grey[..., None] if grey.ndim == 2 else grey
+    h, w = min(box.shape[0], grey.shape[0]), min(box.shape[1], grey.shape[1])
+    top, left = (grey.shape[0] - h) // 2, (grey.shape[1] - w) // 2
+    y, x = (box.shape[0] - h) // 2, (box.shape[1] - w) // 2
+    box[y : y + h, x : x + w] = grey[top : top + h, left : left + w]
+    return box
+
+
+def as_icon(picture: np.ndarray, red: bool) -> QIcon:
+    """The picture as an icon with room before the text, in red light alone if ``red``."""
+    kept = np.ascontiguousarray(picture)
+    h, w = kept.shape[:2]
+    image = QImage(kept.data, w, h, 3 * w, QImage.Format.Format_RGB888)
+    pixmap = QPixmap(w + 2 * GAP, h)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(pixmap)
+    painter.drawImage(0, 0, image)
+    if red:
+        painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
+        painter.fillRect(0, 0, w, h, QColor(255, 0, 0))
+    painter.end()
+    pixmap.setDevicePixelRatio(2.0)
+    return QIcon(pixmap)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A frame to try, with its title and a line about it."""
+
+    path: Path
+    title: str
+    text: str
+
+
+def samples(folder: Path | None = None) -> list[Sample]:
+    """The frames in ``resources/samples``; empty when there are none.
+
+    ``samples.json`` there gives ``{file: {"title": ..., "text": ...}}`` in the order to show them;
+    a file it does not name comes last.
+    """
+    folder = folder or data_folder("resources") / "samples"
+    if not folder.is_dir():
+        return []
+    try:
+        texts = json.loads((folder / "samples.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        texts = {}
+    texts = texts if isinstance(texts, dict) else {}
+    found, place = [], {name: i for i, name in enumerate(texts)}
+    for path in sorted(folder.iterdir(), key=lambda p: (place.get(p.name, len(place)), p.name)):
+        if path.suffix.lower() in SUFFIXES:
+            about = texts.get(path.name, {})
+            title = about.get("title") or path.stem.replace("_", " ").replace("-", " ").capitalize()
+            found.append(Sample(path, title, about.get("text", "")))
+    return found
+
+
+MOST_SHOWN = 5
+INVITATION = "Open an image of the night sky to see where it points and which stars are in it."
+READS = (
+    "Or drop a file on this window: FITS, XISF, TIFF, PNG, JPEG, HEIC or camera RAW. "
+    "No focal length or coordinates needed."
+)
+
+PRACTICE = "&Practice with a simulated telescope"
+PRACTICE_TIP = "A misaligned mount with a camera, under a simulated sky."
+
+LEAST_PX = 320  # of a sample: its picture and its name
+WIDEST_PX = 680  # of the page, with letters of the normal size
+
+
+class Welcome(QWidget):
+    """Open a frame, try a sample, or take up a recent file."""
+
+    open_wanted = Signal()
+    file_wanted = Signal(Path)
+    practice_wanted = Signal()
+
+    def __init__(self, samples: list[Sample]) -> None:
+        super().__init__()
+        self.setObjectName("page")
+        self._recent = QVBoxLayout()
+        self._recent.setSpacing(0)
+        self._recent_title = label("Recent", "heading")
+        self.first = button("&Open an image…", self.open_wanted.emit, "main")
+        self.practice = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
+        self.practice.hide()
+        self._pictures: dict[Path, np.ndarray] = {}
+        self._offered = samples[:MOST_SHOWN]
+        self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
+        offer: list[Part] = []
+        if self.samples:
+            heading = label("Try a sample", "heading"), label("Simulated images.", "muted")
+            offer = [8, rule(), *heading, *self.samples]
+        self._inside = page()
+        self._inside.setMaximumWidth(WIDEST_PX)
+        column(
+            label("Kochab", "title"),
+            label(INVITATION, wrap=True),
+            8,
+            row(self.first, self.practice, None),
+            label(READS, "muted", wrap=True),
+            4,
+            self._recent_title,
+            self._recent,
+            *offer,
+            on=self._inside,
+            spacing=10,
+        )
+        centred = page()
+        middle = QHBoxLayout(centred)
+        middle.setContentsMargins(24, 8, 24, 8)
+        middle.addStretch(1)
+        middle.addWidget(self._inside, 99, Qt.AlignmentFlag.AlignVCenter)
+        middle.addStretch(1)
+        column(scrolled(centred), on=self, margins=(0, 0, 0, 0))  # scrolled for a small screen
+        self.show_recent([])
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Larger letters need a wider page."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.FontChange:
+            larger = max(self.font().pointSizeF() / BASE_POINT, 1.0)
+            self._inside.setMaximumWidth(round(WIDEST_PX * larger))
+
+    def _sample(self, sample: Sample, index: int) -> QPushButton:
+        text = f"&{index + 1}  {sample.title}"
+        made = button(
+            f"{text}\n{sample.text}" if sample.text else text,
+            lambda: self.file_wanted.emit(sample.path),
+            "sample",
+        )
+        made.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        made.setMinimumWidth(LEAST_PX)  # beside a tool on a small screen
+        made.setAccessibleName(sample.title)
+        made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
+        return made
+
+    def add_pictures(self, pictures: dict[Path, np.ndarray], red: bool) -> None:
+        """Small pictures (H, W, 3) of the samples, to be shown on their buttons."""
+        self._pictures = pictures
+        self.draw_pictures(red)
+
+    def draw_pictures(self, red: bool) -> None:
+        """Draw the pictures again, in red light alone if ``red``."""
+        for sample, made in zip(self._offered, self.samples, strict=True):
+            if sample.path in self._pictures:
+                made.setIcon(as_icon(self._pictures[sample.path], red))
+
+    def show_recent(self, paths: list[Path]) -> None:
+        clear_layout(self._recent)
+        shown = [p for p in paths if p.exists()][:MOST_SHOWN]
+        self._recent_title.setVisible(bool(shown))
+        before: QWidget = self.practice
+        for path in shown:
+            name = short_name(path.name).replace("&", "&&")
+            link = button(name, partial(self.file_wanted.emit, path), "link", str(path))
+            self._recent.addWidget(link)
+            self.setTabOrder(before, link)
+            before = link
+        for sample in self.samples[:1]:
+            self.setTabOrder(before, sample)

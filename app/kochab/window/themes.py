@@ -1,0 +1,239 @@
+"""Themes: colours, fonts, style sheet and icons; night uses red light alone."""
+
+import atexit
+import shutil
+import tempfile
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from string import Template
+
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPainterPath, QPalette, QPen, QPixmap
+from PySide6.QtWidgets import QApplication
+
+from kochab.core import data_folder
+
+
+@dataclass(frozen=True, slots=True)
+class Colours:
+    """One theme, as ``#rrggbb``."""
+
+    window: str
+    surface: str
+    raised: str
+    hover: str
+    line: str
+    faint: str  # what cannot be used now
+    text: str
+    muted: str
+    accent: str
+    on_accent: str
+    good: str
+    bad: str
+    sky: str  # behind the frame
+    detected: str
+    identified: str
+    selected: str
+    grid: str
+    grid_text: str
+    centre: str
+    halo: str  # behind labels on the frame
+    stop: str  # the one button that stops a mount
+    on_stop: str
+
+
+# Night holds red light alone: its green and blue are exactly 0.
+_COLOURS = """
+                dark    light   night
+    window      #1a1d23 #eef0f3 #000000
+    surface     #22262e #ffffff #0c0000
+    raised      #2d323c #e3e7ec #240000
+    hover       #383f4b #d5dbe3 #3a0000
+    line        #3d4450 #b9c1cc #5c0000
+    faint       #6b7686 #8d97a5 #860000
+    text        #e8ebf0 #1a1f27 #ff0000
+    muted       #a3adbd #515b69 #dc0000
+    accent      #56b4f9 #0a63b0 #ff0000
+    on_accent   #06141f #ffffff #000000
+    good        #5fd39a #17703f #ff0000
+    bad         #ff8a7a #b3261e #ff0000
+    sky         #0c0e11 #0c0e11 #000000
+    detected    #f0b440 #f0b440 #c00000
+    identified  #62d6ff #62d6ff #ff0000
+    selected    #ffffff #ffffff #ff0000
+    grid        #86a8cc #86a8cc #960000
+    grid_text   #b4cbe4 #b4cbe4 #e00000
+    centre      #ff7ab0 #ff7ab0 #ff0000
+    halo        #0c0e11 #0c0e11 #000000
+    stop        #c62828 #c62828 #ff0000
+    on_stop     #ffffff #ffffff #000000
+"""
+
+
+def _themes() -> dict[str, Colours]:
+    titles, *lines = (line.split() for line in _COLOURS.strip().splitlines())
+    return {title: Colours(**{line[0]: line[i] for line in lines}) for i, title in enumerate(titles, 1)}
+
+
+THEMES = _themes()
+THEME_TITLES = {"dark": "&Dark", "light": "&Light", "night": "&Night (red light only)"}
+
+# Each glyph on a 24 x 24 grid: "M x y" and "L x y" strokes, "O x y r" circles, "." is a dot.
+GLYPHS: dict[str, str] = {
+    "open": "M3 19 L3 6 L9 6 L11 8 L20 8 L20 19 L3 19 M3 12 L20 12",
+    "solve": "O12 12 7 M12 2 L12 8 M12 16 L12 22 M2 12 L8 12 M16 12 L22 12",
+    "cancel": "M5 5 L19 19 M19 5 L5 19",
+    "fit": "M3 9 L3 3 L9 3 M15 3 L21 3 L21 9 M21 15 L21 21 L15 21 M9 21 L3 21 L3 15",
+    "one": "M4 8 L7 5 L7 19 M16 8 L19 5 L19 19 .12 9 .12 15",
+    "in": "O10 10 6 M15 15 L21 21 M10 7 L10 13 M7 10 L13 10",
+    "out": "O10 10 6 M15 15 L21 21 M7 10 L13 10",
+    "stretch": "M3 20 L6 18 L9 6 L11 4 L13 10 L16 17 L21 20 M3 21 L21 21",
+    "colour": "O9 9 5.5 O15 9 5.5 O12 15 5.5",
+    "detected": "O8 8 4 O17 16 3 O18 6 2 .8 8 .17 16 .6 18",
+    "identified": "O12 12 6 M12 2 L12 6 M12 18 L12 22 M2 12 L6 12 M18 12 L22 12 .12 12",
+    "names": "M4 19 L9 5 L14 19 M6 14 L12 14 M16 19 L20 19 M16 15 L21 15",
+    "grid": "M3 8 L21 6 M3 14 L21 12 M3 20 L21 18 M8 3 L6 21 M14 3 L13 21 M20 3 L20 21",
+    "centre": "M12 3 L12 10 M12 14 L12 21 M3 12 L10 12 M14 12 L21 12",
+    "compass": "M12 21 L12 4 M8 8 L12 3 L16 8 M12 21 L20 21",
+    "night": "M14 3 L10 5 L7 9 L7 14 L10 18 L14 20 L18 19 L20 17 L16 16 L13 13 L12 8 L14 3",
+    "copy": "M9 9 L20 9 L20 20 L9 20 L9 9 M6 15 L4 15 L4 4 L15 4 L15 6",
+    "check": "M4 12 L10 18 L20 6",
+    "tick": "M5 12 L10 17 L19 7",
+    "right": "M8 4 L16 12 L8 20",
+    "down": "M4 8 L12 16 L20 8",
+    "up": "M4 16 L12 8 L20 16",
+    "close": "M6 6 L18 18 M18 6 L6 18",
+    "float": "M5 9 L5 19 L15 19 L15 9 L5 9 M9 9 L9 5 L19 5 L19 15 L15 15",
+}
+BOLD = {"check", "tick", "right", "down", "up"}
+
+
+def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
+    """One glyph, ``size`` logical px."""
+    picture = QPixmap(round(size * ratio), round(size * ratio))
+    picture.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(picture)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.scale(picture.width() / 24.0, picture.height() / 24.0)
+    pen = QPen(QColor(colour), 3.2 if name in BOLD else 1.7)
+    pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+    pen.setJoinStyle(Qt.PenJoinStyle.RoundJoin)
+    painter.setPen(pen)
+    path, dots = _parse(GLYPHS[name])
+    painter.drawPath(path)
+    painter.setBrush(QColor(colour))
+    for dot in dots:
+        painter.drawEllipse(dot, 0.7, 0.7)
+    painter.end()
+    picture.setDevicePixelRatio(ratio)
+    return picture
+
+
+def icon(name: str, colour: str, faint: str) -> QIcon:
+    """A toolbar icon with its disabled form."""
+    made = QIcon()
+    for ratio in (1.0, 2.0):
+        made.addPixmap(pixmap(name, colour, 22, ratio), QIcon.Mode.Normal)
+        made.addPixmap(pixmap(name, faint, 22, ratio), QIcon.Mode.Disabled)
+    return made
+
+
+@cache
+def write_glyphs(theme: str, text: str, muted: str, on_accent: str) -> str:
+    """Files the style sheet refers to; returns their folder, with forward slashes."""
+    folder = _folder() / theme
+    folder.mkdir(exist_ok=True)
+    for name in ("check", "tick", "right", "down", "up", "close", "float"):
+        colour = on_accent if name == "tick" else text
+        pixmap(name, colour, 16).save(str(folder / f"{name}.png"))
+        pixmap(name, colour, 16, 2.0).save(str(folder / f"{name}@2x.png"))
+    return folder.as_posix()
+
+
+@cache
+def _folder() -> Path:
+    folder = tempfile.mkdtemp(prefix="kochab-glyphs-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+def _parse(text: str) -> tuple[QPainterPath, list[QPointF]]:
+    path, dots, words = QPainterPath(), [], text.split()
+    for i, word in enumerate(words):
+        kind, first = word[0], word[1:]
+        if kind == "M":
+            path.moveTo(float(first), float(words[i + 1]))
+        elif kind == "L":
+            path.lineTo(float(first), float(words[i + 1]))
+        elif kind == "O":
+            x, y, r = float(first), float(words[i + 1]), float(words[i + 2])
+            path.addEllipse(QRectF(x - r, y - r, 2 * r, 2 * r))
+        elif kind == ".":
+            dots.append(QPointF(float(first), float(words[i + 1])))
+    return path, dots
+
+
+TEXT_SIZES = {"small": 0.9, "normal": 1.0, "large": 1.25, "huge": 1.6}
+BASE_POINT = 10.0
+
+
+def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> tuple[Colours, str]:
+    """Give ``app`` a theme; unknown names fall back to dark and normal.
+
+    Returns the colours, and the style sheet for :class:`kochab.window.shell.appearance.StyleSheets`.
+    """
+    colours = THEMES.get(name, THEMES["dark"])
+    point = BASE_POINT * TEXT_SIZES.get(text_size, 1.0)
+    if not app.property("kochab_style"):  # once: it costs as much as everything else here
+        app.setStyle("Fusion")
+        app.setProperty("kochab_style", True)
+    font = QFont(app.font())
+    font.setPointSizeF(point)
+    # Coloured fringes around letters would put green and blue on a red screen.
+    font.setStyleStrategy(QFont.StyleStrategy.NoSubpixelAntialias)
+    app.setFont(font)
+    app.setPalette(_palette(colours))
+    names = {
+        **asdict(colours),
+        "point": f"{point:.1f}",
+        "small": f"{point * 0.9:.1f}",
+        "large": f"{point * 1.45:.1f}",
+        "title": f"{point * 2.2:.1f}",
+    }
+    names["glyphs"] = write_glyphs(name, colours.text, colours.muted, colours.on_accent)
+    return colours, Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(
+        names
+    )
+
+
+def _palette(c: Colours) -> QPalette:
+    palette = QPalette()
+    role = QPalette.ColorRole
+    for target, colour in {
+        role.Window: c.window,
+        role.Base: c.surface,
+        role.AlternateBase: c.raised,
+        role.Button: c.raised,
+        role.WindowText: c.text,
+        role.Text: c.text,
+        role.ButtonText: c.text,
+        role.BrightText: c.text,
+        role.ToolTipBase: c.raised,
+        role.ToolTipText: c.text,
+        role.PlaceholderText: c.muted,
+        role.Highlight: c.accent,
+        role.HighlightedText: c.on_accent,
+        role.Link: c.accent,
+        role.LinkVisited: c.accent,
+        role.Accent: c.accent,
+        role.Light: c.hover,
+        role.Midlight: c.raised,
+        role.Mid: c.line,
+        role.Dark: c.line,
+        role.Shadow: c.window,
+    }.items():
+        palette.setColor(target, QColor(colour))
+    for target in (role.WindowText, role.Text, role.ButtonText):
+        palette.setColor(QPalette.ColorGroup.Disabled, target, QColor(c.faint))
+    return palette

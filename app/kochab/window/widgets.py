@@ -1,0 +1,280 @@
+"""Small widgets that several panes are made of."""
+
+import locale
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from PySide6.QtCore import QEvent, QLocale, QObject, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QBoxLayout,
+    QComboBox,
+    QDoubleSpinBox,
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QLayout,
+    QProgressBar,
+    QPushButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+Box = TypeVar("Box", bound=QBoxLayout)
+
+
+def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
+    """A label with one of the style sheet's roles."""
+    made = QLabel(text)
+    made.setTextFormat(Qt.TextFormat.PlainText)
+    if role:
+        made.setProperty("role", role)
+    made.setWordWrap(wrap)
+    return made
+
+
+def value_label(name: str) -> QLabel:
+    """A label whose text can be selected with the mouse."""
+    made = label(wrap=True)
+    made.setAccessibleName(name)
+    made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    return made
+
+
+def position_labels() -> tuple[QLabel, QLabel]:
+    """Where a right ascension and a declination are shown, large."""
+    made = value_label("Right ascension"), value_label("Declination")
+    for value in made:
+        value.setProperty("role", "value")
+        value.setWordWrap(False)
+    return made
+
+
+def facts_grid(spacing: int, *rows: tuple[str, QLabel]) -> QGridLayout:
+    """Titles and values in two columns, the second as wide as can be."""
+    grid = QGridLayout()
+    grid.setHorizontalSpacing(12)
+    grid.setVerticalSpacing(spacing)
+    grid.setColumnStretch(1, 1)
+    for row, (title, value) in enumerate(rows):
+        grid.addWidget(label(title, "muted"), row, 0)
+        grid.addWidget(value, row, 1)
+    return grid
+
+
+def choice_box(name: str, choices: Iterable[str], letters: int = 8) -> QComboBox:
+    """A box to choose one of ``choices`` from."""
+    made = QComboBox()
+    made.addItems(list(choices))
+    made.setAccessibleName(name)
+    made.setMinimumContentsLength(letters)
+    return made
+
+
+def narrow_box(name: str, letters: int) -> QComboBox:
+    """A box to choose from that asks for room for so many letters, however long its texts are."""
+    made = choice_box(name, (), letters)
+    made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    return made
+
+
+def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:
+    """A push button; ``text`` carries its mnemonic."""
+    made = QPushButton(text)
+    if role:
+        made.setProperty("role", role)
+    if tip:
+        made.setToolTip(tip)
+    made.setAutoDefault(False)
+    made.clicked.connect(lambda: pressed())
+    return made
+
+
+def rule() -> QFrame:
+    """A thin line between groups."""
+    made = QFrame()
+    made.setObjectName("rule")
+    return made
+
+
+def card() -> QFrame:
+    """A raised box."""
+    made = QFrame()
+    made.setObjectName("card")
+    return made
+
+
+class Column(QScrollArea):
+    """An area that scrolls up and down and is never narrower than what it holds."""
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        done = super().eventFilter(watched, event)
+        if event.type() == QEvent.Type.LayoutRequest and watched is self.widget():
+            self.updateGeometry()  # what it holds may have become wider
+        return done
+
+    def minimumSizeHint(self) -> QSize:
+        inside = self.widget()
+        width = inside.minimumSizeHint().width() if inside is not None else 0
+        return QSize(width + self.verticalScrollBar().sizeHint().width(), 120)
+
+
+def scrolled(inside: QWidget) -> QScrollArea:
+    """``inside`` in an area that scrolls up and down."""
+    area = Column()
+    area.setWidget(inside)
+    area.setWidgetResizable(True)
+    area.setFrameShape(QFrame.Shape.NoFrame)
+    area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    return area
+
+
+def clear_layout(layout: QLayout) -> None:
+    """Remove every widget of ``layout``."""
+    while (item := layout.takeAt(0)) is not None:
+        if (old := item.widget()) is not None:
+            old.hide()
+            old.deleteLater()
+
+
+Margins = tuple[int, int, int, int]  # left, top, right, bottom
+Part = QWidget | QLayout | tuple[QWidget, int] | int | None
+
+
+def row(*parts: Part, spacing: int | None = None) -> QHBoxLayout:
+    """Parts side by side: widgets, layouts, ``(widget, stretch)``, px of space, None to stretch."""
+    return _fill(QHBoxLayout(), parts, spacing)
+
+
+def column(
+    *parts: Part, on: QWidget | None = None, spacing: int | None = None, margins: Margins | None = None
+) -> QVBoxLayout:
+    """The same from top to bottom, as the layout of ``on`` or to be added to another."""
+    made = _fill(QVBoxLayout(on) if on is not None else QVBoxLayout(), parts, spacing)
+    if margins is not None:
+        made.setContentsMargins(*margins)
+    return made
+
+
+def _fill(layout: Box, parts: tuple[Part, ...], spacing: int | None) -> Box:
+    if spacing is not None:
+        layout.setSpacing(spacing)
+    for part in parts:
+        if part is None:
+            layout.addStretch(1)
+        elif isinstance(part, int):
+            layout.addSpacing(part)
+        elif isinstance(part, QLayout):
+            layout.addLayout(part)
+        else:
+            layout.addWidget(*part) if isinstance(part, tuple) else layout.addWidget(part)
+    return layout
+
+
+def page() -> QWidget:
+    """A part of the window with its background."""
+    made = QWidget()
+    made.setObjectName("page")
+    return made
+
+
+def draw_text(painter: QPainter, centre: QPointF, text: str, ground: str) -> None:
+    """Draw a short text about ``centre`` on a box of the colour ``ground``."""
+    metrics = painter.fontMetrics()
+    box = QRectF(0, 0, metrics.horizontalAdvance(text) + 6, metrics.height())
+    box.moveCenter(centre)
+    painter.fillRect(box, QColor(ground))
+    painter.drawText(box, Qt.AlignmentFlag.AlignCenter, text)
+
+
+def copy_text(text: str) -> None:
+    """Put ``text`` on the clipboard."""
+    QGuiApplication.clipboard().setText(text)
+
+
+def fixed_font_family() -> str:
+    """The system's font for columns of figures."""
+    return QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont).family()
+
+
+def set_property(widget: QWidget, name: str, value: object) -> None:
+    """Change what the style sheet selects by, and style ``widget`` anew."""
+    widget.setProperty(name, value)
+    widget.style().unpolish(widget)
+    widget.style().polish(widget)
+
+
+def set_role(widget: QWidget, role: str) -> None:
+    """Give ``widget`` another of the style sheet's roles."""
+    set_property(widget, "role", role)
+
+
+INSET_PX = 5  # as much as a text field's
+
+
+def use_plain_numerals() -> None:
+    """Write and read numbers with a point, and report system errors in English, in every country.
+
+    In a German system Qt reads 0.5 typed into a field as 5, and goes on to show 0.5. It also sets
+    C's own language, in which the system says why a file cannot be written.
+    """
+    for kind in ("LC_MESSAGES", "LC_NUMERIC"):  # Windows has no messages
+        if hasattr(locale, kind):
+            locale.setlocale(getattr(locale, kind), "C")
+    plain = QLocale.c()
+    plain.setNumberOptions(
+        QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator
+    )
+    QLocale.setDefault(plain)
+
+
+def accept_decimal_comma(within: QWidget) -> None:
+    """Let the fields for decimal numbers in ``within`` take a comma for a point.
+
+    Also set their inset, which the style sheet's padding does not reach.
+    """
+    for box in within.findChildren(QDoubleSpinBox):
+        box.installEventFilter(_CommaAsPoint(box))
+    for number in within.findChildren(QAbstractSpinBox):
+        number.lineEdit().setTextMargins(INSET_PX, 0, 0, 0)
+
+
+class _CommaAsPoint(QObject):
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
+            return False
+        if event.text() != ",":
+            return False
+        point = QKeyEvent(QEvent.Type.KeyPress, event.key(), event.modifiers(), ".")
+        QApplication.sendEvent(watched, point)
+        return True
+
+
+STEPS = 1000
+
+
+class ProgressBar(QProgressBar):
+    """Progress, or that it is unknown; painted once a turn of the event loop.
+
+    Qt's bar repaints within ``setValue`` everything in the window that waits to be painted.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setRange(0, STEPS)
+        self.setTextVisible(False)
+        self.setAccessibleName(name)
+
+    def show_share(self, share: float | None) -> None:
+        """A share in 0..1; None for unknown."""
+        self.setUpdatesEnabled(False)
+        self.setRange(0, 0 if share is None else STEPS)
+        if share is not None:
+            self.setValue(round(STEPS * min(max(share, 0.0), 1.0)))
+        self.setUpdatesEnabled(True)  # asks to be painted, later

@@ -1,0 +1,126 @@
+"""Go to a target, and wait until the mount is at rest there."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TypeVar
+
+import numpy as np
+
+from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.errors import NoAnswerError, StrayedError, UsageError
+from kochab.core.mount import Pointing
+from kochab.core.progress import Progress, Task
+from kochab.gear.mounts.guard import Guard
+
+T = TypeVar("T")
+Wait = Callable[[float], None]
+
+POLL_S = 0.5
+STILL_ARCSEC = 20.0  # between two readings; a mount that rounds to 15 may jump by that much
+SETTLE_S = 3.0
+PATIENCE_S = 60.0
+MISSES = 3  # replies that may be lost in a row
+RUNAWAY_DEG, RUNAWAY_READINGS = 0.25, 6  # still moving so far between readings, though not slewing
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A place, ICRS degrees, and its name."""
+
+    name: str
+    ra_deg: float
+    dec_deg: float
+
+
+def named_target(name: str, time_utc: datetime) -> Target:
+    """A star (proper name, designation, HIP, HD, HR, SAO), Messier, NGC or IC object by its name.
+
+    Proper motion is applied up to ``time_utc``.
+
+    Raises
+    ------
+    UsageError
+        Nothing in the catalogue has this name.
+
+    """
+    from kochab.sky import open_catalogue
+    from kochab.sky.apparent import julian_years
+
+    catalogue = open_catalogue()
+    found = catalogue.find(name)
+    if isinstance(found, int):
+        vector = catalogue.vectors([found], julian_years(time_utc))[0]
+    else:
+        vector = np.asarray(found)
+    return Target(name.strip(), *radec_deg(vector))
+
+
+def target_at(ra_deg: float, dec_deg: float) -> Target:
+    """A place by ICRS degrees; UsageError when out of range."""
+    if not (-360.0 <= ra_deg <= 360.0 and -90.0 <= dec_deg <= 90.0):
+        raise UsageError(f"RA {ra_deg:g}, Dec {dec_deg:g} is not a valid position.")
+    return Target(f"RA {ra_deg % 360.0:.4f} Dec {dec_deg:+.4f}", ra_deg % 360.0, dec_deg)
+
+
+def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep) -> Task[Pointing]:
+    """Slew within the guard and return when the mount is at rest; cancelling stops it.
+
+    Raises
+    ------
+    kochab.core.errors.RefusedError
+        The guard or the mount refuses; one sentence.
+
+    """
+    yield Progress("goto", 0.0, target.name)
+    yield from mount.slew(*mount.to_mount(target.ra_deg, target.dec_deg))
+    return (yield from settled(mount, wait))
+
+
+def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -> Task[Pointing]:
+    """Wait until two readings agree and nothing slews, then ``settle_s`` for vibrations to die.
+
+    A mount that is stopped in the meantime counts as settled.
+
+    Raises
+    ------
+    NoAnswerError
+        It does not come to rest within a minute, or does not reply.
+    StrayedError
+        It kept moving while it reported no slew, and was stopped.
+
+    """
+    before, running = None, 0
+    for _ in range(round(PATIENCE_S / POLL_S)):
+        yield Progress("settling")
+        wait(POLL_S)
+        slewing = answered(lambda: mount.state().slewing)
+        here = answered(mount.position)
+        moved_deg = None if before is None or slewing else apart(before, here)
+        if moved_deg is not None and moved_deg * 3600.0 <= STILL_ARCSEC:
+            yield Progress("settling")
+            wait(settle_s)
+            return here
+        running = running + 1 if moved_deg is not None and moved_deg > RUNAWAY_DEG else 0
+        if running == RUNAWAY_READINGS:
+            mount.halt()
+            raise StrayedError("The mount kept moving while it reported no slew. Kochab stopped it.")
+        before = here
+    mount.halt()
+    raise NoAnswerError(f"The mount did not stop moving within {PATIENCE_S:g} s. Kochab stopped it.")
+
+
+def answered(ask: Callable[[], T]) -> T:
+    """The reply to a query that changes nothing, sent again when a reply is lost."""
+    for _ in range(MISSES - 1):
+        try:
+            return ask()
+        except NoAnswerError:
+            continue
+    return ask()
+
+
+def apart(one: Pointing, other: Pointing) -> float:
+    """The angle between two reported positions, degrees."""
+    return apart_deg((one.ra_deg, one.dec_deg), (other.ra_deg, other.dec_deg))

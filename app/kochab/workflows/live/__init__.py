@@ -1,0 +1,1 @@
+"""Live solving: a camera runs, and every frame's pointing is known."""

@@ -1,0 +1,189 @@
+"""Live solving: the pointing of a running camera, frame after frame.
+
+The camera fills a mailbox from its own thread; the caller that steps this generator solves. While
+a frame is solved newer ones replace each other in the mailbox, so the next one solved is always
+the newest and nothing piles up, however slow the solver is.
+"""
+
+from collections import deque
+from collections.abc import Generator
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from time import monotonic
+from typing import Protocol
+
+from kochab.core.frame import Frame
+from kochab.core.progress import Progress, Task
+from kochab.solver.camera_profile import Profile, load_profile, save_profile
+from kochab.solver.tracker import Tracker, TrackOptions, TrackUpdate
+from kochab.workflows.live.capture import Capture, Shot
+from kochab.workflows.live.update import DriftMeter, GoodPointing, LiveSummary, LiveUpdate
+
+WAIT_S = 0.1
+WARNING = "warning"
+"""The stage of a :class:`Progress` whose detail is a sentence for the person: a broken file."""
+RATE_OVER = 20
+"""Rates are means over so many of the last frames."""
+
+Live = Generator[Progress | LiveUpdate, None, LiveSummary]
+
+
+class LiveEngine(Protocol):
+    """What makes a pointing of a frame: :class:`kochab.solver.tracker.Tracker`."""
+
+    @property
+    def profile(self) -> Profile | None:
+        """What is known of the camera so far."""
+        ...
+
+    def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
+        """Take one frame in."""
+        ...
+
+
+def live_solve(capture: Capture, engine: LiveEngine, frames: int | None = None) -> Live:
+    """Start ``capture`` and solve its newest frame, again and again.
+
+    Yields :class:`LiveUpdate` for every frame looked at and :class:`Progress` in between, at
+    least ten times a second while waiting. Closing the generator stops the camera; it is also
+    stopped after ``frames`` looked at, which returns a :class:`LiveSummary`.
+
+    Raises
+    ------
+    kochab.core.errors.DeviceError
+        The camera cannot be opened, is silent, or was unplugged: one sentence, after the last
+        frame it gave.
+
+    """
+    stream = _Stream(capture)
+    yield Progress("open camera")
+    capture.start()
+    try:
+        while frames is None or stream.looked_at < frames:
+            shot = capture.mailbox.take(WAIT_S)
+            if shot is None:
+                capture.raise_fault()
+                for sentence in capture.take_warnings():
+                    yield Progress(WARNING, None, sentence)
+                yield Progress("wait for a frame", None, _waiting(stream, capture))
+                continue
+            track = yield from engine.update(shot.frame, shot.time_utc)
+            yield stream.update(shot, track)
+    finally:
+        capture.stop()
+    return stream.summary()
+
+
+class _Stream:
+    """The state kept from frame to frame; its size does not grow."""
+
+    def __init__(self, capture: Capture) -> None:
+        self._capture = capture
+        self._drift = DriftMeter()
+        self._good: GoodPointing | None = None
+        self._solved_at: deque[float] = deque(maxlen=RATE_OVER)
+        self._numbers: deque[tuple[float, int]] = deque(maxlen=RATE_OVER)
+        self.looked_at = 0
+        self.solved = 0
+
+    def update(self, shot: Shot, track: TrackUpdate) -> LiveUpdate:
+        """The update of one frame."""
+        done = monotonic()
+        self.looked_at += 1
+        self._numbers.append((shot.received_s, shot.number))
+        update = LiveUpdate(
+            shot,
+            track,
+            done,
+            dropped=self._capture.mailbox.dropped,
+            warnings=(*shot.warnings, *shot.frame.warnings),
+        )
+        if track.solution is None:
+            self._drift.forget()
+        else:
+            self.solved += 1
+            self._solved_at.append(done)
+            self._good = GoodPointing(track.solution, shot.number, shot.shutter_s)
+            drift = self._drift.add(track.time_utc.timestamp(), track.solution.centre_vector)
+            update = replace(update, drift=drift)
+        return replace(
+            update,
+            last_good=self._good,
+            solved_hz=_rate(self._solved_at, done),
+            frames_hz=_frame_rate(self._numbers),
+        )
+
+    def summary(self) -> LiveSummary:
+        """The counts at the end."""
+        box = self._capture.mailbox
+        return LiveSummary(box.put_count, self.looked_at, self.solved, box.dropped)
+
+
+def _waiting(stream: _Stream, capture: Capture) -> str:
+    name = capture.name or "camera"
+    return f"{name}, {stream.solved} of {stream.looked_at} solved" if stream.looked_at else name
+
+
+def _rate(moments: deque[float], now_s: float) -> float | None:
+    """Events a second up to now, so that it falls when they stop."""
+    if len(moments) < 2 or now_s <= moments[0]:
+        return None
+    return (len(moments) - 1) / (now_s - moments[0])
+
+
+def _frame_rate(numbers: deque[tuple[float, int]]) -> float | None:
+    """Frames a second that came, dropped ones included."""
+    if len(numbers) < 2 or numbers[-1][0] <= numbers[0][0]:
+        return None
+    return (numbers[-1][1] - numbers[0][1]) / (numbers[-1][0] - numbers[0][0])
+
+
+class ProfiledTracker:
+    """Tracks with the profile of one camera and lens, which ``name`` stands for.
+
+    Which profile that is depends on the frames' size too, so it is recalled with the first frame.
+    """
+
+    def __init__(self, name: str, options: TrackOptions | None = None, folder: Path | None = None) -> None:
+        self.name = name
+        self._options = options or TrackOptions()
+        self._folder = folder
+        self._tracker: Tracker | None = None
+        self._size = (0, 0)
+
+    @property
+    def profile(self) -> Profile | None:
+        """What is known of the camera so far; None before the first frame of a new one."""
+        known = None if self._tracker is None else self._tracker.profile
+        return None if known is None else replace(known, name=self.name)
+
+    def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
+        """Take one frame in.
+
+        Raises
+        ------
+        kochab.core.errors.KochabError
+            The kept profile cannot be read, or the one before this size of frame not be kept.
+
+        """
+        size = (frame.width, frame.height)
+        if self._tracker is None or size != self._size:
+            self.keep()
+            known = load_profile(self.name, *size, self._folder)
+            self._tracker, self._size = Tracker(options=self._options, profile=known), size
+        return (yield from self._tracker.update(frame, time_utc))
+
+    def keep(self) -> Path | None:
+        """Write what was learned; None when nothing was.
+
+        Raises
+        ------
+        kochab.core.errors.KochabError
+            It cannot be written.
+
+        """
+        profile = self.profile
+        if profile is None or not profile.frames:
+            return None
+        return save_profile(profile, self._folder)

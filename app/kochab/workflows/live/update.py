@@ -1,0 +1,159 @@
+"""What live solving reports of every frame, with its age, and the drift of the pointing."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from time import monotonic
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg
+from kochab.core.solution import NoSolution, Solution
+from kochab.solver.tracker import Mode, TrackUpdate
+from kochab.workflows.live.capture import Shot
+
+ARCSEC = float(np.degrees(1.0) * 3600.0)
+WINDOW_S = 60.0
+MOST = 300
+SLEW_ARCSEC_MIN = 3000.0
+"""Faster than this between two frames the mount was moved: an untracked sky makes 902 at most."""
+SLEW_ARCSEC = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """Motion of the frame's centre on the sky, arcsec a minute; east and north are positive.
+
+    ``ra`` is along right ascension and already multiplied by cos(Dec). The sigmas come from the
+    scatter about the line, so wind and seeing widen them.
+    """
+
+    ra_arcsec_min: float
+    dec_arcsec_min: float
+    ra_sigma: float
+    dec_sigma: float
+    span_s: float
+    frames: int
+
+
+class DriftMeter:
+    """The drift of pointings over the last :data:`WINDOW_S`: a straight line through them."""
+
+    def __init__(self) -> None:
+        self._points: deque[tuple[float, Floats]] = deque(maxlen=MOST)
+
+    def forget(self) -> None:
+        """Begin anew, as after a slew."""
+        self._points.clear()
+
+    def add(self, time_s: float, centre: Floats) -> Drift | None:
+        """Take the ICRS unit vector (3,) of a frame's centre at ``time_s``, any steady seconds.
+
+        None until three frames in a row were solved without a slew between them.
+        """
+        if self._points and (time_s <= self._points[-1][0] or self._moved(time_s, centre)):
+            self.forget()
+        self._points.append((time_s, centre))
+        while time_s - self._points[0][0] > WINDOW_S:
+            self._points.popleft()
+        return self._line() if len(self._points) >= 3 else None
+
+    def _moved(self, time_s: float, centre: Floats) -> bool:
+        last_s, last = self._points[-1]
+        arcsec = float(np.linalg.norm(centre - last)) * ARCSEC
+        return arcsec > SLEW_ARCSEC and arcsec * 60.0 / (time_s - last_s) > SLEW_ARCSEC_MIN
+
+    def _line(self) -> Drift:
+        times = np.array([t for t, _ in self._points])
+        centres = np.array([c for _, c in self._points])
+        axes = _east_north(centres[-1])
+        offsets = centres @ axes.T * ARCSEC  # (N, 2) of the gnomonic plane, small angles
+        minutes = (times - times.mean()) / 60.0
+        spread = float(minutes @ minutes)
+        slope = minutes @ (offsets - offsets.mean(axis=0)) / spread
+        rest = offsets - offsets.mean(axis=0) - minutes[:, None] * slope
+        sigma = np.sqrt((rest**2).sum(axis=0) / (len(times) - 2) / spread)
+        return Drift(
+            float(slope[0]),
+            float(slope[1]),
+            float(sigma[0]),
+            float(sigma[1]),
+            float(times[-1] - times[0]),
+            len(times),
+        )
+
+
+def _east_north(direction: Floats) -> Floats:
+    """Unit vectors (2, 3) to the east and to the north of an ICRS direction (3,)."""
+    ra = np.radians(radec_deg(direction)[0])
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    return np.stack([east, np.cross(direction, east)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoodPointing:
+    """The last pointing. It is old as soon as a later frame has none."""
+
+    solution: Solution
+    number: int
+    shutter_s: float
+
+    def age_s(self, now_s: float | None = None) -> float:
+        """Seconds since its mid-exposure, at ``now_s`` of :func:`time.monotonic` (now)."""
+        return (monotonic() if now_s is None else now_s) - self.shutter_s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveUpdate:
+    """One frame, its result, and how the stream is doing.
+
+    ``last_good`` is this frame's own solution, else the last one before, which is then old:
+    :attr:`is_old`. ``solved_hz`` is over the last frames solved, ``frames_hz`` over those that
+    came; ``dropped`` counts frames that a newer one replaced before they were looked at.
+    """
+
+    shot: Shot
+    track: TrackUpdate
+    done_s: float
+    last_good: GoodPointing | None = None
+    drift: Drift | None = None
+    solved_hz: float | None = None
+    frames_hz: float | None = None
+    dropped: int = 0
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def result(self) -> Solution | NoSolution:
+        """The result of this very frame."""
+        result = self.track.solution or self.track.reason
+        assert result is not None
+        return result
+
+    @property
+    def mode(self) -> Mode:
+        """Whether it was solved blind or where it was expected."""
+        return self.track.mode
+
+    @property
+    def is_old(self) -> bool:
+        """Whether ``last_good`` belongs to an earlier frame."""
+        return self.last_good is not None and self.last_good.number != self.shot.number
+
+    @property
+    def latency_ms(self) -> float:
+        """From the frame's arrival to its result."""
+        return (self.done_s - self.shot.received_s) * 1e3
+
+    def age_s(self, now_s: float | None = None) -> float:
+        """Seconds since mid-exposure, at ``now_s`` of :func:`time.monotonic` (by default now)."""
+        return (monotonic() if now_s is None else now_s) - self.shot.shutter_s
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSummary:
+    """How a stream went: frames that came, were looked at, were solved, and were dropped."""
+
+    captured: int = 0
+    looked_at: int = 0
+    solved: int = 0
+    dropped: int = 0

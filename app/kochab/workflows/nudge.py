@@ -1,0 +1,204 @@
+"""Small motions: a nudge in one direction, and moving a clicked star to a place."""
+
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import Solution
+from kochab.gear.mounts.guard import Guard
+from kochab.polar.rotations import about
+from kochab.sky.apparent import of_date_matrix
+from kochab.workflows.goto_target import Wait, answered, settled
+from kochab.workflows.sync_mount import shifted
+
+GUIDE_ARCSEC_S = 0.5 * SIDEREAL_DEG_S * 3600.0  # most mounts' setting
+MOST_PULSED_ARCSEC = 90.0
+LEAST_ARCSEC = 0.3
+SHORTEST_S, LONGEST_S = 0.08, 8.0  # shorter is inaccurate, longer is tedious
+AFTER_S = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Nudged:
+    """What was sent: ``by`` is "guide pulses", "moves" or, for too little, "nothing"."""
+
+    direction: Direction
+    amount_arcsec: float
+    by: str
+    seconds: float
+
+
+def nudge(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait = time.sleep) -> Task[Nudged]:
+    """Turn one axis by an angle, within the guard; returns when the motion is over.
+
+    East and west are angles of the RA axis: on the sky they are smaller by the cosine of the
+    declination. Cancelling stops the mount.
+
+    Raises
+    ------
+    RefusedError
+        The guard or the mount refuses, or the mount can neither pulse nor move.
+
+    """
+    if amount_arcsec < LEAST_ARCSEC:
+        return Nudged(direction, amount_arcsec, "nothing", 0.0)
+    moving = True
+    try:
+        if Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC:
+            nudged = yield from _pulses(mount, direction, amount_arcsec, wait)
+        else:
+            nudged = yield from _moves(mount, direction, amount_arcsec, wait)
+        moving = False
+    finally:
+        if moving:
+            mount.halt()
+    return nudged
+
+
+def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait) -> Task[Nudged]:
+    left = round(1000.0 * amount_arcsec / GUIDE_ARCSEC_S)
+    total, stops = left, mount.stops
+    while left > 0:
+        mount.check_not_stopped(stops, "motion")
+        part = min(left, mount.limits.longest_pulse_ms)
+        yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
+        mount.pulse(direction, max(part, 1))
+        yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
+        wait(part / 1000.0 + AFTER_S)
+        left -= part
+    return Nudged(direction, amount_arcsec, "guide pulses", total / 1000.0)
+
+
+def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait) -> Task[Nudged]:
+    amount_deg = amount_arcsec / 3600.0
+    longest_deg, longest_s = mount.limits.longest_move_deg, mount.limits.longest_move_s
+    if amount_deg > longest_deg:
+        raise RefusedError(f"A nudge of {amount_deg:.1f}° is too large. Use goto instead.")
+    rate = move_rate_deg_s(mount, amount_deg)
+    left = seconds = amount_deg / rate
+    if seconds < SHORTEST_S:
+        return Nudged(direction, amount_arcsec, "nothing", 0.0)
+    stops = mount.stops
+    while left > 1e-3:
+        mount.check_not_stopped(stops, "motion")
+        part = min(left, longest_s)
+        yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}")
+        mount.move(direction, rate, part)
+        end = part
+        while end > 0.0:  # a cancel ends it while it moves, and a wrong motion is noticed
+            yield Progress("move", 1.0 - left / seconds, f"{direction}")
+            wait(min(end, 0.5))
+            end -= 0.5
+            if end > 1.0:  # towards its end the line is left to the command that ends it
+                _check_position(mount)
+            mount.check_not_stopped(stops, "motion")
+        left -= part
+    wait(AFTER_S)
+    return Nudged(direction, amount_arcsec, "moves", seconds)
+
+
+def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:
+    """The slowest of the mount's rates that takes at most some seconds for ``amount_deg``."""
+    rates = sorted(mount.rates_deg_s or (SIDEREAL_DEG_S, 0.1, 1.0))
+    return next((r for r in rates if amount_deg / r <= LONGEST_S), rates[-1])
+
+
+def _check_position(mount: Guard) -> None:
+    """Let the guard see where the mount goes; one lost reply ends no motion."""
+    with suppress(NoAnswerError):
+        mount.position()
+
+
+# -- Move a star, clicked in a solved frame, to a place in it ----------------------------------
+
+POLE = np.array([0.0, 0.0, 1.0])
+SLEW_FROM_DEG = 0.25  # larger turns are a goto by so much: quicker, and watched all the way
+STEPS, STEP_RAD = 8, 1e-6
+CLOSE_PX = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Axis angles in degrees, towards greater right ascension and towards the north."""
+
+    east_deg: float
+    north_deg: float
+
+
+def turn_to_bring(
+    matrix_of_date: Floats, solution: Solution, star_px: tuple[float, float], here_px: tuple[float, float]
+) -> Turn:
+    """How far both axes turn so that what is seen at ``star_px`` comes to ``here_px``.
+
+    ``matrix_of_date`` (3, 3) takes ICRS to the equator the mount turns about.
+
+    Raises
+    ------
+    RefusedError
+        No turn of these axes does it, as beside the pole.
+
+    """
+    of_date_to_camera = solution.attitude.matrix @ matrix_of_date.T  # of date -> camera
+    star = matrix_of_date @ solution.sky_at(np.array([star_px], dtype=np.float64))[0]
+    here = np.asarray(here_px, dtype=np.float64)
+
+    def miss(turns: Floats) -> Floats:
+        seen = solution.camera.project(np.atleast_2d(_turned(of_date_to_camera, turns) @ star))[0]
+        return np.asarray(seen - here)
+
+    turns = np.zeros(2)
+    for _ in range(STEPS):
+        off = miss(turns)
+        if np.hypot(*off) < CLOSE_PX:
+            break
+        slope = np.stack([(miss(turns + STEP_RAD * unit) - off) / STEP_RAD for unit in np.eye(2)], axis=1)
+        if not np.isfinite(slope).all() or abs(np.linalg.det(slope)) < 1e-9:
+            break
+        turns = turns - np.linalg.solve(slope, off)
+    if not np.hypot(*miss(turns)) < 1.0 or np.abs(turns).max() > np.pi / 2:
+        raise RefusedError("The two axes can't move this star there. Use goto instead.")
+    return Turn(*(float(angle) for angle in np.degrees(turns)))
+
+
+def bring_here(
+    mount: Guard,
+    solution: Solution,
+    star_px: tuple[float, float],
+    here_px: tuple[float, float] | None = None,
+    wait: Wait = time.sleep,
+) -> Task[Turn]:
+    """Move what a frame taken just now shows at ``star_px`` to ``here_px``, or to its centre.
+
+    Small turns are guide pulses or moves, larger ones a goto beside the reported position.
+    Cancelling stops the mount.
+    """
+    camera = solution.camera
+    middle = ((camera.width - 1) / 2.0, (camera.height - 1) / 2.0)
+    turn = turn_to_bring(of_date_matrix(mount.clock()), solution, star_px, here_px or middle)
+    yield Progress("move star", 0.0, f"{turn.east_deg:+.3f}° east, {turn.north_deg:+.3f}° north")
+    if max(abs(turn.east_deg), abs(turn.north_deg)) >= SLEW_FROM_DEG:
+        here = answered(mount.position)
+        place = shifted((here.ra_deg, here.dec_deg), turn.east_deg, turn.north_deg)
+        yield from mount.slew(*place)
+    else:
+        for angle, ways in (
+            (turn.east_deg, (Direction.EAST, Direction.WEST)),
+            (turn.north_deg, (Direction.NORTH, Direction.SOUTH)),
+        ):
+            yield from nudge(mount, ways[angle < 0.0], abs(angle) * 3600.0, wait)
+    yield from settled(mount, wait)
+    return turn
+
+
+def _turned(of_date_to_camera: Floats, turns: Floats) -> Floats:
+    """The camera after the telescope turned by (east, north) radians; rotations only."""
+    boresight = of_date_to_camera[2]
+    level = np.cross(boresight, POLE)
+    north = about(level / max(np.linalg.norm(level), 1e-12), float(turns[1]))
+    return np.asarray(of_date_to_camera @ (about(POLE, float(turns[0])) @ north).T)

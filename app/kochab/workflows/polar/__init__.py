@@ -1,0 +1,1 @@
+"""Polar alignment: measure the axis, turn the adjusters, measure again."""

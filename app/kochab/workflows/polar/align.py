@@ -1,0 +1,285 @@
+"""Polar alignment: measure the axis, turn the bolts, measure again until it is good."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import numpy as np
+
+from kochab.core.progress import Task
+from kochab.core.solution import NoSolution
+from kochab.polar.error import PolarError, angle_in_words, split_in_words, total_in_words
+from kochab.polar.flexure import UNKNOWN
+from kochab.polar.live import LiveError, LivePhase, Steady, SteadyError
+from kochab.polar.measure import Measurement, MeasureSettings, PolarFindingKind, together
+from kochab.polar.report import History
+from kochab.polar.rotations import ARCSEC, tangents
+from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
+from kochab.workflows.polar.measure import Measured, Sweep, Turner, measure_axis, second_sweep
+from kochab.workflows.polar.sources import SightingSource
+from kochab.workflows.polar.update import PolarControls, PolarUpdate
+
+# -- The adjusting phase: the live error while a person turns the bolts, and the instructions ----
+
+SURE_FRAMES = 5
+"""So many quiet frames before the tutor's Stop is taken for the end."""
+
+MOVED2, LEAST_NOISE_ARCSEC = 16.0, 1.0
+"""Squared distance in sigmas beyond which the axis is not where it was measured."""
+
+QUIET_FRAMES = 40
+"""After so many the instruction is made anew from what is known by then."""
+
+
+class AdjustingEnd(StrEnum):
+    """Why adjusting ended."""
+
+    THERE = "there"
+    LARGE_MOVE = "large move"
+    DEC_MOVED = "declination moved"
+    REQUESTED = "requested"
+    SECOND_SWEEP = "second sweep"
+
+
+SPOILT = {
+    PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE,
+    PolarFindingKind.DEC_MOVED: AdjustingEnd.DEC_MOVED,
+}
+"""What makes the live error worthless, so that it is measured again by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Adjusted:
+    """Why it ended, whether a bolt was asked to turn, and the last reading, no measurement."""
+
+    end: AdjustingEnd
+    turned: bool
+    last: SteadyError | None
+
+
+class AdjustmentGuide:
+    """Turns live frames into instructions; one call of :meth:`see` a frame."""
+
+    def __init__(self, measurement: Measurement, tutor: BoltTutor) -> None:
+        self.live = LivePhase(measurement)
+        self._measured = measurement.error
+        self.steady = Steady()
+        self.tutor = tutor
+        self._heard = 0  # movements already answered
+        tutor.measured_again()
+        self.instruction = tutor.advise(measurement.error)
+        self.turn_requested = self.instruction.knob is not None
+
+    def see(self, live: LiveError, turned: bool) -> tuple[SteadyError, Instruction]:
+        """The quiet mean and what to do; a new instruction once the axis moved and settled."""
+        if turned and self.instruction.knob is not None:
+            self.steady.forget()
+            self._heard = -1
+        steady = self.steady.update(live)
+        if self._fresh_stop(steady):
+            return steady, self.instruction
+        if steady.settled and self._heard != self.steady.movements:
+            self._heard = self.steady.movements
+            self.instruction = self.tutor.advise(steady.error, noise_arcsec=steady.noise_arcsec)
+        elif steady.frames == (SURE_FRAMES if self._stopped else QUIET_FRAMES):
+            # Better known by now, and no bolt was seen to turn: nothing is learned about it.
+            self.instruction = self.tutor.advise(steady.error, turned=0.0)
+        self.turn_requested = self.turn_requested or self.instruction.knob is not None
+        return steady, self.instruction
+
+    def _fresh_stop(self, steady: SteadyError) -> bool:
+        """Whether a measurement said Stop and nothing was asked, turned or seen to move since.
+
+        A reading is never more certain than the measurement it builds on: it may not overrule it.
+        """
+        return self._stopped and not self.turn_requested and not _moved(self._measured, steady)
+
+    @property
+    def _stopped(self) -> bool:
+        return self.instruction.step is TutorStep.STOP
+
+
+def adjust(
+    source: SightingSource,
+    measurement: Measurement,
+    tutor: BoltTutor,
+    controls: PolarControls | None = None,
+    history: History | None = None,
+) -> Task[Adjusted]:
+    """Follow the axis until the tutor says Stop, or something or somebody asks to measure."""
+    controls, history = controls or PolarControls(), history or History()
+    guide, steady = AdjustmentGuide(measurement, tutor), None
+    history.instruction(measurement.time_utc, measurement.error, guide.instruction.words)
+    yield _update(None, None, guide, measurement)
+    while True:
+        found = yield from source.sight()
+        if controls.take_remeasure() or controls.take_enough():
+            return Adjusted(AdjustingEnd.REQUESTED, guide.turn_requested, steady)
+        if controls.second_sweep_wanted:
+            return Adjusted(AdjustingEnd.SECOND_SWEEP, guide.turn_requested, steady)
+        if found is None or isinstance(found, NoSolution):
+            why = "Waiting for a frame" if found is None else f"{found.reason}: {found.advice}"
+            yield _update(None, steady, guide, measurement, why)
+            continue
+        before = guide.instruction
+        live = guide.live.update(found)
+        steady, instruction = guide.see(live, controls.take_turned())
+        history.live(found.time_utc, steady.error)
+        if instruction is not before:
+            history.instruction(found.time_utc, steady.error, instruction.words)
+        yield _update(live, steady, guide, measurement)
+        if instruction.step is TutorStep.STOP and steady.settled and steady.frames >= SURE_FRAMES:
+            return Adjusted(AdjustingEnd.THERE, guide.turn_requested, steady)
+        spoilt = {f.kind for f in live.findings} & set(SPOILT)
+        if steady.settled and spoilt:
+            return Adjusted(SPOILT[spoilt.pop()], guide.turn_requested, steady)
+
+
+def _moved(measured: PolarError, steady: SteadyError) -> bool:
+    """Whether a quiet reading shows the axis elsewhere than it was measured, noise considered."""
+    gap = np.stack(tangents(measured.axis)) @ (steady.error.axis - measured.axis) / ARCSEC
+    return bool(np.sum((gap / np.maximum(steady.noise_arcsec, LEAST_NOISE_ARCSEC)) ** 2) > MOVED2)
+
+
+def _update(
+    live: LiveError | None,
+    steady: SteadyError | None,
+    guide: AdjustmentGuide,
+    start: Measurement,
+    unsolved: str = "",
+) -> PolarUpdate:
+    return PolarUpdate(
+        "adjust",
+        None,
+        unsolved or guide.instruction.words,
+        measurement=start,
+        live=live,
+        steady=steady,
+        solved=not unsolved,
+        instruction=guide.instruction,
+        moves=guide.tutor.moves,
+        findings=() if live is None else live.findings,
+    )
+
+
+MOST_ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class AlignOptions:
+    """When it is good: the total and ``sure`` of its sigmas are within ``goal_arcsec``.
+
+    ``sweep`` is how to measure. With ``second_sweep`` one at another declination follows the first,
+    before any bolt is turned, and measures flexure; without it only when a person asks.
+    """
+
+    goal_arcsec: float = 30.0
+    sure: float = 3.0
+    sweep: Sweep = field(default_factory=Sweep)
+    second_sweep: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """How it ended: the last measurement, the bolts' moves, and everything that happened."""
+
+    last: Measurement
+    good: bool
+    rounds: int
+    moves: int
+    history: History
+
+
+def align(
+    source: SightingSource,
+    turner: Turner,
+    settings: MeasureSettings,
+    options: AlignOptions | None = None,
+    controls: PolarControls | None = None,
+    tutor: BoltTutor | None = None,
+    keep: Callable[[History], None] = lambda history: None,
+) -> Task[Alignment]:
+    """Measure, adjust and measure again until the error is small or within its uncertainty.
+
+    Parameters
+    ----------
+    source, turner
+        Who gives solved frames, and who turns the RA axis between them.
+    keep
+        Called with the history after every measurement, so that nothing is lost.
+
+    Raises
+    ------
+    kochab.workflows.polar.sources.NotMeasuredError
+        A measurement failed.
+    kochab.core.errors.DeviceError
+        The camera or the mount failed, or the guard refused.
+
+    """
+    options, controls = options or AlignOptions(), controls or PolarControls()
+    tutor, history = tutor or BoltTutor(), History()
+    sweep, rounds, droop = options.sweep, 0, UNKNOWN
+    wanted = options.second_sweep
+    before: Measurement | None = None
+    while True:
+        rounds += 1
+        measured = yield from measure_axis(source, turner, settings, sweep, controls, droop)
+        if before is not None:
+            both = together(before, measured.measurement)
+            measured = replace(measured, measurement=both, findings=both.findings)
+        history.measured(measured.measurement)
+        keep(history)
+        if controls.take_second_sweep() or wanted:
+            both_sweeps = yield from second_sweep(source, turner, measured, sweep, controls)
+            wanted, droop = False, both_sweeps.measurement.droop
+            if both_sweeps is not measured:
+                measured = both_sweeps
+                history.measured(measured.measurement)
+                keep(history)
+        error = measured.measurement.error
+        good = _good(measured, options)
+        if good or rounds == MOST_ROUNDS:
+            yield _done(measured, good, tutor.moves)
+            return Alignment(measured.measurement, good, rounds, tutor.moves, history)
+        sweep = replace(sweep, backwards=measured.path.direction, turn_deg=measured.path.turn_deg)
+        likely = error.total_arcsec + error.sigma_total_arcsec <= options.goal_arcsec
+        if likely and before is None:  # only not sure: a second sweep costs no move of a bolt
+            before = measured.measurement
+            doubt = _once_more(measured, tutor.moves)
+            history.instruction(before.time_utc, error, doubt.detail)
+            yield doubt
+            continue
+        adjusted = yield from adjust(source, measured.measurement, tutor, controls, history)
+        quiet = adjusted.end is AdjustingEnd.THERE and not adjusted.turned
+        before = measured.measurement if quiet else None  # no bolt was turned: both count
+
+
+def _good(measured: Measured, options: AlignOptions) -> bool:
+    """Whether the total and some of its sigmas are within the goal, or it is within its uncertainty."""
+    error = measured.measurement.error
+    reach = error.total_arcsec + options.sure * error.sigma_total_arcsec
+    return reach <= options.goal_arcsec or error.below_uncertainty
+
+
+def _once_more(measured: Measured, moves: int) -> PolarUpdate:
+    error = measured.measurement.error
+    words = (
+        f"{angle_in_words(error.total_arcsec)} is within the goal, but the uncertainty is"
+        f" {angle_in_words(error.sigma_total_arcsec)}. Don't touch the bolts: measuring once more."
+    )
+    return PolarUpdate(
+        "measure", None, words, measurement=measured.measurement, findings=measured.findings, moves=moves
+    )
+
+
+def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
+    error = measured.measurement.error
+    words = f"Polar alignment error: {total_in_words(error)}."
+    if not good:
+        words += " Not good yet: find the cause and start again."
+    words += f" Uncertainty: {split_in_words(error)}."
+    if len(measured.measurement.results) == 1 and measured.measurement.before == UNKNOWN:
+        words += " Sweep again at another declination to measure flexure."
+    return PolarUpdate(
+        "done", 1.0, words, measurement=measured.measurement, findings=measured.findings, moves=moves
+    )

@@ -1,0 +1,375 @@
+"""The measuring phase: frames while the RA axis turns, by the mount or by hand; a second sweep."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from kochab.core.attitude import angle_between
+from kochab.core.capture import CameraSource
+from kochab.core.errors import RefusedError
+from kochab.core.mount import Direction, Mount
+from kochab.core.progress import Progress, Task
+from kochab.polar.error import angle_in_words
+from kochab.polar.flexure import UNKNOWN, Droop
+from kochab.polar.horizon import pole_direction
+from kochab.polar.measure import (
+    Measurement,
+    MeasureSettings,
+    NoAxis,
+    PolarFinding,
+    PolarFindingKind,
+    measure_local,
+    slipping,
+    together,
+)
+from kochab.polar.plan import (
+    Optics,
+    SecondSweep,
+    SweepPath,
+    best_path,
+    more_turn_deg,
+    plan_second,
+    sweep_path,
+    turn_needed_deg,
+    weighted_arcsec,
+)
+from kochab.polar.rotations import ARCSEC
+from kochab.polar.sighting import LocalAttitude
+from kochab.workflows.polar.sources import NotMeasuredError, RestWatch, SightingSource, turned_deg
+from kochab.workflows.polar.update import PolarControls, PolarUpdate, TurnInstruction
+
+# -- Who turns the RA axis between the frames: the mount within its guard, or a hand -----------
+
+RATE_DEG_S = 2.0
+LONGEST_MOTION_S = 20.0  # longer turns are several motions, each within the guard's limit
+NEAR_ENOUGH_DEG = 1.0
+SETTLE_S = 2.0
+TRAILED_S = 1.0  # patience for the frame that was exposed while the mount turned
+SLOW = 6.0  # times longer than expected is given up
+MOST_MOTIONS = 24
+
+
+class Turner(Protocol):
+    """Turns the axes. ``by_hand`` tells that nothing is known of how far they went.
+
+    ``reported_deg`` is how far the mount itself says that it turned last, None when it does not.
+    """
+
+    by_hand: bool
+    reported_deg: float | None
+
+    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+        """Turn RA, and return when the axis is at rest, or at once when a person does it."""
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """The same with the declination axis, north or south: for a second sweep."""
+
+
+class HandTurner:
+    """Asks a person to turn; the frames themselves show when it was done."""
+
+    by_hand = True
+    reported_deg: float | None = None
+
+    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+        """Ask for a turn of RA."""
+        words = f"Rotate RA about {degrees:.0f}° {direction}, then lock the clutch. Continues by itself."
+        yield TurnInstruction("turn", None, words, direction, degrees)
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """Ask for a turn of the declination axis."""
+        words = (
+            f"Rotate declination about {degrees:.0f}° {direction}, then lock it. Don't touch RA or the"
+            " bolts. Continues by itself."
+        )
+        yield TurnInstruction("turn", None, words, direction, degrees)
+
+
+class MountTurner:
+    """Moves a mount that is given already guarded: every refusal comes from there.
+
+    Few mounts say how fast their fast is, so it goes by the reported position: one bounded motion,
+    a position, and the next. The next frame of ``camera`` is dropped after a turn: it is trailed.
+    ``sleep`` and ``now`` are the wall's unless a test has its own.
+    """
+
+    by_hand = False
+
+    def __init__(
+        self,
+        mount: Mount,
+        rate_deg_s: float = RATE_DEG_S,
+        sleep: Callable[[float], None] = time.sleep,
+        now: Callable[[], float] = time.monotonic,
+        camera: CameraSource | None = None,
+    ) -> None:
+        self.reported_deg: float | None = None
+        self._mount = mount
+        self._rate = rate_deg_s
+        self._seen_deg_s = rate_deg_s
+        self._sleep = sleep
+        self._now = now
+        self._camera = camera
+
+    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+        """Several bounded motions, each waited for; stopped whenever this is given up."""
+        yield from self._turn(direction, degrees, lambda: self._mount.position().ra_deg)
+
+    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
+        """The same in declination."""
+        yield from self._turn(direction, degrees, lambda: self._mount.position().dec_deg)
+
+    def _turn(self, direction: Direction, degrees: float, where: Callable[[], float]) -> Task[None]:
+        begun = where()
+        turned, motions = 0.0, 0
+        try:
+            while degrees - turned > NEAR_ENOUGH_DEG and motions < MOST_MOTIONS:
+                motions += 1
+                left = degrees - turned
+                yield Progress("turn", turned / degrees, f"{left:.0f}° {direction}")
+                seconds = min(left / self._seen_deg_s, LONGEST_MOTION_S)
+                self._mount.move(direction, self._rate, seconds)
+                yield from self._wait(seconds)
+                turned = self._moved_on(turned, where() - begun, seconds)
+        finally:
+            self._mount.stop()
+        self.reported_deg = turned
+        self._sleep(SETTLE_S)
+        if self._camera is not None:
+            yield Progress("settle")
+            self._camera.next_frame(TRAILED_S)
+
+    def _moved_on(self, before: float, moved_deg: float, seconds: float) -> float:
+        """How far it has turned in all, as it reports; its rate is learned from that."""
+        turned = abs((moved_deg + 180.0) % 360.0 - 180.0)
+        step = turned - before
+        if step <= 0.02 * self._seen_deg_s * seconds:
+            raise RefusedError("The mount reports that it has not moved. Is it parked, or at a limit?")
+        self._seen_deg_s = step / seconds
+        return turned
+
+    def _wait(self, seconds: float) -> Task[None]:
+        begun = self._now()
+        while self._now() - begun < seconds or self._mount.state().slewing:
+            if self._now() - begun > SLOW * seconds + 10.0:
+                raise RefusedError("The mount still reports that it is moving. Kochab stopped it.")
+            yield Progress("turn")
+            self._sleep(0.1)
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """How a measurement is to be taken. ``goal_arcsec`` is for its uncertainty, both directions.
+
+    ``turn_deg`` None plans the turn from the first frame's own errors, and the number of frames
+    from ``frames`` to ``most_frames`` when no turn is enough. ``backwards`` is the direction of a
+    sweep before: this one goes the other way and ends where that began.
+    """
+
+    turn_deg: float | None = None
+    frames: int = 5
+    most_frames: int = 5
+    goal_arcsec: float = 10.0
+    least_deg: float = 30.0
+    most_deg: float = 90.0
+    backwards: Direction | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """A measurement, the path of its sweep, and all findings."""
+
+    measurement: Measurement
+    path: SweepPath
+    findings: tuple[PolarFinding, ...]
+
+
+def measure_axis(
+    source: SightingSource,
+    turner: Turner,
+    settings: MeasureSettings,
+    sweep: Sweep | None = None,
+    controls: PolarControls | None = None,
+    before: Droop = UNKNOWN,
+) -> Task[Measured]:
+    """Take frames while ``turner`` turns the axis, and measure it.
+
+    ``before`` is what is known of the tube's droop.
+
+    Raises
+    ------
+    NotMeasuredError
+        Frames stop coming or have no solution, or they give no axis.
+
+    """
+    sweep, controls = sweep or Sweep(), controls or PolarControls()
+    watch = RestWatch(source, settings, controls)
+    yield PolarUpdate("measure", 0.0, "Taking the first frame.")
+    seen = [(yield from watch.still())]
+    path = plan_path(seen[0], settings, sweep)
+    sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
+    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before))
+
+
+def sweep_from(
+    first: LocalAttitude,
+    path: SweepPath,
+    watch: RestWatch,
+    turner: Turner,
+    sweep: Sweep,
+    before: Droop = UNKNOWN,
+) -> Task[Measured]:
+    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already."""
+    seen, settings, controls = [first], watch.settings, watch.controls
+    step = path.turn_deg / (sweep.frames - 1)
+    slips: list[PolarFinding] = []
+    result: Measurement | NoAxis = NoAxis("no axis yet", "Rotate RA.")
+    while len(seen) < sweep.frames:
+        yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, step), frames=len(seen))
+        yield from turner.turn(path.direction, step)
+        now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
+        reported = turner.reported_deg
+        if reported is not None and (slip := slipping(reported, turned_deg(seen[-1], now))):
+            slips.append(slip)
+        seen.append(now)
+        result = measure_local(seen, settings, before)
+        yield _measured_so_far(result, seen, slips, sweep)
+        if controls.take_enough() and isinstance(result, Measurement):
+            break
+    if isinstance(result, NoAxis):
+        raise NotMeasuredError(f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}")
+    return Measured(result, path, (*slips[:1], *result.findings))
+
+
+def optics_of(attitude: LocalAttitude) -> Optics:
+    """What a frame's own covariance says of the optics."""
+    x, y, roll = np.sqrt(np.diag(attitude.covariance)) / ARCSEC
+    return Optics(float(np.sqrt((x * x + y * y) / 2.0)), float(roll))
+
+
+def plan_path(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep) -> SweepPath:
+    """How far and in which direction to turn, from the first frame."""
+    rho = _from_pole_deg(first, settings)
+    wanted = sweep.turn_deg
+    if wanted is None:
+        needed = turn_needed_deg(optics_of(first), rho, sweep.goal_arcsec, sweep.frames)
+        wanted = float(np.clip(needed or sweep.most_deg, sweep.least_deg, sweep.most_deg))
+    if sweep.backwards is None:
+        return best_path(first.boresight, settings, wanted)
+    return sweep_path(first.boresight, settings, _opposite(sweep.backwards), wanted)
+
+
+def foreseen_arcsec(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep) -> float:
+    """How surely a sweep from here would find the axis, both directions; infinite when too low."""
+    path = plan_path(first, settings, sweep)
+    if not path.good:
+        return float("inf")
+    frames = frames_needed(first, settings, sweep, path)
+    rho = _from_pole_deg(first, settings)
+    return weighted_arcsec(optics_of(first), rho, path.turn_deg, frames)
+
+
+def frames_needed(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep, path: SweepPath) -> int:
+    """As few frames, of those allowed, as reach the goal; the most allowed when none do."""
+    optics, rho = optics_of(first), _from_pole_deg(first, settings)
+    for count in range(sweep.frames, sweep.most_frames):
+        if weighted_arcsec(optics, rho, path.turn_deg, count) <= sweep.goal_arcsec:
+            return count
+    return max(sweep.frames, sweep.most_frames)
+
+
+def _from_pole_deg(first: LocalAttitude, settings: MeasureSettings) -> float:
+    pole = pole_direction(settings.site, settings.pole, settings.refraction)
+    return float(np.degrees(angle_between(first.boresight, pole)))
+
+
+def _next_turn(path: SweepPath, step: float) -> str:
+    low = f", down to {path.lowest_deg:.0f}° altitude. Another part of the sky is better"
+    return f"Next: {step:.0f}° {path.direction}{'' if path.good else low}."
+
+
+def _measured_so_far(
+    result: Measurement | NoAxis, seen: list[LocalAttitude], slips: list[PolarFinding], sweep: Sweep
+) -> PolarUpdate:
+    fraction = len(seen) / sweep.frames
+    if isinstance(result, NoAxis):
+        return PolarUpdate("measure", fraction, result.reason, frames=len(seen))
+    optics = optics_of(seen[0])
+    more = more_turn_deg(optics, result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
+    words = f"Uncertainty {angle_in_words(result.error.uncertainty_arcsec)}."
+    if more:
+        words += f" Rotate {more:.0f}° more for {sweep.goal_arcsec:.0f}″."
+    return PolarUpdate(
+        "measure",
+        fraction,
+        words,
+        measurement=result,
+        findings=(*slips, *result.findings),
+        more_turn_deg=more,
+        frames=len(seen),
+    )
+
+
+# -- The second sweep: the same axis at another declination, which measures flexure ------------
+
+
+def second_sweep(
+    source: SightingSource,
+    turner: Turner,
+    first: Measured,
+    sweep: Sweep | None = None,
+    controls: PolarControls | None = None,
+) -> Task[Measured]:
+    """Turn the declination axis, sweep again, and measure from all frames of both sweeps.
+
+    Nobody may touch the bolts between the two. ``first`` comes back as it is, and an update says
+    why, when no other declination would help from there.
+
+    Raises
+    ------
+    kochab.workflows.polar.sources.NotMeasuredError
+        Frames stop coming or have no solution, or the second sweep gives no axis.
+
+    """
+    sweep, controls = sweep or Sweep(), controls or PolarControls()
+    measurement = first.measurement
+    last = measurement.attitudes[-1]
+    frames = max(sweep.frames, sweep.most_frames)
+    turn = sweep.turn_deg or max(sweep.most_deg, measurement.turn_deg)
+    plan = plan_second(measurement, optics_of(last), frames, turn)
+    if plan is None:
+        yield PolarUpdate("turn", 1.0, NO_SECOND_SWEEP, measurement=measurement, findings=first.findings)
+        return first
+    yield PolarUpdate("turn", 0.0, _second_sweep_ahead(plan), measurement=measurement)
+    watch = RestWatch(source, measurement.settings, controls)
+    if plan.back_deg:
+        yield from turner.turn(_opposite(first.path.direction), plan.back_deg)
+        last = yield from watch.still(last, plan.back_deg if turner.by_hand else 0.0)
+    yield from turner.turn_declination(plan.direction, plan.degrees)
+    begin = yield from watch.still(last, plan.degrees if turner.by_hand else 0.0)
+    again = replace(sweep, frames=frames, backwards=None)
+    second = yield from sweep_from(begin, plan.path, watch, turner, again, measurement.before)
+    both = together(measurement, second.measurement)
+    slips = [f for f in second.findings if f.kind is PolarFindingKind.SLIPPING]
+    return replace(second, measurement=both, findings=(*slips, *both.findings))
+
+
+NO_SECOND_SWEEP = (
+    "Can't measure flexure from here: other declinations are too low, or flexure hardly shifts the axis."
+)
+
+
+def _opposite(direction: Direction) -> Direction:
+    return Direction.EAST if direction is Direction.WEST else Direction.WEST
+
+
+def _second_sweep_ahead(plan: SecondSweep) -> str:
+    back = f"RA {plan.back_deg:.0f}° back, then " if plan.back_deg else ""
+    return (
+        f"Second sweep to measure flexure. Don't touch the bolts. Next: {back}declination"
+        f" {plan.degrees:.0f}° {plan.direction}, to about {plan.declination_deg:+.0f}°."
+        f" Expected uncertainty: {angle_in_words(plan.foreseen_arcsec)}, flexure included."
+    )

@@ -1,0 +1,245 @@
+"""Solved frames for polar alignment, and waiting until they show a mount at rest."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from kochab.core.capture import CameraSource
+from kochab.core.errors import KochabError, UsageError
+from kochab.core.frame import Frame, Site
+from kochab.core.mount import SIDEREAL_DEG_S
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import NoSolution, Solution
+from kochab.polar.measure import MeasureSettings
+from kochab.polar.rotations import ARCSEC, rotation_vector
+from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+from kochab.solver import SolveOptions
+from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.solve_frame import solve_file, solve_open_frame
+
+NEAR_DEG = 20.0
+SAME_SITE_DEG = 0.1
+FRAME_TIMEOUT_S = 2.0
+
+APART_DEG = 12.0
+"""One sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination."""
+
+
+class SightingSource(Protocol):
+    """Gives one solved frame after the other, the newest each time."""
+
+    def sight(self) -> Task[Sighting | NoSolution | None]:
+        """The next frame, why it has no solution, or None when none came yet."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolvedFile:
+    """A frame's file, its time and site, and its solution."""
+
+    path: str
+    result: Solution | NoSolution
+    time_utc: datetime | None
+    site: Site | None
+    warnings: tuple[str, ...] = ()
+
+
+def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile]:
+    """Solve one file and keep what polar alignment needs of it."""
+    solved = yield from solve_file(path, options)
+    hint = solved.frame.hint
+    return SolvedFile(str(path), solved.result, hint.time_utc, hint.site, solved.frame.warnings)
+
+
+def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sighting]:
+    """The sightings of files that are all solved.
+
+    Frames given as one sweep, but at two declinations far apart, are taken as two.
+
+    Raises
+    ------
+    UsageError
+        A frame has no time.
+
+    """
+    sightings = []
+    for file, sweep in zip(files, sweeps, strict=True):
+        if file.time_utc is None:
+            raise UsageError(f"{file.path} has no time (DATE-OBS or EXIF). Polar alignment needs it.")
+        if isinstance(file.result, Solution):
+            label = Path(file.path).name
+            sightings.append(Sighting.of(file.result, file.time_utc, label, sweep))
+    return sightings if len(set(sweeps)) > 1 else _by_declination(sightings)
+
+
+def _by_declination(sightings: list[Sighting]) -> list[Sighting]:
+    """The same as two sweeps, when two groups of two or more stand far apart in declination."""
+    ordered = sorted(sightings, key=_declination_deg)
+    gaps = [_declination_deg(b) - _declination_deg(a) for a, b in pairwise(ordered)]
+    if not gaps or max(gaps) < APART_DEG:
+        return sightings
+    cut = gaps.index(max(gaps)) + 1
+    groups = ordered[:cut], ordered[cut:]
+    within = (_declination_deg(g[-1]) - _declination_deg(g[0]) for g in groups)
+    if min(map(len, groups)) < 2 or max(within) > APART_DEG:
+        return sightings
+    second = groups[sightings[0] in groups[0]]
+    return [replace(s, sweep=1) if s in second else s for s in sightings]
+
+
+def _declination_deg(sighting: Sighting) -> float:
+    return sighting.attitude.ra_dec_deg[1]
+
+
+def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
+    """Where the frames were taken: as ``given``, or as all their headers say.
+
+    Raises
+    ------
+    UsageError
+        No frame has a site, or two disagree.
+
+    """
+    if given is not None:
+        return given
+    told = [(file.path, file.site) for file in files if file.site is not None]
+    if not told:
+        raise UsageError("The frames have no site: give --site LAT,LON in degrees, east positive.")
+    first_path, first = told[0]
+    for path, site in told[1:]:
+        apart = abs(site.latitude_deg - first.latitude_deg)
+        around = (site.longitude_deg - first.longitude_deg + 180.0) % 360.0 - 180.0
+        if max(apart, abs(around)) > SAME_SITE_DEG:
+            raise UsageError(f"{first_path} and {path} were taken at different sites: give --site.")
+    return first
+
+
+class CameraSightings:
+    """Frames of an opened camera, solved as they come, near the last solution first.
+
+    ``clock`` gives the time of frames that carry none.
+    """
+
+    def __init__(
+        self,
+        camera: CameraSource,
+        options: SolveOptions | None = None,
+        clock: Callable[[], datetime] | None = None,
+    ) -> None:
+        self._camera = camera
+        self._options = options or SolveOptions(timeout_s=10.0)
+        self._clock = clock
+        self._last: Solution | None = None
+        self._near_last = False
+
+    def sight(self) -> Task[Sighting | NoSolution | None]:
+        """Wait a little for the newest frame and solve it."""
+        yield Progress("wait for a frame")
+        frame = self._camera.next_frame(FRAME_TIMEOUT_S)
+        if frame is None:
+            return None
+        moment = self._time_of(frame)
+        solved = yield from solve_open_frame(frame, self._near(frame))
+        if isinstance(solved.result, NoSolution):
+            self._near_last = False  # an axis may have been turned further than that
+            return solved.result
+        self._last, self._near_last = solved.result, True
+        return Sighting.of(solved.result, moment)
+
+    def _time_of(self, frame: Frame) -> datetime:
+        if frame.hint.time_utc is not None:
+            return frame.hint.time_utc
+        if self._clock is None:
+            raise UsageError("The camera's frames have no time.")
+        return self._clock()
+
+    def _near(self, frame: Frame) -> SolveOptions:
+        """The options with the last solution as a hint: a bolt or a turn moves it only so far.
+
+        After a frame without a solution only its scale is kept.
+        """
+        if self._last is None:
+            return self._options
+        scale = self._last.camera.scale_arcsec_px
+        hint = replace(self._options.hint or frame.hint, scale_arcsec_px=(scale * 0.97, scale * 1.03))
+        if self._near_last:
+            hint = replace(hint, centre_deg=(*self._last.ra_dec_deg, NEAR_DEG))
+        return replace(self._options, hint=hint)
+
+
+# -- Waiting for frames that show a mount at rest ----------------------------------------------
+
+STILL_ARCSEC = 30.0
+SIGMAS = 5.0
+MOST_EMPTY = 40
+"""Frames without a solution, or waits without a frame, before a measurement is given up."""
+
+
+class NotMeasuredError(KochabError):
+    """A measurement that failed; one sentence with what to do."""
+
+
+class RestWatch:
+    """Attitudes of a source's frames in E, N, U, and waiting until the mount is at rest."""
+
+    def __init__(self, source: SightingSource, settings: MeasureSettings, controls: PolarControls) -> None:
+        self.settings = settings
+        self.controls = controls
+        self._source = source
+
+    def next(self, patient: bool = False) -> Task[LocalAttitude]:
+        """The next solved frame; ``patient`` waits for ever, as for a hand.
+
+        Raises
+        ------
+        NotMeasuredError
+            Too many frames in a row have no solution, or none come.
+
+        """
+        empty = 0
+        while True:
+            found = yield from self._source.sight()
+            if found is not None and not isinstance(found, NoSolution):
+                return to_local(found, self.settings.site, self.settings.refraction)
+            empty += 1
+            why = "The camera sends no frames"
+            if isinstance(found, NoSolution):
+                why = f"No solution ({found.reason}): {found.advice}"
+            if empty > MOST_EMPTY and not patient:
+                raise NotMeasuredError(f"{why.rstrip('.')}.")
+            yield PolarUpdate("measure", None, why, solved=False)
+
+    def still(self, before: LocalAttitude | None = None, turn_deg: float = 0.0) -> Task[LocalAttitude]:
+        """The first attitude like the one before it, but for tracking.
+
+        With ``turn_deg`` only one that has turned by half of that, at least, since ``before``: so
+        a person need not confirm the turn.
+        """
+        last: LocalAttitude | None = None
+        while True:
+            now = yield from self.next(patient=turn_deg > 0.0)
+            turned = turned_deg(before, now) if before is not None else 0.0
+            enough = turned >= 0.5 * turn_deg or self.controls.take_turned()
+            if enough and last is not None and at_rest(last, now):
+                return now
+            if turn_deg:
+                progress = f"{turned:.0f}° of {turn_deg:.0f}°"
+                yield PolarUpdate("turn", min(1.0, turned / turn_deg), progress)
+            last = now
+
+
+def turned_deg(first: LocalAttitude, second: LocalAttitude) -> float:
+    """The angle of the rotation between two attitudes."""
+    return float(np.degrees(np.linalg.norm(rotation_vector(second.matrix @ first.matrix.T))))
+
+
+def at_rest(first: LocalAttitude, second: LocalAttitude) -> bool:
+    """Whether two frames differ by no more than tracking, or standing still, and their errors."""
+    seconds = abs((second.time_utc - first.time_utc).total_seconds())
+    sigma = np.sqrt(np.trace(first.covariance + second.covariance)) / ARCSEC
+    allowed = STILL_ARCSEC + 3600.0 * SIDEREAL_DEG_S * seconds + SIGMAS * float(sigma)
+    return turned_deg(first, second) * 3600.0 <= allowed

@@ -1,0 +1,320 @@
+"""A polar alignment as one task: what was chosen, who turns the axis, from a camera or from files."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
+
+from kochab.core.capture import CameraSource
+from kochab.core.errors import KochabError, RefusedError, UsageError
+from kochab.core.frame import Frame, Site
+from kochab.core.mount import Ability
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import NoSolution
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.session import CameraSelection, MountSelection, OpenCamera, Practice, StartPractice
+from kochab.polar.error import total_in_words
+from kochab.polar.horizon import Pole
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
+from kochab.polar.plan import more_turn_deg
+from kochab.polar.report import History
+from kochab.solver import SolveOptions
+from kochab.workflows.polar.align import AlignOptions, align
+from kochab.workflows.polar.measure import RATE_DEG_S, HandTurner, MountTurner, Sweep, Turner, optics_of
+from kochab.workflows.polar.sources import CameraSightings, sightings_of, site_of, solve_polar_file
+from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.session.mount_camera import MountCamera
+
+# What a person wants aligned, and with what; plain values that are remembered between starts.
+
+
+class FrameSource(StrEnum):
+    """Where the frames come from; the texts are on the screen."""
+
+    PRACTICE = "Practice telescope (simulated)"
+    CAMERA = "Camera"
+    FILES = "Files"
+
+
+class AxisTurnedBy(StrEnum):
+    """Who turns the RA axis between the frames."""
+
+    PERSON = "I turn it by hand"
+    MOUNT = "The mount turns it, within its limits"
+
+
+@dataclass(frozen=True, slots=True)
+class AlignmentRequest:
+    """Everything an alignment needs to begin.
+
+    ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None
+    takes it from the frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when
+    ``hand`` is the mount and the frames come from a camera. With ``second_sweep`` nothing is called
+    good before a sweep at another declination.
+    """
+
+    source: FrameSource
+    pole: Pole = Pole.REFRACTED
+    site: Site | None = None
+    files: tuple[Path, ...] = ()
+    check: tuple[Path, ...] = ()
+    camera: CameraSelection | None = None
+    hand: AxisTurnedBy = AxisTurnedBy.PERSON
+    mount: MountSelection | None = None
+    goal_arcsec: float = 30.0
+    turn_deg: float | None = None
+    frames: int = 5
+    fov_deg: float | None = None
+    second_sweep: bool = False
+
+
+# -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
+
+T = TypeVar("T")
+Tell = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, slots=True)
+class AlignmentTools:
+    """``tell`` and the others run in the alignment's thread.
+
+    ``practice`` starts a practice night; ``practising`` hears of the one that is used. ``there``
+    gives the one that is under way already, if any: it goes on when the alignment is over.
+    ``open_camera`` opens a camera that other views may use too.
+    """
+
+    controls: PolarControls
+    tell: Tell
+    keep: Callable[[History], None]
+    practising: Callable[[Practice], None] = lambda practice: None
+    practice: StartPractice | None = None
+    there: Callable[[], Practice | None] = lambda: None
+    open_camera: OpenCamera | None = None
+
+
+def with_every_step(task: Task[T], tell: Tell) -> Task[T]:
+    """The same task, every step of which is told: a job passes on only the newest."""
+    while True:
+        try:
+            step = next(task)
+        except StopIteration as end:
+            result: T = end.value
+            return result
+        tell(step)
+        yield step
+
+
+# -- Who turns the RA axis: a hand that is asked in words, or a mount at a rate of its own -----
+
+SLICE_S = 1.0
+SLOWEST_DEG_S = 0.1  # a sweep at less would take a quarter of an hour
+
+
+def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
+    """Turns at the mount's own rate nearest to two degrees a second.
+
+    Raises
+    ------
+    RefusedError
+        The mount cannot be moved at a rate, or by none that is fast enough.
+
+    """
+    lacking = guard.lacks.get(Ability.MOVE)
+    if lacking is not None:
+        raise RefusedError(f"{lacking} Turn the RA axis by hand instead.")
+    rate = min(guard.rates_deg_s, key=lambda r: abs(r - RATE_DEG_S), default=RATE_DEG_S)
+    if rate < SLOWEST_DEG_S:
+        raise RefusedError("The mount has no rate fast enough: turn the RA axis by hand instead.")
+    return MountTurner(guard, rate, camera=camera)
+
+
+# -- The alignment with a camera: opened, used and given back in the thread that runs it -------
+
+PRACTICE_FOV_DEG = 4.0  # wide enough for the patterns that are shipped
+FIRST_FRAME_S = 60.0
+SOLVE_S = 5.0  # a frame that was exposed while a hand turned the axis must not hold up the next
+LEAST_TURN_DEG = 30.0
+SHARE_OF_GOAL = 0.25  # of the uncertainty that a measurement aims at
+MOST_FRAMES = 9
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPlace:
+    """Which camera looks, from where, and what time it is there."""
+
+    camera: CameraSelection
+    site: Site | None
+    clock: Callable[[], datetime]
+
+
+def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
+    """Measure, adjust, measure again with a camera, a practice telescope's or a real one.
+
+    With a ``guard`` the mount turns the axis, and this runs in the thread of its line; without, a
+    person is asked to.
+    """
+    with ExitStack() as opened:
+        yield Progress("opening", None, "Opening the camera…")
+        place = _place(wish, tools, opened)
+        camera = MountCamera(place.camera, tools.open_camera, insists=True)
+        opened.callback(camera.close)
+        site = place.site
+        if site is None:
+            site = yield from _site_of_frames(camera)
+        turner: Turner = HandTurner()
+        if guard is not None:
+            guard.site = guard.site or site
+            turner = mount_turner(guard, camera)
+        source = CameraSightings(camera, SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg), place.clock)
+        done = yield from align(
+            source,
+            turner,
+            MeasureSettings(site, wish.pole),
+            options_of(wish),
+            tools.controls,
+            keep=tools.keep,
+        )
+        return done.history
+
+
+def options_of(wish: AlignmentRequest) -> AlignOptions:
+    """How it is measured, from what the person chose."""
+    sweep = Sweep(
+        wish.turn_deg,
+        wish.frames,
+        max(wish.frames, MOST_FRAMES),
+        SHARE_OF_GOAL * wish.goal_arcsec,
+        LEAST_TURN_DEG,
+    )
+    return AlignOptions(wish.goal_arcsec, sweep=sweep, second_sweep=wish.second_sweep)
+
+
+def _place(wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack) -> CameraPlace:
+    if wish.source is FrameSource.PRACTICE:
+        return _of_practice(_practice(tools, opened), wish)
+    if wish.camera is None:
+        raise UsageError("Choose a camera.")
+    return CameraPlace(wish.camera, wish.site, _computer_clock)
+
+
+def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
+    """The practice night under way, or one that ends with the alignment."""
+    practice = tools.there()
+    if practice is None:
+        if tools.practice is None:
+            raise UsageError("No simulated telescope is part of this program.")
+        practice = tools.practice(fov_deg=PRACTICE_FOV_DEG)
+        opened.callback(practice.stop)
+    tools.practising(practice)
+    return practice
+
+
+def _of_practice(practice: Practice, wish: AlignmentRequest) -> CameraPlace:
+    exposure_s = 2.0 if wish.camera is None else wish.camera.exposure_s
+    camera = CameraSelection("simulated", practice.camera, exposure_s)
+    return CameraPlace(camera, practice.rig.config.site, practice.rig.clock.now_utc)
+
+
+def _site_of_frames(camera: CameraSource) -> Task[Site]:
+    """What the first frame says of its place."""
+    for _ in range(round(FIRST_FRAME_S / SLICE_S)):
+        yield Progress("opening", None, "Waiting for the first frame…")
+        frame: Frame | None = camera.next_frame(SLICE_S)
+        if frame is None:
+            continue
+        if frame.hint.site is None:
+            raise UsageError("The camera's frames have no site: fill in “Your site”.")
+        return frame.hint.site
+    raise KochabError("The camera sends no frames.")
+
+
+def _computer_clock() -> datetime:
+    return datetime.now(UTC)
+
+
+# -- One measurement from frames on disk -------------------------------------------------------
+
+
+def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
+    """Solve every file, then measure.
+
+    Raises
+    ------
+    KochabError
+        One sentence with what to do.
+
+    """
+    if len(wish.files) < 2:
+        raise UsageError("Polar alignment needs two frames or more: add another.")
+    solved = yield from _solved(wish)
+    sweeps = [0] * len(wish.files) + [1] * len(wish.check)
+    try:
+        site = site_of(solved, wish.site)
+    except UsageError as error:
+        raise UsageError(str(error).replace("give --site", "fill in “Your site”")) from None
+    result = measure(sightings_of(solved, sweeps), MeasureSettings(site, wish.pole))
+    if isinstance(result, NoAxis):
+        raise KochabError(f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}")
+    history = History()
+    history.measured(result)
+    tools.keep(history)
+    yield _told(result, wish, len(solved))
+    return history
+
+
+def _solved(wish: AlignmentRequest) -> Task[list[Any]]:
+    options = SolveOptions(fov_deg=wish.fov_deg)
+    files, solved = (*wish.files, *wish.check), []
+    for number, path in enumerate(files):
+        told_of = f"{path.name}, {number + 1} of {len(files)}"
+        yield PolarUpdate("measure", number / len(files), told_of, frames=number)
+        one = yield from _quietly(solve_polar_file(path, options))
+        if isinstance(one.result, NoSolution):
+            raise KochabError(f"{path.name} has no solution, {one.result.reason}: {one.result.advice}")
+        solved.append(one)
+    return solved
+
+
+def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
+    axis = result.error
+    more = more_turn_deg(
+        optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec
+    )
+    return PolarUpdate(
+        "done",
+        1.0,
+        f"Polar alignment error: {total_in_words(axis)}.",
+        measurement=result,
+        findings=result.findings,
+        more_turn_deg=more,
+        frames=frames,
+    )
+
+
+def _quietly(task: Task[Any]) -> Task[Any]:
+    """Its steps as cancel points only: what they say is of one frame, not of the alignment."""
+    while True:
+        try:
+            next(task)
+        except StopIteration as end:
+            return end.value
+        yield Progress("solve")
+
+
+def alignment_task(
+    wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None
+) -> Task[History]:
+    """What ``wish`` says, from the first frame to the last; with a ``guard`` the mount turns.
+
+    Raises
+    ------
+    KochabError
+        One sentence with what to do.
+
+    """
+    if wish.source is FrameSource.FILES:
+        return (yield from with_every_step(measure_files(wish, tools), tools.tell))
+    return (yield from with_every_step(align_camera(wish, tools, guard), tools.tell))

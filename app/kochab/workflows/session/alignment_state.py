@@ -1,0 +1,159 @@
+"""The state of an alignment: one frozen value that every screen shows."""
+
+from dataclasses import dataclass, replace
+
+from kochab.core.progress import Progress
+from kochab.polar.error import PolarError
+from kochab.polar.measure import PolarFinding
+from kochab.polar.tutor import Instruction, Knob, TutorStep
+from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
+
+OLD_S = 6.0
+HANDS_OFF = "Measuring. Hands off the mount."
+LOCKED = "Both axes locked? From here on touch only the bolts."
+PAST = 400  # points of the trail that are kept
+
+Point = tuple[float, float]  # azimuth on the sky, altitude; arcsec
+
+
+@dataclass(frozen=True, slots=True)
+class AlignmentState:
+    """``words`` say what to do, ``detail`` what goes on meanwhile.
+
+    ``heard_s`` is when the newest error came, on the clock of whoever absorbs; ``trail`` are the
+    axes seen while adjusting, ``measured`` the errors of the measurements.
+    """
+
+    stage: str = "idle"
+    words: str = ""
+    detail: str = ""
+    fraction: float | None = None
+    error: PolarError | None = None
+    live: bool = False
+    settled: bool = False
+    solved: bool = True
+    instruction: Instruction | None = None
+    asked: TurnInstruction | None = None
+    findings: tuple[PolarFinding, ...] = ()
+    more_turn_deg: float | None = None
+    frames: int = 0
+    moves: int = 0
+    heard_s: float = 0.0
+    trail: tuple[Point, ...] = ()
+    measured: tuple[PolarError, ...] = ()
+
+    @property
+    def running(self) -> bool:
+        """Whether an alignment is under way."""
+        return self.stage not in ("idle", "done", "ended")
+
+    @property
+    def hand_needed(self) -> bool:
+        """Whether a person is asked to turn something and to say so."""
+        waits = self.instruction is not None and self.instruction.knob is not None
+        asked = self.stage == "turn" and self.asked is not None
+        return asked or (self.stage == "adjust" and waits)
+
+    @property
+    def mount_turns(self) -> bool:
+        """Whether it is the mount that turns the axis now, by itself."""
+        return self.stage == "turn" and self.asked is None
+
+    @property
+    def stop(self) -> bool:
+        """Whether the tutor says that it is enough."""
+        return self.instruction is not None and self.instruction.step is TutorStep.STOP
+
+    def old(self, now_s: float) -> bool:
+        """Whether the number is not of just now: the mount may stand differently already."""
+        return self.running and (not self.solved or now_s - self.heard_s > OLD_S)
+
+    @property
+    def knob(self) -> Knob | None:
+        """The axis to look at: the one that is being turned, else the worse of the two."""
+        if self.instruction is not None and self.instruction.knob is not None:
+            return self.instruction.knob
+        if self.error is None:
+            return None
+        alt, az = abs(self.error.altitude_arcsec), abs(self.error.azimuth_on_sky_arcsec)
+        return Knob.ALTITUDE if alt >= az else Knob.AZIMUTH
+
+
+def absorb(state: AlignmentState, step: Progress, now_s: float) -> AlignmentState:
+    """The state after one step of the task."""
+    if isinstance(step, TurnInstruction):
+        return replace(state, stage="turn", words=step.detail, detail="", asked=step, fraction=0.0)
+    if not isinstance(step, PolarUpdate):
+        detail = step.detail or state.detail
+        return replace(state, detail=detail) if step.stage == "opening" else _plain(state, step)
+    if step.stage == "measure" and not step.solved:
+        # What was asked for still holds: frames are trailed while a hand turns the axis.
+        return replace(state, solved=False, detail=step.detail)
+    state = replace(state, stage=step.stage, solved=step.solved, fraction=step.fraction)
+    if step.stage == "measure":
+        state = _measuring(state, step)
+    elif step.stage == "turn":
+        state = replace(state, detail=step.detail, frames=step.frames or state.frames)
+    elif step.stage == "adjust":
+        state = _adjusting(state, step)
+    else:
+        state = replace(state, words=step.detail, detail="", asked=None, instruction=None)
+    return _with_error(state, step, now_s)
+
+
+def _plain(state: AlignmentState, step: Progress) -> AlignmentState:
+    """A mount that turns says how far; waiting for frames and solving say nothing new."""
+    if step.stage == "turn" and step.detail:
+        words = f"The mount turns: {step.detail}. Keep clear of it."
+        return replace(state, stage="turn", words=words, fraction=step.fraction, asked=None)
+    return state
+
+
+def _measuring(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
+    return replace(
+        state,
+        words=HANDS_OFF,
+        detail=step.detail,
+        asked=None,
+        instruction=None,
+        live=False,
+        frames=step.frames or state.frames,
+        more_turn_deg=step.more_turn_deg if step.measurement is not None else state.more_turn_deg,
+    )
+
+
+def _adjusting(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
+    told = step.instruction
+    words = told.words if told is not None else state.words
+    detail = step.detail if not step.solved else ""
+    return replace(
+        state,
+        words=words,
+        detail=detail,
+        instruction=told,
+        asked=None,
+        moves=step.moves,
+        settled=step.steady is not None and step.steady.settled,
+    )
+
+
+def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> AlignmentState:
+    if step.findings:
+        state = replace(state, findings=step.findings)
+    if step.steady is not None:
+        state = replace(state, error=step.steady.error, live=True)
+        if step.live is not None:
+            seen = step.live.error
+            point = (seen.azimuth_on_sky_arcsec, seen.altitude_arcsec)
+            trail = (*state.trail[-PAST:], point)
+            return replace(state, trail=trail, heard_s=now_s, findings=step.findings)
+        return state
+    if step.measurement is None:
+        return state
+    error = step.measurement.error
+    if step.stage == "adjust" or step.stage == "done":
+        fresh = not state.measured or state.measured[-1] is not error
+        measured = (*state.measured, error) if fresh else state.measured
+        # What follows begins a trail of its own.
+        return replace(state, error=error, measured=measured, heard_s=now_s, live=False, trail=())
+    return replace(state, error=error, heard_s=now_s, live=False)

@@ -1,0 +1,291 @@
+"""One running camera: its frames solved, shown and recorded in a thread of their own."""
+
+import shutil
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from time import monotonic
+
+from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.errors import KochabError, UsageError
+from kochab.core.frame import Frame
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import Solution
+from kochab.solver import SolveOptions
+from kochab.solver.camera_profile import Profile
+from kochab.workflows.live.capture import Capture
+from kochab.workflows.live.session import Recorder, options_json, session_folder
+from kochab.workflows.live.solve import WARNING, LiveEngine, ProfiledTracker, live_solve
+from kochab.workflows.live.update import LiveSummary, LiveUpdate
+from kochab.workflows.session.wiring import ToRecord
+
+# Switches recording on and off while a stream runs; everything happens in the stream's thread.
+
+LOOK_S = 2.0  # between looks at the disk
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """How a recording does; ``free_bytes`` is what its disk has left."""
+
+    folder: Path
+    frames: int
+    solved: int
+    free_bytes: int
+    going_on: bool
+
+
+class Recording:
+    """Follows :attr:`wish`, the folder to make a session in, or None to end it."""
+
+    def __init__(self, to_record: ToRecord | None, about: Mapping[str, object]) -> None:
+        self.wish: Path | None = None
+        self.state: Recorded | None = None
+        self._to_record, self._about = to_record, about
+        self._followed: Path | None = None
+        self._recorder: Recorder | None = None
+        self._looked_s = 0.0
+        self._free = 0
+
+    def take(self, update: LiveUpdate) -> list[str]:
+        """Record one frame if that is wished; sentences for the person."""
+        said = self._follow()
+        recorder = self._recorder
+        if recorder is not None:
+            sentence = recorder.record(update)
+            if sentence is not None:
+                said.append(sentence)
+            self._tell(recorder)
+            if not recorder.recording:
+                self._recorder = None
+        return said
+
+    def close(self) -> list[str]:
+        """End the session, if there is one; what is to be said of it."""
+        recorder, self._recorder = self._recorder, None
+        self._followed = self.wish = None
+        if recorder is None:
+            return []
+        recorder.close()
+        self._tell(recorder)
+        return [f"{recorder.frames} frames were recorded into {recorder.folder}."]
+
+    def _follow(self) -> list[str]:
+        wish = self.wish
+        if wish == self._followed:
+            return []
+        said = self.close()
+        self.wish = self._followed = wish
+        if wish is not None and self._to_record is not None:
+            try:
+                self._recorder = Recorder(session_folder(wish), self._to_record, self._about)
+            except UsageError as error:
+                self.state = Recorded(wish, 0, 0, 0, False)
+                said.append(str(error))
+        return said
+
+    def _tell(self, recorder: Recorder) -> None:
+        now = monotonic()
+        if now - self._looked_s >= LOOK_S:
+            self._looked_s = now
+            try:
+                self._free = shutil.disk_usage(recorder.folder).free
+            except OSError:
+                self._free = 0
+        self.state = Recorded(
+            recorder.folder, recorder.frames, recorder.solved, self._free, recorder.recording
+        )
+
+
+# A camera whose frames are seen on their way to the solver, so that none waits to be shown.
+
+
+class WatchedCamera(CameraSource):
+    """The camera ``source`` itself, with ``see`` called on each frame in the camera's thread."""
+
+    def __init__(self, source: CameraSource, see: Callable[[Frame], None]) -> None:
+        self._source, self._see = source, see
+        self.name = source.name
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """Of the camera."""
+        return self._source.limits
+
+    def configure(self, settings: CaptureSettings) -> CaptureSettings:
+        """Set the camera."""
+        return self._source.configure(settings)
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        """The camera's newest frame."""
+        frame = self._source.next_frame(timeout_s)
+        if frame is not None:
+            self._see(frame)
+        return frame
+
+    def close(self) -> None:
+        """Give the camera back."""
+        self._source.close()
+
+    def complaints(self) -> tuple[str, ...]:
+        """The camera's."""
+        return self._source.complaints()
+
+    def now_utc(self) -> datetime:
+        """By the camera's clock."""
+        return self._source.now_utc()
+
+    @property
+    def in_force(self) -> CaptureSettings | None:
+        """Of the camera."""
+        return self._source.in_force
+
+    @property
+    def alone(self) -> bool:
+        """Whether no other view uses the camera."""
+        return self._source.alone
+
+
+SOLVE_TIMEOUT_S = 10.0
+AHEAD_S = 0.5  # a frame whose answer takes longer is shown before it has one
+MOST_SAID = 50
+DOUBT = "Your camera profile is off"
+
+Show = Callable[[Frame, LiveUpdate | None], None]
+
+
+@dataclass(frozen=True, slots=True)
+class StreamRequest:
+    """What to open, and how.
+
+    ``open`` is called in the camera's thread. What is learned of the optics is kept under
+    ``profile``, and nothing is kept without a name. With ``again`` a lost camera is waited for.
+    """
+
+    open: Callable[[], CameraSource]
+    name: str
+    profile: str = ""
+    again: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """What is known of the camera and its lens, and the sentence of a frame that contradicts it."""
+
+    profile: Profile | None = None
+    doubt: str = ""
+
+
+class Stream:
+    """Run :meth:`task` in a job; everything else may be read and set from any thread.
+
+    ``show`` is given every frame to be shown: with its answer, or alone while the solver is slow.
+    ``latest`` is the newest answer, ``said`` sentences for the person that nobody has told yet, and
+    ``seen_s`` when the newest frame came.
+    """
+
+    def __init__(
+        self,
+        wish: StreamRequest,
+        show: Show,
+        to_record: ToRecord | None = None,
+        make_engine: Callable[[], LiveEngine] | None = None,
+    ) -> None:
+        self.wish = wish
+        self.capture = Capture(self._opened, wish.again)
+        self.options = SolveOptions(timeout_s=SOLVE_TIMEOUT_S)
+        self.latest: LiveUpdate | None = None
+        self.lens = Lens()
+        self.said: deque[str] = deque(maxlen=MOST_SAID)
+        self.seen_s = float("-inf")
+        about = {"camera": wish.name, "solve": options_json(self.options)}
+        self.recording = Recording(to_record, about)
+        self._show = show
+        self._make_engine = make_engine or self._engine
+        self._held: tuple[Frame, float] | None = None  # waits for its answer, since when
+        self._quick = False
+
+    def task(self) -> Task[LiveSummary]:
+        """Everything, until it is cancelled or the camera ends it with a DeviceError."""
+        yield Progress("load")
+        engine = self._make_engine()
+        live = live_solve(self.capture, engine)
+        try:
+            while True:
+                try:
+                    step = next(live)
+                except StopIteration as end:
+                    return end.value  # type: ignore[no-any-return]
+                if isinstance(step, LiveUpdate):
+                    self._has(step, engine)
+                    yield Progress("solved")
+                else:
+                    self._let_go()
+                    if step.stage == WARNING:
+                        self.said.append(step.detail)
+                    yield step
+        finally:
+            live.close()
+            self.said.extend(self.recording.close())
+            self._keep(engine)
+
+    def _opened(self) -> CameraSource:
+        return WatchedCamera(self.wish.open(), self._see)
+
+    def _see(self, frame: Frame) -> None:
+        """A frame has come: shown at once unless its answer will be there in a moment."""
+        self.seen_s = monotonic()
+        if self._quick:
+            held = self._held
+            self._held = (frame, monotonic() if held is None else held[1])
+        else:
+            self._show(frame, None)
+
+    def _let_go(self) -> None:
+        """The answer takes longer than was thought."""
+        held = self._held
+        if held is not None and monotonic() - held[1] > AHEAD_S:
+            self._held, self._quick = None, False
+            self._show(held[0], None)
+
+    def _has(self, update: LiveUpdate, engine: LiveEngine) -> None:
+        if isinstance(update.result, Solution):
+            update.result.attitude.quaternion  # noqa: B018  (its library loads slowly)
+        self._held = None
+        self._quick = update.mode == "tracking" and update.latency_ms < 1e3 * AHEAD_S
+        self._show(update.shot.frame, update)
+        self.latest = update
+        self._learn(update, engine)
+        self.said.extend(w for w in update.warnings if w not in self.said)
+        self.said.extend(self.recording.take(update))
+
+    def _learn(self, update: LiveUpdate, engine: LiveEngine) -> None:
+        """Remember a doubt until a later frame agrees with the profile."""
+        profile = engine.profile
+        doubts = [w for w in update.result.warnings if w.startswith(DOUBT)]
+        before = self.lens.profile
+        same = profile is not None and before is not None and profile.frames == before.frames
+        doubt = doubts[-1] if doubts else self.lens.doubt if same else ""
+        self.lens = Lens(profile, doubt)
+
+    def _engine(self) -> LiveEngine:
+        """The tracker, with the profile of this camera where one has a name."""
+        from kochab.solver.tracker import Tracker, TrackOptions
+
+        track = TrackOptions(solve=self.options)
+        if self.wish.profile:
+            return ProfiledTracker(self.wish.profile, track)
+        return Tracker(options=track)
+
+    def _keep(self, engine: LiveEngine) -> None:
+        if not isinstance(engine, ProfiledTracker):
+            return
+        try:
+            kept = engine.keep()
+        except KochabError as error:
+            self.said.append(str(error))
+        else:
+            if kept is not None:
+                self.said.append(f"The camera profile “{self.wish.profile}” was kept.")

@@ -1,0 +1,246 @@
+"""The orders for a mount, as tasks for the thread of its line.
+
+Each function gives a maker: a function of the guarded mount that returns the task.
+"""
+
+import re
+from collections.abc import Callable
+from datetime import datetime
+from time import monotonic, sleep
+from typing import Any
+
+from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
+from kochab.core.errors import UsageError
+from kochab.core.frame import Site
+from kochab.core.mount import Direction
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import Solution, SolveNow
+from kochab.gear.mount_line import MakeTask
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
+from kochab.solver.disagreement import MountSighting
+from kochab.workflows.centre_target import Centring
+from kochab.workflows.goto_target import Target, answered, named_target, target_at
+from kochab.workflows.nudge import Nudged
+from kochab.workflows.session.mount_camera import MountCamera
+from kochab.workflows.sync_mount import SyncDone, SyncOffer, sync_done
+
+# A sync on the open frame alone, for those whose camera is another program's: on their word.
+
+WARNING = "Sync on this frame only if the telescope has not moved since it was taken."
+
+
+def offer_by_hand(mount: Guard, solution: Solution) -> Task[SyncOffer]:
+    """What a sync to the open frame's place would do."""
+    from dataclasses import replace
+
+    from kochab.core.mount import Ability
+
+    yield Progress("sync")
+    sky = solution.ra_dec_deg
+    here = answered(mount.position)
+    there = mount.to_mount(*sky)
+    preview = answered(lambda: mount.preview_sync(*there, by_hand=True))
+    preview = replace(preview, warnings=(WARNING, *preview.warnings))
+    lacking = mount.lacks.get(Ability.SYNC, "")
+    return SyncOffer(preview, SyncEvidence.of(solution), solution, here, sky, lacking)
+
+
+def accept_by_hand(mount: Guard, offer: SyncOffer) -> Task[SyncDone]:
+    """Do it, and read it back."""
+    yield Progress("sync", None, offer.in_words)
+    mount.sync(*mount.to_mount(*offer.sky_deg), by_hand=True, confirmed=True)
+    return sync_done(offer)
+
+
+# -- A nudge at a rate that a person has chosen ------------------------------------------------
+
+CHECK_EVERY_S = 0.2
+
+
+def nudge_at_rate(guard: Guard, direction: Direction, arcsec: float, rate_deg_s: float) -> Task[Nudged]:
+    """One bounded move, refused by the guard when it is too long; cancelling stops the mount."""
+    seconds = arcsec / 3600.0 / rate_deg_s
+    yield Progress("move", 0.0, str(direction))
+    over, stops = False, guard.stops
+    try:
+        guard.move(direction, rate_deg_s, seconds)
+        end = monotonic() + seconds
+        while (left := end - monotonic()) > 0.0:
+            yield Progress("move", 1.0 - left / seconds, str(direction))
+            sleep(min(left, CHECK_EVERY_S))
+            guard.check_not_stopped(stops, "move")
+        over = True
+    finally:
+        if not over:
+            guard.halt()
+    return Nudged(direction, arcsec, f"one move of {seconds:.1f} s", seconds)
+
+
+# -- Where to go: a name the catalogue knows, or coordinates as people type them ---------------
+
+NOTHING = "Enter a target: a name such as M 42, Vega or HIP 32349, or “5h35m17s -5d23m”."
+
+
+def parse_target(text: str, time_utc: datetime) -> Target:
+    """A target from ``M 42``, ``Vega``, ``83.82 -5.39``, ``5h35m17s, -5d23m28s``.
+
+    A name is looked up in the catalogue, which takes a moment the first time: not for the
+    window's thread. UsageError says what is wrong.
+    """
+    clean = " ".join(text.split())
+    if not clean:
+        raise UsageError(NOTHING)
+    if re.match(r"[+-]?[\d.]+\s*([hd°:,\s]|$)", clean) and not re.match(r"\d+ [A-Za-z]{3}", clean):
+        return target_at(*_coordinates(clean))
+    return named_target(clean, time_utc)
+
+
+def _coordinates(text: str) -> tuple[float, float]:
+    """Split at the comma or semicolon, before the sign, or in the middle of an even count."""
+    for pattern in (r"\s*[,;]\s*(?=[+\-−\d])", r"\s+(?=[+\-−])"):
+        parts = re.split(pattern, text)
+        if len(parts) == 2:
+            return parse_ra_deg(parts[0]), parse_dec_deg(parts[1])
+    words = text.split()
+    if len(words) % 2 == 0:
+        half = len(words) // 2
+        return parse_ra_deg(" ".join(words[:half])), parse_dec_deg(" ".join(words[half:]))
+    raise UsageError(f"“{text}” is not a known name or position. {NOTHING}")
+
+
+def names_to_offer() -> Task[list[str]]:
+    """What the field completes: Messier objects and the stars that bear a name of their own."""
+    yield Progress("names")
+    from kochab.sky import open_catalogue
+
+    stars = sorted({name for name, _, _ in open_catalogue().names.table.values() if name})
+    return [f"M {n}" for n in range(1, 111)] + stars
+
+
+Look = Callable[[Guard], SolveNow]
+
+
+def take(look: Look) -> MakeTask:
+    """A fresh frame, shown and solved."""
+    return lambda guard: look(guard)()
+
+
+def offer(look: Look | None, solution: Solution | None) -> MakeTask | None:
+    """Look twice, or take the open frame's word; None when there is neither."""
+    from kochab.workflows.sync_mount import offer_sync
+
+    if look is not None:
+        return lambda guard: offer_sync(guard, look(guard))
+    return None if solution is None else lambda guard: offer_by_hand(guard, solution)
+
+
+def accept(offered: SyncOffer) -> MakeTask:
+    """The person said yes."""
+    from kochab.workflows.sync_mount import accept_sync
+
+    if len(offered.evidence.centres_deg) < 2:
+        return lambda guard: accept_by_hand(guard, offered)
+    return lambda guard: accept_sync(guard, offered, confirmed=True, fall_back=True)
+
+
+def undo() -> MakeTask:
+    """Take back the last sync."""
+    from kochab.workflows.sync_mount import undo_sync
+
+    return undo_sync
+
+
+def why(look: Look, before: tuple[MountSighting, ...]) -> MakeTask:
+    """Look at the sky and name the cause of the disagreement."""
+    from kochab.workflows.recover_mount import why_they_disagree
+
+    return lambda guard: why_they_disagree(guard, look(guard), before)
+
+
+def goto(text: str) -> MakeTask:
+    """Slew to a name or coordinates."""
+
+    def task(guard: Guard) -> Task[str]:
+        from kochab.workflows.goto_target import goto_target
+
+        yield Progress("goto", None, text)
+        target = parse_target(text, guard.clock())
+        yield from goto_target(guard, target)
+        return f"The mount reports that it reached {target.name}."
+
+    return task
+
+
+def centre(text: str, tolerance_arcsec: float, look: Look) -> MakeTask:
+    """Slew there, look and correct until it is in the middle.
+
+    A sync so large that the guard wants a yes is not done on the way: it belongs into the preview.
+    """
+
+    def task(guard: Guard) -> Task[Centring]:
+        from kochab.workflows.centre_target import centre_target
+
+        yield Progress("centre", None, text)
+        target = parse_target(text, guard.clock())
+        return (yield from centre_target(guard, look(guard), target, tolerance_arcsec))
+
+    return task
+
+
+def nudged(direction: Direction, arcsec: float, rate_deg_s: float) -> MakeTask:
+    """A small motion, at a rate of the mount or, for 0, at whatever suits it."""
+    paced = nudge_at_rate
+    from kochab.workflows.nudge import nudge
+
+    if rate_deg_s:
+        return lambda guard: paced(guard, direction, arcsec, rate_deg_s)
+    return lambda guard: nudge(guard, direction, arcsec)
+
+
+def bring(solution: Solution, star: tuple[float, float], here: tuple[float, float]) -> MakeTask:
+    """Move what is seen at pixel ``star`` to pixel ``here``."""
+    from kochab.workflows.nudge import bring_here
+
+    return lambda guard: bring_here(guard, solution, star, here)
+
+
+def track(on: bool) -> MakeTask:
+    """Sidereal tracking."""
+
+    def do(guard: Guard) -> str:
+        guard.track(on)
+        return f"Tracking is {'on' if on else 'off'}."
+
+    return _at_once("tracking", do)
+
+
+def use_site(site: Site | None) -> MakeTask:
+    """Let the guard judge by this place; it is never sent to the mount."""
+
+    def do(guard: Guard) -> None:
+        guard.site = site
+
+    return _at_once("site", do)
+
+
+def use_limits(limits: Limits) -> MakeTask:
+    """Let the guard judge by these from the next motion on."""
+
+    def do(guard: Guard) -> None:
+        guard.limits = limits
+
+    return _at_once("meridian", do)
+
+
+def close_camera(eye: MountCamera) -> MakeTask:
+    """Close a camera in the thread that opened it."""
+    return _at_once("camera", lambda _: eye.close())
+
+
+def _at_once(stage: str, do: Callable[[Guard], Any]) -> MakeTask:
+    def task(guard: Guard) -> Task[Any]:
+        yield Progress(stage)
+        return do(guard)
+
+    return task

@@ -1,0 +1,62 @@
+"""What ``kochab/__main__.py`` hands to the window from rooms the window may not import.
+
+The simulated sky and the command line are such: the window is given callables, or None.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from kochab.core.solution import Solution
+from kochab.gear.session import StartPractice
+from kochab.polar.error import PolarError
+from kochab.workflows.live.update import LiveUpdate
+
+ToJson = Callable[[str, Solution], str]
+ToRecord = Callable[[LiveUpdate], dict[str, Any]]
+
+
+class PolarPage(Protocol):
+    """A page with the polar error that phones on the local network can open."""
+
+    @property
+    def running(self) -> bool:
+        """Whether the page is being served."""
+        ...
+
+    @property
+    def url(self) -> str:
+        """What a phone opens; empty while switched off."""
+        ...
+
+    def start(self, host: str | None = None) -> str:
+        """Serve it, and return the URL; PortError when the address cannot be used."""
+        ...
+
+    def stop(self) -> None:
+        """Switch off."""
+        ...
+
+    def show(self, words: str, error: PolarError | None = None, solved: bool = True) -> None:
+        """Replace what phones see."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Callables from outside; a view that is not given what it needs says so and offers less.
+
+    ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
+    night, with the keywords of ``kochab.simulate.practice.practise``; call it in a job. ``fields``
+    makes the simulated star fields of the Laboratory, ``pictures`` the same as frames.
+
+    ``to_record`` is the line of a live frame in a recording. ``phone_page`` makes the page of the
+    polar error for phones.
+    """
+
+    to_json: ToJson | None = None
+    practice: StartPractice | None = None
+    fields: Callable[..., Any] | None = None
+    to_record: ToRecord | None = None
+    pictures: Callable[..., Any] | None = None
+    phone_page: Callable[[], PolarPage] | None = None

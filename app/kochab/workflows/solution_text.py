@@ -1,0 +1,130 @@
+"""A solution as lines of text: what the panel shows and what is copied."""
+
+import math
+from collections.abc import Mapping
+
+from kochab.core.angle_text import (
+    AngleStyle,
+    angle_text,
+    arcsec_text,
+    false_alarm_text,
+    milliseconds_text,
+    radec_plain,
+)
+from kochab.core.solution import NoSolution, Solution
+
+STAGES = ("read", "detect", "identify", "attitude", "total")
+
+
+def rows(s: Solution) -> list[tuple[str, str, str]]:
+    """(title, value, explanation) of everything but the position."""
+    w, h = s.camera.fov_deg
+    x, y, roll = s.attitude.sigma_arcsec
+    return [
+        (
+            "Rotation",
+            f"{s.roll_deg:+.3f}°".replace("-", "−") + ", mirrored" * s.camera.mirrored,
+            "Position angle of up, east of north",
+        ),
+        ("Field of view", f"{angle_text(w)} × {angle_text(h)}", "Width and height of the frame on the sky"),
+        ("Pixel scale", f"{s.camera.scale_arcsec_px:.4f} ″/px", "At the centre of the frame"),
+        (
+            "Matches",
+            f"{len(s.stars)} of {s.detections} detected stars",
+            "Detected stars matched with the catalogue",
+        ),
+        ("RMS", f"{s.rms_px:.2f} px ({arcsec_text(s.rms_arcsec)})", "Residual of the matched stars"),
+        (
+            "Uncertainty",
+            f"{arcsec_text(x)} × {arcsec_text(y)}, rotation {arcsec_text(roll)}",
+            "1σ of the pointing along the frame's x and y, and of the rotation",
+        ),
+        (
+            "Chance match",
+            f"{false_alarm_text(s.log10_false_alarm)}",
+            f"False-alarm probability: a match this good by chance (log₁₀ {s.log10_false_alarm:.1f})",
+        ),
+        ("Camera", camera_text(s), "Focal length in pixels, and the distortion if fitted"),
+        ("Method", s.method, "How the stars were identified"),
+        ("Time", times_text(s.elapsed_ms), "How long each stage took"),
+    ]
+
+
+def camera_text(s: Solution) -> str:
+    """Focal length and whether distortion was fitted."""
+    c = s.camera
+    text = f"f = {c.focal_px:.1f} px"
+    return text + (f", k1 = {c.k1:+.4g}".replace("-", "−") if c.distorted else ", no distortion fitted")
+
+
+def times_text(elapsed_ms: Mapping[str, float]) -> str:
+    """Stage times, total last, without the stages that were not reached."""
+    times = {name: value for name, value in elapsed_ms.items() if value >= 0.05}
+    known = [k for k in STAGES if k in times] + [k for k in times if k not in STAGES]
+    return ", ".join(f"{k} {milliseconds_text(times[k])}" for k in known) or "not measured"
+
+
+def attitude_forms(s: Solution) -> list[tuple[str, str]]:
+    """The attitude as (name, text): quaternion, matrix, Euler angles."""
+    q = " ".join(f"{v:+.7f}" for v in s.attitude.quaternion)
+    m = "\n".join("  ".join(f"{v:+.8f}" for v in row) for row in s.attitude.matrix)
+    e = "  ".join(f"{v:+.6f}" for v in s.attitude.euler_deg)
+    return [("Quaternion (w x y z)", q), ("Matrix, ICRS to camera", m), ("RA, Dec, roll (boresight, °)", e)]
+
+
+def attitude_plain(s: Solution) -> str:
+    """All forms for the clipboard."""
+    return "\n".join(f"{name}:\n{text}" for name, text in attitude_forms(s))
+
+
+def summary(s: Solution, style: AngleStyle, source: str = "") -> str:
+    """Everything for the clipboard."""
+    ra, dec = s.ra_dec_deg
+    lines = [f"File: {source}"] if source else []
+    lines.append(f"RA/Dec (ICRS): {radec_plain(ra, dec, style)}")
+    lines += [f"{title}: {value}" for title, value, _ in rows(s)]
+    return "\n".join([*lines, attitude_plain(s)])
+
+
+# The ending of a measured number's name, what stands behind it, and what it is multiplied by.
+UNITS = (
+    ("_px", " px", 1.0),
+    ("_deg", "°", 1.0),
+    ("_arcsec", "″", 1.0),
+    ("_ms", " ms", 1.0),
+    ("_share", " %", 100.0),
+    ("_sigma", " σ", 1.0),
+)
+
+
+def measured_rows(n: NoSolution) -> list[tuple[str, str]]:
+    """(what, how much) that was measured on a frame without a solution."""
+    out = [("stars detected", f"{n.detections}")]
+    for key, value in n.measured.items():
+        name, unit, times = key, "", 1.0
+        for suffix, mark, factor in UNITS:
+            if name.endswith(suffix):
+                name, unit, times = name.removesuffix(suffix), mark, factor
+        if name in ("detections", "detected", "stars_found") and value == n.detections:
+            continue
+        out.append((name.replace("_", " ").replace("fwhm", "FWHM"), f"{_plain_number(times * value)}{unit}"))
+    return out
+
+
+def _plain_number(value: float) -> str:
+    """Three figures, as many decimals as that takes, and no power of ten."""
+    if not math.isfinite(value):
+        return "unknown"
+    if value == 0 or abs(value) >= 100:
+        return f"{value:.0f}"
+    return f"{value:.{min(2 - math.floor(math.log10(abs(value))), 6)}f}".rstrip("0").rstrip(".")
+
+
+def failure_plain(n: NoSolution, source: str = "") -> str:
+    """A failed solve for the clipboard."""
+    lines = [f"File: {source}"] if source else []
+    lines += [f"No solution: {n.reason}", f"Advice: {n.advice}"]
+    if n.tried:
+        lines.append(f"Tried: {n.tried}")
+    lines += [f"{name}: {value}" for name, value in measured_rows(n)]
+    return "\n".join([*lines, f"Time: {times_text(n.elapsed_ms)}"])

@@ -1,0 +1,183 @@
+"""Solve a frame, or a list of star positions."""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from kochab.core.errors import UsageError
+from kochab.core.frame import Detections, Frame
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import NoSolution, Solution
+from kochab.solver import SolveOptions
+from kochab.solver.pipeline import examine_frame, solve_detections
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolvedFrame:
+    """A frame, its detections, and its solution or why there is none.
+
+    ``detections`` is empty when the search was over before detection.
+    """
+
+    path: str
+    frame: Frame
+    detections: Detections
+    result: Solution | NoSolution
+
+
+def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[SolvedFrame]:
+    """Read the file at ``path`` and solve it.
+
+    Raises
+    ------
+    kochab.core.errors.FrameError
+        The file cannot be read as a picture; one sentence.
+    kochab.core.errors.UsageError
+        The options name a method or detector that does not exist.
+
+    """
+    from kochab.frames import read_frame
+
+    start = perf_counter()
+    yield Progress("read", 0.0, str(path))
+    frame = read_frame(path)
+    read_ms = (perf_counter() - start) * 1e3
+    return (yield from solve_open_frame(frame, options, read_ms=read_ms))
+
+
+def solve_open_frame(
+    frame: Frame, options: SolveOptions | None = None, read_ms: float = 0.0
+) -> Task[SolvedFrame]:
+    """Solve a frame already in memory; ``read_ms`` is what reading it had cost, for the record."""
+    examined = yield from examine_frame(frame, options or SolveOptions(), read_ms=read_ms)
+    return SolvedFrame(frame.path, frame, examined.detections, examined.result)
+
+
+# -- Solve a list of star positions ------------------------------------------------------------
+
+LARGEST_BYTES = 50_000_000
+
+
+def solve_star_list(
+    path: str | Path, width: int, height: int, options: SolveOptions | None = None
+) -> Task[Solution | NoSolution]:
+    """Read the list at ``path``, of a frame ``width`` by ``height`` px, and solve it.
+
+    Raises
+    ------
+    UsageError
+        The list cannot be used; one sentence says why.
+
+    """
+    start = perf_counter()
+    yield Progress("read", 0.0, str(path))
+    stars = read_star_list(path, width, height)
+    read_ms = (perf_counter() - start) * 1e3
+    return (yield from solve_detections(stars, options, read_ms=read_ms))
+
+
+def read_star_list(path: str | Path, width: int, height: int) -> Detections:
+    """Stars of a text file with ``x,y`` or ``x,y,flux`` a line, px and any unit of flux.
+
+    Commas, semicolons, tabs and spaces part the columns; ``#`` starts a comment. A first line
+    that is no number is a header: when it names ``x`` and ``y`` (and ``flux``) those columns are
+    taken wherever they are. Without flux the list is brightest first. A star twice counts once.
+
+    Raises
+    ------
+    UsageError
+        No such file, not text, no stars, wrong columns, or a star that is no place in the frame.
+
+    """
+    rows = _rows(Path(path))
+    columns, rows = _columns(rows, Path(path).name)
+    stars = []
+    for number, cells in rows:
+        stars.append(_star(cells, columns, f"{path} line {number}"))
+        _check_inside(stars[-1], width, height, f"{path} line {number}")
+    if not stars:
+        raise UsageError(f"{path} has no stars.")
+    return _detections(stars, width, height, str(path))
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Line numbers and cells of every line that says something."""
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise UsageError(f"{path} is too large for a list of stars.")
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path} is not a text file.") from error
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}.") from error
+    if "\0" in text:
+        raise UsageError(f"{path} is not a text file.")
+    rows = []
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.split("#", 1)[0].strip()
+        if line:
+            parts = re.split(r"[,;]", line) if re.search(r"[,;]", line) else line.split()
+            rows.append((number, [part.strip().strip("\"'") for part in parts]))
+    return rows
+
+
+def _columns(
+    rows: list[tuple[int, list[str]]], name: str
+) -> tuple[list[int] | None, list[tuple[int, list[str]]]]:
+    """Where x, y and flux stand when a header says so, and the rows without it."""
+    if not rows or any(_number(cell) is not None for cell in rows[0][1]):
+        return None, rows
+    header = [cell.lower() for cell in rows[0][1]]
+    if "x" not in header or "y" not in header:
+        if len(header) <= 3:
+            return None, rows[1:]
+        raise UsageError(f"{name}: its header names no columns x and y.")
+    return [header.index(key) for key in ("x", "y", "flux") if key in header], rows[1:]
+
+
+def _star(cells: list[str], columns: list[int] | None, where: str) -> list[float]:
+    if columns is None:
+        if len(cells) not in (2, 3):
+            count = f"{len(cells)} column" + "s" * (len(cells) != 1)
+            raise UsageError(f"{where} has {count}; a star is x,y or x,y,flux.")
+        picked = cells
+    else:
+        if len(cells) <= max(columns):
+            raise UsageError(f"{where} has fewer columns than the header.")
+        picked = [cells[i] for i in columns]
+    numbers = [_number(cell) for cell in picked]
+    for cell, value in zip(picked, numbers, strict=True):
+        if value is None or not math.isfinite(value):
+            raise UsageError(f"{where}: '{cell[:40]}' is not a number.")
+    return [value for value in numbers if value is not None]
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _check_inside(star: list[float], width: int, height: int, where: str) -> None:
+    x, y = star[:2]
+    if not (-1.0 <= x <= width and -1.0 <= y <= height):
+        raise UsageError(
+            f"{where}: ({x:g}, {y:g}) is outside the {width} x {height} frame, whose first pixel "
+            "is (0, 0) at the top left."
+        )
+
+
+def _detections(stars: list[list[float]], width: int, height: int, path: str) -> Detections:
+    lengths = {len(star) for star in stars}
+    if len(lengths) > 1:
+        raise UsageError(f"{path}: some stars have a flux and some have none.")
+    table = np.array(stars, dtype=np.float64)
+    _, first = np.unique(table[:, :2], axis=0, return_index=True)
+    table = table[np.sort(first)]
+    flux = table[:, 2] if table.shape[1] == 3 else None
+    return Detections.from_list(table[:, :2], width, height, flux)

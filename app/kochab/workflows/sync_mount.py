@@ -1,0 +1,205 @@
+"""Safe sync: two agreeing solves, the offset shown, the guard, the sync, reading it back, undo.
+
+If the mount rejects the sync an offset slew centres the same: the mount keeps its pointing error
+and is sent as far beside the target as that error is.
+"""
+
+import time
+from dataclasses import dataclass
+
+from kochab.core.angle_text import angle_text
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import RefusedError
+from kochab.core.mount import Ability, Pointing
+from kochab.core.progress import Progress, Task
+from kochab.core.solution import NoSolution, Solution, SolveNow
+from kochab.gear.mounts.coordinates import to_mount_epoch, wrapped
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
+from kochab.workflows.goto_target import Wait, answered, apart, settled
+
+MOVED_ARCSEC = 60.0  # since the offer: less may be drift and rounding
+TAKES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SyncOffer:
+    """What a sync would do, for a person to say yes to; nothing has changed yet.
+
+    ``mount`` is the position the mount reported, in its own epoch; ``sky_deg`` the solved one,
+    ICRS. ``no_sync`` is why the mount cannot be synced at all, empty when it can.
+    """
+
+    preview: Preview
+    evidence: SyncEvidence
+    solution: Solution
+    mount: Pointing
+    sky_deg: tuple[float, float]
+    no_sync: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """The offset in one sentence: where the telescope really points."""
+        p = self.preview
+        return (
+            f"Mount is off by {angle_text(p.offset_deg)}: it points"
+            f" {angle_text(abs(p.east_deg))} {'east' if p.east_deg >= 0 else 'west'} and"
+            f" {angle_text(abs(p.north_deg))} {'north' if p.north_deg >= 0 else 'south'} of where it reports."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SyncDone:
+    """``synced``, or why not; ``slewed`` when an offset slew did it instead."""
+
+    synced: bool
+    slewed: bool
+    sentence: str
+
+
+def offer_sync(mount: Guard, solve_now: SolveNow) -> Task[SyncOffer | NoSolution]:
+    """Take two frames that agree and say what a sync to them would do."""
+    found = yield from agreeing_solves(mount, solve_now)
+    if isinstance(found, NoSolution):
+        return found
+    return offer_of(mount, *found)
+
+
+def offer_of(mount: Guard, *solutions: Solution) -> SyncOffer:
+    """The offer from solves that were made just now; the last one counts."""
+    evidence = SyncEvidence.of(*solutions)
+    sky = solutions[-1].ra_dec_deg
+    here = answered(mount.position)
+    there = mount.to_mount(*sky)
+    preview = answered(lambda: mount.preview_sync(*there, evidence))
+    return SyncOffer(preview, evidence, solutions[-1], here, sky, mount.lacks.get(Ability.SYNC, ""))
+
+
+def agreeing_solves(
+    mount: Guard, solve_now: SolveNow, first: Solution | None = None
+) -> Task[tuple[Solution, Solution] | NoSolution]:
+    """Two solves in a row within the guard's limit; the last failure when there are none.
+
+    ``first`` is one that was made just now.
+    """
+    limit = mount.limits.solves_agree_arcsec
+    before = first
+    for _ in range(TAKES):
+        yield Progress("solving", None, "a second time" if before else "")
+        solved = yield from solve_now()
+        if isinstance(solved, NoSolution):
+            return solved
+        if before is not None and solves_apart_arcsec(before, solved) <= limit:
+            return before, solved
+        before = solved
+    raise RefusedError(
+        f"The solves do not agree within {limit:g}″: the telescope is moving. Wait and solve again."
+    )
+
+
+def accept_sync(
+    mount: Guard,
+    offer: SyncOffer,
+    *,
+    confirmed: bool = False,
+    fall_back: bool = False,
+    wait: Wait = time.sleep,
+) -> Task[SyncDone]:
+    """Do what was offered and read it back; with ``fall_back`` slew when it cannot be synced.
+
+    The offset slew moves the telescope to the position that the mount reports now.
+
+    Raises
+    ------
+    RefusedError
+        The guard forbids it, it needs a confirmation, or the telescope has moved since the offer.
+
+    """
+    yield Progress("sync", 0.0, offer.in_words)
+    _same_place(mount, offer)
+    refusal = offer.no_sync
+    if not refusal:
+        there = mount.to_mount(*offer.sky_deg)
+        preview = answered(lambda: mount.preview_sync(*there, offer.evidence))
+        require_allowed(mount, preview, confirmed)
+        try:
+            mount.sync(*there, offer.evidence, confirmed=confirmed)
+        except RefusedError as error:  # by the mount: the guard was asked before
+            refusal = str(error)
+        else:
+            return sync_done(offer)
+    if not fall_back:
+        return SyncDone(False, False, f"{refusal} {offer.in_words}")
+    yield from _offset_slew(mount, offer, wait)
+    return SyncDone(
+        False,
+        True,
+        f"{refusal} The telescope slewed by the offset instead. The mount's coordinates are still off by"
+        f" {angle_text(offer.preview.offset_deg)}.",
+    )
+
+
+def sync_done(offer: SyncOffer) -> SyncDone:
+    """The result of a sync that the mount accepted."""
+    return SyncDone(True, False, f"Synced by {angle_text(offer.preview.offset_deg)}. Undo takes it back.")
+
+
+def require_allowed(mount: Guard, preview: Preview, confirmed: bool) -> None:
+    """Raise the guard's objection to a sync, before it is sent.
+
+    Raises
+    ------
+    RefusedError
+        One sentence of the guard.
+
+    """
+    against = [*preview.refusals, *(() if confirmed else preview.confirmations)]
+    if against:
+        mount.log.add(preview.action, "refused", against[0])
+        raise RefusedError(against[0])
+
+
+def _offset_slew(mount: Guard, offer: SyncOffer, wait: Wait) -> Task[None]:
+    there = to_mount_epoch(*offer.sky_deg, mount.epoch, mount.clock())
+    reported = offer.mount
+    ra, dec = shifted(
+        (reported.ra_deg, reported.dec_deg), wrapped(reported.ra_deg - there[0]), reported.dec_deg - there[1]
+    )
+    yield from mount.slew(ra, dec)
+    yield from settled(mount, wait)
+
+
+def _same_place(mount: Guard, offer: SyncOffer) -> None:
+    here = answered(mount.position)
+    moved = apart(here, offer.mount)
+    if moved * 3600.0 > MOVED_ARCSEC:
+        raise RefusedError(f"The mount has moved by {angle_text(moved)} since the frames. Take new ones.")
+
+
+def shifted(place_deg: tuple[float, float], ra_deg: float, dec_deg: float) -> tuple[float, float]:
+    """A place moved by so much along both axes; over the pole it comes down on the other side."""
+    ra, dec = place_deg[0] + ra_deg, place_deg[1] + dec_deg
+    if abs(dec) > 90.0:
+        ra, dec = ra + 180.0, (180.0 if dec > 0 else -180.0) - dec
+    return ra % 360.0, dec
+
+
+def solves_apart_arcsec(one: Solution, other: Solution) -> float:
+    """The angle between the centres of two solved frames."""
+    return apart_deg(one.ra_dec_deg, other.ra_dec_deg) * 3600.0
+
+
+def undo_sync(mount: Guard) -> Task[str]:
+    """Restore the alignment that the mount had before the last sync; one sentence on what changed.
+
+    Raises
+    ------
+    kochab.core.errors.RefusedError
+        There is no sync to undo, or the guard or the mount refuses.
+
+    """
+    yield Progress("undo")
+    before = answered(mount.position)
+    mount.undo_sync()
+    after = answered(mount.position)
+    return f"Sync undone. The mount's coordinates changed by {angle_text(apart(before, after))}."

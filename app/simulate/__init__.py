@@ -1,1 +1,0 @@
-"""The rendered sky: frames as a camera would make them."""

@@ -1,1 +1,0 @@
-"""Catalogues that people already own, read and put beside the shipped one."""

@@ -1,1 +1,0 @@
-"""How the shipped catalogue is made from registry packages; nothing here runs during a solve."""

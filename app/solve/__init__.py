@@ -1,1 +1,0 @@
-"""From a frame to a pointing, or to the honest reason why there is none."""

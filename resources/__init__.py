@@ -1,1 +1,0 @@
-"""Data that comes with Kochab: its icon and sample frames, all drawn by the project itself."""

@@ -1,0 +1,81 @@
+"""An INDI server that sends what no camera would."""
+
+import re
+import socket
+import threading
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from kochab.core.capture import CaptureSettings
+from kochab.core.errors import DeviceError, LineLostError
+from kochab.gear.cameras import open_camera
+
+pytest.importorskip("indipyclient")
+
+ABOUT = 'device="C" label="a" group="g" state="Ok" perm="rw" timestamp="2026-01-01T00:00:00"'
+CAMERA = f"""
+<defTextVector {ABOUT} name="DRIVER_INFO"><defText name="DRIVER_INTERFACE">2</defText></defTextVector>
+<defSwitchVector {ABOUT} name="CONNECTION" rule="OneOfMany"><defSwitch name="CONNECT">On</defSwitch>
+</defSwitchVector>
+<defNumberVector {ABOUT} name="CCD_EXPOSURE"><defNumber name="CCD_EXPOSURE_VALUE" format="%g"
+ min="0" max="3600" step="1">1</defNumber></defNumberVector>
+<defBLOBVector {ABOUT} name="CCD1"><defBLOB name="CCD1"/></defBLOBVector>
+"""
+BLOB = '<setBLOBVector device="C" name="CCD1" state="Ok"><oneBLOB name="CCD1" size="9" format=".fits">'
+
+
+@contextmanager
+def server(told: str, then: bytes):
+    """Tells of a camera, and after the client's first wish sends ``then`` for ever."""
+    ear = socket.create_server(("127.0.0.1", 0))
+    over = threading.Event()
+
+    def serve(line: socket.socket) -> None:
+        with line, suppress(OSError):
+            line.recv(1000)
+            line.sendall(told.encode())
+            while then and not over.is_set() and line.recv(1 << 16).find(b"enableBLOB") < 0:
+                pass
+            while then and not over.is_set():
+                line.sendall(then)
+            over.wait(30)
+
+    def accept() -> None:
+        with suppress(OSError):
+            while True:
+                threading.Thread(target=serve, args=(ear.accept()[0],), daemon=True).start()
+
+    threading.Thread(target=accept, daemon=True).start()
+    try:
+        yield f"127.0.0.1:{ear.getsockname()[1]}/C"
+    finally:
+        over.set()
+        ear.close()
+
+
+def exposed(address: str) -> None:
+    camera = open_camera("indi", address, CaptureSettings(exposure_s=0.1))
+    try:
+        for _ in range(200):
+            camera.next_frame(0.1)
+    finally:
+        camera.close()
+
+
+def test_a_picture_without_an_end_is_given_up(monkeypatch) -> None:
+    monkeypatch.setattr("kochab.gear.cameras.indi_link.LARGEST_BYTES", 3_000_000)
+    with server(CAMERA, b"QUJD" * 16384) as address, pytest.raises(LineLostError):
+        exposed(address)
+    with server(CAMERA + BLOB, b"QUJD" * 16384) as address, pytest.raises(LineLostError):
+        exposed(address)
+
+
+@pytest.mark.parametrize("value", ["x", "--1"])
+@pytest.mark.parametrize("place", ['max="3600"', ">1</defNumber>"])
+def test_numbers_that_are_none_are_a_sentence(value, place, monkeypatch) -> None:
+    monkeypatch.setattr("kochab.gear.cameras.indi.POWER_UP_S", 0.5)
+    wrong = re.sub("3600|(?<=>)1(?=<)", value, place)
+    with server(CAMERA.replace(place, wrong), b"") as address, pytest.raises(DeviceError) as caught:
+        open_camera("indi", address, CaptureSettings(exposure_s=0.1))
+    assert str(caught.value)[-1] in ".?"

@@ -1,0 +1,92 @@
+"""Simulated mounts on real pseudo-terminals, one for every driver, and a guard around each."""
+
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from types import SimpleNamespace
+
+from kochab.core.frame import Site
+from kochab.core.mount import Home
+from kochab.gear.mounts import open_mount
+from kochab.gear.mounts.coordinates import sidereal_deg
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.simulate.responders import open_responder
+from kochab.simulate.serial_line import Faults, pty_line
+from tests.simulate.bench_telescope import BenchTelescope
+
+SITE = Site(50.0, 8.0)
+START = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)  # the Sun is far below the horizon
+LIMITS = Limits(crosses_meridian=True, read_back_arcsec=120.0)
+
+
+class Night:
+    """A clock that begins at night and runs with the computer's."""
+
+    def __init__(self):
+        self._shift = START - datetime.now(UTC)
+
+    def __call__(self):
+        return datetime.now(UTC) + self._shift
+
+    def unix(self):
+        return self().timestamp()
+
+
+def place(hour_angle_deg, dec_deg, clock):
+    """RA and Dec of date at an hour angle now."""
+    return (sidereal_deg(SITE, clock()) - hour_angle_deg) % 360.0, dec_deg
+
+
+@contextmanager
+def simulated(driver, slew_deg_s=20.0, aligned=True):
+    """A telescope at hour angle -20 deg, Dec 40 deg, on a pseudo-terminal."""
+    clock = Night()
+    telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, slew_deg_s, clock.unix)
+    telescope.aligned = aligned
+    faults = Faults(late_s=0.5)
+    line = pty_line(open_responder(driver, telescope), faults)
+    start = place(-20.0, 40.0, clock)
+    telescope.sync(*start)
+    telescope.log.clear()
+    try:
+        yield SimpleNamespace(
+            telescope=telescope,
+            line=line,
+            faults=faults,
+            clock=clock,
+            port=line.port,
+            start=start,
+            open=lambda: opened(driver, line.port, clock),
+        )
+    finally:
+        line.stop()
+
+
+def opened(driver, port, clock):
+    """The driver on a port; a motor board is told where it points, as after every start."""
+    mount = open_mount(driver, port, site=SITE, clock=clock, home=Home.NOW)
+    if driver == "skywatcher":
+        mount.sync(*place(-20.0, 40.0, clock))
+    return mount
+
+
+def where(bench):
+    """Where the mount should say it points before anything moved: a motor board does not track."""
+    return place(-20.0, 40.0, bench.clock) if bench.driver == "skywatcher" else bench.start
+
+
+def moved(telescope):
+    """Every order the telescope got that moves something, in order."""
+    motions = ("goto", "move", "pulse", "turn", "turn to")
+    return [entry for entry in telescope.log if entry[0] in motions and entry[-1] != 0.0]
+
+
+def still(telescope):
+    """Whether nothing moves but with the sky."""
+    return not telescope.slewing and telescope._rates[1] == 0.0 and _ra_rate_is_the_skys(telescope)
+
+
+def _ra_rate_is_the_skys(telescope):
+    return abs(telescope._rates[0]) < 0.006  # a motor board tracks by a bare rate
+
+
+__all__ = ["LIMITS", "SITE", "START", "Night", "moved", "opened", "place", "simulated", "still", "where"]

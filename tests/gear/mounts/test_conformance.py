@@ -1,0 +1,239 @@
+"""What every driver promises, over a simulated device on a real pseudo-terminal."""
+
+import time
+from contextlib import suppress
+from types import SimpleNamespace
+
+import pytest
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import DeviceError, RefusedError
+from kochab.core.mount import Ability, Direction, Epoch
+from kochab.core.progress import run
+from kochab.gear.mounts import DRIVERS
+from kochab.gear.mounts.coordinates import from_mount_epoch, sidereal_deg, to_mount_epoch
+from kochab.gear.mounts.guard import Guard
+from kochab.simulate.responders import RESPONDERS
+from tests.gear.mounts.bench import LIMITS, SITE, Night, moved, place, simulated, still, where
+from tests.gear.mounts.imaginary import Imaginary
+
+# what a driver can tell apart: 15 arcsec of the LX200 language, twice
+CLOSE_DEG = 30.0 / 3600.0
+
+
+class ImaginaryTelescope:
+    """What the suite asks of a simulated telescope, told of the guard tests' mount in memory."""
+
+    def __init__(self, mount, clock):
+        self.log, self.believed_deg = mount.did, lambda: mount.here
+        self._mount, self._clock, self._rates = mount, clock, [0.0, 0.0]
+
+    slewing = property(lambda self: self._mount.moving)
+    _slew_deg_s = property(None, lambda self, rate: setattr(self._mount, "slew_deg_s", rate))
+
+    def axes_deg(self):
+        self._mount.position()
+        return sidereal_deg(SITE, self._clock()) - self._mount.here[0], self._mount.here[1]
+
+
+def imaginary_bench():
+    clock = Night()
+    start = place(-20.0, 40.0, clock)
+    mount = Imaginary(*start, slew_deg_s=20.0)
+    telescope, line = ImaginaryTelescope(mount, clock), SimpleNamespace(transcript=[])
+    return SimpleNamespace(
+        driver="imaginary", mount=mount, telescope=telescope, line=line, clock=clock, start=start
+    )
+
+
+@pytest.fixture(params=[*DRIVERS, "imaginary"])
+def bench(request):
+    if request.param == "imaginary":
+        yield imaginary_bench()
+        return
+    with simulated(request.param) as bench:
+        bench.driver = request.param
+        bench.mount = bench.open()
+        yield bench
+        bench.mount.close()
+
+
+def own(bench, ra_of_date, dec_of_date):
+    """Degrees of date in the mount's own epoch."""
+    from kochab.core.mount import Pointing
+
+    now = bench.clock()
+    icrs = from_mount_epoch(Pointing(ra_of_date, dec_of_date, Epoch.DATE), now)
+    return to_mount_epoch(*icrs, bench.mount.epoch, now)
+
+
+def distance(bench, target):
+    here = bench.mount.position()
+    return apart_deg((here.ra_deg, here.dec_deg), target)
+
+
+def wait_for(condition, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def test_every_driver_has_a_simulated_device() -> None:
+    assert set(DRIVERS) == set(RESPONDERS)
+
+
+def test_opening_moves_nothing_and_tells_no_time_and_no_site(bench) -> None:
+    bench.mount.identify()
+    bench.mount.position()
+    bench.mount.state()
+    sent = b"".join(data for way, data in bench.line.transcript if way == "<")
+    assert not moved(bench.telescope)
+    for word in (b":SC", b":SL", b":SG", b":St", b":Sg", b":SUT", b":SLO", b":SLA", b"W", b"H"):
+        assert word not in sent
+
+
+def test_it_says_where_it_points(bench) -> None:
+    assert distance(bench, own(bench, *where(bench))) < CLOSE_DEG
+    assert bench.mount.position().epoch is bench.mount.epoch
+    assert bench.mount.identify()
+
+
+def test_a_sync_is_believed_and_moves_nothing(bench) -> None:
+    target = own(bench, *place(-22.0, 41.0, bench.clock))
+    bench.mount.sync(*target)
+    assert distance(bench, target) < CLOSE_DEG
+    assert not moved(bench.telescope)
+
+
+def test_a_goto_arrives(bench) -> None:
+    target = own(bench, *place(-25.0, 45.0, bench.clock))
+    bench.mount.goto(*target)
+    wait_for(lambda: bench.mount.state().slewing is False)
+    assert distance(bench, target) < CLOSE_DEG
+
+
+def test_a_goto_below_the_horizon_is_refused_or_not_done(bench) -> None:
+    if bench.driver in ("skywatcher", "imaginary"):
+        pytest.skip("a motor board knows no horizon: the guard does")
+    before = bench.telescope.believed_deg()
+    target = own(bench, *place(0.0, -60.0, bench.clock))
+    with suppress(RefusedError):
+        bench.mount.goto(*target)
+    assert apart_deg(bench.telescope.believed_deg(), before) < CLOSE_DEG
+
+
+@pytest.mark.parametrize("direction", Direction)
+def test_a_move_goes_the_right_way_and_ends_by_itself(bench, direction) -> None:
+    before = bench.mount.position()
+    bench.mount.move(direction, 0.5, 0.3)
+    wait_for(lambda: not bench.mount.watchdog.moving)
+    wait_for(lambda: still(bench.telescope))
+    bench.mount.state()  # a motor board takes up its tracking
+    after = bench.mount.position()
+    east = (after.ra_deg - before.ra_deg + 180.0) % 360.0 - 180.0
+    north = after.dec_deg - before.dec_deg
+    along = {"north": north, "south": -north, "east": east, "west": -east}[direction.value]
+    across = east if direction in (Direction.NORTH, Direction.SOUTH) else north
+    assert 0.01 < along < 2.0
+    assert abs(across) < 0.02
+
+
+@pytest.mark.parametrize("direction", Direction)
+def test_a_pulse_is_small_and_goes_the_right_way(bench, direction) -> None:
+    if Ability.PULSE in bench.mount.lacks:
+        with pytest.raises(RefusedError):
+            bench.mount.pulse(direction, 500)
+        return
+    if bench.driver == "skywatcher":
+        bench.mount.track(True)
+    before = bench.telescope.axes_deg()
+    begun = time.monotonic()
+    bench.mount.pulse(direction, 1000)
+    bench.mount.position()  # what was sent before has been heard
+    wait_for(lambda: not bench.mount.watchdog.moving)
+    after = bench.telescope.axes_deg()
+    lasted = time.monotonic() - begun
+    axis = 1 if direction in (Direction.NORTH, Direction.SOUTH) else 0
+    way = {"north": 1.0, "south": -1.0, "east": -1.0, "west": 1.0}[direction.value]
+    if bench.driver == "skywatcher" and axis == 1:
+        way = -way  # the tube is beyond the pole for this telescope
+    sky = lasted * 360.0 / 86164.0905 if axis == 0 else 0.0
+    shift_arcsec = (after[axis] - before[axis] - sky) * 3600.0 * way
+    assert 5.0 < shift_arcsec < 10.0  # half the sidereal rate for a second
+
+
+def test_stop_ends_a_goto(bench) -> None:
+    bench.telescope._slew_deg_s = 0.5
+    bench.mount.goto(*own(bench, *place(-60.0, 50.0, bench.clock)))
+    wait_for(lambda: bench.telescope.slewing)
+    bench.mount.stop()
+    wait_for(lambda: still(bench.telescope))
+    assert bench.mount.state().slewing is False
+
+
+def test_stop_ends_a_move(bench) -> None:
+    bench.mount.move(Direction.NORTH, 0.5, 30.0)
+    bench.mount.stop()
+    wait_for(lambda: still(bench.telescope))
+    assert distance(bench, own(bench, *where(bench))) < 0.6
+
+
+def test_closing_ends_a_move(bench) -> None:
+    bench.mount.move(Direction.WEST, 0.5, 30.0)
+    bench.mount.close()
+    wait_for(lambda: still(bench.telescope))
+    with pytest.raises(DeviceError):
+        bench.mount.position()
+
+
+def test_tracking_goes_off_and_on(bench) -> None:
+    if Ability.TRACKING in bench.mount.lacks:
+        with pytest.raises(RefusedError):
+            bench.mount.track(False)
+        return
+    for on in (True, False, True):
+        bench.mount.track(on)
+        assert bench.mount.state().tracking is on
+
+
+def test_it_tells_its_place_and_time_or_says_that_it_cannot(bench) -> None:
+    told = bench.mount.site_report()
+    if Ability.SITE in bench.mount.lacks:
+        assert told.site is None
+        return
+    assert told.site.latitude_deg == pytest.approx(SITE.latitude_deg, abs=0.02)
+    assert told.site.longitude_deg == pytest.approx(SITE.longitude_deg, abs=0.02)
+    assert abs((told.time_utc - bench.clock()).total_seconds()) < 30.0
+    assert told.utc_offset_h == 0.0
+
+
+def test_what_it_lacks_is_said_in_a_sentence(bench) -> None:
+    assert all(reason.endswith(".") for reason in bench.mount.lacks.values())
+
+
+def test_the_same_over_tcp(bench) -> None:
+    if bench.driver == "imaginary":
+        pytest.skip("it has no line")
+    from kochab.simulate.responders import open_responder
+    from tests.gear.mounts.bench import opened
+    from tests.simulate.lines import serve_socket
+
+    with serve_socket(open_responder(bench.driver, bench.telescope)) as port:
+        mount = opened(bench.driver, port, bench.clock)
+        here = mount.position()
+        assert apart_deg((here.ra_deg, here.dec_deg), own(bench, *where(bench))) < CLOSE_DEG
+        mount.close()
+
+
+def test_behind_the_guard_only_what_is_logged_moves(bench) -> None:
+    guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)
+    run(guard.slew(*own(bench, *place(-25.0, 45.0, bench.clock))))
+    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+        guard.goto(*own(bench, *place(-20.0, -44.0, bench.clock)))
+    guard.move(Direction.NORTH, 0.5, 0.1)
+    wait_for(lambda: not bench.mount.watchdog.moving)
+    guard.stop()
+    assert [e.action for e in guard.log.sent()] == ["goto", "move", "stop"]
+    if bench.driver != "skywatcher":  # whose gotos are several turns of its axes
+        assert [entry[0] for entry in moved(bench.telescope)] == ["goto", "move"]

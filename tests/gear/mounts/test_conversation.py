@@ -1,0 +1,145 @@
+"""One exchange at a time, and Stop ahead of it."""
+
+import logging
+import threading
+import time
+
+import pytest
+
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.gear.mounts.protocols.nexstar import parse_done
+from kochab.gear.mounts.serial_line import Conversation, ProtocolError, exactly, until
+from tests.gear.mounts.scripted import ScriptedLink
+
+
+class SlowLink:
+    """Records what is written; answers come when the test puts them there."""
+
+    port = "slow"
+
+    def __init__(self):
+        self.written = []
+        self.buffer = bytearray()
+        self.ready = threading.Condition()
+
+    def write(self, data):
+        self.written.append(data)
+
+    def answer(self, data):
+        with self.ready:
+            self.buffer += data
+            self.ready.notify_all()
+
+    def read_exact(self, count, timeout_s):
+        with self.ready:
+            if not self.ready.wait_for(lambda: len(self.buffer) >= count, timeout_s):
+                raise NoAnswerError("silent")
+            taken = bytes(self.buffer[:count])
+            del self.buffer[:count]
+            return taken
+
+    def discard(self, quiet_s=0.0):
+        self.buffer.clear()
+
+    def close(self):
+        pass
+
+
+def test_stop_is_written_while_an_exchange_waits_for_its_answer() -> None:
+    link = SlowLink()
+    talk = Conversation(link)
+    answers = []
+    reader = threading.Thread(target=lambda: answers.append(talk.ask(b"e", exactly(3, 5.0), bytes)))
+    reader.start()
+    while not link.written:
+        time.sleep(0.001)
+    talk.send_now((b"M", (exactly(1, 5.0),)))  # returns although nothing has been answered
+    assert link.written == [b"e", b"M"]
+    link.answer(b"123")
+    link.answer(b"#")
+    reader.join()
+    assert answers == [b"123"]
+    talk.read_pending()
+    assert not link.buffer
+
+
+def test_answers_are_read_in_the_order_of_what_was_sent() -> None:
+    link = ScriptedLink([(b"M", b"#"), (b"e", b"123")])
+    talk = Conversation(link)
+    talk.send_now((b"M", (exactly(1, 1.0),)))
+    assert talk.ask(b"e", exactly(3, 1.0), bytes) == b"123"
+    link.finished()
+
+
+def test_a_motion_decided_before_a_stop_is_not_begun_after_it() -> None:
+    talk = Conversation(ScriptedLink([(b":Q#", b"")]))
+    since = talk.stops
+    talk.stopping()
+    talk.send_now((b":Q#", ()))
+    talk.stopped()
+    with pytest.raises(RefusedError, match="stopped before it began"):
+        talk.ask(b":MS#", exactly(1, 1.0), bytes, since)
+    with pytest.raises(RefusedError):
+        talk.send(b":Me#", since)
+
+
+def test_a_question_is_repeated_after_nonsense_but_an_order_is_not() -> None:
+    link = ScriptedLink([(b"L", b"?"), (b"L", b"#"), (b"s", b"?")])
+    talk = Conversation(link)
+    talk.query(b"L", exactly(1, 1.0), parse_done)
+    with pytest.raises(ProtocolError, match="Unexpected answer"):
+        talk.ask(b"s", exactly(1, 1.0), parse_done)
+    link.finished()
+
+
+def test_silence_is_not_asked_again() -> None:
+    link = ScriptedLink([(b":GR#", b"")])
+    with pytest.raises(NoAnswerError):
+        Conversation(link).query(b":GR#", until(b"#", 16, 1.0), bytes)
+    link.finished()
+
+
+def test_what_stop_never_answered_does_not_hold_up_the_next_question() -> None:
+    link = ScriptedLink([(b"M", b""), (b"e", b"#")])
+    talk = Conversation(link)
+    talk.send_now((b"M", (exactly(1, 0.01),)))
+    talk.ask(b"e", exactly(1, 1.0), parse_done)
+    link.finished()
+
+
+class StalledDisk(logging.Handler):
+    """A journal whose disk hangs until the test lets it go on."""
+
+    def __init__(self):
+        super().__init__(logging.DEBUG)
+        self.stalled, self.goes_on = threading.Event(), threading.Event()
+
+    def emit(self, record):
+        self.stalled.set()
+        self.goes_on.wait(20.0)
+
+
+def test_a_stalled_journal_holds_up_no_byte_of_a_stop() -> None:
+    """Another thread hangs in the journal; a Stop of two axes is two commands."""
+    link, disk = SlowLink(), StalledDisk()
+    talk, log = Conversation(link), logging.getLogger("kochab.gear.mounts.serial_line")
+    level = log.level
+    log.addHandler(disk)
+    log.setLevel(logging.DEBUG)
+    asking = threading.Thread(target=talk.send, args=(b":j1",))
+    stopping = threading.Thread(target=talk.send_now, args=((b":L1", ()), (b":L2", ())))
+    try:
+        asking.start()
+        assert disk.stalled.wait(10.0)
+        stopping.start()
+        end = time.monotonic() + 5.0
+        while len(link.written) < 2 and time.monotonic() < end:
+            time.sleep(0.001)
+        assert link.written == [b":L1", b":L2"]
+    finally:
+        disk.goes_on.set()
+        asking.join(10.0)
+        stopping.join(10.0)
+        log.removeHandler(disk)
+        log.setLevel(level)
+    assert link.written == [b":L1", b":L2", b":j1"]

@@ -1,0 +1,439 @@
+"""Every rule on the emergency stop's way, one test each: without the rule the test fails."""
+
+import threading
+import time
+
+import pytest
+
+from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
+from kochab.core.mount import Direction
+from kochab.core.progress import run
+from kochab.gear.mounts import emergency_stop, slew_supervisor
+from kochab.gear.mounts.emergency_stop import Watchdog
+from kochab.gear.mounts.serial_line import Conversation
+from tests.gear.mounts.imaginary import SILENT, Imaginary, at, guarded
+from tests.gear.mounts.scripted import CLASSIC_START, Lx200, ScriptedLink, transcript
+from tests.gear.mounts.test_conformance import wait_for
+
+BROKEN = LineLostError("The line broke.")
+
+
+def failing(*errors):
+    """What raises one error a call, and then nothing any more; ``calls`` counts."""
+    left = list(errors)
+
+    def call():
+        call.calls += 1
+        if left:
+            raise left.pop(0)
+
+    call.calls = 0
+    return call
+
+
+# -- a stop's second try ----------------------------------------------------------------------
+
+
+def test_a_stop_that_is_not_answered_is_sent_a_second_time() -> None:
+    guard, mount = guarded()
+    guard.goto(*at(-45.0, 42.0))
+    mount.stop = failing(SILENT)
+    guard.stop()
+    assert mount.stop.calls == 2
+    assert not guard.emergency.moving
+
+
+def test_a_stop_on_a_broken_line_is_said_at_once() -> None:
+    guard, mount = guarded()
+    mount.stop = failing(BROKEN, BROKEN)
+    with pytest.raises(LineLostError, match="cut its power"):
+        guard.stop()
+    assert mount.stop.calls == 1
+    assert not guard.emergency.unfinished, "nothing was moving"
+
+
+def test_a_stop_that_twice_is_not_answered_leaves_the_motion_unfinished() -> None:
+    guard, mount = guarded()
+    guard.move(Direction.NORTH, 0.5, 2.0)
+    mount.stop = failing(SILENT, SILENT)
+    with pytest.raises(LineLostError):
+        guard.stop()
+    assert guard.emergency.unfinished
+
+
+def test_a_mount_that_creeps_does_not_stand_still() -> None:
+    guard, mount = guarded()
+    real = mount.position
+
+    def position():
+        mount.here = (mount.here[0], mount.here[1] + 120.0 / 3600.0)
+        return real()
+
+    mount.position = position
+    guard.stop()
+    with pytest.raises(NotStoppedError):
+        guard.emergency.confirm()
+
+
+def test_a_silent_mount_is_not_waited_for_longer_than_a_moving_one(monkeypatch) -> None:
+    """Each answer is waited for 3 s: after two of them Stop is sent again."""
+    guard, mount = guarded()
+    now = [0.0]
+    monkeypatch.setattr(emergency_stop, "monotonic", lambda: now[0])
+
+    def silent():
+        now[0] += 3.0
+        raise SILENT
+
+    mount.state = silent
+    guard.stop()
+    with pytest.raises(NotStoppedError):
+        guard.emergency.confirm()
+    assert now[0] == 12.0
+    assert mount.did == [("stop",), ("stop",)]
+
+
+# -- reconnect stops what may still move --------------------------------------------------------
+
+
+@pytest.mark.parametrize("why", ["moving", "unfinished"])
+def test_a_reconnect_stops_what_may_still_move(why) -> None:
+    guard, mount = guarded()
+    fresh = Imaginary(*mount.here)
+    guard._reopen = lambda: fresh
+    if why == "moving":
+        guard.goto(*at(-45.0, 42.0))
+    else:
+        guard.emergency.unfinished = True
+    guard.reconnect()
+    assert mount.did[-1] == ("close",)
+    assert fresh.did == [("stop",)]
+    assert not guard.emergency.moving
+    assert not guard.emergency.unfinished
+
+
+def test_a_reconnect_whose_stop_fails_stops_again_at_the_next() -> None:
+    guard, mount = guarded()
+    guard.move(Direction.NORTH, 0.5, 2.0)
+    first, second = Imaginary(*mount.here), Imaginary(*mount.here)
+    first.fails["stop"] = BROKEN
+    guard._reopen = iter([first, second]).__next__
+    with pytest.raises(LineLostError):
+        guard.reconnect()
+    guard.emergency.end()  # its time is over, but nobody saw it end
+    guard.reconnect()
+    assert second.did == [("stop",)]
+
+
+def test_a_slew_whose_line_breaks_is_stopped_on_reconnect() -> None:
+    guard, mount = guarded()
+    slew = guard.slew(*at(-45.0, 42.0))
+    next(slew)
+    mount.state = failing(BROKEN)
+    mount.stop = failing()
+    with pytest.raises(LineLostError):
+        run(slew)
+    assert guard.emergency.unfinished
+    fresh = Imaginary(*mount.here)
+    guard._reopen = lambda: fresh
+    guard.reconnect()
+    assert fresh.did == [("stop",)]
+
+
+def test_an_order_of_unknown_outcome_whose_stop_fails_is_unfinished() -> None:
+    guard, mount = guarded()
+    mount.fails = {"goto": SILENT, "stop": BROKEN}
+    with pytest.raises(LineLostError):
+        guard.goto(*at(-45.0, 42.0))
+    assert guard.emergency.unfinished
+
+
+def test_a_pulse_whose_answer_was_waited_for_too_long_is_still_unfinished() -> None:
+    guard, mount = guarded()
+
+    def pulse(direction, milliseconds):
+        guard.emergency.end()  # its time is over while the answer is waited for
+        raise SILENT
+
+    mount.pulse, mount.fails = pulse, {"stop": BROKEN}
+    with pytest.raises(LineLostError):
+        guard.pulse(Direction.NORTH, 100)
+    assert guard.emergency.unfinished
+
+
+def test_leaving_a_guard_asks_nothing_over_a_line_that_is_lost() -> None:
+    guard, mount = guarded()
+    mount.state = failing(AssertionError("asked over a lost line"))
+    guard.stop()
+    with pytest.raises(LineLostError), guard:
+        raise BROKEN
+    assert mount.state.calls == 0
+
+
+# -- what may be moving, and for how long --------------------------------------------------------
+
+
+def test_a_short_pulse_does_not_shorten_the_time_of_a_long_move() -> None:
+    guard, _ = guarded()
+    guard.move(Direction.NORTH, 0.5, 20.0)
+    guard.pulse(Direction.NORTH, 100)
+    until = guard.emergency._moves_until - time.monotonic()
+    assert until > 20.0
+
+
+@pytest.mark.parametrize(("order", "lasts_s"), [("move", 1.0), ("pulse", 1.0)])
+def test_a_bounded_motion_may_be_moving_longer_than_it_was_sent_for(order, lasts_s) -> None:
+    """The mount begins late and its motors run out."""
+    guard, _ = guarded()
+    if order == "move":
+        guard.move(Direction.NORTH, 0.5, lasts_s)
+    else:
+        guard.pulse(Direction.NORTH, round(lasts_s * 1000.0))
+    assert guard.emergency._moves_until - time.monotonic() > lasts_s + 0.3
+
+
+def test_a_goto_may_be_moving_until_the_mount_says_that_it_is_not() -> None:
+    guard, mount = guarded()
+    guard.goto(*at(-45.0, 42.0))
+    assert guard.emergency.endless
+    guard.state()
+    assert not guard.emergency.moving
+    guard.close()
+    assert mount.did[-1] == ("close",)
+    assert ("stop",) not in mount.did
+
+
+def test_a_goto_that_the_mount_refuses_moves_nothing() -> None:
+    guard, mount = guarded()
+    mount.fails["goto"] = RefusedError("The mount refuses to go there.")
+    with pytest.raises(RefusedError):
+        guard.goto(*at(-45.0, 42.0))
+    assert not guard.emergency.moving
+    assert ("stop",) not in mount.did
+
+
+def test_a_slew_that_has_ended_moves_nothing() -> None:
+    guard, _ = guarded()
+    run(guard.slew(*at(-45.0, 42.0)))
+    assert not guard.emergency.moving
+
+
+def test_closing_stops_a_bounded_motion() -> None:
+    guard, mount = guarded()
+    guard.move(Direction.NORTH, 0.5, 20.0)
+    guard.close()
+    assert [name for name, *_ in mount.did] == ["move", "stop", "close"]
+
+
+def test_a_program_that_ends_stops_a_bounded_motion_too() -> None:
+    guard, mount = guarded()
+    guard.move(Direction.NORTH, 0.5, 20.0)
+    guard._finalizer()
+    assert mount.did[-1] == ("stop",)
+
+
+def test_a_parked_mount_is_not_made_to_track() -> None:
+    from dataclasses import replace
+
+    guard, mount = guarded()
+    mount.now = replace(mount.now, parked=True)
+    with pytest.raises(RefusedError, match="parked"):
+        guard.track(True)
+    assert mount.did == []
+
+
+# -- arrival --------------------------------------------------------------------------------------
+
+
+def slewing_to(target, *reports):
+    """A slew whose mount reports (slewing, hour angle, Dec) one after the other, then the last again."""
+    guard, mount = guarded()
+    slew = guard.slew(*at(*target))
+    next(slew)
+    left = list(reports)
+
+    def state():
+        slewing, *place = left.pop(0) if len(left) > 1 else left[0]
+        if isinstance(slewing, Exception):
+            raise slewing
+        mount.here = at(*place)
+        from dataclasses import replace
+
+        return replace(mount.now, slewing=slewing)
+
+    mount.state = state
+    return guard, mount, slew, left
+
+
+def test_a_mount_that_stands_elsewhere_has_not_arrived(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    _, mount, slew, _ = slewing_to((-45.0, 42.0), (False, -42.0, 41.0))
+    with pytest.raises(RefusedError, match=r"stopped \d\.\d deg from its target"):
+        run(slew)
+    assert mount.did[-1] == ("stop",)
+
+
+def test_a_slew_that_begins_late_is_waited_for(monkeypatch) -> None:
+    """A mount may take a second before it says that it slews."""
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    start = (False, -40.0, 40.0)
+    reports = [start] * 6  # 1.2 s
+    reports += [(True, -42.0, 41.0), (False, -45.0, 42.0)]
+    _, mount, slew, left = slewing_to((-45.0, 42.0), *reports)
+    run(slew)
+    assert len(left) == 1
+    assert mount.did[-1][0] == "goto"
+
+
+def test_pauses_of_a_slew_do_not_add_up(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    pauses = []
+    for k in range(3):
+        pauses += [(False, -41.0 - k, 40.0)] * 6 + [(True, -41.5 - k, 40.0)]
+    _, mount, slew, _ = slewing_to((-45.0, 42.0), *pauses, (False, -45.0, 42.0))
+    run(slew)
+    assert mount.did[-1][0] == "goto"
+
+
+def test_a_mount_that_does_not_report_slewing_has_arrived_when_it_stands_there(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    passing = (None, -45.0, 42.0 - 0.4)
+    guard, _, slew, left = slewing_to(
+        (-45.0, 42.0), (None, -42.0, 41.0), passing, (None, -45.0, 42.0), (None, -45.0, 42.0)
+    )
+    run(slew)
+    assert len(left) == 1, "it was not taken for there while it passed"
+    assert not guard.emergency.moving
+
+
+def test_so_many_answers_may_be_missed_and_not_one_more(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    missed, seen, there = (SILENT,), (True, -42.0, 41.0), (False, -45.0, 42.0)
+    some = [missed] * 2
+    _, mount, slew, _ = slewing_to((-45.0, 42.0), *some, seen, *some, seen, there)
+    run(slew)
+    assert mount.did[-1][0] == "goto"
+    _, mount, slew, _ = slewing_to((-45.0, 42.0), seen, *[missed] * 3, there)
+    with pytest.raises(NoAnswerError):
+        run(slew)
+    assert mount.did[-1] == ("stop",)
+
+
+@pytest.mark.parametrize(
+    ("limits", "seconds"),
+    [
+        ({"slew_start_s": 7.0, "slowest_slew_deg_s": 1e9}, 7.0),
+        ({"slew_timeout_s": 3.0}, 3.0),
+        ({"slew_start_s": 0.0, "slowest_slew_deg_s": 0.5, "crosses_meridian": True}, 20.0),
+    ],
+)
+def test_a_slew_may_last_as_long_as_its_limits_say(limits, seconds) -> None:
+    guard, _ = guarded(**limits)
+    assert guard._begin_slew(*at(-40.0, 30.0)) == pytest.approx(seconds, rel=0.01)
+
+
+# -- overrun: how far a move may be seen -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(("rates", "seen_deg"), [((1.0,), 2.5), ((), 8.0)])
+def test_a_move_may_overrun_by_what_its_rate_is_known(rates, seen_deg, monkeypatch) -> None:
+    """Of 2 deg: a quarter more where the mount reports its rates, four times where it does not."""
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "ASIDE_DEG", 0.6)  # the region is a grid
+    for beyond, strays in ((-0.3, False), (0.9, True)):
+        guard, mount = guarded()
+        mount.rates_deg_s = rates
+        guard.move(Direction.NORTH, 1.0, 2.0)
+        mount.here = at(-40.0, 40.0 + seen_deg + beyond)
+        if strays:
+            with pytest.raises(StoppedError, match="wrong way"):
+                guard.position()
+        else:
+            guard.position()
+
+
+def test_a_new_motion_forgets_how_the_last_one_strayed(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    guard, mount = guarded()
+    guard.move(Direction.NORTH, 1.0, 2.0)
+    mount.here = at(-40.0, 20.0)
+    with pytest.raises(StoppedError):
+        guard.position()
+    guard.move(Direction.SOUTH, 1.0, 2.0)
+    guard.check_not_stopped(guard.stops, "move")
+
+
+# -- the watchdog ----------------------------------------------------------------------------------
+
+
+def expired(*errors):
+    dog, halt = Watchdog(), failing(*errors)
+    dog.arm("ra", 0.0, halt)
+    wait_for(lambda: not dog.moving)
+    return dog, halt
+
+
+def test_the_watchdog_tries_three_times() -> None:
+    dog, halt = expired(SILENT, SILENT)
+    assert halt.calls == 3
+    dog.check()  # the third worked
+    dog, halt = expired(*[SILENT] * 4)
+    assert halt.calls == 3
+    with pytest.raises(NoAnswerError):
+        dog.check()
+    dog.check()  # told once
+
+
+def test_the_watchdog_ends_a_motion_once() -> None:
+    _, halt = expired()
+    assert halt.calls == 1
+
+
+def test_a_motion_that_is_prolonged_or_ended_is_not_ended_again() -> None:
+    dog, first, second, other = Watchdog(), failing(), failing(), failing()
+    dog.arm("ra", 0.05, first)
+    dog.arm("dec", 0.05, other)
+    dog.arm("ra", 30.0, second)
+    wait_for(lambda: other.calls == 1)
+    time.sleep(0.1)
+    assert dog.moving
+    assert first.calls == second.calls == 0
+    dog.disarm()
+    assert not dog.moving
+    dog.arm("ra", 0.05, first)
+    dog.disarm()
+    time.sleep(0.15)
+    assert first.calls == 0
+
+
+def test_a_move_whose_end_failed_is_told_before_the_next() -> None:
+    link = ScriptedLink(CLASSIC_START)
+    mount = Lx200(link)
+    mount.watchdog.failure = BROKEN
+    with pytest.raises(LineLostError):
+        mount.bounded(Direction.NORTH, 1.0)
+
+
+def test_stop_disarms_the_watchdog_and_closing_stops_a_move() -> None:
+    begin = [*CLASSIC_START, (b":RM#", b""), (b":Mn#", b"")]
+    with transcript(Lx200, [*begin, (b":Q#", b"")]) as mount:
+        mount.move(Direction.NORTH, 2.0, 30.0)
+        mount.stop()
+        assert not mount.watchdog.moving
+    with transcript(Lx200, [*begin, (b":Q#", b"")]) as mount:
+        mount.move(Direction.NORTH, 2.0, 30.0)
+        mount.close()
+
+
+def test_nothing_is_sent_between_a_stop_and_its_bytes() -> None:
+    """A driver's Stop is several commands: no other goes between them."""
+    link = ScriptedLink([(b":Q#", b""), (b":GR#", b"")])
+    talk = Conversation(link)
+    talk.stopping()
+    asking = threading.Thread(target=talk.send, args=(b":GR#",))
+    asking.start()
+    time.sleep(0.1)
+    talk.send_now((b":Q#", ()))
+    talk.stopped()
+    asking.join(5.0)
+    link.finished()

@@ -1,0 +1,155 @@
+"""Everything that goes wrong on a line: one clear sentence, in time, and nothing left moving."""
+
+import time
+
+import pytest
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError
+from kochab.core.mount import Direction
+from kochab.core.progress import run
+from kochab.gear.mounts import DRIVERS, open_mount
+from kochab.gear.mounts.emergency_stop import CANNOT_STOP
+from kochab.gear.mounts.guard import Guard
+from kochab.simulate.serial_line import Fault
+from tests.gear.mounts.bench import LIMITS, SITE, moved, opened, simulated, still, where
+from tests.gear.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
+
+BAD_ANSWERS = [Fault.SILENCE, Fault.GARBAGE, Fault.LATE, Fault.WRONG]
+
+
+@pytest.fixture(params=DRIVERS)
+def bench(request, monkeypatch):
+    """A driver that waits a quarter of a second for an answer; the late fault is later than that."""
+    with simulated(request.param) as bench:
+        bench.driver = request.param
+        bench.mount = bench.open()
+        monkeypatch.setattr(type(bench.mount), "timeout_s", 0.25)
+        bench.guard = Guard(
+            bench.mount,
+            SITE,
+            LIMITS,
+            clock=bench.clock,
+            reopen=bench.open,
+            wait=lambda seconds: time.sleep(0.02),
+        )
+        yield bench
+        bench.faults.none()
+        bench.guard.close()
+
+
+def said(action):
+    """The one sentence of what went wrong, None when nothing did."""
+    try:
+        action()
+    except DeviceError as error:
+        return checked(str(error))
+    return None
+
+
+def one_sentence(caught):
+    checked(str(caught.value))
+
+
+def checked(text):
+    assert "\n" not in text
+    assert "Traceback" not in text
+    assert text.rstrip(")").endswith(".")
+    return text
+
+
+@pytest.mark.parametrize("fault", BAD_ANSWERS)
+def test_a_bad_answer_to_every_question_is_one_sentence(bench, fault) -> None:
+    bench.faults.chance(fault, 1.0)
+    begun = time.monotonic()
+    sentence = said(bench.mount.position)
+    if fault in (Fault.SILENCE, Fault.GARBAGE):  # an earlier answer of the same kind may be right
+        assert sentence
+    assert time.monotonic() - begun < 20.0  # bounded, not timed
+    assert not moved(bench.telescope)
+
+
+@pytest.mark.parametrize("fault", [*BAD_ANSWERS, Fault.SPLIT])
+def test_after_a_bad_answer_the_next_is_right(bench, fault) -> None:
+    bench.faults.next(fault, 1)
+    said(bench.mount.position)
+    wait_for(lambda: bench.faults.happened[fault] == 1)
+    wait_for(lambda: not bench.line._outgoing)  # a late one is on its way
+    here = bench.mount.position()
+    assert apart_deg((here.ra_deg, here.dec_deg), own(bench, *where(bench))) < CLOSE_DEG
+
+
+@pytest.mark.parametrize("fault", [Fault.SILENCE, Fault.GARBAGE, Fault.REFUSAL])
+def test_a_goto_with_faults_leaves_nothing_moving(bench, fault) -> None:
+    """Whether it was understood or not: the mount stands, and the goto is not sent again."""
+    bench.telescope._slew_deg_s = 1.0
+    target = own(bench, *place(-25.0, 45.0, bench.clock))
+    here, state = bench.guard.position(), bench.guard.state()
+    assert bench.guard.policy.goto(here, state, target)[1].allowed
+    bench.guard.supervisor.position, bench.guard.supervisor.state = lambda: here, lambda: state
+    # the fault is to hit the goto itself
+    bench.faults.next(fault, 1 if fault is Fault.REFUSAL else 3)
+    if said(lambda: bench.guard.goto(*target)):
+        bench.faults.none()
+        wait_for(lambda: still(bench.telescope))
+    assert len(bench.guard.log.sent("goto")) == 1
+    bench.faults.none()
+    bench.guard.stop()
+    wait_for(lambda: still(bench.telescope))
+
+
+def test_a_mount_that_falls_silent_during_a_slew_is_stopped(bench) -> None:
+    bench.telescope._slew_deg_s = 0.5
+    slew = bench.guard.slew(*own(bench, *place(-40.0, 45.0, bench.clock)))
+    next(slew)
+    wait_for(lambda: bench.telescope.slewing)
+    bench.faults.chance(Fault.SILENCE, 1.0)
+    with pytest.raises(NoAnswerError) as caught:
+        run(slew)
+    one_sentence(caught)
+    wait_for(lambda: still(bench.telescope))
+    assert bench.guard.log.sent("stop")
+
+
+def test_unplugging_during_a_slew_is_said_and_stop_is_sent_again_on_reconnect(bench) -> None:
+    bench.telescope._slew_deg_s = 0.5
+    slew = bench.guard.slew(*own(bench, *place(-40.0, 45.0, bench.clock)))
+    next(slew)
+    wait_for(lambda: bench.telescope.slewing)
+    bench.line.unplug()
+    with pytest.raises(LineLostError, match="cut its power") as caught:
+        run(slew)
+    assert CANNOT_STOP in str(caught.value)
+    assert bench.guard.emergency.unfinished
+    assert bench.telescope.slewing  # as a real mount would
+    bench.line.plug()
+
+    bench.guard._reopen = lambda: opened(bench.driver, bench.line.port, bench.clock)
+    if bench.driver == "skywatcher":
+        bench.guard._reopen = lambda: open_mount("skywatcher", bench.line.port, site=SITE, clock=bench.clock)
+    bench.guard.reconnect()
+    wait_for(lambda: still(bench.telescope))
+    assert not bench.guard.emergency.unfinished
+    assert len(bench.guard.log.sent("goto")) == 1  # never repeated
+
+
+def test_unplugging_during_a_move_leaves_one_sentence(bench) -> None:
+    bench.guard.move(Direction.NORTH, 0.5, 0.3)
+    bench.mount.position()
+    bench.line.unplug()
+    wait_for(lambda: not bench.mount.watchdog.moving)
+    with pytest.raises(LineLostError) as caught:
+        bench.mount.position()
+    one_sentence(caught)
+    bench.line.plug()
+    bench.telescope.halt()
+    bench.telescope.turn_axis(1, 0.0)
+
+
+def test_an_unaligned_nexstar_is_said_before_anything_is_sent() -> None:
+    with simulated("nexstar", aligned=False) as bench:
+        guard = Guard(bench.open(), SITE, LIMITS, clock=bench.clock)
+        with pytest.raises(DeviceError, match="not aligned"):
+            guard.goto(*place(-25.0, 45.0, bench.clock))
+        assert not moved(bench.telescope)
+        guard.close()

@@ -1,0 +1,101 @@
+"""The serial doctor names the mount or says what to do, and never sends what could move one."""
+
+import re
+
+import pytest
+from serial.tools.list_ports_common import ListPortInfo
+
+from kochab.core.errors import NoAnswerError, PortError
+from kochab.core.progress import run
+from kochab.gear.mounts import DRIVERS, probe
+from kochab.gear.mounts.probe import list_ports, port_info, probe_port
+from tests.gear.mounts.bench import moved, simulated
+
+MOVES = re.compile(
+    rb":M[SPnsewgA]|:h|:R|:CM|:U#|r[0-9A-F]{8}|s[0-9A-F]{8}|:[GHIJ][12]..|:MS1|:[mZ]|T[\x00-\x03]"
+)
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch):
+    monkeypatch.setattr(probe, "PATIENCE_S", 0.15)
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_it_names_every_simulated_mount_by_questions_only(driver) -> None:
+    with simulated(driver) as bench:
+        before = bench.telescope.axes_deg()[1]
+        diagnosis = run(probe_port(bench.port))
+        sent = b"".join(data for way, data in bench.line.transcript if way == "<")
+        assert diagnosis.found
+        assert diagnosis.driver == driver
+        assert diagnosis.name
+        assert not bench.telescope.log
+        assert not moved(bench.telescope)
+        assert bench.telescope.axes_deg()[1] == before
+        assert not MOVES.search(sent.replace(b":MountInfo#", b"")), sent
+
+
+def test_an_unaligned_hand_control_is_told_so() -> None:
+    with simulated("nexstar", aligned=False) as bench:
+        assert "do its alignment" in run(probe_port(bench.port)).advice
+
+
+def test_a_silent_port_says_what_to_check() -> None:
+    with simulated("lx200") as bench:
+        bench.faults.chance("silence", 1.0)
+        diagnosis = run(probe_port(bench.port))
+        assert not diagnosis.found
+        assert "9600, 115200, 230400 baud" in diagnosis.advice
+        assert "Switch the mount on" in diagnosis.advice
+
+
+def test_garbage_is_no_mount() -> None:
+    with simulated("lx200") as bench:
+        bench.faults.chance("garbage", 1.0)
+        assert not run(probe_port(bench.port)).found
+
+
+def test_a_port_that_cannot_be_opened_is_its_own_advice() -> None:
+    def refuses(port, baud):
+        raise PortError("You may not open it.")
+
+    (diagnosis,) = run(probe.probe(["/dev/x"], refuses))
+    assert diagnosis.advice == "You may not open it."
+
+
+def test_every_question_is_a_cancel_point() -> None:
+    with simulated("ioptron") as bench:
+        steps = list(probe_port(bench.port))
+        assert len(steps) >= 4
+        assert "ioptron" in steps[-1].detail
+        task = probe_port(bench.port)
+        next(task)
+        task.close()  # gives the port back
+        assert run(probe_port(bench.port)).found
+
+
+def test_nexstar_is_asked_before_any_word_that_it_could_take_for_an_order() -> None:
+    first = [questions[0].__name__ for _, questions in probe.QUESTIONS[:1]]
+    assert first == ["ask_nexstar"]
+    assert probe.ALL[0] is probe.ask_nexstar
+    assert NoAnswerError  # silence is what makes it go on
+
+
+def test_usb_descriptions_become_hints() -> None:
+    def info(port, description, **usb):
+        found = ListPortInfo(port)
+        vars(found).update(description=description, **usb)
+        return port_info(found)
+
+    ftdi = {"manufacturer": "FTDI", "product": "FT232R USB UART", "vid": 0x0403, "pid": 0x6001}
+    known = info("/dev/ttyUSB0", "USB Serial", **ftdi)
+    assert (known.usb, known.description) == ("0403:6001", "FTDI FT232R USB UART")
+    assert "EQDIR" in known.hint
+    celestron = {"manufacturer": "Celestron", "product": "NexStar+", "vid": 0x067B, "pid": 0x2303}
+    assert info("COM3", "Celestron HC (COM3)", **celestron).hint == "a mount by celestron"
+    assert info("/dev/ttyS0", "n/a").hint == ""
+
+
+def test_the_list_of_ports_is_a_list() -> None:
+    assert all(port.port for port in list_ports())

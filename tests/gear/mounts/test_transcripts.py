@@ -1,0 +1,365 @@
+"""Every driver, byte for byte: what it sends, what it understands, and nothing left on the line."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction, Epoch, PierSide
+from kochab.gear.mounts.drivers.ioptron import Ioptron
+from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
+from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
+from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
+from tests.gear.mounts.scripted import CLASSIC_START, transcript
+
+TARGET = (82.5, -12.25)
+
+
+def test_lx200_classic_toggles_precision_once_and_reads_back() -> None:
+    with transcript(Lx200, [*CLASSIC_START, (b":GR#", b"05:30:00#"), (b":GD#", b"-12\xdf15:00#")]) as m:
+        here = m.position()
+        assert (here.ra_deg, here.dec_deg, here.epoch) == (*TARGET, Epoch.DATE)
+        assert m.identify() == "Meade LX200 classic"
+        assert set(m.lacks) == {Ability.PULSE, Ability.TRACKING}
+
+
+def test_lx200_in_high_precision_is_not_toggled() -> None:
+    start = [(b":GVP#", b"Autostar#"), (b":GR#", b"05:30:00#")]
+    with transcript(Lx200, [*start, (b":D#", b"\x7f#"), (b":GW#", b"PT2#")]) as m:
+        state = m.state()
+        assert (state.slewing, state.tracking, state.aligned) == (True, True, True)
+        assert Ability.PULSE not in m.lacks
+
+
+def test_lx200_classic_state_reads_33_bytes_of_bars_and_the_alignment() -> None:
+    bars = b"\x7f" * 10 + b" " * 22 + b"#"
+    script = [*CLASSIC_START, (b":D#", bars), (b"\x06", b"P"), (b":D#", b" " * 32 + b"#"), (b"\x06", b"L")]
+    with transcript(Lx200, script) as m:
+        assert (m.state().slewing, m.state().aligned) == (True, False)
+
+
+def test_lx200_goto_and_sync() -> None:
+    target = [(b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1")]
+    sync = (b":CM#", b"Coordinates     matched.        #")
+    with transcript(Lx200, [*CLASSIC_START, *target, (b":MS#", b"0"), *target, sync]) as m:
+        m.goto(*TARGET)
+        m.sync(*TARGET)
+
+
+def test_lx200_that_wants_a_space_gets_it() -> None:
+    script = [
+        *CLASSIC_START,
+        (b":Sr05:30:00#", b"0"),
+        (b":Sr 05:30:00#", b"1"),
+        (b":Sd-12*15:00#", b"0"),
+        (b":Sd -12*15:00#", b"1"),
+        (b":MS#", b"0"),
+    ]
+    with transcript(Lx200, script) as m:
+        m.goto(*TARGET)
+
+
+@pytest.mark.parametrize(
+    ("reply", "reason"), [(b"1Object Below Horizon#", "Object Below Horizon"), (b"2", "overhead limit")]
+)
+def test_lx200_slew_is_refused_with_the_mounts_reason(reply, reason) -> None:
+    target = [(b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1")]
+    with (
+        transcript(Lx200, [*CLASSIC_START, *target, (b":MS#", reply)]) as m,
+        pytest.raises(RefusedError, match=reason),
+    ):
+        m.goto(*TARGET)
+
+
+def test_10micron_has_its_own_precision_and_refuses_far_syncs() -> None:
+    script = [
+        (b":GVP#", b"10micron GM1000HPS#"),
+        (b":GR#", b"05:30.0#"),
+        (b":U1#", b""),
+        (b":GR#", b"05:30:00.00#"),
+        (b":Sr05:30:00#", b"1"),
+        (b":Sd-12*15:00#", b"1"),
+        (b":CM#", b"Match fail: dist. too large#"),
+        (b":AL#", b""),
+        (b":AP#", b""),
+    ]
+    with transcript(Lx200, script) as m:
+        with pytest.raises(RefusedError, match=r"dist\. too large"):
+            m.sync(*TARGET)
+        m.track(False)
+        m.track(True)
+
+
+def test_lx200_move_ends_and_stop_is_one_command() -> None:
+    script = [*CLASSIC_START, (b":RM#", b""), (b":Me#", b""), (b":Q#", b"")]
+    with transcript(Lx200, script) as m:
+        m.move(Direction.EAST, 1.5, 30.0)
+        assert m.watchdog.moving
+        m.stop()
+        assert not m.watchdog.moving
+
+
+def test_lx200_classic_has_no_pulse() -> None:
+    with transcript(Lx200, CLASSIC_START) as m, pytest.raises(RefusedError, match="no guide pulse"):
+        m.pulse(Direction.NORTH, 100)
+
+
+ONSTEP_START = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]
+
+
+def test_onstep_flags_tracking_pulse() -> None:
+    script = [
+        *ONSTEP_START,
+        (b":GU#", b"NPT#"),
+        (b":GU#", b"nEW#"),
+        (b":Te#", b"1"),
+        (b":Td#", b"0"),
+        (b":Mgn0500#", b""),
+    ]
+    with transcript(OnStep, script) as m:
+        parked, slewing = m.state(), m.state()
+        assert (parked.parked, parked.slewing, parked.pier_side) == (True, False, PierSide.EAST)
+        assert (slewing.slewing, slewing.tracking, slewing.pier_side) == (True, False, PierSide.WEST)
+        m.track(True)
+        with pytest.raises(RefusedError, match="tracking"):
+            m.track(False)
+        m.pulse(Direction.NORTH, 500)
+
+
+@pytest.mark.parametrize(("reply", "reason"), [(b"E4#", "parked"), (b"N/A#", None)])
+def test_onstep_sync_codes(reply, reason) -> None:
+    script = [*ONSTEP_START, (b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1"), (b":CM#", reply)]
+    with transcript(OnStep, script) as m:
+        if reason is None:
+            m.sync(*TARGET)
+        else:
+            with pytest.raises(RefusedError, match=reason):
+                m.sync(*TARGET)
+
+
+def test_onstep_is_not_taken_for_another_mount() -> None:
+    with pytest.raises(NoAnswerError, match="not an OnStep"), transcript(OnStep, [(b":GVP#", b"ETX#")]):
+        pass
+
+
+NEXSTAR_START = [(b"V", b"\x04\x15#"), (b"m", b"\x14#")]
+
+
+def test_nexstar_position_with_hashes_among_the_data() -> None:
+    """Version 35.35: both data bytes are the terminator."""
+    script = [(b"V", b"###"), (b"m", b"##"), (b"e", b"3AAAAAAA,F749F49F#")]
+    with transcript(NexStar, script) as m:
+        assert m.version == (35, 35)
+        assert m.model == 35
+        here = m.position()
+        assert here.ra_deg == pytest.approx(82.5, abs=1e-6)
+        assert here.dec_deg == pytest.approx(-12.25, abs=1e-6)
+
+
+def test_nexstar_goto_sync_state() -> None:
+    script = [
+        *NEXSTAR_START,
+        (b"J", b"\x01#"),
+        (b"r3AAAAAAB,F749F49F", b"#"),
+        (b"J", b"\x01#"),
+        (b"s3AAAAAAB,F749F49F", b"#"),
+        (b"p", b"W#"),
+        (b"L", b"1#"),
+        (b"J", b"\x01#"),
+        (b"t", b"\x02#"),
+    ]
+    with transcript(NexStar, script) as m:
+        m.goto(*TARGET)
+        m.sync(*TARGET)
+        state = m.state()
+        assert (state.slewing, state.aligned, state.tracking) == (True, True, True)
+        assert state.pier_side is PierSide.WEST
+        assert m.identify() == "AVX, hand control 4.21"
+
+
+def test_nexstar_before_its_alignment_is_refused_before_the_goto_is_sent() -> None:
+    with (
+        transcript(NexStar, [*NEXSTAR_START, (b"J", b"\x00#")]) as m,
+        pytest.raises(RefusedError, match="not aligned"),
+    ):
+        m.goto(*TARGET)
+
+
+def test_nexstar_of_old_has_no_sync_and_coarse_positions() -> None:
+    script = [(b"V", b"\x01\x02#"), (b"m", b"\x01#"), (b"E", b"3AAB,F74A#")]
+    with transcript(NexStar, script) as m:
+        assert "4.10" in m.lacks[Ability.SYNC]
+        with pytest.raises(RefusedError, match=r"4\.10"):
+            m.sync(*TARGET)
+        assert m.position().ra_deg == pytest.approx(82.5, abs=0.01)
+
+
+def test_nexstar_stop_cancels_and_halts_both_axes_of_a_move() -> None:
+    script = [
+        *NEXSTAR_START,
+        (bytes([0x50, 2, 16, 37, 9, 0, 0, 0]), b"#"),
+        (b"M", b"#"),
+        (bytes([0x50, 2, 16, 36, 0, 0, 0, 0]), b"#"),
+        (bytes([0x50, 2, 17, 36, 0, 0, 0, 0]), b"#"),
+    ]
+    with transcript(NexStar, script) as m:
+        m.move(Direction.EAST, 4.0, 20.0)
+        m.stop()
+
+
+def test_nexstar_pass_through_that_fails_is_said() -> None:
+    script = [*NEXSTAR_START, (bytes([0x50, 3, 17, 0x26, 50, 50, 0, 0]), b"\x00#")]
+    with transcript(NexStar, script) as m, pytest.raises(NoAnswerError, match="motor board"):
+        m.pulse(Direction.NORTH, 500)
+
+
+def test_nexstar_tracking_comes_back_in_its_own_mode() -> None:
+    script = [*NEXSTAR_START, (b"t", b"\x03#"), (b"T\x00", b"#"), (b"t", b"\x00#"), (b"T\x03", b"#")]
+    with transcript(NexStar, script) as m:
+        m.track(False)
+        m.track(True)
+
+
+def test_synscan_is_j2000_and_cancels_twice() -> None:
+    script = [(b"V", b"042507#"), (b"m", b"\x00#"), (b"e", b"3AAAAAAA,F749F49F#"), (b"M", b"#"), (b"M", b"#")]
+    with transcript(SynScan, script) as m:
+        assert m.position().epoch is Epoch.J2000
+        assert m.identify() == "SynScan EQ6, hand control 4.37.07"
+        m.stop()
+
+
+IOPTRON_START = [(b":MountInfo#", b"0040")]
+
+
+def test_ioptron_words() -> None:
+    script = [
+        *IOPTRON_START,
+        (b":GEP#", b"-0441000002970000011#"),
+        (b":SRA029700000#", b"1"),
+        (b":Sd-04410000#", b"1"),
+        (b":CM#", b"1"),
+        (b":SRA029700000#", b"1"),
+        (b":Sd-04410000#", b"1"),
+        (b":MS1#", b"0"),
+        (b":GLS#", b"+0288000050400000021911#"),
+        (b":GEP#", b"-0441000002970000001#"),
+        (b":SR9#", b"1"),
+        (b":mw#", b""),
+        (b":Q#", b"1"),
+        (b":qR#", b"1"),
+        (b":qD#", b"1"),
+        (b":ZE00500#", b""),
+        (b":ST0#", b"1"),
+    ]
+    with transcript(Ioptron, script) as m:
+        here = m.position()
+        assert (here.ra_deg, here.dec_deg) == TARGET
+        m.sync(*TARGET)
+        with pytest.raises(RefusedError, match="refuses to go"):
+            m.goto(*TARGET)
+        state = m.state()
+        assert (state.slewing, state.parked, state.pier_side) == (True, False, PierSide.EAST)
+        m.move(Direction.EAST, 9.9, 10.0)
+        m.stop()
+        m.pulse(Direction.NORTH, 500)
+        m.track(False)
+
+
+MOTORS_START = [
+    (b":a1\r", b"=00B289\r"),
+    (b":b1\r", b"=A7FD00\r"),
+    (b":g1\r", b"=10\r"),
+    (b":a2\r", b"=00B289\r"),
+    (b":b2\r", b"=A7FD00\r"),
+    (b":g2\r", b"=10\r"),
+    (b":e1\r", b"=020300\r"),
+    (b":f1\r", b"=001\r"),
+]
+SITE = Site(50.0, 8.0)
+
+
+def noon():
+    return datetime(2026, 3, 20, 12, tzinfo=UTC)
+
+
+def test_skywatcher_at_home_points_at_the_pole() -> None:
+    script = [*MOTORS_START, (b":j1\r", b"=000080\r"), (b":j2\r", b"=000080\r")]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
+        assert m.position().dec_deg == 90.0
+        assert m.identify() == "Sky-Watcher motor board, version 2.03"
+
+
+def test_skywatcher_refusal_is_said_and_nothing_starts() -> None:
+    script = [*MOTORS_START, (b":f1\r", b"=000\r"), (b":F1\r", b"!5\r")]
+    with (
+        transcript(SkyWatcher, script, site=SITE, clock=noon) as m,
+        pytest.raises(RefusedError, match="sleeps"),
+    ):
+        m.track(True)
+
+
+def test_skywatcher_tracks_by_its_period_and_stops_both_axes() -> None:
+    script = [
+        *MOTORS_START,
+        (b":f1\r", b"=000\r"),
+        (b":F1\r", b"=\r"),
+        (b":G110\r", b"=\r"),
+        (b":I16C0200\r", b"=\r"),
+        (b":J1\r", b"=\r"),
+        (b":L1\r", b"=\r"),
+        (b":L2\r", b"=\r"),
+    ]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
+        m.track(True)
+        m.stop()
+
+
+def test_skywatcher_asks_again_when_an_answer_is_lost() -> None:
+    script = [(b":a1\r", b""), (b":a1\r", b"=00B2"), *MOTORS_START]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
+        assert m.motors[0].steps_turn == 9024000
+
+
+TURN_100_STEPS = [
+    (b":j2\r", b"=000080\r"),
+    (b":G220\r", b""),
+    (b":G220\r", b"=\r"),
+    (b":H2640000\r", b"=\r"),
+    (b":M20B0000\r", b"=\r"),
+    (b":J2\r", b""),
+]
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        [(b":f2\r", b"=011\r")],
+        [(b":f2\r", b"=001\r"), (b":j2\r", b"=640080\r")],
+        [(b":f2\r", b"=001\r"), (b":j2\r", b"=000080\r"), (b":J2\r", b"=\r")],
+    ],
+    ids=["it turns", "it has turned", "it has not moved"],
+)
+def test_skywatcher_looks_before_a_lost_start_is_said_again(seen) -> None:
+    script = [*MOTORS_START, *TURN_100_STEPS, *seen]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
+        m.motors[1].angle_deg()
+        m.motors[1].turn_by(100 / 9024000 * 360.0, m.talk.stops)
+
+
+def test_skywatcher_never_repeats_a_lost_start_of_a_steady_motion() -> None:
+    script = [
+        *MOTORS_START,
+        (b":f1\r", b"=001\r"),
+        (b":G110\r", b"=\r"),
+        (b":I16C0200\r", b"=\r"),
+        (b":J1\r", b""),
+        (b":f1\r", b"=001\r"),
+    ]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m, pytest.raises(NoAnswerError):
+        m.track(True)
+
+
+def test_skywatcher_without_a_site_says_so() -> None:
+    with pytest.raises(DeviceError, match="give --site"), transcript(SkyWatcher, []):
+        pass

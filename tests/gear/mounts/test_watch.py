@@ -1,0 +1,302 @@
+"""What the guard does about a mount that is under way: it sees where it goes, and stops it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import NoAnswerError, StoppedError, StrayedError
+from kochab.core.frame import Site
+from kochab.core.mount import Direction, Epoch, PierSide, Pointing
+from kochab.core.progress import run
+from kochab.gear.mounts import slew_supervisor
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.mounts.motion_policy import MotionPolicy, with_paths
+from kochab.gear.mounts.slew_supervisor import (
+    ASIDE_DEG,
+    SupervisedMotion,
+    allowed_region,
+    may_flip,
+    slew_limit_s,
+)
+from kochab.workflows.centre_target import centre_target
+from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, Imaginary, at, guarded
+from tests.simulate.failing_axis import AxisFailure, fail
+from tests.workflows.mount_nights import bench, good, target_of, worn
+
+
+class Scripted(Imaginary):
+    """It says the places it is given, one a question, and then that it stands at the last."""
+
+    def follow(self, *places):
+        self.places = list(places)
+
+    def goto(self, ra_deg, dec_deg):
+        self._do("goto", ra_deg, dec_deg)
+        self.now = replace(self.now, slewing=True)
+
+    def position(self):
+        if len(getattr(self, "places", ())) and self.now.slewing:
+            self.here = self.places.pop(0)
+            if not self.places:
+                self.now = replace(self.now, slewing=False)
+        return super().position()
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """A second passes between two looks, by the clock that the jump is judged by."""
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+
+
+def way(*hours_and_decs):
+    return [at(hour, dec) for hour, dec in hours_and_decs]
+
+
+def under_way(start, target, *places, **limits):
+    """A slew from hour angle and declination to others, that really goes by these places."""
+    guard, _ = guarded(*start)
+    guard.limits = Limits(**limits)
+    mount = Scripted(*at(*start))
+    guard.emergency.mount = mount
+    slew = guard.slew(*at(*target))
+    next(slew)
+    mount.follow(*way(*places))
+    return guard, mount, slew
+
+
+def stopped_with(mount, guard, slew, sentence):
+    with pytest.raises(StrayedError, match=sentence):
+        run(slew)
+    assert [order for order, *_ in mount.did if order != "stop"] == ["goto"]
+    assert mount.did[-1] == ("stop",)
+    assert guard.supervisor.strayed
+    actions = [entry.action for entry in guard.log.entries]
+    assert actions.index("stop") < actions.index("stray"), "the journal is written after the Stop"
+
+
+# -- the simulated mechanics breaks -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("failure", AxisFailure)
+def test_a_broken_axis_is_stopped_at_once(failure, axis) -> None:
+    b = bench(good(lost_deg=0.0, start=(40.0, 60.0)))
+    slew = b.guard.slew(*b.guard.to_mount(*b.place(15.0, 25.0)))
+    if failure is not AxisFailure.JUMP:
+        fail(b.rig.mount, axis, failure)
+    for _ in range(6):  # begun: a second and a half
+        next(slew)
+    if failure is AxisFailure.JUMP:
+        fail(b.rig.mount, axis, failure, misread_deg=-40.0)
+    with pytest.raises(StrayedError, match="jumped by" if failure == "jump" else "wrong way"):
+        run(slew)
+    assert len(b.guard.log.sent("goto")) == 1
+    b.rig.clock.step(3.0)  # it brakes
+    assert not b.rig.mount.slewing
+    hour, dec = b.rig.mount.true_axes_deg(b.rig.clock.now_unix())
+    assert -15.0 < hour < 65.0
+    assert -15.0 < dec < 85.0
+
+
+def test_what_broke_during_a_centring_is_not_tried_again() -> None:
+    b = bench(good(lost_deg=0.0))
+    fail(b.rig.mount, 1, AxisFailure.SWAPPED)
+    with pytest.raises(StrayedError, match="Kochab stopped the slew"):
+        run(centre_target(b.guard, b.solve_now, target_of(b), wait=b.wait))
+    assert len(b.guard.log.sent("goto")) == 1
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_worn_mount_that_does_what_it_is_told_is_let_alone(seed) -> None:
+    rng = np.random.default_rng(seed)
+    side = 1.0 if seed % 2 else -1.0
+    b = bench(worn(seed, side), allow_flip=seed % 3 == 0)
+    other = -side if seed % 3 == 0 else side
+    target = b.place(other * rng.uniform(5.0, 60.0), rng.uniform(5.0, 80.0))
+    run(b.guard.slew(*b.guard.to_mount(*target)))
+    assert not b.guard.supervisor.strayed
+    assert b.guard.log.entries[-1].outcome == "done"
+
+
+# -- places that are read back ----------------------------------------------------------------
+
+
+def test_a_way_within_its_room_is_gone_to_its_end(patient) -> None:
+    places = ((-38.0, 30.0), (-30.0, 22.0), (-12.0, 20.0), (-10.0, 20.0), (-10.0, 20.0))
+    guard, mount, slew = under_way((-40.0, 40.0), (-10.0, 20.0), *places)
+    assert run(slew) == Pointing(*at(-10.0, 20.0), Epoch.DATE)
+    assert mount.did == [("goto", *at(-10.0, 20.0))]
+    assert not guard.supervisor.strayed
+
+
+@pytest.mark.parametrize(
+    ("places", "sentence"),
+    [
+        (((-44.0, 40.0), (-48.0, 40.0), (-49.0, 40.0)), r"wrong way, \d deg off its path"),
+        (((-40.0, 47.0), (-40.0, 47.5)), "wrong way, 8 deg off its path"),
+        (((-30.0, 18.0), (-5.0, 12.0), (0.0, 12.0)), "wrong way"),
+    ],
+)
+def test_a_place_beside_the_room_stops_it(patient, places, sentence) -> None:
+    guard, mount, slew = under_way((-40.0, 40.0), (-10.0, 20.0), *places)
+    stopped_with(mount, guard, slew, sentence)
+
+
+def test_a_single_wrong_answer_is_asked_again_and_forgotten() -> None:
+    places = ((-39.9, 39.9), (60.0, 10.0), (-39.8, 39.8), (-39.7, 39.7), (-39.7, 39.7))
+    guard, mount, slew = under_way((-40.0, 40.0), (-39.7, 39.7), *places)
+    run(slew)
+    assert mount.did == [("goto", *at(-39.7, 39.7))]
+    assert not guard.supervisor.strayed
+
+
+def test_a_jump_that_is_said_twice_stops_it() -> None:
+    places = ((-39.0, 40.0), (-15.0, 40.0), (-15.0, 40.0))
+    guard, mount, slew = under_way((-40.0, 40.0), (20.0, 40.0), *places, crosses_meridian=True)
+    stopped_with(mount, guard, slew, r"jumped by 18 deg, faster than any motor")
+
+
+def test_the_limits_are_those_of_the_places_it_really_passes(patient) -> None:
+    start, target, low = (-110.0, 50.0), (-100.0, 60.0), 26.0
+    places = ((-112.0, 49.0), (-112.0, 49.0))
+    guard, mount, slew = under_way(start, target, *places, lowest_altitude_deg=low)
+    stopped_with(mount, guard, slew, r"dip to 2[45]\.\d deg, the limit is 26 deg\.$")
+    limits = {"hour_angle_deg": (-45.0, 0.0)}
+    guard, mount, slew = under_way((-40.0, 40.0), (-20.0, 20.0), (-46.0, 40.0), (-46.0, 40.0), **limits)
+    stopped_with(mount, guard, slew, r"reaches hour angle -3\.1 h, the limits are -3\.0 to \+0\.0")
+
+
+def test_the_sun_is_kept_away_from_while_it_moves(patient) -> None:
+    guard, _ = guarded(time_utc=NOON, crosses_meridian=True)
+    mount = Scripted(90.0, 23.4 + 33.0)  # the Sun is at 6 h, 23.4 deg
+    guard.emergency.mount = mount
+    slew = guard.slew(90.0, 23.4 + 50.0)
+    next(slew)
+    mount.follow((90.0, 23.4 + 29.0), (90.0, 23.4 + 28.5))
+    stopped_with(mount, guard, slew, "passes 28 deg from the Sun, nearer than 30")
+
+
+def test_a_flip_that_was_not_allowed_is_stopped() -> None:
+    guard, _ = guarded(-30.0, 40.0)
+    mount = Scripted(*at(-30.0, 40.0))
+    mount.now = replace(mount.now, pier_side=PierSide.WEST)
+    guard.emergency.mount = mount
+    slew = guard.slew(*at(-10.0, 40.0))
+    next(slew)
+    mount.now = replace(mount.now, pier_side=PierSide.EAST)
+    stopped_with(mount, guard, slew, "from the west to the east side of its pier: allow the flip")
+
+
+def test_a_slew_has_the_time_of_its_angle() -> None:
+    quick = {"slew_start_s": 0.0, "slowest_slew_deg_s": 1e9}
+    _, mount, slew = under_way((-40.0, 40.0), (-10.0, 20.0), **quick)
+    with pytest.raises(NoAnswerError, match="did not end within 0 s and was stopped"):
+        run(slew)
+    assert mount.did[-1] == ("stop",)
+
+
+# -- moves and pulses -------------------------------------------------------------------------
+
+
+def test_a_move_the_wrong_way_is_seen_by_whoever_asks_how_the_mount_is(patient, monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "LOOK_S", 0.0)
+    guard, mount = guarded()
+    guard.move(Direction.NORTH, 1.0, 20.0)
+    mount.here = at(-40.0, 44.0)
+    guard.state()
+    stops = guard.stops
+    mount.here = at(-40.0, 34.0)
+    with pytest.raises(StrayedError, match="wrong way, 6 deg off its path"):
+        guard.state()
+    assert [order for order, *_ in mount.did] == ["move", "stop"]
+    with pytest.raises(StrayedError):
+        guard.check_not_stopped(stops, "motion")
+    guard.state()  # it stands: nothing is watched any more
+    guard.move(Direction.SOUTH, 1.0, 2.0)
+    guard.check_not_stopped(stops, "motion")
+    guard.stop()
+    with pytest.raises(StoppedError, match="motion was stopped"):
+        guard.check_not_stopped(stops, "motion")
+
+
+def test_a_sync_just_after_a_pulse_is_no_jump() -> None:
+    guard, mount = guarded()
+    guard.pulse(Direction.EAST, 500)
+    guard.sync(*at(-30.0, 30.0), by_hand=True, confirmed=True)
+    assert mount.here == at(-30.0, 30.0)
+    assert not guard.supervisor.strayed
+
+
+# -- the room ---------------------------------------------------------------------------------
+
+
+def plan_of(start, target, **limits):
+    guard, mount = guarded(*start, **limits)
+    here = Pointing(*mount.here, Epoch.DATE)
+    return with_paths(
+        MotionPolicy(SITE, guard.limits, lambda: NIGHT).plan("goto", here, mount.now, at(*target))
+    )
+
+
+def aside_deg(room, hour, dec):
+    here = unit_vectors(*at(hour, dec))
+    return np.degrees(np.arccos(np.clip((room @ here).max(), -1.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("start", "target"),
+    [((-70.0, 10.0), (-5.0, 80.0)), ((40.0, 85.0), (80.0, -20.0)), ((-170.0, 75.0), (-60.0, 40.0))],
+)
+def test_axes_may_arrive_one_after_the_other(start, target) -> None:
+    room = allowed_region(plan_of(start, target))
+    for hour in np.linspace(start[0], target[0], 9):
+        for dec in np.linspace(start[1], target[1], 9):
+            assert aside_deg(room, hour, dec) < 2.0
+    beyond = target[0] + 20.0 * np.sign(target[0] - start[0]), target[1]
+    if abs(target[1]) < 60.0:
+        assert aside_deg(room, *beyond) > ASIDE_DEG
+
+
+def test_the_pole_belongs_to_the_room_only_of_a_mount_that_may_flip() -> None:
+    start, target = (-60.0, 20.0), (-50.0, 30.0)
+    apart = plan_of(start, target)
+    assert not may_flip(apart)
+    assert slew_limit_s(apart) == pytest.approx(30.0 + 10.0 / 0.25)
+    assert aside_deg(allowed_region(apart), 0.0, 88.0) > 40.0
+    for flipping in (plan_of(start, target, allow_flip=True), plan_of((-10.0, 20.0), (10.0, 20.0))):
+        assert may_flip(flipping)
+        assert slew_limit_s(flipping) == 240.0  # the longest allowed, for half a turn
+        assert aside_deg(allowed_region(flipping), 77.0, 88.0) < 2.0
+    assert not may_flip(plan_of((-10.0, 20.0), (10.0, 20.0), crosses_meridian=True))
+
+
+def test_in_the_south_a_flip_goes_over_the_other_pole() -> None:
+    """From it up to the higher end, whatever the hour angle."""
+    target_deg = at(10.0, -10.0)
+    plan = replace(
+        plan_of((-10.0, -5.0), (10.0, -10.0)),
+        site=Site(-33.0, SITE.longitude_deg),
+        start_deg=at(-10.0, -60.0),
+        target_deg=target_deg,
+    )
+    assert may_flip(plan)
+    room = allowed_region(plan)
+    for dec, inside in ((-88.0, True), (-15.0, True), (5.0, False)):
+        assert bool(aside_deg(room, 120.0, dec) < 2.0) is inside, dec
+
+
+def test_a_fork_may_go_either_way_round_in_azimuth() -> None:
+    start, target = (-90.0, 40.0), (-60.0, 30.0)
+    fork = allowed_region(plan_of(start, target, crosses_meridian=True))
+    level = allowed_region(plan_of(start, target))
+    assert aside_deg(fork, 70.0, 35.0) < 5.0
+    assert aside_deg(level, 70.0, 35.0) > 40.0
+
+
+def test_nothing_is_found_at_either_end() -> None:
+    plan = plan_of((-60.0, 20.0), (-50.0, 30.0))
+    seen = SupervisedMotion(plan, allowed_region(plan))
+    for place in (plan.start_deg, plan.target_deg):
+        assert seen.finding(Pointing(*place, Epoch.DATE), NIGHT) is None

@@ -1,0 +1,243 @@
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kochab.core.attitude import apart_deg, attitude_from
+from kochab.core.camera import Camera
+from kochab.core.errors import CatalogueError, DamagedPatternsError
+from kochab.core.frame import Detections
+from kochab.core.progress import run
+from kochab.identification import index, index_build
+from kochab.identification.index import ARRAYS, open_volume
+from kochab.identification.index_build import all_levels, level_quads
+from kochab.identification.patterns import FINE, Patterns, SearchStage
+from kochab.identification.quads import canonical, planar
+from kochab.sky import open_catalogue
+
+BRIGHT = 20_000  # far more stars than the levels of large fields have
+
+
+def test_every_stored_quad_is_found_by_its_own_shape(toy_volume):
+    rows = np.arange(0, len(toy_volume.quads), 37)
+    sky = toy_volume.stars[toy_volume.members(rows)].astype(float)
+    c = canonical(planar(sky))
+    size = np.stack([c.base * 0.95, c.base * 1.05], axis=1)
+    query, entry = toy_volume.lookup(c.code, np.full(len(rows), 1e-3), size)
+    found = set(zip(query.tolist(), entry.tolist(), strict=True))
+    assert all((i, int(r)) in found for i, r in enumerate(rows))
+
+
+def test_lookup_is_the_same_as_looking_at_every_quad(toy_volume):
+    everything = np.arange(len(toy_volume.quads))
+    codes = canonical(planar(toy_volume.stars[toy_volume.members(everything)].astype(float)))
+    asked = codes.code[::200] + 0.004
+    tolerance = np.full(len(asked), 0.012)
+    wide = np.tile([1e-6, 10.0], (len(asked), 1))
+    query, entry = toy_volume.lookup(asked, tolerance, wide)
+    got = np.zeros((len(asked), len(everything)), dtype=bool)
+    got[query, entry] = True
+    worst = np.abs(asked[:, None] - codes.code[None]).max(axis=2)
+    step = 1.5 / 256 / toy_volume.grid.steps  # how finely codes are stored
+    assert got[worst < 0.012 - step].all()
+    assert not got[worst > 0.012 + 3 * step].any()
+
+
+def test_size_limits_the_answer(toy_volume):
+    c = canonical(planar(toy_volume.stars[toy_volume.members(np.arange(50))].astype(float)))
+    none = np.tile([3.0, 3.1], (50, 1))
+    query, _ = toy_volume.lookup(c.code, np.full(50, 0.01), none)
+    assert len(query) == 0
+
+
+def test_poor_sky_gets_more_quads_for_each_star():
+    rng = np.random.default_rng(4)
+    v = rng.normal(size=(400, 3))
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    same = run(level_quads(v, 60.0, 4, 7))
+    more = run(level_quads(v, 30.0, 4, 7))  # a level of 30 degrees should hold twice as many stars
+    assert len(more) > 2 * len(same)
+    spread = run(level_quads(v, 10.0, 4, 7))  # none of them would fit a frame
+    assert len(spread) < len(same) / 10
+    assert (np.diff(same, axis=1) > 0).all()
+    assert len(np.unique(same, axis=0)) == len(same)
+
+
+def test_a_missing_or_damaged_index_is_one_sentence(tmp_path, toy_volume):
+    with pytest.raises(CatalogueError, match="damaged and cannot be used"):
+        open_volume(tmp_path / "nothing")
+    (tmp_path / "index.json").write_text("{")
+    with pytest.raises(CatalogueError, match="damaged and cannot be used"):
+        open_volume(tmp_path)
+
+
+@pytest.fixture
+def small_plan(monkeypatch, tmp_path):
+    monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
+    monkeypatch.setattr(index_build, "FINE", (range(12, 15), ((4, 5),) * 3, 8))
+    monkeypatch.setattr(index_build, "all_levels", lambda ra, dec: all_levels(ra[:BRIGHT], dec[:BRIGHT]))
+    return tmp_path
+
+
+def test_the_fine_volume_is_made_once_and_kept(small_plan):
+    assert index.fine() is None
+    seen = []
+    first = run(index_build.make_fine(), seen.append)
+    assert seen[-1].fraction is not None
+    assert seen[-1].fraction > 0.9
+    again = run(index_build.make_fine(), seen.append)
+    assert np.array_equal(first.codes, again.codes)
+    assert [p.name for p in small_plan.iterdir()] == [index.fine_folder().name]
+
+
+@pytest.mark.parametrize("name", ["codes.npy", "index.json", "cells.npy"])
+def test_a_volume_that_was_damaged_is_made_again(small_plan, name):
+    made = run(index_build.make_fine())
+    damaged = index.fine_folder() / name
+    damaged.unlink()  # for what is mapped into memory may not be cut
+    damaged.write_bytes(b"")
+    index._opened_fine.cache_clear()
+    assert index.fine() is None
+    again = run(index_build.make_fine())
+    assert np.array_equal(made.cells, again.cells)
+    assert index.fine() is not None
+
+
+def damage(name, change):
+    """``change`` an array's file, which is replaced: what is mapped may not be written to."""
+    path = index.fine_folder() / f"{name}.npy"
+    array = np.load(path)
+    path.unlink()
+    change(array)
+    np.save(path, array)
+    index._opened_fine.cache_clear()
+
+
+def bright_sky(ra, dec):
+    attitude, camera = attitude_from(ra, dec, 20.0), Camera.centred(1200, 900, 800.0)
+    catalogue = open_catalogue()
+    rows = catalogue.cone(attitude.boresight, 0.8, 6.0)
+    xy = camera.project(catalogue.vectors(rows, 2016.0) @ attitude.matrix.T)
+    seen = ((xy > 0) & (xy < (1200, 900))).all(axis=1)
+    return attitude, Detections.from_list(xy[seen][np.argsort(catalogue.mag(rows)[seen])], 1200, 900)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [("cells", lambda cells: cells[1:-1].fill(2**31)), ("stars", lambda stars: stars.fill(0.0))],
+)
+def test_damage_that_shows_in_use_costs_the_patterns_not_the_frame(small_plan, name, change):
+    run(index_build.make_fine())
+    damage(name, change)
+    damaged = index.fine()
+    assert damaged is not None  # nobody has looked
+    stage = SearchStage(20, 6, 1.0, 0.006, 40, focal=(0.83, 0.64, 0.5), volume=FINE)
+    attitude, detections = bright_sky(90.0, 5.0)
+    answer = run(Patterns(stages=(stage,)).identify(detections))
+    assert apart_deg(answer.attitude.ra_dec_deg, attitude.ra_dec_deg) < 0.1
+    assert index.fine() is not damaged
+
+
+@pytest.mark.parametrize(
+    ("name", "change"), [("rows", lambda rows: rows.fill(2**31)), ("keys", lambda keys: keys.sort())]
+)
+def test_damage_that_shows_at_once_is_no_volume(small_plan, name, change):
+    run(index_build.make_fine())
+    damage(name, change)
+    assert index.fine() is None
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_quads_that_cannot_be_are_damage(toy_volume, value):
+    damaged = replace(toy_volume, quads=np.full_like(toy_volume.quads, value))
+    with pytest.raises(DamagedPatternsError):
+        damaged.members(np.arange(3))
+
+
+@given(data=st.data())
+@settings(max_examples=150)
+def test_a_flip_or_a_cut_is_one_sentence_or_harmless(toy_volume, tmp_path_factory, data):
+    name = data.draw(st.sampled_from([*ARRAYS, "index"]))
+    file = f"{name}.json" if name == "index" else f"{name}.npy"
+    content = bytearray((toy_volume.folder / file).read_bytes())
+    folder = tmp_path_factory.mktemp("flipped")
+    for path in toy_volume.folder.iterdir():
+        (folder / path.name).hardlink_to(path)
+    if data.draw(st.booleans()):
+        del content[data.draw(st.integers(0, len(content) - 1)) :]
+    else:
+        bit = data.draw(st.integers(0, min(8 * len(content), 4096) - 1))
+        content[bit // 8] ^= 1 << bit % 8
+    (folder / file).unlink()
+    (folder / file).write_bytes(content)
+    some = np.arange(0, len(toy_volume.quads), 97)
+    code = canonical(planar(toy_volume.directions(toy_volume.members(some)))).code
+    with suppress(DamagedPatternsError):
+        volume = open_volume(folder)
+        _, found = volume.lookup(code, np.full(len(code), 0.01), np.tile([0.0, 4.0], (len(code), 1)))
+        volume.directions(volume.members(found))
+
+
+def test_a_cancelled_build_leaves_nothing_behind(small_plan):
+    task = index_build.make_fine()
+    for _ in range(4):
+        next(task)
+    task.close()
+    assert list(small_plan.iterdir()) == []
+    assert index.fine() is None
+
+
+def test_a_second_program_waits_for_the_first(small_plan):
+    first = index_build.make_fine()
+    next(first)
+    second = index_build.make_fine()
+    assert "waiting" in next(second).detail
+    run(first)
+    assert run(second) is not None
+
+
+def test_a_lock_left_by_the_dead_is_dropped(small_plan):
+    lock = index.fine_folder().with_suffix(".lock")
+    holder = (
+        "import sys; from pathlib import Path; from kochab.identification.index_build import acquire; "
+        "print(acquire(Path(sys.argv[1])) is not None, flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", holder, str(lock)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as dying:
+        assert dying.stdout.readline() == "True\n"
+        task = index_build.make_fine()
+        assert "waiting" in next(task).detail
+        dying.kill()
+        dying.wait()
+        assert lock.exists()
+        assert run(task) is not None
+    assert not lock.exists()
+
+
+def test_a_cache_that_cannot_be_written_is_one_sentence(monkeypatch, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    monkeypatch.setenv("KOCHAB_CACHE", str(blocked / "below"))
+    with pytest.raises(CatalogueError, match="small fields"):
+        run(index_build.make_fine())
+
+
+def test_a_full_disk_is_told_before_the_work(monkeypatch, small_plan):
+    monkeypatch.setattr(index_build, "ROOM_BYTES", 10**18)
+    with pytest.raises(CatalogueError, match=r"free \(KOCHAB_CACHE names"):
+        run(index_build.make_fine())
+    assert list(small_plan.iterdir()) == []
+
+
+def test_shipped_volumes_belong_to_the_shipped_catalogue():
+    import json
+
+    for name in index.SHIPPED:
+        facts = json.loads((index.shipped_volume_folder() / name / "index.json").read_text())
+        assert facts["mark"] == index.catalogue_mark()

@@ -1,0 +1,126 @@
+"""The bench of lost mounts, a few runs of it, and the watch that holds orders against the log."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from kochab.core.mount import Direction
+from kochab.core.progress import run
+from kochab.gear.journal import MotionLog
+from kochab.gear.mounts import serial_line
+from kochab.lab.bench import BENCHES, mount, mount_rig
+from kochab.lab.bench.mount import CentringRun
+from kochab.lab.bench.mount_rig import ReceivedOrder, WatchedMount, unguarded
+from kochab.simulate.serial_line import Fault
+from kochab.sky import open_catalogue
+from tests.workflows.mount_nights import bench, good
+
+
+@pytest.mark.parametrize("driver", ["onstep", "ioptron", "skywatcher"])
+def test_a_run_on_a_good_line_is_centred(driver) -> None:
+    one = mount._do(CentringRun(2, driver, False, False), open_catalogue())
+    assert one.good, one
+    assert one.end == "centred"
+    assert one.faults == 0
+    assert one.strays == []
+    assert one.still
+
+
+@pytest.mark.parametrize("driver", ["nexstar", "synscan"])
+def test_a_run_on_a_bad_line_is_survived(driver, monkeypatch) -> None:
+    monkeypatch.setattr(mount_rig, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(mount_rig, "LATE_S", 0.3)
+    monkeypatch.setattr(serial_line, "QUIET_S", 0.1)
+    one = mount._do(CentringRun(3, driver, True, False), open_catalogue())
+    assert one.faults > 0
+    assert one.strays == []
+    assert one.still
+    assert one.end == "centred" or one.trouble.endswith((".", ")")), one
+
+
+def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None:
+    for driver in ("lx200", "skywatcher"):
+        with mount_rig.mount_rig(4, driver, open_catalogue()) as rig:
+            said = rig.guard.position_icrs()
+            true = rig.rig.truth().ra_dec_deg
+            from kochab.core.attitude import apart_deg
+
+            assert apart_deg(said, true) == pytest.approx(3.0, abs=0.05)
+            assert rig.watched.orders == []
+
+
+def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
+    monkeypatch.setattr(mount, "QUICK_RUNS", 2)
+    monkeypatch.setattr(mount, "_do", lambda one, catalogue: _as_if(one))
+    result = mount.run(True, lambda line: None)
+    assert [goal.met for goal in result.goals] == [True] * 4
+    assert "10 arcsec in at most 3 corrections" in result.goals[0].name
+    assert BENCHES["mount"] == "kochab.lab.bench.mount:run"
+    assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults"}
+
+
+def _as_if(one):
+    one.error_arcsec, one.corrections, one.faults = 4.0, 2, int(one.faulty)
+    return one
+
+
+def test_a_run_that_is_not_centred_misses_the_goal() -> None:
+    assert not CentringRun(0, "lx200", False, False).good
+    assert not CentringRun(0, "lx200", False, False, error_arcsec=11.0, corrections=2).good
+    assert not CentringRun(0, "lx200", False, False, error_arcsec=1.0, corrections=4).good
+
+
+def watched_bench():
+    b = bench(good(lost_deg=0.0))
+    real = b.rig.mount
+    b.watched = WatchedMount(real.config, real.site, real.clock, real.air)
+    return b
+
+
+def test_an_order_that_the_guard_did_not_send_is_a_stray() -> None:
+    b = watched_bench()
+    ra, dec = b.rig.mount.believed_deg()
+    b.watched.goto(ra - 5.0, dec)
+    b.watched.pulse(Direction.NORTH, 500)
+    b.watched.move(Direction.EAST, 0.1)
+    b.watched.turn_axis(1, 0.5)
+    b.watched.turn_axis_to(0, 20.0)
+    b.watched.turn_axis(0, 0.0042)  # tracking
+    b.watched.halt()
+    assert len(unguarded(b.watched.orders, b.guard)) == 5
+
+
+def test_an_order_that_the_guard_sent_is_accounted_for_once() -> None:
+    b = watched_bench()
+    ra, dec = b.rig.mount.believed_deg()
+    run(b.guard.slew(ra - 5.0, dec))
+    sent = b.guard.log.sent("goto")[0]
+    when = datetime.fromisoformat(sent.time_utc).timestamp()
+    order = ReceivedOrder("goto", when, ((ra - 5.0) % 360.0, dec))
+    assert unguarded([order], b.guard) == []
+    assert len(unguarded([order, order], b.guard)) == 1
+    elsewhere = ReceivedOrder("goto", when, ((ra - 6.0) % 360.0, dec))
+    assert len(unguarded([elsewhere], b.guard)) == 1
+    early = ReceivedOrder("goto", when - 5.0, order.place)
+    assert len(unguarded([early], b.guard)) == 1
+
+
+def test_motors_may_turn_only_while_a_motion_is_under_way() -> None:
+    b = watched_bench()
+    moment = [1.8e9]
+    b.guard.log = MotionLog(clock=lambda: datetime.fromtimestamp(moment[0], UTC))
+    b.guard.log.add("goto", "sent")
+    moment[0] += 10.0
+    b.guard.log.add("stop", "sent")
+    during, after = ReceivedOrder("turn", 1.8e9 + 5.0), ReceivedOrder("turn", 1.8e9 + 11.0)
+    assert unguarded([during], b.guard) == []
+    assert len(unguarded([after], b.guard)) == 1
+
+
+def test_faults_are_switched_on_for_the_line() -> None:
+    with mount_rig.mount_rig(4, "onstep", open_catalogue()) as rig:
+        rig.spoil(refusal=True)
+        rig.unplug_in = 1
+        rig.wait(0.0)
+        assert rig.faults.happens(Fault.UNPLUG)
+        assert rig.faults.happens(Fault.REFUSAL)

@@ -1,0 +1,169 @@
+"""The phone's page: off until switched on, one token, GET only, and nothing hostile harms it."""
+
+import http.client
+import json
+import socket
+from urllib.parse import urlsplit
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kochab.core.errors import PortError
+from kochab.server.phone_page import MOST_CONNECTIONS, PhonePage, local_address
+from tests.polar.test_tutor import error_at
+
+
+@pytest.fixture
+def page():
+    served = PhonePage()
+    served.start("127.0.0.1")
+    yield served
+    served.stop()
+
+
+def ask(page, path=None, method="GET"):
+    url = urlsplit(page.url)
+    line = http.client.HTTPConnection(url.hostname, url.port, timeout=5)
+    try:
+        line.request(method, url.path if path is None else path)
+        answer = line.getresponse()
+        return answer.status, dict(answer.getheaders()), answer.read()
+    finally:
+        line.close()
+
+
+def test_it_is_off_until_switched_on_and_off_again():
+    served = PhonePage()
+    assert (served.running, served.url) == (False, "")
+    url = served.start("127.0.0.1")
+    assert served.start() == url  # on already
+    port = urlsplit(url).port
+    served.stop()
+    served.stop()
+    with socket.socket() as probe:
+        probe.settimeout(2)
+        assert probe.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_the_page_and_its_numbers(page):
+    status, headers, body = ask(page)
+    assert status == 200
+    assert b"now.json" in body
+    assert b"http" not in body.replace(b"<!doctype html>", b"")  # loads nothing from elsewhere
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    page.show("Altitude bolt: a quarter turn clockwise.", error_at(320.0, -65.0))
+    status, _, body = ask(page, urlsplit(page.url).path + "now.json")
+    told = json.loads(body)
+    assert told["altitude"] == "▼ lower 5.3′"
+    assert told["azimuth"] == "↻ clockwise 65″"
+    assert told["words"].startswith("Altitude bolt")
+    assert told["total_arcsec"] == pytest.approx(323.3, abs=1.0)
+
+
+def test_without_the_token_there_is_nothing(page):
+    for path in (
+        "/",
+        "/now.json",
+        "/wrong/",
+        "/wrong/now.json",
+        "//",
+        "/../../etc/passwd",
+        urlsplit(page.url).path + "../x",
+        urlsplit(page.url).path + "now.json?x=1",
+    ):
+        assert ask(page, path)[0] == 404
+
+
+def test_every_page_has_a_token_of_its_own():
+    tokens = set()
+    for _ in range(5):
+        served = PhonePage()
+        tokens.add(urlsplit(served.start("127.0.0.1")).path)
+        served.stop()
+    assert len(tokens) == 5
+    assert min(len(token) for token in tokens) >= 22
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD", "TRACE"])
+def test_nothing_but_get(page, method):
+    assert ask(page, method=method)[0] == 501
+
+
+@given(st.binary(max_size=400))
+def test_no_path_is_ever_answered_but_the_known(blob):
+    served = PhonePage("token")
+    assert served.answer(blob.decode("latin-1")) is None
+    assert served.answer("/token/" + "x" * 100) is None
+    assert served.answer("/token/") is not None
+
+
+@pytest.mark.parametrize(
+    "blob",
+    [
+        b"\x00\xff\xfe garbage\r\n\r\n",
+        b"GET\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"\r\n" * 50,
+        b"GET /" + b"a" * 70000 + b" HTTP/1.1\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 300 + b"\r\n",
+        b"",
+    ],
+)
+def test_nonsense_does_no_harm(page, blob, capfd):
+    url = urlsplit(page.url)
+    with socket.create_connection((url.hostname, url.port), timeout=5) as line:
+        line.sendall(blob)
+        line.shutdown(socket.SHUT_WR)
+        try:
+            while line.recv(65536):
+                pass
+        except ConnectionResetError:
+            pass
+    assert ask(page)[0] == 200
+    assert capfd.readouterr() == ("", "")
+
+
+def test_many_idle_connections_are_hung_up_on(page):
+    url = urlsplit(page.url)
+    lines = [socket.create_connection((url.hostname, url.port), timeout=5) for _ in range(MOST_CONNECTIONS)]
+    refused = socket.create_connection((url.hostname, url.port), timeout=5)
+    assert refused.recv(1) == b""
+    refused.close()
+    for line in lines:
+        line.close()
+    for _ in range(50):
+        try:
+            if ask(page)[0] == 200:
+                return
+        except (ConnectionError, http.client.HTTPException):
+            continue
+    pytest.fail("the page did not come back")
+
+
+def test_who_asks_letter_by_letter_is_hung_up_on(page, monkeypatch):
+    monkeypatch.setattr("kochab.server.phone_page.LONGEST_S", 0.3)
+    url = urlsplit(page.url)
+    with socket.create_connection((url.hostname, url.port), timeout=5) as line:
+        line.settimeout(0.05)
+        for _ in range(400):
+            try:
+                line.sendall(b"G")
+                if line.recv(1) == b"":
+                    break
+            except TimeoutError:
+                continue
+            except OSError:
+                break
+        else:
+            pytest.fail("still listened to")
+    assert ask(page)[0] == 200
+
+
+def test_an_address_that_is_taken_is_one_sentence(page):
+    with pytest.raises(PortError, match="Can't serve the phone page"):
+        PhonePage().start("127.0.0.1", urlsplit(page.url).port)
+
+
+def test_the_local_address_is_an_address():
+    socket.inet_aton(local_address())

@@ -1,0 +1,90 @@
+"""The match set grows to the whole field, through distortion, and takes no false star."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.attitude.fit import refine
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.sky import open_catalogue
+from kochab.solver.matches import extend
+
+from .fields import YEAR, orion, photograph, told
+
+
+def grown(field, found):
+    matches, fit = extend(field.detections, found, open_catalogue(), YEAR)
+    right = field.rows[matches.detection] == matches.star
+    return matches, fit, right
+
+
+def test_a_few_central_stars_lead_to_all() -> None:
+    field = orion()
+    matches, fit, right = grown(field, told(field, 6, 0.4))
+    assert right.mean() > 0.97
+    assert len(matches) > 0.95 * len(field.detections)
+    assert fit.rms_px < 0.35
+    assert len(fit.residuals_px) == len(matches) == fit.inliers.sum()
+
+
+@pytest.mark.parametrize("corner", [0.03, -0.03, 0.06])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_strong_distortion_is_learnt_from_the_centre_outward(corner: float, mirrored: bool) -> None:
+    focal = 1600 / 2 / np.tan(np.radians(20))
+    k1 = corner / (800**2 + 500**2) * focal**2
+    camera = replace(Camera.centred(1600, 1000, focal, mirrored), k1=k1)
+    field = photograph(camera, attitude_from(84.0, -2.0, 25.0), stars=150)
+    matches, fit, right = grown(field, told(field, 12, 0.5))
+    assert len(matches) > 0.93 * len(field.detections)
+    assert right.mean() > 0.97
+    assert fit.camera.k1 == pytest.approx(k1, rel=0.1)
+
+
+def test_false_detections_stay_without_a_name() -> None:
+    camera = Camera.centred(1600, 1000, 7600.0)
+    field = photograph(camera, attitude_from(84.0, -2.0, 25.0), spurious=80, missing=0.3)
+    matches, fit, right = grown(field, told(field))
+    assert right.mean() > 0.95
+    assert (field.rows[matches.detection] >= 0).mean() > 0.95
+    assert fit.rms_px < 0.4
+
+
+@pytest.mark.parametrize(("ra", "dec"), [(0.001, 0.0), (180.0, 89.9), (40.0, -89.9)])
+def test_it_works_at_the_seams_of_the_sky(ra: float, dec: float) -> None:
+    field = photograph(Camera.centred(1600, 1000, 7600.0), attitude_from(ra, dec, 100.0), 60)
+    matches, _, right = grown(field, told(field))
+    assert len(matches) > 0.95 * len(field.detections)
+    assert right.mean() > 0.97
+
+
+def test_few_matches_are_kept_when_nothing_can_be_added() -> None:
+    field = photograph(Camera.centred(1600, 1000, 7600.0), attitude_from(84.0, -2.0, 25.0), 5)
+    matches, _, right = grown(field, told(field, 5))
+    assert len(matches) == 5
+    assert right.all()
+
+
+def test_without_distortion_the_camera_has_none_whatever_the_method_found() -> None:
+    field = orion()
+    found = told(field, 6, 0.4)
+    bent = replace(found, camera=replace(found.camera, k1=0.01))
+    _, fit = extend(field.detections, bent, open_catalogue(), YEAR, distortion=False)
+    assert not fit.camera.distorted
+
+
+def test_a_last_fit_that_ran_away_is_made_again_without_what_carried_it(monkeypatch) -> None:
+    field, made = orion(), []
+
+    def runaway(*args, distortion, rounds=4, **options):
+        fit = refine(*args, distortion=distortion, rounds=rounds, **options)
+        made.append((rounds, distortion))
+        away = distortion and rounds > 1
+        return replace(fit, rms_px=np.inf, camera=replace(fit.camera, k1=1e9)) if away else fit
+
+    monkeypatch.setattr("kochab.solver.matches.refine", runaway)
+    _, fit, right = grown(field, told(field, 6, 0.4))
+    assert made[-2:] == [(4, True), (4, False)]
+    assert fit.rms_px < 0.35
+    assert right.mean() > 0.97

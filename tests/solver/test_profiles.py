@@ -1,0 +1,131 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.attitude import small_rotation
+from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.camera import Camera
+from kochab.core.errors import KochabError
+from kochab.solver.camera_profile import (
+    doubt,
+    evidence,
+    load_profile,
+    new_profile,
+    profile_folder,
+    profile_path,
+    save_profile,
+    updated_profile,
+)
+
+TRUTH = Camera(1280, 960, 3000.0, 650.0, 470.0, k1=-0.15, p1=0.0005)
+SIGMA = 0.1
+
+
+def seen(camera, rng, count=60, sigma=SIGMA):
+    """Stars of one frame and its attitude, a little off."""
+    xy = rng.uniform(5, [camera.width - 5, camera.height - 5], (count, 2))
+    ra, dec, roll = rng.uniform(0, 360), rng.uniform(-80, 80), rng.uniform(-180, 180)
+    attitude = attitude_from(ra, dec, roll)
+    vectors = camera.unproject(xy) @ attitude.matrix
+    off = small_rotation(rng.normal(0, 1e-4, 3)) @ attitude.matrix
+    return xy + rng.normal(0, sigma, xy.shape), vectors, Attitude(off)
+
+
+def learned(frames, rng, start=None, camera=TRUTH):
+    profile = start or new_profile("lens", Camera.centred(1280, 960, 3010.0))
+    for _ in range(frames):
+        profile = updated_profile(profile, evidence(profile, *seen(camera, rng), SIGMA))
+    return profile
+
+
+def test_the_camera_is_found_over_frames_as_well_as_it_says() -> None:
+    rng = np.random.default_rng(1)
+    few, many = learned(3, rng), learned(60, rng)
+    for profile in (few, many):
+        for name, sigma in profile.sigma.items():
+            assert abs(getattr(profile.camera, name) - getattr(TRUTH, name)) < 4.5 * sigma, name
+    assert many.sigma["focal_px"] < few.sigma["focal_px"] / 3
+    assert many.sigma["focal_px"] < 0.3
+    assert many.sigma["cx"] < 5.0
+    assert many.frames == 60
+
+
+def test_a_narrow_field_says_little_of_the_principal_point() -> None:
+    narrow = Camera.centred(1280, 960, 200_000.0)
+    rng, profile = np.random.default_rng(2), new_profile("scope", narrow)
+    for _ in range(20):
+        profile = updated_profile(profile, evidence(profile, *seen(narrow, rng), SIGMA))
+    assert profile.sigma["cx"] > 10.0
+    assert abs(profile.camera.cx - narrow.cx) < 2.0 * profile.sigma["cx"]
+    assert profile.sigma["focal_px"] / narrow.focal_px < 1e-4
+
+
+def test_frames_that_agree_do_not_contradict_and_a_refocused_lens_does() -> None:
+    rng = np.random.default_rng(3)
+    profile = learned(30, rng)
+    for _ in range(30):
+        told = evidence(profile, *seen(TRUTH, rng), SIGMA)
+        assert not told.contradicts
+        assert doubt(profile, told) == ""
+    moved = replace(TRUTH, focal_px=3030.0)
+    told = evidence(profile, *seen(moved, rng), SIGMA)
+    assert told.contradicts
+    assert told.focal_px == pytest.approx(3030.0, abs=3.0)
+    assert "Your camera profile is off" in doubt(profile, told)
+    assert "3030" in doubt(profile, told) or "3029" in doubt(profile, told)
+
+
+def test_a_difference_nobody_would_notice_is_no_contradiction() -> None:
+    rng = np.random.default_rng(4)
+    profile = learned(30, rng)
+    told = evidence(profile, *seen(replace(TRUTH, focal_px=3000.4), rng), SIGMA)
+    assert not told.contradicts
+
+
+def test_old_frames_fade_so_that_a_cooling_lens_is_followed() -> None:
+    rng = np.random.default_rng(5)
+    profile = replace(learned(20, rng), frames=400)
+    before = profile.information[0, 0]
+    told = evidence(profile, *seen(TRUTH, rng), SIGMA)
+    nothing = replace(told, information=np.zeros((7, 7)), vector=np.zeros(7))
+    assert updated_profile(profile, nothing).information[0, 0] == pytest.approx(before * (1 - 1 / 400))
+
+
+def test_the_hint_holds_the_truth_and_is_narrow() -> None:
+    profile = learned(20, np.random.default_rng(6))
+    low, high = profile.hint.scale_arcsec_px
+    assert low < TRUTH.scale_arcsec_px < high
+    assert high / low < 1.03
+    assert profile.suits(TRUTH)
+    assert not profile.suits(replace(TRUTH, mirrored=True))
+
+
+def test_kept_and_recalled(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+    profile = learned(5, np.random.default_rng(7))
+    assert load_profile("lens", 1280, 960) is None
+    path = save_profile(profile)
+    assert path.parent == profile_folder() == tmp_path / "config" / "cameras"
+    again = load_profile("lens", 1280, 960)
+    assert again.camera == profile.camera
+    assert np.array_equal(again.information, profile.information)
+    assert json.loads(path.read_text())["sigma"]["focal_px"] > 0
+    assert list(profile_folder().glob("*.json")) == [path]
+    assert load_profile("lens", 640, 480) is None
+    assert profile_path("a/b", 1, 1) != profile_path("a b", 1, 1)
+
+
+def test_what_cannot_be_read_or_written_is_said_in_a_sentence(tmp_path) -> None:
+    profile = new_profile("lens", TRUTH)
+    path = save_profile(profile, tmp_path)
+    told = path.read_text()
+    for damaged in ("{", told.replace("1280", "1281")):
+        path.write_text(damaged)
+        with pytest.raises(KochabError, match="not a camera profile"):
+            load_profile("lens", 1280, 960, tmp_path)
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(KochabError, match="cannot be saved"):
+        save_profile(profile, file / "below")

@@ -1,0 +1,52 @@
+"""Stars of one pixel: the second look of a frame on which nothing else is a star."""
+
+import numpy as np
+import pytest
+
+from kochab.core.frame import Frame
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.detection import DETECTORS
+from kochab.detection.auto import MOST, single_pixels
+from kochab.solver.pipeline import examine_frame
+
+from .fields import orion
+
+
+def frame_of(at, flux, shape=(1000, 1600)) -> Frame:
+    pixels = np.random.default_rng(7).normal(100.0, 3.0, shape)
+    x, y = np.rint(np.asarray(at)).astype(int).T
+    pixels[y, x] += flux
+    return Frame(np.clip(np.rint(pixels), 0, 65535).astype(np.uint16))
+
+
+def test_a_sky_of_single_pixels_is_solved() -> None:
+    field = orion()
+    seen = field.detections.take(slice(0, 60))
+    frame = frame_of(seen.xy, np.clip(seen.flux / seen.flux[-1] * 200.0, 200.0, 60_000.0))
+    assert len(DETECTORS.make("auto").detect(frame)) < 6
+    examined = run(examine_frame(frame))
+    assert isinstance(examined.result, Solution)
+    assert (
+        np.degrees(np.arccos(min(1.0, examined.result.attitude.matrix[2] @ field.attitude.matrix[2])))
+        * 3600.0
+        < 30.0
+    )
+    assert len(examined.detections) == 60
+
+
+def test_hot_pixels_of_a_dark_stay_a_closed_cover() -> None:
+    rng = np.random.default_rng(3)
+    at = np.stack([rng.integers(1, 1599, 500), rng.integers(1, 999, 500)], axis=1)
+    result = run(examine_frame(frame_of(at, rng.uniform(200, 60_000, 500)))).result
+    assert isinstance(result, NoSolution)
+    assert result.reason is Reason.CLOUDED_OR_DARK
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (40, 60), (1000, 1600)])
+def test_places_are_the_pixels_brightest_first(shape) -> None:
+    at = [] if shape[0] < 8 else [(20, 10), (50, 30)]
+    frame = frame_of(np.array(at).reshape(-1, 2), [900.0, 4000.0][: len(at)], shape)
+    found = single_pixels(frame, DETECTORS.make("auto"))
+    assert found.xy[: len(at)].tolist() == [[50.0, 30.0], [20.0, 10.0]][: len(at)]
+    assert len(found) <= MOST

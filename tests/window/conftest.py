@@ -1,0 +1,84 @@
+"""A window with an engine that answers at once, settings of its own, and no threads left behind."""
+
+import gc
+import os
+import threading
+
+import pytest
+from PySide6.QtCore import QSettings
+
+from kochab.window.application import build
+from kochab.window.settings import WindowSettings
+from kochab.window.shell.welcome import Sample
+from kochab.window.widgets import use_plain_numerals
+from tests.window.fakes import FakeEngine
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def plain_numerals(qapp):
+    """As the application does at its start."""
+    use_plain_numerals()
+
+
+@pytest.fixture(autouse=True)
+def garbage_in_this_thread_only():
+    """As the application does: a worker that collects would destroy Qt objects in its thread."""
+    gc.disable()
+    gc.freeze()
+    yield
+    gc.collect()
+    gc.unfreeze()
+    gc.enable()
+
+
+@pytest.fixture
+def settings(tmp_path):
+    return WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
+
+
+@pytest.fixture
+def a_file(tmp_path):
+    path = tmp_path / "orion.fits"
+    path.write_bytes(b"not read by the fake engine")
+    return path
+
+
+@pytest.fixture
+def engine():
+    return FakeEngine()
+
+
+@pytest.fixture
+def make_window(qtbot, settings, tmp_path):
+    """Windows on demand; each is closed and its threads are joined."""
+    made = []
+
+    def make(engine, sample_frames=None):
+        offered = [Sample(tmp_path / "sample.fits", "A sample", "To try")]
+        window, commands = build(engine, settings, offered if sample_frames is None else sample_frames)
+        qtbot.addWidget(window)
+        window.resize(1200, 800)
+        window.show()
+        made.append(commands)
+        return window, commands
+
+    yield make
+    for commands in made:
+        commands.window.close()
+        assert commands.session.close()
+    for thread in threading.enumerate():
+        if thread.name == "kochab-plots":  # loads the plotting library for the process, not for a window
+            thread.join(30.0)
+    left = [t.name for t in threading.enumerate() if t.name.startswith("kochab-")]
+    assert not left, f"threads left behind: {left}"
+
+
+@pytest.fixture
+def opened(qtbot, make_window, engine, a_file):
+    """A window that has opened and solved a frame."""
+    window, commands = make_window(engine)
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    return window, commands

@@ -1,0 +1,302 @@
+"""One owner of the mount's line: what one view connects, moves and stops, the others know."""
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QMenu
+
+from kochab.core.errors import RefusedError
+from kochab.core.mount import Direction, Epoch, MountState
+from kochab.core.progress import Progress
+from kochab.gear import actions as why
+from kochab.gear.actions import POLAR
+from kochab.gear.mount_events import (
+    Connected,
+    LineLost,
+    MountSnapshot,
+    OrderDone,
+    OrderFailed,
+    OrderProgress,
+    PositionReport,
+)
+from kochab.polar.tutor import Knob
+from kochab.window.mount.connection import MountTask
+from kochab.window.mount.status import MountStatus, mount_status_text
+from kochab.window.polar.alignment_run import OTHER_SKY, mount_is_still
+from kochab.workflows.session.alignment import AxisTurnedBy, FrameSource
+from tests.gear.mounts.bench import place
+from tests.window.mount_bench import connected
+from tests.window.polar.test_view import Nights, drive, polar
+from tests.window.polar_cases import adjusting
+
+__all__ = ["polar"]  # a fixture
+
+
+def corner(commands):
+    return commands.window.findChild(MountStatus)
+
+
+def turning(view):
+    """Set up so that the practice mount turns the axis itself."""
+    view.setup.source.setCurrentText(FrameSource.PRACTICE)
+    view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
+    view.setup.exposure.setValue(0.5)
+
+
+def test_polar_alignment_connects_the_mount_for_every_view(qtbot, polar):
+    nights = Nights(rate=1.0)
+    commands, view = polar(nights)
+    commands.views.show("mount")
+    mount = commands.views.docks["mount"].view
+    assert corner(commands).text.text() == "No mount"
+    assert corner(commands).stop.isHidden()
+    turning(view)
+    view.begin()
+    qtbot.waitUntil(lambda: mount.control.known.doing is not None, timeout=60_000)
+    qtbot.waitUntil(lambda: mount.control.known.doing.stage == "turn", timeout=60_000)
+    assert mount.control.known.phase == "on"
+    assert mount.name.text().startswith("Practice: ")
+    assert mount.pad.buttons[Direction.NORTH].reason == mount.go.goto.reason
+    assert "polar alignment (F4), which turns the RA axis" in mount.go.goto.reason
+    assert corner(commands).text.text() == "Practice mount: polar alignment"
+    assert mount.stop.reason == ""
+    with pytest.raises(RefusedError, match="polar alignment"):
+        mount.control.order("goto", lambda guard: iter(()))
+    telescope = nights.made[-1].rig.mount
+    qtbot.waitUntil(lambda: telescope.slewing, timeout=20_000)
+    mount.stop.click()  # in the other view
+    drive(view)
+    qtbot.waitUntil(lambda: not telescope.slewing, timeout=5_000)
+    assert "Cancelled" in view.message.text()
+    qtbot.waitUntil(lambda: mount.control.known.phase == "off", timeout=15_000)
+    assert corner(commands).text.text() == "No mount"
+
+
+def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
+    nights = Nights(rate=1.0)
+    commands, view = polar(nights)
+    commands.practise()
+    mount = commands.views.docks["mount"].view
+    qtbot.waitUntil(lambda: mount.control.known.report is not None, timeout=30_000)
+    commands.views.show("polar")
+    assert view.setup.mount.text().startswith("Connected: ")
+    turning(view)
+    view.begin()
+    qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
+    assert len(nights.made) == 1, "the same telescope under the same sky"
+    commands.window.activateWindow()
+    qtbot.waitUntil(commands.window.isActiveWindow)
+    qtbot.keyClick(view.cancel, Qt.Key.Key_Escape)
+    drive(view)
+    assert mount.control.known.phase == "on", "who opened it closes it"
+    assert mount.go.goto.reason == ""
+    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.begin()
+    assert view.message.text() == OTHER_SKY
+
+
+def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, polar):
+    nights = Nights()
+    commands, view = polar(nights)
+    commands.practise()
+    mount = commands.views.docks["mount"].view
+    qtbot.waitUntil(lambda: mount.control.known.report is not None, timeout=30_000)
+    turning(view)
+    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.begin()
+    qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
+    assert len(nights.made) == 1
+    assert mount.go.goto.reason == mount.go.centre.reason == why.BY_HAND
+    assert mount.pad.buttons[Direction.NORTH].reason == why.BY_HAND
+    assert mount.pad.buttons[Direction.EAST].reason == "", "that is a way to turn the RA axis"
+    assert mount.stop.reason == ""
+    with pytest.raises(RefusedError, match="by hand"):
+        mount.control.order("goto", lambda guard: iter(()))
+    mount.orders.nudge(Direction.NORTH, 60.0)
+    assert mount.message.text() == why.BY_HAND
+    view.cancel.click()
+    drive(view)
+    assert mount.go.goto.reason == ""
+    assert mount.control.known.phase == "on"
+    assert nights.made[0].rig.frame(0.1) is not None
+
+
+def test_one_order_at_a_time_whoever_gives_it(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, slew_deg_s=1.0) as mount:
+        commands.views.show("polar")
+        view = commands.views.docks["polar"].view
+        view.setup.source.setCurrentText(FrameSource.CAMERA)
+        view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
+        far = place(-60.0, 40.0, mount.bench.clock)
+        mount.view.orders.goto(f"{far[0]:.4f} {far[1]:.4f}")
+        view.begin()
+        assert view.message.text() == why.BUSY.format("slewing to the target")
+        assert not view.start.isHidden()
+        view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+        view.begin()
+        assert view.message.text() == why.BUSY.format("slewing to the target")
+        assert not mount.control.by_hand
+        mount.control.stop()
+        qtbot.waitUntil(lambda: not mount.control.known.busy, timeout=10_000)
+
+
+def test_an_task_ends_with_the_line(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        heard = []
+
+        def waits(guard):
+            while True:
+                yield Progress("waiting")
+
+        task = mount.control.order("long", waits)
+        task.cancelled.connect(lambda: heard.append("cancelled"))
+        task.finished.connect(lambda: heard.append("finished"))
+        mount.control.disconnect_mount()
+        qtbot.waitUntil(lambda: heard == ["cancelled", "finished"], timeout=15_000)
+        with pytest.raises(RefusedError, match="Connect a mount first"):
+            mount.control.order("goto", waits)
+
+
+@pytest.mark.parametrize("ending", ["plugged", "stopped"])
+def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, opened, ending):
+    """Bolts are turned for minutes: the measurement is not lost with the cable."""
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        seen, told = [], []
+
+        def follows(guard):
+            while len(seen) < 5:
+                yield Progress("adjust")
+                if mount.control.known.phase == "on" and told:
+                    seen.append(1)
+            return "followed"
+
+        task = mount.control.order(POLAR, follows, mount_is_still)
+        for name in ("succeeded", "failed", "cancelled"):
+            getattr(task, name).connect(lambda *_, n=name: told.append(n))
+        qtbot.waitUntil(lambda: mount.control.known.at_rest, timeout=10_000)  # it has begun
+        mount.bench.line.unplug()
+        qtbot.waitUntil(lambda: mount.control.known.phase == "lost", timeout=15_000)
+        assert mount.control.known.busy == POLAR
+        assert not told
+        if ending == "stopped":
+            mount.control.stop()
+            qtbot.waitUntil(lambda: told == ["failed"], timeout=10_000)
+            assert mount.control.known.phase == "lost"
+        mount.bench.line.plug()
+        qtbot.waitUntil(lambda: mount.control.known.phase == "on", timeout=20_000)
+        if ending == "plugged":
+            told.append("back")
+            qtbot.waitUntil(lambda: told == ["back", "succeeded"], timeout=10_000)
+
+
+@pytest.mark.parametrize(("stage", "waits"), [("adjust", True), ("measure", True), ("turn", False)])
+def test_what_turns_the_mount_never_waits(stage, waits):
+    assert mount_is_still(Progress(stage)) is waits
+
+
+@pytest.mark.parametrize(
+    ("word", "signal"),
+    [
+        (OrderDone("x", 3), "succeeded"),
+        (OrderFailed("x", "Broken."), "failed"),
+        (OrderFailed("x", "Stopped.", stopped=True), "cancelled"),
+    ],
+)
+def test_an_task_ends_like_a_job(qtbot, word, signal):
+    task = MountTask("x", lambda: None, None)
+    told = []
+    for name in ("succeeded", "failed", "cancelled", "finished"):
+        getattr(task, name).connect(lambda *_, n=name: told.append(n))
+    task.end(word)
+    assert told == [signal, "finished"]
+
+
+def test_escape_at_the_bolts_only_leaves_them_while_the_mount_stands(qtbot, opened):
+    """The axis is followed with eyes on the bolts: a key that leaves the screen loses nothing."""
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        commands.views.show("polar")
+        view = commands.views.docks["polar"].view
+        stage, over = ["adjust"], []
+
+        def following(guard):
+            while not over:
+                yield Progress(stage[0])
+
+        task = mount.control.order(POLAR, following)
+        cancelled = []
+        task.cancelled.connect(lambda: cancelled.append(1))
+        qtbot.waitUntil(lambda: mount.control.known.at_rest, timeout=10_000)
+        view.state = adjusting(-900.0, 100.0)
+        assert view.state.knob in (Knob.ALTITUDE, Knob.AZIMUTH)
+        view.show_bolts()
+        qtbot.waitUntil(view.bolts.isActiveWindow)
+        qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
+        assert not view.bolts.isVisible()
+        menu = QMenu(commands.window)
+        menu.addAction("one")
+        menu.popup(commands.window.mapToGlobal(commands.window.rect().center()))
+        qtbot.waitUntil(menu.isVisible)
+        qtbot.keyClick(menu, Qt.Key.Key_Escape)
+        qtbot.wait(300)
+        assert not cancelled
+        stage[0] = "turn"
+        qtbot.waitUntil(lambda: not mount.control.known.at_rest, timeout=10_000)
+        view.show_bolts()
+        qtbot.waitUntil(view.bolts.isActiveWindow)
+        qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
+        qtbot.waitUntil(lambda: bool(cancelled), timeout=10_000)
+        assert ("stop",) in [entry[:1] for entry in mount.telescope.log]
+
+
+def known(**more):
+    return MountSnapshot("on", "COM3", Connected("A mount", {}, Epoch.DATE, None), **more)
+
+
+def report(**state):
+    return PositionReport((1.0, 2.0), MountState(**state))
+
+
+def test_at_rest_is_only_what_is_known_to_stand():
+    assert known().at_rest
+    assert not known(report=report(slewing=True)).at_rest
+    assert not known(busy="goto").at_rest
+    assert not known(busy="accept").at_rest, "it may fall back to a slew"
+    assert known(busy="take").at_rest
+    aligning = known(busy=POLAR)
+    assert not aligning.at_rest, "nothing is heard of it yet"
+    for stage, rests in (("measure", True), ("turn", False), ("adjust", True)):
+        aligning.hear(OrderProgress(POLAR, Progress(stage)))
+        assert aligning.at_rest is rests
+    aligning.hear(LineLost("gone"))
+    assert not aligning.at_rest
+
+
+def test_what_is_over_in_a_moment_hides_no_longer_order():
+    told = known(busy="goto")
+    for word in (OrderProgress("site", Progress("site")), OrderDone("site", None)):
+        told.hear(word)
+        assert told.busy == "goto"
+    told.hear(OrderDone("goto", ""))
+    assert told.busy == ""
+
+
+@pytest.mark.parametrize(
+    ("told", "text"),
+    [
+        (MountSnapshot(), "No mount"),
+        (MountSnapshot("connecting"), "Mount: connecting…"),
+        (MountSnapshot("lost", busy="goto"), "Mount: CONNECTION LOST"),
+        (known(), "Mount: connected"),
+        (known(report=report(tracking=True)), "Mount: tracking"),
+        (known(report=report(tracking=False)), "Mount: not tracking"),
+        (known(report=report(slewing=True, tracking=True)), "Mount: slewing"),
+        (known(report=report(parked=True)), "Mount: parked"),
+        (known(busy="centre", practice=True), "Practice mount: centring"),
+        (known(busy="no such"), "Mount: no such"),
+    ],
+)
+def test_the_corner_says_how_the_mount_is(told, text):
+    assert mount_status_text(told) == text

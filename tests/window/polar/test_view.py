@@ -1,0 +1,527 @@
+"""Polar alignment as a person does it: on the practice telescope, from files, and when it fails."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QEventLoop, Qt, QTimer
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractSpinBox,
+    QComboBox,
+    QLineEdit,
+    QListWidget,
+    QPlainTextEdit,
+)
+
+from kochab.core.capture import CameraSource
+from kochab.core.errors import KochabError, LineLostError, NoAnswerError, UsageError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction
+from kochab.core.progress import run
+from kochab.frames.fits_write import write_fits
+from kochab.gear.session import CameraSelection
+from kochab.polar.horizon import Pole
+from kochab.polar.report import History
+from kochab.server.phone_page import PhonePage
+from kochab.simulate.practice import PracticeConfig, start_practice
+from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, through, tonight
+from kochab.window.application import build
+from kochab.window.polar.history import writing
+from kochab.window.session import WorkflowEngine
+from kochab.workflows.polar.measure import MountTurner
+from kochab.workflows.polar.update import PolarControls
+from kochab.workflows.session.alignment import (
+    AlignmentRequest,
+    AlignmentTools,
+    AxisTurnedBy,
+    FrameSource,
+    alignment_task,
+    mount_turner,
+)
+from kochab.workflows.session.alignment_state import AlignmentState
+from kochab.workflows.session.wiring import Wiring
+from tests.window.polar_cases import adjusting
+from tests.window.test_night import assert_red
+
+LIMIT_S = 200
+SITE = Site(47.0, 8.0, 450.0)
+QUICK = 6.0  # simulated seconds a second
+
+
+class Nights:
+    """Practice nights of a mount without wear: what it measures is then all there is."""
+
+    def __init__(self, rate=QUICK):
+        self.rate = rate
+        self.made = []
+
+    def __call__(self, fov_deg):
+        rig = through(misaligned(tonight(3, SITE), 40.0), fov_deg)
+        started = start_practice(PracticeConfig(replace(rig, rate=self.rate)))
+        self.made.append(started)
+        return started
+
+    @property
+    def true_arcsec(self):
+        return self.made[-1].rig.truth().axis_error().total_arcsec
+
+
+@pytest.fixture
+def polar(qtbot, settings):
+    """Windows with their polar view, and room to make another."""
+    made = []
+
+    def make(practice=None):
+        window, commands = build(
+            WorkflowEngine(), settings, [], Wiring(practice=practice, phone_page=PhonePage)
+        )
+        qtbot.addWidget(window)
+        window.resize(1360, 860)
+        window.show()
+        commands.views.show("polar")
+        made.append((window, commands))
+        return commands, commands.views.docks["polar"].view
+
+    yield make
+    for window, commands in made:
+        window.close()
+        commands.looks.use_theme("dark", "normal")
+        assert commands.session.close()
+    left = [t.name for t in threading.enumerate() if t.name.startswith(("kochab-", "polar-"))]
+    assert not left
+
+
+def drive(view, each=lambda: None, limit_s=LIMIT_S):
+    """Run the event loop until the alignment is over, looking now and then."""
+    loop, timer, end = QEventLoop(), QTimer(), QTimer()
+    timer.setInterval(10)
+    timer.timeout.connect(lambda: (each(), view.start.isHidden() or loop.quit()))
+    end.setSingleShot(True)
+    end.timeout.connect(loop.quit)
+    timer.start()
+    end.start(1000 * limit_s)
+    loop.exec()
+    timer.stop()
+    assert not view.start.isHidden(), f"not over: {view.state.stage}, {view.state.words}"
+
+
+def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
+    """Measure, turn the bolts as told, measure again: the axis really stands at the pole."""
+    nights = Nights()
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    stages, words, obeyed = [], [], []
+    view.begin()
+
+    def person():
+        state = view.state
+        if not stages or stages[-1] != state.stage:
+            stages.append(state.stage)
+        asked = state.asked or state.instruction
+        if state.hand_needed and not any(asked is one for one in obeyed):  # equal asks recur
+            obeyed.append(asked)
+            words.append(view.page.words.text())
+            assert view.turn_for_me.isVisible()
+            view.turn_for_me.click()
+
+    drive(view, person)
+    assert view.state.stage == "done", view.message.text()
+    assert nights.true_arcsec < 30.0
+    assert view.state.error.total_arcsec == pytest.approx(nights.true_arcsec, abs=15.0)
+    assert stages.count("adjust") >= 1
+    assert stages[-2:] != ["adjust", "done"]  # it measured once more by itself
+    assert any("Rotate RA about" in told for told in words)
+    assert any("Test: turn" in told for told in words)
+    assert len(view.state.measured) >= 2
+    # What is kept of it.
+    history = view.history.history
+    assert history.entries[0].kind == history.entries[-1].kind == "measured"
+    assert "from the pole" in view.history.summary.text()
+    assert "Instruction: Test" in view.history.lines.toPlainText()
+    assert view.history.chart.series
+    # The practice telescope is gone with it.
+    assert view.adjuster is None
+
+
+def test_a_second_sweep_is_at_another_declination(qtbot, polar):
+    """Pressed while it measures: the first sweep ends, then hands are told to turn declination."""
+    nights = Nights()
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.begin()
+    assert view.second.isVisible()
+    view.second.click()
+    assert "another declination" in view.message.text()
+    assert view.controls.second_sweep_wanted
+    obeyed, ways, decs = [], [], []
+
+    def person():
+        asked = view.state.asked
+        if view.state.hand_needed and asked is not None and not any(asked is o for o in obeyed):
+            obeyed.append(asked)
+            ways.append(asked.direction)
+            decs.append(nights.made[-1].rig.truth().ra_dec_deg[1])
+            view.turn_for_me.click()
+        if view.state.stage == "adjust":
+            view.cancel.click()
+
+    drive(view, person)
+    across = [w for w in ways if w in (Direction.NORTH, Direction.SOUTH)]
+    assert len(across) == 1
+    moved_deg = decs[-1] - decs[0]
+    assert abs(moved_deg) > 5.0, "it really is another declination"
+    assert (moved_deg > 0.0) == (across[0] is Direction.NORTH)
+    assert ways[-1] in (Direction.EAST, Direction.WEST)
+    assert len(view.state.measured) == 1, "from both sweeps"
+
+
+def taken(folder, dec_deg):
+    """Three frames of a perfect mount that stands 20 arcmin too high, 40 deg apart in all."""
+    base = RigConfig(seed=5, site=SITE, start_deg=(-40.0, dec_deg))
+    mount = replace(base.mount, misalignment_arcmin=(20.0, 0.0))
+    rig = PracticeRig(through(replace(base, mount=mount), 4.0))
+    paths = []
+    for number in range(3):
+        path = folder / f"dec{dec_deg:.0f}-{number}.fits"
+        write_fits(rig.frame(1.0), path)
+        paths.append(path)
+        rig.mount.turn_by_hand(20.0)
+        rig.wait_until_still(1.0)
+    return paths
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    return taken(tmp_path_factory.mktemp("frames"), 45.0)
+
+
+@pytest.fixture(scope="module")
+def second_sweep(tmp_path_factory):
+    return taken(tmp_path_factory.mktemp("second"), 15.0)
+
+
+def choose_files(view, files):
+    view.setup.source.setCurrentText(FrameSource.FILES)
+    view.setup.files.add(files)
+
+
+def test_files_are_measured(polar, frames):
+    _, view = polar()
+    choose_files(view, [*frames, frames[0]])
+    assert view.setup.files.count() == 3  # each once
+    view.start.click()
+    drive(view)
+    assert view.state.stage == "done", view.message.text()
+    assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
+    assert view.page.numbers.altitude.text().startswith("+20.0′")
+    assert "lower" in view.page.numbers.altitude_cure.text()
+    assert "Refracted pole" in view.page.pole.text()
+    assert view.state.findings
+    assert view.page.numbers.findings.text().startswith("⚠ ")
+
+
+def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_path):
+    _, view = polar()
+    choose_files(view, frames[:2])
+    view.begin()
+    drive(view)
+    page, paper = tmp_path / "report.html", tmp_path / "report.pdf"
+    view.history.write(page)
+    qtbot.waitUntil(lambda: page.with_suffix(".json").exists(), timeout=10_000)
+    assert "<svg" in page.read_text("utf-8")
+    with qtbot.waitSignal(view._services.jobs.run(writing(paper, view.history.history), "pdf").finished):
+        pass
+    assert paper.read_bytes()[:5] == b"%PDF-"
+    assert paper.stat().st_size > 10_000  # with its drawings
+    (tmp_path / "mine.json").write_text("mine")
+    with pytest.raises(KochabError, match=r"mine.json already exists"):
+        run(writing(tmp_path / "mine.html", view.history.history))
+    with pytest.raises(KochabError, match="Can't write the report"):
+        run(writing(tmp_path / "absent" / "report.pdf", view.history.history))
+
+
+def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
+    _, view = polar()
+    choose_files(view, frames)
+    view.begin()
+    drive(view)
+    assert "Flexure not measured" in view.page.numbers.findings.text()
+    view.setup.files.add(second_sweep, 1)
+    assert "second sweep" in view.setup.files.item(3).text()
+    view.begin()
+    drive(view)
+    assert view.state.stage == "done", view.message.text()
+    assert "Flexure not measured" not in view.page.numbers.findings.text()
+    assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
+
+
+def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):
+    _, view = polar()
+    choose_files(view, frames)
+    view.setup.pole.setCurrentIndex(1)
+    assert view.setup.chosen_pole is Pole.TRUE
+    view.begin()
+    drive(view)
+    # At 47 deg the air lifts the pole by about 52 arcsec.
+    assert view.state.error.altitude_arcsec == pytest.approx(1252.0, abs=25.0)
+
+
+def test_one_file_is_not_enough(polar, frames):
+    _, view = polar()
+    choose_files(view, frames[:1])
+    view.begin()
+    drive(view)
+    assert "needs two frames" in view.message.text()
+    assert view.message.property("role") == "wrong"
+
+
+def test_a_site_that_is_none_is_said_before_anything_starts(polar):
+    _, view = polar(Nights())
+    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.site.setText("nowhere")
+    view.begin()
+    assert "is not a site" in view.message.text()
+    assert view.job is None
+
+
+def test_a_camera_that_is_not_there_is_one_sentence(polar, tmp_path):
+    _, view = polar()
+    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.camera.source.setCurrentIndex(view.setup.camera.source.findData("folder"))
+    view.setup.camera.address.setText(str(tmp_path / "absent"))
+    view.begin()
+    drive(view)
+    assert view.message.property("role") == "wrong"
+    assert view.state.stage == "ended"
+    assert "absent" in view.message.text()
+
+
+def test_the_mount_is_asked_for_only_when_it_is_known(polar, tmp_path):
+    _, view = polar()
+    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.camera.source.setCurrentIndex(view.setup.camera.source.findData("folder"))
+    view.setup.camera.address.setText(str(tmp_path))
+    view.setup.site.setText("47, 8")
+    view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
+    assert "No mount set up" in view.setup.mount.text()
+    view.begin()
+    drive(view)
+    assert "Connect it once in the Mount view" in view.message.text()
+
+
+def test_cancel_ends_it_and_another_can_begin(qtbot, polar):
+    nights = Nights()
+    _, view = polar(nights)
+    view.begin()
+    qtbot.waitUntil(lambda: view.state.stage in ("measure", "turn"), timeout=30_000)
+    view.cancel.click()
+    drive(view)
+    assert view.state.stage == "ended"
+    assert "Cancelled" in view.message.text()
+    view.begin()
+    qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
+    view.cancel.click()
+    drive(view)
+    assert len(nights.made) == 2
+
+
+def test_a_fault_of_the_practice_telescope_is_one_sentence(polar):
+    def broken(fov_deg):
+        raise KochabError("The practice telescope cannot be started.")
+
+    _, view = polar(broken)
+    view.begin()
+    drive(view)
+    assert view.message.text() == "The practice telescope cannot be started."
+
+
+def test_without_a_simulated_sky_practice_is_not_offered(polar):
+    _, view = polar(None)
+    texts = [view.setup.source.itemText(i) for i in range(view.setup.source.count())]
+    assert texts == [FrameSource.CAMERA, FrameSource.FILES]
+
+
+def test_what_was_chosen_is_there_again(polar, frames):
+    _, view = polar()
+    choose_files(view, frames[:1])
+    view.setup.pole.setCurrentIndex(2)
+    view.setup.goal.setValue(60)
+    view.begin()
+    drive(view)
+    _, again = polar()
+    assert again.setup.chosen_source is FrameSource.FILES
+    assert again.setup.chosen_pole is Pole.HALF_WAY
+    assert again.setup.goal.value() == 60
+
+
+def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
+    commands, view = polar(Nights())
+    commands.window.activateWindow()
+    view.begin()
+    qtbot.waitUntil(lambda: view.state.hand_needed, timeout=60_000)
+    view.done.setFocus()
+    pressed = []
+    view.done.clicked.connect(lambda: pressed.append(1))
+    qtbot.keyClick(view.done, Qt.Key.Key_Space)
+    assert pressed
+    assert view.controls.take_turned() or "new frame" in view.message.text()
+    view.cancel.click()
+    drive(view)
+
+
+def test_f7_shows_the_bolts_over_the_whole_screen(qtbot, polar):
+    commands, view = polar()
+    view.state = adjusting(-900.0, 100.0)
+    commands.window.activateWindow()
+    qtbot.waitUntil(commands.window.isActiveWindow)
+    view.start.setFocus()
+    qtbot.keyClick(view.start, Qt.Key.Key_F7)
+    qtbot.waitUntil(view.bolts.isFullScreen)
+    assert view.bolts.digits() == "15.0′"
+    qtbot.keyClick(view.bolts, Qt.Key.Key_S)
+    assert view.cues.on
+    assert "sounds" in view.bolts.sounding
+    qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
+    assert not view.bolts.isVisible()
+
+
+def test_every_control_can_be_reached_and_says_what_it_is(polar):
+    _, view = polar(Nights())
+    kinds = (QAbstractButton, QComboBox, QLineEdit, QListWidget, QAbstractSpinBox, QPlainTextEdit)
+    for widget in view.findChildren(kinds[0]) + [w for k in kinds[1:] for w in view.findChildren(k)]:
+        if widget.objectName().startswith("qt_") or isinstance(widget.parent(), QComboBox | QAbstractSpinBox):
+            continue
+        name = widget.accessibleName() or getattr(widget, "text", str)()
+        assert name, widget.metaObject().className()
+        if not widget.inherits("QScrollBar"):
+            assert widget.focusPolicy() & Qt.FocusPolicy.TabFocus, name
+
+
+def test_red_light_alone_at_night(qtbot, polar, frames):
+    commands, view = polar(Nights())
+    commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    choose_files(view, frames[:2])
+    for index in range(view.tabs.count()):
+        view.tabs.setCurrentIndex(index)
+        assert_red(commands.window)
+    view.begin()
+    drive(view)
+    for index in (1, 2):
+        view.tabs.setCurrentIndex(index)
+        assert_red(commands.window)
+    view.state = adjusting(-900.0, 100.0)
+    view._show()
+    view.tabs.setCurrentIndex(1)
+    assert_red(commands.window)
+    view.phone._host = "127.0.0.1"
+    view.phone.switch.setChecked(True)
+    qtbot.waitUntil(lambda: bool(view.phone.code.rows), timeout=15_000)
+    view.tabs.setCurrentIndex(3)
+    assert_red(commands.window)
+
+
+# The mount that turns.
+
+
+class StubGuard:
+    """What a guard is asked here: its rates, and to stop."""
+
+    def __init__(self, rates=(), lacks=None):
+        self.mount = self
+        self.rates_deg_s = rates
+        self.lacks = lacks or {}
+        self.stopped = threading.Event()
+
+    def stop(self):
+        self.stopped.set()
+        raise NoAnswerError("The mount is silent.")
+
+
+def test_the_mounts_own_rate_is_used():
+    assert isinstance(mount_turner(StubGuard((0.004, 0.5, 3.0)), None), MountTurner)
+    assert mount_turner(StubGuard((0.004, 0.5, 3.0)), None)._rate == 3.0
+
+
+@pytest.mark.parametrize(
+    ("guard", "words"),
+    [
+        (StubGuard((0.004, 0.06)), "no rate fast enough"),
+        (StubGuard(lacks={Ability.MOVE: "It has no motion keys."}), "no motion keys"),
+    ],
+)
+def test_a_mount_that_cannot_turn_leaves_it_to_the_hand(guard, words):
+    with pytest.raises(KochabError, match=words):
+        mount_turner(guard, None)
+
+
+@pytest.mark.parametrize("ending", ["cancel", "close"])
+def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, polar, ending):
+    nights = Nights(rate=1.0)  # motions are timed by the wall
+    commands, view = polar(nights)
+    view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
+    view.setup.exposure.setValue(0.5)
+    view.begin()
+    qtbot.waitUntil(lambda: "The mount turns" in view.state.words, timeout=60_000)
+    assert "Keep clear" in view.page.words.text()
+    assert view.turn_for_me.isHidden() or not view.turn_for_me.isEnabled()
+    mount = nights.made[-1].rig.mount
+    qtbot.waitUntil(lambda: mount.slewing, timeout=20_000)
+    if ending == "cancel":
+        view.cancel.click()
+        drive(view)
+    else:
+        commands.window.close()
+    first = mount.axes_deg()
+    qtbot.wait(700)
+    second = mount.axes_deg()
+    assert not mount.slewing
+    # It may track, 15 arcsec a second, and no more.
+    assert abs(second[0] - first[0]) < 0.02
+
+
+class Unplugged(CameraSource):
+    """A camera whose cable is pulled after it was opened."""
+
+    name = "unplugged"
+
+    def next_frame(self, timeout_s):
+        raise LineLostError("The camera was unplugged.")
+
+    def close(self):
+        pass
+
+
+def test_a_camera_that_goes_is_not_taken_for_the_mounts_line():
+    tools = AlignmentTools(
+        PolarControls(), lambda step: None, lambda history: None, open_camera=lambda *wish: Unplugged()
+    )
+    wish = AlignmentRequest(FrameSource.CAMERA, site=SITE, camera=CameraSelection("folder", "somewhere"))
+    with pytest.raises(NoAnswerError, match="unplugged"):
+        run(alignment_task(wish, tools))
+
+
+def test_wishes_are_understood(polar):
+    _, view = polar()
+    view.setup.site.setText("-35.2, 149.1, 600")
+    view.setup.fov.setText("2,4")
+    wish = view.setup.request()
+    assert wish.site == Site(-35.2, 149.1, 600.0)
+    assert wish.fov_deg == 2.4
+    assert wish.turn_deg is None
+    assert "south pole" in view.setup.pole_name.text()
+    view.setup.fov.setText("wide")
+    with pytest.raises(UsageError, match="field of view"):
+        view.setup.request()
+
+
+def test_an_empty_night_says_so(polar):
+    _, view = polar()
+    assert not view.history.save.isEnabled()
+    view.history.keep(History())
+    assert "No alignment measured" in view.history.summary.text()
+    assert view.page.target.reach_arcsec > 300.0
+    assert np.isfinite(AlignmentState().fraction or 0.0)

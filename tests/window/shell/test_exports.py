@@ -1,0 +1,96 @@
+import json
+
+import pytest
+from astropy.io import fits
+from PySide6.QtWidgets import QMessageBox
+
+from kochab.cli.output import as_json, to_line
+from kochab.window.application import build
+from kochab.workflows.session.wiring import Wiring
+from tests.window.fakes import FakeEngine, no_solution
+
+
+@pytest.fixture
+def commands(qtbot, settings, engine, a_file):
+    window, commands = build(engine, settings, [], wiring=Wiring(lambda f, s: to_line(as_json(f, s))))
+    qtbot.addWidget(window)
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    yield commands
+    window.close()
+
+
+def write(qtbot, commands, name, path):
+    exporter = commands.exporter
+    with qtbot.waitSignal(exporter.wrote, timeout=20_000):
+        exporter.write(exporter.kinds[name], path)
+    return path
+
+
+def test_stars_as_csv(qtbot, commands, tmp_path):
+    lines = write(qtbot, commands, "csv", tmp_path / "a.csv").read_text("utf-8").splitlines()
+    assert lines[0].startswith("x,y,id,name")
+    assert len(lines) == 1 + 24
+    assert any("Betelgeuse" in line for line in lines)
+
+
+def test_json_is_that_of_the_command_line(qtbot, commands, tmp_path):
+    told = json.loads(write(qtbot, commands, "json", tmp_path / "a.json").read_text("utf-8"))
+    assert told["solved"] is True
+    assert told["ra_deg"] == pytest.approx(84.05, abs=1e-6)
+    assert len(told["stars"]) == 24
+
+
+def test_ds9_and_wcs(qtbot, commands, tmp_path):
+    assert "circle(" in write(qtbot, commands, "regions", tmp_path / "a.reg").read_text("utf-8")
+    header = fits.Header.fromtextfile(write(qtbot, commands, "wcs", tmp_path / "a.wcs"))
+    assert header["CRVAL1"] == pytest.approx(84.05, abs=0.01)
+
+
+def test_the_annotated_picture_is_a_png(qtbot, commands, tmp_path):
+    path = write(qtbot, commands, "picture", tmp_path / "a.png")
+    assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_place_that_cannot_be_written_is_one_sentence(qtbot, commands, tmp_path):
+    commands.exporter.write(commands.exporter.kinds["csv"], tmp_path / "nowhere" / "a.csv")
+    qtbot.waitUntil(lambda: commands.window.findChildren(QMessageBox) != [], timeout=5000)
+    (box,) = commands.window.findChildren(QMessageBox)
+    assert box.text() == "Can't write a.csv: No such file or directory."
+    box.close()
+
+
+def test_the_open_frame_is_never_written_over(qtbot, commands, tmp_path):
+    source = commands.session.known.path
+    before = source.read_bytes()
+    commands.exporter.write(commands.exporter.kinds["picture"], source)
+    qtbot.waitUntil(lambda: commands.window.findChildren(QMessageBox) != [], timeout=5000)
+    (box,) = commands.window.findChildren(QMessageBox)
+    assert "never overwritten" in box.text()
+    assert source.read_bytes() == before
+    box.close()
+
+
+def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, monkeypatch):
+    asked = []
+
+    def ask(_parent, start, _kinds, red):
+        asked.append((start, red))
+        return tmp_path / "chosen.reg"
+
+    monkeypatch.setattr("kochab.window.shell.exports.ask_save", ask)
+    menu = {a.objectName(): a for a in commands.window.menus.export.actions()}
+    with qtbot.waitSignal(commands.exporter.wrote, timeout=10_000):
+        menu["export_regions"].trigger()
+    assert asked == [(tmp_path / "orion.reg", False)]
+    assert (tmp_path / "chosen.reg").exists()
+
+
+def test_nothing_is_exported_without_a_solution(qtbot, make_window, a_file, tmp_path):
+    window, commands = make_window(FakeEngine(result=no_solution()))
+    assert not window.menus.export.isEnabled()
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+    assert not window.menus.export.isEnabled()
+    commands.exporter.write(commands.exporter.kinds["csv"], tmp_path / "a.csv")
+    assert not (tmp_path / "a.csv").exists()

@@ -1,0 +1,105 @@
+"""The places of the Tools menu: docks that cost nothing until seen and come back after a restart."""
+
+import threading
+
+import pytest
+from PySide6.QtCore import Qt
+
+from kochab.core.progress import Progress
+from kochab.window.shell import views
+from kochab.window.shell.menus import SPECS
+
+
+def test_a_view_is_built_when_it_is_first_seen_and_once(qtbot, opened, monkeypatch):
+    window, commands = opened
+    dock = commands.views.docks["laboratory"]
+    assert dock.isHidden()
+    assert dock.view is None
+    qtbot.keyClick(window, Qt.Key.Key_F6)
+    assert dock.isVisible()
+    built = dock.view
+    assert built is not None
+    assert commands.views.actions["laboratory"].isChecked()
+    qtbot.keyClick(window, Qt.Key.Key_F6)
+    assert dock.isHidden()
+    assert not commands.views.actions["laboratory"].isChecked()
+    commands.views.actions["laboratory"].trigger()
+    assert dock.view is built
+
+
+def test_an_open_view_is_open_after_a_restart(make_window, engine):
+    window, commands = make_window(engine)
+    commands.views.show("laboratory")
+    window.close()
+    again, new = make_window(engine)
+    assert new.views.docks["laboratory"].isVisible()
+    assert new.views.docks["laboratory"].view is not None
+    assert new.views.actions["laboratory"].isChecked()
+    new.views.toggle("laboratory")
+    again.close()
+    _, last = make_window(engine)
+    assert last.views.docks["laboratory"].isHidden()
+
+
+def test_views_share_a_place_and_the_hidden_one_comes_to_the_front(qtbot, make_window, engine, monkeypatch):
+    twice = views.VIEWS | {"second": ("&Second", "F12", views.VIEWS["laboratory"][2])}
+    monkeypatch.setattr(views, "VIEWS", twice)
+    _, commands = make_window(engine)
+    first, second = (commands.views.docks[n] for n in ("laboratory", "second"))
+    commands.views.show("laboratory")
+    commands.views.show("second")
+    qtbot.waitUntil(lambda: first.visibleRegion().isEmpty())
+    assert not first.isHidden()
+    commands.views.toggle("laboratory")  # behind the other: it comes to the front instead of closing
+    qtbot.waitUntil(lambda: second.visibleRegion().isEmpty())
+    assert not first.isHidden()
+
+
+def test_a_view_fits_a_small_screen(qtbot, make_window, engine):
+    window, commands = make_window(engine)
+    window.resize(1280, 700)
+    commands.views.show("laboratory")
+    qtbot.wait(50)
+    assert window.height() <= 700
+    assert window.width() <= 1280
+
+
+def test_keys_of_views_are_nobody_elses():
+    taken = {key for spec in SPECS for key in spec.keys.split()}
+    keys = [keys for _, keys, _ in views.VIEWS.values()]
+    assert len(keys) == len(set(keys))
+    assert not taken & set(keys)
+
+
+@pytest.mark.parametrize("ends", ["by itself", "with the window"])
+def test_a_view_s_job_is_heard_and_ends_with_the_window(qtbot, opened, ends):
+    window, commands = opened
+    closed, told = threading.Event(), []
+    commands.services.jobs.closing.connect(lambda: told.append("closing"))
+
+    def task():
+        try:
+            while ends == "with the window":
+                yield Progress("wait")
+            yield Progress("nothing")
+        finally:
+            closed.set()
+        return 7
+
+    job = commands.services.jobs.run(task(), "test")
+    job.succeeded.connect(told.append)
+    if ends == "by itself":
+        qtbot.waitUntil(lambda: told == [7], timeout=5000)
+    window.close()
+    assert closed.wait(5)
+    assert not job.running
+    assert "closing" in told
+
+
+def test_services_offer_the_sky_and_a_word(qtbot, opened):
+    window, commands = opened
+    services = commands.services
+    assert services.catalogue() is services.catalogue()
+    assert services.session.known.frame is not None
+    services.say("Done.")
+    assert window.status.currentMessage() == "Done."

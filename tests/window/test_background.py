@@ -1,0 +1,64 @@
+import threading
+
+from kochab.core.errors import CatalogueError
+from kochab.core.progress import Progress
+from kochab.window.application import Background
+from tests.window.fakes import FakeEngine
+
+
+def test_the_first_start_prepares_and_says_how_far(qtbot, make_window, a_file):
+    engine = FakeEngine(preparing=3, gate=threading.Event())
+    window, commands = make_window(engine)
+    background = Background(window, engine, after_ms=0)
+    shown = window.status.background
+    qtbot.waitUntil(lambda: "42 %" in shown.text(), timeout=5000)
+    assert "small-field index" in shown.text()
+    assert not window.status.cancel.isVisible()
+    with qtbot.waitSignal(background.job.finished, timeout=5000):
+        engine.gate.set()
+    assert shown.text() == ""
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(a_file)
+
+
+def test_the_time_that_is_left_is_estimated(qtbot, make_window, monkeypatch):
+    engine, now = FakeEngine(preparing=1, gate=threading.Event()), [0.0]
+    monkeypatch.setattr("kochab.window.application.monotonic", lambda: now[0])
+    window, _ = make_window(engine)
+    background = Background(window, engine, after_ms=60_000)
+    background._progressed(Progress("patterns", 0.2))
+    assert window.status.background.text() == "Building the small-field index: 20 %"
+    now[0] = 10.0
+    background._progressed(Progress("patterns", 0.6))
+    assert window.status.background.text() == "Building the small-field index: 60 %, about 10 s left"
+    engine.gate.set()
+
+
+def test_nothing_is_said_when_nothing_is_to_be_made(qtbot, make_window, engine):
+    window, _ = make_window(engine)
+    background = Background(window, engine, after_ms=0)
+    with qtbot.waitSignal(background.job.finished, timeout=5000):
+        pass
+    assert window.status.background.text() == ""
+
+
+def test_a_preparation_that_fails_is_one_sentence(qtbot, make_window):
+    class Failing(FakeEngine):
+        def prepare(self):
+            yield Progress("patterns", 0.1)
+            raise CatalogueError("The disk is full.")
+
+    window, _ = make_window(Failing())
+    background = Background(window, Failing(), after_ms=0)
+    with qtbot.waitSignal(background.job.finished, timeout=5000):
+        pass
+    assert window.status.currentMessage() == "The disk is full."
+
+
+def test_closing_ends_the_preparation(qtbot, make_window):
+    engine = FakeEngine(preparing=1, gate=threading.Event())
+    window, _ = make_window(engine)
+    background = Background(window, engine, after_ms=0)
+    qtbot.waitUntil(lambda: background.job.running, timeout=5000)
+    window.close()
+    assert not background.job.running
