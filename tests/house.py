@@ -91,10 +91,7 @@ def floors(room: str) -> int:
 def classes_twice() -> list[str]:
     """Names of classes that two modules or more define at their top."""
     count = Counter(
-        node.name
-        for text in sources().values()
-        for node in ast.parse(text).body
-        if isinstance(node, ast.ClassDef)
+        node.name for text in sources().values() for node in ast.parse(text).body if isinstance(node, ast.ClassDef)
     )
     return sorted(name for name, times in count.items() if times > 1)
 
@@ -116,12 +113,7 @@ def executed(code: str, *arguments: str) -> list[str]:
         " if n.split('.')[0] == 'kochab' and getattr(m, '__file__', None))))"
     )
     done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            f"import sys\nsys.path.insert(0, {str(SOURCE.parent)!r})\n{code}{tail}",
-            *arguments,
-        ],
+        [sys.executable, "-c", f"import sys\nsys.path.insert(0, {str(SOURCE.parent)!r})\n{code}{tail}", *arguments],
         cwd=REPOSITORY,
         capture_output=True,
         text=True,
@@ -212,9 +204,7 @@ def main() -> int:
     found = numbers()
     for number in found:
         limit = "" if number.limit is None else f"at most {number.limit:,.0f}"
-        print(
-            f"{number.name:42}{number.value:>10,.10g}  {limit:18}{'' if number.met else 'TOO MANY'}".rstrip()
-        )
+        print(f"{number.name:42}{number.value:>10,.10g}  {limit:18}{'' if number.met else 'TOO MANY'}".rstrip())
         if not number.met and number.where:
             print("    " + number.where.replace("\n", "\n    "))
     return int(not all(number.met for number in found))

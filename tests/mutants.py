@@ -170,9 +170,7 @@ class Copy:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
         command += ["-o", f"pythonpath={self.app} {REPOSITORY}", *tests]
         try:
-            done = subprocess.run(
-                command, cwd=REPOSITORY, env=environment, capture_output=True, timeout=LONGEST_S
-            )
+            done = subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, timeout=LONGEST_S)
         except subprocess.TimeoutExpired:
             return False
         return done.returncode == 0

@@ -68,9 +68,7 @@ def test_it_needs_no_qt(repository, block):
         "print('QT', [n for n in sys.modules if n.startswith(('PySide6', 'shiboken6', 'pyqtgraph'))"
         " and sys.modules[n]])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=200
-    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=200)
     assert done.stdout.strip() == "QT []", done.stdout + done.stderr
 
 

@@ -112,9 +112,7 @@ def _simulated_picture(wish: "FieldSettings", seeds: "Sequence[int]") -> "Random
 def _plan(wish: "FieldSettings") -> "FieldPlan":
     from kochab.simulate.random_fields import FieldPlan
 
-    return FieldPlan(
-        wish.fov_deg, wish.size_px, wish.noise_px, wish.missing, wish.false, brightest=wish.stars
-    )
+    return FieldPlan(wish.fov_deg, wish.size_px, wish.noise_px, wish.missing, wish.false, brightest=wish.stars)
 
 
 if __name__ == "__main__":

@@ -60,9 +60,7 @@ MORE = [
     "tests/window/shell/test_welcome.py",
 ]
 # The kernel dates files, and faketime does not reach it: a new file would be 400 days old.
-WITH_FILE_TIMES = [
-    "tests/gear/cameras/test_folder.py::test_a_file_without_a_date_was_taken_when_it_was_written"
-]
+WITH_FILE_TIMES = ["tests/gear/cameras/test_folder.py::test_a_file_without_a_date_was_taken_when_it_was_written"]
 LATER_S = 400 * 86400
 
 
@@ -112,12 +110,7 @@ def run(situation: Situation, tests: list[str], workers: str) -> int:
         "NO_FAKE_STAT": "1",  # or Python would compile every source anew
         "LC_ALL": situation.language,
         "PYTHONPATH": os.pathsep.join(
-            [
-                str(Path(__file__).parent),
-                str(REPOSITORY / "app"),
-                str(REPOSITORY),
-                os.environ.get("PYTHONPATH", ""),
-            ]
+            [str(Path(__file__).parent), str(REPOSITORY / "app"), str(REPOSITORY), os.environ.get("PYTHONPATH", "")]
         ).rstrip(os.pathsep),
         "QT_QPA_PLATFORM": os.environ.get("QT_QPA_PLATFORM", "offscreen"),
         "TZ": situation.zone,
@@ -125,10 +118,7 @@ def run(situation: Situation, tests: list[str], workers: str) -> int:
     command = [sys.executable, "-m", "pytest", "-q", "-n", workers]
     command += [f"--deselect={test}" for test in WITH_FILE_TIMES]
     return subprocess.run(
-        ["faketime", "-f", f"{situation.offset_s():+d}", *command, *tests],
-        cwd=REPOSITORY,
-        env=environment,
-        check=False,
+        ["faketime", "-f", f"{situation.offset_s():+d}", *command, *tests], cwd=REPOSITORY, env=environment, check=False
     ).returncode
 
 

@@ -48,9 +48,7 @@ def simulate(
     index = np.arange(stars, dtype=np.int64)
     first_camera = Camera.centred(w, h, focal * (1 + guess_px / 2000), mirrored)
     nudge = small_rotation(rng.normal(0, guess_px / focal, 3))
-    return Field(
-        Matches(index, index, xy, vectors), camera, attitude, first_camera, Attitude(nudge @ attitude.matrix)
-    )
+    return Field(Matches(index, index, xy, vectors), camera, attitude, first_camera, Attitude(nudge @ attitude.matrix))
 
 
 def centre_error_px(field: Field, camera: Camera, attitude: Attitude) -> np.ndarray:

@@ -43,8 +43,7 @@ def test_exact_stars_give_the_exact_attitude(name, seed, stars, fov_deg, mirrore
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
-    "where",
-    [(0.0, 90.0, 0.0), (180.0, -90.0, 33.0), (359.9, 89.0, -170.0), (0.0, 0.0, 180.0), (360.0, -20.0, 90.0)],
+    "where", [(0.0, 90.0, 0.0), (180.0, -90.0, 33.0), (359.9, 89.0, -170.0), (0.0, 0.0, 180.0), (360.0, -20.0, 90.0)]
 )
 def test_poles_and_the_first_hour_are_no_edges(name, where) -> None:
     truth = attitude_from(*where)
@@ -124,9 +123,7 @@ def test_what_cannot_be_estimated_is_refused(name, fewest) -> None:
 def test_a_second_star_nearer_than_was_asked_for_is_told_so() -> None:
     field = simulate(1, 5, 10.0, sigma_px=0.0)
     with pytest.raises(ValueError, match="less than 60 degrees"):
-        ESTIMATORS.make("triad", least_angle_deg=60.0).estimate(
-            field.matches.xy, field.matches.vectors, field.camera
-        )
+        ESTIMATORS.make("triad", least_angle_deg=60.0).estimate(field.matches.xy, field.matches.vectors, field.camera)
 
 
 def test_a_mirrored_picture_has_no_constants_for_a_plain_camera() -> None:

@@ -94,9 +94,7 @@ def test_a_shifted_principal_point_is_found_in_a_wide_field_and_not_in_a_narrow_
     assert "cx" not in narrow.terms
     assert (
         np.hypot(
-            *centre_error_px(
-                simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)), narrow.camera, narrow.attitude
-            )
+            *centre_error_px(simulate(5, 150, 1.0, 0.2, off_centre_px=(40.0, -25.0)), narrow.camera, narrow.attitude)
         )
         < 0.3
     )

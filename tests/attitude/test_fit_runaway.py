@@ -33,8 +33,7 @@ def low_field(altitude_deg, noise_px, seed):
 
 
 @pytest.mark.parametrize(
-    ("altitude", "noise", "seed"),
-    [(9.0, 0.1, 23), (11.0, 0.3, 9), (12.0, 0.5, 14), (14.0, 0.1, 10), (10.0, 0.1, 14)],
+    ("altitude", "noise", "seed"), [(9.0, 0.1, 23), (11.0, 0.3, 9), (12.0, 0.5, 14), (14.0, 0.1, 10), (10.0, 0.1, 14)]
 )  # all of these ran away to rms from 6 to 10^79 px
 def test_a_centre_and_a_distortion_that_are_hardly_told_apart_do_not_run_away(altitude, noise, seed):
     matches, camera, sigma = low_field(altitude, noise, seed)

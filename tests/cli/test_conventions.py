@@ -31,12 +31,7 @@ def line(ra: float, dec: float, roll: float, mirrored: bool) -> dict:
     return json.loads(to_line(as_json("a.fits", full)))
 
 
-CASES = [
-    (10.0, 20.0, 0.0, False),
-    (200.0, -70.0, 33.0, False),
-    (359.9, 45.0, -150.0, True),
-    (84.0, -5.0, 90.0, True),
-]
+CASES = [(10.0, 20.0, 0.0, False), (200.0, -70.0, 33.0, False), (359.9, 45.0, -150.0, True), (84.0, -5.0, 90.0, True)]
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -60,10 +60,7 @@ def session(night, tmp_path_factory):
 
 def started(*arguments):
     return subprocess.Popen(
-        [sys.executable, "-m", "app", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-m", "app", *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
 
 
@@ -172,10 +169,7 @@ def test_every_source_is_listed_with_what_it_needs(capsys) -> None:
 def test_one_frame_is_taken(night, tmp_path, capsys) -> None:
     target = tmp_path / "taken.fits"
     folder = night[0].parent
-    assert (
-        main(["camera", "take", "--source", "folder", "--address", str(folder), "-o", str(target), "--json"])
-        == 0
-    )
+    assert main(["camera", "take", "--source", "folder", "--address", str(folder), "-o", str(target), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["width"], told["height"]) == (800, 600)
     assert (read_frame(target).pixels == read_frame(night[3]).pixels).all()
@@ -183,10 +177,7 @@ def test_one_frame_is_taken(night, tmp_path, capsys) -> None:
     assert main(again) == 2
     assert "exists already" in capsys.readouterr().err
     assert main([*again, "--overwrite"]) == 0
-    assert (
-        main(["camera", "take", "--source", "folder", "--address", str(tmp_path / "no"), "-o", str(target)])
-        == 1
-    )
+    assert main(["camera", "take", "--source", "folder", "--address", str(tmp_path / "no"), "-o", str(target)]) == 1
 
 
 def test_no_frame_is_taken_over_the_one_it_comes_from(night, capsys) -> None:
@@ -207,12 +198,9 @@ def test_the_watched_folder_is_not_recorded_into(night, capsys) -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "says"),
-    [("shot.png", "written as FITS, name it .fits"), ("none/shot.fits", "there is no folder")],
+    ("target", "says"), [("shot.png", "written as FITS, name it .fits"), ("none/shot.fits", "there is no folder")]
 )
-def test_where_a_frame_cannot_go_is_told_before_the_exposure(
-    target, says, tmp_path, capsys, monkeypatch
-) -> None:
+def test_where_a_frame_cannot_go_is_told_before_the_exposure(target, says, tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr("kochab.gear.cameras.open_camera", None)  # it is never opened
     asked = ["camera", "take", "--source", "simulated", "-o", str(tmp_path / target), "--json"]
     assert main(asked) == 2

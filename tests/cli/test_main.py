@@ -23,9 +23,7 @@ def test_help_names_every_command_and_imports_none(capsys, repository) -> None:
         "import sys; from kochab.cli.main import main; main(['--help']); "
         "print(sorted({'numpy', 'scipy', 'astropy', 'PySide6'} & set(sys.modules)))"
     )
-    out = subprocess.run(
-        [sys.executable, "-c", probe], cwd=repository, capture_output=True, text=True, check=True
-    )
+    out = subprocess.run([sys.executable, "-c", probe], cwd=repository, capture_output=True, text=True, check=True)
     assert out.stdout.splitlines()[-1] == "[]"
 
 

@@ -127,8 +127,7 @@ def test_every_file_that_cannot_be_used_is_told_at_once_in_one_document(night, c
     code, out, err = polar(capsys, files[0], str(text), blank, nowhere)
     assert (code, out) == (2, "")
     assert [
-        name in line
-        for name, line in zip(("notes.fits", "blank.fits", "nowhere.fits"), err.splitlines(), strict=True)
+        name in line for name, line in zip(("notes.fits", "blank.fits", "nowhere.fits"), err.splitlines(), strict=True)
     ] == [True] * 3
 
 

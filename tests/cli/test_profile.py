@@ -109,9 +109,7 @@ def test_what_cannot_be_is_one_sentence_and_exit_2(arguments, sentence, capsys) 
     assert sentence in err
 
 
-@pytest.mark.parametrize(
-    "content", ["", "[]", "null", '{"name": 3}', '{"name": "a", "site": [99, 0]}', '{"baud": 1}']
-)
+@pytest.mark.parametrize("content", ["", "[]", "null", '{"name": 3}', '{"name": "a", "site": [99, 0]}', '{"baud": 1}'])
 def test_a_damaged_file_is_one_sentence(newton, folder, content, capsys) -> None:
     (path,) = folder.glob("*.json")
     path.write_text(content)

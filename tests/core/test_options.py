@@ -22,14 +22,7 @@ class Method:
 def test_defaults_are_the_fields_own() -> None:
     made = Method()
     told = options_of(Method)
-    assert [option.name for option in told] == [
-        "stars",
-        "margin_px",
-        "limit",
-        "dec_deg",
-        "planar",
-        "arithmetic",
-    ]
+    assert [option.name for option in told] == ["stars", "margin_px", "limit", "dec_deg", "planar", "arithmetic"]
     for option in told:
         assert option.check(getattr(made, option.name)) == option.value
         assert option.parse(option.value_text) == option.value

@@ -54,9 +54,7 @@ def test_a_list_without_flux_is_taken_as_brightest_first():
     assert len(Detections.from_list(np.empty((0, 2)), 10, 10)) == 0
 
 
-@pytest.mark.parametrize(
-    "index", [np.array([3, 0]), np.array([True, False, False, True, False]), slice(1, 4)]
-)
+@pytest.mark.parametrize("index", [np.array([3, 0]), np.array([True, False, False, True, False]), slice(1, 4)])
 def test_take_keeps_every_array_in_step(index):
     whole = detections()
     part = whole.take(index)

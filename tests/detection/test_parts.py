@@ -8,14 +8,7 @@ from scipy.ndimage import convolve
 
 from kochab.detection.background import Halving, Smoother, halving, measure_mesh
 from kochab.detection.peaks import PreparedFrame, apart, close_pairs, cut, find_peaks
-from kochab.detection.star_fit import (
-    adaptive_moments,
-    fit_stars,
-    principal_axes,
-    refit_bright,
-    star_image,
-    unweighted,
-)
+from kochab.detection.star_fit import adaptive_moments, fit_stars, principal_axes, refit_bright, star_image, unweighted
 from kochab.simulate.star_images import RenderedStar, add_stars
 
 BINOMIAL = np.outer([1, 2, 1], [1, 2, 1])

@@ -66,9 +66,7 @@ def test_regions_mark_every_star(tmp_path):
 )
 def test_regions_and_pictures_name_greek_letters_in_ascii(name, ascii_name):
     answer = solution()
-    answer, plain = (
-        replace(answer, stars=(replace(answer.stars[-1], name=text),)) for text in (name, ascii_name)
-    )
+    answer, plain = (replace(answer, stars=(replace(answer.stars[-1], name=text),)) for text in (name, ascii_name))
     assert ds9_regions(answer) == ds9_regions(plain)
     assert f"text={{{ascii_name}}}" in ds9_regions(answer)
     assert name in stars_csv(answer)

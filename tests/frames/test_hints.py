@@ -108,8 +108,7 @@ def test_pointing(values, ra, dec):
 
 
 @pytest.mark.parametrize(
-    "values",
-    [{"RA": 83.5}, {"RA": "25 00 00", "DEC": "10 00 00"}, {"RA": 83.5, "DEC": 95.0}, {"RA": "x", "DEC": "y"}],
+    "values", [{"RA": 83.5}, {"RA": "25 00 00", "DEC": "10 00 00"}, {"RA": 83.5, "DEC": 95.0}, {"RA": "x", "DEC": "y"}]
 )
 def test_senseless_pointing(values):
     assert hint(**values).centre_deg is None
@@ -123,10 +122,7 @@ def test_senseless_pointing(values):
         ({"DATE_OBS": "2024-03-05T20:00:00-0700"}, "2024-03-06T03:00:00"),
         ({"DATE_OBS": "2024-03-05", "TIME_OBS": "20:00:00"}, "2024-03-05T20:00:00"),
         ({"DATE_OBS": "05/03/99", "UT": "20:00:00"}, "1999-03-05T20:00:00"),
-        (
-            {"DATE_AVG": "2024-03-05T20:00:30", "DATE_OBS": "2024-03-05T20:00:00", "EXPTIME": 9},
-            "2024-03-05T20:00:30",
-        ),
+        ({"DATE_AVG": "2024-03-05T20:00:30", "DATE_OBS": "2024-03-05T20:00:00", "EXPTIME": 9}, "2024-03-05T20:00:30"),
         ({"MJD_OBS": 60374.5, "EXPOSURE": 20}, "2024-03-05T12:00:10"),
         ({"JD": 2460375.0}, "2024-03-05T12:00:00"),
     ],
@@ -156,9 +152,7 @@ def test_site(values, place):
     assert site.height_m == values.get("ELEV_OBS", 0.0)
 
 
-@pytest.mark.parametrize(
-    "values", [{"SITELAT": 95.0, "SITELONG": 0.0}, {"SITELAT": 0, "SITELONG": 0}, {"SITELAT": 5}]
-)
+@pytest.mark.parametrize("values", [{"SITELAT": 95.0, "SITELONG": 0.0}, {"SITELAT": 0, "SITELONG": 0}, {"SITELAT": 5}])
 def test_senseless_site(values):
     assert hint(**values).site is None
 

@@ -138,9 +138,7 @@ def test_tiff_of_all_types(tmp_path, dtype, order):
 def test_tiff_in_colour(tmp_path, planar, compression):
     rgb = colours(np.uint16)
     data = rgb if planar == "contig" else np.moveaxis(rgb, -1, 0)
-    tifffile.imwrite(
-        tmp_path / "a.tif", data, photometric="rgb", planarconfig=planar, compression=compression
-    )
+    tifffile.imwrite(tmp_path / "a.tif", data, photometric="rgb", planarconfig=planar, compression=compression)
     np.testing.assert_array_equal(read_frame(tmp_path / "a.tif").colour, rgb)
 
 
@@ -183,9 +181,7 @@ def test_heif(tmp_path):
     assert frame.hint.camera == "Telephone"
 
 
-@pytest.mark.parametrize(
-    ("codes", "bayer"), [((0, 1, 1, 2), "RGGB"), ((2, 1, 1, 0), "BGGR"), ((1, 0, 2, 1), "GRBG")]
-)
+@pytest.mark.parametrize(("codes", "bayer"), [((0, 1, 1, 2), "RGGB"), ((2, 1, 1, 0), "BGGR"), ((1, 0, 2, 1), "GRBG")])
 def test_raw_gives_the_mosaic_untouched(tmp_path, codes, bayer):
     mosaic = sky(100, 120) // 16
     frame = read_frame(dng(tmp_path / "a.dng", mosaic, codes))

@@ -37,8 +37,7 @@ def test_rows_of_fits_are_shown_as_the_truth_says(shared_frames):
         wcs = WCS(fits.getheader(shared_frames / name))
     x, y = (frame.width - 1) / 2, (frame.height - 1) / 2
     centre, up, right = (
-        unit_vectors(*(float(a) for a in wcs.all_pix2world(x + dx, y + dy, 0)))
-        for dx, dy in ((0, 0), (0, -1), (1, 0))
+        unit_vectors(*(float(a) for a in wcs.all_pix2world(x + dx, y + dy, 0))) for dx, dy in ((0, 0), (0, -1), (1, 0))
     )
     matrix = np.stack([right - centre, centre - up, centre])
     assert abs(roll_at(matrix, centre) - true["roll_deg"]) < 0.5

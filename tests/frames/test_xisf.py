@@ -23,9 +23,7 @@ PIXELS = np.arange(40 * 30, dtype="<u2").reshape(30, 40)
 
 
 def written(folder, data: bytes, geometry="40:30:1", doctype="", more="", inside=""):
-    text = HEADER.format(
-        doctype=doctype, geometry=geometry, size=len(data), more=more, inside=inside
-    ).encode()
+    text = HEADER.format(doctype=doctype, geometry=geometry, size=len(data), more=more, inside=inside).encode()
     path = folder / "a.xisf"
     head = b"XISF0100" + struct.pack("<II", len(text), 0) + text
     path.write_bytes(head.ljust(4096, b"\0") + data)

@@ -7,15 +7,7 @@ import pytest
 
 import kochab
 from kochab.core.mount import Ability, MountState
-from kochab.gear.actions import (
-    ACTIONS,
-    Action,
-    MountSituation,
-    Need,
-    action,
-    reason_against_order,
-    reasons_against,
-)
+from kochab.gear.actions import ACTIONS, Action, MountSituation, Need, action, reason_against_order, reasons_against
 
 ON = MountSituation("on", {}, MountState(), camera=True, solved=True, can_undo=True)
 
@@ -79,7 +71,5 @@ def test_no_other_module_lists_the_actions_that_move() -> None:
             continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Tuple | ast.List | ast.Set):
-                words = {
-                    e.value for e in node.elts if isinstance(e, ast.Constant) and isinstance(e.value, str)
-                }
+                words = {e.value for e in node.elts if isinstance(e, ast.Constant) and isinstance(e.value, str)}
                 assert len(words & {"goto", "centre", "nudge", "bring"}) < 2, f"{path}:{node.lineno}"

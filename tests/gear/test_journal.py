@@ -91,9 +91,7 @@ def test_the_command_line_keeps_versions_and_bytes_both_ways(tmp_path, repositor
     text = next(tmp_path.rglob(FILE)).read_text("utf-8")
     assert f"Kochab {versions()['Kochab']}, Python {platform.python_version()}" in text
     assert f"{bench.port} > b'e'" in text
-    assert re.search(
-        rf"^\S+Z DEBUG \S+serial_line {bench.port} < b'[0-9A-F]{{8}},[0-9A-F]{{8}}#'$", text, re.M
-    )
+    assert re.search(rf"^\S+Z DEBUG \S+serial_line {bench.port} < b'[0-9A-F]{{8}},[0-9A-F]{{8}}#'$", text, re.M)
 
 
 def test_a_fault_that_nobody_catches_is_there_with_its_traceback(tmp_path, repository) -> None:

@@ -14,9 +14,7 @@ def test_a_sync_imports_no_solver(repository):
         "heavy = ('solver', 'identification', 'detection', 'attitude', 'frames', 'simulate', 'window')\n"
         "print([m for m in sys.modules if m.startswith('kochab.') and m.split('.')[1] in heavy])"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60
-    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60)
     assert ran.stdout.strip() == "[]", ran.stdout + ran.stderr
 
 

@@ -67,9 +67,7 @@ def test_the_sphere_and_the_picture_agree_on_shape_and_handedness():
     rng = np.random.default_rng(2)
     pixels = rng.uniform(-1e-3, 1e-3, (50, 4, 2))
     seen = np.concatenate([pixels, np.ones((50, 4, 1))], axis=2)
-    sky = Rotation.random(random_state=3).apply(
-        (seen / np.linalg.norm(seen, axis=2, keepdims=True)).reshape(-1, 3)
-    )
+    sky = Rotation.random(random_state=3).apply((seen / np.linalg.norm(seen, axis=2, keepdims=True)).reshape(-1, 3))
     a = canonical(planar(sky.reshape(50, 4, 3)))
     b = canonical(pixels[..., 0] + 1j * pixels[..., 1])
     np.testing.assert_allclose(a.code, b.code, atol=1e-5)

@@ -128,8 +128,7 @@ def bright_sky(ra, dec):
 
 
 @pytest.mark.parametrize(
-    ("name", "change"),
-    [("cells", lambda cells: cells[1:-1].fill(2**31)), ("stars", lambda stars: stars.fill(0.0))],
+    ("name", "change"), [("cells", lambda cells: cells[1:-1].fill(2**31)), ("stars", lambda stars: stars.fill(0.0))]
 )
 def test_damage_that_shows_in_use_costs_the_patterns_not_the_frame(small_plan, name, change):
     run(index_build.make_fine())

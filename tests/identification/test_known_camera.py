@@ -43,9 +43,7 @@ def focal_px(fov_deg: float) -> float:
 )
 def test_few_stars_are_enough(stars, share, fov_deg, least) -> None:
     rng, catalogue = np.random.default_rng(3), open_catalogue()
-    plan = FieldPlan(
-        fov_deg, SIDE, noise_px=0.2, missing=0.0, spurious=0.0, magnitude_scatter=0.1, brightest=stars
-    )
+    plan = FieldPlan(fov_deg, SIDE, noise_px=0.2, missing=0.0, spurious=0.0, magnitude_scatter=0.1, brightest=stars)
     right = 0
     for _ in range(12):
         field = random_field(catalogue, rng, plan)

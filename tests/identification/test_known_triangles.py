@@ -41,9 +41,7 @@ def test_every_pair_within_reach_is_there_both_ways_round(table) -> None:
     assert len(listed) == len(set(listed))
     assert set(listed) == near
     assert (np.diff(table.angle) >= 0).all()
-    np.testing.assert_allclose(
-        table.angle, apart(table.vectors[table.one], table.vectors[table.other]), atol=1e-9
-    )
+    np.testing.assert_allclose(table.angle, apart(table.vectors[table.one], table.vectors[table.other]), atol=1e-9)
 
 
 @given(st.floats(0.001, 0.15), st.floats(1e-5, 2e-3))

@@ -51,9 +51,7 @@ def main():
     plan = json.load(sys.stdin)
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     with open(os.path.join(os.environ["HOME"], "indiserver.log"), "wb") as log:
-        server = subprocess.Popen(
-            ["indiserver", "-p", str(PORT), "indi_simulator_telescope"], stderr=log, stdout=log
-        )
+        server = subprocess.Popen(["indiserver", "-p", str(PORT), "indi_simulator_telescope"], stderr=log, stdout=log)
     try:
         json.dump(positions(Client(DEVICE, plan["patience_s"]), plan), sys.stdout)
     finally:

@@ -13,9 +13,7 @@ def plane_of_three_arcsec(sigma_arcsec, turn_deg):
     """Uncertainty of the plane through three boresights, evenly turned, both directions."""
     half = np.radians(turn_deg) / 2.0
     return float(
-        np.hypot(
-            sigma_arcsec / (np.sqrt(2.0) * np.sin(half)), sigma_arcsec * np.sqrt(1.5) / (1.0 - np.cos(half))
-        )
+        np.hypot(sigma_arcsec / (np.sqrt(2.0) * np.sin(half)), sigma_arcsec * np.sqrt(1.5) / (1.0 - np.cos(half)))
     )
 
 

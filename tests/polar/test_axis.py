@@ -94,9 +94,7 @@ def test_the_order_of_the_frames_does_not_matter(order, seed):
     assert one.turn_rad == pytest.approx(other.turn_rad, abs=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("turns", "rho"), [((0, 30), 60), ((0, 30, 60), 60), ((0, 10, 20, 40, 60), 15), ((0, 90), 90)]
-)
+@pytest.mark.parametrize(("turns", "rho"), [((0, 30), 60), ((0, 30, 60), 60), ((0, 10, 20, 40, 60), 15), ((0, 90), 90)])
 def test_the_covariance_is_that_of_many_runs(turns, rho):
     """Coverage of the ellipses and the level of chi-square, at a fixed seed."""
     rng = np.random.default_rng(5)

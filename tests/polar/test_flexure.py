@@ -75,9 +75,7 @@ def test_what_was_learned_serves_the_next_sweep():
     frames = bent(mount.see(TURNS), 45.0)
     known = measure_local(frames, settings(mount), Droop(45.0, 2.0))
     assert np.linalg.norm(known.error.axis - mount.axis) / ARCSEC < 0.5
-    assert (
-        known.error.flexure_arcsec[0] < 0.5 * measure_local(frames, settings(mount)).error.flexure_arcsec[0]
-    )
+    assert known.error.flexure_arcsec[0] < 0.5 * measure_local(frames, settings(mount)).error.flexure_arcsec[0]
     assert PolarFindingKind.FLEXURE_NOT_MEASURED not in {f.kind for f in known.findings}
 
 

@@ -37,8 +37,7 @@ def test_observed_places_agree_with_astropy(site, air):
     )
     there = SkyCoord(ra * u.deg, dec * u.deg).transform_to(frame)
     want = np.stack(
-        [np.cos(there.alt) * np.sin(there.az), np.cos(there.alt) * np.cos(there.az), np.sin(there.alt)],
-        axis=-1,
+        [np.cos(there.alt) * np.sin(there.az), np.cos(there.alt) * np.cos(there.az), np.sin(there.alt)], axis=-1
     )
     high = there.alt.deg > 5.0
     seen = Horizon(site, WHEN, air).observed(unit_vectors(ra, dec))
@@ -50,9 +49,7 @@ def test_observed_places_agree_with_astropy(site, air):
 def test_the_pole_is_as_high_as_the_latitude_and_the_air_lifts_it():
     for latitude in (10.0, 40.0, 85.0, -10.0, -40.0, -85.0):
         site = Site(latitude, 0.0)
-        true, seen, middle = (
-            alt_az(pole_direction(site, kind)) for kind in (Pole.TRUE, Pole.REFRACTED, Pole.HALF_WAY)
-        )
+        true, seen, middle = (alt_az(pole_direction(site, kind)) for kind in (Pole.TRUE, Pole.REFRACTED, Pole.HALF_WAY))
         assert np.degrees(true[0]) == pytest.approx(abs(latitude))
         assert true[1] == pytest.approx(0.0 if latitude > 0 else np.pi)
         lift = (seen[0] - true[0]) / ARCSEC
@@ -63,9 +60,7 @@ def test_the_pole_is_as_high_as_the_latitude_and_the_air_lifts_it():
 
 
 def test_without_air_the_poles_are_one():
-    assert pole_direction(SITE, Pole.REFRACTED, VACUUM) == pytest.approx(
-        pole_direction(SITE, Pole.TRUE), abs=1e-9
-    )
+    assert pole_direction(SITE, Pole.REFRACTED, VACUUM) == pytest.approx(pole_direction(SITE, Pole.TRUE), abs=1e-9)
 
 
 def test_the_pole_is_named():

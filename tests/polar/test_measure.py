@@ -7,14 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kochab.polar.horizon import Pole, Refraction
-from kochab.polar.measure import (
-    Measurement,
-    MeasureSettings,
-    NoAxis,
-    PolarFindingKind,
-    measure_local,
-    slipping,
-)
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure_local, slipping
 from tests.polar.mounts import ARCSEC, Mount
 
 VACUUM = Refraction(pressure_hpa=0.0)
@@ -155,11 +148,7 @@ def test_small_residuals_beyond_noise_are_no_fault():
     claimed = [type(a)(a.matrix, a.covariance / 25.0, a.time_utc, a.label) for a in shaken]
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
     assert PolarFindingKind.RESTLESS in kinds(found)
-    assert not {
-        PolarFindingKind.DISAGREE,
-        PolarFindingKind.DEC_MOVED,
-        PolarFindingKind.CAMERA_TURNED,
-    } & kinds(found)
+    assert not {PolarFindingKind.DISAGREE, PolarFindingKind.DEC_MOVED, PolarFindingKind.CAMERA_TURNED} & kinds(found)
     assert found.error.covariance[0, 0] > 10 * found.fit.covariance[0, 0]
 
 

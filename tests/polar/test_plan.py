@@ -14,12 +14,7 @@ USUAL = Optics(2.0, 20.0)
 
 @pytest.mark.parametrize(
     ("turn", "plane", "near", "far", "three", "seven"),
-    [
-        (20, 158, 18, 71, 64, 58),
-        (30, 71, 12, 49, 36, 27),
-        (60, 19, 6.2, 25, 14, 12.5),
-        (90, 8.6, 4.5, 17, 7.8, 5.4),
-    ],
+    [(20, 158, 18, 71, 64, 58), (30, 71, 12, 49, 36, 27), (60, 19, 6.2, 25, 14, 12.5), (90, 8.6, 4.5, 17, 7.8, 5.4)],
 )
 def test_the_table_of_expected_errors(turn, plane, near, far, three, seven):
     assert plane_of_three_arcsec(2.0, turn) == pytest.approx(plane, rel=0.04)
@@ -32,9 +27,7 @@ def test_the_table_of_expected_errors(turn, plane, near, far, three, seven):
 
 def test_the_fit_of_two_is_the_closed_form():
     for rho in (0.5, 10.0, 60.0, 90.0):
-        assert weighted_arcsec(USUAL, rho, 40.0, 2) == pytest.approx(
-            two_attitudes_arcsec(USUAL, rho, 40.0), rel=1e-4
-        )
+        assert weighted_arcsec(USUAL, rho, 40.0, 2) == pytest.approx(two_attitudes_arcsec(USUAL, rho, 40.0), rel=1e-4)
 
 
 def test_predictions_are_what_happens():

@@ -92,8 +92,7 @@ def test_a_binned_frame_shows_the_same_place():
 
 
 @pytest.mark.parametrize(
-    ("camera", "stars"),
-    [(LENS, 150), (Camera(2256, 1504, 6000.0, 1180.0, 720.0, -0.12, 0.05, 0.001, -0.0008), 150)],
+    ("camera", "stars"), [(LENS, 150), (Camera(2256, 1504, 6000.0, 1180.0, 720.0, -0.12, 0.05, 0.001, -0.0008), 150)]
 )
 def test_the_covariance_is_what_fits_of_one_field_scatter_by(camera, stars):
     """Stars of known places through the real fit: the optical axis strays by arcminutes in it."""

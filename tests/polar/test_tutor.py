@@ -85,10 +85,7 @@ def test_most_alignments_take_four_moves():
     for seed in range(150):
         rng = np.random.default_rng(seed)
         hands = Hands(
-            *rng.normal(0, 3000, 2),
-            rng.uniform(900, 4200, 2) * rng.choice([-1, 1], 2),
-            rng.uniform(0, 150, 2),
-            seed,
+            *rng.normal(0, 3000, 2), rng.uniform(900, 4200, 2) * rng.choice([-1, 1], 2), rng.uniform(0, 150, 2), seed
         )
         moves.append(align(hands)[0].moves)
     assert np.median(moves) <= 4

@@ -7,12 +7,7 @@ from collections.abc import Callable
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 
-AXIS_OF = {
-    Direction.NORTH: (1, 1.0),
-    Direction.SOUTH: (1, -1.0),
-    Direction.EAST: (0, -1.0),
-    Direction.WEST: (0, 1.0),
-}
+AXIS_OF = {Direction.NORTH: (1, 1.0), Direction.SOUTH: (1, -1.0), Direction.EAST: (0, -1.0), Direction.WEST: (0, 1.0)}
 GUIDE_DEG_S = 0.5 * SIDEREAL_DEG_S
 
 

@@ -97,9 +97,7 @@ def run(plan, patience_s):
     client.order("Switch", "DEVICE_AUTO_SEARCH", INDI_DISABLED="On")
     client.order("Text", "DEVICE_PORT", PORT=plan["port"])
     client.order("Switch", "CONNECTION", CONNECT="On")
-    client.wait(
-        "connection", lambda: values["CONNECTION"]["CONNECT"] == "On" and states["CONNECTION"] == "Ok"
-    )
+    client.wait("connection", lambda: values["CONNECTION"]["CONNECT"] == "On" and states["CONNECTION"] == "Ok")
     # A driver that has not yet read the mount would go from nowhere.
     client.wait("position", lambda: PLACE in client.told and "ON_COORD_SET" in values)
     latitude, longitude = plan["site"]

@@ -95,9 +95,7 @@ def smear_px(found, chosen):
 
 
 def test_air_takes_light_by_the_airmass():
-    up = np.array(
-        [[0, 0, 1.0], [0, np.cos(np.radians(30)), 0.5], [0, np.cos(np.radians(10)), np.sin(np.radians(10))]]
-    )
+    up = np.array([[0, 0, 1.0], [0, np.cos(np.radians(30)), 0.5], [0, np.cos(np.radians(10)), np.sin(np.radians(10))]])
     np.testing.assert_allclose(airmass(up), [1.0, 1.995, 5.6], rtol=0.01)
     high, low = camera(), camera()
     for taker, altitude in ((high, 80.0), (low, 15.0)):
@@ -112,9 +110,7 @@ def test_air_takes_light_by_the_airmass():
 
 def test_refraction_moves_the_stars_of_a_low_frame():
     bent = StarPaths(catalogue(), SITE, Atmosphere()).over(SMALL.optics(), view(15.0), DARK, 0.01, 13.0)
-    bare = StarPaths(catalogue(), SITE, Atmosphere(pressure_hpa=0.0)).over(
-        SMALL.optics(), view(15.0), DARK, 0.01, 13.0
-    )
+    bare = StarPaths(catalogue(), SITE, Atmosphere(pressure_hpa=0.0)).over(SMALL.optics(), view(15.0), DARK, 0.01, 13.0)
     shared = sorted(set(np.round(bent.mag, 4)) & set(np.round(bare.mag, 4)))
     lift = [
         bare.xy[0, np.flatnonzero(np.round(bare.mag, 4) == m)[0], 1]
@@ -156,9 +152,7 @@ def test_patchy_cloud_covers_about_as_much_as_asked_and_drifts():
     up = up[up[:, 2] > 0.5 * np.linalg.norm(up, axis=1)]
     up /= np.linalg.norm(up, axis=1)[:, None]
     for cover in (0.2, 0.6):
-        shares = [
-            (Weather(WeatherConfig(cover), DARK, seed).cloud_mag(up, DARK) > 0).mean() for seed in range(12)
-        ]
+        shares = [(Weather(WeatherConfig(cover), DARK, seed).cloud_mag(up, DARK) > 0).mean() for seed in range(12)]
         assert np.mean(shares) == pytest.approx(cover, abs=0.12)
     weather = Weather(WeatherConfig(0.5), DARK, 1)
     now, later = (weather.cloud_mag(up, DARK + t) for t in (0.0, 300.0))

@@ -11,13 +11,7 @@ degrees = st.floats(-170.0, 170.0)
 rates = st.floats(-4.0, 4.0)
 
 
-@given(
-    start=degrees,
-    first=rates,
-    wait=st.floats(0.0, 5.0),
-    target=degrees,
-    carrier=st.sampled_from([0.0, 15 / 3600]),
-)
+@given(start=degrees, first=rates, wait=st.floats(0.0, 5.0), target=degrees, carrier=st.sampled_from([0.0, 15 / 3600]))
 def test_a_slew_arrives_keeps_its_limits_and_never_jumps(start, first, wait, target, carrier):
     axis = MotorAxis(start, 0.0)
     axis.run(0.0, first)

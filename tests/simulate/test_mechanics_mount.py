@@ -9,14 +9,7 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.mechanics.axis import GearErrors
-from kochab.simulate.mechanics.geometry import (
-    BoltErrors,
-    Build,
-    MountConfig,
-    Wedge,
-    camera_to_enu,
-    mount_to_enu,
-)
+from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig, Wedge, camera_to_enu, mount_to_enu
 from kochab.simulate.mechanics.mount import EquatorialMount, fold, unfold, wrapped
 from kochab.simulate.night_sky import SimulatedClock, altitude_deg, azimuth_deg
 
@@ -195,9 +188,7 @@ def test_a_wrong_clock_and_longitude_shift_what_it_believes():
     hour_late, _ = mount_at(computer_clock_s=3600.0)
     mirrored, _ = mount_at(computer_site=Site(47.0, -8.0))
     sidereal_hour = 3600.0 * SIDEREAL_DEG_S
-    assert wrapped(hour_late.believed_deg()[0] - right.believed_deg()[0]) == pytest.approx(
-        sidereal_hour, abs=1e-3
-    )
+    assert wrapped(hour_late.believed_deg()[0] - right.believed_deg()[0]) == pytest.approx(sidereal_hour, abs=1e-3)
     assert wrapped(mirrored.believed_deg()[0] - right.believed_deg()[0]) == pytest.approx(-16.0, abs=1e-3)
     assert hour_late.now_unix() - right.now_unix() == 3600.0
 
@@ -225,9 +216,7 @@ def test_a_perfect_mount_looks_where_its_angles_say(latitude, north):
         seen = camera_to_enu(*fold(hour, dec, hour < 0, north), axis, Build())
         h, d, p = np.radians([hour, dec, latitude])
         sine = np.sin(p) * np.sin(d) + np.cos(p) * np.cos(d) * np.cos(h)
-        azimuth = np.arctan2(
-            -np.cos(d) * np.sin(h), np.sin(d) * np.cos(p) - np.cos(d) * np.sin(p) * np.cos(h)
-        )
+        azimuth = np.arctan2(-np.cos(d) * np.sin(h), np.sin(d) * np.cos(p) - np.cos(d) * np.sin(p) * np.cos(h))
         assert altitude_deg(seen[:, 2]) == pytest.approx(np.degrees(np.arcsin(sine)), abs=1e-9)
         assert wrapped(float(azimuth_deg(seen[:, 2]) - np.degrees(azimuth))) == pytest.approx(0.0, abs=1e-9)
         np.testing.assert_allclose(seen.T @ seen, np.eye(3), atol=1e-12)
@@ -269,9 +258,9 @@ def test_cone_square_flexure_and_camera_do_what_they_say():
     beyond = camera_to_enu(*fold(0.0, 30.0, True, True), level, Build(cone_deg=0.5))
     assert beyond[0, 2] < 0.0
     lean = camera_to_enu(0.0, 60.0, level, Build(square_deg=0.2))
-    assert np.degrees(
-        np.arccos(camera_to_enu(0.0, 60.0, level, Build())[:, 2] @ lean[:, 2])
-    ) == pytest.approx(0.2 * np.sin(np.radians(60.0)), rel=1e-3)
+    assert np.degrees(np.arccos(camera_to_enu(0.0, 60.0, level, Build())[:, 2] @ lean[:, 2])) == pytest.approx(
+        0.2 * np.sin(np.radians(60.0)), rel=1e-3
+    )
     low = camera_to_enu(0.0, -30.0, level, Build(flexure_arcsec=60.0))
     high = camera_to_enu(0.0, -30.0, level, Build())
     drop = (altitude_deg(high[:, 2]) - altitude_deg(low[:, 2])) * 3600.0

@@ -21,9 +21,7 @@ def _astropy_altaz(vectors, site, air):
     from astropy.coordinates import AltAz, EarthLocation, SkyCoord
     from astropy.time import Time
 
-    where = EarthLocation.from_geodetic(
-        site.longitude_deg * u.deg, site.latitude_deg * u.deg, site.height_m * u.m
-    )
+    where = EarthLocation.from_geodetic(site.longitude_deg * u.deg, site.latitude_deg * u.deg, site.height_m * u.m)
     moment = Time(NOW, format="unix", scale="utc")
     moment.delta_ut1_utc = 0.0
     frame = AltAz(

@@ -93,9 +93,7 @@ def test_our_own_drivers_drive_it(driver):
     running = start_practice(PracticeConfig(night, driver=driver, socket=True))
     mount = running.rig.mount
     try:
-        client = open_mount(
-            driver, running.port, site=night.site, clock=running.rig.clock.now_utc, home=Home.POWER_ON
-        )
+        client = open_mount(driver, running.port, site=night.site, clock=running.rig.clock.now_utc, home=Home.POWER_ON)
         told, before = client.position(), mount.believed_deg()
         if driver != "skywatcher":  # a motor board counts from where it was switched on
             away = unit_vectors(told.ra_deg, told.dec_deg) - unit_vectors(*before)
@@ -146,9 +144,7 @@ def test_what_is_not_understood_is_said_in_one_sentence(practice, line):
     assert "help" in str(told.value)
 
 
-@pytest.mark.parametrize(
-    "line", ["alt nan", "az 1e400", "ra -1e9", "dec inf", "fault silence 0", "fault garbage 9999"]
-)
+@pytest.mark.parametrize("line", ["alt nan", "az 1e400", "ra -1e9", "dec inf", "fault silence 0", "fault garbage 9999"])
 def test_what_no_hand_can_do_is_refused_and_nothing_moves(practice, line):
     before = practice.score()
     with pytest.raises(UsageError):

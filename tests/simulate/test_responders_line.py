@@ -24,10 +24,7 @@ FIRST = {
     "skywatcher": (b":e1\r", b"=020300\r"),
 }
 WAIT_S = 20.0  # far more than is needed: a busy machine must not fail a test
-KINDS = [
-    pytest.param("pty", marks=pytest.mark.skipif(sys.platform == "win32", reason="no ptys there")),
-    "socket",
-]
+KINDS = [pytest.param("pty", marks=pytest.mark.skipif(sys.platform == "win32", reason="no ptys there")), "socket"]
 
 
 def nexstar(telescope=None):
@@ -58,10 +55,7 @@ def line(request):
 @pytest.mark.parametrize("serve", [serve_pty, serve_socket])
 def test_every_responder_answers_on_both_kinds_of_line(name, serve):
     command, answer = FIRST[name]
-    with (
-        serve(open_responder(name, BenchTelescope())) as port,
-        serial.serial_for_url(port, timeout=WAIT_S) as opened,
-    ):
+    with serve(open_responder(name, BenchTelescope())) as port, serial.serial_for_url(port, timeout=WAIT_S) as opened:
         assert ask(opened, command, len(answer)) == answer
 
 

@@ -90,11 +90,7 @@ def test_precession_is_that_of_astropy(year):
 def test_azimuth_runs_from_north_over_east():
     telescope = BenchTelescope(latitude_deg=50.0, now=lambda: 0.0)
     meridian = telescope.sidereal_deg()
-    for hour, dec, altitude, azimuth in (
-        (0.0, 20.0, 60.0, 180.0),
-        (0.0, 80.0, 60.0, 0.0),
-        (-90.0, 0.0, 0.0, 90.0),
-    ):
+    for hour, dec, altitude, azimuth in ((0.0, 20.0, 60.0, 180.0), (0.0, 80.0, 60.0, 0.0), (-90.0, 0.0, 0.0, 90.0)):
         telescope.sync((meridian - hour) % 360.0, dec)
         told = horizontal_deg(telescope, 50.0)
         assert told[0] == pytest.approx(altitude, abs=1e-6)

@@ -194,9 +194,7 @@ def test_bolts_bring_the_axis_to_the_pole_and_the_score_says_so():
 
 
 def test_the_seed_decides_everything():
-    one, two, other = (
-        rig_with(seed=s, mount=FAULTY, lost_deg=2.0, weather=WeatherConfig(0.3)) for s in (11, 11, 12)
-    )
+    one, two, other = (rig_with(seed=s, mount=FAULTY, lost_deg=2.0, weather=WeatherConfig(0.3)) for s in (11, 11, 12))
     np.testing.assert_array_equal(one.frame(0.5).pixels, two.frame(0.5).pixels)
     np.testing.assert_array_equal(one.star_list(0.5)[0].xy, two.star_list(0.5)[0].xy)
     assert one.mount.believed_deg() == two.mount.believed_deg() != other.mount.believed_deg()

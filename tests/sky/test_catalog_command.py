@@ -62,9 +62,7 @@ def test_the_readme_states_the_hashes_of_the_shipped_files():
         assert re.search(rf"`{re.escape(name)}`.*{facts['bytes']:,}.*{facts['sha256']}", text), name
 
 
-@pytest.mark.parametrize(
-    "arguments", [("--fields", "0"), ("--fields", "1000000000000"), ("--mag-limit", "nan")]
-)
+@pytest.mark.parametrize("arguments", [("--fields", "0"), ("--fields", "1000000000000"), ("--mag-limit", "nan")])
 def test_coverage_refuses_what_cannot_be_counted(arguments, capsys):
     assert main(["catalog", "coverage", *arguments]) == 2
     out, err = capsys.readouterr()

@@ -98,9 +98,7 @@ def test_links_that_lead_nowhere_are_said(monkeypatch, name, value):
     catalogue = open_catalogue()
     row, whole = catalogue.find("Vega"), catalogue.container.column
     damaged = np.full_like(whole(name), value)
-    monkeypatch.setattr(
-        catalogue.container, "column", lambda asked: damaged if asked == name else whole(asked)
-    )
+    monkeypatch.setattr(catalogue.container, "column", lambda asked: damaged if asked == name else whole(asked))
     with pytest.raises(CatalogueError, match="damaged"):
         catalogue.label(row)
     if value:

@@ -11,15 +11,7 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import run
 from kochab.sky import catalogue_file, open_catalogue
-from kochab.sky.catalogue_import import (
-    MARK,
-    ForeignStars,
-    combine,
-    decode,
-    read_foreign,
-    user_folder,
-    v_of_gaia,
-)
+from kochab.sky.catalogue_import import MARK, ForeignStars, combine, decode, read_foreign, user_folder, v_of_gaia
 from tests.sky.packages import index_file
 
 
@@ -40,11 +32,7 @@ def astap_bytes(sections, size):
     return bytes(data)
 
 
-SECTIONS = {
-    9.5: [(10.0, -20.1, 0.8), (10.5, -20.2, -0.3)],
-    12.3: [(11.0, 45.2, 1.5)],
-    -1.0: [(359.9, 0.1, 0.0)],
-}
+SECTIONS = {9.5: [(10.0, -20.1, 0.8), (10.5, -20.2, -0.3)], 12.3: [(11.0, 45.2, 1.5)], -1.0: [(359.9, 0.1, 0.0)]}
 
 
 @pytest.mark.parametrize("size", [5, 6])

@@ -44,20 +44,10 @@ def sky(tmp_path_factory):
         {"ra": 30.0, "dec": 30.0, "pm": (50.0, 20.0), "v": 9.50, "bv": 0.5},
         {"ra": 31.0, "dec": 30.0, "v": 9.8, "bv": 3.2},  # no partner, no real colour
     ]
-    tycho = [
-        (100.0, 60.0, 9.31),
-        (30.0, 30.0, 9.60),
-        (150.0, -70.0, 11.40),
-        (359.9999, -0.0001, 12.1),
-        (0.0, 0.0, 1.9),
-    ]
+    tycho = [(100.0, 60.0, 9.31), (30.0, 30.0, 9.60), (150.0, -70.0, 11.40), (359.9999, -0.0001, 12.1), (0.0, 0.0, 1.9)]
     listed = [
         {"ra": at_2024[0], "dec": at_2024[1], "v": 5.21, "hip": 7},
-        {
-            **VEGA,
-            **dict(zip(("ra", "dec"), shifted(279.2347, 38.7837, VEGA["pm"], 24.0), strict=True)),
-            "v": 0.03,
-        },
+        {**VEGA, **dict(zip(("ra", "dec"), shifted(279.2347, 38.7837, VEGA["pm"], 24.0), strict=True)), "v": 0.03},
         {"ra": 200.0, "dec": 5.0, "v": 5.25, "hip": 10},
     ]
     write_packages(folder, bright, faint, tycho, listed)

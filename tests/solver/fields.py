@@ -70,9 +70,7 @@ def told(field: Field, count: int = 8, within: float = 1.0) -> Identification:
     chosen = np.flatnonzero(near & (field.rows >= 0))[:count]
     rows = field.rows[chosen]
     matches = Matches(chosen, rows, xy[chosen], open_catalogue().vectors(rows, YEAR))
-    plain = Camera.centred(
-        field.camera.width, field.camera.height, field.camera.focal_px, field.camera.mirrored
-    )
+    plain = Camera.centred(field.camera.width, field.camera.height, field.camera.focal_px, field.camera.mirrored)
     return Identification(matches, plain, field.attitude, -12.0, "told", 3)
 
 

@@ -231,10 +231,7 @@ def test_three_offsets_without_a_rule_are_not_given_a_name() -> None:
     for _ in range(50):
         skies = at_hours(-50.0, -20.0, 35.0)
         seeds = rng.integers(1 << 30, size=3)
-        seen = [
-            sighting(sky, jitter(of_date(sky), 120.0, int(seed)))
-            for sky, seed in zip(skies, seeds, strict=True)
-        ]
+        seen = [sighting(sky, jitter(of_date(sky), 120.0, int(seed))) for sky, seed in zip(skies, seeds, strict=True)]
         named += bool(investigate(seen).cause)
     assert named <= 2
 

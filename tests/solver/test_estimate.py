@@ -46,9 +46,7 @@ def apart_arcsec(a, b) -> float:
 
 def test_a_solution_keeps_its_camera_and_changes_its_attitude(identifier, field) -> None:
     fitted = run(solve_detections(field.detections, OPTIONS))
-    answers = {
-        name: run(solve_detections(field.detections, replace(OPTIONS, attitude=name))) for name in ESTIMATORS
-    }
+    answers = {name: run(solve_detections(field.detections, replace(OPTIONS, attitude=name))) for name in ESTIMATORS}
     for answer in answers.values():
         assert answer.camera == fitted.camera
         assert [s.id for s in answer.stars] == [s.id for s in fitted.stars]

@@ -28,9 +28,7 @@ def test_a_sky_of_single_pixels_is_solved() -> None:
     examined = run(examine_frame(frame))
     assert isinstance(examined.result, Solution)
     assert (
-        np.degrees(np.arccos(min(1.0, examined.result.attitude.matrix[2] @ field.attitude.matrix[2])))
-        * 3600.0
-        < 30.0
+        np.degrees(np.arccos(min(1.0, examined.result.attitude.matrix[2] @ field.attitude.matrix[2]))) * 3600.0 < 30.0
     )
     assert len(examined.detections) == 60
 

@@ -165,9 +165,7 @@ def test_windows_of_noise_agree_no_oftener_than_the_bound_says() -> None:
             places = rng.uniform(20, [620, 460], (30, 2))
             vectors = camera.unproject(places)
             xy = places + rng.uniform(-12, 12, (30, 2))
-            seen = WindowStars(
-                xy, np.full(30, 0.5), np.full(30, 20.0), rng.random(30) < 0.8, np.full(3, np.nan)
-            )
+            seen = WindowStars(xy, np.full(30, 0.5), np.full(30, 20.0), rng.random(30) < 0.8, np.full(3, np.nan))
             low += match(camera, matrix, vectors, places, seen, 12) is not None
     finally:
         track_match.ACCEPT_LOG10 = track_match_accept

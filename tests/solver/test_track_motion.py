@@ -35,9 +35,7 @@ def test_a_jump_tells_nothing_of_the_velocity() -> None:
     far = attitude_from(200.0, -20.0, 10.0)
     after = filter_after_blind_solve(before, sure(far.matrix), LONG_S, MotionModel(), was_lost=False)
     assert not after.rates_rad_s.any()
-    assert not filter_after_blind_solve(
-        None, sure(FIRST), 0.0, MotionModel(), was_lost=True
-    ).rates_rad_s.any()
+    assert not filter_after_blind_solve(None, sure(FIRST), 0.0, MotionModel(), was_lost=True).rates_rad_s.any()
 
 
 def test_errors_are_as_large_in_another_cameras_axes() -> None:

@@ -22,13 +22,7 @@ WIDTH, HEIGHT = 1200, 800
 def solution(ra, dec, roll, fov_deg, mirrored=False, offset=(0.0, 0.0), **lens):
     focal = WIDTH / (2 * np.tan(np.radians(fov_deg) / 2))
     camera = Camera(
-        WIDTH,
-        HEIGHT,
-        focal,
-        (WIDTH - 1) / 2 + offset[0],
-        (HEIGHT - 1) / 2 + offset[1],
-        mirrored=mirrored,
-        **lens,
+        WIDTH, HEIGHT, focal, (WIDTH - 1) / 2 + offset[0], (HEIGHT - 1) / 2 + offset[1], mirrored=mirrored, **lens
     )
     return Solution(camera, attitude_from(ra, dec, roll), (), 0.3, -30.0, "test")
 

@@ -53,13 +53,9 @@ def fake_solution(width: int, height: int, fov_deg: float = 12.0, stars: int = 2
     for i, ((x, y), v) in enumerate(zip(xy, bare.sky_at(xy), strict=True)):
         ra, dec = radec_deg(v)
         name = NAMES[i] if i < len(NAMES) else ""
-        named.append(
-            NamedStar(float(x), float(y), f"HIP {25000 + 37 * i}", name, 1.0 + 0.3 * i, ra, dec, 0.1)
-        )
+        named.append(NamedStar(float(x), float(y), f"HIP {25000 + 37 * i}", name, 1.0 + 0.3 * i, ra, dec, 0.1))
     times = {"read": 7.5, "detect": 21.0, "identify": 5.2, "attitude": 3.1, "total": 36.8}
-    return Solution(
-        camera, attitude, tuple(named), 0.21, -14.3, "patterns", detections=stars + 12, elapsed_ms=times
-    )
+    return Solution(camera, attitude, tuple(named), 0.21, -14.3, "patterns", detections=stars + 12, elapsed_ms=times)
 
 
 def no_solution() -> NoSolution:

@@ -19,9 +19,7 @@ class BenchOpening:
 
     def __call__(self):
         def again():
-            return open_mount(
-                self.driver, self.bench.line.port, site=SITE, clock=self.bench.clock, stop_first=True
-            )
+            return open_mount(self.driver, self.bench.line.port, site=SITE, clock=self.bench.clock, stop_first=True)
 
         mount = open_mount(self.driver, self.bench.line.port, site=SITE, clock=self.bench.clock)
         self.guard = Guard(mount, SITE, LIMITS, self.bench.clock, reopen=again)
@@ -47,12 +45,7 @@ def connected(qtbot, commands, driver="lx200", slew_deg_s=20.0, at=None):
         view.control.message.connect(lambda sentence, role: said.append(sentence))
         try:
             yield SimpleNamespace(
-                view=view,
-                control=view.control,
-                bench=bench,
-                telescope=bench.telescope,
-                opening=opening,
-                said=said,
+                view=view, control=view.control, bench=bench, telescope=bench.telescope, opening=opening, said=said
             )
         finally:
             if view.control.known.phase != "off":

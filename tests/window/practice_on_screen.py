@@ -106,13 +106,7 @@ def night_out(window, commands, folder):
     pause(400)
     keep(window, folder / "mount-night.png")
     away = apart_deg(truth.ra_dec_deg, radec_deg(open_catalogue().find("M 42"))) * 3600.0
-    return {
-        "off_at_first": first,
-        "said": said[-1],
-        "away_arcsec": away,
-        "tracked": view.pointing.total.text(),
-        **gaps,
-    }
+    return {"off_at_first": first, "said": said[-1], "away_arcsec": away, "tracked": view.pointing.total.text(), **gaps}
 
 
 def main(folder):

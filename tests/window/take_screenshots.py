@@ -54,10 +54,7 @@ def show_laboratory(commands, path):
     commands.views.show("laboratory")
     commands.actions["fill"].trigger()
     view = commands.views.docks["laboratory"].view
-    for methods, run in (
-        (None, view.run_comparison),
-        (["patterns", "voting", "neighbours"], view.run_curves),
-    ):
+    for methods, run in ((None, view.run_comparison), (["patterns", "voting", "neighbours"], view.run_curves)):
         if methods:
             view.methods.tick(methods)
         run()

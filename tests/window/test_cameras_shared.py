@@ -110,8 +110,7 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     live, mount = view_of(commands, "live"), view_of(commands, "mount")
     cameras = mount._services.cameras
     live.run(
-        StreamRequest(lambda: cameras.open("indi", "one"), "a camera"),
-        lambda: Told(lambda n: fake_solution(600, 400)),
+        StreamRequest(lambda: cameras.open("indi", "one"), "a camera"), lambda: Told(lambda n: fake_solution(600, 400))
     )
     qtbot.waitUntil(lambda: len(live.display.moments) > 2, timeout=15_000)
     mount.control.use_camera(CameraSelection("indi", "one"))

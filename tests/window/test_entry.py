@@ -18,9 +18,7 @@ def heard(monkeypatch):
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setattr(display_check, "_load_screen_plugin", lambda: None)
     monkeypatch.setattr(display_check, "_answers", lambda: True)
-    monkeypatch.setattr(
-        "kochab.window.application.run", lambda paths, **_: said.append(("window", paths)) or 0
-    )
+    monkeypatch.setattr("kochab.window.application.run", lambda paths, **_: said.append(("window", paths)) or 0)
     monkeypatch.setattr("kochab.cli.main.main", lambda argv: said.append(("command", argv)) or 1)
     return said
 
@@ -58,14 +56,8 @@ def test_a_word_that_is_no_file_goes_to_the_command_line(heard):
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (
-            OSError("libEGL.so.1: cannot open shared object file: No such file"),
-            ["libEGL.so.1", "apt install"],
-        ),
-        (
-            OSError("libxcb-cursor.so.0: cannot open shared object file"),
-            ["libxcb-cursor.so.0", "libxcb-cursor0"],
-        ),
+        (OSError("libEGL.so.1: cannot open shared object file: No such file"), ["libEGL.so.1", "apt install"]),
+        (OSError("libxcb-cursor.so.0: cannot open shared object file"), ["libxcb-cursor.so.0", "libxcb-cursor0"]),
     ],
 )
 def test_a_missing_system_library_is_named_in_one_sentence(heard, monkeypatch, capsys, error, words):
@@ -103,6 +95,5 @@ def test_a_display_that_does_not_answer_is_one_sentence(monkeypatch, capsys):
     monkeypatch.delenv("QT_QPA_PLATFORM", raising=False)
     assert entry.main([]) == 2
     assert capsys.readouterr().err == (
-        "kochab: Display :9731 does not answer. Run Kochab in a desktop session, or use "
-        "“kochab solve FILE”.\n"
+        "kochab: Display :9731 does not answer. Run Kochab in a desktop session, or use “kochab solve FILE”.\n"
     )

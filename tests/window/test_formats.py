@@ -118,10 +118,7 @@ def test_a_decimal_comma_is_understood():
 
 def test_the_number_of_stars_is_told_once():
     failure = NoSolution(
-        Reason.TOO_FEW_STARS,
-        "Expose longer.",
-        detections=4,
-        measured={"stars_found": 4.0, "stars_expected": 61.0},
+        Reason.TOO_FEW_STARS, "Expose longer.", detections=4, measured={"stars_found": 4.0, "stars_expected": 61.0}
     )
     assert measured_rows(failure) == [("stars detected", "4"), ("stars expected", "61")]
 

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import (
-    QApplication,
-    QDialog,
-    QFileDialog,
-    QLineEdit,
-    QMessageBox,
-    QPushButton,
-    QToolTip,
-)
+from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QPushButton, QToolTip
 
 from kochab.core.frame import Frame
 from kochab.window.shell.dialogs import ask_open, ask_save, tell

@@ -112,10 +112,7 @@ def test_mnemonics_in_a_menu_differ(opened):
     window, _ = opened
     for menu in [*window.findChildren(QMenu), window.menuBar()]:
         letters = [m for a in menu.actions() if (m := mnemonic(a.text()))]
-        assert len(letters) == len(set(letters)), (
-            menu.title() if isinstance(menu, QMenu) else "bar",
-            letters,
-        )
+        assert len(letters) == len(set(letters)), (menu.title() if isinstance(menu, QMenu) else "bar", letters)
 
 
 @pytest.mark.parametrize("tab", [0, 1, 2])
@@ -123,11 +120,7 @@ def test_mnemonics_in_sight_differ(opened, tab):
     window, _ = opened
     panes = window.workspace
     panes.tabs.setCurrentIndex(tab)
-    texts = [
-        b.text()
-        for b in window.findChildren(QAbstractButton)
-        if b.isVisible() and not isinstance(b, QToolButton)
-    ]
+    texts = [b.text() for b in window.findChildren(QAbstractButton) if b.isVisible() and not isinstance(b, QToolButton)]
     texts += [w.text() for w in window.findChildren(QLabel) if w.isVisible() and w.buddy()]
     texts += [panes.tabs.tabText(i) for i in range(3)]
     texts += [a.text() for a in window.menuBar().actions()]

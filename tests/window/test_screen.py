@@ -99,12 +99,7 @@ def test_an_interrupt_closes_the_window_cleanly(environment, tmp_path, arguments
 def run_without_screen(tmp_path, **changes):
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")}
     return subprocess.run(
-        [sys.executable, "-m", "app"],
-        cwd=REPOSITORY,
-        env=kept | changes,
-        capture_output=True,
-        text=True,
-        timeout=60,
+        [sys.executable, "-m", "app"], cwd=REPOSITORY, env=kept | changes, capture_output=True, text=True, timeout=60
     )
 
 

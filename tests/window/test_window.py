@@ -106,11 +106,7 @@ def test_a_dropped_file_opens(qtbot, make_window, engine, a_file):
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(a_file))])
     drop = QDropEvent(
-        QPointF(50, 50),
-        Qt.DropAction.CopyAction,
-        data,
-        Qt.MouseButton.LeftButton,
-        Qt.KeyboardModifier.NoModifier,
+        QPointF(50, 50), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     )
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         window.dropEvent(drop)
@@ -123,11 +119,7 @@ def test_dropped_text_is_left_alone(make_window, engine):
     data.setText("hello")
     window.dropEvent(
         QDropEvent(
-            QPointF(5, 5),
-            Qt.DropAction.CopyAction,
-            data,
-            Qt.MouseButton.LeftButton,
-            Qt.KeyboardModifier.NoModifier,
+            QPointF(5, 5), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
         )
     )
     assert commands.session.known.path is None

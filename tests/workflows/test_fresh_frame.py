@@ -33,9 +33,7 @@ class Camera(CameraSource):
 
 def frame(name, middle_s=None, exposure_s=2.0, **hint):
     when = None if middle_s is None else NOW + timedelta(seconds=middle_s)
-    return Frame(
-        np.zeros((40, 60), np.uint16), path=name, hint=Hint(time_utc=when, exposure_s=exposure_s, **hint)
-    )
+    return Frame(np.zeros((40, 60), np.uint16), path=name, hint=Hint(time_utc=when, exposure_s=exposure_s, **hint))
 
 
 def test_what_was_waiting_or_begun_before_is_left() -> None:

@@ -204,9 +204,7 @@ def test_curves_count_answers_and_grow_round_by_round():
     heard = []
     wish = FieldSettings(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
     choices = [Choice("patterns")]
-    points = run(
-        curves(fields(), wish, ComparedPart.METHOD, choices, ("missing", "stars"), 2, tell=heard.append)
-    )
+    points = run(curves(fields(), wish, ComparedPart.METHOD, choices, ("missing", "stars"), 2, tell=heard.append))
     wanted = {(s, v) for s in ("missing", "stars") for v in SWEEPS[s].values}
     assert {(p.sweep, p.value) for p in points} == wanted
     assert len(heard) == 2 * len(wanted)

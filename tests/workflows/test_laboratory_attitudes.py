@@ -11,15 +11,7 @@ from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.errors import UsageError
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
-from kochab.lab.laboratory.comparison import (
-    FIT,
-    Choice,
-    ComparedPart,
-    FieldSettings,
-    FieldTruth,
-    names_of,
-    scale_hint,
-)
+from kochab.lab.laboratory.comparison import FIT, Choice, ComparedPart, FieldSettings, FieldTruth, names_of, scale_hint
 from kochab.lab.laboratory.scene import comparison, scene_of_field
 from kochab.lab.laboratory.trials import REFUSED, REPEATS, NamedStars, between, name_stars, try_attitude
 
@@ -67,9 +59,7 @@ def test_every_estimator_agrees_with_the_fit_within_its_own_errors(named, truth,
 
 
 def test_many_stars_are_nearer_to_the_fit_than_two(named, truth):
-    away = {
-        name: run(try_attitude(named, Choice(name), truth)).from_fit_arcsec[0] for name in ("quest", "triad")
-    }
+    away = {name: run(try_attitude(named, Choice(name), truth)).from_fit_arcsec[0] for name in ("quest", "triad")}
     assert away["quest"] < 0.5 * away["triad"]
 
 

@@ -13,14 +13,7 @@ from kochab.core.progress import Progress
 from kochab.frames import read_frame
 from kochab.solver import SolveOptions
 from kochab.workflows.live.capture import Capture
-from kochab.workflows.live.session import (
-    Recorder,
-    options_from,
-    options_json,
-    read_session,
-    recorded,
-    session_folder,
-)
+from kochab.workflows.live.session import Recorder, options_from, options_json, read_session, recorded, session_folder
 from kochab.workflows.live.solve import live_solve
 from kochab.workflows.live.update import LiveUpdate
 

@@ -22,14 +22,7 @@ from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
 from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, adjust
-from kochab.workflows.polar.measure import (
-    HandTurner,
-    MountTurner,
-    Sweep,
-    foreseen_arcsec,
-    measure_axis,
-    plan_path,
-)
+from kochab.workflows.polar.measure import HandTurner, MountTurner, Sweep, foreseen_arcsec, measure_axis, plan_path
 from kochab.workflows.polar.sources import NotMeasuredError
 from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench
@@ -114,9 +107,7 @@ def test_without_a_mount_words_are_said_and_the_frames_show_when_it_was_done():
     sky = rig()
     hand = ByHand(sky)
     updates = []
-    found = run(
-        measure_axis(hand, hand, sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)), updates.append
-    )
+    found = run(measure_axis(hand, hand, sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)), updates.append)
     assert len(hand.words) == 2
     assert "Rotate RA about 30°" in hand.words[0]
     assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
@@ -426,8 +417,7 @@ def guarded(**limits):
     night = datetime(2026, 1, 15, 22, 0, tzinfo=UTC).timestamp()
     camera = CameraConfig(width=900, height=700, fov_deg=6.0)
     bench = Bench(
-        RigConfig(seed=2, site=site, mount=mount, start_deg=(-60.0, 40.0), start_unix=night, camera=camera),
-        **limits,
+        RigConfig(seed=2, site=site, mount=mount, start_deg=(-60.0, 40.0), start_unix=night, camera=camera), **limits
     )
     turner = MountTurner(bench.guard, 1.0, bench.wait, bench.rig.clock.now_unix)
     return bench, turner, MeasureSettings(site, refraction=Refraction(pressure_hpa=1010.0))

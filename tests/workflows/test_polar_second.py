@@ -15,14 +15,7 @@ from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
 from kochab.workflows.polar.align import AdjustingEnd, adjust
-from kochab.workflows.polar.measure import (
-    NO_SECOND_SWEEP,
-    HandTurner,
-    MountTurner,
-    Sweep,
-    measure_axis,
-    second_sweep,
-)
+from kochab.workflows.polar.measure import NO_SECOND_SWEEP, HandTurner, MountTurner, Sweep, measure_axis, second_sweep
 from kochab.workflows.polar.sources import NotMeasuredError
 from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench

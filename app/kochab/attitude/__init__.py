@@ -25,9 +25,7 @@ class Estimator(Protocol):
         ...
 
 
-ESTIMATORS: Registry[Estimator] = Registry(
-    "attitude", "kochab.estimators", {"quest": "kochab.attitude:Quest"}
-)
+ESTIMATORS: Registry[Estimator] = Registry("attitude", "kochab.estimators", {"quest": "kochab.attitude:Quest"})
 
 
 # -- The optimal rotation between two sets of directions, with its covariance ------------------
@@ -143,9 +141,7 @@ class Quest:
 
     paper: ClassVar[str] = "Shuster and Oh 1981; named in Lost in space, 2018, section 10.1.3"
 
-    sigma_px: float | None = number(
-        None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals"
-    )
+    sigma_px: float | None = number(None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals")
 
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from M >= 2 stars at ``xy_px`` (M, 2), ICRS unit ``vectors`` (M, 3)."""

@@ -146,9 +146,7 @@ def updated(state: FilterState, measured: Attitude, motion: MotionModel) -> Filt
 
 def rotation_vector(matrix: Floats) -> Floats:
     """The vector (3,) of a rotation (3, 3), rad: the inverse of ``small_rotation``, under pi."""
-    vee = 0.5 * np.array(
-        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    )
+    vee = 0.5 * np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
     sine = float(np.linalg.norm(vee))
     angle = float(np.arctan2(sine, 0.5 * (np.trace(matrix) - 1.0)))
     return vee if sine < 1e-12 else vee * (angle / sine)

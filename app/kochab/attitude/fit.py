@@ -205,9 +205,7 @@ def refine(
     return _fit_of(state, free, covariance=rounds > 1)
 
 
-def _without_outliers(
-    state: FitState, base: Indices, distortion: bool, rounds: int
-) -> tuple[Indices, FitState]:
+def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, FitState]:
     """The terms that the stars support and the state without outliers, found in turns."""
     free = base
     for _ in range(rounds):

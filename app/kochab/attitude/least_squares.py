@@ -98,10 +98,7 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
         k1, k2, p1, p2 = camera.k1, camera.k2, camera.p1, camera.p2
         radial, slope = 1.0 + r2 * (k1 + k2 * r2), 2.0 * (k1 + 2.0 * k2 * r2)
         bent = np.stack(
-            [
-                u * radial + 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu),
-                v * radial + p1 * (r2 + 2.0 * vv) + 2.0 * p2 * uv,
-            ]
+            [u * radial + 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu), v * radial + p1 * (r2 + 2.0 * vv) + 2.0 * p2 * uv]
         )
         cross = slope * uv + 2.0 * (p1 * u + p2 * v)
         by_u = radial + slope * uu + 2.0 * p1 * v + 6.0 * p2 * u
@@ -272,12 +269,7 @@ class FitState:
 
 # -- Which distortion terms the stars support --------------------------------------------------
 
-LADDER: tuple[tuple[tuple[str, ...], int], ...] = (
-    (("k1",), 8),
-    (("k2",), 14),
-    (("cx", "cy"), 14),
-    (("p1", "p2"), 18),
-)
+LADDER: tuple[tuple[tuple[str, ...], int], ...] = ((("k1",), 8), (("k2",), 14), (("cx", "cy"), 14), (("p1", "p2"), 18))
 """Terms tried one after the other, each with the fewest stars that may support it."""
 LARGEST_CHANCE = 1e-4
 """A term stays when chance alone would improve the fit as much with less than this probability."""

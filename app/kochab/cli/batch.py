@@ -26,9 +26,7 @@ Item = TypeVar("Item")
 NO_MEMORY = "Out of memory: use fewer --workers, or lower the limits of the method (--set)."
 
 
-def run_batch(
-    work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json: bool, workers: int = 1
-) -> int:
+def run_batch(work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json: bool, workers: int = 1) -> int:
     """Print the outcome of ``work(item)`` for every item, in order, and return the exit code.
 
     ``work`` is a task that returns the outcome; with several ``workers`` it and the items must
@@ -122,9 +120,7 @@ _records: "SimpleQueue[logging.LogRecord]" = SimpleQueue()
 """What a worker process has logged and not yet handed to its parent."""
 
 
-def _attempt_in_worker(
-    work: Callable[[Item], Task[Json]], item: Item
-) -> tuple[Json, list[logging.LogRecord]]:
+def _attempt_in_worker(work: Callable[[Item], Task[Json]], item: Item) -> tuple[Json, list[logging.LogRecord]]:
     """The outcome, and what was logged: the parent writes it, as one process alone can rotate a file."""
     outcome = attempt(work, item)
     return outcome, [_records.get() for _ in range(_records.qsize())]

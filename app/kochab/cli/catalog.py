@@ -51,9 +51,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="add a deeper catalogue that you already have",
         description="For catalog info and coverage; frames are still solved with the shipped one.",
     )
-    bring.add_argument(
-        "path", type=Path, help="ASTAP or astrometry.net index files or their folder, or a Gaia CSV"
-    )
+    bring.add_argument("path", type=Path, help="ASTAP or astrometry.net index files or their folder, or a Gaia CSV")
     bring.add_argument("--name", default="imported", help="name of the catalogue (default: %(default)s)")
     bring.add_argument("--epoch", type=float, metavar="YEAR", help="epoch of files that give none")
     bring.add_argument("--mag-limit", type=number, metavar="V", help="leave fainter stars out")
@@ -206,9 +204,7 @@ def _import(args: argparse.Namespace) -> int:
         raise CatalogueError("--epoch must be a year between 1900 and 2100.")
     folder = user_folder(args.name)
     if folder.exists() and not args.overwrite:
-        raise CatalogueError(
-            f"{folder} exists already: choose another --name, or add --overwrite to replace it."
-        )
+        raise CatalogueError(f"{folder} exists already: choose another --name, or add --overwrite to replace it.")
     foreign = with_progress("catalog", read_foreign(args.path))
     manifest = with_progress("catalog", combine(foreign, folder, args.epoch, args.mag_limit))
     if args.json:

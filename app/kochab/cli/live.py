@@ -50,9 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--reconnect", action="store_true", help="reconnect automatically")
     parser.add_argument("--record", metavar="DIR", help="record frames and solutions there")
     parser.add_argument(
-        "--profile",
-        metavar="NAME",
-        help="equipment profile, see kochab profile; also saves the camera calibration",
+        "--profile", metavar="NAME", help="equipment profile, see kochab profile; also saves the camera calibration"
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--replay", metavar="DIR", help="solve a recorded session again")

@@ -25,10 +25,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "camera": ("kochab.cli.live:add_camera_parser", "list cameras, take a frame"),
     "profile": ("kochab.cli.profile:add_parser", "equipment profiles: list, show, save, remove"),
     "practice": ("kochab.cli.practice:add_parser", "a simulated telescope to practise on"),
-    "mount": (
-        "kochab.cli.mount:add_parser",
-        "a telescope mount: probe, sync, goto, stop, centre, recover, disagree",
-    ),
+    "mount": ("kochab.cli.mount:add_parser", "a telescope mount: probe, sync, goto, stop, centre, recover, disagree"),
     "polar": ("kochab.cli.polar:add_parser", "polar alignment error, from two frames or more"),
     "bench": ("kochab.lab.bench.command:add_parser", "measure and compare with the goals"),
 }

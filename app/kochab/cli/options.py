@@ -35,12 +35,7 @@ OF_DETECTOR = "an option of the detector"
 def add_settings(parser: argparse.ArgumentParser, text: str = OF_METHOD) -> None:
     """Add the options that change a method, and the list of what can be changed."""
     parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="NAME=VALUE",
-        help=f"{text}; may be repeated",
+        "--set", action="append", default=[], dest="settings", metavar="NAME=VALUE", help=f"{text}; may be repeated"
     )
     parser.add_argument(
         "--methods",
@@ -159,9 +154,7 @@ def add_choices(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each solved file")
     add_overwrite(parser)
-    parser.add_argument(
-        "--strict", action="store_true", help="a solution outside --near counts as not solved"
-    )
+    parser.add_argument("--strict", action="store_true", help="a solution outside --near counts as not solved")
 
 
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
@@ -216,9 +209,7 @@ def add_mount_choice(parser: argparse.ArgumentParser) -> None:
 
 def add_search(parser: argparse.ArgumentParser) -> None:
     """Add the options that steer a search alone."""
-    parser.add_argument(
-        "--fov", type=field_deg, metavar="DEG", help="width of the frame in degrees, good to a tenth"
-    )
+    parser.add_argument("--fov", type=field_deg, metavar="DEG", help="width of the frame in degrees, good to a tenth")
     parser.add_argument(
         "--scale",
         type=between(0.001, 36000.0, "arcsec a pixel"),
@@ -372,9 +363,7 @@ def site(text: str) -> "Site":
     try:
         return parse_site(text)
     except UsageError:
-        raise argparse.ArgumentTypeError(
-            f"{text} is not LAT,LON or LAT,LON,HEIGHT in degrees and metres"
-        ) from None
+        raise argparse.ArgumentTypeError(f"{text} is not LAT,LON or LAT,LON,HEIGHT in degrees and metres") from None
 
 
 def _baud(text: str) -> int:

@@ -38,32 +38,20 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="ARCMIN",
         help="polar alignment error (default: 20-90)",
     )
+    parser.add_argument("--lost", type=between(0.0, 90.0, "deg"), default=3.0, metavar="DEG", help="pointing error (3)")
     parser.add_argument(
-        "--lost", type=between(0.0, 90.0, "deg"), default=3.0, metavar="DEG", help="pointing error (3)"
-    )
-    parser.add_argument(
-        "--fov",
-        type=between(MIN_FOV_DEG, 60.0, "deg"),
-        default=2.4,
-        metavar="DEG",
-        help="field of view (2.4)",
+        "--fov", type=between(MIN_FOV_DEG, 60.0, "deg"), default=2.4, metavar="DEG", help="field of view (2.4)"
     )
     parser.add_argument("--socket", action="store_true", help="TCP instead of a pseudo-terminal")
     parser.add_argument("--folder", metavar="DIR", help="save every frame there as FITS")
     parser.add_argument(
-        "--exposure",
-        type=between(0.001, 600.0, "s"),
-        default=2.0,
-        metavar="S",
-        help="exposure of a frame (2)",
+        "--exposure", type=between(0.001, 600.0, "s"), default=2.0, metavar="S", help="exposure of a frame (2)"
     )
     parser.add_argument(
         "--rate", type=between(0.1, 1000.0, "times"), default=1.0, metavar="X", help="speed of time (1)"
     )
     parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="number of the night (0)")
-    parser.add_argument(
-        "--faults", action="store_true", help="clouds, wind, a kick, a slipping clutch, a bad cable"
-    )
+    parser.add_argument("--faults", action="store_true", help="clouds, wind, a kick, a slipping clutch, a bad cable")
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     parser.set_defaults(run=run)
 

@@ -36,27 +36,17 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     add_camera_choice(save)
     save.add_argument("--focal-length", type=number_above_zero, metavar="MM", dest="focal_length_mm")
     save.add_argument(
-        "--pixel-size",
-        type=number_above_zero,
-        metavar="UM",
-        dest="pixel_size_um",
-        help="micrometres, before binning",
+        "--pixel-size", type=number_above_zero, metavar="UM", dest="pixel_size_um", help="micrometres, before binning"
     )
     save.add_argument(
-        "--camera-profile",
-        metavar="NAME",
-        help="camera calibration saved by live (default: the profile's name)",
+        "--camera-profile", metavar="NAME", help="camera calibration saved by live (default: the profile's name)"
     )
     add_mount_choice(save)
     save.add_argument(
-        "--meridian",
-        choices=MERIDIAN,
-        help="a German mount stays on its side or flips, a fork crosses the meridian",
+        "--meridian", choices=MERIDIAN, help="a German mount stays on its side or flips, a fork crosses the meridian"
     )
     for edge, text in (("lowest", "horizon limit, degrees (5)"), ("highest", "upper limit, degrees (90)")):
-        save.add_argument(
-            f"--{edge}-altitude", type=number, metavar="DEG", dest=f"{edge}_altitude_deg", help=text
-        )
+        save.add_argument(f"--{edge}-altitude", type=number, metavar="DEG", dest=f"{edge}_altitude_deg", help=text)
     for action, run in ((listing, _list), (show, _show), (save, _save), (remove, _remove)):
         action.add_argument("--json", action="store_true", help="one JSON object a profile")
         action.set_defaults(run=run)

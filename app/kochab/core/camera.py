@@ -104,6 +104,4 @@ class Camera:
 
     def _pixels(self, uvd: Floats) -> Floats:
         sign = -1.0 if self.mirrored else 1.0
-        return np.stack(
-            [self.cx + sign * self.focal_px * uvd[..., 0], self.cy + self.focal_px * uvd[..., 1]], axis=-1
-        )
+        return np.stack([self.cx + sign * self.focal_px * uvd[..., 0], self.cy + self.focal_px * uvd[..., 1]], axis=-1)

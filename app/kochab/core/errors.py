@@ -19,9 +19,7 @@ class DamagedPatternsError(CatalogueError):
     """A pattern volume holds what nobody wrote there; ``folder`` is where it lies."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(
-            f"The patterns in {folder} are missing or damaged and cannot be used: install Kochab again."
-        )
+        super().__init__(f"The patterns in {folder} are missing or damaged and cannot be used: install Kochab again.")
         self.folder = folder
 
 

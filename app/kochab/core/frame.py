@@ -110,9 +110,7 @@ class Detections:
     def take(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Detections":
         """The same frame with only the stars ``index`` selects, in that order."""
         kept = {
-            f.name: getattr(self, f.name)[index]
-            for f in fields(self)
-            if isinstance(getattr(self, f.name), np.ndarray)
+            f.name: getattr(self, f.name)[index] for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
         }
         rest = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in kept}
         return Detections(**kept, **rest)
@@ -127,6 +125,4 @@ class Detections:
         order = np.argsort(-np.asarray(flux, dtype=np.float64), kind="stable")
         nan = np.full(n, np.nan)
         no = np.zeros(n, dtype=np.bool_)
-        return cls(
-            width, height, xy[order], np.asarray(flux, dtype=np.float64)[order], nan, nan, nan, nan, no, no
-        )
+        return cls(width, height, xy[order], np.asarray(flux, dtype=np.float64)[order], nan, nan, nan, nan, no, no)

@@ -129,9 +129,7 @@ def choice(value: str, choices: Sequence[str], text: str) -> Any:
     return _field(value, "choice", "", 0, 0, text, choices=tuple(choices))
 
 
-def pair(
-    value: tuple[float, float] | None, unit: str, low: float, high: float, text: str, none: str = ""
-) -> Any:
+def pair(value: tuple[float, float] | None, unit: str, low: float, high: float, text: str, none: str = "") -> Any:
     """A field that holds two numbers."""
     return _field(value, "pair", unit, low, high, text, none=none)
 

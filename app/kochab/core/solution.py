@@ -180,11 +180,7 @@ class NoSolution:
 
     def _repr_html_(self) -> str:
         """For a notebook: the reason, what was measured, and what to do."""
-        rows = [
-            ("Reason", str(self.reason)),
-            ("Advice", self.advice),
-            ("Stars detected", str(self.detections)),
-        ]
+        rows = [("Reason", str(self.reason)), ("Advice", self.advice), ("Stars detected", str(self.detections))]
         rows += [("Tried", self.tried)] * bool(self.tried)
         rows += [(name.replace("_", " "), f"{value:.4g}") for name, value in self.measured.items()]
         return _html("No solution", rows) + _notes(self.warnings)

@@ -14,6 +14,4 @@ class Detector(Protocol):
         ...
 
 
-DETECTORS: Registry[Detector] = Registry(
-    "detector", "kochab.detectors", {"auto": "kochab.detection.auto:AutoDetector"}
-)
+DETECTORS: Registry[Detector] = Registry("detector", "kochab.detectors", {"auto": "kochab.detection.auto:AutoDetector"})

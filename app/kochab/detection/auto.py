@@ -156,13 +156,7 @@ def measure(view: PreparedFrame, xy: Floats, covariance: Floats, clip: float, sn
         places = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
         peak = stamps.core(2).max(axis=(1, 2)).astype(np.float64)
         stars = MeasuredStars(
-            places,
-            fit.flux,
-            fit.snr / noise,
-            unweighted(fit.moments, covariance),
-            peak,
-            noise,
-            peak + level >= clip,
+            places, fit.flux, fit.snr / noise, unweighted(fit.moments, covariance), peak, noise, peak + level >= clip
         )
         keep = np.hypot(*(places - at).T) < max(3.0, 2.0 * major)
         keep &= (stars.snr > snr) & (stars.snr > peak / noise) & _wide_enough(stars, covariance)

@@ -219,8 +219,7 @@ class Mesh:
         weights = ((1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v)
         corners = ((i, j), (i, j1), (i1, j), (i1, j1))
         level, noise = (
-            sum(w * grid[at] for w, at in zip(weights, corners, strict=True))
-            for grid in (self.level, self.noise)
+            sum(w * grid[at] for w, at in zip(weights, corners, strict=True)) for grid in (self.level, self.noise)
         )
         return np.asarray(level), np.asarray(noise)
 

@@ -126,10 +126,7 @@ def _fit_whole(stamps: Stamps, covariance: Floats, steps: int) -> Fits:
         safe = np.where(flux > 0, flux, np.inf)
         mx = (_dot(ay, lines[:, :, 1]) / sy - flux * ux) / (safe * _dot(dx, dx))
         my = (_dot(dy, lines[:, :, 0]) / sx - flux * uy) / (safe * _dot(dy, dy))
-        x, y = (
-            np.clip(x + np.clip(mx, -1, 1), -limit, limit),
-            np.clip(y + np.clip(my, -1, 1), -limit, limit),
-        )
+        x, y = (np.clip(x + np.clip(mx, -1, 1), -limit, limit), np.clip(y + np.clip(my, -1, 1), -limit, limit))
     px, py = u - x[:, None], u - y[:, None]
     (ax, _), (ay, _) = _profile(px, sigma_x), _profile(py, sigma_y)
     lines = value @ np.stack([ax, ax * px, ax * px * px], axis=2)
@@ -149,18 +146,12 @@ def _dot(a: Floats32, b: Floats32) -> Floats32:
     return np.asarray(np.einsum("nk,nk->n", a, b))
 
 
-def _star_image(
-    u: Floats32, x: Floats32, y: Floats32, covariance: Floats
-) -> tuple[Floats32, Floats32, Floats32]:
+def _star_image(u: Floats32, x: Floats32, y: Floats32, covariance: Floats) -> tuple[Floats32, Floats32, Floats32]:
     """Unit-flux star image (N, K, K) at offsets ``x``, ``y`` and its slopes along them."""
     if abs(covariance[0, 1]) < 1e-3:
         ax, dax = _profile(u - x[:, None], float(np.sqrt(covariance[0, 0])))
         ay, day = _profile(u - y[:, None], float(np.sqrt(covariance[1, 1])))
-        return (
-            ay[:, :, None] * ax[:, None, :],
-            ay[:, :, None] * dax[:, None, :],
-            day[:, :, None] * ax[:, None, :],
-        )
+        return (ay[:, :, None] * ax[:, None, :], ay[:, :, None] * dax[:, None, :], day[:, :, None] * ax[:, None, :])
     inverse = np.linalg.inv(covariance + np.eye(2) / 12.0).astype(np.float32)
     px, py = (u - x[:, None])[:, None, :], (u - y[:, None])[:, :, None]
     along_x = inverse[0, 0] * px + inverse[0, 1] * py
@@ -186,9 +177,7 @@ def _profile(d: Floats32, sigma: float) -> tuple[Floats32, Floats32]:
     return value, slope
 
 
-def _solve(
-    image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps
-) -> tuple[Floats32, Floats32, Floats32]:
+def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple[Floats32, Floats32, Floats32]:
     """Flux (N,) by least squares, and the Gauss-Newton steps of the place times the flux.
 
     What flux and place share of each other is left to the next step: it is nothing for a whole

@@ -107,11 +107,7 @@ def _draw_stars(draw: "ImageDraw", stars: tuple[NamedStar, ...], scale: float, s
     for star in sorted(stars, key=lambda s: s.mag):
         x, y = (star.x + 0.5) * scale - 0.5, (star.y + 0.5) * scale - 0.5
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=_STAR)
-        at, text, anchor = (
-            (x + radius + 2.0, y),
-            star.ascii_name or star.id,
-            "lm",
-        )  # Pillow's font has no Greek
+        at, text, anchor = ((x + radius + 2.0, y), star.ascii_name or star.id, "lm")  # Pillow's font has no Greek
         box = draw.textbbox(at, text, font=font, anchor=anchor)
         if box[2] > width:  # to the left of its star, so that it is not cut off
             at, anchor = (x - radius - 2.0, y), "rm"

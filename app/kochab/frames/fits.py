@@ -299,9 +299,7 @@ def _find_image(file: BinaryIO) -> _Image:
                 bitpix = header.integer(f"{prefix}BITPIX")
                 if bitpix not in _TYPES:
                     raise FrameError(f"is a damaged FITS file: BITPIX is {bitpix}.")
-                both = Header(
-                    {**primary.values, **values}, {**primary.comments, **header.comments}, header.unparsed
-                )
+                both = Header({**primary.values, **values}, {**primary.comments, **header.comments}, header.unparsed)
                 return _Image(both, index, file.tell(), shape, bitpix, compressed)
             if any(s == 0 for s in shape) and len(shape) >= 2:
                 raise FrameError("holds an image without pixels.")

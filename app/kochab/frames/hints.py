@@ -59,9 +59,7 @@ def sexagesimal(value: Any) -> float | None:
     return -size if match[1] == "-" else size
 
 
-def site_or_none(
-    latitude_deg: float | None, longitude_deg: float | None, height_m: float | None = None
-) -> Site | None:
+def site_or_none(latitude_deg: float | None, longitude_deg: float | None, height_m: float | None = None) -> Site | None:
     """A place on the Earth; programs write (0, 0) for an unknown one."""
     if latitude_deg is None or longitude_deg is None or not abs(latitude_deg) <= 90.0:
         return None
@@ -142,9 +140,7 @@ def hint_from_keywords(
     scale, scale_from = _scale(values, comments)
     field_deg = scale[1] * math.hypot(height, width) / 3600.0 if scale else 0.0
     centre, centre_from = _centre(values, comments, scale, field_deg, (height, width))
-    exposure = exposure_or_none(
-        _first_number(values, ("EXPTIME", "EXPOSURE", "EXP_TIME", "ITIME", "ELAPTIME"))
-    )
+    exposure = exposure_or_none(_first_number(values, ("EXPTIME", "EXPOSURE", "EXP_TIME", "ITIME", "ELAPTIME")))
     time = _time(values, exposure)
     doubts: tuple[str, ...] = ()
     if values.get("DATE-OBS") and time is None:

@@ -38,10 +38,7 @@ def wcs_text(solution: Solution) -> str:
         ("IMAGEW", camera.width, "[px] width of the solved frame"),
         ("IMAGEH", camera.height, "[px] height of the solved frame"),
     ]
-    cards = [
-        str(Card(*card))[:79].ljust(79) + "\n"
-        for card in start + wcs_cards(solution.camera, solution.attitude)
-    ]
+    cards = [str(Card(*card))[:79].ljust(79) + "\n" for card in start + wcs_cards(solution.camera, solution.attitude)]
     text = "".join(cards) + "END"
     return text.ljust(-(-len(text) // _BLOCK) * _BLOCK)
 
@@ -51,9 +48,7 @@ def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:
     write_atomically(path, wcs_text(solution))
 
 
-def write_solved_copy(
-    solution: Solution, source: str | os.PathLike[str], target: str | os.PathLike[str]
-) -> None:
+def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target: str | os.PathLike[str]) -> None:
     """Copy a FITS file, its first image's old WCS replaced by this one, its data untouched.
 
     The target appears whole or not at all, and may be the source itself.

@@ -64,14 +64,7 @@ _SLEW = (Ability.GOTO, Need.UNPARKED, Need.HOME_CONFIRMED, Need.NOT_BY_HAND)
 POLAR = "polar"
 _NUDGE = (Ability.MOVE, Need.UNPARKED)
 _ROWS = (
-    Action(
-        "goto",
-        "slewing to the target",
-        "slew to coordinates or to a name",
-        _SLEW,
-        moves=True,
-        frame_after=True,
-    ),
+    Action("goto", "slewing to the target", "slew to coordinates or to a name", _SLEW, moves=True, frame_after=True),
     Action(
         "centre",
         "centring",
@@ -81,15 +74,7 @@ _ROWS = (
     ),
     Action("bring", "moving the star", "", (*_SLEW, Need.SOLVED_FRAME), moves=True, frame_after=True),
     Action("nudge", "nudging", "", _NUDGE, (Ability.PULSE,), moves=True, frame_after=True),
-    Action(
-        "nudge dec",
-        "nudging",
-        "",
-        (*_NUDGE, Need.NOT_BY_HAND),
-        (Ability.PULSE,),
-        moves=True,
-        frame_after=True,
-    ),
+    Action("nudge dec", "nudging", "", (*_NUDGE, Need.NOT_BY_HAND), (Ability.PULSE,), moves=True, frame_after=True),
     Action(
         "sync",
         "solving twice",

@@ -300,13 +300,9 @@ def keep_profile(settings: Remembered, **changes: Any) -> None:
 
 def save_mount(settings: Remembered, selection: MountSelection) -> None:
     """Remember it."""
-    keep_profile(
-        settings, port=selection.port, driver=selection.driver, baud=selection.baud, epoch=selection.epoch
-    )
+    keep_profile(settings, port=selection.port, driver=selection.driver, baud=selection.baud, epoch=selection.epoch)
 
 
 def save_camera(settings: Remembered, selection: CameraSelection) -> None:
     """Remember it."""
-    keep_profile(
-        settings, source=selection.source, address=selection.address, exposure_s=selection.exposure_s
-    )
+    keep_profile(settings, source=selection.source, address=selection.address, exposure_s=selection.exposure_s)

@@ -246,10 +246,7 @@ def _window(
         high = np.minimum(np.maximum(target + (margin - shift), 0.0), 255.0).astype(np.uint8)
         lows.append(low)
         spans.append(high - low)
-    return (
-        np.where(upper, lows[1][query], lows[0][query]),
-        np.where(upper, spans[1][query], spans[0][query]),
-    )
+    return (np.where(upper, lows[1][query], lows[0][query]), np.where(upper, spans[1][query], spans[0][query]))
 
 
 def open_volume(folder: Path) -> Volume:

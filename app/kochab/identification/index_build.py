@@ -252,9 +252,7 @@ def build_volume(
     (folder / "index.json").write_text(json.dumps(facts) + "\n", "utf-8")
 
 
-def _encode(
-    grid: Grid, xyz: Floats, members: Ints32
-) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], Ints]:
+def _encode(grid: Grid, xyz: Floats, members: Ints32) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], Ints]:
     """Cells, stored codes and sizes (Q,), and members in canonical order (Q, 4) of one chunk."""
     c = canonical(planar(xyz))
     place = grid.scaled(c.code)
@@ -294,8 +292,7 @@ def make_fine() -> Task[Volume]:
             handle = acquire(lock)
         except OSError as error:
             raise CatalogueError(
-                f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror}"
-                f" ({ELSEWHERE})."
+                f"Patterns for small fields cannot be kept in {folder.parent}: {error.strerror} ({ELSEWHERE})."
             ) from error
         if handle is not None:
             break
@@ -341,9 +338,7 @@ def _build(folder: Path, levels: range, neighbours: tuple[tuple[int, int], ...],
     rows = np.arange(len(catalogue))
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")]
     vectors = catalogue.vectors(rows, EPOCH)
-    yield from build_volume(
-        folder, vectors, rows, levels, neighbours=neighbours, steps=steps, mark=catalogue_mark()
-    )
+    yield from build_volume(folder, vectors, rows, levels, neighbours=neighbours, steps=steps, mark=catalogue_mark())
 
 
 def acquire(path: Path) -> int | None:

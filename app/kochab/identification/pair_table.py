@@ -79,9 +79,7 @@ class PairTable:
         """Whether ``wide`` either way of ``angle`` is less than a ring, rad."""
         return 4.0 * RINGS * angle * wide < self.reach_rad * self.reach_rad
 
-    def rings_each(
-        self, star: Ints32, low_rad: float, high_rad: float, more_rad: Floats
-    ) -> tuple[Ints32, Ints32]:
+    def rings_each(self, star: Ints32, low_rad: float, high_rad: float, more_rad: Floats) -> tuple[Ints32, Ints32]:
         """The same with ``more_rad`` (K,) added to the limits."""
         stars, scale = len(self.rows), RINGS / self.reach_rad**2
         low, high = np.maximum(more_rad + low_rad, 0.0), more_rad + high_rad
@@ -90,9 +88,7 @@ class PairTable:
         flat = self.begin.ravel()
         return flat.take(first * stars + star), flat.take(last * stars + star)
 
-    def neighbours(
-        self, entry: Ints32, end: Ints32, wanted_rad: Floats | float, error_rad: float
-    ) -> tuple[Ints, Ints]:
+    def neighbours(self, entry: Ints32, end: Ints32, wanted_rad: Floats | float, error_rad: float) -> tuple[Ints, Ints]:
         """Of the entries (K,) up to ``end`` (K,) those as far away as wanted: rows, and entries."""
         width = int((end - entry).max())
         entries = entry[:, None] + STEPS[:width]
@@ -102,9 +98,7 @@ class PairTable:
         return row, entry.take(row) + column
 
 
-def table_for(
-    volumes: tuple[Volume, ...], field_deg: float, year: float, density: float = DENSE
-) -> PairTable | None:
+def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float, density: float = DENSE) -> PairTable | None:
     """The table for frames of ``field_deg`` (the root of their area), or None: none fits.
 
     ``density`` is the fewest stars a frame.

@@ -25,23 +25,8 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import with_places
 from kochab.identification.index import LEVEL_FIELDS_DEG, PER_FIELD, Volume, drop_fine, fine, shipped
-from kochab.identification.quads import (
-    SUPPOSED,
-    FieldStars,
-    Hypotheses,
-    QuadQuery,
-    image_quads,
-    propose,
-    quad_marks,
-)
-from kochab.identification.verification import (
-    ACCEPT_LOG10,
-    FEWEST,
-    CandidatePointing,
-    Verdict,
-    support,
-    verify,
-)
+from kochab.identification.quads import SUPPOSED, FieldStars, Hypotheses, QuadQuery, image_quads, propose, quad_marks
+from kochab.identification.verification import ACCEPT_LOG10, FEWEST, CandidatePointing, Verdict, support, verify
 
 if TYPE_CHECKING:
     from kochab.identification.triangles import KnownSearch
@@ -164,9 +149,7 @@ class Search:
         focal = None
         if stage.focal:
             supposed = np.array(stage.focal) * self.side
-            supposed = supposed[
-                (supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])
-            ]
+            supposed = supposed[(supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])]
             focal = np.repeat(supposed, len(quads))
             quads = np.tile(quads, (len(supposed), 1))
         if len(quads) == 0:
@@ -202,9 +185,7 @@ class Search:
         self.done[key] = np.concatenate([old, marks[new]])
         return quads[new]
 
-    def _check(
-        self, volume: Volume, view: FieldStars, stage: SearchStage, found: Hypotheses
-    ) -> Iterator[Verdict]:
+    def _check(self, volume: Volume, view: FieldStars, stage: SearchStage, found: Hypotheses) -> Iterator[Verdict]:
         reach = 0.010 * self.side
         if len(found) > CROWD:
             found = found.take(support(volume, self.xy[:8], found, reach) > 0)
@@ -277,10 +258,7 @@ def known_camera(search: Search, volumes: tuple[Volume, ...], year: float) -> tu
     """
     low, high = search.scale
     poor = len(search.xy) <= POOR_FIELD
-    if (
-        high > low * (ROUGHLY if poor else KNOWN)
-        or not FEWEST_FOR_TRIANGLES <= len(search.xy) <= MOST_FOR_TRIANGLES
-    ):
+    if high > low * (ROUGHLY if poor else KNOWN) or not FEWEST_FOR_TRIANGLES <= len(search.xy) <= MOST_FOR_TRIANGLES:
         return ()
     from kochab.identification.pair_table import DENSE, SPARSE, table_for
     from kochab.identification.triangles import BRIGHTEST, FEW, DetectionAngles, KnownSearch
@@ -322,9 +300,7 @@ class Patterns:
     ``volumes`` are the shipped ones and, for tests, all there are; by default the installation's.
     """
 
-    def __init__(
-        self, volumes: tuple[Volume, ...] | None = None, stages: tuple[SearchStage, ...] = STAGES
-    ) -> None:
+    def __init__(self, volumes: tuple[Volume, ...] | None = None, stages: tuple[SearchStage, ...] = STAGES) -> None:
         self.volumes = volumes
         self.stages = stages
 
@@ -344,9 +320,7 @@ class Patterns:
                 raise
         return (yield from with_places(detections, places))
 
-    def _identify(
-        self, detections: Detections, hint: Hint | None, year: float
-    ) -> Task[Identification | NoSolution]:
+    def _identify(self, detections: Detections, hint: Hint | None, year: float) -> Task[Identification | NoSolution]:
         search = Search(detections, hint)
         known = known_camera(search, self.volumes or shipped(), year)
         found = yield from triangle_search(search, known, detections)
@@ -385,11 +359,7 @@ class Patterns:
         )
 
     def _search(
-        self,
-        search: Search,
-        volumes: tuple[Volume, ...],
-        stages: tuple[SearchStage, ...],
-        detections: Detections,
+        self, search: Search, volumes: tuple[Volume, ...], stages: tuple[SearchStage, ...], detections: Detections
     ) -> Task[Identification | None]:
         plan = search.plan(stages, volumes)
         for k, stage in enumerate(plan):

@@ -73,13 +73,7 @@ def predictional_estimate(
 
 
 def concluded(
-    camera: Camera,
-    matrix: Floats,
-    xy: Floats,
-    vectors: Floats,
-    i: Ints,
-    j: Ints,
-    sigma_px: Floats | None = None,
+    camera: Camera, matrix: Floats, xy: Floats, vectors: Floats, i: Ints, j: Ints, sigma_px: Floats | None = None
 ) -> Estimate:
     """The final estimate from matches ``i`` (M,) of ``xy`` and ``j`` (M,) of ``vectors``.
 
@@ -91,10 +85,7 @@ def concluded(
     left = xy[i] - expected_px(camera, matrix, vectors[j])
     freedom = max(1, 2 * len(i) - 3)
     square = float(np.sum(np.square(left * weight[:, None])))
-    if sigma_px is None:
-        level = max(square / freedom, FLOOR_PX**2)
-    else:
-        level = (square + BELIEF) / (freedom + BELIEF)
+    level = max(square / freedom, FLOOR_PX**2) if sigma_px is None else (square + BELIEF) / (freedom + BELIEF)
     sigma = float(np.sqrt(np.sum(np.square(left)) / freedom))
     return Estimate(Attitude(matrix, inverse * level), i, j, left, sigma)
 
@@ -126,13 +117,7 @@ def expected_px(camera: Camera, matrix: Floats, vectors: Floats) -> Floats:
 
 
 def agreement(
-    distance2_px: Floats,
-    witnesses: int,
-    stars: float,
-    area_px: float,
-    reach_px: float,
-    candidates: int,
-    free: int,
+    distance2_px: Floats, witnesses: int, stars: float, area_px: float, reach_px: float, candidates: int, free: int
 ) -> float:
     """log10 of a bound for the chance of so good an agreement; see :mod:`kochab.identification.verification`.
 

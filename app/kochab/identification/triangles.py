@@ -81,9 +81,7 @@ def shortest_side_first(corners: Corners, angle: list[list[float]]) -> Corners:
     return i, j, k
 
 
-def matching_triangles(
-    table: PairTable, angles: DetectionAngles, corners: Corners, error_rad: float
-) -> list[Corners]:
+def matching_triangles(table: PairTable, angles: DetectionAngles, corners: Corners, error_rad: float) -> list[Corners]:
     """Every triangle of stars with the sides of ``corners``, which `shortest_side_first` gave.
 
     ``error_rad`` is allowed in each side, at the scale that the longest side means.
@@ -152,9 +150,7 @@ def _misfit(angles: DetectionAngles, corners: Corners, sides: Floats) -> Floats:
 Vector = tuple[float, float, float]
 
 
-def attitude_of_two(
-    p: Vector, q: Vector, star_p: list[float], star_q: list[float]
-) -> tuple[Vector, Vector, Vector]:
+def attitude_of_two(p: Vector, q: Vector, star_p: list[float], star_q: list[float]) -> tuple[Vector, Vector, Vector]:
     """Rotation, three rows, ICRS to camera, for two directions and the stars that they are.
 
     ``p`` and ``q`` point where the two are seen, in camera axes, of any length; the stars are ICRS
@@ -170,11 +166,7 @@ def attitude_of_two(
 
 def triple_product(p: list[float], q: list[float], r: list[float]) -> float:
     """The triple product of three vectors: its sign tells their sense, seen from within."""
-    return (
-        p[0] * (q[1] * r[2] - q[2] * r[1])
-        + p[1] * (q[2] * r[0] - q[0] * r[2])
-        + p[2] * (q[0] * r[1] - q[1] * r[0])
-    )
+    return p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2]) + p[2] * (q[0] * r[1] - q[1] * r[0])
 
 
 def _axes(a: Vector | list[float], b: Vector | list[float]) -> tuple[Vector, Vector, Vector]:
@@ -222,9 +214,7 @@ class KnownSearch:
     this one the frame gets.
     """
 
-    def __init__(
-        self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, ways: int = 1
-    ) -> None:
+    def __init__(self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, ways: int = 1) -> None:
         self.table, self.xy, self.angles, self.ways = table, xy[:WITNESSES], angles, ways
         self.places: list[tuple[float, float]] = self.xy.tolist()
         self.points = np.ascontiguousarray(self.xy).view(np.complex128)  # (N, 1), x + iy
@@ -386,9 +376,7 @@ class KnownSearch:
         start = CandidatePointing(np.array([across, down, ahead]), focal, mirrored)
         return Verdict(start, i, number[gap.argmin(axis=1)[i]], alarm, rms, self.table.level)
 
-    def _alarm(
-        self, gap: list[float], b: int, c: int, reach: float, crowd: float = 1.0
-    ) -> tuple[float, float]:
+    def _alarm(self, gap: list[float], b: int, c: int, reach: float, crowd: float = 1.0) -> tuple[float, float]:
         """The bound, log10, and the radius that it counts; ``gap`` in px.
 
         ``crowd`` is how much denser the stars are where the witnesses stand.

@@ -77,9 +77,7 @@ NUDGE_DIRECTIONS = 12
 
 
 _angles = np.arange(NUDGE_DIRECTIONS) * 2.0 * np.pi / NUDGE_DIRECTIONS
-NUDGES = (
-    np.array(NUDGE_RADII)[:, None, None] * np.stack([np.cos(_angles), np.sin(_angles)], axis=1)
-).reshape(-1, 2)
+NUDGES = (np.array(NUDGE_RADII)[:, None, None] * np.stack([np.cos(_angles), np.sin(_angles)], axis=1)).reshape(-1, 2)
 
 
 def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float:
@@ -346,13 +344,7 @@ def _tail(
 
 
 def least_likely(
-    distance2_px: Floats,
-    witnesses: int,
-    stars: float,
-    area_px: float,
-    reach_px: float,
-    free: int,
-    candidates: int = 1,
+    distance2_px: Floats, witnesses: int, stars: float, area_px: float, reach_px: float, free: int, candidates: int = 1
 ) -> tuple[float, float]:
     """The least likely agreement over all radii, log10, and its radius in px.
 

@@ -33,9 +33,7 @@ class Triad:
 
     partner: str = choice("farthest", ("farthest", "next"), "which star is the second")
     least_angle_deg: float = number(0.01, "deg", 0.0, 90.0, "the two are at least so far apart")
-    sigma_px: float | None = number(
-        None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals"
-    )
+    sigma_px: float | None = number(None, "px", 1e-4, 100.0, "error of a centroid along an axis", "from the residuals")
 
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from the first and one more of M >= 2 stars at ``xy_px`` (M, 2).
@@ -94,9 +92,7 @@ class PlateConstants:
 
     paper: ClassVar[str] = "Attitude from stellar images, section 2.4"
 
-    tolerance_arcsec: float = number(
-        1.0, "arcsec", 1e-6, 3600.0, "the iteration ends when the centre moves less"
-    )
+    tolerance_arcsec: float = number(1.0, "arcsec", 1e-6, 3600.0, "the iteration ends when the centre moves less")
     most_rounds: int = integer(50, "rounds", 1, 1000, "at most so many")
 
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:

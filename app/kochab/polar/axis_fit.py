@@ -13,15 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.polar.rotations import (
-    ARCSEC,
-    about,
-    about_each,
-    rotation,
-    rotation_vector,
-    rotation_vectors,
-    tangents,
-)
+from kochab.polar.rotations import ARCSEC, about, about_each, rotation, rotation_vector, rotation_vectors, tangents
 from kochab.polar.sighting import LocalAttitude
 
 # -- The axis from two attitudes: the axis of the rotation between them ------------------------
@@ -158,9 +150,7 @@ def _turn_about(axis: Floats, matrix: Floats) -> float:
     return float(np.arctan2(axis @ skew, np.trace(matrix) - axis @ matrix @ axis))
 
 
-def _linear(
-    axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats
-) -> tuple[Floats, Floats]:
+def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats) -> tuple[Floats, Floats]:
     """Weighted residuals (N, 3) and their Jacobian (3 N, N + 4).
 
     Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the
@@ -190,9 +180,7 @@ def _moved(axis: Floats, turns: Floats, reference: Floats, step: Floats) -> tupl
 
 def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats) -> AxisFit:
     weighted, jacobian = _linear(axis, turns, reference, measured, whiten)
-    inverse: Floats = np.asarray(
-        np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64
-    )
+    inverse: Floats = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64)
     upward, clockwise = tangents(axis)
     # R_0^T a moves with the axis, and against the reference's own rotation.
     seen = np.zeros((3, 5))
@@ -248,9 +236,7 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
     return best if explained and clear else None
 
 
-def _suppose(
-    attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int
-) -> Movement:
+def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int) -> Movement:
     """The fit with the later frames turned back about one axis of the camera by the best angle.
 
     Chi-square is nearly a parabola in the angle: Newton's steps from three values of it.
@@ -258,9 +244,7 @@ def _suppose(
     angle, step, curvature = 0.0, 30.0 * ARCSEC, 1.0
     tried = fit
     for _ in range(6):
-        low, here, high = (
-            _turned_back(attitudes, tried, towards, what, after, angle + d) for d in (-step, 0.0, step)
-        )
+        low, here, high = (_turned_back(attitudes, tried, towards, what, after, angle + d) for d in (-step, 0.0, step))
         slope = (high.chi2 - low.chi2) / (2.0 * step)
         curvature = (high.chi2 + low.chi2 - 2.0 * here.chi2) / step**2
         tried = here
@@ -281,9 +265,7 @@ def _turned_back(
 ) -> AxisFit:
     axis = _moving_axis(fit, what)
     undo = about(axis, -angle)
-    return fit_axis(
-        [replace(a, matrix=a.matrix @ undo) if k > after else a for k, a in enumerate(attitudes)], towards
-    )
+    return fit_axis([replace(a, matrix=a.matrix @ undo) if k > after else a for k, a in enumerate(attitudes)], towards)
 
 
 def _moving_axis(fit: AxisFit, what: str) -> Floats:

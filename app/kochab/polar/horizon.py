@@ -126,9 +126,7 @@ def northern(site: Site) -> bool:
     return site.latitude_deg >= 0.0
 
 
-def pole_direction(
-    site: Site, pole: Pole = Pole.REFRACTED, refraction: Refraction = STANDARD_REFRACTION
-) -> Floats:
+def pole_direction(site: Site, pole: Pole = Pole.REFRACTED, refraction: Refraction = STANDARD_REFRACTION) -> Floats:
     """Unit vector (3,) in E, N, U of the elevated pole (refracted by ERFA ``apio``, ``atioq``)."""
     azimuth = 0.0 if northern(site) else np.pi
     true = abs(np.radians(site.latitude_deg))

@@ -207,9 +207,7 @@ class LivePhase:
             return "", 0.0
         return near, theta + _wrap(expected[near] - theta)
 
-    def _findings(
-        self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude
-    ) -> list[PolarFinding]:
+    def _findings(self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude) -> list[PolarFinding]:
         found = []
         if self._declination_rad:
             found.append(

@@ -51,9 +51,7 @@ def more_turn_deg(optics: Optics, rho_deg: float, turns_rad: Floats, goal_arcsec
     room = MOST_DEG - np.degrees(last - first)
     return _least(
         room,
-        lambda more: (
-            _uncertainty_arcsec(optics, rho_deg, np.append(turns_rad, last + np.radians(more))) <= goal_arcsec
-        ),
+        lambda more: _uncertainty_arcsec(optics, rho_deg, np.append(turns_rad, last + np.radians(more))) <= goal_arcsec,
     )
 
 
@@ -105,9 +103,7 @@ class SweepPath:
         return self.lowest_deg >= LOWEST_DEG and self.past_meridian_deg <= PAST_MERIDIAN_DEG
 
 
-def sweep_path(
-    boresight: Floats, settings: MeasureSettings, direction: Direction, turn_deg: float
-) -> SweepPath:
+def sweep_path(boresight: Floats, settings: MeasureSettings, direction: Direction, turn_deg: float) -> SweepPath:
     """Where a turn leads, supposing that the axis is near its pole.
 
     ``boresight`` (3,) in E, N, U. West is the way the sky goes: about the visible pole clockwise in

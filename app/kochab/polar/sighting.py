@@ -99,9 +99,7 @@ def to_local(sighting: Sighting, site: Site, refraction: Refraction = STANDARD_R
     icrs = points @ sighting.attitude.matrix if sighting.sky is None else sighting.sky
     seen = Horizon(site, sighting.time_utc, refraction).observed(icrs)
     matrix = best_rotation(points, seen)
-    return LocalAttitude(
-        matrix, covariance_of(sighting.attitude), sighting.time_utc, sighting.label, sighting.sweep
-    )
+    return LocalAttitude(matrix, covariance_of(sighting.attitude), sighting.time_utc, sighting.label, sighting.sweep)
 
 
 def covariance_of(attitude: Attitude) -> Floats:

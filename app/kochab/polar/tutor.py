@@ -11,14 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.polar.error import (
-    FINEST_DEG,
-    PolarError,
-    angle_in_words,
-    rotation_in_words,
-    sayable,
-    turns_in_words,
-)
+from kochab.polar.error import FINEST_DEG, PolarError, angle_in_words, rotation_in_words, sayable, turns_in_words
 
 # -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
 
@@ -76,9 +69,7 @@ class Bolt:
         taken = abs(turns) + self.taken_turns * reverses
         if abs(change_arcsec) < SEEN * sigma_arcsec:
             # Still in its backlash, if it reversed; else the turn was too small to be seen.
-            lost = (
-                max(self.backlash_turns, min(taken, MOST_BACKLASH_TURNS)) if reverses else self.backlash_turns
-            )
+            lost = max(self.backlash_turns, min(taken, MOST_BACKLASH_TURNS)) if reverses else self.backlash_turns
             return replace(self, backlash_turns=lost, taken_turns=taken * reverses)
         after = replace(self, direction=sign, taken_turns=0.0)
         gain, own = self.arcsec_a_turn, change_arcsec / turns
@@ -141,9 +132,7 @@ class Instruction:
 class BoltTutor:
     """Guides to the pole. ``moves`` counts the bolts' movements: a bolt going on is one move."""
 
-    def __init__(
-        self, goal_arcsec: float = 15.0, bolts: tuple[Bolt, Bolt] = (ALTITUDE_BOLT, AZIMUTH_BOLT)
-    ) -> None:
+    def __init__(self, goal_arcsec: float = 15.0, bolts: tuple[Bolt, Bolt] = (ALTITUDE_BOLT, AZIMUTH_BOLT)) -> None:
         self.goal_arcsec = goal_arcsec
         self.bolts = {bolt.knob: bolt for bolt in bolts}
         self.moves = 0
@@ -239,9 +228,7 @@ class BoltTutor:
         bolt, value = self.bolts[knob], _knob_arcsec(error, knob)
         if bolt.arcsec_a_turn is None:
             turns = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC] * (bolt.direction or 1)
-            words = (
-                f"Test: turn the {bolt.name} {turns_in_words(turns)} {rotation_in_words(turns)}, then let go."
-            )
+            words = f"Test: turn the {bolt.name} {turns_in_words(turns)} {rotation_in_words(turns)}, then let go."
             return Instruction(TutorStep.TEST, words, bolt.name, knob, turns)
         near = abs(value) < NEAR * self.tolerance_arcsec(error, knob)
         share = (1.0 if near else CONFIDENT) if bolt.sure else CAUTIOUS

@@ -8,15 +8,7 @@ import numpy as np
 from kochab.core.arrays import Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
-from kochab.simulate.exposure import (
-    AttitudeAt,
-    ExposureLight,
-    Paths,
-    Sensitivity,
-    StarPaths,
-    background,
-    starlight,
-)
+from kochab.simulate.exposure import AttitudeAt, ExposureLight, Paths, Sensitivity, StarPaths, background, starlight
 from kochab.simulate.night_sky import Atmosphere, Glow, Weather
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
 from kochab.sky import Catalogue
@@ -105,9 +97,7 @@ class SkyCamera:
 
     def light(self, paths: Paths, attitude_at: AttitudeAt) -> ExposureLight:
         """The light of stars and sky in an exposure."""
-        return ExposureLight(
-            paths, attitude_at, self.optics, self.config.sensitivity, self.glow, self.weather
-        )
+        return ExposureLight(paths, attitude_at, self.optics, self.config.sensitivity, self.glow, self.weather)
 
     def frame(self, attitude_at: AttitudeAt, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
         """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""

@@ -54,8 +54,7 @@ class SimulatedCamera(CameraSource):
     def devices(cls, address: str = "") -> list[CameraDevice]:
         """The camera of every rig that runs in this program, and one on a rig of its own."""
         running = [
-            CameraDevice(cls.name, name, f"the camera of the practice telescope, {name}")
-            for name in sorted(RUNNING)
+            CameraDevice(cls.name, name, f"the camera of the practice telescope, {name}") for name in sorted(RUNNING)
         ]
         return [*running, CameraDevice(cls.name, "new", "a camera on a new simulated telescope")]
 
@@ -70,8 +69,7 @@ class SimulatedCamera(CameraSource):
         rig = RUNNING.get(address or names[-1])
         if rig is None:
             raise PortError(
-                f"No practice telescope is called '{address}' here;"
-                f" choose one of {', '.join([*names, 'new'])}."
+                f"No practice telescope is called '{address}' here; choose one of {', '.join([*names, 'new'])}."
             )
         return cls(rig, settings)
 

@@ -75,9 +75,7 @@ class StarPaths:
         self._vectors = np.empty((0, 3))
         self._mag = np.empty(0)
 
-    def over(
-        self, camera: Camera, attitude_at: AttitudeAt, start: float, exposure_s: float, faintest: float
-    ) -> Paths:
+    def over(self, camera: Camera, attitude_at: AttitudeAt, start: float, exposure_s: float, faintest: float) -> Paths:
         """Paths of all stars down to V ``faintest`` from unix time ``start`` on."""
         samples = int(np.clip(np.ceil(exposure_s * SAMPLES_A_SECOND), 3, MOST_SAMPLES))
         times = start + np.linspace(0.0, exposure_s, samples)

@@ -81,9 +81,7 @@ def truth_of(sky: night_sky.LocalSky, unix_s: float, camera_axes: Floats, axis_e
     x /= np.linalg.norm(x)
     matrix = np.stack([x, np.cross(boresight, x), boresight])
     horizontal = float(night_sky.altitude_deg(camera_axes[2])), float(night_sky.azimuth_deg(camera_axes[2]))
-    return MountTruth(
-        unix_s, Attitude(matrix), sky.of_date(boresight), *horizontal, camera_axes, axis_enu, sky
-    )
+    return MountTruth(unix_s, Attitude(matrix), sky.of_date(boresight), *horizontal, camera_axes, axis_enu, sky)
 
 
 SITE = Site(47.0, 8.0, 450.0)

@@ -61,9 +61,7 @@ class Sensor:
     bias: float = 100.0
     saturation: float = 65535.0
     bayer: str | None = None
-    response: dict[str, float] = field(
-        default_factory=lambda: {"R": 0.6, "G": 1.0, "B": 0.7}
-    )  # of the filters
+    response: dict[str, float] = field(default_factory=lambda: {"R": 0.6, "G": 1.0, "B": 0.7})  # of the filters
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +96,7 @@ def render(
     return expose(light, sky, sensor, rng)
 
 
-def expose(
-    light: Floats32, sky: Sky, sensor: Sensor, rng: np.random.Generator, noise: Floats32 | None = None
-) -> Frame:
+def expose(light: Floats32, sky: Sky, sensor: Sensor, rng: np.random.Generator, noise: Floats32 | None = None) -> Frame:
     """The uint16 frame of ``light`` (H, W) in electrons, which is used up.
 
     ``noise``, at least H x W numbers of a normal distribution, saves making new ones.

@@ -25,9 +25,7 @@ from kochab.sky.names import StarNames, position_name
 ZONE_RAD = np.radians(0.5)
 
 
-def candidates(
-    ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats, radius: float, tiers: range
-) -> Ints:
+def candidates(ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats, radius: float, tiers: range) -> Ints:
     """Rows of ``tiers`` near the cone, a superset of those in it, ascending.
 
     ``ra`` (N,) in 1/2**32 turns, ascending within each (tier, zone); ``zones`` the first row of
@@ -145,9 +143,7 @@ class Catalogue:
         """Flags (N,) of ``rows``, the bits named in `kochab.sky.catalogue_file`."""
         return np.asarray(self._flag[np.asarray(rows, dtype=np.int64)])
 
-    def cone(
-        self, vector: ArrayLike, radius_rad: float, mag_limit: float | None = None, year: float = EPOCH
-    ) -> Ints:
+    def cone(self, vector: ArrayLike, radius_rad: float, mag_limit: float | None = None, year: float = EPOCH) -> Ints:
         """Rows within ``radius_rad`` of an ICRS unit vector (3,) at ``year``, brightest first.
 
         ``mag_limit`` keeps V <= limit, and then leaves the tiers of fainter stars unread.

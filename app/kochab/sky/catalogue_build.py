@@ -94,9 +94,7 @@ def _wheel(folder: Path, name: str, version: str, wanted: str) -> Task[None]:
 
 def _client(command: list[str], folder: Path, name: str) -> Task[None]:
     """Run a registry's client in ``folder``, yielding while it works; closing ends it."""
-    with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         try:
             while True:
                 try:
@@ -300,9 +298,7 @@ def write_names(path: Path, src: Sources) -> None:
     path.write_text(text, "utf-8", newline="\n")
 
 
-def write_manifest(
-    out: Path, sources: Path, counts: dict[str, int], check: dict[str, float]
-) -> dict[str, Any]:
+def write_manifest(out: Path, sources: Path, counts: dict[str, int], check: dict[str, float]) -> dict[str, Any]:
     """Write ``manifest.json``: SHA-256 of what went in and came out, counts, the check."""
     read = {p.name: sha256(p) for p in source_files(sources)}
     files = {

@@ -43,9 +43,7 @@ class ForeignStars:
         return len(self.mag)
 
     @classmethod
-    def bare(
-        cls, ra_deg: Floats, dec_deg: Floats, mag: Floats, epoch: float | None, source: str
-    ) -> "ForeignStars":
+    def bare(cls, ra_deg: Floats, dec_deg: Floats, mag: Floats, epoch: float | None, source: str) -> "ForeignStars":
         """Stars of which only place and magnitude are known."""
         nan = np.full(len(mag), np.nan)
         return cls(ra_deg, dec_deg, mag, nan, np.stack([nan, nan], axis=1), epoch, source)
@@ -98,9 +96,7 @@ def decode(data: bytes, name: str) -> NDArray[np.float64]:
     """RA, Dec (deg), magnitude and BP-RP (4, N) of one file."""
     size = data[HEADER - 1] if len(data) >= HEADER else 0  # a space stands for 11
     if size not in (5, 6) or (len(data) - HEADER) % size:
-        raise CatalogueError(
-            f"{name} is not an ASTAP star file with records of 5 or 6 bytes, or is cut short."
-        )
+        raise CatalogueError(f"{name} is not an ASTAP star file with records of 5 or 6 bytes, or is cut short.")
     rows = np.frombuffer(data, np.uint8, offset=HEADER).reshape(-1, size).astype(np.int64)
     ra = rows[:, 0] | rows[:, 1] << 8 | rows[:, 2] << 16
     mark = ra == MARK
@@ -266,9 +262,7 @@ def combine(
     if mag_limit is not None:
         keep &= foreign.mag <= mag_limit
     if keep.sum() > MOST:
-        raise CatalogueError(
-            f"{int(keep.sum()):,} stars are too many to import; keep the brighter with --mag-limit."
-        )
+        raise CatalogueError(f"{int(keep.sum()):,} stars are too many to import; keep the brighter with --mag-limit.")
     shipped = open_catalogue()
     rows = np.arange(len(shipped))
     place = unit_vectors(foreign.ra_deg[keep], foreign.dec_deg[keep])

@@ -180,9 +180,7 @@ def _brightest_of_hip(hip: Ints, mag: Floats) -> Bools:
     return first & (hip > 0)
 
 
-def _partners(
-    stars: StarList, listed: Floats, tree: Any, left_out: Bools
-) -> tuple[Ints, dict[str, int], Bools]:
+def _partners(stars: StarList, listed: Floats, tree: Any, left_out: Bools) -> tuple[Ints, dict[str, int], Bools]:
     """Each star's Tycho-2 partner (or -1), counts, and which stars stand at 1991.65."""
     same = _nearest(tree, stars.vector, PARTNER)
     then = moved(stars.vector, stars.pm, SUPPLEMENT - 2000.0)
@@ -258,12 +256,7 @@ def _tycho_only(src: Sources, index: Bools) -> StarList:
     n = int(index.sum())
     flag = np.full(n, V_FROM_VT, dtype=np.uint8)
     return StarList(
-        src.tycho[index],
-        np.zeros((n, 2)),
-        src.vt[index] - 0.10,
-        np.full(n, np.nan),
-        np.zeros(n, dtype=np.int64),
-        flag,
+        src.tycho[index], np.zeros((n, 2)), src.vt[index] - 0.10, np.full(n, np.nan), np.zeros(n, dtype=np.int64), flag
     )
 
 

@@ -96,9 +96,7 @@ def _counts(catalogue: Catalogue) -> dict[str, Any]:
     edges = np.arange(int(np.floor(mag.min())), int(np.floor(mag.max())) + 2)
     per_mag = np.histogram(mag, bins=edges)[0]
     return {
-        "per_magnitude": {
-            f"{low} to {low + 1}": int(n) for low, n in zip(edges[:-1].tolist(), per_mag, strict=True)
-        },
+        "per_magnitude": {f"{low} to {low + 1}": int(n) for low, n in zip(edges[:-1].tolist(), per_mag, strict=True)},
         "of_hipparcos": flagged(catalogue_file.HIPPARCOS),
         "with_proper_motion": flagged(catalogue_file.MOVING),
         "with_colour": int(np.sum(np.isfinite(catalogue.bv(rows)))),

@@ -52,8 +52,7 @@ Upsilon Phi Chi Psi Omega
 """
 
 _ROWS = [
-    [word.replace("_", " ") for word in entry.split(" ")]
-    for entry in _TABLE.strip().replace("\n", "|").split("|")
+    [word.replace("_", " ") for word in entry.split(" ")] for entry in _TABLE.strip().replace("\n", "|").split("|")
 ]
 NAMES: dict[str, str] = {short: name for short, name, _ in _ROWS}
 GENITIVES: dict[str, str] = {short: genitive for short, _, genitive in _ROWS}
@@ -229,9 +228,7 @@ class StarNames:
 
     @cached_property
     def _objects(self) -> dict[str, Floats]:
-        return {
-            alias: thing.vector for thing in read_objects(self.folder / "objects.tsv") for alias in thing.keys
-        }
+        return {alias: thing.vector for thing in read_objects(self.folder / "objects.tsv") for alias in thing.keys}
 
 
 _GREEK_BY_NAME = {name.casefold(): letter for letter, name in GREEK.items()}

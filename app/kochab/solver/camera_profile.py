@@ -96,15 +96,11 @@ def new_profile(name: str, camera: Camera) -> Profile:
     """A profile that knows nothing yet: the first frame's camera, and wide bounds around it."""
     radius = float(np.hypot(camera.width, camera.height)) / 2.0 / camera.focal_px
     side = float(max(camera.width, camera.height))
-    loose = np.array(
-        [0.05, 0.05 * side, 0.05 * side, 0.1 / radius**2, 0.1 / radius**4, 0.01 / radius, 0.01 / radius]
-    )
+    loose = np.array([0.05, 0.05 * side, 0.05 * side, 0.1 / radius**2, 0.1 / radius**4, 0.01 / radius, 0.01 / radius])
     return Profile(name, camera, np.diag(loose**-2.0))
 
 
-def evidence(
-    profile: Profile, xy: Floats, vectors: Floats, attitude: Attitude, sigma_px: float
-) -> CameraEvidence:
+def evidence(profile: Profile, xy: Floats, vectors: Floats, attitude: Attitude, sigma_px: float) -> CameraEvidence:
     """What M stars at ``xy`` (M, 2) px, ICRS ``vectors`` (M, 3), say of a profile's camera.
 
     ``attitude`` is near the frame's; ``sigma_px`` the error of a star's place along one coordinate,
@@ -150,9 +146,7 @@ def doubt(profile: Profile, new: CameraEvidence) -> str:
     )
 
 
-def _residuals_and_slopes(
-    camera: Camera, xy: Floats, vectors: Floats, matrix: Floats
-) -> tuple[Floats, Floats]:
+def _residuals_and_slopes(camera: Camera, xy: Floats, vectors: Floats, matrix: Floats) -> tuple[Floats, Floats]:
     """Residuals (2 M,) px and slopes (2 M, 10) where turning alone can do no more."""
     for _ in range(4):
         seen, slope = project_with_jacobian(camera, vectors @ matrix.T)
@@ -225,9 +219,7 @@ def save_profile(profile: Profile, folder: Path | None = None) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, json.dumps(content, indent=1))
     except OSError as error:
-        raise KochabError(
-            f"The camera profile cannot be saved in {path.parent}: {error.strerror}."
-        ) from error
+        raise KochabError(f"The camera profile cannot be saved in {path.parent}: {error.strerror}.") from error
     return path
 
 

@@ -148,8 +148,7 @@ def _support(cause: Cause, said: Sequence[Degrees]) -> float:
     if not cause.would_say or cause.weight * cause.witness <= 0.0:
         return -inf
     fit = sum(
-        _near(apart_deg(would, does), cause.spread_deg)
-        for would, does in zip(cause.would_say, said, strict=True)
+        _near(apart_deg(would, does), cause.spread_deg) for would, does in zip(cause.would_say, said, strict=True)
     )
     return log(cause.weight * cause.witness) + fit - cause.freedom * log(FAR_DEG / cause.spread_deg)
 
@@ -408,8 +407,7 @@ def cones(sightings: Sequence[MountSighting]) -> list[Cause]:
             0.15,
             CONE_DEG,
             freedom=1,
-            evidence=f"The offset changes sign across the meridian, {abs(cone) * 60.0:.0f} arcmin "
-            "on either side.",
+            evidence=f"The offset changes sign across the meridian, {abs(cone) * 60.0:.0f} arcmin on either side.",
         )
     ]
 

@@ -103,11 +103,7 @@ def _focal_windows(detections: Detections, hint: Hint | None) -> list[tuple[floa
 
 
 def _sky(
-    detections: Detections,
-    focal_px: tuple[float, float],
-    hint: Hint | None,
-    catalogue: StarCatalogue,
-    year: float,
+    detections: Detections, focal_px: tuple[float, float], hint: Hint | None, catalogue: StarCatalogue, year: float
 ) -> _BrightSky | None:
     pixel = 1.0 / np.sqrt(focal_px[0] * focal_px[1])
     field_sr = detections.width * detections.height * pixel**2
@@ -131,9 +127,7 @@ def _base(detections: Detections) -> tuple[int, int]:
     return i, j
 
 
-def _pairs(
-    detections: Detections, focal_px: tuple[float, float], sky: _BrightSky
-) -> tuple[Ints, Ints, Floats]:
+def _pairs(detections: Detections, focal_px: tuple[float, float], sky: _BrightSky) -> tuple[Ints, Ints, Floats]:
     """Pairs of stars, both ways, as far apart as the base may be, and their focal lengths."""
     from scipy.spatial import cKDTree
 

@@ -184,12 +184,7 @@ def _field_stars(
 
 
 def _matched(
-    detections: Detections,
-    inside: NDArray[np.bool_],
-    fit: Fit,
-    rows: Ints,
-    vectors: Floats,
-    tolerance_px: float,
+    detections: Detections, inside: NDArray[np.bool_], fit: Fit, rows: Ints, vectors: Floats, tolerance_px: float
 ) -> Matches:
     seen = fit.camera.project(vectors @ fit.attitude.matrix.T)
     candidates = np.flatnonzero(inside)

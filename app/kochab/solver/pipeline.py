@@ -51,9 +51,7 @@ def solve_frame(
     return (yield from examine_frame(frame, options, read_ms=read_ms)).result
 
 
-def examine_frame(
-    frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0
-) -> Task[Examined]:
+def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0) -> Task[Examined]:
     """As :func:`solve_frame`, and also hand back the detections, for who wants to draw them."""
     from kochab.detection import DETECTORS
     from kochab.detection.auto import AutoDetector, single_pixels
@@ -179,9 +177,7 @@ def _finished(
     return replace(solution, elapsed_ms=clock.elapsed_ms(), warnings=warnings)
 
 
-def _few(
-    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
-) -> Identification | None:
+def _few(detections: Detections, options: SolveOptions, year: float, clock: Stopwatch) -> Identification | None:
     """The last resort of the default method when stars are few."""
     if options.method != DEFAULT_METHOD:
         return None
@@ -247,11 +243,7 @@ def _conclude(detections: Detections, found: Identification, year: float, option
 
 
 def geometric_fit(
-    matches: Matches,
-    fit: Fit,
-    moment: datetime,
-    focal: FocalPrior | None = None,
-    worst_px: float | None = None,
+    matches: Matches, fit: Fit, moment: datetime, focal: FocalPrior | None = None, worst_px: float | None = None
 ) -> tuple[Matches, Fit]:
     """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
 

@@ -44,12 +44,7 @@ class Prediction:
 
 
 def places(
-    state: FilterState,
-    time_s: float,
-    motion: MotionModel,
-    camera: Camera,
-    fwhm_px: float,
-    most_px: tuple[int, int],
+    state: FilterState, time_s: float, motion: MotionModel, camera: Camera, fwhm_px: float, most_px: tuple[int, int]
 ) -> Iterator[Prediction]:
     """Where to look at ``time_s``, the likeliest first.
 
@@ -63,8 +58,7 @@ def places(
         ahead = predicted(_moving(state, rates, motion), time_s, motion)
         turns = [rotation_vector(ahead.matrix @ other.T) for other in wide]
         if any(
-            np.hypot(camera.focal_px * np.hypot(x, y), _corner_px(camera) * roll) < APART_PX
-            for x, y, roll in turns
+            np.hypot(camera.focal_px * np.hypot(x, y), _corner_px(camera) * roll) < APART_PX for x, y, roll in turns
         ):
             continue
         error_px, roll_px = _error_px(ahead, camera), _roll_px(ahead, camera)

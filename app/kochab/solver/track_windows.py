@@ -23,13 +23,7 @@ from kochab.detection.star_fit import (
     refit_bright,
     unweighted,
 )
-from kochab.identification.predictional_estimate import (
-    Estimate,
-    agreement,
-    concluded,
-    differential,
-    expected_px,
-)
+from kochab.identification.predictional_estimate import Estimate, agreement, concluded, differential, expected_px
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver.track_prediction import Expected, Neighbourhood, Prediction
 
@@ -290,12 +284,7 @@ class WindowSearch:
         return result.better_of(self._once(place, sky, result, adapt=True))
 
     def _once(
-        self,
-        place: Prediction,
-        sky: Neighbourhood,
-        before: WindowSearchResult | None = None,
-        *,
-        adapt: bool = False,
+        self, place: Prediction, sky: Neighbourhood, before: WindowSearchResult | None = None, *, adapt: bool = False
     ) -> WindowSearchResult | None:
         """Look where the prediction, or a look before, puts the stars, and match what is there."""
         matrix, half, roll_px = place.ahead.matrix, place.half, place.roll_px

@@ -15,15 +15,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from kochab.attitude.filter import (
-    ARCSEC,
-    FilterState,
-    MotionModel,
-    begin,
-    predicted,
-    rotation_vector,
-    updated,
-)
+from kochab.attitude.filter import ARCSEC, FilterState, MotionModel, begin, predicted, rotation_vector, updated
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -34,13 +26,7 @@ from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, TrackedCamera, turn_between
 from kochab.solver.pipeline import Examined, examine_frame, merged_hint, year_of
 from kochab.solver.track_prediction import Expected, Neighbourhood, places
-from kochab.solver.track_windows import (
-    Tracked,
-    TrackedStarImage,
-    WindowSearch,
-    WindowSearchResult,
-    WindowStars,
-)
+from kochab.solver.track_windows import Tracked, TrackedStarImage, WindowSearch, WindowSearchResult, WindowStars
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue
@@ -210,10 +196,7 @@ class Tracker:
     """
 
     def __init__(
-        self,
-        catalogue: "Catalogue | None" = None,
-        options: TrackOptions | None = None,
-        profile: Profile | None = None,
+        self, catalogue: "Catalogue | None" = None, options: TrackOptions | None = None, profile: Profile | None = None
     ) -> None:
         from kochab.sky import open_catalogue
 
@@ -289,9 +272,7 @@ class Tracker:
         state = updated(place.ahead, solution.attitude, self.options.motion)
         return self._update(solution, moment, "tracking", state, len(stars.number))
 
-    def _find_stars(
-        self, frame: Frame, moment: datetime
-    ) -> tuple[Neighbourhood | None, WindowSearchResult | None]:
+    def _find_stars(self, frame: Frame, moment: datetime) -> tuple[Neighbourhood | None, WindowSearchResult | None]:
         """What is seen at the likeliest place that holds anything, and the sky around it."""
         assert self.state is not None
         assert self.camera is not None
@@ -392,9 +373,7 @@ class Tracker:
         assert self.camera is not None
         if self._sky is None or not self._sky.covers(self.camera, attitude):
             blend = BLEND_FWHM * self._image.fwhm_px
-            self._sky = Neighbourhood(
-                self.catalogue, self.camera, attitude, year_of(moment), self._faintest, blend
-            )
+            self._sky = Neighbourhood(self.catalogue, self.camera, attitude, year_of(moment), self._faintest, blend)
         return self._sky
 
 

@@ -56,8 +56,7 @@ class Background(QObject):
                 text += f", about {(monotonic() - when) * (1 - share) / (share - first):.0f} s left"
         self._status.background.setText(text)
         self._status.background.setToolTip(
-            "The index for fields narrower than about 2° is built on this computer, once. "
-            "Wider fields solve meanwhile."
+            "The index for fields narrower than about 2° is built on this computer, once. Wider fields solve meanwhile."
         )
 
     def _failed(self, sentence: str) -> None:

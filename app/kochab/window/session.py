@@ -211,9 +211,7 @@ class Session(QObject):
     def _has_read(self, timed: tuple[Frame, float]) -> None:
         self.known.frame, self.known.read_ms = timed
         frame = self.known.frame
-        log.info(
-            "%d x %d %s read in %.0f ms", frame.width, frame.height, frame.pixels.dtype, self.known.read_ms
-        )
+        log.info("%d x %d %s read in %.0f ms", frame.width, frame.height, frame.pixels.dtype, self.known.read_ms)
         for warning in frame.warnings:
             log.warning("%s", warning)
         self.known.options = self.options_for(frame) or SolveOptions()

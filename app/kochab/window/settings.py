@@ -19,9 +19,7 @@ class WindowSettings:
     """Typed access to one :class:`QSettings`; damaged values read as their defaults."""
 
     def __init__(self, store: QSettings | None = None) -> None:
-        self._store = store or QSettings(
-            QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window"
-        )
+        self._store = store or QSettings(QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window")
 
     def flag(self, name: str, default: bool) -> bool:
         value = self._store.value(name, default)

@@ -202,9 +202,7 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> tupl
         "title": f"{point * 2.2:.1f}",
     }
     names["glyphs"] = write_glyphs(name, colours.text, colours.muted, colours.on_accent)
-    return colours, Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(
-        names
-    )
+    return colours, Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(names)
 
 
 def _palette(c: Colours) -> QPalette:

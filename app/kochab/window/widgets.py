@@ -228,9 +228,7 @@ def use_plain_numerals() -> None:
         if hasattr(locale, kind):
             locale.setlocale(getattr(locale, kind), "C")
     plain = QLocale.c()
-    plain.setNumberOptions(
-        QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator
-    )
+    plain.setNumberOptions(QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator)
     QLocale.setDefault(plain)
 
 

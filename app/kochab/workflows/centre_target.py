@@ -78,10 +78,7 @@ AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # lost replies, or commands refused by the mount, in a row
 READINGS, SAME_DEG = 4, 0.02
 NEAR_DEG = 0.5
-DOUBTFUL = (
-    "Poor solution: residual {:.3g} px. Kochab did not move the mount. Take longer"
-    " exposures, or check a frame."
-)
+DOUBTFUL = "Poor solution: residual {:.3g} px. Kochab did not move the mount. Take longer exposures, or check a frame."
 
 
 def centre_target(
@@ -207,10 +204,7 @@ class _Centring:
     def is_good(self, solution: Solution) -> bool:
         """Whether the guard would accept a sync on it."""
         limits = self.mount.limits
-        return (
-            solution.rms_px <= limits.worst_rms_px
-            and solution.log10_false_alarm <= limits.worst_log10_false_alarm
-        )
+        return solution.rms_px <= limits.worst_rms_px and solution.log10_false_alarm <= limits.worst_log10_false_alarm
 
     def end_after(self, solution: Solution) -> Centring | None:
         """The end, if this frame is the last one."""
@@ -290,10 +284,7 @@ class _Centring:
     def fine(self) -> Task[None]:
         """Small moves on both axes."""
         east, north = self.course.fine()
-        for amount, ways in (
-            (east, (Direction.EAST, Direction.WEST)),
-            (north, (Direction.NORTH, Direction.SOUTH)),
-        ):
+        for amount, ways in ((east, (Direction.EAST, Direction.WEST)), (north, (Direction.NORTH, Direction.SOUTH))):
             self.check_not_stopped()
             yield from nudge(self.mount, ways[amount < 0.0], abs(amount), self.wait)
 

@@ -172,9 +172,7 @@ class Course:
 
     def _learn_fine(self, sent: Degrees) -> None:
         """Learn the guide rates, which are settings of the mount."""
-        for axis, (want, left) in enumerate(
-            zip(sent, (3600.0 * part for part in self.left_deg), strict=True)
-        ):
+        for axis, (want, left) in enumerate(zip(sent, (3600.0 * part for part in self.left_deg), strict=True)):
             if abs(want) > LEARN_RATE_ARCSEC:
                 self.gain[axis] *= min(max((want - left) / want, 0.4), 2.5)
 

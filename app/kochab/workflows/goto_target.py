@@ -50,10 +50,7 @@ def named_target(name: str, time_utc: datetime) -> Target:
 
     catalogue = open_catalogue()
     found = catalogue.find(name)
-    if isinstance(found, int):
-        vector = catalogue.vectors([found], julian_years(time_utc))[0]
-    else:
-        vector = np.asarray(found)
+    vector = catalogue.vectors([found], julian_years(time_utc))[0] if isinstance(found, int) else np.asarray(found)
     return Target(name.strip(), *radec_deg(vector))
 
 

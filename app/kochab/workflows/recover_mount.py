@@ -153,8 +153,7 @@ def _span(seconds: float) -> str:
 def _carried(evidence: SyncEvidence, age_s: list[float]) -> SyncEvidence:
     """The centres now, of a telescope that does not track: the sky has turned since."""
     centres = tuple(
-        ((ra + age * SIDEREAL_DEG_S) % 360.0, dec)
-        for (ra, dec), age in zip(evidence.centres_deg, age_s, strict=True)
+        ((ra + age * SIDEREAL_DEG_S) % 360.0, dec) for (ra, dec), age in zip(evidence.centres_deg, age_s, strict=True)
     )
     return replace(evidence, centres_deg=centres)
 

@@ -3,14 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from kochab.core.angle_text import (
-    AngleStyle,
-    angle_text,
-    arcsec_text,
-    false_alarm_text,
-    milliseconds_text,
-    radec_plain,
-)
+from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_plain
 from kochab.core.solution import NoSolution, Solution
 
 STAGES = ("read", "detect", "identify", "attitude", "total")
@@ -28,11 +21,7 @@ def rows(s: Solution) -> list[tuple[str, str, str]]:
         ),
         ("Field of view", f"{angle_text(w)} × {angle_text(h)}", "Width and height of the frame on the sky"),
         ("Pixel scale", f"{s.camera.scale_arcsec_px:.4f} ″/px", "At the centre of the frame"),
-        (
-            "Matches",
-            f"{len(s.stars)} of {s.detections} detected stars",
-            "Detected stars matched with the catalogue",
-        ),
+        ("Matches", f"{len(s.stars)} of {s.detections} detected stars", "Detected stars matched with the catalogue"),
         ("RMS", f"{s.rms_px:.2f} px ({arcsec_text(s.rms_arcsec)})", "Residual of the matched stars"),
         (
             "Uncertainty",

@@ -49,9 +49,7 @@ def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[So
     return (yield from solve_open_frame(frame, options, read_ms=read_ms))
 
 
-def solve_open_frame(
-    frame: Frame, options: SolveOptions | None = None, read_ms: float = 0.0
-) -> Task[SolvedFrame]:
+def solve_open_frame(frame: Frame, options: SolveOptions | None = None, read_ms: float = 0.0) -> Task[SolvedFrame]:
     """Solve a frame already in memory; ``read_ms`` is what reading it had cost, for the record."""
     examined = yield from examine_frame(frame, options or SolveOptions(), read_ms=read_ms)
     return SolvedFrame(frame.path, frame, examined.detections, examined.result)
@@ -125,9 +123,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def _columns(
-    rows: list[tuple[int, list[str]]], name: str
-) -> tuple[list[int] | None, list[tuple[int, list[str]]]]:
+def _columns(rows: list[tuple[int, list[str]]], name: str) -> tuple[list[int] | None, list[tuple[int, list[str]]]]:
     """Where x, y and flux stand when a header says so, and the rows without it."""
     if not rows or any(_number(cell) is not None for cell in rows[0][1]):
         return None, rows

@@ -92,18 +92,11 @@ def agreeing_solves(
         if before is not None and solves_apart_arcsec(before, solved) <= limit:
             return before, solved
         before = solved
-    raise RefusedError(
-        f"The solves do not agree within {limit:g}″: the telescope is moving. Wait and solve again."
-    )
+    raise RefusedError(f"The solves do not agree within {limit:g}″: the telescope is moving. Wait and solve again.")
 
 
 def accept_sync(
-    mount: Guard,
-    offer: SyncOffer,
-    *,
-    confirmed: bool = False,
-    fall_back: bool = False,
-    wait: Wait = time.sleep,
+    mount: Guard, offer: SyncOffer, *, confirmed: bool = False, fall_back: bool = False, wait: Wait = time.sleep
 ) -> Task[SyncDone]:
     """Do what was offered and read it back; with ``fall_back`` slew when it cannot be synced.
 

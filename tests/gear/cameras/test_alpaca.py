@@ -275,8 +275,7 @@ def test_any_answer_is_a_picture_or_a_sentence(data, kind) -> None:
 
 
 @given(
-    st.lists(st.integers(-1, 8) | st.integers(-(2**31), 2**31 - 1), min_size=11, max_size=11),
-    st.binary(max_size=64),
+    st.lists(st.integers(-1, 8) | st.integers(-(2**31), 2**31 - 1), min_size=11, max_size=11), st.binary(max_size=64)
 )
 @example([1, 0, 0, 0, 44, 2, 2, 2, 2, 1, 0], bytes(8))
 def test_any_header_is_a_picture_or_a_sentence(numbers, rest) -> None:

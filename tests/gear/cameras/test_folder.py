@@ -149,11 +149,7 @@ def test_another_folder_in_its_place_is_a_lost_line(folder) -> None:
 def test_what_cannot_be_watched_is_said(tmp_path) -> None:
     file = tmp_path / "a.fits"
     file.touch()
-    for address, said in (
-        ("", "Choose the folder"),
-        (tmp_path / "no", "does not exist"),
-        (file, "is a file"),
-    ):
+    for address, said in (("", "Choose the folder"), (tmp_path / "no", "does not exist"), (file, "is a file")):
         with pytest.raises(PortError, match=said) as caught:
             open_camera("folder", str(address))
         assert "\n" not in str(caught.value)

@@ -154,11 +154,7 @@ class Control:
 
 
 def test_exposure_and_gain_in_the_drivers_units() -> None:
-    known = {
-        "EXPOSURE_AUTO": Control(3, 0, 3),
-        "EXPOSURE_ABSOLUTE": Control(156, 3, 20470),
-        "GAIN": Control(0, 0, 255),
-    }
+    known = {"EXPOSURE_AUTO": Control(3, 0, 3), "EXPOSURE_ABSOLUTE": Control(156, 3, 20470), "GAIN": Control(0, 0, 255)}
     controls = Controls(known)
     assert controls.limits.exposure_s == pytest.approx((3e-4, 2.047))
     assert controls.limits.gain == (0, 255)

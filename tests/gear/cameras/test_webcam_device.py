@@ -49,9 +49,7 @@ def test_colours_of_the_formats_webcams_send(opened, kind) -> None:
     assert frame.saturation == 1020.0
 
 
-@pytest.mark.parametrize(
-    ("kind", "dtype", "full"), [("gray", np.uint8, 255.0), ("gray16le", np.uint16, 65535.0)]
-)
+@pytest.mark.parametrize(("kind", "dtype", "full"), [("gray", np.uint8, 255.0), ("gray16le", np.uint16, 65535.0)])
 def test_grey_formats_stay_grey_and_whole(opened, kind, dtype, full) -> None:
     frame = taken(opened(f"{BARS},format={kind}"))
     assert frame.colour is None

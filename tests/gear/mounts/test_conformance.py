@@ -41,9 +41,7 @@ def imaginary_bench():
     start = place(-20.0, 40.0, clock)
     mount = Imaginary(*start, slew_deg_s=20.0)
     telescope, line = ImaginaryTelescope(mount, clock), SimpleNamespace(transcript=[])
-    return SimpleNamespace(
-        driver="imaginary", mount=mount, telescope=telescope, line=line, clock=clock, start=start
-    )
+    return SimpleNamespace(driver="imaginary", mount=mount, telescope=telescope, line=line, clock=clock, start=start)
 
 
 @pytest.fixture(params=[*DRIVERS, "imaginary"])

@@ -63,12 +63,7 @@ def test_altitude_sidereal_time_and_the_sun_are_where_astropy_has_them() -> None
     assert apart_deg(seen, (sun.ra.deg, sun.dec.deg)) < 0.02
 
 
-@given(
-    hour=st.floats(-179.9, 179.9),
-    dec=st.floats(-89.9, 89.9),
-    side=st.sampled_from(PierSide),
-    south=st.booleans(),
-)
+@given(hour=st.floats(-179.9, 179.9), dec=st.floats(-89.9, 89.9), side=st.sampled_from(PierSide), south=st.booleans())
 def test_axes_and_sky_there_and_back(hour, dec, side, south) -> None:
     back = to_sky(to_axes(hour, dec, side, south), south)
     assert wrapped(back[0] - hour) == pytest.approx(0.0, abs=1e-9)
@@ -110,7 +105,4 @@ def test_a_flip_passes_the_pole() -> None:
 
 def test_a_move_past_the_pole_comes_down_on_the_other_side() -> None:
     end = turned((10.0, 85.0), 0.0, 10.0)[-1]
-    assert (
-        apart_deg((np.degrees(np.arctan2(end[1], end[0])), np.degrees(np.arcsin(end[2]))), (190.0, 85.0))
-        < 1e-9
-    )
+    assert apart_deg((np.degrees(np.arctan2(end[1], end[0])), np.degrees(np.arcsin(end[2]))), (190.0, 85.0)) < 1e-9

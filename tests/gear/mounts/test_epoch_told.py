@@ -9,13 +9,7 @@ from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Pointing, SiteReport
 from kochab.gear.mounts import DRIVERS
-from kochab.gear.mounts.coordinates import (
-    epoch_of,
-    from_altaz,
-    from_mount_epoch,
-    reported_epoch,
-    to_mount_epoch,
-)
+from kochab.gear.mounts.coordinates import epoch_of, from_altaz, from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.drivers.nexstar import SynScan
 from kochab.gear.mounts.protocols import ioptron, lx200
 from kochab.gear.mounts.serial_line import ProtocolError

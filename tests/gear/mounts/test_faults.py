@@ -26,12 +26,7 @@ def bench(request, monkeypatch):
         bench.mount = bench.open()
         monkeypatch.setattr(type(bench.mount), "timeout_s", 0.25)
         bench.guard = Guard(
-            bench.mount,
-            SITE,
-            LIMITS,
-            clock=bench.clock,
-            reopen=bench.open,
-            wait=lambda seconds: time.sleep(0.02),
+            bench.mount, SITE, LIMITS, clock=bench.clock, reopen=bench.open, wait=lambda seconds: time.sleep(0.02)
         )
         yield bench
         bench.faults.none()

@@ -357,9 +357,7 @@ def test_a_program_that_ends_stops_what_moves(repository) -> None:
         "guard.goto(*at(-41.0, 40.0))\n"
         "raise SystemExit(3)"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60
-    )
+    ended = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 3, ended.stderr
     assert ended.stdout == "STOPPED\n"
 
@@ -453,9 +451,7 @@ def test_who_is_too_near_the_sun_already_may_leave_it() -> None:
 
 
 def test_at_night_the_sun_is_no_matter() -> None:
-    guard, mount = guarded(
-        time_utc=NIGHT, lowest_altitude_deg=-90.0, longest_slew_deg=180.0, crosses_meridian=True
-    )
+    guard, mount = guarded(time_utc=NIGHT, lowest_altitude_deg=-90.0, longest_slew_deg=180.0, crosses_meridian=True)
     guard.goto(*at(-150.0, 30.0))
     assert mount.did
 
@@ -495,11 +491,7 @@ def test_every_motion_is_in_the_log(caplog) -> None:
     assert guard.log.entries[0].detail["dec_deg"] == 40.0
     assert guard.log.entries[0].time_utc.endswith("+00:00")
     assert len(guard.log.sent()) == len(mount.did) == 2
-    assert [m.split()[:2] for m in caplog.messages] == [
-        ["goto", "sent"],
-        ["goto", "refused"],
-        ["stop", "sent"],
-    ]
+    assert [m.split()[:2] for m in caplog.messages] == [["goto", "sent"], ["goto", "refused"], ["stop", "sent"]]
 
 
 def test_a_journal_on_a_disk_that_hangs_never_holds_up_a_stop() -> None:

@@ -11,9 +11,7 @@ from kochab.gear.mounts import DRIVERS, probe
 from kochab.gear.mounts.probe import list_ports, port_info, probe_port
 from tests.gear.mounts.bench import moved, simulated
 
-MOVES = re.compile(
-    rb":M[SPnsewgA]|:h|:R|:CM|:U#|r[0-9A-F]{8}|s[0-9A-F]{8}|:[GHIJ][12]..|:MS1|:[mZ]|T[\x00-\x03]"
-)
+MOVES = re.compile(rb":M[SPnsewgA]|:h|:R|:CM|:U#|r[0-9A-F]{8}|s[0-9A-F]{8}|:[GHIJ][12]..|:MS1|:[mZ]|T[\x00-\x03]")
 
 
 @pytest.fixture(autouse=True)

@@ -52,9 +52,7 @@ PARSERS = {
     "skywatcher.status": skywatcher.parse_status,
 }
 # bytes that look like answers get further into a parser than blind ones
-likely = st.text("0123456789ABCDEFabcdef:.,*'#+-=!\r \xdf\x7f", max_size=30).map(
-    lambda text: text.encode("latin-1")
-)
+likely = st.text("0123456789ABCDEFabcdef:.,*'#+-=!\r \xdf\x7f", max_size=30).map(lambda text: text.encode("latin-1"))
 any_bytes = st.binary(max_size=60) | likely | likely.map(lambda b: b + b"#")
 ra = st.floats(0.0, 359.9999)
 dec = st.floats(-90.0, 90.0)
@@ -97,12 +95,7 @@ def test_skywatcher_writes_what_it_reads(number) -> None:
 
 @pytest.mark.parametrize(
     ("reply", "degrees"),
-    [
-        (b"05:30.5#", 82.625),
-        (b"05:30:30#", 82.625),
-        (b"05:30:30.50#", 82.6270833),
-        (b"23:59:59#", 359.9958333),
-    ],
+    [(b"05:30.5#", 82.625), (b"05:30:30#", 82.625), (b"05:30:30.50#", 82.6270833), (b"23:59:59#", 359.9958333)],
 )
 def test_every_form_of_a_right_ascension(reply, degrees) -> None:
     assert lx200.parse_ra(reply) == pytest.approx(degrees, abs=1e-6)

@@ -78,10 +78,7 @@ def test_an_equatorial_board_is_taken(version) -> None:
 )
 def test_an_alt_azimuth_or_unknown_board_is_refused_before_anything_else(version, sentence) -> None:
     script = at_mount_code(version)[:-1]
-    with (
-        pytest.raises(RefusedError, match=sentence),
-        transcript(SkyWatcher, script, site=SITE, clock=Night()),
-    ):
+    with pytest.raises(RefusedError, match=sentence), transcript(SkyWatcher, script, site=SITE, clock=Night()):
         pass
 
 

@@ -15,14 +15,7 @@ from tests.gear.mounts.bench import LIMITS, SITE, simulated, still
 from tests.gear.mounts.test_conformance import own, place, wait_for
 from tests.gear.mounts.test_faults import said
 
-STOPS = {
-    "lx200": b":Q#",
-    "onstep": b":Q#",
-    "nexstar": b"M",
-    "synscan": b"M",
-    "ioptron": b":Q#",
-    "skywatcher": b":L1\r",
-}
+STOPS = {"lx200": b":Q#", "onstep": b":Q#", "nexstar": b"M", "synscan": b"M", "ioptron": b":Q#", "skywatcher": b":L1\r"}
 
 
 class Recorder:

@@ -65,10 +65,7 @@ def test_lx200_that_wants_a_space_gets_it() -> None:
 )
 def test_lx200_slew_is_refused_with_the_mounts_reason(reply, reason) -> None:
     target = [(b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1")]
-    with (
-        transcript(Lx200, [*CLASSIC_START, *target, (b":MS#", reply)]) as m,
-        pytest.raises(RefusedError, match=reason),
-    ):
+    with transcript(Lx200, [*CLASSIC_START, *target, (b":MS#", reply)]) as m, pytest.raises(RefusedError, match=reason):
         m.goto(*TARGET)
 
 
@@ -179,10 +176,7 @@ def test_nexstar_goto_sync_state() -> None:
 
 
 def test_nexstar_before_its_alignment_is_refused_before_the_goto_is_sent() -> None:
-    with (
-        transcript(NexStar, [*NEXSTAR_START, (b"J", b"\x00#")]) as m,
-        pytest.raises(RefusedError, match="not aligned"),
-    ):
+    with transcript(NexStar, [*NEXSTAR_START, (b"J", b"\x00#")]) as m, pytest.raises(RefusedError, match="not aligned"):
         m.goto(*TARGET)
 
 
@@ -292,10 +286,7 @@ def test_skywatcher_at_home_points_at_the_pole() -> None:
 
 def test_skywatcher_refusal_is_said_and_nothing_starts() -> None:
     script = [*MOTORS_START, (b":f1\r", b"=000\r"), (b":F1\r", b"!5\r")]
-    with (
-        transcript(SkyWatcher, script, site=SITE, clock=noon) as m,
-        pytest.raises(RefusedError, match="sleeps"),
-    ):
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m, pytest.raises(RefusedError, match="sleeps"):
         m.track(True)
 
 

@@ -13,13 +13,7 @@ from kochab.core.progress import run
 from kochab.gear.mounts import slew_supervisor
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.motion_policy import MotionPolicy, with_paths
-from kochab.gear.mounts.slew_supervisor import (
-    ASIDE_DEG,
-    SupervisedMotion,
-    allowed_region,
-    may_flip,
-    slew_limit_s,
-)
+from kochab.gear.mounts.slew_supervisor import ASIDE_DEG, SupervisedMotion, allowed_region, may_flip, slew_limit_s
 from kochab.workflows.centre_target import centre_target
 from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, Imaginary, at, guarded
 from tests.simulate.failing_axis import AxisFailure, fail
@@ -235,9 +229,7 @@ def test_a_sync_just_after_a_pulse_is_no_jump() -> None:
 def plan_of(start, target, **limits):
     guard, mount = guarded(*start, **limits)
     here = Pointing(*mount.here, Epoch.DATE)
-    return with_paths(
-        MotionPolicy(SITE, guard.limits, lambda: NIGHT).plan("goto", here, mount.now, at(*target))
-    )
+    return with_paths(MotionPolicy(SITE, guard.limits, lambda: NIGHT).plan("goto", here, mount.now, at(*target)))
 
 
 def aside_deg(room, hour, dec):
@@ -246,8 +238,7 @@ def aside_deg(room, hour, dec):
 
 
 @pytest.mark.parametrize(
-    ("start", "target"),
-    [((-70.0, 10.0), (-5.0, 80.0)), ((40.0, 85.0), (80.0, -20.0)), ((-170.0, 75.0), (-60.0, 40.0))],
+    ("start", "target"), [((-70.0, 10.0), (-5.0, 80.0)), ((40.0, 85.0), (80.0, -20.0)), ((-170.0, 75.0), (-60.0, 40.0))]
 )
 def test_axes_may_arrive_one_after_the_other(start, target) -> None:
     room = allowed_region(plan_of(start, target))

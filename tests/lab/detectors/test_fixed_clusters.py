@@ -40,11 +40,7 @@ def test_a_frame_too_wide_for_the_format_is_refused() -> None:
         DETECTORS.make("clusters", threshold=51.0, arithmetic="fixed").detect(Frame(pixels))
 
 
-@given(
-    st.lists(
-        st.tuples(st.floats(-255, 255), st.floats(-255, 255), st.integers(1, 65535)), min_size=1, max_size=60
-    )
-)
+@given(st.lists(st.tuples(st.floats(-255, 255), st.floats(-255, 255), st.integers(1, 65535)), min_size=1, max_size=60))
 def test_running_centres_agree_to_one_bit_a_pixel(pixels) -> None:
     fixed, floating = FixedMean(*pixels[0]), FloatMean(*pixels[0])
     for pixel in pixels[1:]:

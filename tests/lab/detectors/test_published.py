@@ -165,17 +165,14 @@ def test_a_flat_top_is_one_peak_and_a_refined_one_is_between_pixels(plain) -> No
     pixels[10:13, 10:14] = 60000
     np.testing.assert_allclose(DETECTORS.make("peaks").detect(Frame(pixels)).xy, [[11.5, 11.0]])
     frame, xy, _ = plain
-    errors = [
-        compare(DETECTORS.make("peaks", refined=refined).detect(frame), xy)[2] for refined in (False, True)
-    ]
+    errors = [compare(DETECTORS.make("peaks", refined=refined).detect(frame), xy)[2] for refined in (False, True)]
     assert errors[1] < 0.4 * errors[0]
 
 
 def test_the_gaussian_misses_trails_that_peaks_and_contours_find() -> None:
     frame, xy, _ = field(RenderedStar(3.0, trail_px=(8.0, 3.0)), FLAT_SKY)
     complete = {
-        name: compare(DETECTORS.make(name).detect(frame), xy, 4.0)[0]
-        for name in ("gaussian", "peaks", "contours")
+        name: compare(DETECTORS.make(name).detect(frame), xy, 4.0)[0] for name in ("gaussian", "peaks", "contours")
     }
     assert complete["gaussian"] < 0.6 < min(complete["peaks"], complete["contours"])
 
@@ -218,7 +215,5 @@ def test_nothing_else_needs_photutils(repository):
         "    assert len(DETECTORS.make(name).detect(read_frame(file))), name\n"
         "sys.exit(main(['solve', file]))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=200
-    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -72,9 +72,7 @@ def test_the_names_are_those_of_floating_point(name) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    st.lists(st.tuples(st.floats(0, 1100), st.floats(0, 1100)), min_size=2, max_size=8), st.floats(1.0, 60.0)
-)
+@given(st.lists(st.tuples(st.floats(0, 1100), st.floats(0, 1100)), min_size=2, max_size=8), st.floats(1.0, 60.0))
 def test_separations_are_right_or_refused(points, field) -> None:
     detections = Detections.from_list(np.array(points), 1100, 1100)
     try:
@@ -92,11 +90,7 @@ def both_float(detections: Detections, field: float):
     return np.degrees(sight.separation)
 
 
-@given(
-    st.lists(
-        st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1)), min_size=1, max_size=10
-    )
-)
+@given(st.lists(st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1)), min_size=1, max_size=10))
 def test_directions_are_right_to_a_bit_or_two(steps) -> None:
     step = np.array([s for s in steps if max(map(abs, s)) > 500_000] or [(900_000, 0)])
     got = triads_fixed_point.TURN.floats(triads_fixed_point.direction(step))

@@ -126,9 +126,7 @@ def test_stars_of_a_toy_sky_are_found_by_their_neighbours(toy_sky) -> None:
 def test_real_fields_are_named_right_or_refused(seed) -> None:
     catalogue, rng, named = open_catalogue(), np.random.default_rng(seed), 0
     for _ in range(10):
-        field = random_field(
-            catalogue, rng, FieldPlan(28.0, missing=0.0, spurious=0.0, magnitude_scatter=0.1)
-        )
+        field = random_field(catalogue, rng, FieldPlan(28.0, missing=0.0, spurious=0.0, magnitude_scatter=0.1))
         found = run(Neighbours().identify(field.detections, knowing(field.camera)))
         if isinstance(found, NoSolution):
             continue
@@ -149,8 +147,7 @@ def test_points_that_are_no_stars_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stars", "hint", "reason"),
-    [(20, None, Reason.NO_PATTERN_AGREED), (2, Hint((100.0, 110.0)), Reason.TOO_FEW_STARS)],
+    ("stars", "hint", "reason"), [(20, None, Reason.NO_PATTERN_AGREED), (2, Hint((100.0, 110.0)), Reason.TOO_FEW_STARS)]
 )
 def test_what_it_cannot_work_with(stars, hint, reason) -> None:
     points = np.random.default_rng(1).uniform(0, 900, (stars, 2))

@@ -19,9 +19,7 @@ from kochab.sky import open_catalogue
 
 SIGMA = 87.2665e-6 / 3
 METHODS = [(Angles, angle_table), (SphericalTriangles, triangle_table)]
-PLAN = FieldPlan(
-    8.0, size_px=2048, noise_px=0.2, missing=0.0, spurious=0.0, magnitude_scatter=0.0, brightest=12
-)
+PLAN = FieldPlan(8.0, size_px=2048, noise_px=0.2, missing=0.0, spurious=0.0, magnitude_scatter=0.0, brightest=12)
 
 
 def table_62(method, table, sigma, noise, fields=100):
@@ -41,8 +39,7 @@ def table_62(method, table, sigma, noise, fields=100):
 
 
 @pytest.mark.parametrize(
-    ("kind", "make", "low", "high"),
-    [(Angles, angle_table, 40, 70), (SphericalTriangles, triangle_table, 82, 98)],
+    ("kind", "make", "low", "high"), [(Angles, angle_table, 40, 70), (SphericalTriangles, triangle_table, 82, 98)]
 )
 def test_table_62(kind, make, low, high):
     right, _, wrong = table_62(kind(), make(6.94, 8118, None), SIGMA, SIGMA)

@@ -15,10 +15,7 @@ from tests.cli.test_paper_tables import DENEB, VEGA
 
 FIELD = (9.0130, 6.9049)
 SADR = np.array([[210.0, 121.1], [169.4, 234.8], [153.3, 304.4]])
-NAMES = {
-    "vega": (7001, 7139, 7056, 7051, 6872),
-    "deneb": (7924, 7735, 7751, 7977, 7844, 7851, 8001, 8003, 7798),
-}
+NAMES = {"vega": (7001, 7139, 7056, 7051, 6872), "deneb": (7924, 7735, 7751, 7977, 7844, 7851, 8001, 8003, 7798)}
 
 
 def detections_of(table) -> Detections:

@@ -58,8 +58,7 @@ def test_points_that_are_no_stars_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stars", "hint", "reason"),
-    [(20, None, Reason.NO_PATTERN_AGREED), (5, Hint((30.0, 32.0)), Reason.TOO_FEW_STARS)],
+    ("stars", "hint", "reason"), [(20, None, Reason.NO_PATTERN_AGREED), (5, Hint((30.0, 32.0)), Reason.TOO_FEW_STARS)]
 )
 def test_what_it_cannot_work_with(stars, hint, reason) -> None:
     points = np.random.default_rng(1).uniform(0, 900, (stars, 2))

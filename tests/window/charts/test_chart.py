@@ -186,10 +186,7 @@ def test_a_chart_is_written_as_picture_and_as_numbers(qtbot, chart, tmp_path):
     assert rows[2] == ["a", "2.0", "50.0", ""]
     with Image.open(tmp_path / "noise.png") as image:
         assert image.size == (640, 480)
-        assert (
-            rgb(line_style(0, chart.colours).colour)
-            in np.asarray(image.convert("RGB")).reshape(-1, 3).tolist()
-        )
+        assert rgb(line_style(0, chart.colours).colour) in np.asarray(image.convert("RGB")).reshape(-1, 3).tolist()
     with qtbot.waitSignal(chart.write(tmp_path / "no" / "noise.csv").finished):
         pass
     (box,) = chart.window().findChildren(QMessageBox)
@@ -272,7 +269,5 @@ assert len(chart.plot.listDataItems()) == 1
 chart.grab()
 print("MADE")
 """
-    found = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
-    )
+    found = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120)
     assert found.stdout.strip() == "MADE", found.stderr

@@ -285,10 +285,7 @@ def test_curves_are_drawn_round_by_round_and_can_be_stopped(qtbot, lab):
 
 @pytest.mark.parametrize(
     ("kind", "name", "axis"),
-    [
-        (ComparedPart.DETECTOR, "contours", "stars found, %"),
-        (ComparedPart.ATTITUDE, "quest", "error, arcsec"),
-    ],
+    [(ComparedPart.DETECTOR, "contours", "stars found, %"), (ComparedPart.ATTITUDE, "quest", "error, arcsec")],
 )
 def test_curves_of_another_kind_have_another_measure(qtbot, lab, kind, name, axis):
     _, view = lab()

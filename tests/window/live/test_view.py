@@ -309,8 +309,7 @@ def test_what_is_found_fills_the_address(qtbot):
     qtbot.addWidget(panel)
     panel.box.source.setCurrentIndex(panel.box.source.findData("webcam"))
     panel.box.show_found(
-        "webcam",
-        [CameraDevice("webcam", "/dev/video0", "A webcam"), CameraDevice("webcam", "/dev/video2", "Another")],
+        "webcam", [CameraDevice("webcam", "/dev/video0", "A webcam"), CameraDevice("webcam", "/dev/video2", "Another")]
     )
     assert panel.choice().address == "/dev/video0"
     panel.box.found.setCurrentIndex(1)

@@ -99,10 +99,7 @@ def test_a_long_exposure_is_not_old_while_the_next_one_is_taken():
 def test_there_may_be_nothing_to_say():
     update = LiveUpdate(shot(), track(refusal(), "lost"), monotonic())
     assert not status_text.is_old(update, monotonic())
-    assert status_text.position_texts(update, AngleStyle.DECIMAL) == (
-        status_text.NOTHING,
-        status_text.NOTHING,
-    )
+    assert status_text.position_texts(update, AngleStyle.DECIMAL) == (status_text.NOTHING, status_text.NOTHING)
     assert status_text.drift_texts(None) == (status_text.NOTHING, status_text.NOTHING)
     assert status_text.recorded_text(None) == ""
 
@@ -137,12 +134,7 @@ def test_what_is_known_of_the_lens():
 
 @pytest.mark.parametrize(
     ("values", "advice"),
-    [
-        ([0.3, 0.3, 0.4, 0.5], ""),
-        ([0.001] * 50, "Increase"),
-        ([0.7] * 50, "Reduce"),
-        ([0.1, 0.1, 1.0, 1.0], "clipped"),
-    ],
+    [([0.3, 0.3, 0.4, 0.5], ""), ([0.001] * 50, "Increase"), ([0.7] * 50, "Reduce"), ([0.1, 0.1, 1.0, 1.0], "clipped")],
 )
 def test_the_exposure_is_judged(values, advice):
     text = status_text.levels_text(levels_of(np.array(values) * 4095, 4095.0))
@@ -151,7 +143,4 @@ def test_the_exposure_is_judged(values, advice):
 
 
 def test_what_a_camera_does_not_allow_has_a_reason():
-    assert set(status_text.fixed_settings(CaptureLimits(exposure_s=(0.1, 2.0), binning=(1, 1)))) == {
-        "gain",
-        "binning",
-    }
+    assert set(status_text.fixed_settings(CaptureLimits(exposure_s=(0.1, 2.0), binning=(1, 1)))) == {"gain", "binning"}

@@ -31,9 +31,7 @@ def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, set
         assert current_profile(settings).meridian is Meridian.CROSSES
 
 
-def test_what_was_chosen_is_in_force_from_the_first_motion_after_a_restart(
-    qtbot, make_window, engine, settings
-):
+def test_what_was_chosen_is_in_force_from_the_first_motion_after_a_restart(qtbot, make_window, engine, settings):
     keep_profile(settings, meridian=Meridian.FLIPS)
     _, commands = make_window(engine)
     commands.views.show("mount")

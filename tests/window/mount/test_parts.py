@@ -56,9 +56,7 @@ def test_a_mount_that_takes_no_sync_can_still_be_corrected_by_a_slew():
     by_hand = reasons_against(MountSituation("on", lacks, MountState(), solved=True))
     assert by_hand["sync"] == "It takes no sync.", "an open frame is no ground for a slew"
     both = lacks | {Ability.GOTO: "Nor gotos."}
-    assert (
-        reasons_against(MountSituation("on", both, MountState(), camera=True))["sync"] == "It takes no sync."
-    )
+    assert reasons_against(MountSituation("on", both, MountState(), camera=True))["sync"] == "It takes no sync."
 
 
 def test_parked_busy_and_blind_have_their_own_reasons():
@@ -127,8 +125,7 @@ def test_an_offset_has_directions_and_a_ring():
 
 
 @pytest.mark.parametrize(
-    ("end", "role"),
-    [(CentringEnd.CENTRED, "good"), (CentringEnd.NO_SOLUTION, "wrong"), (CentringEnd.REFUSED, "wrong")],
+    ("end", "role"), [(CentringEnd.CENTRED, "good"), (CentringEnd.NO_SOLUTION, "wrong"), (CentringEnd.REFUSED, "wrong")]
 )
 def test_a_centring_is_told_and_a_large_sync_is_sent_to_its_preview(end, role):
     result = Centring(end, "The sync would shift the mount by 6.0 deg: confirm it.")

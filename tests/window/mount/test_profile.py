@@ -31,9 +31,7 @@ def test_a_new_name_keeps_what_is_used_now_and_another_brings_its_own(view, sett
     assert load_profile("Newton").mount == MountSelection("COM3", "onstep")
     assert load_profile("Newton").site == Site(48.0, 11.0)
     choose(view, "Refractor")
-    keep_profile(
-        settings, port="COM9", site=None, lowest_altitude_deg=25.0, source="folder", address="/frames"
-    )
+    keep_profile(settings, port="COM9", site=None, lowest_altitude_deg=25.0, source="folder", address="/frames")
     choose(view, "Newton")
     assert view.connect_box.chosen_port == "COM3"
     assert settings.site == Site(48.0, 11.0)

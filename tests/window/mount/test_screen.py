@@ -28,9 +28,7 @@ def test_a_practice_night_ends_with_m_42_in_the_middle(environment, tmp_path):
     assert told["off_at_first"] == "3.00°"
     assert told["said"].startswith("M 42 is centred to ")
     assert told["away_arcsec"] < 60.0, "the telescope truly points there"
-    day, night = (
-        np.asarray(Image.open(tmp_path / n).convert("RGB")) for n in ("mount.png", "mount-night.png")
-    )
+    day, night = (np.asarray(Image.open(tmp_path / n).convert("RGB")) for n in ("mount.png", "mount-night.png"))
     assert day.shape == (860, 1360, 3)
     assert not night[..., 1:].any()
     assert night[..., 0].max() == 255

@@ -308,9 +308,7 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
         assert apart_deg(mount.control.known.report.icrs_deg, sky) * 3600.0 < 120.0
         mount.view.undo.click()
         qtbot.waitUntil(lambda: any("Sync undone" in s for s in mount.said[1:]), timeout=15_000)
-        qtbot.waitUntil(
-            lambda: apart_deg(mount.control.known.report.icrs_deg, before) * 3600.0 < 120.0, timeout=10_000
-        )
+        qtbot.waitUntil(lambda: apart_deg(mount.control.known.report.icrs_deg, before) * 3600.0 < 120.0, timeout=10_000)
 
 
 def test_a_sync_that_is_refused_offers_no_yes(qtbot, opened):

@@ -39,14 +39,7 @@ def test_every_kind_of_option_can_be_set(form):
     form.fields["path"].setCurrentText("fixed")
     form.fields["dec_deg"].setText("30,−5")
     form.fields["limit"].setText("6")
-    wanted = {
-        "margin_px": 3.5,
-        "stars": 20,
-        "planar": True,
-        "path": "fixed",
-        "dec_deg": (30.0, -5.0),
-        "limit": 6.0,
-    }
+    wanted = {"margin_px": 3.5, "stars": 20, "planar": True, "path": "fixed", "dec_deg": (30.0, -5.0), "limit": 6.0}
     assert form.values() == wanted
     assert Example(**form.values())
     form.fill({})
@@ -55,9 +48,7 @@ def test_every_kind_of_option_can_be_set(form):
     assert form.values() == wanted
 
 
-@pytest.mark.parametrize(
-    ("name", "text"), [("margin_px", "40"), ("stars", "7.5"), ("dec_deg", "3"), ("limit", "x")]
-)
+@pytest.mark.parametrize(("name", "text"), [("margin_px", "40"), ("stars", "7.5"), ("dec_deg", "3"), ("limit", "x")])
 def test_what_is_not_allowed_is_marked_and_said_with_its_range(form, name, text):
     form.fields[name].setText(text)
     assert form.fields[name].property("wrong")
@@ -90,12 +81,7 @@ def test_the_options_of_every_method_can_be_typed_as_they_stand(qtbot, name):
 def test_choices_of_the_method_group(qtbot):
     group = MethodGroup(list(IDENTIFIERS), ["auto", "peaks"])
     qtbot.addWidget(group)
-    assert group.choices() == {
-        "method": "patterns",
-        "method_options": {},
-        "detector": "auto",
-        "attitude": None,
-    }
+    assert group.choices() == {"method": "patterns", "method_options": {}, "detector": "auto", "attitude": None}
     assert [group.attitude.itemText(i) for i in range(group.attitude.count())] == [FITTED, *ESTIMATORS]
     group.method.setCurrentText("triads")
     group.attitude.setCurrentText("triad")

@@ -6,14 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import QEventLoop, Qt, QTimer
-from PySide6.QtWidgets import (
-    QAbstractButton,
-    QAbstractSpinBox,
-    QComboBox,
-    QLineEdit,
-    QListWidget,
-    QPlainTextEdit,
-)
+from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QListWidget, QPlainTextEdit
 
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, LineLostError, NoAnswerError, UsageError
@@ -74,9 +67,7 @@ def polar(qtbot, settings):
     made = []
 
     def make(practice=None):
-        window, commands = build(
-            WorkflowEngine(), settings, [], Wiring(practice=practice, phone_page=PhonePage)
-        )
+        window, commands = build(WorkflowEngine(), settings, [], Wiring(practice=practice, phone_page=PhonePage))
         qtbot.addWidget(window)
         window.resize(1360, 860)
         window.show()

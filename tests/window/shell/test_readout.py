@@ -22,9 +22,7 @@ def test_altitude_and_azimuth_agree_with_astropy():
     from astropy.time import Time
 
     frame = replace(star_field(), hint=Hint(time_utc=WHEN, site=MUNICH))
-    horizon = replace(
-        horizon_of(frame, None), refraction=replace(horizon_of(frame, None).refraction, pressure_hpa=0.0)
-    )
+    horizon = replace(horizon_of(frame, None), refraction=replace(horizon_of(frame, None).refraction, pressure_hpa=0.0))
     ra, dec = 83.82, -5.39
     v = np.array(
         [

@@ -56,9 +56,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         getattr(import_module(f"{__name__}.{module}"), function)(actions, name, text)
 
 
-def add_line_options(
-    parser: argparse.ArgumentParser, run: Callable[[Any], int], moves: tuple[str, ...] = ()
-) -> None:
+def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int], moves: tuple[str, ...] = ()) -> None:
     """Add what every action that talks to a mount needs; ``moves`` are its safety switches."""
     add_mount_choice(parser)
     add_profile(parser)
@@ -75,9 +73,7 @@ def add_line_options(
     for name, text in SWITCHES.items():
         if name in moves:
             parser.add_argument(f"--{name}", action="store_true", help=text)
-    parser.set_defaults(
-        run=reporting_failures(run), limits=None, **dict.fromkeys(("no_site", "allow_flip"), False)
-    )
+    parser.set_defaults(run=reporting_failures(run), limits=None, **dict.fromkeys(("no_site", "allow_flip"), False))
 
 
 SWITCHES = {
@@ -149,9 +145,7 @@ class MountFrames:
 def add_camera(parser: argparse.ArgumentParser, files: bool = False) -> None:
     """Add the options of a camera and of the solver, and ``--frames`` for ``files``."""
     if files:
-        parser.add_argument(
-            "--frames", nargs="+", metavar="F", help="files or folders of frames taken just now"
-        )
+        parser.add_argument("--frames", nargs="+", metavar="F", help="files or folders of frames taken just now")
     add_camera_choice(parser)
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
     add_search(parser)
@@ -179,9 +173,7 @@ def mount_frames(args: argparse.Namespace) -> Iterator[MountFrames]:
     options = options_of(args, args.detector)
     if files is not None:
         found = FileFrames(files, options)
-        yield MountFrames(
-            found.solve_now, lambda: found.time_utc, lambda: found.site, lambda: list(found.used)
-        )
+        yield MountFrames(found.solve_now, lambda: found.time_utc, lambda: found.site, lambda: list(found.used))
         return
     from kochab.core.frame import Hint
     from kochab.gear.cameras import open_camera

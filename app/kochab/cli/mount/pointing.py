@@ -62,10 +62,7 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
     with guarded_mount(args) as guard:
         there = guard.to_mount(ra, dec)
         guard.armed = args.arm
-        if args.action == "goto":
-            preview = guard.preview_goto(*there)
-        else:
-            preview = guard.preview_sync(*there, by_hand=True)
+        preview = guard.preview_goto(*there) if args.action == "goto" else guard.preview_sync(*there, by_hand=True)
         if args.yes:
             if args.action == "goto":
                 with_progress("goto", guard.slew(*there))
@@ -89,8 +86,7 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
 def _say(told: dict[str, Any], preview: "Preview") -> None:
     print(f"{told['action']} to {radec(told['target_ra_deg'], told['target_dec_deg'])} (J2000)")
     print(
-        f"  {preview.offset_deg:.3f} deg away: {preview.east_deg * 60:+.1f}' east, "
-        f"{preview.north_deg * 60:+.1f}' north"
+        f"  {preview.offset_deg:.3f} deg away: {preview.east_deg * 60:+.1f}' east, {preview.north_deg * 60:+.1f}' north"
     )
     print(*preview_lines(preview, told["done"]), sep="\n")
     if told["done"]:
@@ -109,11 +105,7 @@ def add_centre(actions: "argparse._SubParsersAction[Any]", name: str, text: str)
     add_line_options(parser, run_centre, ("yes", "no-site", "allow-flip"))
     add_camera(parser)
     parser.add_argument(
-        "--tolerance",
-        type=between(1.0, 36000.0, "arcsec"),
-        default=60.0,
-        metavar="ARCSEC",
-        help="centred within (60)",
+        "--tolerance", type=between(1.0, 36000.0, "arcsec"), default=60.0, metavar="ARCSEC", help="centred within (60)"
     )
     parser.add_argument("--tries", type=_tries, default=5, metavar="N", help="corrections at most (5)")
     parser.add_argument("--no-sync", action="store_true", help="correct by offset gotos only")
@@ -131,13 +123,7 @@ def run_centre(args: argparse.Namespace) -> int:
         from kochab.workflows.centre_target import centre_target
 
         task = centre_target(
-            guard,
-            seeing.solve_now,
-            target,
-            args.tolerance,
-            args.tries,
-            may_sync=not args.no_sync,
-            confirmed=True,
+            guard, seeing.solve_now, target, args.tolerance, args.tries, may_sync=not args.no_sync, confirmed=True
         )
         result = with_progress("centre", task)
         told = {**_json(target, result), **where(args, guard)}

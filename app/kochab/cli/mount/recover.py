@@ -58,12 +58,7 @@ def run_recover(args: argparse.Namespace) -> int:
             return found
 
         task = recover_mount(
-            guard,
-            solve_now,
-            confirmed=args.yes,
-            armed=args.arm,
-            only_look=args.dry_run or asked,
-            taken=seeing.taken,
+            guard, solve_now, confirmed=args.yes, armed=args.arm, only_look=args.dry_run or asked, taken=seeing.taken
         )
         done = with_progress("recover", task)
         told = {**_json(done, seeing.used(), notes), **where(args, guard)}

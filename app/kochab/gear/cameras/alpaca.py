@@ -290,9 +290,7 @@ class AlpacaCamera(ExposingCamera[AlpacaDevice]):
         pixels, colour, clips = split(sensor_numbers(image_of(data, kind), most))
         bayer, warnings = self._device.pattern() if colour is None else (None, ())
         full = float(most) if most and colour is None else clips
-        return Frame(
-            pixels, colour, bayer, full, f"{self.name} {self._count}", hint, warnings, {"XBINNING": binned}
-        )
+        return Frame(pixels, colour, bayer, full, f"{self.name} {self._count}", hint, warnings, {"XBINNING": binned})
 
 
 def _listed(where: NetAddress) -> list[CameraDevice]:
@@ -301,7 +299,4 @@ def _listed(where: NetAddress) -> list[CameraDevice]:
         cameras = link.cameras()
     finally:
         link.close()
-    return [
-        CameraDevice("alpaca", f"{where.server}/{number}", f"{name} on {where.host}")
-        for number, name in cameras
-    ]
+    return [CameraDevice("alpaca", f"{where.server}/{number}", f"{name} on {where.host}") for number, name in cameras]

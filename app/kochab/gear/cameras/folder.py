@@ -231,9 +231,7 @@ class FolderCamera(CameraSource):
         return about.st_dev, about.st_ino
 
     def _gone(self, error: OSError) -> LineLostError:
-        return LineLostError(
-            f"Lost the folder {self._folder} ({error.strerror}). Check the drive or network share."
-        )
+        return LineLostError(f"Lost the folder {self._folder} ({error.strerror}). Check the drive or network share.")
 
 
 def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:

@@ -46,9 +46,7 @@ class IndiDevice:
         """What is set now."""
         gain, bins = self._gain(), self.link.value(self.name, "CCD_BINNING", "HOR_BIN")
         told = gain and self.link.value(self.name, *gain)
-        return CaptureSettings(
-            self.exposure_s, float(told) if told else None, int(float(bins)) if bins else None
-        )
+        return CaptureSettings(self.exposure_s, float(told) if told else None, int(float(bins)) if bins else None)
 
     def apply(self, settings: CaptureSettings) -> None:
         """Set what is told; RefusedError when the driver does not take it."""

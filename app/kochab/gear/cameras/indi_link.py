@@ -186,9 +186,7 @@ class IndiLink:
 
     def _lose(self) -> None:
         with self._news:
-            self._lost = self._lost or (
-                f"The INDI server {self._address.server} disconnected. Check its computer."
-            )
+            self._lost = self._lost or (f"The INDI server {self._address.server} disconnected. Check its computer.")
             self._news.notify_all()
 
     def _hear(self, event: Any) -> None:

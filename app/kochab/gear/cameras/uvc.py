@@ -205,9 +205,7 @@ class Webcam(CameraSource):
         self._count += 1
         exposure_s = self._controls.exposure_s
         ago_s = monotonic() - arrived_s + (exposure_s or 0.0) / 2.0
-        hint = Hint(
-            time_utc=datetime.now(UTC) - timedelta(seconds=ago_s), exposure_s=exposure_s, camera=self.name
-        )
+        hint = Hint(time_utc=datetime.now(UTC) - timedelta(seconds=ago_s), exposure_s=exposure_s, camera=self.name)
         samples, bayer = _samples(picture)
         pixels, colour, clips = split(samples)
         return Frame(pixels, colour, bayer, clips, f"{self.name} {self._count}", hint)

@@ -75,9 +75,7 @@ def from_mount_epoch(pointing: Pointing, time_utc: datetime) -> tuple[float, flo
     return radec_deg(from_apparent(vector, time_utc)[0])
 
 
-def utc_of(
-    year: int, month: int, day: int, hour: int, minute: int, second: int, utc_offset_h: float
-) -> datetime:
+def utc_of(year: int, month: int, day: int, hour: int, minute: int, second: int, utc_offset_h: float) -> datetime:
     """Universal time of a local time; `ValueError` when there is no such time."""
     local = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
     return local - timedelta(hours=utc_offset_h)

@@ -195,9 +195,7 @@ class Guard:
         here = self.position()
         away = 3600.0 * apart_deg((here.ra_deg, here.dec_deg), (ra_deg, dec_deg))
         if away > self.limits.read_back_arcsec:
-            sentence = (
-                f"The mount ignored the sync, still off by {away / 60.0:.1f}′. Slew by the offset instead."
-            )
+            sentence = f"The mount ignored the sync, still off by {away / 60.0:.1f}′. Slew by the offset instead."
             self.log.add("sync", "failed", sentence)
             raise RefusedError(sentence)
         self.log.add("sync", "done", detail={"read_back_arcsec": away})
@@ -286,9 +284,7 @@ class Guard:
         self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, **detail)
         return slew_limit_s(plan)
 
-    def _allowed_move(
-        self, action: str, direction: Direction, rate_deg_s: float, seconds: float
-    ) -> SupervisedMotion:
+    def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:
         """Check where a move or pulse ends at the latest; what is then supervised."""
         here, angle = self.position(), rate_deg_s * seconds
         overrun = OVERRUN_KNOWN if self.rates_deg_s else OVERRUN

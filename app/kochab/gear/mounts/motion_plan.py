@@ -132,9 +132,7 @@ class Plan:
         """Of start and target; None without a site."""
         if self.site is None:
             return None
-        start, target = (
-            hour_angle_deg(ra, self.site, self.time_utc) for ra, _ in (self.start_deg, self.target_deg)
-        )
+        start, target = (hour_angle_deg(ra, self.site, self.time_utc) for ra, _ in (self.start_deg, self.target_deg))
         return start, target
 
     def path_hour_angles_deg(self) -> Floats:

@@ -44,8 +44,7 @@ def readiness(plan: Plan) -> Findings:
         yield refuse(CONFIRM_HOME)
     if plan.state.home_confirmed is False and plan.action == "sync" and plan.by_hand:
         yield refuse(
-            "The mount's home is not confirmed: only a solved frame can do that, or you when "
-            "you connect (--home now)."
+            "The mount's home is not confirmed: only a solved frame can do that, or you when you connect (--home now)."
         )
 
 
@@ -275,13 +274,7 @@ class MotionPolicy:
         return plan, preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, MOTION_RULES)
 
     def move(
-        self,
-        action: str,
-        here: Pointing,
-        state: MountState,
-        direction: Direction,
-        angle_deg: float,
-        overrun: float,
+        self, action: str, here: Pointing, state: MountState, direction: Direction, angle_deg: float, overrun: float
     ) -> tuple[Plan, Preview, Floats]:
         """A move or pulse, its preview, and where it may be seen: ``overrun`` times as far."""
         still = self.plan(action, here, state, (here.ra_deg, here.dec_deg))

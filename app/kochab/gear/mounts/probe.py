@@ -52,9 +52,7 @@ def ask_skywatcher(talk: Conversation) -> Diagnosis:
     version = talk.ask(skywatcher.command("e", 0), reader, skywatcher.parse_data)
     talk.ask(skywatcher.command("j", 0), reader, skywatcher.parse_position)
     advice = "It stores no site: give --site LAT,LON."
-    return Diagnosis(
-        driver="skywatcher", name=f"Sky-Watcher motor board, version {version[:4]}", advice=advice
-    )
+    return Diagnosis(driver="skywatcher", name=f"Sky-Watcher motor board, version {version[:4]}", advice=advice)
 
 
 def ask_lx200(talk: Conversation) -> Diagnosis:
@@ -122,9 +120,7 @@ def probe_port(port: str, opener: Callable[[str, int], Link] = SerialLink) -> Ta
     )
 
 
-def _round(
-    port: str, baud: int, questions: tuple[Question, ...], talk: Conversation
-) -> Task[Diagnosis | None]:
+def _round(port: str, baud: int, questions: tuple[Question, ...], talk: Conversation) -> Task[Diagnosis | None]:
     for ask in questions:
         make = ask.__name__.removeprefix("ask_")
         yield Progress("asking", None, f"{port} for {make}" + (f" at {baud} baud" if baud else ""))

@@ -52,10 +52,7 @@ def _permission(port: str) -> str:
     group = _group(port)
     if group in ("", "root"):
         return f"No permission to open {port}: ask this computer's administrator."
-    return (
-        f"No permission to open {port} (group {group}): "
-        f"run `sudo usermod -aG {group} $USER` and log in again."
-    )
+    return f"No permission to open {port} (group {group}): run `sudo usermod -aG {group} $USER` and log in again."
 
 
 def _group(port: str) -> str:
@@ -143,9 +140,7 @@ class SerialLink:
         """Throw away what has come; at most two seconds on a line that never falls silent."""
         stale, quiet_since = bytearray(), monotonic()
         end = quiet_since + 2.0
-        while self._guarded(lambda: self._serial.in_waiting) or (
-            quiet_s > 0.0 and monotonic() - quiet_since < quiet_s
-        ):
+        while self._guarded(lambda: self._serial.in_waiting) or (quiet_s > 0.0 and monotonic() - quiet_since < quiet_s):
             piece = self._guarded(lambda: self._serial.read(1))
             if piece:
                 stale += piece

@@ -65,8 +65,7 @@ class BenchResult:
             "machine": dict(self.machine),
             "rows": [{k: _plain(v) for k, v in row.items()} for row in self.rows],
             "goals": [
-                {"name": g.name, "value": _plain(g.value), "goal": g.goal, "met": _plain(g.met)}
-                for g in self.goals
+                {"name": g.name, "value": _plain(g.value), "goal": g.goal, "met": _plain(g.met)} for g in self.goals
             ],
         }
 
@@ -96,9 +95,7 @@ def table(rows: Sequence[Row]) -> str:
     keys = list(dict.fromkeys(key for row in rows for key in row))
     cells = [keys, *([_cell(row.get(key)) for key in keys] for row in rows)]
     widths = [max(len(line[i]) for line in cells) for i in range(len(keys))]
-    return "\n".join(
-        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in cells
-    )
+    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in cells)
 
 
 def _cell(value: Any) -> str:

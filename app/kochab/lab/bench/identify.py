@@ -232,9 +232,7 @@ class CedarSolve:
         if truth.camera.mirrored:
             xy[:, 0] = n - 1 - xy[:, 0]
         with contextlib.redirect_stdout(io.StringIO()):
-            said = self.engine.solve_from_centroids(
-                xy[:, ::-1] + 0.5, (n, n), solve_timeout=5000, return_matches=False
-            )
+            said = self.engine.solve_from_centroids(xy[:, ::-1] + 0.5, (n, n), solve_timeout=5000, return_matches=False)
         if said.get("RA") is None:
             return False, False
         sky = unit_vectors(float(said["RA"]), float(said["Dec"]))

@@ -56,12 +56,7 @@ class Ring:
 
 
 def make_ring(
-    width: int,
-    height: int,
-    count: int = 31,
-    seed: int = 1,
-    swing_deg: float = SWING_DEG,
-    bayer: str | None = None,
+    width: int, height: int, count: int = 31, seed: int = 1, swing_deg: float = SWING_DEG, bayer: str | None = None
 ) -> Ring:
     """Frames of a rich field at 30 arcsec a pixel, 20 ms each, with hot pixels.
 
@@ -77,11 +72,7 @@ def make_ring(
 
 
 def star_frame(
-    camera: Camera,
-    matrix: Floats,
-    seed: int,
-    trail_px: tuple[float, float] = (0.0, 0.0),
-    bayer: str | None = None,
+    camera: Camera, matrix: Floats, seed: int, trail_px: tuple[float, float] = (0.0, 0.0), bayer: str | None = None
 ) -> Frame:
     """One frame of the sky at ``matrix`` (3, 3)."""
     catalogue = open_catalogue()
@@ -91,9 +82,7 @@ def star_frame(
     flux = 4000.0 * 10.0 ** (-0.4 * (catalogue.mag(rows) - 8.0))
     seen = np.isfinite(xy).all(axis=1)
     sky, image = Sky(level_e=80.0, hot_per_mp=20.0), RenderedStar(2.6, trail_px=trail_px)
-    frame = render(
-        camera.width, camera.height, xy[seen], flux[seen], image, sky, Sensor(bayer=bayer), seed=seed
-    )
+    frame = render(camera.width, camera.height, xy[seen], flux[seen], image, sky, Sensor(bayer=bayer), seed=seed)
     return replace(frame, hint=Hint(exposure_s=EXPOSURE_S))
 
 

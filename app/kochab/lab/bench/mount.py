@@ -109,9 +109,7 @@ def _once(rig: MountRig, one: CentringRun, made: int) -> tuple[Centring | None, 
     """One centring; None when the line or the mount failed, and is as good as new again."""
     left = MOST_CORRECTIONS - made if made < MOST_CORRECTIONS else 1
     done: list[str] = []
-    task = centre_target(
-        rig.guard, rig.solve_now, rig.target, TOLERANCE_ARCSEC, left, confirmed=True, wait=rig.wait
-    )
+    task = centre_target(rig.guard, rig.solve_now, rig.target, TOLERANCE_ARCSEC, left, confirmed=True, wait=rig.wait)
     try:
         result = drive(task, lambda p: done.append(p.detail) if p.stage == "corrected" else None)
     except DeviceError as error:

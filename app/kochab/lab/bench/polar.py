@@ -34,14 +34,7 @@ import numpy as np
 
 from kochab.core.progress import run as run_task
 from kochab.lab.bench import BenchResult, Goal, Report, Row, column, timed
-from kochab.lab.bench.polar_rig import (
-    RigSky,
-    align_options,
-    follow,
-    make_rig,
-    point_for_sweep,
-    point_where_best,
-)
+from kochab.lab.bench.polar_rig import RigSky, align_options, follow, make_rig, point_for_sweep, point_where_best
 from kochab.polar.error import CHI2_68, CHI2_95, PolarError
 from kochab.simulate.mechanics.axis import GearErrors
 from kochab.simulate.mechanics.geometry import BoltErrors
@@ -143,9 +136,7 @@ def rows_and_goals(
         if "moves" in own[0]:
             row["most_moves"] = max(r["moves"] for r in own)
         rows.append(row)
-        goals.append(
-            Goal.at_least(f"{kind}: inside the 95 % ellipse, bending and all", row["in_whole_95"], 0.9)
-        )
+        goals.append(Goal.at_least(f"{kind}: inside the 95 % ellipse, bending and all", row["in_whole_95"], 0.9))
     return rows, goals
 
 
@@ -220,11 +211,7 @@ def _rows(runs: list[Row], kind: str) -> list[dict[str, Any]]:
         if not own:
             continue
         errors = column(own, "error_arcsec")
-        row: dict[str, Any] = {
-            "kind": kind,
-            "hidden": f"{low:g}-{min(high, 300.0):g} arcmin",
-            "runs": len(own),
-        }
+        row: dict[str, Any] = {"kind": kind, "hidden": f"{low:g}-{min(high, 300.0):g} arcmin", "runs": len(own)}
         row |= {"median_arcsec": float(np.median(errors)), "worst_arcsec": float(errors.max())}
         row |= {key: float(np.median(column(own, key))) for key in ("predicted_arcsec", "cpu_ms")}
         if kind == "align":

@@ -113,9 +113,7 @@ def measured_detections(
     order = order[good[order]][:most]
     if not len(order):
         return no_detections(flat.frame, flat)
-    found = Detections.from_list(
-        xy[order], flat.frame.width, flat.frame.height, np.arange(len(order), 0, -1.0)
-    )
+    found = Detections.from_list(xy[order], flat.frame.width, flat.frame.height, np.arange(len(order), 0, -1.0))
     major, minor, angle = _shapes(flat, xy[order])
     limit, saturated = flat.frame.saturation, np.zeros(len(order), dtype=np.bool_)
     if limit is not None and np.isfinite(limit):  # a pixel that clips within two pixels

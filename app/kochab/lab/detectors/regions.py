@@ -101,9 +101,7 @@ class ClusterDetector:
     paper: ClassVar[str] = "Attitude from stellar images, section 2.2"
 
     tau_px: float = number(8.0, "px", 1.0, 100.0, "a pixel so near a cluster's centre belongs to it")
-    threshold: float | None = number(
-        None, "grey levels", 0.0, 1e9, "brightness of a star's pixel", "by the noise"
-    )
+    threshold: float | None = number(None, "grey levels", 0.0, 1e9, "brightness of a star's pixel", "by the noise")
     sigmas: float = number(5.0, "sigma", 0.1, 1000.0, "threshold above the noise")
     least_pixels: int = integer(10, "px", 1, 10_000, "smaller clusters are no stars")
     rank: str = choice("pixels", ("pixels", "flux"), "what makes a star the brightest")
@@ -123,9 +121,7 @@ class ClusterDetector:
         mean = FixedMean if self.arithmetic == "fixed" else FloatMean
         clusters = _clusters(x - middle[0], y - middle[1], lights, self.tau_px, mean)
         stars = [c for c in clusters if c.pixels >= self.least_pixels]
-        light, pixels = (
-            np.array([getattr(c, what) for c in stars], dtype=np.float64) for what in ("light", "pixels")
-        )
+        light, pixels = (np.array([getattr(c, what) for c in stars], dtype=np.float64) for what in ("light", "pixels"))
         xy = np.array([c.place for c in stars], dtype=np.float64).reshape(-1, 2) + middle
         rank = pixels if self.rank == "pixels" else light
         return measured_detections(flat, xy, light, pixels, self.max_stars, rank)

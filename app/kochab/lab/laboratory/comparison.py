@@ -201,9 +201,7 @@ def scale_hint(truth: FieldTruth, radius_deg: float | None = None) -> Hint:
     return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
 
 
-def unsolved_trial(
-    kind: ComparedPart, name: str, refusal: NoSolution | None, truth: FieldTruth | None
-) -> Trial:
+def unsolved_trial(kind: ComparedPart, name: str, refusal: NoSolution | None, truth: FieldTruth | None) -> Trial:
     """No answer and the reason for it; None when the time was over."""
     reason = TOO_LONG if refusal is None else str(refusal.reason)
     said = "Allow it more time." if refusal is None else refusal.tried or refusal.advice
@@ -337,9 +335,7 @@ def try_detector(
     found, result = counted(examined.detections.xy, places), examined.result
     seconds = spent.get("detect", 0.0)
     if not isinstance(result, Solution):
-        return replace(
-            unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth), seconds=seconds, found=found
-        )
+        return replace(unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth), seconds=seconds, found=found)
     xy = np.array([(star.x, star.y) for star in result.stars])
     sky = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in result.stars]).T)
     pointing = result.camera, result.attitude

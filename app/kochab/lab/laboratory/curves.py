@@ -15,14 +15,7 @@ from statistics import median
 from typing import Any
 
 from kochab.core.progress import Progress, Task
-from kochab.lab.laboratory.comparison import (
-    Choice,
-    ComparedPart,
-    FieldSettings,
-    Trial,
-    options_for,
-    with_progress,
-)
+from kochab.lab.laboratory.comparison import Choice, ComparedPart, FieldSettings, Trial, options_for, with_progress
 from kochab.lab.laboratory.scene import Scene, tries_on
 
 MakeScene = Callable[[FieldSettings, Sequence[int]], Task[Scene]]

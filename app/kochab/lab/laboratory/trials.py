@@ -138,9 +138,7 @@ def name_stars(
     return NamedStars(matches, sigma, found.camera, found.attitude, found.log10_false_alarm, fit)
 
 
-def try_attitude(
-    named: NamedStars | NoSolution | None, choice: Choice, truth: FieldTruth | None
-) -> Task[Trial]:
+def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: FieldTruth | None) -> Task[Trial]:
     """Run one estimator, or the fit, on the named stars.
 
     Raises

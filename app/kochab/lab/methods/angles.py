@@ -132,34 +132,26 @@ class PivotingMethod(ABC):
     corners: ClassVar[int]  # stars of the figure
     fewest: ClassVar[int]
 
-    sigma_urad: float = number(
-        87.2665 / 3.0, "microradian", 0.1, 1000.0, "error of a star's place a coordinate"
-    )
+    sigma_urad: float = number(87.2665 / 3.0, "microradian", 0.1, 1000.0, "error of a star's place a coordinate")
     bound_sigma: float = number(
         3.0, "sigma", 1.0, 6.0, "half-width of a range in errors of what is compared (section 2.2.2: 3)"
     )
     sigma_px: float = number(0.2, "px", 0.0, 3.0, "the error is never taken to be less than this")
     limit_deg: float = number(6.94, "deg", 1.0, 10.0, "largest figure used (sections 3.3 and 3.5: 6.94)")
     stars: int = integer(25, "stars", 4, 60, "brightest detections used")
-    brightest: int = integer(
-        8118, "stars", 100, 20000, "brightest catalogue stars used (the thesis' list had 8,118)"
-    )
+    brightest: int = integer(8118, "stars", 100, 20000, "brightest catalogue stars used (the thesis' list had 8,118)")
     mag_limit: float | None = number(
         None, "mag V", 2.0, 8.0, "faintest catalogue star, instead of their number", "by number"
     )
     pivots: int = integer(9, "pivots", 1, 1000, "most pivots (table 6.2: 9)")
     most: int = integer(10_000, "solutions", 10, 1_000_000, "figures with more are left out (6.1: 10,000)")
-    as_printed: bool = switch(
-        False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists"
-    )
+    as_printed: bool = switch(False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists")
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_known_scale(
-            detections, hint, self.fewest, lambda listed, focal: self._search(listed, focal, year)
-        )
+        return with_known_scale(detections, hint, self.fewest, lambda listed, focal: self._search(listed, focal, year))
 
     def _search(self, detections: Detections, focal: float, year: float) -> Task[Identification | NoSolution]:
         yield Progress("identify", 0.0, f"{self.figure}s of the catalogue")
@@ -245,9 +237,7 @@ class Angles(PivotingMethod):
         return stars_of
 
 
-def angle_table(
-    limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0
-) -> FigureTable:
+def angle_table(limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0) -> FigureTable:
     """The angles of the catalogue up to ``limit_deg``; ``mag_limit`` overrides ``brightest``."""
     number = brightest if mag_limit is None else None
     return angles_of(catalogue_pairs(limit_deg, brightest=number, mag_limit=mag_limit, year=year))

@@ -20,14 +20,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import with_places
-from kochab.identification.verification import (
-    ACCEPT_LOG10,
-    CandidatePointing,
-    crowding,
-    least_likely,
-    pair,
-    refit,
-)
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, crowding, least_likely, pair, refit
 from kochab.sky import open_catalogue
 
 WITNESSES = 40  # so many of the brightest detections may testify

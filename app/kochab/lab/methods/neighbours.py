@@ -47,10 +47,7 @@ from kochab.sky import open_catalogue
 
 MOST_ENTRIES, MOST_COMPARED = 60_000_000, 400_000_000
 """Entries before doubles are left out, and pairs of neighbours: some seconds and a gigabyte."""
-TOO_LARGE = (
-    "make the table of neighbours too large: take fewer stars, a smaller spread or tolerance, or"
-    " larger steps."
-)
+TOO_LARGE = "make the table of neighbours too large: take fewer stars, a smaller spread or tolerance, or larger steps."
 KEPT = ("rows", "vectors", "mag", "certain", "key", "star")
 PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 
@@ -270,9 +267,7 @@ class Neighbours:
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_known_scale(
-            detections, hint, FEWEST, lambda listed, focal: self._search(listed, focal, year)
-        )
+        return with_known_scale(detections, hint, FEWEST, lambda listed, focal: self._search(listed, focal, year))
 
     def _search(self, detections: Detections, focal: float, year: float) -> Task[Identification | NoSolution]:
         yield Progress("identify", 0.0, "neighbours of every catalogue star")
@@ -303,9 +298,7 @@ class Neighbours:
         )
         return catalogue_table(self.brightest, self.spread, self.double_deg, quanta, year, self.colour_term)
 
-    def recognise(
-        self, body: Floats, rim_deg: Floats, table: NeighbourTable
-    ) -> tuple[list[tuple[Ints, Ints]], int]:
+    def recognise(self, body: Floats, rim_deg: Floats, table: NeighbourTable) -> tuple[list[tuple[Ints, Ints]], int]:
         """Sets of (detection, star) that agree, the largest first, and how many pairs were tried.
 
         ``body`` (n, 3) are the directions in the camera and ``rim_deg`` (n,) how far each is from

@@ -140,10 +140,7 @@ def _tabled(max_deg: float, brightest: int | None, mag_limit: float | None, year
 def bright_stars(brightest: int | None, mag_limit: float | None, year: float) -> tuple[Ints, Floats, Floats]:
     """Rows (N,), unit vectors (N, 3) and magnitudes (N,) of the catalogue's bright stars."""
     catalogue, pole = open_catalogue(), np.array([0.0, 0.0, 1.0])
-    if brightest is None:
-        rows = catalogue.cone(pole, np.pi, mag_limit)
-    else:
-        rows = catalogue.brightest(pole, np.pi, brightest)
+    rows = catalogue.cone(pole, np.pi, mag_limit) if brightest is None else catalogue.brightest(pole, np.pi, brightest)
     return rows, catalogue.vectors(rows, year), catalogue.mag(rows)
 
 

@@ -43,12 +43,7 @@ class Predict:
 
     stars: int = integer(40, "stars", 6, 200, "brightest detections matched")
     roll_deg: float | None = number(
-        None,
-        "deg",
-        -360.0,
-        360.0,
-        "position angle of the frame's up, east of north",
-        none="every roll is tried",
+        None, "deg", -360.0, 360.0, "position angle of the frame's up, east of north", none="every roll is tried"
     )
     parity: str = choice("either", ("either", "plain", "mirrored"), "whether the optics mirror")
     reach: float = number(0.25, "", 0.05, 0.5, "least distance that may match, over the stars' mean distance")
@@ -128,9 +123,7 @@ class Predict:
         )
 
 
-def _sky(
-    attitude: Attitude, camera: Camera, radius_rad: float, seen: int, year: float
-) -> tuple[Ints, Floats]:
+def _sky(attitude: Attitude, camera: Camera, radius_rad: float, seen: int, year: float) -> tuple[Ints, Floats]:
     """Rows and vectors of the stars that may be expected: as bright as those seen, and some more.
 
     A field is as dense as it is: the number a square degree is that of the frame, over the disc

@@ -74,8 +74,7 @@ def field(corners: Floats) -> Floats:
 _ROOT = np.sqrt(15.0)
 _NEAR, _FAR = (6.0 - _ROOT) / 21.0, (6.0 + _ROOT) / 21.0
 POINTS = np.array(
-    [[1 / 3, 1 / 3, 1 / 3]]
-    + [np.roll([1.0 - 2.0 * p, p, p], k).tolist() for p in (_NEAR, _FAR) for k in range(3)]
+    [[1 / 3, 1 / 3, 1 / 3]] + [np.roll([1.0 - 2.0 * p, p, p], k).tolist() for p in (_NEAR, _FAR) for k in range(3)]
 )
 WEIGHTS = np.array([270.0, *[155.0 - _ROOT] * 3, *[155.0 + _ROOT] * 3]) / 1200.0
 
@@ -173,9 +172,7 @@ def two_shared(figures: Ints) -> Ints:
     return np.stack([a << 32 | b, b << 32 | c, a << 32 | c], axis=1)
 
 
-def triangle_table(
-    limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0
-) -> TriangleTable:
+def triangle_table(limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0) -> TriangleTable:
     """Triangles of the catalogue within circles of ``limit_deg``; see `angle_table`."""
     number = brightest if mag_limit is None else None
     return _tabled(limit_deg, number, mag_limit, round(year))

@@ -91,9 +91,7 @@ def named(
     return out, extent
 
 
-def without_disagreeing(
-    stars: Ints, extent: Floats, separation: Floats, pairs: Pairs, tolerance: float
-) -> Ints:
+def without_disagreeing(stars: Ints, extent: Floats, separation: Floats, pairs: Pairs, tolerance: float) -> Ints:
     """The same names without those whose separations disagree with the image's, worst first.
 
     A merged star's image may lie anywhere within its ``extent``, so that is allowed for.
@@ -146,12 +144,8 @@ class Triads:
         None, "deg", 0.1, 40.0, "width and height of the frame", "by the hint's scale"
     )
     planar: bool = switch(False, "rotations in plane coordinates, as the thesis has them")
-    arithmetic: str = choice(
-        "float", ("float", "fixed"), "fixed: 32-bit integers and look-up tables, chapter 3"
-    )
-    scales: int = integer(
-        15, "scales", 1, 101, "scales tried within the hint's range (the thesis knows its own: 1)"
-    )
+    arithmetic: str = choice("float", ("float", "fixed"), "fixed: 32-bit integers and look-up tables, chapter 3")
+    scales: int = integer(15, "scales", 1, 101, "scales tried within the hint's range (the thesis knows its own: 1)")
     most: int = integer(60, "million triads", 1, 10_000, "of the catalogue looked at before it is given up")
 
     def identify(
@@ -167,9 +161,9 @@ class Triads:
         self, detections: Detections, focal: float, hint: Hint | None, year: float
     ) -> Task[Identification | NoSolution]:
         yield Progress("identify", 0.0, "pairs of catalogue stars")
-        pairs = catalogue_pairs(
-            table_deg(detections, focal), mag_limit=self.mag_limit, year=year
-        ).within_declinations(*self.dec_deg)
+        pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year).within_declinations(
+            *self.dec_deg
+        )
         scales = self._scales(detections, focal, hint)
         plan = [(self.stars, focal * scale) for scale in scales]
         if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
@@ -231,9 +225,7 @@ class Triads:
         sight = TriadDetections.of(bright, focal, False, self.field_deg)
         separation = triads_fixed_point.separations(sight) if fixed else sight.separation
         unit = triads_fixed_point.DEGREES if fixed else AngleUnit()
-        seen, stars, looked = yield from triads_by_separation(
-            pairs, separation, tests.separation, unit, allowance
-        )
+        seen, stars, looked = yield from triads_by_separation(pairs, separation, tests.separation, unit, allowance)
         most = 0
         for mirrored in (False, True):
             sight = TriadDetections.of(bright, focal, mirrored, self.field_deg)

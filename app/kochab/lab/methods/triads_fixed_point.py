@@ -18,15 +18,7 @@ import numpy as np
 from kochab.core.arrays import Ints
 from kochab.lab.fixed_point import FixedPointOverflowError, Format, square_root
 from kochab.lab.methods.pairs import Pairs
-from kochab.lab.methods.triad_tests import (
-    ENDS,
-    AngleUnit,
-    FoundTriads,
-    Tests,
-    TriadDetections,
-    chord_sides,
-    inner,
-)
+from kochab.lab.methods.triad_tests import ENDS, AngleUnit, FoundTriads, Tests, TriadDetections, chord_sides, inner
 
 PLACE = Format(10, 22)  # px from the frame's centre
 ANGLE = Format(6, 10)  # degrees, separations
@@ -97,9 +89,7 @@ def by_tables(side: Ints) -> Ints:
     return table[product - out]
 
 
-def passing_triads(
-    sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests
-) -> FoundTriads:
+def passing_triads(sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests) -> FoundTriads:
     """Those of the triads ``seen`` (T, 3) and ``stars`` (T, 3) that pass both tests."""
     place = places(sight)
     ra = np.degrees(np.arctan2(pairs.vectors[:, 1], pairs.vectors[:, 0]))

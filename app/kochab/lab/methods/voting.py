@@ -40,9 +40,7 @@ class Voting:
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_known_scale(
-            detections, hint, FEWEST, lambda listed, focal: self._search(listed, focal, year)
-        )
+        return with_known_scale(detections, hint, FEWEST, lambda listed, focal: self._search(listed, focal, year))
 
     def _search(self, detections: Detections, focal: float, year: float) -> Task[Identification | NoSolution]:
         yield Progress("identify", 0.0, "pairs of catalogue stars")
@@ -53,9 +51,7 @@ class Voting:
         kept, star, tried = recognise(body, pairs, self.margin_px / focal)
         names = CandidateNames(kept, pairs.rows[star], pairs.vectors[star], tried)
         found = confirm(detections, names, focal, 2.0 * self.margin_px, year, "voting")
-        return found or refused(
-            detections, f"{len(kept)} of {len(body)} named stars agree, too few to be sure"
-        )
+        return found or refused(detections, f"{len(kept)} of {len(body)} named stars agree, too few to be sure")
 
 
 FEWEST = 6  # the thesis' figure 7.12: with fewer no star is ever named

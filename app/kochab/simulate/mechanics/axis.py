@@ -143,9 +143,7 @@ class MotorAxis:
             pieces = [(abs(change) / self.acceleration, copysign(self.acceleration, change))]
         self._plan(t, pieces, rate_deg_s, None)
 
-    def slew(
-        self, t: float, target_deg: float, carrier_deg_s: float = 0.0, approach_deg: float = 0.0
-    ) -> float:
+    def slew(self, t: float, target_deg: float, carrier_deg_s: float = 0.0, approach_deg: float = 0.0) -> float:
         """Go to ``target_deg``, itself moving at ``carrier_deg_s``; returns the time of arrival.
 
         With ``approach_deg`` the last of the way is at least so long and towards greater angles,

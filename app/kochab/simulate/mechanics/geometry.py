@@ -113,11 +113,7 @@ class Wedge:
     """
 
     def __init__(
-        self,
-        pole_altitude_deg: float,
-        north: bool,
-        error_arcmin: tuple[float, float],
-        errors: BoltErrors | None = None,
+        self, pole_altitude_deg: float, north: bool, error_arcmin: tuple[float, float], errors: BoltErrors | None = None
     ) -> None:
         self._pole_altitude_deg = pole_altitude_deg
         self._north = north

@@ -46,9 +46,7 @@ class EquatorialMount:
     hang down and the tube looks at the pole: (90, 90), or (90, -90).
     """
 
-    def __init__(
-        self, config: MountConfig, site: Site, clock: SimulatedClock, air: Atmosphere | None = None
-    ) -> None:
+    def __init__(self, config: MountConfig, site: Site, clock: SimulatedClock, air: Atmosphere | None = None) -> None:
         self.config = config
         self.site = site
         self.clock = clock

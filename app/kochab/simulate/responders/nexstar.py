@@ -173,8 +173,7 @@ class NexStarResponder(Controller):
     def set_site(self, text: bytes) -> bytes:
         """The eight bytes of :meth:`site`."""
         angles = [
-            (d + m / 60.0 + s / 3600.0) * (-1.0 if negative else 1.0)
-            for d, m, s, negative in (text[:4], text[4:])
+            (d + m / 60.0 + s / 3600.0) * (-1.0 if negative else 1.0) for d, m, s, negative in (text[:4], text[4:])
         ]
         if abs(angles[0]) > 90.0 or abs(angles[1]) > 180.0:
             return b""

@@ -62,6 +62,4 @@ def line_style(number: int, colours: Colours) -> LineStyle:
         chosen: tuple[str, ...] = ON_RED
     else:
         chosen = ON_LIGHT if QColor(colours.surface).lightnessF() > 0.5 else ON_DARK
-    return LineStyle(
-        chosen[number % len(chosen)], DASHES[number % len(DASHES)], MARKERS[number % len(MARKERS)]
-    )
+    return LineStyle(chosen[number % len(chosen)], DASHES[number % len(DASHES)], MARKERS[number % len(MARKERS)])

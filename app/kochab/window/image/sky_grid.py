@@ -126,9 +126,7 @@ MARGIN_PX = 52.0
 EDGE_PX = 4.0  # how much wider an arrow's dark edge is
 
 
-def paint_compass(
-    painter: QPainter, view: Viewport, solution: Solution, colours: Colours, space: LabelSpace
-) -> None:
+def paint_compass(painter: QPainter, view: Viewport, solution: Solution, colours: Colours, space: LabelSpace) -> None:
     """Arrows in the top right corner, with dark edges that keep them readable on a bright sky."""
     north, east = compass(solution)
     at = QPointF(view.width - MARGIN_PX - 10, MARGIN_PX + 10)

@@ -52,9 +52,7 @@ class MethodsPanel(QWidget):
         grid = QGridLayout(self)
         grid.setContentsMargins(8, 8, 8, 8)
         grid.setHorizontalSpacing(10)
-        for place, (above, below) in enumerate(
-            ((self.kinds, self.list), (self.paper, scrolled(self.options)))
-        ):
+        for place, (above, below) in enumerate(((self.kinds, self.list), (self.paper, scrolled(self.options)))):
             grid.addWidget(above, 0, place)
             grid.addWidget(below, 1, place)
             grid.setColumnStretch(place, 2 + place)
@@ -88,8 +86,7 @@ class MethodsPanel(QWidget):
 
     def state(self) -> dict[str, Any]:
         kept: dict[str, Any] = {
-            kind: {"ticked": chosen.ticked, "options": chosen.options}
-            for kind, chosen in self._chosen.items()
+            kind: {"ticked": chosen.ticked, "options": chosen.options} for kind, chosen in self._chosen.items()
         }
         return kept | {"compared": self.kind}
 

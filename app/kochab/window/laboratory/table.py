@@ -6,14 +6,7 @@ from dataclasses import dataclass
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
-from kochab.core.angle_text import (
-    AngleStyle,
-    angle_text,
-    arcsec_text,
-    false_alarm_text,
-    milliseconds_text,
-    radec_text,
-)
+from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_text
 from kochab.lab.laboratory.comparison import ComparedPart, Trial
 
 LAST = float("inf")

@@ -199,9 +199,7 @@ class LiveRenderer:
         """0xffRRGGBB (H, W) of planes (H, W) of stored values."""
         stretch = settings.stretch or self._auto
         tables = self._tables.get(planes[0].dtype, stretch, self._range, parts, gain)
-        first, *others = (
-            np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True)
-        )
+        first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True))
         for other in others:
             first |= other
         return np.asarray(first)

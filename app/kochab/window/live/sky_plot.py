@@ -116,9 +116,7 @@ class SkyPlot(StillPlot):
     def _lines(self, lines: list[Floats]) -> Floats:
         """Lines through directions, each (N, 3), as x and y (2, M) with gaps between."""
         gap = np.full((1, 2), np.nan)
-        parts = [
-            part for line in lines for cut in pieces(hammer(line, self._centre_ra_deg)) for part in (cut, gap)
-        ]
+        parts = [part for line in lines for cut in pieces(hammer(line, self._centre_ra_deg)) for part in (cut, gap)]
         return np.vstack([np.zeros((0, 2)), *parts]).T
 
 

@@ -18,9 +18,7 @@ from kochab.window.job import Job, Jobs
 from kochab.window.widgets import button, column, label, narrow_box, row
 
 BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
-EPOCH_TIP = (
-    "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
-)
+EPOCH_TIP = "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
 COUNTS_STEPS = "skywatcher"  # these mounts report neither their home position nor their type
 HOME_TIP = (
     "This mount only counts motor steps. It does not slew until you confirm the home position or "

@@ -252,9 +252,7 @@ class MountControl(QObject):
         if start is None:
             self.message.emit("No simulated telescope in this program.", "wrong")
             return
-        self.begin(
-            PracticeOpening(start, lambda event: self._connection.post(self._line, event), self.limits), ""
-        )
+        self.begin(PracticeOpening(start, lambda event: self._connection.post(self._line, event), self.limits), "")
         self.known.practice = True
         self.changed.emit()
 

@@ -13,17 +13,7 @@ from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.mounts.coordinates import wrapped
 from kochab.window.themes import THEMES, Colours
-from kochab.window.widgets import (
-    Part,
-    button,
-    column,
-    draw_text,
-    facts_grid,
-    label,
-    row,
-    set_role,
-    value_label,
-)
+from kochab.window.widgets import Part, button, column, draw_text, facts_grid, label, row, set_role, value_label
 from kochab.workflows.sync_mount import SyncOffer
 
 RINGS = {
@@ -252,12 +242,7 @@ class SyncDialog(QDialog):
     wanted = Signal(object)  # SyncOffer
 
     def __init__(
-        self,
-        parent: QWidget,
-        offer: SyncOffer,
-        mount_deg: tuple[float, float],
-        style: AngleStyle,
-        colours: Colours,
+        self, parent: QWidget, offer: SyncOffer, mount_deg: tuple[float, float], style: AngleStyle, colours: Colours
     ) -> None:
         super().__init__(parent)
         self.offer = offer
@@ -271,11 +256,7 @@ class SyncDialog(QDialog):
         line = row(self.arrow)
         line.addLayout(_numbers(offer, offset, mount_deg, style), 1)
         parts: list[Part] = [label(f"Mount is off by {size_text(offset.total_deg)}", "heading"), line]
-        for sentences, role in (
-            (preview.refusals, "wrong"),
-            (preview.confirmations, "wrong"),
-            (preview.warnings, ""),
-        ):
+        for sentences, role in ((preview.refusals, "wrong"), (preview.confirmations, "wrong"), (preview.warnings, "")):
             parts += [label(sentence, role, wrap=True) for sentence in sentences]
         if offer.no_sync:
             parts.append(label(f"{offer.no_sync} {NO_SYNC}", "", wrap=True))
@@ -300,9 +281,7 @@ def _yes(offer: SyncOffer) -> str:
     return "Sync anyway" if offer.preview.confirmations else "Sync"
 
 
-def _numbers(
-    offer: SyncOffer, offset: Offset, mount_deg: tuple[float, float], style: AngleStyle
-) -> QGridLayout:
+def _numbers(offer: SyncOffer, offset: Offset, mount_deg: tuple[float, float], style: AngleStyle) -> QGridLayout:
     frames = len(offer.evidence.centres_deg)
     rows = (
         ("Mount reports", radec_text(*mount_deg, style)),

@@ -16,19 +16,7 @@ from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
 from kochab.window.shell.views import Services
 from kochab.window.themes import Colours
-from kochab.window.widgets import (
-    Part,
-    ProgressBar,
-    button,
-    card,
-    column,
-    label,
-    page,
-    row,
-    rule,
-    scrolled,
-    set_role,
-)
+from kochab.window.widgets import Part, ProgressBar, button, card, column, label, page, row, rule, scrolled, set_role
 from kochab.workflows.session.mount_orders import names_to_offer
 from kochab.workflows.sync_mount import SyncOffer
 
@@ -57,9 +45,7 @@ class MountView(QWidget):
         self.connect_box = ConnectBox(self._services.wiring.practice is not None)
         self.camera = CameraBox(at_once=True)
         self.take = ExplainedButton("Take a frame", orders.take_frame, "See where the mount really points")
-        self.sync = ExplainedButton(
-            "Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main"
-        )
+        self.sync = ExplainedButton("Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main")
         self.undo = ExplainedButton("Undo sync", orders.undo_sync, "Undo the last sync")
         self.diagnose = ExplainedButton(
             "Diagnose",
@@ -77,9 +63,7 @@ class MountView(QWidget):
         self.meridian = MeridianBox()
         self.pointing = PointingBox(self.tracking)
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
-        self.stop = ExplainedButton(
-            f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop"
-        )
+        self.stop = ExplainedButton(f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop")
         self.cancel_find = button("Cancel", lambda: None)
         self.name = label("", "heading", wrap=True)
         self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)

@@ -82,10 +82,7 @@ class HintsPanel(QWidget):
             ("&Your site", self.site),
         ):
             form.addRow(title, widget)
-        solve, clear = (
-            button("S&olve with these", self.solve_wanted.emit, "main"),
-            button("Clea&r", self.clear),
-        )
+        solve, clear = (button("S&olve with these", self.solve_wanted.emit, "main"), button("Clea&r", self.clear))
         parts = (label(ADVICE, "muted", wrap=True), form, self.header, self.wrong, row(solve, clear, None))
         column(*parts, self.methods, None, on=self, spacing=10, margins=(12, 12, 12, 12))
 

@@ -100,9 +100,7 @@ class SolutionPanel(QWidget):
         copy = button("Copy attitu&de", self.copy_attitude)
         copy_all = button("Copy a&ll", self.copy_all, tip="All values as text")
         parts = [part for form in self.forms for part in form]
-        return column(
-            label("Attitude", "heading"), *parts, 4, row(copy, copy_all, None, spacing=8), spacing=4
-        )
+        return column(label("Attitude", "heading"), *parts, 4, row(copy, copy_all, None, spacing=8), spacing=4)
 
     def _write(self) -> None:
         s = self._solution

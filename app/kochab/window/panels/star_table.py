@@ -50,18 +50,10 @@ COLUMNS = (
     Column("Catalogue", "Catalogue number", "J000000.0+000000", lambda s, _: s.id, _number_last),
     Column("V", "Visual magnitude", "−1.46", lambda s, _: f"{s.mag:.2f}", lambda s: s.mag),
     Column(
-        "RA",
-        "Right ascension, ICRS",
-        "00h 00m 00.00s",
-        lambda s, style: ra_text(s.ra_deg, style),
-        lambda s: s.ra_deg,
+        "RA", "Right ascension, ICRS", "00h 00m 00.00s", lambda s, style: ra_text(s.ra_deg, style), lambda s: s.ra_deg
     ),
     Column(
-        "Dec",
-        "Declination, ICRS",
-        "+00° 00′ 00.0″",
-        lambda s, style: dec_text(s.dec_deg, style),
-        lambda s: s.dec_deg,
+        "Dec", "Declination, ICRS", "+00° 00′ 00.0″", lambda s, style: dec_text(s.dec_deg, style), lambda s: s.dec_deg
     ),
     Column("x", "Pixels from the left", "00000.0", lambda s, _: f"{s.x:.1f}", lambda s: s.x),
     Column("y", "Pixels from the top", "00000.0", lambda s, _: f"{s.y:.1f}", lambda s: s.y),
@@ -212,9 +204,7 @@ class StarTable(QWidget):
     def set_stars(self, stars: tuple[NamedStar, ...]) -> None:
         self.model.set_stars(stars)
         named = sum(bool(s.name) for s in stars)
-        self.count.setText(
-            f"{len(stars)} stars identified, {named} with a name" if stars else "No stars identified"
-        )
+        self.count.setText(f"{len(stars)} stars identified, {named} with a name" if stars else "No stars identified")
         self._fit()
 
     def set_style(self, style: AngleStyle) -> None:

@@ -28,9 +28,7 @@ from kochab.workflows.session.alignment_state import AlignmentState
 NO_MOUNT = "No mount set up. Connect it once in the Mount view (F3), or turn by hand."
 SLEWING = "The mount is slewing. Wait, or stop it."
 MOVING = ("opening", "turn", "settle")
-OTHER_SKY = (
-    "The practice telescope is connected. Choose it above, or end the practice in the Mount view (F3)."
-)
+OTHER_SKY = "The practice telescope is connected. Choose it above, or end the practice in the Mount view (F3)."
 
 
 def mount_is_still(progress: Progress) -> bool:
@@ -136,9 +134,7 @@ class PracticeAdjuster:
     def __init__(self, practice: Practice) -> None:
         self._practice = practice
         self._random = random.Random()
-        self._arcmin = {
-            knob: self._random.uniform(*ARCMIN_A_TURN) * self._random.choice((-1.0, 1.0)) for knob in Knob
-        }
+        self._arcmin = {knob: self._random.uniform(*ARCMIN_A_TURN) * self._random.choice((-1.0, 1.0)) for knob in Knob}
 
     def turn(self, state: AlignmentState) -> str:
         """Make the turn that is asked for, and say what was turned."""

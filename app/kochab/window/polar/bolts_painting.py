@@ -151,9 +151,7 @@ class Face:
     old: bool = False
 
 
-def paint_face(
-    painter: QPainter, box: QRectF, face: Face, font: QFont, colours: Colours, angle_deg: int
-) -> None:
+def paint_face(painter: QPainter, box: QRectF, face: Face, font: QFont, colours: Colours, angle_deg: int) -> None:
     """Draw the whole view with the wheel at ``angle_deg``."""
     drawing = _Drawing(painter, face, font, colours, box.height())
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)

@@ -113,13 +113,7 @@ class AxisTarget(QWidget):
         return centre + QPointF(x * scale, -y * scale)
 
     def _ellipse(
-        self,
-        painter: QPainter,
-        centre: QPointF,
-        scale: float,
-        error: PolarError,
-        colour: QColor,
-        width: float = 2.0,
+        self, painter: QPainter, centre: QPointF, scale: float, error: PolarError, colour: QColor, width: float = 2.0
     ) -> None:
         long, short, angle = error.with_flexure.ellipse_arcsec()
         painter.save()
@@ -127,9 +121,7 @@ class AxisTarget(QWidget):
         painter.rotate(-math.degrees(angle))
         painter.setPen(QPen(colour, width))
         painter.setBrush(Qt.BrushStyle.NoBrush)
-        painter.drawEllipse(
-            QPointF(0, 0), max(long * scale, LEAST_ELLIPSE_PX), max(short * scale, LEAST_ELLIPSE_PX)
-        )
+        painter.drawEllipse(QPointF(0, 0), max(long * scale, LEAST_ELLIPSE_PX), max(short * scale, LEAST_ELLIPSE_PX))
         painter.restore()
 
     def _cross(self, painter: QPainter, centre: QPointF, scale: float, error: PolarError) -> None:
@@ -204,11 +196,7 @@ class Numbers(QWidget):
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         error, old = state.error, state.old(now_s)
-        for value, text_of in (
-            (self.total, total_text),
-            (self.altitude, altitude_text),
-            (self.azimuth, azimuth_text),
-        ):
+        for value, text_of in ((self.total, total_text), (self.altitude, altitude_text), (self.azimuth, azimuth_text)):
             value.setText(NONE if error is None else text_of(error))
         for line, line_of in (
             (self.split, split_text),

@@ -133,10 +133,7 @@ class HistoryPage(QWidget):
         self.save = button("Save &report…", self._ask, tip="Numbers and plots, HTML or PDF")
         self.summary = label(NOTHING, "muted", wrap=True)
         self.chart = Chart(
-            "Polar error over time",
-            ChartAxis("time", "min"),
-            ChartAxis("error", "arcsec", log=True),
-            legend=True,
+            "Polar error over time", ChartAxis("time", "min"), ChartAxis("error", "arcsec", log=True), legend=True
         )
         self.lines = QPlainTextEdit()
         self.lines.setReadOnly(True)

@@ -68,16 +68,10 @@ class PolarView(QWidget):
             "Turn it &for me", self.turn_practice, tip="Let the practice telescope make this turn"
         )
         self.again = button("&Measure again", self.remeasure, tip="Stop adjusting and measure the axis now")
-        self.use_frames = button(
-            "Use &these frames", self.finish_sweep, tip="Continue with the frames taken so far"
-        )
+        self.use_frames = button("Use &these frames", self.finish_sweep, tip="Continue with the frames taken so far")
         self.second = button("Second s&weep", self.sweep_again, tip=SECOND_TIP)
-        self.at_bolts = button(
-            "At the bo&lts", self.show_bolts, tip="Full screen, readable from three metres (F7)"
-        )
-        self.sound = button(
-            "So&unds", self.switch_sounds, tip=f"Sound cues at the mount: {self.cues.description}"
-        )
+        self.at_bolts = button("At the bo&lts", self.show_bolts, tip="Full screen, readable from three metres (F7)")
+        self.sound = button("So&unds", self.switch_sounds, tip=f"Sound cues at the mount: {self.cues.description}")
         self.sound.setCheckable(True)
         self.cancel = button("Cancel", self.stop, tip="End the alignment; a turning mount stops")
 
@@ -239,9 +233,7 @@ class PolarView(QWidget):
         self.say("Done. The report is in the Tonight tab.", "good")
 
     def _ended(self, sentence: str, role: str) -> None:
-        self.state = replace(
-            self.state, stage="ended", words=sentence, detail="", asked=None, instruction=None
-        )
+        self.state = replace(self.state, stage="ended", words=sentence, detail="", asked=None, instruction=None)
         self.say(sentence, role)
 
     def _finished(self, job: Job | MountTask) -> None:

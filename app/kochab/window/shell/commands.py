@@ -92,9 +92,7 @@ class Commands(QObject):
         self.looks = Appearance(presenter)
         wiring = wiring or Wiring()
         jobs = Jobs(self.window, self.window.closing)
-        self.exporter = FrameExporter(
-            self.window, self.session, jobs, wiring.to_json, red=lambda: self.looks.is_night
-        )
+        self.exporter = FrameExporter(self.window, self.session, jobs, wiring.to_json, red=lambda: self.looks.is_night)
         self.services = Services(
             self.settings,
             self.session,
@@ -158,9 +156,7 @@ class Commands(QObject):
                 **{name: lambda on, n=name: self.looks.show_mark(n, on) for name in MARKS},
             },
         )
-        window.log.visibilityChanged.connect(
-            lambda _: self.actions["log"].setChecked(not window.log.isHidden())
-        )
+        window.log.visibilityChanged.connect(lambda _: self.actions["log"].setChecked(not window.log.isHidden()))
         window.log.report_wanted.connect(self.save_report)
         window.log.fault.connect(self._say)
         window.welcome.open_wanted.connect(self.choose)

@@ -54,12 +54,7 @@ class FrameExporter(QObject):
     wrote = Signal(Path)
 
     def __init__(
-        self,
-        window: MainWindow,
-        session: Session,
-        jobs: Jobs,
-        to_json: ToJson | None,
-        red: Callable[[], bool],
+        self, window: MainWindow, session: Session, jobs: Jobs, to_json: ToJson | None, red: Callable[[], bool]
     ) -> None:
         super().__init__(window)
         self._window, self._session, self._jobs, self._red = window, session, jobs, red

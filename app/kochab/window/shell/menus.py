@@ -125,9 +125,7 @@ class Menus:
         _fill(self.tools, actions, "fill", "")
         _fill(bar.addMenu("&Help"), actions, "keys", "report", "about")
 
-    def show_files(
-        self, menu: QMenu, paths: list[tuple[str, Path]], chosen: Callable[[Path], object]
-    ) -> None:
+    def show_files(self, menu: QMenu, paths: list[tuple[str, Path]], chosen: Callable[[Path], object]) -> None:
         """Fill the recent or the sample menu."""
         menu.clear()
         menu.setEnabled(bool(paths))

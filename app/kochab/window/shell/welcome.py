@@ -46,9 +46,7 @@ def thumbnail(path: Path) -> np.ndarray:
     shown = debayer_preview(frame, 2) if frame.bayer or frame.colour is not None else frame.pixels
     factor = max(1, shown.shape[0] // box.shape[0], shown.shape[1] // box.shape[1])
     shown = shown[: shown.shape[0] // factor * factor, : shown.shape[1] // factor * factor]
-    cells = shown.reshape(
-        shown.shape[0] // factor, factor, shown.shape[1] // factor, factor, *shown.shape[2:]
-    )
+    cells = shown.reshape(shown.shape[0] // factor, factor, shown.shape[1] // factor, factor, *shown.shape[2:])
     grey = apply(cells.max(axis=(1, 3)), stretch_parameters(shown))
     grey = grey[..., None] if grey.ndim == 2 else grey
     h, w = min(box.shape[0], grey.shape[0]), min(box.shape[1], grey.shape[1])
@@ -178,9 +176,7 @@ class Welcome(QWidget):
     def _sample(self, sample: Sample, index: int) -> QPushButton:
         text = f"&{index + 1}  {sample.title}"
         made = button(
-            f"{text}\n{sample.text}" if sample.text else text,
-            lambda: self.file_wanted.emit(sample.path),
-            "sample",
+            f"{text}\n{sample.text}" if sample.text else text, lambda: self.file_wanted.emit(sample.path), "sample"
         )
         made.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         made.setMinimumWidth(LEAST_PX)  # beside a tool on a small screen

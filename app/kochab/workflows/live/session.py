@@ -106,9 +106,7 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
         about = json.loads((folder / SESSION).read_text("utf-8"))
         text = (folder / LINES).read_text("utf-8")
     except (OSError, ValueError):
-        raise UsageError(
-            f"{folder} is not a recorded session: it has no readable {SESSION} and {LINES}."
-        ) from None
+        raise UsageError(f"{folder} is not a recorded session: it has no readable {SESSION} and {LINES}.") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise UsageError(f"The session in {folder} was recorded by another version of Kochab.")
     return about, _lines(text, folder)

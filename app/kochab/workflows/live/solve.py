@@ -93,11 +93,7 @@ class _Stream:
         self.looked_at += 1
         self._numbers.append((shot.received_s, shot.number))
         update = LiveUpdate(
-            shot,
-            track,
-            done,
-            dropped=self._capture.mailbox.dropped,
-            warnings=(*shot.warnings, *shot.frame.warnings),
+            shot, track, done, dropped=self._capture.mailbox.dropped, warnings=(*shot.warnings, *shot.frame.warnings)
         )
         if track.solution is None:
             self._drift.forget()
@@ -108,10 +104,7 @@ class _Stream:
             drift = self._drift.add(track.time_utc.timestamp(), track.solution.centre_vector)
             update = replace(update, drift=drift)
         return replace(
-            update,
-            last_good=self._good,
-            solved_hz=_rate(self._solved_at, done),
-            frames_hz=_frame_rate(self._numbers),
+            update, last_good=self._good, solved_hz=_rate(self._solved_at, done), frames_hz=_frame_rate(self._numbers)
         )
 
     def summary(self) -> LiveSummary:

@@ -74,12 +74,7 @@ class DriftMeter:
         rest = offsets - offsets.mean(axis=0) - minutes[:, None] * slope
         sigma = np.sqrt((rest**2).sum(axis=0) / (len(times) - 2) / spread)
         return Drift(
-            float(slope[0]),
-            float(slope[1]),
-            float(sigma[0]),
-            float(sigma[1]),
-            float(times[-1] - times[0]),
-            len(times),
+            float(slope[0]), float(slope[1]), float(sigma[0]), float(sigma[1]), float(times[-1] - times[0]), len(times)
         )
 
 

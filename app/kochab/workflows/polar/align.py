@@ -41,10 +41,7 @@ class AdjustingEnd(StrEnum):
     SECOND_SWEEP = "second sweep"
 
 
-SPOILT = {
-    PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE,
-    PolarFindingKind.DEC_MOVED: AdjustingEnd.DEC_MOVED,
-}
+SPOILT = {PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE, PolarFindingKind.DEC_MOVED: AdjustingEnd.DEC_MOVED}
 """What makes the live error worthless, so that it is measured again by itself."""
 
 
@@ -142,11 +139,7 @@ def _moved(measured: PolarError, steady: SteadyError) -> bool:
 
 
 def _update(
-    live: LiveError | None,
-    steady: SteadyError | None,
-    guide: AdjustmentGuide,
-    start: Measurement,
-    unsolved: str = "",
+    live: LiveError | None, steady: SteadyError | None, guide: AdjustmentGuide, start: Measurement, unsolved: str = ""
 ) -> PolarUpdate:
     return PolarUpdate(
         "adjust",
@@ -280,6 +273,4 @@ def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
     words += f" Uncertainty: {split_in_words(error)}."
     if len(measured.measurement.results) == 1 and measured.measurement.before == UNKNOWN:
         words += " Sweep again at another declination to measure flexure."
-    return PolarUpdate(
-        "done", 1.0, words, measurement=measured.measurement, findings=measured.findings, moves=moves
-    )
+    return PolarUpdate("done", 1.0, words, measurement=measured.measurement, findings=measured.findings, moves=moves)

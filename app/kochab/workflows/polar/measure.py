@@ -215,12 +215,7 @@ def measure_axis(
 
 
 def sweep_from(
-    first: LocalAttitude,
-    path: SweepPath,
-    watch: RestWatch,
-    turner: Turner,
-    sweep: Sweep,
-    before: Droop = UNKNOWN,
+    first: LocalAttitude, path: SweepPath, watch: RestWatch, turner: Turner, sweep: Sweep, before: Droop = UNKNOWN
 ) -> Task[Measured]:
     """The rest of a sweep of ``sweep.frames``, whose first frame is taken already."""
     seen, settings, controls = [first], watch.settings, watch.controls
@@ -357,9 +352,7 @@ def second_sweep(
     return replace(second, measurement=both, findings=(*slips, *both.findings))
 
 
-NO_SECOND_SWEEP = (
-    "Can't measure flexure from here: other declinations are too low, or flexure hardly shifts the axis."
-)
+NO_SECOND_SWEEP = "Can't measure flexure from here: other declinations are too low, or flexure hardly shifts the axis."
 
 
 def _opposite(direction: Direction) -> Direction:

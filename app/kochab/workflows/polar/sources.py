@@ -125,10 +125,7 @@ class CameraSightings:
     """
 
     def __init__(
-        self,
-        camera: CameraSource,
-        options: SolveOptions | None = None,
-        clock: Callable[[], datetime] | None = None,
+        self, camera: CameraSource, options: SolveOptions | None = None, clock: Callable[[], datetime] | None = None
     ) -> None:
         self._camera = camera
         self._options = options or SolveOptions(timeout_s=10.0)

@@ -170,12 +170,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
             turner = mount_turner(guard, camera)
         source = CameraSightings(camera, SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg), place.clock)
         done = yield from align(
-            source,
-            turner,
-            MeasureSettings(site, wish.pole),
-            options_of(wish),
-            tools.controls,
-            keep=tools.keep,
+            source, turner, MeasureSettings(site, wish.pole), options_of(wish), tools.controls, keep=tools.keep
         )
         return done.history
 
@@ -183,11 +178,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
 def options_of(wish: AlignmentRequest) -> AlignOptions:
     """How it is measured, from what the person chose."""
     sweep = Sweep(
-        wish.turn_deg,
-        wish.frames,
-        max(wish.frames, MOST_FRAMES),
-        SHARE_OF_GOAL * wish.goal_arcsec,
-        LEAST_TURN_DEG,
+        wish.turn_deg, wish.frames, max(wish.frames, MOST_FRAMES), SHARE_OF_GOAL * wish.goal_arcsec, LEAST_TURN_DEG
     )
     return AlignOptions(wish.goal_arcsec, sweep=sweep, second_sweep=wish.second_sweep)
 
@@ -280,9 +271,7 @@ def _solved(wish: AlignmentRequest) -> Task[list[Any]]:
 
 def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
     axis = result.error
-    more = more_turn_deg(
-        optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec
-    )
+    more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
     return PolarUpdate(
         "done",
         1.0,
@@ -304,9 +293,7 @@ def _quietly(task: Task[Any]) -> Task[Any]:
         yield Progress("solve")
 
 
-def alignment_task(
-    wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None
-) -> Task[History]:
+def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
     """What ``wish`` says, from the first frame to the last; with a ``guard`` the mount turns.
 
     Raises

@@ -94,9 +94,7 @@ class Recording:
                 self._free = shutil.disk_usage(recorder.folder).free
             except OSError:
                 self._free = 0
-        self.state = Recorded(
-            recorder.folder, recorder.frames, recorder.solved, self._free, recorder.recording
-        )
+        self.state = Recorded(recorder.folder, recorder.frames, recorder.solved, self._free, recorder.recording)
 
 
 # A camera whose frames are seen on their way to the solver, so that none waits to be shown.

@@ -38,9 +38,7 @@ class MountCamera(CameraSource):
 
     name = "camera"
 
-    def __init__(
-        self, wish: CameraSelection, open_camera: OpenCamera | None = None, insists: bool = False
-    ) -> None:
+    def __init__(self, wish: CameraSelection, open_camera: OpenCamera | None = None, insists: bool = False) -> None:
         self.wish, self.insists = wish, insists
         self._open_camera = open_camera
         self._camera: CameraSource | None = None

@@ -130,9 +130,7 @@ class Lx200(SerialMount):
     def set_target(self, ra_deg: float, dec_deg: float) -> None:
         """``:Sr`` and ``:Sd``; some mounts want a space after them."""
         for setter, value in ((protocol.set_ra, ra_deg), (protocol.set_dec, dec_deg)):
-            if not any(
-                self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in (False, True)
-            ):
+            if not any(self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in (False, True)):
                 raise RefusedError("The mount does not accept these coordinates.")
 
     def read_slew(self, link: Link) -> bytes:
@@ -186,9 +184,7 @@ class OnStep(Lx200):
         """It names itself ``On-Step`` or ``OnStepX``."""
         if "onstep" not in self.product.lower().replace("-", ""):
             name = f"calls itself {self.product}" if self.product else "does not give its name"
-            raise NoAnswerError(
-                f"The device on {self.talk.link.port} {name}: not an OnStep, or wrong baud rate."
-            )
+            raise NoAnswerError(f"The device on {self.talk.link.port} {name}: not an OnStep, or wrong baud rate.")
         return ON_STEP
 
     def state(self) -> MountState:

@@ -28,9 +28,7 @@ class NexStar(SerialMount):
 
     def start(self) -> None:
         """Its version decides what it can."""
-        self.version = self.talk.query(
-            protocol.VERSION, protocol.read_version(self.timeout_s), protocol.parse_version
-        )
+        self.version = self.talk.query(protocol.VERSION, protocol.read_version(self.timeout_s), protocol.parse_version)
         self.model = self.byte(protocol.MODEL)
         self._mode = 0
         if self.version < SYNC_SINCE and self.default_epoch is NexStar.default_epoch:
@@ -158,9 +156,7 @@ def axis_of(direction: Direction) -> tuple[int, bool]:
 # Sky-Watcher's SynScan hand controls: NexStar's framing, J2000, and a sync that may be refused.
 
 MODELS = {
-    **code_table(
-        "0 EQ6, 1 HEQ5, 2 EQ5, 3 EQ3, 4 EQ8, 5 AZ-EQ6, 6 AZ-EQ5, 9 EQ6-R, 10 Star Adventurer, 160 AllView"
-    ),
+    **code_table("0 EQ6, 1 HEQ5, 2 EQ5, 3 EQ3, 4 EQ8, 5 AZ-EQ6, 6 AZ-EQ5, 9 EQ6-R, 10 Star Adventurer, 160 AllView"),
     **dict.fromkeys(range(128, 144), "AZ GoTo"),
     **dict.fromkeys(range(144, 160), "Dobsonian"),
 }

@@ -12,16 +12,7 @@ from typing import TypeVar
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
-from kochab.core.mount import (
-    CONFIRM_HOME,
-    SIDEREAL_DEG_S,
-    Ability,
-    Direction,
-    Home,
-    MountState,
-    PierSide,
-    Pointing,
-)
+from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Ability, Direction, Home, MountState, PierSide, Pointing
 from kochab.gear.mounts.coordinates import sidereal_deg, wrapped
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import skywatcher as protocol

@@ -164,9 +164,7 @@ def parse_azimuth(reply: bytes) -> float:
 
 def parse_zone(reply: bytes) -> float:
     """Hours, east positive, of ``sHH#``, ``sHH.H#`` or ``sHH:MM#``, which the mount adds to get UTC."""
-    sign, hours, tenths, minutes = match(
-        rb"\s*([+-]?)(\d{1,2})(?:\.(\d)|:([0-5]\d))?#", reply, "time zone"
-    ).groups()
+    sign, hours, tenths, minutes = match(rb"\s*([+-]?)(\d{1,2})(?:\.(\d)|:([0-5]\d))?#", reply, "time zone").groups()
     require(int(hours) <= 14, reply, "time zone")
     total = int(hours) + int(tenths or 0) / 10.0 + int(minutes or 0) / 60.0
     return total if sign == b"-" else -total

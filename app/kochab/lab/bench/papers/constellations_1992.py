@@ -83,11 +83,7 @@ class _SuccessTally:
         ``power`` 2 gives the RMS over all of them instead.
         """
         others = self.off if both is None else both.off
-        used = [
-            _size(o) ** power
-            for o, other in zip(self.off, others, strict=True)
-            if _right(o) and _right(other)
-        ]
+        used = [_size(o) ** power for o, other in zip(self.off, others, strict=True) if _right(o) and _right(other)]
         return float(np.mean(used) ** (1.0 / power)) if used else float("nan")
 
     def ahead(self, other: "_SuccessTally") -> tuple[float, float]:
@@ -176,13 +172,7 @@ def predicted_axis(one: RandomField, rng: np.random.Generator) -> Floats | None:
     coarse = small_rotation(rng.normal(0.0, np.radians(COARSE_DEG) / 1.25, 3))
     worst = _worst_px(one)
     found = predictional_estimate(
-        one.camera,
-        coarse @ one.attitude.matrix,
-        one.detections.xy,
-        _near(one),
-        8.0,
-        closest_px=worst,
-        worst_px=worst,
+        one.camera, coarse @ one.attitude.matrix, one.detections.xy, _near(one), 8.0, closest_px=worst, worst_px=worst
     )
     return None if found is None else found.attitude.boresight
 
@@ -201,9 +191,7 @@ def knowing_axis(one: RandomField) -> Floats | None:
 
     That is its scale, that it does not distort, and how far off a star may be at worst.
     """
-    known = replace(
-        options_with_scale(fields.camera().scale_arcsec_px), distortion=False, worst_px=_worst_px(one)
-    )
+    known = replace(options_with_scale(fields.camera().scale_arcsec_px), distortion=False, worst_px=_worst_px(one))
     return _solved_axis(one, known)
 
 

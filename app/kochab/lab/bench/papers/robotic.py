@@ -232,11 +232,7 @@ def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
         sigma.append(np.sqrt(np.mean([np.var(m[k], axis=0, ddof=1) for m in made], axis=0)).tolist())
         four.append(np.mean([np.ptp(m[k][:4], axis=0) for m in made], axis=0).tolist())
     across = (("RA", 0.15), ("Dec", 0.089))
-    axes = (
-        ("across the axis, roll", 0.0299),
-        ("across the axis, pitch", 0.0208),
-        ("about the axis, yaw", 0.0320),
-    )
+    axes = (("across the axis, roll", 0.0299), ("across the axis, pitch", 0.0208), ("about the axis, yaw", 0.0320))
     out = []
     for key, (triad, default), published in (("spread", four, across), ("sigma", sigma, axes)):
         for k, (axis, paper) in enumerate(published):

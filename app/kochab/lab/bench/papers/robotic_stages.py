@@ -200,12 +200,7 @@ LENS_SHARE = 0.01  # the scale is known no better than the lens keeps it
 
 
 def fields(
-    count: int,
-    seed: int,
-    scale: float = SCALE,
-    brightest: int = 15,
-    lens_px: float = LENS_PX,
-    flawed: float = FLAWED,
+    count: int, seed: int, scale: float = SCALE, brightest: int = 15, lens_px: float = LENS_PX, flawed: float = FLAWED
 ) -> list[RandomField]:
     """Random fields of the plan above; the same ones for a seed, whatever is ``brightest``.
 
@@ -252,9 +247,7 @@ WHOLE_S = 18.15  # its whole program
 
 def times_rows(count: int, seed: int) -> list[dict[str, Any]]:
     """The times of the thesis, ours, and the default's on the same fields."""
-    return [_row(stars, fields(count, seed, brightest=stars)) for stars in STARS] + _stages(
-        fields(count, seed)
-    )
+    return [_row(stars, fields(count, seed, brightest=stars)) for stars in STARS] + _stages(fields(count, seed))
 
 
 def _row(stars: int, made: list[RandomField]) -> dict[str, Any]:

@@ -99,9 +99,7 @@ def tally_of(log: list[tuple[int, bool, bool, int, float]]) -> FieldTally:
     )
 
 
-def field_of(
-    sky: Floats, rng: np.random.Generator, noise: float, poles: bool = False
-) -> tuple[Ints, Floats, Floats]:
+def field_of(sky: Floats, rng: np.random.Generator, noise: float, poles: bool = False) -> tuple[Ints, Floats, Floats]:
     """Stars of a random field, their measured directions (n, 3) in ICRS axes, and its middle."""
     z = random_pointing(rng, poles)
     near = np.flatnonzero(sky @ z > np.cos(np.radians(FIELD_DEG / 2.0)))

@@ -23,14 +23,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.solution import Solution
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import (
-    Better,
-    Published,
-    options_with_scale,
-    share_error,
-    solve_timed,
-    spherical_programs,
-)
+from kochab.lab.bench.papers import Better, Published, options_with_scale, share_error, solve_timed, spherical_programs
 from kochab.lab.bench.papers import spherical_fields as fields
 from kochab.lab.methods.angles import Angles, angle_table
 from kochab.lab.methods.pairs import bright_stars, make_pairs
@@ -104,9 +97,7 @@ def _counts() -> list[dict[str, Any]]:
     ]
 
 
-def _reading(
-    what: str, bound: float, noise: float, number: int, seed: int, *, first: bool
-) -> list[dict[str, Any]]:
+def _reading(what: str, bound: float, noise: float, number: int, seed: int, *, first: bool) -> list[dict[str, Any]]:
     """Table 6.2 with one reading of the error."""
     out = []
     default = by_default(_sky(fields.STARS, None), noise, number, seed)
@@ -119,13 +110,7 @@ def _reading(
 
 
 def _row(
-    name: str,
-    key: str,
-    what: str,
-    tally: fields.FieldTally,
-    default: fields.FieldTally,
-    number: int,
-    noise: float,
+    name: str, key: str, what: str, tally: fields.FieldTally, default: fields.FieldTally, number: int, noise: float
 ) -> dict[str, Any]:
     share = key in WORDS
     paper, ours = fields.PAPER[name][key], float(getattr(tally, key))
@@ -151,12 +136,8 @@ def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
     for name, tally in thin.items():
         words = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
         paper, error = fields.PAPER[name]["pivots"], PIVOT_ERROR[name]
-        out.append(
-            TABLES.row("thin", tally.pivots, None, words, paper=paper, error=error, other_reading=True)
-        )
-    for name, tally in _both(
-        fields.STARS, None, fields.PROGRAMS, fields.PROGRAMS, number, seed, pivots=1000
-    ).items():
+        out.append(TABLES.row("thin", tally.pivots, None, words, paper=paper, error=error, other_reading=True))
+    for name, tally in _both(fields.STARS, None, fields.PROGRAMS, fields.PROGRAMS, number, seed, pivots=1000).items():
         paper = fields.PAPER[name]["free_seconds"]
         out.append(TABLES.row("free", tally.seconds, words={"name": name}, paper=paper))
     return out

@@ -23,13 +23,7 @@ from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Published, solve_timed
 from kochab.lab.methods import triad_tests, triads_fixed_point
 from kochab.lab.methods.pairs import Pairs, catalogue_pairs
-from kochab.lab.methods.triad_tests import (
-    AngleUnit,
-    Tests,
-    TriadBudget,
-    TriadDetections,
-    triads_by_separation,
-)
+from kochab.lab.methods.triad_tests import AngleUnit, Tests, TriadBudget, TriadDetections, triads_by_separation
 from kochab.lab.methods.triads import group_by_rotation
 from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
