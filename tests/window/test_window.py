@@ -60,7 +60,7 @@ def test_every_fact_of_the_solution_is_on_the_pane(opened):
     assert shown["Method"] == "patterns"
     assert "detect 21 ms" in shown["Time"]
     assert "total 37 ms" in shown["Time"]
-    assert [t.text().split(" ")[0] for t, _ in panel.forms] == ["Quaternion", "Matrix,", "RA,"]
+    assert [t.text().split(" ")[0] for t, _ in panel.forms] == ["Quaternion", "Matrix,", "RA,", "RA,"]
     quaternion = np.array(panel.forms[0][1].text().split(), dtype=float)
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-6)
 

@@ -5,7 +5,6 @@ from typing import Any
 
 from kochab.cli.output import Json, as_json, radec, to_line
 from kochab.core.angle_text import age_text
-from kochab.core.attitude import radec_deg, roll_at
 from kochab.core.solution import Solution
 from kochab.workflows.live.session import Replayed
 from kochab.workflows.live.update import Drift, GoodPointing, LiveUpdate
@@ -97,16 +96,11 @@ def _drift(drift: Drift | None) -> Json | None:
 
 def _filtered(update: LiveUpdate) -> Json | None:
     """The pointing of the frame's middle after all frames so far."""
-    attitude, centre = update.track.filtered, update.track.filtered_centre
-    if attitude is None or centre is None:
+    centre = update.track.filtered_centre
+    if centre is None:
         return None
-    ra, dec = radec_deg(centre)
-    return {
-        "ra_deg": ra,
-        "dec_deg": dec,
-        "roll_deg": roll_at(attitude.matrix, centre),
-        "sigma_arcsec": list(attitude.sigma_arcsec),
-    }
+    ra, dec, roll = centre.euler_deg
+    return {"ra_deg": ra, "dec_deg": dec, "roll_deg": roll, "sigma_arcsec": list(centre.sigma_arcsec)}
 
 
 def _good(good: GoodPointing | None, now_s: float) -> Json | None:

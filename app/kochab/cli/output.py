@@ -45,7 +45,7 @@ def tell_failure(error: KochabError, as_json: bool) -> None:
 
 def _solved(file: str, s: "Solution") -> Json:
     ra, dec = s.ra_dec_deg
-    camera, attitude = s.camera, s.attitude
+    camera, attitude, axis = s.camera, s.centre_attitude, s.attitude
     terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")
     return {
         "file": file,
@@ -67,6 +67,13 @@ def _solved(file: str, s: "Solution") -> Json:
         "quaternion": list(attitude.quaternion),
         "dcm": attitude.matrix.tolist(),
         "euler_deg": list(attitude.euler_deg),
+        "optical_axis": {
+            "ra_deg": axis.ra_dec_deg[0],
+            "dec_deg": axis.ra_dec_deg[1],
+            "roll_deg": axis.roll_deg,
+            "x_px": camera.cx,
+            "y_px": camera.cy,
+        },
         "stars": [
             {
                 "x": star.x,

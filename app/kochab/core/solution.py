@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude, radec_deg, roll_at
+from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
 
@@ -75,7 +75,13 @@ class NamedStar:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """A pointing with its evidence. Angles are ICRS (J2000) and belong to the frame's centre."""
+    """A pointing with its evidence. Angles are ICRS (J2000) and belong to the frame's centre.
+
+    ``camera`` and ``attitude`` are the fitted model that projects stars to pixels: that attitude
+    is the optical axis', where the lens is symmetric, which may be pixels or arcminutes from the
+    centre. :attr:`centre_attitude` is the rotation that goes with :attr:`ra_dec_deg` and
+    :attr:`roll_deg`. The covariance of both is that of the centre.
+    """
 
     camera: Camera
     attitude: Attitude
@@ -88,20 +94,32 @@ class Solution:
     warnings: tuple[str, ...] = ()
 
     @property
+    def centre_attitude(self) -> Attitude:
+        """From ICRS to axes at the middle of the frame: z out, y down the column there, x to the right.
+
+        Distortion included, so that y is the recorded frame's down and not the undistorted one's.
+        """
+        steps = np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]])
+        above, z, below = self.camera.unproject(np.array([self.camera.width - 1, self.camera.height - 1]) / 2 + steps)
+        x = np.cross(below - above, z)
+        x /= np.linalg.norm(x)
+        turn = np.stack([x, np.cross(z, x), z])
+        return Attitude(turn @ self.attitude.matrix, self.attitude.covariance)
+
+    @property
     def centre_vector(self) -> Floats:
         """ICRS unit vector (3,) at the middle of the frame, distortion included."""
-        middle = np.array([[(self.camera.width - 1) / 2, (self.camera.height - 1) / 2]])
-        return np.asarray(self.attitude.matrix.T @ self.camera.unproject(middle)[0])
+        return self.centre_attitude.boresight
 
     @property
     def ra_dec_deg(self) -> tuple[float, float]:
         """ICRS degrees of the middle of the frame."""
-        return radec_deg(self.centre_vector)
+        return self.centre_attitude.ra_dec_deg
 
     @property
     def roll_deg(self) -> float:
         """Position angle of the frame's up at its middle, degrees east of north."""
-        return roll_at(self.attitude.matrix, self.centre_vector)
+        return self.centre_attitude.roll_deg
 
     @property
     def rms_arcsec(self) -> float:

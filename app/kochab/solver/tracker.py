@@ -84,11 +84,11 @@ class TrackUpdate:
     manoeuvre: bool = False
 
     @property
-    def filtered_centre(self) -> Floats | None:
-        """ICRS unit vector (3,) of the frame's middle by the filter."""
+    def filtered_centre(self) -> Attitude | None:
+        """The filter's attitude at the frame's middle, as :attr:`Solution.centre_attitude`."""
         if self.filtered is None or self.solution is None:
             return None
-        return replace(self.solution, attitude=self.filtered).centre_vector
+        return replace(self.solution, attitude=self.filtered).centre_attitude
 
     @property
     def sigma_arcsec(self) -> tuple[float, float, float] | None:

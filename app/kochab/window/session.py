@@ -149,7 +149,7 @@ class Session(QObject):
         self.known.result = None
         self.solving.emit()
         task = self._engine.solve(frame, self.known.options, self.known.read_ms)
-        self._start("solve", _complete(task), self._has_result)
+        self._start("solve", task, self._has_result)
 
     def show(self, frame: Frame, name: str) -> None:
         """Show a camera's frame; whoever took it solves it, see :meth:`answer`."""
@@ -255,14 +255,6 @@ def _timed(task: Task[Frame]) -> Task[tuple[Frame, float]]:
     yield Progress("read")
     frame = yield from task
     return frame, (perf_counter() - start) * 1e3
-
-
-def _complete(task: "Task[SolvedFrame]") -> "Task[SolvedFrame]":
-    """The same; the quaternion is computed here, as its library takes 0.25 s to import."""
-    solved = yield from task
-    if isinstance(solved.result, Solution):
-        solved.result.attitude.quaternion  # noqa: B018
-    return solved
 
 
 def _line(s: Solution) -> str:

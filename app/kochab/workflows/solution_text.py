@@ -54,11 +54,17 @@ def times_text(elapsed_ms: Mapping[str, float]) -> str:
 
 
 def attitude_forms(s: Solution) -> list[tuple[str, str]]:
-    """The attitude as (name, text): quaternion, matrix, Euler angles."""
-    q = " ".join(f"{v:+.7f}" for v in s.attitude.quaternion)
-    m = "\n".join("  ".join(f"{v:+.8f}" for v in row) for row in s.attitude.matrix)
-    e = "  ".join(f"{v:+.6f}" for v in s.attitude.euler_deg)
-    return [("Quaternion (w x y z)", q), ("Matrix, ICRS to camera", m), ("RA, Dec, roll (boresight, °)", e)]
+    """The attitude as (name, text): quaternion, matrix and angles of the frame's centre; the optical axis."""
+    centre, axis = s.centre_attitude, s.attitude
+    q = " ".join(f"{v:+.7f}" for v in centre.quaternion)
+    m = "\n".join("  ".join(f"{v:+.8f}" for v in row) for row in centre.matrix)
+    e, a = ("  ".join(f"{v:+.6f}" for v in attitude.euler_deg) for attitude in (centre, axis))
+    return [
+        ("Quaternion (w x y z), frame centre", q),
+        ("Matrix, ICRS to camera, frame centre", m),
+        ("RA, Dec, roll (frame centre, °)", e),
+        (f"RA, Dec, roll (optical axis, °), at x {s.camera.cx:.1f}, y {s.camera.cy:.1f} px", a),
+    ]
 
 
 def attitude_plain(s: Solution) -> str:

@@ -153,10 +153,10 @@ def _step(rig: PracticeRig, tracker: Tracker, exposure_s: float, leg: _Leg) -> N
     update = run(tracker.update(frame, datetime.fromtimestamp(middle, UTC)))
     leg.count += 1
     leg.tracked += update.mode == "tracking"
-    if update.filtered is None or update.filtered_centre is None or leg.count < 3:
+    if update.filtered_centre is None or leg.count < 3:
         return
     truth = rig.truth(middle).attitude.matrix
-    leg.off.append((truth @ update.filtered_centre)[:2] * ARCSEC)
+    leg.off.append((truth @ update.filtered_centre.boresight)[:2] * ARCSEC)
     true = true_rates(rig, middle)
     leg.fastest = max(leg.fastest, float(np.linalg.norm(true[:2])) / 3600.0)
     if update.mode == "tracking" and update.rates_deg_s is not None:

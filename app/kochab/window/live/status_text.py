@@ -61,8 +61,8 @@ def pointing_vector(update: LiveUpdate) -> Floats | None:
     """Boresight, ICRS unit vector (3,): the filter's if this frame is solved, else the last good one."""
     centre = update.track.filtered_centre
     if centre is None and update.last_good is not None:
-        centre = update.last_good.solution.centre_vector
-    return centre
+        centre = update.last_good.solution.centre_attitude
+    return None if centre is None else centre.boresight
 
 
 def position_texts(update: LiveUpdate, style: AngleStyle) -> tuple[str, str]:

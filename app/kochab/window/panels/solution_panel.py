@@ -93,7 +93,7 @@ class SolutionPanel(QWidget):
         return grid
 
     def _attitude(self) -> QVBoxLayout:
-        names = ("Quaternion", "Matrix", "Euler angles")
+        names = ("Quaternion", "Matrix", "Euler angles", "Optical axis")
         self.forms = [(label("", "muted"), value_label(name)) for name in names]
         for _, value in self.forms:
             value.setStyleSheet(f"font-family: '{fixed_font_family()}', monospace;")

@@ -12,7 +12,6 @@ from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import Solution
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile
 from kochab.workflows.live.capture import Capture
@@ -249,8 +248,6 @@ class Stream:
             self._show(held[0], None)
 
     def _has(self, update: LiveUpdate, engine: LiveEngine) -> None:
-        if isinstance(update.result, Solution):
-            update.result.attitude.quaternion  # noqa: B018  (its library loads slowly)
         self._held = None
         self._quick = update.mode == "tracking" and update.latency_ms < 1e3 * AHEAD_S
         self._show(update.shot.frame, update)

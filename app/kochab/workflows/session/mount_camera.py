@@ -109,10 +109,8 @@ def frame_solver(eye: MountCamera, guard: Guard, tell: Callable[[object], None])
             said = answered(guard.position_icrs)
         yield Progress("solving")
         solved = yield from solve_open_frame(frame, SolveOptions(timeout_s=LIMIT_S))
-        if isinstance(solved.result, Solution):
-            solved.result.attitude.quaternion  # noqa: B018  (its library loads slowly)
-            if said is not None:
-                tell(SolvedPosition(solved.result, said, guard.clock()))
+        if isinstance(solved.result, Solution) and said is not None:
+            tell(SolvedPosition(solved.result, said, guard.clock()))
         tell(FrameSolved(solved))
         return solved.result
 
