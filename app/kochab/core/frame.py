@@ -1,14 +1,14 @@
 """A frame in memory, the hints about it (scale, place, time, site), and its detections."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Floats, Table
 
 # -- What a person or a header believes about a frame. Hints save time; they never decide ------
 
@@ -81,7 +81,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Detections:
+class Detections(Table):
     """Stars of one frame, brightest first; all per-star arrays share the length N.
 
     ``xy`` (N, 2) float64 px, (0, 0) is the centre of the first pixel, x right, y down.
@@ -103,17 +103,6 @@ class Detections:
     blended: NDArray[np.bool_]
     background: float = float("nan")
     noise: float = float("nan")
-
-    def __len__(self) -> int:
-        return len(self.xy)
-
-    def take(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "Detections":
-        """The same frame with only the stars ``index`` selects, in that order."""
-        kept = {
-            f.name: getattr(self, f.name)[index] for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)
-        }
-        rest = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in kept}
-        return Detections(**kept, **rest)
 
     @classmethod
     def from_list(cls, xy: Floats, width: int, height: int, flux: Floats | None = None) -> "Detections":

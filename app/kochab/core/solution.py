@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Floats, Ints, Table
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Matches:
+class Matches(Table):
     """Detections paired with catalogue stars; all arrays share the length M.
 
     ``detection`` (M,) indexes the detections, ``star`` (M,) the catalogue's rows; ``xy`` (M, 2)
@@ -30,9 +30,6 @@ class Matches:
     star: Ints
     xy: Floats
     vectors: Floats
-
-    def __len__(self) -> int:
-        return len(self.detection)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Array, Bools, Floats
+from kochab.core.arrays import Array, Bools, Floats, Table
 from kochab.core.frame import Detections, Frame
 from kochab.detection.background import Halving, Mesh, Smoother, halving, measure_mesh
 from kochab.detection.peaks import PreparedFrame, apart, close_pairs, find_peaks, standing_out
@@ -79,7 +79,7 @@ BATCH = 500  # stars whose stamps are held at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MeasuredStars:
+class MeasuredStars(Table):
     """Measured peaks; arrays of length N, ``moments`` (N, 3) are xx, yy, xy in px^2."""
 
     xy: Floats
@@ -90,16 +90,9 @@ class MeasuredStars:
     noise: Floats
     saturated: Bools
 
-    def take(self, index: Bools | NDArray[np.intp]) -> "MeasuredStars":
-        """Only the stars that ``index`` selects, in its order."""
-        return MeasuredStars(*(getattr(self, name)[index] for name in _STARS))
-
     def axes(self) -> tuple[Floats, Floats, Floats]:
         """Sigma of the major and minor axis, px, and the major axis' angle, rad."""
         return principal_axes(*self.moments.T)
-
-
-_STARS = ("xy", "flux", "snr", "moments", "peak", "noise", "saturated")
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +156,7 @@ def measure(view: PreparedFrame, xy: Floats, covariance: Floats, clip: float, sn
         keep &= (places > -0.5).all(axis=1)
         keep &= (places < np.array(view.pixels.shape[::-1]) - 0.5).all(axis=1)
         parts.append(stars.take(keep))
-    stars = MeasuredStars(*(np.concatenate([getattr(part, name) for part in parts]) for name in _STARS))
+    stars = MeasuredStars.joined(parts)
     _measure_saturated(stars, view)
     return stars.take(np.argsort(-stars.flux, kind="stable"))
 

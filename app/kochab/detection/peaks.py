@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices
+from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices, Table
 from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
 
 STRIP = 160  # rows of the frame; what a strip needs fits the cache
@@ -181,7 +181,7 @@ def _means(pixels: Array, xy: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stamps:
+class Stamps(Table):
     """``value`` (N, K, K) above background; ``weight`` (N, K, K) is 1 where a pixel may be used.
 
     ``x``, ``y`` (N,) are the columns and rows of the middle pixel.
@@ -197,10 +197,6 @@ class Stamps:
         """Pixel offsets (K,) from the middle."""
         half = self.value.shape[1] // 2
         return np.arange(-half, half + 1, dtype=np.float32)
-
-    def take(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> "Stamps":
-        """Only the stamps that ``index`` selects."""
-        return Stamps(self.value[index], self.weight[index], self.x[index], self.y[index])
 
     def core(self, reach: int) -> Floats32:
         """The middle (N, 2 reach + 1, 2 reach + 1) of the values."""

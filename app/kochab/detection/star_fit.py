@@ -9,14 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kochab.core.arrays import Bools, Floats, Floats32, Indices
+from kochab.core.arrays import Bools, Floats, Floats32, Table
 from kochab.detection.peaks import PreparedFrame, Stamps, cut
-
-Index = Bools | Indices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fits:
+class Fits(Table):
     """``dx``, ``dy`` (N,) px from the stamps' middles, ``flux`` (N,) and its ``snr`` (N,).
 
     ``snr`` is for a noise of 1 a pixel. ``moments`` (N, 3) are xx, yy, xy weighted by the star
@@ -29,23 +27,6 @@ class Fits:
     snr: Floats
     moments: Floats
 
-    @classmethod
-    def empty(cls, n: int) -> "Fits":
-        """Room for ``n`` fits."""
-        return cls(np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty((n, 3)))
-
-    def take(self, index: Index) -> "Fits":
-        """Only the fits that ``index`` selects."""
-        return Fits(*(getattr(self, name)[index] for name in _FIELDS))
-
-    def put(self, index: Index, fits: "Fits") -> None:
-        """Set those that ``index`` selects."""
-        for name in _FIELDS:
-            getattr(self, name)[index] = getattr(fits, name)
-
-
-_FIELDS = ("dx", "dy", "flux", "snr", "moments")
-
 
 def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 3) -> Fits:
     """Fit stamps with the star image whose second moments (2, 2) px^2 are ``covariance``."""
@@ -54,11 +35,9 @@ def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 3) -> Fits:
     whole = np.asarray(stamps.weight.all(axis=(1, 2)))
     if whole.all():
         return _fit_whole(stamps, covariance, steps)
-    out = Fits.empty(len(whole))
-    for chosen, fit in ((whole, _fit_whole), (~whole, _fit)):
-        if chosen.any():
-            out.put(chosen, fit(stamps.take(chosen), covariance, steps))
-    return out
+    full, partial = np.flatnonzero(whole), np.flatnonzero(~whole)
+    parts = [_fit_whole(stamps.take(full), covariance, steps), _fit(stamps.take(partial), covariance, steps)]
+    return Fits.joined(parts).take(np.argsort(np.concatenate([full, partial])))
 
 
 def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) -> None:
@@ -209,7 +188,7 @@ PIXEL_VARIANCE = 1.0 / 12.0  # of a square pixel, px^2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shapes:
+class Shapes(Table):
     """``dx``, ``dy`` (N,) px from the stamp's middle; ``xx``, ``yy``, ``xy`` (N,) px^2; ``flux``.
 
     ``good`` (N,) says that the iteration settled inside the stamp.
