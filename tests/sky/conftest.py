@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from kochab.sky import Catalogue, open_catalogue
-from kochab.sky.catalogue_build import write_deep
-from kochab.sky.catalogue_merge import StarList
+from kochab.sky.catalogue_file import StarList, write_deep
 
 
 @pytest.fixture(scope="session")
@@ -21,13 +20,11 @@ def small(tmp_path_factory):
     vector[600:1200] = [1.0, 0.0, 0.0] + 0.03 * rng.normal(size=(600, 3))
     vector /= np.linalg.norm(vector, axis=1, keepdims=True)
     n = len(vector)
-    stars = StarList(
+    stars = StarList.of(
         vector,
-        rng.normal(size=(n, 2)) * 3000.0,
         rng.uniform(-1.0, 13.0, n),
-        np.where(rng.random(n) < 0.3, np.nan, rng.uniform(-0.3, 2.0, n)),
-        np.zeros(n, dtype=np.int64),
-        np.zeros(n, dtype=np.uint8),
+        pm=rng.normal(size=(n, 2)) * 3000.0,
+        bv=np.where(rng.random(n) < 0.3, np.nan, rng.uniform(-0.3, 2.0, n)),
     )
     path = tmp_path_factory.mktemp("small") / "deep.kcat"
     write_deep(path, stars)

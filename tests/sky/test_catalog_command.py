@@ -5,7 +5,7 @@ import pytest
 
 from kochab.cli.main import main
 from kochab.sky import shipped_folder
-from kochab.sky.inventory import read_manifest
+from kochab.sky.catalogue_file import read_manifest
 
 
 def test_info_finds_the_shipped_catalogue_sound(capsys):

@@ -9,22 +9,13 @@ from hypothesis import strategies as st
 
 from kochab.core.errors import CatalogueError
 from kochab.sky import open_catalogue
-from kochab.sky.catalogue_build import write_deep
-from kochab.sky.catalogue_file import Container, write_container
-from kochab.sky.catalogue_merge import StarList
+from kochab.sky.catalogue_file import Container, StarList, write_container, write_deep
 
 
 def few(n=500):
     rng = np.random.default_rng(n)
     v = rng.normal(size=(n, 3))
-    return StarList(
-        v / np.linalg.norm(v, axis=1, keepdims=True),
-        np.zeros((n, 2)),
-        rng.uniform(2, 12, n),
-        np.full(n, np.nan),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.uint8),
-    )
+    return StarList.of(v / np.linalg.norm(v, axis=1, keepdims=True), rng.uniform(2, 12, n))
 
 
 @pytest.fixture

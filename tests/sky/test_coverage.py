@@ -5,17 +5,8 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import UsageError
 from kochab.core.progress import run
 from kochab.sky import Catalogue
-from kochab.sky.catalogue_build import write_deep
-from kochab.sky.catalogue_merge import StarList
+from kochab.sky.catalogue_file import StarList, write_deep
 from kochab.sky.inventory import coverage, even_points
-
-
-def catalogue_of(path, vector, mag=8.0):
-    n = len(vector)
-    none = np.zeros(n, np.int64)
-    stars = StarList(vector, np.zeros((n, 2)), np.full(n, mag), np.zeros(n), none, none.astype("u1"))
-    write_deep(path, stars)
-    return Catalogue(path)
 
 
 def test_even_points_are_even():
@@ -29,7 +20,8 @@ def test_the_hole_in_the_sky_is_found(tmp_path):
     v = even_points(60_000)
     hole = unit_vectors(123.0, -34.0)
     v = v[v @ hole < np.cos(np.radians(4.0))]
-    told = run(coverage(catalogue_of(tmp_path / "deep.kcat", v), 4.0, fields=20_000))
+    write_deep(tmp_path / "deep.kcat", StarList.of(v, np.full(len(v), 8.0)))
+    told = run(coverage(Catalogue(tmp_path / "deep.kcat"), 4.0, fields=20_000))
     want = 60_000 / 41253.0 * 16.0
     assert told.median == pytest.approx(want, abs=2)
     assert told.fewest == 0

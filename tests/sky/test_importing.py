@@ -11,6 +11,7 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import run
 from kochab.sky import catalogue_file, open_catalogue
+from kochab.sky.catalogue_file import StarList
 from kochab.sky.catalogue_import import MARK, ForeignStars, combine, decode, read_foreign, user_folder, v_of_gaia
 from tests.sky.packages import index_file
 
@@ -75,14 +76,15 @@ GAIA = """source_id,ra,dec,pmra,pmdec,phot_g_mean_mag,bp_rp,ref_epoch
 def test_gaia_tables_are_read(tmp_path, name):
     data = ("# a comment of ECSV\n" + GAIA).encode()
     (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
-    stars = run(read_foreign(tmp_path / name))
+    foreign = run(read_foreign(tmp_path / name))
+    stars = foreign.stars
     assert len(stars) == 2
-    assert stars.epoch == 2016.0
+    assert foreign.epoch == 2016.0
+    assert stars.flag.tolist() == [catalogue_file.MOVING, 0]
     assert stars.mag == pytest.approx([14.15, 15.7], abs=0.01)
     assert stars.bv[0] == pytest.approx(0.62, abs=0.05)
     assert np.isnan(stars.bv[1])
-    assert np.isnan(stars.pm_mas[1]).all()
-    assert stars.pm_mas[0] == pytest.approx([100.0, -50.0])
+    assert stars.pm.tolist() == [[100.0, -50.0], [0.0, 0.0]]
 
 
 def test_the_sun_has_its_colour():
@@ -119,7 +121,7 @@ def test_empty_folders_and_absent_paths_are_said(tmp_path):
 def test_stars_in_several_index_files_count_once(tmp_path):
     for i in range(2):
         index_file(tmp_path / f"index-{i}.fits", [(10.0, 20.0, 12.0), (30.0 + i, 40.0, 13.0)])
-    stars = run(read_foreign(tmp_path))
+    stars = run(read_foreign(tmp_path)).stars
     assert len(stars) == 3
     assert sorted(stars.mag) == pytest.approx([11.9, 12.9, 12.9])
 
@@ -127,16 +129,13 @@ def test_stars_in_several_index_files_count_once(tmp_path):
 def test_an_imported_catalogue_holds_both(tmp_path, catalogue):
     """A new star moved to J2000, one the shipped list has, and a ghost that is too bright."""
     known = catalogue.vectors([1_500_000], 2016.0)[0]
-    ra = np.degrees(np.arctan2(known[1], known[0])) % 360
-    foreign = ForeignStars(
-        np.array([83.0, ra, 84.0]),
-        np.array([60.0, np.degrees(np.arcsin(known[2])), 61.0]),
+    stars = StarList.of(
+        np.stack([unit_vectors(83.0, 60.0), known, unit_vectors(84.0, 61.0)]),
         np.array([14.5, 11.9, 6.0]),
-        np.array([0.5, 0.5, 0.5]),
-        np.array([[0.0, 1000.0], [np.nan, np.nan], [0.0, 0.0]]),
-        2016.0,
-        "test",
+        pm=np.array([[0.0, 1000.0], [0.0, 0.0], [0.0, 0.0]]),
+        flag=np.array([catalogue_file.MOVING, 0, catalogue_file.MOVING], np.uint8),
     )
+    foreign = ForeignStars(stars, 2016.0, "test")
     manifest = run(combine(foreign, tmp_path / "both"))
     assert manifest["counts"] == {"stars read": 2, "stars added to the shipped ones": 1}
     both = open_catalogue(tmp_path / "both" / "deep.kcat")

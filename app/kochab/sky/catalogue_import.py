@@ -2,9 +2,8 @@
 
 import csv
 import gzip
-import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,8 @@ from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
-from kochab.sky import catalogue_file
 from kochab.sky.catalogue import Catalogue, open_catalogue
-from kochab.sky.catalogue_build import sha256, write_deep
-from kochab.sky.catalogue_merge import StarList
+from kochab.sky.catalogue_file import EPOCH, MOVING, StarList, write_deep, write_manifest
 from kochab.sky.catalogue_sources import ARCSEC, moved, read_index
 
 # -- What every reader of a foreign catalogue gives --------------------------------------------
@@ -26,27 +23,11 @@ from kochab.sky.catalogue_sources import ARCSEC, moved, read_index
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignStars:
-    """Stars (N,) at ``epoch``: ICRS degrees, V or nearly, and NaN for what is not known.
+    """Stars at ``epoch``, V or nearly; ``epoch`` None when the files do not say."""
 
-    ``pm_mas`` (N, 2) is pmRA*, pmDE in mas/yr. ``epoch`` None when the files do not say.
-    """
-
-    ra_deg: Floats
-    dec_deg: Floats
-    mag: Floats
-    bv: Floats
-    pm_mas: Floats
+    stars: StarList
     epoch: float | None
     source: str
-
-    def __len__(self) -> int:
-        return len(self.mag)
-
-    @classmethod
-    def bare(cls, ra_deg: Floats, dec_deg: Floats, mag: Floats, epoch: float | None, source: str) -> "ForeignStars":
-        """Stars of which only place and magnitude are known."""
-        nan = np.full(len(mag), np.nan)
-        return cls(ra_deg, dec_deg, mag, nan, np.stack([nan, nan], axis=1), epoch, source)
 
 
 def v_of_gaia(g: Floats, bp_rp: Floats) -> tuple[Floats, Floats]:
@@ -88,8 +69,7 @@ def read_astap(folder: Path) -> Task[ForeignStars]:
         parts.append(decode(path.read_bytes(), path.name))
     ra, dec, mag, colour = np.concatenate(parts, axis=1)
     _, bv = v_of_gaia(mag, colour)
-    unknown = np.full((len(mag), 2), np.nan)
-    return ForeignStars(ra, dec, mag, bv, unknown, None, "ASTAP")
+    return ForeignStars(StarList.of(unit_vectors(ra, dec), mag, bv=bv), None, "ASTAP")
 
 
 def decode(data: bytes, name: str) -> NDArray[np.float64]:
@@ -136,15 +116,16 @@ def read_gaia(path: Path) -> Task[ForeignStars]:
         raise CatalogueError(f"{path.name} cannot be read as CSV ({error}).") from error
     if not blocks:
         raise CatalogueError(f"{path.name} holds no stars.")
-    ra, dec, g, pm_ra, pm_dec, colour, epoch = np.concatenate(blocks, axis=1)
-    good = np.isfinite(ra) & np.isfinite(dec) & np.isfinite(g) & (np.abs(dec) <= 90.0)
-    epochs = np.unique(epoch[good & np.isfinite(epoch)])
+    table = np.concatenate(blocks, axis=1)
+    ra, dec, g, pm_ra, pm_dec, colour, epoch = table[:, np.isfinite(table[:3]).all(axis=0) & (np.abs(table[1]) <= 90.0)]
+    epochs = np.unique(epoch[np.isfinite(epoch)])
     if len(epochs) > 1:
         raise CatalogueError(f"{path.name} mixes epochs {epochs[0]:g} and {epochs[-1]:g}.")
     v, bv = v_of_gaia(g, colour)
-    pm = np.stack([pm_ra, pm_dec], axis=1)
-    at = float(epochs[0]) if len(epochs) else DR3_EPOCH
-    return ForeignStars(ra[good] % 360.0, dec[good], v[good], bv[good], pm[good], at, "Gaia CSV")
+    pm = np.nan_to_num(np.stack([pm_ra, pm_dec], axis=1))
+    flag = np.where(np.isfinite(pm_ra), MOVING, 0).astype(np.uint8)
+    stars = StarList.of(unit_vectors(ra % 360.0, dec), v, bv=bv, pm=pm, flag=flag)
+    return ForeignStars(stars, float(epochs[0]) if len(epochs) else DR3_EPOCH, "Gaia CSV")
 
 
 def _blocks(path: Path) -> Iterator[Floats]:
@@ -186,21 +167,19 @@ def read_indexes(files: list[Path]) -> Task[ForeignStars]:
     parts, names = [], set()
     for i, path in enumerate(files):
         yield Progress("Reading the catalogue", 0.6 * i / len(files), path.name)
-        stars = read_index(path)
-        columns = {name.upper(): values for name, values in stars.columns.items()}
+        vector, tags = read_index(path)
+        columns = {name.upper(): values for name, values in tags.items()}
         name = next((n for n in MAGNITUDES if n in columns), None)
         if name is None:
             raise CatalogueError(f"{path.name} holds no magnitudes (the LIGHT series do not).")
         names.add(name)
-        parts.append(np.column_stack([stars.vector, columns[name].astype(np.float64)]))
+        parts.append(np.column_stack([vector, columns[name].astype(np.float64)]))
     if len(names) != 1:
         raise CatalogueError("The index files are of different series: import one at a time.")
-    x, y, z, mag = np.unique(np.concatenate(parts), axis=0).T
-    ra = np.degrees(np.arctan2(y, x)) % 360.0
-    dec = np.degrees(np.arctan2(z, np.hypot(x, y)))
+    table = np.unique(np.concatenate(parts), axis=0)
     name = names.pop()
-    v = mag - 0.10 if name == "MAG_VT" else mag + 0.2
-    return ForeignStars.bare(ra, dec, v, EPOCHS.get(name), f"index files, {name}")
+    v = table[:, 3] + (-0.10 if name == "MAG_VT" else 0.2)
+    return ForeignStars(StarList.of(table[:, :3], v), EPOCHS.get(name), f"index files, {name}")
 
 
 # -- Which reader a path is for, and where imported catalogues are kept ------------------------
@@ -245,6 +224,7 @@ def read_foreign(path: Path) -> Task[ForeignStars]:
 
 SAME = 3.0  # arcsec within which both mean one star, the foreign epoch applied
 COMPLETE = 9.0  # to this V the shipped list has every star, and foreign ones have the odd ghost
+MAG_MOST = 32.0  # V; what is fainter, or not finite, is no magnitude of a star
 UNKNOWN_EPOCH = 2016.0
 MOST = 40_000_000  # stars; more would need several GB of memory to sort
 
@@ -258,44 +238,36 @@ def combine(
     brighter are left out altogether. ``epoch`` is used when the foreign files state none.
     """
     at = foreign.epoch or epoch or UNKNOWN_EPOCH
-    keep = np.isfinite(foreign.mag) & (foreign.mag > COMPLETE)
-    if mag_limit is not None:
-        keep &= foreign.mag <= mag_limit
-    if keep.sum() > MOST:
-        raise CatalogueError(f"{int(keep.sum()):,} stars are too many to import; keep the brighter with --mag-limit.")
+    mag = foreign.stars.mag
+    stars = foreign.stars.take((mag > COMPLETE) & (mag <= (MAG_MOST if mag_limit is None else mag_limit)))
+    if len(stars) > MOST:
+        raise CatalogueError(f"{len(stars):,} stars are too many to import; keep the brighter with --mag-limit.")
     shipped = open_catalogue()
-    rows = np.arange(len(shipped))
-    place = unit_vectors(foreign.ra_deg[keep], foreign.dec_deg[keep])
     yield Progress("Looking for stars that are there already", 0.65)
-    new = _absent(shipped, place, at)
-    pm = np.nan_to_num(foreign.pm_mas[keep][new])
+    new = stars.take(_absent(shipped, stars.vector, at))
     yield Progress("Joining the catalogues", 0.75)
-    flag = np.where(np.isfinite(foreign.pm_mas[keep][new, 0]), catalogue_file.MOVING, 0)
-    old = StarList(
+    rows = np.arange(len(shipped))
+    old = StarList.of(
         shipped.vectors(rows),
-        shipped.motions(rows),
         shipped.mag(rows),
-        shipped.bv(rows),
-        np.zeros(len(rows), np.int64),
-        shipped.flags(rows),
+        pm=shipped.motions(rows),
+        bv=shipped.bv(rows),
+        flag=shipped.flags(rows),
     )
-    added = StarList(
-        moved(place[new], pm, catalogue_file.EPOCH - at),
-        pm,
-        foreign.mag[keep][new],
-        foreign.bv[keep][new],
-        np.zeros(int(new.sum()), np.int64),
-        flag.astype(np.uint8),
-    )
-    column = shipped.container.column
-    link = np.stack([column("link_deep"), column("link_bright")], axis=1).astype(np.int64)
+    new = replace(new, vector=moved(new.vector, new.pm, EPOCH - at))
+    link = np.stack([shipped.container.column(f"link_{name}") for name in ("deep", "bright")], axis=1).astype(np.int64)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CatalogueError(f"{folder} cannot be made: {error.strerror or error}.") from None
     yield Progress("Writing the catalogue", 0.85)
-    write_deep(folder / "deep.kcat", StarList.joined(old, added), link)
-    return _manifest(folder, foreign, at, int(keep.sum()), len(added))
+    write_deep(folder / "deep.kcat", StarList.joined([old, new]), link)
+    facts = {
+        "counts": {"stars read": len(stars), "stars added to the shipped ones": len(new)},
+        "imported_from": foreign.source,
+        "imported_epoch": at,
+    }
+    return write_manifest(folder, facts)
 
 
 def _absent(shipped: Catalogue, place: Floats, year: float) -> Bools:
@@ -305,16 +277,3 @@ def _absent(shipped: Catalogue, place: Floats, year: float) -> Bools:
     tree = cKDTree(shipped.vectors(np.arange(len(shipped)), year))
     distance, _ = tree.query(place, distance_upper_bound=SAME * ARCSEC)
     return np.asarray(~np.isfinite(distance))
-
-
-def _manifest(folder: Path, foreign: ForeignStars, epoch: float, read: int, added: int) -> dict[str, Any]:
-    deep = folder / "deep.kcat"
-    manifest: dict[str, Any] = {
-        "counts": {"stars read": read, "stars added to the shipped ones": added},
-        "files": {"deep.kcat": {"bytes": deep.stat().st_size, "sha256": sha256(deep)}},
-        "imported_from": foreign.source,
-        "imported_epoch": epoch,
-    }
-    text = json.dumps(manifest, indent=1, sort_keys=True) + "\n"
-    (folder / "manifest.json").write_text(text, "utf-8", newline="\n")
-    return manifest

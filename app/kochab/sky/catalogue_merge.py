@@ -1,14 +1,13 @@
 """One list out of two: epochs put right, artefacts dropped, partners found, components joined."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.progress import Progress, Task
-from kochab.sky.catalogue_file import HIPPARCOS, MERGED, MOVING, REDATED, V_FROM_VT
+from kochab.sky.catalogue_file import HIPPARCOS, MERGED, MOVING, REDATED, V_FROM_VT, StarList
 from kochab.sky.catalogue_sources import (
     ALSO_EARLY,
     ARCSEC,
@@ -18,7 +17,9 @@ from kochab.sky.catalogue_sources import (
     TELLING,
     Sources,
     early_by_list,
+    least_of_each,
     moved,
+    row_of,
     shift_arcsec,
 )
 
@@ -33,7 +34,7 @@ KEPT = 10  # stars kept in each cell
 VT_MARGIN = 0.35  # VT is fainter than V by 0.1 on average, of red stars by 0.3
 
 
-def cell_of(vector: Floats, side: int = SIDE) -> NDArray[np.int64]:
+def cell_of(vector: Floats, side: int = SIDE) -> Ints:
     """The HEALPix cell (N,), 0 to 12 side^2 - 1, of unit vectors (N, 3).
 
     Gorski et al. 2005, ApJ 622, 759, section 4; the numbering is our own, only cells matter.
@@ -61,7 +62,7 @@ def cell_of(vector: Floats, side: int = SIDE) -> NDArray[np.int64]:
     return np.asarray((square * side + column) * side + row)
 
 
-def crowded_out(vector: Floats, mag: Floats, kept: Floats, kept_vt: Floats) -> NDArray[np.bool_]:
+def crowded_out(vector: Floats, mag: Floats, kept: Floats, kept_vt: Floats) -> Bools:
     """Whether stars (N,) of V ``mag`` may lack in an index with stars ``kept`` (K, 3) for room."""
     cells = 12 * SIDE * SIDE
     home = cell_of(kept)
@@ -80,43 +81,14 @@ BV_REAL = (0.02, 2.4)  # artefacts have one band missing: their colour stands at
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StarList:
-    """A list at J2000: ``vector`` (N, 3), ``pm`` (N, 2) mas/yr, ``mag`` V, ``bv`` NaN unknown.
-
-    ``hip`` 0 when none, ``flag`` bits of `kochab.sky.catalogue_file`.
-    """
-
-    vector: Floats
-    pm: Floats
-    mag: Floats
-    bv: Floats
-    hip: Ints
-    flag: NDArray[np.uint8]
-
-    def __len__(self) -> int:
-        return len(self.mag)
-
-    def take(self, index: Ints | Bools) -> "StarList":
-        """The stars that ``index`` selects."""
-        return StarList(*(getattr(self, f.name)[index] for f in fields(self)))
-
-    @classmethod
-    def joined(cls, a: "StarList", b: "StarList") -> "StarList":
-        """The stars of ``a``, then those of ``b``."""
-        names = [f.name for f in fields(cls)]
-        return cls(*(np.concatenate([getattr(a, n), getattr(b, n)]) for n in names))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Merged:
-    """``bright`` every Hipparcos star, unjoined, with ``source`` rows of Stellarium's list.
+    """``bright`` every Hipparcos star, unjoined; ``deep`` every star.
 
-    ``deep`` every star; ``link`` (L, 2) pairs (deep, bright), brightest part first within a star.
-    ``counts`` what was corrected, dropped and joined.
+    ``link`` (L, 2) pairs (deep, bright), brightest part first within a star; ``counts`` what was
+    corrected, dropped and joined.
     """
 
     bright: StarList
-    source: Ints
     deep: StarList
     link: Ints
     counts: dict[str, int]
@@ -132,52 +104,43 @@ def merge(src: Sources) -> Task[Merged]:
     left_out = crowded_out(stars.vector, stars.mag, src.tycho, src.vt)
     partner, counts, early = _partners(stars, place_listed, tree, left_out)
     yield Progress("Putting epochs right", 0.3)
-    years = np.where(early, 2000.0 - EARLY, 0.0)
-    vector = moved(stars.vector, stars.pm, years)
-    flag = stars.flag | np.where(early, REDATED, 0).astype(np.uint8)
-    stars = StarList(vector, stars.pm, stars.mag, stars.bv, stars.hip, flag)
+    vector = moved(stars.vector, stars.pm, np.where(early, 2000.0 - EARLY, 0.0))
+    stars = replace(stars, vector=vector, flag=stars.flag | np.where(early, REDATED, 0).astype(np.uint8))
     yield Progress("Dropping artefacts", 0.4)
     keep = (stars.hip > 0) | (partner >= 0) | _plausible(stars, left_out)
     counts["artefacts dropped"] = int((~keep).sum())
     stars = _refined(stars, partner, src, mag_listed)
     rest = _tycho_only(src, ~_listed_already(src, stars, partner, tree))
     counts["stars of Tycho-2 alone"] = len(rest)
-    both = StarList.joined(stars.take(keep), rest)
+    both = StarList.joined([stars.take(keep), rest])
     yield Progress("Joining close components", 0.6)
     listed_hip = dict(zip(src.listed.hip.tolist(), src.listed.mag.tolist(), strict=True))
     deep, group = join(both, listed_hip)
     counts["stars with joined components"] = int((deep.flag & MERGED > 0).sum())
     hips = np.flatnonzero(stars.hip > 0)
-    bright, source, link = _linked(stars, hips, group[: int(keep.sum())][stars.hip[keep] > 0])
-    return Merged(bright, source, deep, link, counts)
+    bright, link = _linked(stars.take(hips), group[: int(keep.sum())][stars.hip[keep] > 0])
+    return Merged(bright, deep, link, counts)
 
 
 def _stellarium_stars(src: Sources) -> tuple[StarList, Floats, Floats]:
     """Stellarium's stars with motions, and the independent list's places and V beside them."""
     raw = src.stars
-    at = np.minimum(np.searchsorted(src.pm_hip, raw.hip), len(src.pm_hip) - 1)
-    known = (raw.hip > 0) & (src.pm_hip[at] == raw.hip)
-    pm = np.where(known[:, None], src.pm[at], raw.pm)
+    row, known = row_of(raw.hip, src.pm_hip)
+    pm = np.where((known & (raw.hip > 0))[:, None], src.pm[row], raw.pm)
     for hip, motion in MOTIONS.items():
         pm[raw.hip == hip] = motion
-    order = np.argsort(src.listed.hip)
-    ids = src.listed.hip[order]
-    spot = np.minimum(np.searchsorted(ids, raw.hip), len(ids) - 1)
-    in_list = (ids[spot] == raw.hip) & _brightest_of_hip(raw.hip, raw.mag)
-    place = np.where(in_list[:, None], src.listed.vector[order][spot], np.nan)
-    mag = np.where(in_list & (raw.component == 0), src.listed.mag[order][spot], np.nan)
-    flag = np.full(len(raw), MOVING, dtype=np.uint8)
-    flag[raw.hip > 0] |= HIPPARCOS
+    row, in_list = row_of(raw.hip, src.listed.hip)
+    in_list &= _brightest_of_hip(raw)
+    place = np.where(in_list[:, None], src.listed.vector[row], np.nan)
+    mag = np.where(in_list & (raw.component == 0), src.listed.mag[row], np.nan)
+    flag = np.where(raw.hip > 0, MOVING | HIPPARCOS, MOVING).astype(np.uint8)
     # Magnitudes were floored to 0.05: the middle of the step is the best guess.
-    return StarList(raw.vector, pm, raw.mag + 0.025, raw.bv, raw.hip, flag), place, mag
+    return replace(raw, pm=pm, mag=raw.mag + 0.025, flag=flag), place, mag
 
 
-def _brightest_of_hip(hip: Ints, mag: Floats) -> Bools:
-    order = np.lexsort((mag, hip))
-    first = np.zeros(len(hip), dtype=np.bool_)
-    ranked = hip[order]
-    first[order[np.concatenate([[True], ranked[1:] != ranked[:-1]])]] = True
-    return first & (hip > 0)
+def _brightest_of_hip(stars: StarList) -> Bools:
+    """Each Hipparcos entry's brightest component."""
+    return least_of_each(stars.hip, stars.mag) & (stars.hip > 0)
 
 
 def _partners(stars: StarList, listed: Floats, tree: Any, left_out: Bools) -> tuple[Ints, dict[str, int], Bools]:
@@ -187,7 +150,7 @@ def _partners(stars: StarList, listed: Floats, tree: Any, left_out: Bools) -> tu
     supplement = _nearest(tree, then, PARTNER)
     later = moved(stars.vector, stars.pm, 2000.0 - EARLY)
     after = _nearest(tree, later, PARTNER)
-    lead = _brightest_of_hip(stars.hip, stars.mag)
+    lead = _brightest_of_hip(stars)
     checked = np.isfinite(listed[:, 0])
     early = lead & checked & early_by_list(stars.vector, stars.pm, listed)
     by_list = int(early.sum())
@@ -232,7 +195,7 @@ def _refined(stars: StarList, partner: Ints, src: Sources, listed: Floats) -> St
     near = np.where(partner >= 0, np.linalg.norm(stars.vector - src.tycho[partner], axis=1), 9.0)
     better = (stars.hip == 0) & (near < 0.5 * ARCSEC)
     vector = np.where(better[:, None], src.tycho[partner], stars.vector)
-    return StarList(vector, stars.pm, mag, stars.bv, stars.hip, stars.flag)
+    return replace(stars, vector=vector, mag=mag)
 
 
 def _listed_already(src: Sources, stars: StarList, partner: Ints, tree: Any) -> Bools:
@@ -253,11 +216,8 @@ def _listed_already(src: Sources, stars: StarList, partner: Ints, tree: Any) -> 
 
 
 def _tycho_only(src: Sources, index: Bools) -> StarList:
-    n = int(index.sum())
-    flag = np.full(n, V_FROM_VT, dtype=np.uint8)
-    return StarList(
-        src.tycho[index], np.zeros((n, 2)), src.vt[index] - 0.10, np.full(n, np.nan), np.zeros(n, dtype=np.int64), flag
-    )
+    vt = src.vt[index]
+    return StarList.of(src.tycho[index], vt - 0.10, flag=np.full(len(vt), V_FROM_VT, np.uint8))
 
 
 def join(stars: StarList, listed: dict[int, float]) -> tuple[StarList, Ints]:
@@ -290,7 +250,8 @@ def join(stars: StarList, listed: dict[int, float]) -> tuple[StarList, Ints]:
     one = ~several
     place[several] /= np.linalg.norm(place[several], axis=1, keepdims=True)
     place[one], motion[one] = stars.vector[head[one]], stars.pm[head[one]]
-    return StarList(place, motion, mag, stars.bv[head], hip, flag), group.astype(np.int64)
+    found = StarList.of(place, mag, pm=motion, bv=stars.bv[head], hip=hip, flag=flag)
+    return found, group.astype(np.int64)
 
 
 def _hip_of_groups(stars: StarList, rank: Ints, start: Ints) -> Ints:
@@ -303,10 +264,8 @@ def _hip_of_groups(stars: StarList, rank: Ints, start: Ints) -> Ints:
     return hip
 
 
-def _linked(stars: StarList, rows: Ints, group: Ints) -> tuple[StarList, Ints, Ints]:
-    """The bright list by HIP and brightness, its source rows, and (deep, bright) pairs."""
-    order = np.lexsort((stars.mag[rows], stars.hip[rows]))
-    source = rows[order]
-    link = np.stack([group[order], np.arange(len(rows))], axis=1)
-    rank = np.lexsort((stars.mag[source], link[:, 0]))
-    return stars.take(source), source, link[rank]
+def _linked(stars: StarList, group: Ints) -> tuple[StarList, Ints]:
+    """The bright list by HIP and brightness, and (deep, bright) pairs; ``group`` is the deep row."""
+    order = np.lexsort((stars.mag, stars.hip))
+    bright, link = stars.take(order), np.stack([group[order], np.arange(len(order))], axis=1)
+    return bright, link[np.lexsort((bright.mag, link[:, 0]))]

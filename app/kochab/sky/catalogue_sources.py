@@ -3,16 +3,14 @@
 import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.arrays import Array, Bools, Bytes, Floats, Ints, Table
 from kochab.core.errors import CatalogueError
+from kochab.sky.catalogue_file import StarList
 
 # -- Stellarium's star files: zones of a geodesic grid holding Hipparcos and Tycho-2 stars -----
 # The layout is a documented fact of the format (Stellarium 0.22, type 0 and type 1 files): a header
@@ -28,31 +26,6 @@ SIZES = {0: 28, 1: 10}
 FULL = {0: 2**31 - 1, 1: 2**19 - 1}  # the offset that reaches the farthest corner of a triangle
 FACES = "10A01909698607A670763683BA773B32B238AB424B54228541A451591895"
 """The corners of the 20 faces of the icosahedron, counted 0 to B, in the order of the files."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ZoneStars:
-    """Stars as stored: all arrays (N,).
-
-    ``vector`` (N, 3) ICRS; ``pm`` (N, 2) pmRA*, pmDE in mas/yr; ``mag`` V, floored to its step;
-    ``bv`` mag, NaN when unknown; ``parallax`` mas; ``hip`` and ``component`` 0 when none.
-    """
-
-    vector: Floats
-    pm: Floats
-    mag: Floats
-    bv: Floats
-    parallax: Floats
-    hip: NDArray[np.int64]
-    component: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        return len(self.hip)
-
-    @classmethod
-    def joined(cls, parts: "list[ZoneStars]") -> "ZoneStars":
-        """All the parts one after another."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 def triangles(level: int) -> Floats:
@@ -74,8 +47,8 @@ def triangles(level: int) -> Floats:
     return np.asarray(zone, dtype=np.float64)
 
 
-def read_stars(path: Path) -> ZoneStars:
-    """Every star of one ``stars_*.cat`` file (types 0 and 1)."""
+def read_stars(path: Path) -> StarList:
+    """Every star of one ``stars_*.cat`` file (types 0 and 1); V is floored to its step."""
     data = path.read_bytes()
     head = np.frombuffer(data, "<i4", 8) if len(data) >= 32 else np.zeros(8, "<i4")
     if int(head[0]) & 0xFFFFFFFF != MAGIC or int(head[1]) not in SIZES:
@@ -87,47 +60,41 @@ def read_stars(path: Path) -> ZoneStars:
     if len(body) != SIZES[kind] * int(counts.sum()):
         raise CatalogueError(f"{path.name} is cut short or damaged.")
     rows = body.reshape(-1, SIZES[kind])
-    columns = _type0(rows) if kind == 0 else _type1(rows)
-    x, y, pm_ra, pm_dec, bv, step, parallax, hip, component = columns
+    x, y, pm_ra, pm_dec, bv, step, parallax, ident = _type0(rows) if kind == 0 else _type1(rows)
     vector, plane = _positions(level, kind, np.repeat(np.arange(zones), counts), x, y)
-    motion = _on_sphere(_floats(np.stack([pm_ra, pm_dec], axis=1) * 0.1), plane)
-    return ZoneStars(
+    return StarList.of(
         vector,
-        motion,
-        _floats((low + step * (span / steps)) * 1e-3),
-        _floats(np.where(bv > 0, bv * (4.0 / 127.0) - 0.5, np.nan)),
-        _floats(parallax * 0.01),
-        hip,
-        component,
+        np.asarray((low + step * (span / steps)) * 1e-3),
+        pm=_on_sphere(np.stack([pm_ra, pm_dec], axis=1) * np.float64(0.1), plane),
+        bv=np.where(bv > 0, bv * (4.0 / 127.0) - 0.5, np.nan),
+        hip=ident & 0xFFFFFF,
+        component=(ident >> 24).astype(np.uint8),
+        parallax=parallax * 0.01,
     )
 
 
-def _type0(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ...]:
+def _type0(rows: Bytes) -> tuple[Ints, ...]:
     names = ["id", "x", "y", "bv", "mag", "sp", "dx", "dy", "plx"]
     packed = np.dtype({"names": names, "formats": ["<u4", "<i4", "<i4", "u1", "u1", "<u2", *["<i4"] * 3]})
     r = np.ascontiguousarray(rows).view(packed)[:, 0]
-    wide = [r[k].astype(np.int64) for k in ("x", "y", "dx", "dy", "bv", "mag", "plx", "id")]
-    *most, ident = wide
-    return (*most, ident & 0xFFFFFF, ident >> 24)
+    return tuple(r[k].astype(np.int64) for k in ("x", "y", "dx", "dy", "bv", "mag", "plx", "id"))
 
 
-def _type1(rows: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ...]:
+def _type1(rows: Bytes) -> tuple[Ints, ...]:
     d = rows.astype(np.int64).T
     x = _signed(d[0] | d[1] << 8 | (d[2] & 0xF) << 16, 20)
     y = _signed(d[2] >> 4 | d[3] << 4 | d[4] << 12, 20)
     dx = _signed(d[5] | (d[6] & 0x3F) << 8, 14)
     dy = _signed(d[6] >> 6 | d[7] << 2 | (d[8] & 0xF) << 10, 14)
     none = np.zeros_like(x)
-    return x, y, dx, dy, d[8] >> 4 | (d[9] & 7) << 4, d[9] >> 3, none, none, none
+    return x, y, dx, dy, d[8] >> 4 | (d[9] & 7) << 4, d[9] >> 3, none, none
 
 
-def _signed(value: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+def _signed(value: Ints, bits: int) -> Ints:
     return value - ((value >> (bits - 1)) << bits)
 
 
-def _positions(
-    level: int, kind: int, zone: NDArray[np.int64], x: NDArray[np.int64], y: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
+def _positions(level: int, kind: int, zone: Ints, x: Ints, y: Ints) -> tuple[Floats, Floats]:
     """Unit vectors (N, 3), and places (N, 2) on the plane that touches each zone's centre."""
     corners = triangles(level)
     centre = _unit(corners.sum(axis=1))
@@ -139,7 +106,7 @@ def _positions(
     scale = reach.max() / FULL[kind]
     plane = np.stack([x, y], axis=1) * scale
     offset = plane[:, :1] * east[zone] + plane[:, 1:] * north[zone]
-    return _unit(centre[zone] + offset), _floats(plane)
+    return _unit(centre[zone] + offset), plane
 
 
 def _on_sphere(motion: Floats, plane: Floats) -> Floats:
@@ -147,11 +114,7 @@ def _on_sphere(motion: Floats, plane: Floats) -> Floats:
     square = np.sum(plane**2, axis=1, keepdims=True)
     cosine = 1.0 / np.sqrt(1.0 + square)
     outward = plane * (np.sum(motion * plane, axis=1, keepdims=True) / np.maximum(square, 1e-30))
-    return _floats((motion - outward) * cosine + outward * cosine**2)
-
-
-def _floats(values: NDArray[Any]) -> Floats:
-    return np.asarray(values, dtype=np.float64)
+    return np.asarray((motion - outward) * cosine + outward * cosine**2)
 
 
 def _unit(v: Floats) -> Floats:
@@ -164,28 +127,13 @@ def _unit(v: Floats) -> Floats:
 # of the stars. The file's byte order is stated in the header's ENDIAN card.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IndexStars:
-    """Stars of an index: ``vector`` (N, 3) unit vectors, ``columns`` tag-along arrays (N,)."""
-
-    vector: Floats
-    columns: dict[str, NDArray[Any]]
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """Leave out astropy's remarks on files that are refused, or fine, in any case."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
-
-
-def read_index(path: Path) -> IndexStars:
-    """The stars of an astrometry.net index file."""
+def read_index(path: Path) -> tuple[Floats, dict[str, Array]]:
+    """Unit vectors (N, 3) of the stars of an astrometry.net index file, and tag-along columns (N,)."""
     from astropy.io import fits
 
     try:
-        with _quietly(), fits.open(path, memmap=False) as hdus:
+        # astropy remarks on files that are refused, or fine, in any case
+        with warnings.catch_warnings(action="ignore"), fits.open(path, memmap=False) as hdus:
             names = {h.columns.names[0]: i for i, h in enumerate(hdus) if i and h.columns.names}
             reach = hdus[names["kdtree_range_stars"]].data
             data = hdus[names["kdtree_data_stars"]].data
@@ -199,13 +147,12 @@ def read_index(path: Path) -> IndexStars:
     length = np.linalg.norm(vector, axis=1, keepdims=True)
     if len(vector) == 0 or not np.all(np.abs(length - 1.0) < 1e-3):
         raise CatalogueError(f"{path.name} holds stars that are not directions.")
-    columns = {n: c for n, c in columns.items() if len(c) == len(vector)}
-    return IndexStars(vector / length, columns)
+    return vector / length, {n: c for n, c in columns.items() if len(c) == len(vector)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Listed:
-    """The independent list: ``hip`` (M,), ``vector`` (M, 3) at 2024.0, ``mag`` (M,) V."""
+class Listed(Table):
+    """The independent list: ``hip`` (M,) ascending, ``vector`` (M, 3) at 2024.0, ``mag`` (M,) V."""
 
     hip: Ints
     vector: Floats
@@ -216,12 +163,13 @@ class Listed:
 class Sources:
     """All that is known before merging.
 
-    ``stars`` Stellarium's; ``hip_pm`` {HIP: (pmRA*, pmDE)} mas/yr as arrays ``pm_hip`` (K,) and
-    ``pm`` (K, 2); ``tycho`` (T, 3) vectors with ``vt`` (T,); ``cross`` {HIP: (SAO, HD, HR)};
-    ``names`` {HIP: (name, designation, other names)}.
+    ``files`` by name; ``stars`` Stellarium's; ``pm_hip`` (K,) ascending HIP numbers with their
+    motions ``pm`` (K, 2) pmRA*, pmDE in mas/yr; ``tycho`` (T, 3) vectors with ``vt`` (T,);
+    ``cross`` {HIP: (SAO, HD, HR)}; ``names`` {HIP: (name, designation, other names)}.
     """
 
-    stars: ZoneStars
+    files: dict[str, Path]
+    stars: StarList
     pm_hip: Ints
     pm: Floats
     tycho: Floats
@@ -231,49 +179,36 @@ class Sources:
     names: dict[int, tuple[str, str, list[str]]]
 
 
-def find_file(folder: Path, pattern: str) -> Path:
-    """The one file below ``folder`` matching ``pattern``; the first by name if several."""
-    found = sorted(folder.rglob(pattern))
-    if not found:
-        raise CatalogueError(f"The sources in {folder} lack {pattern}.")
-    return found[0]
-
-
-def source_files(folder: Path) -> list[Path]:
-    """The files below ``folder`` that the catalogue is made of."""
-    names = (
-        "index-tycho2-07.littleendian.fits",
-        "hip_pm.dat",
-        "cross-id.dat",
-        "name.fab",
-        "gcvs_hip_part.dat",
-        "default_database.npz",
-        "ongc.db",
-        "western/star_names.fab",
-        "western/constellationship.fab",
-    )
-    stars = sorted(folder.rglob("stars_[0-3]_*.cat"))
-    return stars + [find_file(folder, name) for name in names]
+SINGLE_FILES = (
+    "index-tycho2-07.littleendian.fits",
+    "hip_pm.dat",
+    "cross-id.dat",
+    "name.fab",
+    "gcvs_hip_part.dat",
+    "default_database.npz",
+    "ongc.db",
+    "western/star_names.fab",
+    "western/constellationship.fab",
+)
 
 
 def read_sources(folder: Path) -> Sources:
     """Read every source below ``folder``, wherever the packages put them."""
-    parts = [read_stars(p) for p in sorted(folder.rglob("stars_[0-3]_*.cat"))]
-    if not parts:
+    paths = sorted(folder.rglob("stars_[0-3]_*.cat"))
+    if not paths:
         raise CatalogueError(f"The sources in {folder} lack Stellarium's stars_*.cat.")
-    home = find_file(folder, "stars_0_*.cat").parent
-    index = read_index(find_file(folder, "index-tycho2-07.littleendian.fits"))
-    pm_hip, pm = _motions(home / "hip_pm.dat")
-    return Sources(
-        ZoneStars.joined(parts),
-        pm_hip,
-        pm,
-        index.vector,
-        index.columns["MAG_VT"].astype(np.float64),
-        _listed(find_file(folder, "default_database.npz")),
-        _cross(home / "cross-id.dat"),
-        _names(home, find_file(folder, "western/star_names.fab")),
-    )
+    stars = StarList.joined([read_stars(path) for path in paths])
+    for name in SINGLE_FILES:
+        found = sorted(folder.rglob(name))
+        if not found:
+            raise CatalogueError(f"The sources in {folder} lack {name}.")
+        paths.append(found[0])
+    files = {path.name: path for path in paths}
+    tycho, columns = read_index(files["index-tycho2-07.littleendian.fits"])
+    vt = columns["MAG_VT"].astype(np.float64)
+    motions = _motions(files["hip_pm.dat"])
+    listed = _listed(files["default_database.npz"])
+    return Sources(files, stars, *motions, tycho, vt, listed, _cross(files["cross-id.dat"]), _names(files))
 
 
 def _listed(path: Path) -> Listed:
@@ -282,7 +217,21 @@ def _listed(path: Path) -> Listed:
         hip = data["star_catalog_IDs"].astype(np.int64)
     ra, dec = table[:, 0], table[:, 1]
     place = [np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)]
-    return Listed(hip, np.stack(place, axis=1), table[:, 5])
+    return Listed(hip, np.stack(place, axis=1), table[:, 5]).take(np.argsort(hip))
+
+
+def row_of(number: Ints, among: Ints) -> tuple[Ints, Bools]:
+    """The row of each ``number`` (N,) ``among`` ascending ones, and whether it is there at all."""
+    row = np.minimum(np.searchsorted(among, number), len(among) - 1)
+    return row, among[row] == number
+
+
+def least_of_each(key: Ints, value: Floats) -> Bools:
+    """Where each key (N,) has its smallest value: a mask (N,)."""
+    order = np.lexsort((value, key))
+    mask = np.zeros(len(key), dtype=np.bool_)
+    mask[order[np.diff(key[order], prepend=-1) > 0]] = True
+    return mask
 
 
 def _lines(path: Path) -> Iterator[str]:
@@ -314,20 +263,20 @@ def _cross(path: Path) -> dict[int, tuple[int, int, int]]:
     return table
 
 
-def _names(home: Path, western: Path) -> dict[int, tuple[str, str, list[str]]]:
+def _names(files: dict[str, Path]) -> dict[int, tuple[str, str, list[str]]]:
     """HIP -> (star name, designation, other names): the first name given, Bayer before Flamsteed.
 
     Names of variable stars come last, as "R And".
     """
     proper: dict[int, list[str]] = {}
-    for hip, rest in _named(western):
+    for hip, rest in _named(files["star_names.fab"]):
         found = re.search(r'_\("(.+?)"\)', rest)
         if found:
             proper.setdefault(hip, []).append(found[1].strip())
     given: dict[int, list[str]] = {}
-    for hip, rest in _named(home / "name.fab"):
+    for hip, rest in _named(files["name.fab"]):
         given.setdefault(hip, []).append(rest.replace("_", " "))
-    for line in _lines(home / "gcvs_hip_part.dat"):
+    for line in _lines(files["gcvs_hip_part.dat"]):
         cells = line.split("\t")
         if cells[0].isdecimal() and len(cells) > 1:
             given.setdefault(int(cells[0]), []).append(cells[1].strip())

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
-from kochab.core.errors import CatalogueError, UsageError
+from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
 from kochab.sky import catalogue_file
 from kochab.sky.catalogue import Catalogue
-from kochab.sky.catalogue_build import sha256
-from kochab.sky.catalogue_file import Container
+from kochab.sky.catalogue_file import Container, read_manifest, sha256
 
 
 def inventory(folder: Path) -> Task[dict[str, Any]]:
@@ -54,19 +53,6 @@ def inventory(folder: Path) -> Task[dict[str, Any]]:
         "checks": checks,
         "ok": all(checks.values()),
     }
-
-
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest beside a catalogue: what was built, with sizes and SHA-256."""
-    path = folder / "manifest.json"
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        manifest["files"].items()
-    except FileNotFoundError:
-        raise CatalogueError(f"{path} is missing, so nothing can be checked.") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise CatalogueError(f"{path} is damaged.") from None
-    return dict(manifest)
 
 
 def _file(path: Path, want: dict[str, Any]) -> dict[str, Any]:
