@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import unit_vectors
-from kochab.core.errors import UsageError
-from kochab.sky.names import GENITIVES, GREEK, NAMES, WELL_KNOWN, position_name, printed
+from kochab.core.errors import CatalogueError, UsageError
+from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, StarNames, position_name, printed
 
 SPELLINGS = {
     91262: [
@@ -106,12 +106,26 @@ def test_every_hipparcos_star_leads_to_a_deep_row_and_back(catalogue):
         assert np.degrees(np.linalg.norm(place - unit_vectors(ra, dec))) * 3600 < 3.0
 
 
-def test_details_of_vega(catalogue):
-    told = catalogue.names.details(catalogue.bright_row(catalogue.find("Vega")))
-    assert (told["hip"], told["hd"], told["hr"], told["sao"]) == (91262, 172167, 7001, 67174)
-    assert told["parallax_mas"] == pytest.approx(130.23, abs=0.1)
-    assert told["pm_ra_mas"] == pytest.approx(200.94, abs=0.01)
-    assert told["v"] == pytest.approx(0.03)
+def test_numbers_of_vega(catalogue):
+    bright, row = catalogue.names.bright, catalogue.bright_row(catalogue.find("Vega"))
+    assert [int(bright.column(name)[row]) for name in ("hip", "hd", "hr", "sao")] == [91262, 172167, 7001, 67174]
+    assert bright.column("parallax")[row] / 1e2 == pytest.approx(130.23, abs=0.1)
+    assert bright.column("pm_ra")[row] / 1e2 == pytest.approx(200.94, abs=0.01)
+    assert bright.column("mag")[row] / 1e3 == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "name\tra_deg\n", "name\tra_deg\tdec_deg\nM 1\t83\tx\n", "name\tra_deg\tdec_deg\nM 1\n"]
+)
+def test_a_damaged_table_of_objects_is_said(catalogue, tmp_path, text):
+    names = StarNames(tmp_path)
+    for file in ("bright.kcat", "names.tsv"):
+        (tmp_path / file).symlink_to(catalogue.names.folder / file)
+    (tmp_path / "objects.tsv").write_text(text)
+    with pytest.raises(
+        CatalogueError if text else UsageError, match=r"objects\.tsv is missing or damaged|is called 'M 1'"
+    ):
+        names.find("M 1")
 
 
 def test_fainter_components_carry_their_letter(catalogue):
@@ -121,7 +135,8 @@ def test_fainter_components_carry_their_letter(catalogue):
 
 
 def test_there_are_88_constellations_and_24_letters():
-    assert len(NAMES) == len(GENITIVES) == 88
+    assert len(GENITIVES) == 88
+    assert GENITIVES["CVn"] == "Canum Venaticorum"
     assert len(GREEK) == 24
     assert printed("γ1 And") == "γ¹ And"
     assert printed("ψ10 Aur") == "ψ¹⁰ Aur"

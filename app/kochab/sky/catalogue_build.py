@@ -35,7 +35,6 @@ from kochab.sky.catalogue_sources import (
     read_sources,
     row_of,
 )
-from kochab.sky.names import COLUMNS
 
 DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "stellarium-data": "0.22.2-1"}
 PYPI = {"cedar-solve": ("0.5.1", "default_database.npz"), "pyongc": ("1.2.2", "ongc.db")}
@@ -125,7 +124,7 @@ def write_objects(database: Path, path: Path) -> int:
             rows = connection.execute(query).fetchall()
     except sqlite3.Error as error:
         raise CatalogueError(f"{database.name} cannot be read: {error}.") from error
-    lines = [COLUMNS]
+    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon"]
     for name, kind, ra, dec, mag, size, messier, common in rows:
         place = f"{np.degrees(ra):.5f}\t{np.degrees(dec):.5f}"
         number = f"{_number(mag)}\t{_number(size)}"

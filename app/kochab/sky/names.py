@@ -1,61 +1,41 @@
 """Names of stars, constellations and deep-sky objects, and finding them by any name."""
 
+import csv
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.catalogue_file import Container
 
-# -- The 88 constellations: abbreviation, name and genitive; and the Greek letters of Bayer ----
+# -- The 88 constellations: abbreviation and genitive; and the Greek letters of Bayer -----------
 
-_TABLE = """
-And Andromeda Andromedae|Ant Antlia Antliae|Aps Apus Apodis|Aqr Aquarius Aquarii
-Aql Aquila Aquilae|Ara Ara Arae|Ari Aries Arietis|Aur Auriga Aurigae|Boo Boötes Boötis
-Cae Caelum Caeli|Cam Camelopardalis Camelopardalis|Cnc Cancer Cancri
-CVn Canes_Venatici Canum_Venaticorum|CMa Canis_Major Canis_Majoris
-CMi Canis_Minor Canis_Minoris|Cap Capricornus Capricorni|Car Carina Carinae
-Cas Cassiopeia Cassiopeiae|Cen Centaurus Centauri|Cep Cepheus Cephei|Cet Cetus Ceti
-Cha Chamaeleon Chamaeleontis|Cir Circinus Circini|Col Columba Columbae
-Com Coma_Berenices Comae_Berenices|CrA Corona_Australis Coronae_Australis
-CrB Corona_Borealis Coronae_Borealis|Crv Corvus Corvi|Crt Crater Crateris|Cru Crux Crucis
-Cyg Cygnus Cygni|Del Delphinus Delphini|Dor Dorado Doradus|Dra Draco Draconis
-Equ Equuleus Equulei|Eri Eridanus Eridani|For Fornax Fornacis|Gem Gemini Geminorum
-Gru Grus Gruis|Her Hercules Herculis|Hor Horologium Horologii|Hya Hydra Hydrae
-Hyi Hydrus Hydri|Ind Indus Indi|Lac Lacerta Lacertae|Leo Leo Leonis
-LMi Leo_Minor Leonis_Minoris|Lep Lepus Leporis|Lib Libra Librae|Lup Lupus Lupi
-Lyn Lynx Lyncis|Lyr Lyra Lyrae|Men Mensa Mensae|Mic Microscopium Microscopii
-Mon Monoceros Monocerotis|Mus Musca Muscae|Nor Norma Normae|Oct Octans Octantis
-Oph Ophiuchus Ophiuchi|Ori Orion Orionis|Pav Pavo Pavonis|Peg Pegasus Pegasi
-Per Perseus Persei|Phe Phoenix Phoenicis|Pic Pictor Pictoris|Psc Pisces Piscium
-PsA Piscis_Austrinus Piscis_Austrini|Pup Puppis Puppis|Pyx Pyxis Pyxidis
-Ret Reticulum Reticuli|Sge Sagitta Sagittae|Sgr Sagittarius Sagittarii
-Sco Scorpius Scorpii|Scl Sculptor Sculptoris|Sct Scutum Scuti|Ser Serpens Serpentis
-Sex Sextans Sextantis|Tau Taurus Tauri|Tel Telescopium Telescopii
-Tri Triangulum Trianguli|TrA Triangulum_Australe Trianguli_Australis|Tuc Tucana Tucanae
-UMa Ursa_Major Ursae_Majoris|UMi Ursa_Minor Ursae_Minoris|Vel Vela Velorum
-Vir Virgo Virginis|Vol Volans Volantis|Vul Vulpecula Vulpeculae
+_GENITIVES = """
+And Andromedae, Ant Antliae, Aps Apodis, Aqr Aquarii, Aql Aquilae, Ara Arae, Ari Arietis, Aur Aurigae, Boo Boötis,
+Cae Caeli, Cam Camelopardalis, Cnc Cancri, CVn Canum Venaticorum, CMa Canis Majoris, CMi Canis Minoris,
+Cap Capricorni, Car Carinae, Cas Cassiopeiae, Cen Centauri, Cep Cephei, Cet Ceti, Cha Chamaeleontis, Cir Circini,
+Col Columbae, Com Comae Berenices, CrA Coronae Australis, CrB Coronae Borealis, Crv Corvi, Crt Crateris, Cru Crucis,
+Cyg Cygni, Del Delphini, Dor Doradus, Dra Draconis, Equ Equulei, Eri Eridani, For Fornacis, Gem Geminorum, Gru Gruis,
+Her Herculis, Hor Horologii, Hya Hydrae, Hyi Hydri, Ind Indi, Lac Lacertae, Leo Leonis, LMi Leonis Minoris,
+Lep Leporis, Lib Librae, Lup Lupi, Lyn Lyncis, Lyr Lyrae, Men Mensae, Mic Microscopii, Mon Monocerotis, Mus Muscae,
+Nor Normae, Oct Octantis, Oph Ophiuchi, Ori Orionis, Pav Pavonis, Peg Pegasi, Per Persei, Phe Phoenicis, Pic Pictoris,
+Psc Piscium, PsA Piscis Austrini, Pup Puppis, Pyx Pyxidis, Ret Reticuli, Sge Sagittae, Sgr Sagittarii, Sco Scorpii,
+Scl Sculptoris, Sct Scuti, Ser Serpentis, Sex Sextantis, Tau Tauri, Tel Telescopii, Tri Trianguli,
+TrA Trianguli Australis, Tuc Tucanae, UMa Ursae Majoris, UMi Ursae Minoris, Vel Velorum, Vir Virginis, Vol Volantis,
+Vul Vulpeculae
 """
+GENITIVES: dict[str, str] = dict(entry.split(" ", 1) for entry in _GENITIVES.strip().replace(",\n", ", ").split(", "))
 
 _LETTERS = """
 Alpha Beta Gamma Delta Epsilon Zeta Eta Theta Iota Kappa Lambda Mu Nu Xi Omicron Pi Rho Sigma Tau
 Upsilon Phi Chi Psi Omega
 """
-
-_ROWS = [
-    [word.replace("_", " ") for word in entry.split(" ")] for entry in _TABLE.strip().replace("\n", "|").split("|")
-]
-NAMES: dict[str, str] = {short: name for short, name, _ in _ROWS}
-GENITIVES: dict[str, str] = {short: genitive for short, _, genitive in _ROWS}
 GREEK: dict[str, str] = dict(zip("αβγδεζηθικλμνξοπρστυφχψω", _LETTERS.split(), strict=True))
 
 
@@ -152,23 +132,6 @@ class StarNames:
         hd = int(self.bright.column("hd")[row])
         return f"HD {hd}" if hd else name
 
-    def details(self, row: int) -> dict[str, Any]:
-        """What the bright list knows of a row: numbers, V, B-V, motion, parallax, names."""
-        value = {k: int(self.bright.column(k)[row]) for k in ("hip", "hd", "hr", "sao")}
-        name, designation, also = self.table.get(value["hip"], ("", "", ""))
-        bv = int(self.bright.column("bv")[row])
-        return {
-            **{k: v or None for k, v in value.items()},
-            "name": name,
-            "designation": designation,
-            "also": [n for n in also.split(";") if n],
-            "v": int(self.bright.column("mag")[row]) / 1e3,
-            "bv": None if bv == np.iinfo(np.int16).min else bv / 1e3,
-            "pm_ra_mas": int(self.bright.column("pm_ra")[row]) / 1e2,
-            "pm_dec_mas": int(self.bright.column("pm_dec")[row]) / 1e2,
-            "parallax_mas": int(self.bright.column("parallax")[row]) / 1e2,
-        }
-
     def find(self, name: str) -> int | Floats:
         """The bright row of a star called ``name``, or the vector (3,) of a deep-sky object."""
         # Compatibility forms turn θ¹, and a micro sign in place of μ, into what the table has.
@@ -228,7 +191,27 @@ class StarNames:
 
     @cached_property
     def _objects(self) -> dict[str, Floats]:
-        return {alias: thing.vector for thing in read_objects(self.folder / "objects.tsv") for alias in thing.keys}
+        """Vectors (3,) of the NGC, IC and Messier objects by every name, lower case and without spaces."""
+        path = self.folder / "objects.tsv"
+        found: dict[str, Floats] = {}
+        try:
+            with path.open(encoding="utf-8", newline="") as file:
+                rows = [*csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE)]
+            if not rows:
+                raise ValueError
+            ra, dec = (np.array([float(row[name]) for row in rows]) for name in ("ra_deg", "dec_deg"))
+            for row, vector in zip(rows, unit_vectors(ra, dec), strict=True):
+                names = [
+                    row["name"],
+                    row["messier"],
+                    row["messier"].replace("M", "Messier", 1),
+                    *row["common"].split(","),
+                ]
+                found.update(dict.fromkeys((re.sub(r"\s", "", name).casefold() for name in names), vector))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            raise CatalogueError(f"The table of objects {path} is missing or damaged.") from None
+        found.pop("", None)
+        return found
 
 
 _GREEK_BY_NAME = {name.casefold(): letter for letter, name in GREEK.items()}
@@ -272,50 +255,3 @@ def position_name(vector: Floats) -> str:
         f"J{hours:02d}{minutes:02d}{tenths % 600 // 10:02d}.{tenths % 10}"
         f"{sign}{seconds // 3600:02d}{seconds // 60 % 60:02d}{seconds % 60:02d}"
     )
-
-
-# -- Deep-sky objects: the NGC, IC and Messier table, small enough to be text ------------------
-
-COLUMNS = "name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon"
-
-
-@dataclass(frozen=True, slots=True)
-class DeepSky:
-    """One object; ``mag`` (V, else B) and ``size_arcmin`` (longest axis) NaN when unknown."""
-
-    name: str
-    kind: str
-    ra_deg: float
-    dec_deg: float
-    mag: float
-    size_arcmin: float
-    messier: str
-    common: str
-
-    @property
-    def vector(self) -> NDArray[np.float64]:
-        """ICRS unit vector (3,)."""
-        return unit_vectors(self.ra_deg, self.dec_deg)
-
-    @property
-    def keys(self) -> list[str]:
-        """Every spelling it is found by, lower case and without spaces."""
-        names = [self.name, self.messier, self.messier.replace("M", "Messier", 1)]
-        names += self.common.split(",")
-        return [re.sub(r"\s", "", n).casefold() for n in names if n.strip()]
-
-
-def read_objects(path: Path) -> list[DeepSky]:
-    """All objects of the table, in its order."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise CatalogueError(f"The table of objects {path} cannot be read.") from error
-    if not lines or lines[0] != COLUMNS:
-        raise CatalogueError(f"The table of objects {path} is damaged.")
-    found = []
-    for line in lines[1:]:
-        name, kind, *numbers, messier, common = line.split("\t")
-        ra, dec, mag, size = (float(n) if n else float("nan") for n in numbers)
-        found.append(DeepSky(name, kind, ra, dec, mag, size, messier, common))
-    return found
