@@ -201,12 +201,8 @@ class StarNames:
                 raise ValueError
             ra, dec = (np.array([float(row[name]) for row in rows]) for name in ("ra_deg", "dec_deg"))
             for row, vector in zip(rows, unit_vectors(ra, dec), strict=True):
-                names = [
-                    row["name"],
-                    row["messier"],
-                    row["messier"].replace("M", "Messier", 1),
-                    *row["common"].split(","),
-                ]
+                messier = row["messier"]
+                names = [row["name"], messier, messier.replace("M", "Messier", 1), *row["common"].split(",")]
                 found.update(dict.fromkeys((re.sub(r"\s", "", name).casefold() for name in names), vector))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise CatalogueError(f"The table of objects {path} is missing or damaged.") from None
