@@ -142,9 +142,9 @@ def test_the_file_dialogs_are_red_and_give_their_answer(qtbot, night, a_file):
     guard.timeout.connect(end)
     guard.start(5000)
     QTimer.singleShot(50, lambda: look("accept"))
-    assert ask_open(window, str(a_file.parent), "All files (*)", red=True) == a_file
+    assert ask_open(window, str(a_file.parent), "All files (*)") == a_file
     QTimer.singleShot(50, lambda: look("reject"))
-    assert ask_save(window, a_file.with_name("new.csv"), "CSV (*.csv)", red=True) is None
+    assert ask_save(window, a_file.with_name("new.csv"), "CSV (*.csv)") is None
     for seen in looked:
         assert_all_red(seen)
     assert len(looked) == 2

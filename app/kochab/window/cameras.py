@@ -98,7 +98,7 @@ class CameraBox(QWidget):
 
     def __init__(self, sources: Iterable[str] = tuple(SOURCES), at_once: bool = False) -> None:
         super().__init__()
-        self._at_once, self._red = at_once, False
+        self._at_once = at_once
         self._note = self._missed = ""
         self.source = choice_box("Kind of camera", (), 0)
         for name in ("", *sources) if at_once else sources:
@@ -201,10 +201,6 @@ class CameraBox(QWidget):
             self._missed = sentence
             self._show_status()
 
-    def use_red(self, on: bool) -> None:
-        """Whether dialogs show red light only."""
-        self._red = on
-
     def _kind_changed(self) -> None:
         self.address.clear()
         self.found.clear()
@@ -219,7 +215,7 @@ class CameraBox(QWidget):
 
     def _ask_folder(self) -> None:
         start = self.address.text() or str(Path.home())
-        path = ask_folder(self.window(), start, "Folder to watch", self._red)
+        path = ask_folder(self.window(), start, "Folder to watch")
         if path is not None:
             self.address.setText(str(path))
             self._emit()

@@ -74,15 +74,15 @@ def test_the_open_frame_is_never_written_over(qtbot, commands, tmp_path):
 def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, monkeypatch):
     asked = []
 
-    def ask(_parent, start, _kinds, red):
-        asked.append((start, red))
+    def ask(_parent, start, _kinds):
+        asked.append(start)
         return tmp_path / "chosen.reg"
 
     monkeypatch.setattr("kochab.window.shell.exports.ask_save", ask)
     menu = {a.objectName(): a for a in commands.window.menus.export.actions()}
     with qtbot.waitSignal(commands.exporter.wrote, timeout=10_000):
         menu["export_regions"].trigger()
-    assert asked == [(tmp_path / "orion.reg", False)]
+    assert asked == [tmp_path / "orion.reg"]
     assert (tmp_path / "chosen.reg").exists()
 
 

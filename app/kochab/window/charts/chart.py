@@ -15,7 +15,7 @@ from kochab.frames.atomic_file import atomic_file, write_atomically
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.job import Job
-from kochab.window.shell.dialogs import ask_save, is_red, save_task, tell
+from kochab.window.shell.dialogs import ask_save, save_task, tell
 
 if TYPE_CHECKING:
     from kochab.window.charts.line_plot import LegendPlot, LinePlot
@@ -160,7 +160,7 @@ class Chart(PlotArea):
     def _ask(self, ending: str) -> None:
         name = f"{self.title.lower().replace(' ', '-')}.{ending}"
         kinds = f"{ending.upper()} (*.{ending})"
-        path = ask_save(self.window(), Path.home() / name, kinds, is_red())
+        path = ask_save(self.window(), Path.home() / name, kinds)
         if path is not None:
             self.write(path)
 

@@ -47,9 +47,8 @@ class LaboratoryExporter(QObject):
     def _ask(self, ending: str) -> None:
         folder = Path(self._services.settings.text("folder", str(Path.home())))
         name = "laboratory-curves" if self.curves else "laboratory-table"
-        kinds = "CSV (*.csv)" if ending == "csv" else "PNG (*.png)"
-        red = self._services.looks.is_night
-        path = ask_save(self._view.window(), folder / f"{name}.{ending}", kinds, red)
+        kinds = f"{ending.upper()} (*.{ending})"
+        path = ask_save(self._view.window(), folder / f"{name}.{ending}", kinds)
         if path is not None:
             self.write(ending, path)
 

@@ -40,7 +40,6 @@ class RecordPanel(QWidget):
         super().__init__()
         self.setObjectName("page")
         self.folder = Path.home() / "Kochab"
-        self._red = False
         self.switch = QCheckBox("&Record frames and solutions")
         self.switch.setEnabled(can_record)
         self.switch.toggled.connect(self._toggled)
@@ -70,16 +69,12 @@ class RecordPanel(QWidget):
         self.folder = folder
         self.status.setText(f"Saves to {folder}" if self.switch.isEnabled() else NO_RECORDER)
 
-    def use_red(self, on: bool) -> None:
-        """Whether dialogs show red light only."""
-        self._red = on
-
     def _toggled(self, on: bool) -> None:
         self.choose.setEnabled(not on)
         self.wanted.emit(self.folder if on else None)
 
     def _ask(self) -> None:
-        path = ask_folder(self.window(), str(self.folder), "Folder for recordings", self._red)
+        path = ask_folder(self.window(), str(self.folder), "Folder for recordings")
         if path is not None:
             self.use_folder(path)
 
@@ -306,8 +301,6 @@ class LiveView(QWidget):
     def _set_colours(self, colours: Colours) -> None:
         self.camera.levels.set_colours(colours)
         self.pointing.chart.set_colours(colours)
-        for panel in (self.camera.box, self.record):
-            panel.use_red(self._services.looks.is_night)
         self.update()
 
     def _save(self) -> None:

@@ -273,7 +273,6 @@ class MountView(QWidget):
     def _set_colours(self, colours: Colours) -> None:
         self.pointing.arrow.colours = colours
         self.pointing.arrow.update()
-        self.camera.use_red(self._services.looks.is_night)
 
 
 def _card(*parts: Part) -> QWidget:

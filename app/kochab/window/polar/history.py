@@ -190,7 +190,7 @@ class HistoryPage(QWidget):
             return
         day = f"{history.entries[0].time_utc:%Y-%m-%d}" if history.entries else "alignment"
         folder = Path(self._services.settings.text("folder", str(Path.home())))
-        path = ask_save(self.window(), folder / f"polar-{day}.html", KINDS, self._services.looks.is_night)
+        path = ask_save(self.window(), folder / f"polar-{day}.html", KINDS)
         if path is not None:
             self.write(path)
 

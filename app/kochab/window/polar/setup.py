@@ -8,7 +8,6 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QDoubleSpinBox,
-    QFileDialog,
     QFormLayout,
     QGridLayout,
     QLineEdit,
@@ -27,7 +26,7 @@ from kochab.gear.session import CameraSelection, MountSelection
 from kochab.polar.horizon import Pole, name_of
 from kochab.window.cameras import CameraBox
 from kochab.window.polar.alignment_run import NO_MOUNT
-from kochab.window.shell.dialogs import RedLight
+from kochab.window.shell.dialogs import ask_frames
 from kochab.window.shell.views import Services
 from kochab.window.widgets import button, column, label, narrow_box
 from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
@@ -224,14 +223,8 @@ class AlignmentSetupPanel(QWidget):
 
     def _ask_files(self, sweep: int) -> None:
         start = self._services.settings.text("folder", str(Path.home()))
-        dialog = QFileDialog(self.window(), "Frames to measure", start, f"{FRAMES};;All files (*)")
-        dialog.setFileMode(QFileDialog.FileMode.ExistingFiles)
-        if self._services.looks.is_night:
-            dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
-            dialog.setGraphicsEffect(RedLight(dialog))
-        if dialog.exec():
-            self.files.add([Path(p) for p in dialog.selectedFiles()], sweep)
-        dialog.deleteLater()
+        paths = ask_frames(self.window(), start, "Frames to measure", f"{FRAMES};;All files (*)")
+        self.files.add(paths, sweep)
 
     def _add_open_frame(self) -> None:
         path = self._services.session.known.path

@@ -92,7 +92,7 @@ class Commands(QObject):
         self.looks = Appearance(presenter)
         wiring = wiring or Wiring()
         jobs = Jobs(self.window, self.window.closing)
-        self.exporter = FrameExporter(self.window, self.session, jobs, wiring.to_json, red=lambda: self.looks.is_night)
+        self.exporter = FrameExporter(self.window, self.session, jobs, wiring.to_json)
         self.services = Services(
             self.settings,
             self.session,
@@ -182,7 +182,7 @@ class Commands(QObject):
 
     def choose(self) -> None:
         start = self.settings.text("folder", str(Path.home()))
-        path = ask_open(self.window, start, _kinds(), self.looks.is_night)
+        path = ask_open(self.window, start, _kinds())
         if path is not None:
             self.open(path)
 
@@ -211,7 +211,7 @@ class Commands(QObject):
 
     def save_report(self) -> None:
         """Ask where to, and pack the journal, versions and settings there."""
-        path = ask_save(self.window, Path.home() / "kochab-report.zip", "ZIP (*.zip)", self.looks.is_night)
+        path = ask_save(self.window, Path.home() / "kochab-report.zip", "ZIP (*.zip)")
         if path is not None:
             settings = self.settings.as_dict()
             job = self.services.jobs.run(save_task(lambda: save_report(path, settings), path), "report")

@@ -53,27 +53,34 @@ def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
     return path
 
 
-def ask_open(parent: QWidget, folder: str, kinds: str, red: bool) -> Path | None:
+def ask_open(parent: QWidget, folder: str, kinds: str) -> Path | None:
     """The file to open, or None."""
     dialog = QFileDialog(parent, "Open an image", folder, kinds)
     dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-    return _answer(dialog, red)
+    return next(iter(_answer(dialog)), None)
 
 
-def ask_save(parent: QWidget, path: Path, kinds: str, red: bool) -> Path | None:
+def ask_frames(parent: QWidget, folder: str, title: str, kinds: str) -> list[Path]:
+    """The files to use; none when the person cancels."""
+    dialog = QFileDialog(parent, title, folder, kinds)
+    dialog.setFileMode(QFileDialog.FileMode.ExistingFiles)
+    return _answer(dialog)
+
+
+def ask_save(parent: QWidget, path: Path, kinds: str) -> Path | None:
     """Where to write, or None; asks again before an existing file is replaced."""
     dialog = QFileDialog(parent, "Export", str(path.parent), kinds)
     dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
     dialog.selectFile(path.name)
-    return _answer(dialog, red)
+    return next(iter(_answer(dialog)), None)
 
 
-def ask_folder(parent: QWidget, folder: str, title: str, red: bool) -> Path | None:
+def ask_folder(parent: QWidget, folder: str, title: str) -> Path | None:
     """A folder, or None."""
     dialog = QFileDialog(parent, title, folder)
     dialog.setFileMode(QFileDialog.FileMode.Directory)
     dialog.setOption(QFileDialog.Option.ShowDirsOnly)
-    return _answer(dialog, red)
+    return next(iter(_answer(dialog)), None)
 
 
 def tell(parent: QWidget, title: str, text: str) -> None:
@@ -92,11 +99,11 @@ def without_icons(buttons: Iterable[QAbstractButton]) -> None:
         made.setIcon(QIcon())
 
 
-def _answer(dialog: QFileDialog, red: bool) -> Path | None:
-    if red:  # the system's own dialog would be in its own colours
+def _answer(dialog: QFileDialog) -> list[Path]:
+    if is_red():  # the system's own dialog would be in its own colours
         dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
         dialog.setGraphicsEffect(RedLight(dialog))
     accepted = dialog.exec()
-    chosen = dialog.selectedFiles()
+    chosen = [Path(name) for name in dialog.selectedFiles()] if accepted else []
     dialog.deleteLater()
-    return Path(chosen[0]) if accepted and chosen else None
+    return chosen

@@ -53,11 +53,9 @@ class FrameExporter(QObject):
 
     wrote = Signal(Path)
 
-    def __init__(
-        self, window: MainWindow, session: Session, jobs: Jobs, to_json: ToJson | None, red: Callable[[], bool]
-    ) -> None:
+    def __init__(self, window: MainWindow, session: Session, jobs: Jobs, to_json: ToJson | None) -> None:
         super().__init__(window)
-        self._window, self._session, self._jobs, self._red = window, session, jobs, red
+        self._window, self._session, self._jobs = window, session, jobs
         self.kinds = {kind.name: kind for kind in EXPORTS}
         if to_json is not None:  # the same object as the command line's
 
@@ -72,7 +70,7 @@ class FrameExporter(QObject):
 
     def ask(self, kind: Export) -> None:
         base = self._session.known.path or Path("frame")
-        path = ask_save(self._window, base.with_name(base.stem + kind.ending), kind.kinds, self._red())
+        path = ask_save(self._window, base.with_name(base.stem + kind.ending), kind.kinds)
         if path is not None:
             self.write(kind, path)
 
