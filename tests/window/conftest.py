@@ -10,6 +10,7 @@ from PySide6.QtCore import QSettings
 from kochab.window.application import build
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.welcome import Sample
+from kochab.window.themes import apply_theme
 from kochab.window.widgets import use_plain_numerals
 from tests.window.fakes import FakeEngine
 
@@ -36,6 +37,18 @@ def garbage_in_this_thread_only():
 @pytest.fixture
 def settings(tmp_path):
     return WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
+
+
+@pytest.fixture
+def use_theme(qapp):
+    """Gives the application a theme for the time of a test."""
+
+    def use(name):
+        apply_theme(qapp, name)
+        qapp.processEvents()  # Qt tells the widgets of their new palette in the next turn of the loop
+
+    yield use
+    use("dark")
 
 
 @pytest.fixture

@@ -77,6 +77,15 @@ def _themes() -> dict[str, Colours]:
 
 
 THEMES = _themes()
+_CURRENT = "kochab_theme"  # the property of the application that names its theme
+
+
+def theme_colours() -> Colours:
+    """The colours of the application's theme, the dark one's before it has any."""
+    app = QApplication.instance()
+    return THEMES[(app.property(_CURRENT) if app is not None else None) or "dark"]
+
+
 THEME_TITLES = {"dark": "&Dark", "light": "&Light", "night": "&Night (red light only)"}
 
 # Each glyph on a 24 x 24 grid: "M x y" and "L x y" strokes, "O x y r" circles, "." is a dot.
@@ -178,12 +187,15 @@ TEXT_SIZES = {"small": 0.9, "normal": 1.0, "large": 1.25, "huge": 1.6}
 BASE_POINT = 10.0
 
 
-def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> tuple[Colours, str]:
-    """Give ``app`` a theme; unknown names fall back to dark and normal.
+def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> str:
+    """Give ``app`` a theme, and return the style sheet for the parts of its window.
 
-    Returns the colours, and the style sheet for :class:`kochab.window.shell.appearance.StyleSheets`.
+    Unknown names fall back to dark and normal. What paints itself reads :func:`theme_colours`: Qt
+    has every widget painted again when the palette changes.
     """
-    colours = THEMES.get(name, THEMES["dark"])
+    name = name if name in THEMES else "dark"
+    colours = THEMES[name]
+    app.setProperty(_CURRENT, name)
     point = BASE_POINT * TEXT_SIZES.get(text_size, 1.0)
     if not app.property("kochab_style"):  # once: it costs as much as everything else here
         app.setStyle("Fusion")
@@ -202,7 +214,7 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> tupl
         "title": f"{point * 2.2:.1f}",
     }
     names["glyphs"] = write_glyphs(name, colours.text, colours.muted, colours.on_accent)
-    return colours, Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(names)
+    return Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(names)
 
 
 def _palette(c: Colours) -> QPalette:

@@ -20,7 +20,7 @@ from kochab.window.image.frame_image import ScreenStretch
 from kochab.window.image.stretch_strip import Histogram
 from kochab.window.live.camera_panel import LevelView
 from kochab.window.live.rendering import levels_of
-from kochab.window.themes import THEMES
+from kochab.window.themes import THEMES, theme_colours
 
 NOISE = ChartAxis("noise", "px", (0.0, 4.0))
 SUCCESS = ChartAxis("success", "%", (0.0, 100.0))
@@ -72,8 +72,8 @@ def seen_range(chart):
 
 
 @pytest.mark.parametrize("theme", THEMES)
-def test_a_line_is_painted_where_its_numbers_are(chart, theme):
-    chart.set_colours(THEMES[theme])
+def test_a_line_is_painted_where_its_numbers_are(chart, use_theme, theme):
+    use_theme(theme)
     seen = pixels(chart)
     for x, y in ((0.0, 100.0), (2.0, 50.0), (4.0, 0.0)):
         at = place_of(chart, x, y)
@@ -115,7 +115,7 @@ def test_a_point_tells_its_numbers_under_the_cursor_and_to_who_cannot_see(chart)
     (scatter,) = (
         i.scatter
         for i in chart.plot.listDataItems()
-        if i.curve.opts["pen"].color().name() == line_style(0, chart.colours).colour
+        if i.curve.opts["pen"].color().name() == line_style(0, theme_colours()).colour
     )
     tips = [scatter.opts["tip"](x=0, y=0, data=point.data()) for point in scatter.points()]
     assert tips == ["a: 0 px, 100 %", "a: 2 px, 50 %", "a: 4 px, 0 %"]
@@ -186,7 +186,7 @@ def test_a_chart_is_written_as_picture_and_as_numbers(qtbot, chart, tmp_path):
     assert rows[2] == ["a", "2.0", "50.0", ""]
     with Image.open(tmp_path / "noise.png") as image:
         assert image.size == (640, 480)
-        assert rgb(line_style(0, chart.colours).colour) in np.asarray(image.convert("RGB")).reshape(-1, 3).tolist()
+        assert rgb(line_style(0, theme_colours()).colour) in np.asarray(image.convert("RGB")).reshape(-1, 3).tolist()
     with qtbot.waitSignal(chart.write(tmp_path / "no" / "noise.csv").finished):
         pass
     (box,) = chart.window().findChildren(QMessageBox)
@@ -210,10 +210,10 @@ def test_a_legend_wraps_and_speaks(put):
     assert "method number 5" in legend.accessibleDescription()
     found = {tuple(c) for c in pixels(legend).reshape(-1, 3)}
     for k in range(6):
-        assert tuple(rgb(line_style(k, legend.colours).colour)) in found
+        assert tuple(rgb(line_style(k, theme_colours()).colour)) in found
 
 
-def test_at_night_everything_of_a_plot_is_red(put):
+def test_at_night_everything_of_a_plot_is_red(put, use_theme):
     legend, bars, levels = Legend(), Histogram(), LevelView()
     chart = Chart("Error", ChartAxis("time", "min"), ChartAxis("error", "″", log=True), legend=True)
     legend.show_names((("a", 0), ("b", 1), ("c", 2)))
@@ -221,8 +221,8 @@ def test_at_night_everything_of_a_plot_is_red(put):
     bars.set_stretch(ScreenStretch(0.1, 0.2))
     levels.show_levels(levels_of(np.linspace(0, 4000, 5000), 3000.0))
     chart.show_series((Series("a", (1.0, 2.0, 3.0), (9.0, 4.0, 7.0), 1, (1.0, 2.0, 3.0)),))
+    use_theme("night")
     for place in (legend, bars, levels, chart):
-        place.set_colours(THEMES["night"])
         seen = pixels(put(place))
         assert seen[..., 0].max() > 150
         assert not seen[..., 1:].any()
@@ -235,8 +235,8 @@ def test_a_histogram_shows_its_counts_and_the_stretch(put):
     view.set_counts(counts)
     view.set_stretch(ScreenStretch(0.0, 0.5))
     put(view, 300, 100)
-    without, black = pixels(view), rgb(view.colours.text)
-    ground = rgb(view.colours.surface)
+    without, black = pixels(view), rgb(theme_colours().text)
+    ground = rgb(theme_colours().surface)
     row = without[10]  # the curve is lower there
     assert row[int(300 * 0.37)].tolist() != ground
     assert row[int(300 * 0.15)].tolist() == row[int(300 * 0.7)].tolist() == ground

@@ -10,6 +10,7 @@ from PySide6.QtGui import QColor, QImage, QPainter, QWheelEvent
 from kochab.frames.export import compass
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import Viewport
+from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
 
 
@@ -157,7 +158,7 @@ def test_a_star_is_circled_once_unless_identified_ones_are_off(qtbot):
     overlay.show(np.array([[s.x, s.y] for s in solution.stars]), solution)
     for mark in ("names", "grid", "centre", "compass"):
         setattr(overlay.switches, mark, False)
-    amber = QColor(overlay.colours.detected)
+    amber = QColor(theme_colours().detected)
     assert not shows(painted(overlay), amber)
     overlay.switches.identified = False
     assert shows(painted(overlay), amber)

@@ -9,7 +9,6 @@ from kochab.core.mount import Direction
 from kochab.polar.tutor import Knob
 from kochab.window.polar.bolts_painting import digit_font, draw_arrow
 from kochab.window.polar.bolts_view import KEYS, TURNING, BoltsView
-from kochab.window.themes import THEMES
 from kochab.workflows.polar.update import TurnInstruction
 from kochab.workflows.session.alignment_state import AlignmentState
 from tests.window.polar_cases import adjusting
@@ -102,8 +101,8 @@ def test_the_keyboard_does_everything(qtbot, bolts):
         assert not bolts.isVisible()
 
 
-def test_red_light_alone_at_night(bolts):
-    bolts.colours = THEMES["night"]
+def test_red_light_alone_at_night(use_theme, bolts):
+    use_theme("night")
     for state in (AlignmentState(), adjusting(-900.0, 10.0), adjusting(10.0, 900.0), adjusting(3.0, 3.0)):
         bolts.show_state(state, 0.0)
         assert_red(bolts)

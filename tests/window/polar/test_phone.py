@@ -114,13 +114,13 @@ def test_the_code_is_that_of_the_address_in_dark_and_light(qtbot, view):
     assert [list(row) for row in view.phone.code.rows] == [[int(b) for b in r] for r in wanted]
 
 
-def test_the_code_is_red_light_at_night(qtbot):
+def test_the_code_is_red_light_at_night(qtbot, use_theme):
+    use_theme("night")
     code = QrCode()
     qtbot.addWidget(code)
     code.resize(300, 300)
     code.setStyleSheet("background: #000000")
     code.rows = ((1, 0), (0, 1))
-    code.light = code.light.fromString("#ff0000")
     assert_red(code)
     assert THEMES["night"].window == "#000000"
     assert callable(serving)

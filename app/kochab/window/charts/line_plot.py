@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QApplication
 
 from kochab.core.arrays import Floats
 from kochab.window.charts.series import MARKER_PX, WIDTH_PX, ChartAxis, Series, line_style
-from kochab.window.themes import THEMES, Colours
+from kochab.window.themes import Colours, theme_colours
 
 STEP = 0.1  # of what is seen, for an arrow key
 ZOOM = 0.8
@@ -50,7 +50,6 @@ class LinePlot(pg.PlotWidget):
         self._lines: dict[str, pg.PlotDataItem] = {}
         self._bars: dict[str, pg.ErrorBarItem] = {}
         self._shown: dict[str, Series] = {}
-        self._colours: Colours = THEMES["dark"]
         item = self.getPlotItem()
         item.hideButtons()
         item.layout.setContentsMargins(*MARGINS_PX)
@@ -88,7 +87,6 @@ class LinePlot(pg.PlotWidget):
         self.getViewBox().scaleBy((share, share))
 
     def set_colours(self, colours: Colours) -> None:
-        self._colours = colours
         font = QFont(QApplication.font())
         self.setBackground(colours.surface)
         for side, axis in self._axes.items():
@@ -103,7 +101,7 @@ class LinePlot(pg.PlotWidget):
         for one in self._shown.values():
             self._draw(one)
         if self._legend is not None:
-            colour_legend(self._legend, colours)
+            colour_legend(self._legend)
 
     def _draw(self, one: Series) -> None:
         if one.name not in self._lines:
@@ -112,7 +110,7 @@ class LinePlot(pg.PlotWidget):
         tips = [self._tip(one, *point) for point in zip(one.x, one.y, strict=True)]
         if not np.isfinite(y).any():
             x, y, tips = np.zeros(0), np.zeros(0), []
-        self._lines[one.name].setData(x, y, data=tips, **line_options(one.style, self._colours))
+        self._lines[one.name].setData(x, y, data=tips, **line_options(one.style))
         if one.sigma:
             self._draw_bars(one, x, y)
 
@@ -123,7 +121,7 @@ class LinePlot(pg.PlotWidget):
         self._lines[one.name] = line
         if self._legend is not None:
             self._legend.addItem(line, one.name)
-            colour_legend(self._legend, self._colours)
+            colour_legend(self._legend)
         if one.sigma:
             self._bars[one.name] = bars = pg.ErrorBarItem()
             self.addItem(bars)
@@ -136,7 +134,7 @@ class LinePlot(pg.PlotWidget):
             ends = np.log10(np.maximum(ends, y / 100.0))
         across = np.log10(x) if self._axes["bottom"].log else x
         low, middle, high = ends
-        pen = pg.mkPen(line_style(one.style, self._colours).colour)
+        pen = pg.mkPen(line_style(one.style, theme_colours()).colour)
         self._bars[one.name].setData(x=across, y=middle, bottom=middle - low, top=high - middle, pen=pen)
 
     def _drop(self, name: str) -> None:
@@ -173,9 +171,9 @@ class LinePlot(pg.PlotWidget):
         event.accept()
 
 
-def line_options(style: int, colours: Colours) -> dict[str, Any]:
-    """The library's options for line number ``style`` in a theme."""
-    look = line_style(style, colours)
+def line_options(style: int) -> dict[str, Any]:
+    """The library's options for line number ``style`` in the present theme."""
+    look = line_style(style, theme_colours())
     return {
         "pen": pg.mkPen(look.colour, width=WIDTH_PX, dash=list(look.dashes) or None),
         "symbol": look.marker,
@@ -185,8 +183,9 @@ def line_options(style: int, colours: Colours) -> dict[str, Any]:
     }
 
 
-def colour_legend(legend: pg.LegendItem, colours: Colours) -> None:
-    """Give the names of ``legend`` the colours and font of a theme."""
+def colour_legend(legend: pg.LegendItem) -> None:
+    """Give the names of ``legend`` the colours and font of the present theme."""
+    colours = theme_colours()
     point = QApplication.font().pointSizeF()
     for _, text in legend.items:
         text.setText(text.text, color=colours.text, size=f"{point:.1f}pt")
@@ -201,7 +200,6 @@ class LegendPlot(pg.GraphicsView):
 
     def __init__(self) -> None:
         super().__init__()
-        self._colours: Colours | None = None
         self._lines: list[tuple[pg.PlotDataItem, int]] = []
         self._legend = pg.LegendItem(frame=False, horSpacing=6, labelTextSize="")
         self._legend.layout.setContentsMargins(2, 0, 0, 0)
@@ -217,20 +215,14 @@ class LegendPlot(pg.GraphicsView):
             line = pg.PlotDataItem(antialias=True)
             self._lines.append((line, style))
             self._legend.addItem(line, name)
-        self._legend.setColumnCount(max(columns, 1))
-        self._colour()
+        self._legend.setColumnCount(columns)
+        self.set_colours(theme_colours())
 
     def set_columns(self, columns: int) -> None:
-        self._legend.setColumnCount(max(columns, 1))
+        self._legend.setColumnCount(columns)
 
     def set_colours(self, colours: Colours) -> None:
-        self._colours = colours
         self.setBackground(colours.window)
-        self._colour()
-
-    def _colour(self) -> None:
-        if self._colours is None:
-            return
         for line, style in self._lines:
-            line.setData([0.0], [0.0], **line_options(style, self._colours))
-        colour_legend(self._legend, self._colours)
+            line.setData([0.0], [0.0], **line_options(style))
+        colour_legend(self._legend)

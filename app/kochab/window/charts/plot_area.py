@@ -8,17 +8,18 @@ import sys
 from importlib import import_module
 from typing import Any
 
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import QEvent, Qt, QTimer
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 from shiboken6 import isValid
 
 from kochab.core.progress import Progress, Task
 from kochab.window.job import Job
-from kochab.window.themes import THEMES, Colours
+from kochab.window.themes import theme_colours
 
 log = logging.getLogger("kochab")
 LIBRARY = "pyqtgraph"
+LOOKS = (QEvent.Type.PaletteChange, QEvent.Type.FontChange, QEvent.Type.StyleChange)
 BETWEEN_MS = 20  # from one plot to the next: the first one is painted meanwhile
 
 
@@ -29,7 +30,7 @@ class PlotArea(QWidget):
 
     def __init__(self, title: str) -> None:
         super().__init__()
-        self.colours: Colours = THEMES["dark"]
+        self._look: object = None  # colours and letter size of the plot
         self.plot: Any = None  # a widget with ``set_colours(colours)``, once it is made
         self._column = QVBoxLayout(self)
         self._column.setContentsMargins(0, 0, 0, 0)
@@ -43,13 +44,17 @@ class PlotArea(QWidget):
         """Draw in :attr:`plot` what this area was given."""
         raise NotImplementedError
 
-    def colour_plot(self) -> None:
-        self.plot.set_colours(self.colours)
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() in LOOKS and self.plot is not None:
+            self._colour_plot()
 
-    def set_colours(self, colours: Colours) -> None:
-        self.colours = colours
-        if self.plot is not None:
-            self.colour_plot()
+    def _colour_plot(self) -> None:
+        """Give the plot the theme's colours; one theme comes with several events."""
+        look = theme_colours(), QApplication.font().pointSizeF()
+        if look != self._look:
+            self._look = look
+            self.plot.set_colours(theme_colours())
 
     def refill(self) -> None:
         if self.plot is not None:
@@ -75,7 +80,7 @@ class PlotArea(QWidget):
         plot.setAccessibleDescription(self.accessibleDescription())
         if plot.focusPolicy() != Qt.FocusPolicy.NoFocus:
             self.setFocusProxy(plot)
-        self.colour_plot()
+        self._colour_plot()
         self.fill_plot()
         self._column.addWidget(plot)
 

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame, ScreenImage, Viewport
+from kochab.window.themes import theme_colours
 
 Paint = Callable[[QPainter, Viewport], None]
 CLICK_PX = 4  # a press that moves less than this is a click, not a drag
@@ -39,7 +40,6 @@ class FrameView(QWidget):
             "The image. Plus and minus zoom, arrow keys pan, 0 fits it to the window, 1 shows it at 100 %."
         )
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
-        self.background = QColor("black")
         self.marks: Paint | None = None
         self.viewport = Viewport(self.width(), self.height())
         self._image = ScreenImage()
@@ -102,7 +102,7 @@ class FrameView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        painter.fillRect(self.rect(), self.background)
+        painter.fillRect(self.rect(), QColor(theme_colours().sky))
         drawn = self._image.render(self.viewport, self.devicePixelRatioF())
         if drawn is not None:
             image, target = drawn

@@ -12,7 +12,7 @@ from kochab.core.solution import Solution
 from kochab.window.image import marks
 from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.image.sky_grid import GridLine, grid_lines, paint_compass
-from kochab.window.themes import THEMES, Colours
+from kochab.window.themes import theme_colours
 
 
 @dataclass(slots=True)
@@ -32,7 +32,6 @@ class Overlay:
     """Paints detections and a solution; ``selected`` indexes ``solution.stars``."""
 
     switches: Switches = field(default_factory=Switches)
-    colours: Colours = field(default_factory=lambda: THEMES["dark"])
     font: QFont | None = None
     selected: int | None = None
     solution: Solution | None = None
@@ -56,7 +55,7 @@ class Overlay:
         """Everything that is switched on, back to front."""
         if self.font is not None:
             painter.setFont(self.font)
-        brush = marks.Brush(painter, view, self.colours, LabelSpace(view.width, view.height))
+        brush = marks.Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
         on, solution = self.switches, self.solution
         edges = _edges(view, solution)
         lines = self._grid(view, solution) if on.grid else []
@@ -64,22 +63,22 @@ class Overlay:
         if on.detected:
             # An identified star has its own circle, unless that kind is switched off.
             xy = self._others if on.identified else self.detected
-            marks.circles(brush, xy, self.colours.detected, marks.DETECTED_PX, 1.0)
+            marks.circles(brush, xy, brush.colours.detected, marks.DETECTED_PX, 1.0)
         if solution is not None:
             self._solved(brush, solution, lines, edges)
 
     def _solved(self, brush: marks.Brush, solution: Solution, lines: list[GridLine], edges: QRectF) -> None:
         on = self.switches
         if on.identified:
-            marks.circles(brush, self._stars, self.colours.identified, marks.IDENTIFIED_PX, 1.5)
+            marks.circles(brush, self._stars, brush.colours.identified, marks.IDENTIFIED_PX, 1.5)
         if on.centre:
             camera = solution.camera
             x, y = brush.view.to_screen(np.array([(camera.width - 1) / 2, (camera.height - 1) / 2]))
-            for colour, width, alpha in ((self.colours.halo, 4.5, 140), (self.colours.centre, 1.8, 255)):
+            for colour, width, alpha in ((brush.colours.halo, 4.5, 140), (brush.colours.centre, 1.8, 255)):
                 brush.pen(colour, width, alpha)
                 marks.cross(brush, x, y, 6.0, 18.0)
         if on.compass:
-            paint_compass(brush.painter, brush.view, solution, self.colours, brush.space)
+            paint_compass(brush.painter, brush.view, solution, brush.colours, brush.space)
         if self.selected is not None and self.selected < len(solution.stars):
             star = solution.stars[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])

@@ -11,7 +11,6 @@ from kochab.lab.laboratory.comparison import ComparedPart, names_of
 from kochab.lab.laboratory.curves import SWEEPS, Point, sweeps_of
 from kochab.window.charts.chart import Chart, Legend
 from kochab.window.charts.series import ChartAxis, Series
-from kochab.window.themes import Colours
 from kochab.window.widgets import column
 
 Height = Callable[[Point], float | None]
@@ -105,10 +104,6 @@ class Plots(QWidget):
         for point in self.points.values():
             counts[point.name] += point.wrong
         return {method: count for method, count in counts.items() if count}
-
-    def set_colours(self, colours: Colours) -> None:
-        for plot in (*self.charts.values(), self.time, self.legend):
-            plot.set_colours(colours)
 
     def _series(self, sweep: str, height: Height) -> tuple[Series, ...]:
         made = []

@@ -101,8 +101,6 @@ class LaboratoryView(QWidget):
         self.job: Job | None = None
         self._relay = _Relay(self)
         self._lay_out()
-        services.looks.changed.connect(lambda colours: self.plots.set_colours(colours))
-        self.plots.set_colours(services.looks.colours)
         if kept := services.settings.table("laboratory"):
             self.setup.restore(kept)
             self.methods.restore(kept)
@@ -195,7 +193,6 @@ class LaboratoryView(QWidget):
         self.tabs.removeTab(1)
         self.plots.deleteLater()
         self.plots = Plots(self.methods.kind)
-        self.plots.set_colours(self._services.looks.colours)
         self.tabs.addTab(self.plots, "Curves")
 
     def _begin(self) -> _Relay:

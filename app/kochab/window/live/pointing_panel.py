@@ -1,7 +1,7 @@
 """The pointing of the live camera in numbers, and its trail on an all-sky chart."""
 
 from time import monotonic
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QSize
@@ -75,18 +75,11 @@ class SkyChart(PlotArea):
         return plot
 
     def fill_plot(self) -> None:
-        self._sky.show_trail(self.trail)
-
-    def colour_plot(self) -> None:
-        self._sky.set_colours(self.colours)
-
-    @property
-    def _sky(self) -> "SkyPlot":
-        return cast("SkyPlot", self.plot)
+        self.plot.show_trail(self.trail)
 
     def _draw_sky(self) -> None:
         if self.plot is not None:
-            self._sky.show_sky(self._points, self._centre_ra_deg)
+            self.plot.show_sky(self._points, self._centre_ra_deg)
             self.refill()
 
 

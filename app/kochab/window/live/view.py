@@ -23,7 +23,6 @@ from kochab.window.live.sky_points import sky_points
 from kochab.window.live.status_text import StreamStatus, recorded_text
 from kochab.window.shell.dialogs import ask_folder
 from kochab.window.shell.views import Services
-from kochab.window.themes import Colours
 from kochab.window.widgets import button, column, label, row, scrolled, set_role
 from kochab.workflows.live.solve import LiveEngine
 from kochab.workflows.session.live_stream import Recorded, Stream, StreamRequest
@@ -101,7 +100,6 @@ class LiveView(QWidget):
         self._timer.timeout.connect(self.write)
         self._build()
         self._connect()
-        self._set_colours(services.looks.colours)
         self._restore()
         self._show_idle()
         self.camera.box.search()
@@ -137,7 +135,6 @@ class LiveView(QWidget):
         self.record.wanted.connect(self._set_recording)
         cameras.chosen.connect(self._show_choice)
         cameras.gone.connect(self._show_gone)
-        services.looks.changed.connect(self._set_colours)
         services.session.opening.connect(self._make_way)
         services.jobs.closing.connect(self._save)
 
@@ -297,11 +294,6 @@ class LiveView(QWidget):
         self.message.setVisible(bool(sentence))
         if self.message.property("role") != role:
             set_role(self.message, role)
-
-    def _set_colours(self, colours: Colours) -> None:
-        self.camera.levels.set_colours(colours)
-        self.pointing.chart.set_colours(colours)
-        self.update()
 
     def _save(self) -> None:
         saved = {**self.camera.state(), "record": str(self.record.folder)}

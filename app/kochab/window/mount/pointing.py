@@ -12,7 +12,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.mounts.coordinates import wrapped
-from kochab.window.themes import THEMES, Colours
+from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import Part, button, column, draw_text, facts_grid, label, row, set_role, value_label
 from kochab.workflows.sync_mount import SyncOffer
 
@@ -73,10 +73,10 @@ class OffsetArrow(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.colours: Colours = THEMES["dark"]
         self._offset: Offset | None = None
         self._old = False
         self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        self.setToolTip("From the position the mount reports (centre) to the solved position (tip)")
         self.show_offset(None)
 
     def sizeHint(self) -> QSize:
@@ -92,7 +92,6 @@ class OffsetArrow(QWidget):
         if offset is not None:
             text = f"{size_text(offset.total_deg)}: {offset.parts_text}"
         self.setAccessibleName(f"Mount offset {text}")
-        self.setToolTip("From the position the mount reports (centre) to the solved position (tip)")
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -100,24 +99,24 @@ class OffsetArrow(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         middle = QPointF(self.width() / 2, self.height() / 2)
         radius = SHARE * min(self.width(), self.height()) / 2
-        self._scale(painter, middle, radius)
+        self._scale(painter, middle, radius, theme_colours())
         if self._offset is not None:
-            self._arrow(painter, middle, radius, self._offset)
+            self._arrow(painter, middle, radius, self._offset, theme_colours())
         painter.end()
 
-    def _scale(self, painter: QPainter, middle: QPointF, radius: float) -> None:
-        painter.setPen(QPen(QColor(self.colours.line), 1.2))
+    def _scale(self, painter: QPainter, middle: QPointF, radius: float, colours: Colours) -> None:
+        painter.setPen(QPen(QColor(colours.line), 1.2))
         painter.drawEllipse(middle, radius, radius)
         painter.drawEllipse(middle, 2.5, 2.5)
-        painter.setPen(QColor(self.colours.muted))
-        draw_text(painter, middle - QPointF(0, radius), "N", self.colours.surface)
-        draw_text(painter, middle - QPointF(radius, 0), "E", self.colours.surface)
+        painter.setPen(QColor(colours.muted))
+        draw_text(painter, middle - QPointF(0, radius), "N", colours.surface)
+        draw_text(painter, middle - QPointF(radius, 0), "E", colours.surface)
         if self._offset is not None:
             name, _ = ring(self._offset.total_deg)
-            draw_text(painter, middle + QPointF(0, radius), name, self.colours.surface)
+            draw_text(painter, middle + QPointF(0, radius), name, colours.surface)
 
-    def _arrow(self, painter: QPainter, middle: QPointF, radius: float, offset: Offset) -> None:
-        colour = QColor(self.colours.faint if self._old else self.colours.accent)
+    def _arrow(self, painter: QPainter, middle: QPointF, radius: float, offset: Offset, colours: Colours) -> None:
+        colour = QColor(colours.faint if self._old else colours.accent)
         long = radius * min(1.0, offset.total_deg / ring(offset.total_deg)[1])
         angle = math.atan2(offset.north_deg, -offset.east_deg)
         along = QPointF(math.cos(angle), -math.sin(angle))
@@ -241,16 +240,13 @@ class SyncDialog(QDialog):
 
     wanted = Signal(object)  # SyncOffer
 
-    def __init__(
-        self, parent: QWidget, offer: SyncOffer, mount_deg: tuple[float, float], style: AngleStyle, colours: Colours
-    ) -> None:
+    def __init__(self, parent: QWidget, offer: SyncOffer, mount_deg: tuple[float, float], style: AngleStyle) -> None:
         super().__init__(parent)
         self.offer = offer
         self.setWindowTitle("Sync the mount")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         offset = Offset.between(mount_deg, offer.sky_deg)
         self.arrow = OffsetArrow()
-        self.arrow.colours = colours
         self.arrow.show_offset(offset)
         preview = offer.preview
         line = row(self.arrow)

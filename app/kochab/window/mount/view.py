@@ -15,7 +15,6 @@ from kochab.window.mount.controls import ExplainedButton, ExplainedSwitch, GoBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
 from kochab.window.shell.views import Services
-from kochab.window.themes import Colours
 from kochab.window.widgets import Part, ProgressBar, button, card, column, label, page, row, rule, scrolled, set_role
 from kochab.workflows.session.mount_orders import names_to_offer
 from kochab.workflows.sync_mount import SyncOffer
@@ -126,14 +125,12 @@ class MountView(QWidget):
         session = self._services.session
         for signal in (session.solved, session.unsolved, session.opened):
             signal.connect(lambda _=None: self._show())
-        self._services.looks.changed.connect(self._set_colours)
 
     def _restore(self) -> None:
         settings = self._services.settings
         self._show_equipment(self._services.cameras.choice)
         self.after.toggled.connect(self._solve_after)
         self.after.setChecked(settings.flag("mount/after", True))
-        self._set_colours(self._services.looks.colours)
         names = self._services.jobs.run(names_to_offer(), "names")
         names.succeeded.connect(self.go.offer_names)
 
@@ -265,14 +262,9 @@ class MountView(QWidget):
         report = self.control.known.report
         if report is None:
             return
-        style = self._services.settings.angle_style
-        dialog = SyncDialog(self.window(), offer, report.icrs_deg, style, self._services.looks.colours)
+        dialog = SyncDialog(self.window(), offer, report.icrs_deg, self._services.settings.angle_style)
         dialog.wanted.connect(self.orders.accept_sync)
         dialog.open()
-
-    def _set_colours(self, colours: Colours) -> None:
-        self.pointing.arrow.colours = colours
-        self.pointing.arrow.update()
 
 
 def _card(*parts: Part) -> QWidget:

@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, 
 from PySide6.QtWidgets import QWidget
 
 from kochab.polar.tutor import Knob
-from kochab.window.themes import THEMES, Colours
+from kochab.window.themes import Colours, theme_colours
 
 GAP_DEG = 70.0  # opening of the ring of a turning arrow
 
@@ -87,7 +87,6 @@ class Spinner(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.colours: Colours = THEMES["dark"]
         self.angle_deg = 0
         self._timer = QTimer(self)
         self._timer.setInterval(STEP_MS)
@@ -118,7 +117,7 @@ class Spinner(QWidget):
         if not self.turning:
             return
         painter = QPainter(self)
-        draw_wheel(painter, QRectF(self.rect()), self.angle_deg, QColor(self.colours.accent))
+        draw_wheel(painter, QRectF(self.rect()), self.angle_deg, QColor(theme_colours().accent))
         painter.end()
 
 

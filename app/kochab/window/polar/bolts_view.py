@@ -12,7 +12,7 @@ from kochab.polar.error import PolarError
 from kochab.polar.tutor import Knob
 from kochab.window.polar.bolts_painting import STEP_DEG, STEP_MS, Face, paint_face
 from kochab.window.polar.error_display import primes, total_text, typeset
-from kochab.window.themes import THEMES, Colours
+from kochab.window.themes import theme_colours
 from kochab.workflows.session.alignment_state import AlignmentState
 
 KEYS = "Space: done    Tab: other axis    M: measure again    S: sounds    Esc: close"
@@ -32,7 +32,6 @@ class BoltsView(QWidget):
         self.setAccessibleName("At the bolts")
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
-        self.colours: Colours = THEMES["night"]
         self.state = AlignmentState()
         self.old = False
         self.sounding = ""
@@ -131,8 +130,7 @@ class BoltsView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        box = QRectF(self.rect())
-        paint_face(painter, box, self.face, self.font(), self.colours, self._angle_deg)
+        paint_face(painter, QRectF(self.rect()), self.face, self.font(), theme_colours(), self._angle_deg)
         painter.end()
 
     def _turn_wheel(self) -> None:

@@ -17,8 +17,8 @@ from kochab.polar.error import (
 )
 from kochab.polar.horizon import name_of
 from kochab.window.polar.bolts_painting import Spinner
-from kochab.window.themes import THEMES, Colours
-from kochab.window.widgets import card, column, draw_text, label, row, set_role, value_label
+from kochab.window.themes import theme_colours
+from kochab.window.widgets import card, column, draw_text, label, row, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
 
@@ -37,7 +37,6 @@ class AxisTarget(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.colours: Colours = THEMES["dark"]
         self.state = AlignmentState()
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumSize(180, 180)
@@ -64,7 +63,7 @@ class AxisTarget(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.fillRect(self.rect(), QColor(self.colours.surface))
+        painter.fillRect(self.rect(), QColor(theme_colours().surface))
         line = QFontMetricsF(self.font()).height()
         box = QRectF(self.rect()).adjusted(4, line + 4, -4, -line - 4)
         radius = min(box.width(), box.height()) / 2.0
@@ -74,10 +73,10 @@ class AxisTarget(QWidget):
         painter.save()
         painter.setClipRect(box)
         for before in self.state.measured[:-1] if not self.state.live else self.state.measured:
-            self._ellipse(painter, centre, scale, before, QColor(self.colours.muted), 1.0)
+            self._ellipse(painter, centre, scale, before, QColor(theme_colours().muted), 1.0)
         self._trail(painter, centre, scale)
         if self.state.error is not None:
-            self._ellipse(painter, centre, scale, self.state.error, QColor(self.colours.accent))
+            self._ellipse(painter, centre, scale, self.state.error, QColor(theme_colours().accent))
             self._cross(painter, centre, scale, self.state.error)
         painter.restore()
         painter.end()
@@ -88,17 +87,17 @@ class AxisTarget(QWidget):
             size = ring * scale
             if not LEAST_RING_PX <= size <= 1.02 * radius:
                 continue
-            painter.setPen(QPen(QColor(self.colours.grid), 1.2))
+            painter.setPen(QPen(QColor(theme_colours().grid), 1.2))
             painter.drawEllipse(centre, size, size)
             at = centre + QPointF(size * math.sin(0.6), -size * math.cos(0.6))
-            painter.setPen(QColor(self.colours.text))
-            draw_text(painter, at, ring_name(ring), self.colours.surface)
-        painter.setPen(QPen(QColor(self.colours.good), 2))
+            painter.setPen(QColor(theme_colours().text))
+            draw_text(painter, at, ring_name(ring), theme_colours().surface)
+        painter.setPen(QPen(QColor(theme_colours().good), 2))
         painter.drawLine(centre + QPointF(-8, 0), centre + QPointF(8, 0))
         painter.drawLine(centre + QPointF(0, -8), centre + QPointF(0, 8))
 
     def _names(self, painter: QPainter, centre: QPointF, radius: float, line: float) -> None:
-        painter.setPen(QColor(self.colours.muted))
+        painter.setPen(QColor(theme_colours().muted))
         wide = QRectF(centre.x() - 100, 0, 200, line)
         middle = Qt.AlignmentFlag.AlignCenter
         painter.drawText(wide.translated(0, centre.y() - radius - line - 2), middle, "too high")
@@ -126,13 +125,13 @@ class AxisTarget(QWidget):
 
     def _cross(self, painter: QPainter, centre: QPointF, scale: float, error: PolarError) -> None:
         at = self._place(centre, scale, error)
-        painter.setPen(QPen(QColor(self.colours.accent), 2.5))
+        painter.setPen(QPen(QColor(theme_colours().accent), 2.5))
         for dx, dy in ((9, 0), (0, 9), (-9, 0), (0, -9)):
             painter.drawLine(at + QPointF(dx / 2.2, dy / 2.2), at + QPointF(dx, dy))
 
     def _trail(self, painter: QPainter, centre: QPointF, scale: float) -> None:
         points = [centre + QPointF(x * scale, -y * scale) for x, y in self.state.trail]
-        painter.setPen(QPen(QColor(self.colours.muted), 1.2, Qt.PenStyle.DotLine))
+        painter.setPen(QPen(QColor(theme_colours().muted), 1.2, Qt.PenStyle.DotLine))
         painter.drawPolyline(QPolygonF(points))
 
 
@@ -214,11 +213,6 @@ class Numbers(QWidget):
         self.more.setVisible(bool(self.more.text()))
         self.findings.setText("\n".join(f"⚠ {primes(finding.text)}" for finding in state.findings))
         self.findings.setVisible(bool(state.findings))
-
-    def set_colours(self, colours: Colours) -> None:
-        """Use a theme's colours."""
-        self.spinner.colours = colours
-        set_role(self.total, "title")
 
 
 def total_text(error: PolarError) -> str:
@@ -315,12 +309,6 @@ class AlignPage(QWidget):
         self.detail.setVisible(bool(state.detail))
         self.numbers.show_state(state, now_s)
         self.target.show_state(state)
-
-    def set_colours(self, colours: Colours) -> None:
-        """Use a theme's colours."""
-        self.target.colours = colours
-        self.target.update()
-        self.numbers.set_colours(colours)
 
     def resizeEvent(self, event: object) -> None:
         wide = self.width() > BESIDE * self.fontMetrics().averageCharWidth()

@@ -17,7 +17,6 @@ from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.polar.error_display import primes, typeset
 from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
-from kochab.window.themes import Colours
 from kochab.window.widgets import button, column, label, row
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
@@ -157,10 +156,6 @@ class HistoryPage(QWidget):
             self.which.addItem(f"Alignment {at + 1}")
         self.which.setCurrentIndex(at)
         self._show()
-
-    def set_colours(self, colours: Colours) -> None:
-        """Use a theme's colours."""
-        self.chart.set_colours(colours)
 
     def _show(self, _: int = 0) -> None:
         history = self.history

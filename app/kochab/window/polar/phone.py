@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QCheckBox, QWidget
 
 from kochab.core.progress import Progress, Task
 from kochab.window.job import Job
+from kochab.window.shell.dialogs import is_red
 from kochab.window.shell.views import Services
-from kochab.window.themes import THEMES, Colours
 from kochab.window.widgets import button, column, copy_text, label, row, set_role, value_label
 from kochab.workflows.session.alignment_state import AlignmentState
 from kochab.workflows.session.wiring import PolarPage
@@ -56,7 +56,6 @@ class QrCode(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.rows: Rows = ()
-        self.light, self.dark = QColor("#ffffff"), QColor("#000000")
         self.setMinimumSize(200, 200)
         self.setAccessibleName("QR code of the page's address")
 
@@ -70,12 +69,12 @@ class QrCode(QWidget):
         count = len(self.rows) + 2 * QUIET
         module = max(1, min(self.width(), self.height()) // count)
         side = module * count
-        painter.fillRect(QRectF(0, 0, side, side), self.light)
+        painter.fillRect(QRectF(0, 0, side, side), QColor("#ff0000" if is_red() else "#ffffff"))
         for y, bits in enumerate(self.rows):
             for x, bit in enumerate(bits):
                 if bit:
                     at = QRectF((x + QUIET) * module, (y + QUIET) * module, module, module)
-                    painter.fillRect(at, self.dark)
+                    painter.fillRect(at, QColor("#000000"))
         painter.end()
 
 
@@ -125,11 +124,6 @@ class PhonePanel(QWidget):
             self._job = None
         if self.page is not None:
             self.page.stop()
-
-    def set_colours(self, colours: Colours) -> None:
-        """Red light only at night."""
-        self.code.light = QColor("#ff0000" if colours is THEMES["night"] else "#ffffff")
-        self.code.update()
 
     def _toggle(self, on: bool) -> None:
         if self.page is None:

@@ -21,7 +21,6 @@ from kochab.window.polar.phone import PhonePanel
 from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
 from kochab.window.polar.sound_cues import Cues, SoundCues
 from kochab.window.shell.views import Services
-from kochab.window.themes import Colours
 from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, set_role
 from kochab.workflows.polar.update import PolarControls
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
@@ -58,7 +57,6 @@ class PolarView(QWidget):
         self.served.setVisible(False)
         self._lay_out()
         self._connect()
-        self._set_colours(services.looks.colours)
         self._show_idle()
 
     def _make_buttons(self) -> None:
@@ -98,7 +96,6 @@ class PolarView(QWidget):
         self.bolts.remeasure.connect(self.remeasure)
         self.bolts.sounds.connect(self.sound.click)
         self.phone.switched.connect(self._show_served)
-        services.looks.changed.connect(self._set_colours)
         services.jobs.closing.connect(self._close)
         services.mount.changed.connect(self.setup.refresh)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
@@ -286,12 +283,6 @@ class PolarView(QWidget):
         self.served.setText(f"Phone page is ON: {self.phone.url.text()}" if on else "")
         self.served.setVisible(on)
         self.tabs.setTabText(PHONE, "Phone: ON" if on else "Phone")
-
-    def _set_colours(self, colours: Colours) -> None:
-        for part in (self.page, self.history, self.phone):
-            part.set_colours(colours)
-        self.bolts.colours = colours
-        self.bolts.update()
 
     def showEvent(self, event: QShowEvent) -> None:
         self.setup.refresh()

@@ -1,7 +1,7 @@
 """How the window and the frame look: theme, text size, stretch, colour and marks; all remembered."""
 
 from PySide6.QtCore import QObject, QSignalBlocker, Qt, QTimer, Signal
-from PySide6.QtGui import QActionGroup, QColor
+from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 from shiboken6 import isValid
 
@@ -9,7 +9,7 @@ from kochab.window.shell.dialogs import redden_caret
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.menus import MARKS, colour_icons
 from kochab.window.shell.presenter import Presenter
-from kochab.window.themes import THEMES, Colours, apply_theme
+from kochab.window.themes import THEMES, apply_theme, theme_colours
 
 
 class StyleSheets(QObject):
@@ -82,7 +82,7 @@ class StyleSheets(QObject):
 class Appearance(QObject):
     """Theme, text size, stretch and marks, from the settings and the menus."""
 
-    changed = Signal(object)  # Colours
+    changed = Signal()
 
     def __init__(self, presenter: Presenter) -> None:
         super().__init__(presenter.window)
@@ -119,16 +119,13 @@ class Appearance(QObject):
         size = text_size or self._settings.text("text_size", "normal")
         app = QApplication.instance()
         assert isinstance(app, QApplication)
-        colours, sheet = apply_theme(app, name, size)
-        self._style.apply(sheet)
+        self._style.apply(apply_theme(app, name, size))
         self._settings.keep("theme", name)
         self._settings.keep("text_size", size)
         if name != "night":
             self._settings.keep("day_theme", name)
-        colour_icons(self._actions, colours)
-        self._overlay.colours, self._overlay.font = colours, app.font()
-        self._panes.strip.histogram.set_colours(colours)
-        self._panes.view.background = QColor(colours.sky)
+        colour_icons(self._actions, theme_colours())
+        self._overlay.font = app.font()
         _check(self._window.menus.themes, name)
         _check(self._window.menus.text_sizes, size)
         with QSignalBlocker(self._actions["night"]):
@@ -136,11 +133,7 @@ class Appearance(QObject):
         self.redden_carets(self._window)
         self._window.welcome.draw_pictures(name == "night")
         self.show_frame()
-        self.changed.emit(colours)
-
-    @property
-    def colours(self) -> Colours:
-        return self._overlay.colours
+        self.changed.emit()
 
     @property
     def settled(self) -> bool:
