@@ -7,7 +7,7 @@ a picture too; the usual client waits for that for ever. Facts: ASCOM Alpaca API
 import http.client
 import json
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from itertools import count
 from time import monotonic
@@ -35,7 +35,7 @@ class AlpacaLink:
 
     def __init__(self, address: NetAddress) -> None:
         self._address = address
-        self._http = http.client.HTTPConnection(address.host.strip("[]"), address.port, timeout=ANSWER_S)
+        self._http = _DeadlineConnection(address.host.strip("[]"), address.port)
         self._transaction = count(1)
         self._answered = False
 
@@ -84,31 +84,25 @@ class AlpacaLink:
     def _ask(
         self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str]
     ) -> tuple[bytes, str]:
+        self._http.deadline_s = monotonic() + limit_s
         kept = self._http.sock is not None
         try:
-            return self._once(method, path, limit_s, body, headers)
-        except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError) as error:
-            self._http.close()
-            if not kept:
-                raise self._gone(error) from None
-        except (OSError, http.client.HTTPException) as error:
-            self._http.close()
-            raise self._gone(error) from None
-        try:  # a server may close a connection that was idle: that is no loss yet
-            return self._once(method, path, limit_s, body, headers)
+            try:
+                return self._once(method, path, body, headers)
+            except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError):
+                if not kept:
+                    raise
+                # a server may close a connection that was idle: that is no loss yet
+                self._http.close()
+                return self._once(method, path, body, headers)
         except (OSError, http.client.HTTPException) as error:
             self._http.close()
             raise self._gone(error) from None
 
-    def _once(
-        self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str]
-    ) -> tuple[bytes, str]:
-        self._http.timeout = limit_s
-        if self._http.sock is not None:
-            self._http.sock.settimeout(limit_s)
+    def _once(self, method: str, path: str, body: str | None, headers: dict[str, str]) -> tuple[bytes, str]:
         self._http.request(method, path, body, headers)
         answer = self._http.getresponse()
-        data = _read(answer, monotonic() + limit_s)
+        data = _read(answer)
         if data is None:
             self._http.close()
             raise NoAnswerError(f"{self._address.server} sent too much data for an image.")
@@ -169,18 +163,50 @@ def discover(wait_s: float = 1.0) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _read(answer: http.client.HTTPResponse, deadline: float) -> bytes | None:
-    """The whole body, None when it is too large; a trickle past the limit is a lost line."""
+def _read(answer: http.client.HTTPResponse) -> bytes | None:
+    """The whole body, None when it is too large."""
     parts, size = [], 0
     while part := answer.read1(1 << 20):
         parts.append(part)
         size += len(part)
         if size > LARGEST_BYTES:
             return None
-        if monotonic() > deadline:
-            raise TimeoutError
     missing = answer.length
     answer.close()  # else the connection takes no further request
     if missing:
         raise ConnectionResetError
     return b"".join(parts)
+
+
+class _DeadlineConnection(http.client.HTTPConnection):
+    """HTTP whose connecting, sending and receiving all end at ``deadline_s`` (:func:`monotonic`)."""
+
+    deadline_s = 0.0
+
+    def connect(self) -> None:
+        self.timeout = self.left_s()
+        super().connect()
+        self.sock = _DeadlineSocket(self.sock.detach(), self.left_s)
+
+    def left_s(self) -> float:
+        """Seconds to the deadline; TimeoutError when it has passed."""
+        left = self.deadline_s - monotonic()
+        if left <= 0:
+            raise TimeoutError
+        return left
+
+
+class _DeadlineSocket(socket.socket):
+    """One time limit for many calls: a time-out for each lets a server that trickles go on for hours."""
+
+    def __init__(self, number: int, left_s: Callable[[], float]) -> None:
+        super().__init__(fileno=number)
+        self._left_s = left_s
+
+    def sendall(self, *data: Any) -> None:
+        self.settimeout(self._left_s())
+        super().sendall(*data)
+
+    def recv_into(self, *buffer: Any) -> int:
+        self.settimeout(self._left_s())
+        return super().recv_into(*buffer)

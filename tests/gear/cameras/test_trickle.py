@@ -1,0 +1,88 @@
+"""Servers that send one byte at a time: an exchange has one time limit, however often a byte comes."""
+
+import socket
+import threading
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from kochab.core.errors import LineLostError, PortError
+from kochab.gear.cameras import open_camera
+from kochab.gear.cameras.alpaca_link import AlpacaLink
+from kochab.gear.cameras.server_camera import NetAddress
+
+from .test_indi_hostile import BLOB, CAMERA, exposed
+
+PAUSE_S = 0.02
+OK, LONG = b"HTTP/1.1 200 OK\r\n", b"x" * 700
+VALUE = b'{"Value":7}'
+WHOLE = {
+    "status line": b"HTTP/1.1 200 " + LONG + b"\r\nContent-Length: 11\r\n\r\n" + VALUE,
+    "headers": OK + b"X: " + LONG + b"\r\nContent-Length: 11\r\n\r\n" + VALUE,
+    "size of a chunk": OK + b"Transfer-Encoding: chunked\r\n\r\nb;" + LONG + b"\r\n" + VALUE + b"\r\n0\r\n\r\n",
+    "body": OK + b"Content-Length: 711\r\n\r\n" + VALUE + b" " * 700,
+}
+"""Answers that are valid when one waits for all of them."""
+
+
+@contextmanager
+def server(*talks):
+    """Sends each line's ``(at once, byte by byte)``, the last of them again and again."""
+    ear, over = socket.create_server(("127.0.0.1", 0)), threading.Event()
+
+    def serve(line, at_once, trickled):
+        with line, suppress(OSError):
+            line.recv(1 << 16)
+            line.sendall(at_once)
+            for byte in trickled:
+                if over.wait(PAUSE_S):
+                    return
+                line.sendall(bytes([byte]))
+            over.wait(30)
+
+    def accept():
+        with suppress(OSError):
+            for number in range(100):
+                talk = talks[min(number, len(talks) - 1)]
+                threading.Thread(target=serve, args=(ear.accept()[0], *talk), daemon=True).start()
+
+    threading.Thread(target=accept, daemon=True).start()
+    try:
+        yield ear.getsockname()[1]
+    finally:
+        over.set()
+        ear.close()
+
+
+@pytest.mark.parametrize("part", WHOLE)
+def test_an_alpaca_server_that_trickles_has_one_limit_for_its_answer(part) -> None:
+    with server((b"", WHOLE[part])) as port, pytest.raises(PortError, match="does not answer"):
+        AlpacaLink(NetAddress("127.0.0.1", port)).get("camera/0/gain", limit_s=0.3)
+
+
+def test_a_kept_line_that_was_closed_gets_no_second_limit() -> None:
+    """The first answer comes; the line is then closed, and the next one trickles."""
+    with server((OK + b"Content-Length: 11\r\n\r\n" + VALUE, b""), (b"", WHOLE["headers"])) as port:
+        link = AlpacaLink(NetAddress("127.0.0.1", port))
+        assert link.get("camera/0/gain") == 7
+        assert link._http.sock is not None
+        link._http.sock.shutdown(socket.SHUT_RDWR)
+        with pytest.raises(LineLostError, match="Lost the Alpaca server"):
+            link.get("camera/0/gain", limit_s=0.3)
+
+
+def test_an_indi_server_that_trickles_what_it_has(monkeypatch) -> None:
+    pytest.importorskip("indipyclient")
+    monkeypatch.setattr("kochab.gear.cameras.indi.TELL_S", 0.5)
+    with server((b"", CAMERA.encode())) as port, pytest.raises(PortError, match="has no camera"):
+        open_camera("indi", f"127.0.0.1:{port}")
+
+
+def test_an_indi_server_that_trickles_a_picture(monkeypatch) -> None:
+    pytest.importorskip("indipyclient")
+    monkeypatch.setattr("kochab.gear.cameras.server_camera.DOWNLOAD_S", 0.3)
+    monkeypatch.setattr("kochab.gear.cameras.indi.SET_S", 0.3)
+    # the first line only knocks, to see that somebody listens
+    talks = (b"", b""), (CAMERA.encode(), (BLOB + "QUJD" * 1000).encode())
+    with server(*talks) as port, pytest.raises(LineLostError, match="sent no image"):
+        exposed(f"127.0.0.1:{port}")
