@@ -34,6 +34,11 @@ class CameraSource(Protocol):
 
     name: str
 
+    @classmethod
+    def missing(cls) -> str | None:
+        """How to get what it needs and is not installed, one sentence; None when all is there."""
+        return None
+
     @property
     def limits(self) -> CaptureLimits:
         """What can be set, and how far."""

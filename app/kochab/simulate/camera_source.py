@@ -46,11 +46,6 @@ class SimulatedCamera(CameraSource):
         self.configure(settings or CaptureSettings())
 
     @classmethod
-    def missing(cls) -> str | None:
-        """Nothing needs to be installed."""
-        return None
-
-    @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:
         """The camera of every rig that runs in this program, and one on a rig of its own."""
         running = [

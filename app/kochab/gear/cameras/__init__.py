@@ -48,17 +48,17 @@ def missing(name: str) -> str | None:
 
 def list_devices(name: str, address: str = "") -> list[CameraDevice]:
     """What can be opened of one kind; DeviceError with a sentence when asking fails."""
-    kind: SourceKind = SOURCES.load(name)
-    absent = kind.missing()
-    if absent is not None:
-        raise PortError(absent)
-    return kind.devices(address)
+    return _usable(name).devices(address)
 
 
 def open_camera(name: str, address: str, settings: CaptureSettings | None = None) -> CameraSource:
     """Open one camera; DeviceError says what to install, plug in or type when that fails."""
+    return _usable(name).open(address, settings or CaptureSettings())
+
+
+def _usable(name: str) -> SourceKind:
     kind: SourceKind = SOURCES.load(name)
     absent = kind.missing()
     if absent is not None:
         raise PortError(absent)
-    return kind.open(address, settings or CaptureSettings())
+    return kind

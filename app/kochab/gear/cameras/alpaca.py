@@ -3,7 +3,7 @@
 import json
 import math
 import struct
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from datetime import UTC, datetime, timedelta
 from time import monotonic, sleep
 from typing import Any
@@ -61,7 +61,7 @@ def _from_bytes(data: bytes) -> Array:
     size = math.prod(shape)
     if size > _LARGEST or len(data) - start < size * dtype.itemsize:
         raise NoAnswerError("The camera sent an incomplete image. Take another.")
-    return _rows(np.frombuffer(data, dtype, size, start).reshape(shape))
+    return np.frombuffer(data, dtype, size, start).reshape(shape).swapaxes(0, 1)
 
 
 def _from_json(data: bytes) -> Array:
@@ -69,14 +69,10 @@ def _from_json(data: bytes) -> Array:
         told = json.loads(data)
         raise_refusal(int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", "")))
         array = np.asarray(told["Value"], dtype=np.float64 if told.get("Type") == 3 else np.int32)
+        if array.ndim not in (2, 3) or not array.size:
+            raise ValueError(array.shape)
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise NoAnswerError("The camera sent an image in an unsupported format.") from None
-    if array.ndim not in (2, 3) or not array.size:
-        raise NoAnswerError("The camera sent an image in an unsupported format.")
-    return _rows(array)
-
-
-def _rows(array: Array) -> Array:
     return array.swapaxes(0, 1)
 
 
@@ -95,140 +91,27 @@ def sensor_numbers(rows: Array, most: int | None) -> Array:
 
 # -- A camera of an ASCOM Alpaca server by the names of its properties -------------------------
 
+PORT = 11111
 POLL_S = 0.05
 POWER_UP_S = 20.0
 _COLOUR, _RGGB, _BROKEN = 1, 2, 5  # SensorType Color, SensorType RGGB, CameraState Error
 
 
-class AlpacaDevice:
-    """What one camera tells and takes; ``exposure_s`` is what it will expose next.
-
-    ``most`` is the level at which it clips, None when it does not say; ``binned`` pixels a side are
-    one.
-    """
-
-    def __init__(self, link: AlpacaLink, number: int) -> None:
-        self.link = link
-        self._path = f"camera/{number}/"
-        link.put(f"{self._path}connected", {"Connected": True}, POWER_UP_S)
-        self.name = str(self._get("name", "camera"))
-        self._sensor = int(self._get("sensortype", 0))
-        self.binned = 1
-        self._mosaic = int(self._get("bayeroffsetx", 0)), int(self._get("bayeroffsety", 0))
-        self.most = int(self._get("maxadu", 0)) or None
-        self.limits = self._limits()
-        low, high = self.limits.exposure_s or (0.0, 3600.0)
-        self.exposure_s = min(max(1.0, low), high)
-        self._whole_sensor(1)
-
-    def apply(self, settings: CaptureSettings) -> None:
-        """Set what is told."""
-        if settings.exposure_s is not None:
-            self.exposure_s = settings.exposure_s
-        if settings.gain is not None:
-            self._put("gain", Gain=round(settings.gain))
-        if settings.binning is not None:
-            self._whole_sensor(settings.binning)
-
-    @property
-    def in_force(self) -> CaptureSettings:
-        """What is set now."""
-        gain = self._get("gain", None)
-        return CaptureSettings(self.exposure_s, None if gain is None else float(gain), self.binned)
-
-    def expose(self) -> Exposure:
-        """Begin an exposure."""
-        self._put("startexposure", Duration=f"{self.exposure_s:.6f}", Light=True)
-        return Exposure.now(self.exposure_s)
-
-    @property
-    def ready(self) -> bool:
-        """Whether the picture can be fetched; a refusal tells that exposing has failed."""
-        return bool(self.link.get(self._path + "imageready"))
-
-    def picture(self) -> tuple[bytes, str]:
-        """The picture's bytes and of what kind they are."""
-        return self.link.fetch(f"/api/v1/{self._path}imagearray", DOWNLOAD_S, ACCEPT)
-
-    def abort(self) -> None:
-        """End the exposure under way."""
-        try:
-            self._put("abortexposure")
-        except (NotOfferedError, RefusedError):
-            # Then it has to be waited for; a camera that cannot abort has short exposures.
-            deadline = monotonic() + self.exposure_s + DOWNLOAD_S
-            while not self._get("imageready", False) and monotonic() < deadline:
-                sleep(POLL_S)
-
-    def pattern(self) -> tuple[str | None, tuple[str, ...]]:
-        """The mosaic's pattern from the picture's first pixel."""
-        from kochab.frames import shifted
-
-        if self._sensor <= _COLOUR or self.binned > 1:
-            return None, ()
-        if self._sensor != _RGGB:
-            return None, (f"{self.name}: unsupported Bayer pattern. The frame is read as mono.",)
-        return shifted("RGGB", *self._mosaic), ()
-
-    def hint(self, exposed: Exposure) -> Hint:
-        """When it was exposed by the server's clock, else by ours."""
-        seconds = float(self._get("lastexposureduration", exposed.seconds))
-        begun, told = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
-        with suppress(ValueError):
-            begun = datetime.fromisoformat(told.strip().rstrip("Z")).replace(tzinfo=UTC)
-        middle = begun + timedelta(seconds=seconds / 2.0)
-        return Hint(time_utc=middle, exposure_s=seconds, camera=self.name)
-
-    def check(self) -> None:
-        """Raise LineLostError when the camera says that it is broken."""
-        if int(self._get("camerastate", 0)) == _BROKEN:
-            raise LineLostError(f"{self.name} reports a fault. Check its cable and power.")
-
-    def _whole_sensor(self, binning: int) -> None:
-        """All of the chip, ``binning`` pixels a side together."""
-        with suppress(NotOfferedError):
-            self._put("binx", BinX=binning)
-            self._put("biny", BinY=binning)
-        self.binned = int(self._get("binx", 1))
-        for axis in ("X", "Y"):
-            size = int(self._get(f"camera{axis.lower()}size", 0)) // self.binned
-            self._put(f"start{axis.lower()}", **{f"Start{axis}": 0})
-            self._put(f"num{axis.lower()}", **{f"Num{axis}": size})
-
-    def _limits(self) -> CaptureLimits:
-        low, high = self._get("exposuremin", None), self._get("exposuremax", None)
-        gain = self._get("gainmin", None), self._get("gainmax", None)
-        if None in gain:
-            names = self._get("gains", None)
-            gain = (0, len(names) - 1) if names else (None, None)
-        most_bins = int(self._get("maxbinx", 1))
-        return CaptureLimits(
-            None if low is None or high is None else (float(low), float(high)),
-            None if None in gain else (float(gain[0] or 0), float(gain[1] or 0)),
-            (1, most_bins) if most_bins > 1 else None,
-        )
-
-    def _get(self, name: str, default: Any) -> Any:
-        """A property, or ``default`` when the camera does not have it or not just now."""
-        try:
-            return self.link.get(self._path + name)
-        except RefusedError:
-            return default
-
-    def _put(self, name: str, **values: object) -> None:
-        self.link.put(self._path + name, values)
-
-
-PORT = 11111
-
-
-class AlpacaCamera(ExposingCamera[AlpacaDevice]):
+class AlpacaCamera(ExposingCamera):
     """One Alpaca camera."""
 
-    @classmethod
-    def missing(cls) -> str | None:
-        """Nothing needs to be installed."""
-        return None
+    def __init__(self, link: AlpacaLink, number: int) -> None:
+        self._link, self._path = link, f"camera/{number}/"
+        link.put(f"{self._path}connected", {"Connected": True}, POWER_UP_S)
+        super().__init__(str(self._get("name", "camera")), link.close)
+        self._sensor = int(self._get("sensortype", 0))
+        self._binned = 1  # so many pixels a side are one
+        self._mosaic = int(self._get("bayeroffsetx", 0)), int(self._get("bayeroffsety", 0))
+        self._most = int(self._get("maxadu", 0)) or None  # the level at which it clips, where it says so
+        self._limits = self._ranges()
+        low, high = self._limits.exposure_s or (0.0, 3600.0)
+        self.exposure_s = min(max(1.0, low), high)
+        self._set_binning(1)
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:
@@ -250,11 +133,15 @@ class AlpacaCamera(ExposingCamera[AlpacaDevice]):
         with ExitStack() as failing:
             failing.callback(link.close)
             cameras = [(str(number), name) for number, name in link.cameras()]
-            device = AlpacaDevice(link, int(chosen(cameras, where, "Alpaca")))
-            camera = cls(device)
+            camera = cls(link, int(chosen(cameras, where, "Alpaca")))
             camera.configure(settings)
             failing.pop_all()
         return camera
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """As the camera told them when it was opened."""
+        return self._limits
 
     @making_sense()
     def next_frame(self, timeout_s: float) -> Frame | None:
@@ -269,34 +156,104 @@ class AlpacaCamera(ExposingCamera[AlpacaDevice]):
 
         """
         deadline = monotonic() + timeout_s
-        exposing = self._exposing = self._exposing or self._device.expose()
-        while not self._device.ready:
+        exposing = self._exposing = self._exposing or self._expose()
+        while not self._link.get(self._path + "imageready"):  # a refusal tells that exposing has failed
             exposing.check_overdue(self.name)
             left = deadline - monotonic()
             if left <= 0:
-                self._device.check()
+                if int(self._get("camerastate", 0)) == _BROKEN:
+                    raise LineLostError(f"{self.name} reports a fault. Check its cable and power.")
                 return None
             sleep(min(POLL_S, left))
-        data, kind = self._device.picture()
-        hint = self._device.hint(exposing)
-        self._exposing = self._device.expose()  # the next one, while this is looked at
+        data, kind = self._link.fetch(f"/api/v1/{self._path}imagearray", DOWNLOAD_S, ACCEPT)
+        hint = self._hint(exposing)
+        self._exposing = self._expose()  # the next one, while this is looked at
         return self._frame(data, kind, hint)
 
     def _frame(self, data: bytes, kind: str, hint: Hint) -> Frame:
         from kochab.frames import split
 
         self._count += 1
-        most, binned = self._device.most, self._device.binned
+        most, header = self._most, {"XBINNING": self._binned}
         pixels, colour, clips = split(sensor_numbers(image_of(data, kind), most))
-        bayer, warnings = self._device.pattern() if colour is None else (None, ())
+        bayer, warnings = self._pattern() if colour is None else (None, ())
         full = float(most) if most and colour is None else clips
-        return Frame(pixels, colour, bayer, full, f"{self.name} {self._count}", hint, warnings, {"XBINNING": binned})
+        return Frame(pixels, colour, bayer, full, f"{self.name} {self._count}", hint, warnings, header)
+
+    def _pattern(self) -> tuple[str | None, tuple[str, ...]]:
+        """The mosaic's pattern from the picture's first pixel."""
+        from kochab.frames import shifted
+
+        if self._sensor <= _COLOUR or self._binned > 1:
+            return None, ()
+        if self._sensor != _RGGB:
+            return None, (f"{self.name}: unsupported Bayer pattern. The frame is read as mono.",)
+        return shifted("RGGB", *self._mosaic), ()
+
+    def _hint(self, exposed: Exposure) -> Hint:
+        """When it was exposed by the server's clock, else by ours."""
+        seconds = float(self._get("lastexposureduration", exposed.seconds))
+        begun, told = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
+        with suppress(ValueError):
+            begun = datetime.fromisoformat(told.strip().rstrip("Z")).replace(tzinfo=UTC)
+        middle = begun + timedelta(seconds=seconds / 2.0)
+        return Hint(time_utc=middle, exposure_s=seconds, camera=self.name)
+
+    def _settings(self) -> CaptureSettings:
+        gain = self._get("gain", None)
+        return CaptureSettings(self.exposure_s, None if gain is None else float(gain), self._binned)
+
+    def _set_gain(self, gain: float) -> None:
+        self._put("gain", Gain=round(gain))
+
+    def _set_binning(self, binning: int) -> None:
+        """Take all of the chip, ``binning`` pixels a side together."""
+        with suppress(NotOfferedError):
+            self._put("binx", BinX=binning)
+            self._put("biny", BinY=binning)
+        self._binned = int(self._get("binx", 1))
+        for axis in ("X", "Y"):
+            size = int(self._get(f"camera{axis.lower()}size", 0)) // self._binned
+            self._put(f"start{axis.lower()}", **{f"Start{axis}": 0})
+            self._put(f"num{axis.lower()}", **{f"Num{axis}": size})
+
+    def _start(self) -> None:
+        self._put("startexposure", Duration=f"{self.exposure_s:.6f}", Light=True)
+
+    def _abort(self) -> None:
+        try:
+            self._put("abortexposure")
+        except RefusedError:
+            # Then it has to be waited for; a camera that cannot abort has short exposures.
+            deadline = monotonic() + self.exposure_s + DOWNLOAD_S
+            while not self._get("imageready", False) and monotonic() < deadline:
+                sleep(POLL_S)
+
+    def _ranges(self) -> CaptureLimits:
+        low, high = self._get("exposuremin", None), self._get("exposuremax", None)
+        gain = self._get("gainmin", None), self._get("gainmax", None)
+        if None in gain:
+            names = self._get("gains", None)
+            gain = (0, len(names) - 1) if names else (None, None)
+        most_bins = int(self._get("maxbinx", 1))
+        return CaptureLimits(
+            None if low is None or high is None else (float(low), float(high)),
+            None if None in gain else (float(gain[0] or 0), float(gain[1] or 0)),
+            (1, most_bins) if most_bins > 1 else None,
+        )
+
+    def _get(self, name: str, default: Any) -> Any:
+        """A property, or ``default`` when the camera does not have it or not just now."""
+        try:
+            return self._link.get(self._path + name)
+        except RefusedError:
+            return default
+
+    def _put(self, name: str, **values: object) -> None:
+        self._link.put(self._path + name, values)
 
 
 def _listed(where: NetAddress) -> list[CameraDevice]:
-    link = AlpacaLink(where)
-    try:
+    with closing(AlpacaLink(where)) as link:
         cameras = link.cameras()
-    finally:
-        link.close()
     return [CameraDevice("alpaca", f"{where.server}/{number}", f"{name} on {where.host}") for number, name in cameras]

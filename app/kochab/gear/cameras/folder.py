@@ -119,11 +119,6 @@ class FolderCamera(CameraSource):
         self._next_look_s = 0.0
 
     @classmethod
-    def missing(cls) -> str | None:
-        """Nothing needs to be installed."""
-        return None
-
-    @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:
         """The folder itself, when it is one."""
         if not address or not Path(address).is_dir():

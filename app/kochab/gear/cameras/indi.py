@@ -3,7 +3,7 @@
 import re
 import tempfile
 import zlib
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,123 +13,6 @@ from kochab.core.errors import FrameError, LineLostError, PortError, RefusedErro
 from kochab.core.frame import Frame
 from kochab.gear.cameras.indi_link import IndiLink
 from kochab.gear.cameras.server_camera import ExposingCamera, Exposure, chosen, making_sense, net_address
-
-# -- A camera of an INDI server by the names of INDI's standard properties ---------------------
-
-POWER_UP_S = 20.0
-"""How long a camera may take to connect to its driver."""
-SET_S = 5.0
-PICTURE = "CCD1"
-GAINS = (("CCD_GAIN", "GAIN"), ("CCD_CONTROLS", "Gain"))
-
-
-class IndiDevice:
-    """What one camera's driver tells and takes; ``exposure_s`` is what it will expose next."""
-
-    def __init__(self, link: IndiLink, name: str) -> None:
-        self.name, self.link = name, link
-        self.exposure_s = 1.0
-
-    @property
-    def limits(self) -> CaptureLimits:
-        """As the driver tells them."""
-        bins = self.link.bounds(self.name, "CCD_BINNING", "HOR_BIN")
-        gain = self._gain()
-        return CaptureLimits(
-            self.link.bounds(self.name, "CCD_EXPOSURE", "CCD_EXPOSURE_VALUE"),
-            gain and self.link.bounds(self.name, *gain),
-            bins and (int(bins[0]), int(bins[1])),
-        )
-
-    @property
-    def in_force(self) -> CaptureSettings:
-        """What is set now."""
-        gain, bins = self._gain(), self.link.value(self.name, "CCD_BINNING", "HOR_BIN")
-        told = gain and self.link.value(self.name, *gain)
-        return CaptureSettings(self.exposure_s, float(told) if told else None, int(float(bins)) if bins else None)
-
-    def apply(self, settings: CaptureSettings) -> None:
-        """Set what is told; RefusedError when the driver does not take it."""
-        if settings.exposure_s is not None:
-            self.exposure_s = settings.exposure_s
-        if settings.gain is not None and (gain := self._gain()) is not None:
-            self._set(gain[0], {gain[1]: f"{settings.gain:g}"}, "gain")
-        if settings.binning is not None:
-            side = str(settings.binning)
-            self._set("CCD_BINNING", {"HOR_BIN": side, "VER_BIN": side}, "binning")
-
-    def expose(self) -> Exposure:
-        """Begin an exposure."""
-        value = {"CCD_EXPOSURE_VALUE": f"{self.exposure_s:.6g}"}
-        self.link.send(self.name, "CCD_EXPOSURE", value)
-        return Exposure.now(self.exposure_s)
-
-    def abort(self) -> None:
-        """End the exposure under way; its picture, if it comes, is dropped."""
-        self.link.send(self.name, "CCD_ABORT_EXPOSURE", {"ABORT": "On"})
-        self.link.wait(lambda: self.link.state(self.name, "CCD_EXPOSURE") != "Busy", SET_S)
-        self.link.take_blob(0.0)
-
-    def check(self, exposing: bool) -> None:
-        """Raise when the camera is no longer connected, or has refused to expose."""
-        self.link.check()
-        connected = self.link.value(self.name, "CONNECTION", "CONNECT")
-        if connected != "On":
-            why = "its driver stopped" if connected is None else "it was disconnected"
-            raise LineLostError(f"Lost {self.name} on the INDI server: {why}.")
-        if exposing and self.link.state(self.name, "CCD_EXPOSURE") == "Alert":
-            raise RefusedError(f"{self.name} refused to expose{self._said()}.")
-
-    def power_up(self) -> None:
-        """Connect the camera to its driver and have its pictures sent here as FITS."""
-        link, name = self.link, self.name
-        if link.value(name, "CONNECTION", "CONNECT") != "On":
-            link.send(name, "CONNECTION", {"CONNECT": "On"})
-        ready = link.wait(
-            lambda: (
-                link.value(name, "CONNECTION", "CONNECT") == "On"
-                and link.state(name, "CONNECTION") != "Busy"
-                and link.state(name, "CCD_EXPOSURE") is not None
-                and link.state(name, PICTURE) is not None
-            ),
-            POWER_UP_S,
-        )
-        if not ready:
-            raise PortError(f"Can't connect {name}{self._said()}. Check its cable and power.")
-        if link.value(name, "UPLOAD_MODE", "UPLOAD_LOCAL") == "On":
-            self._set("UPLOAD_MODE", {"UPLOAD_BOTH": "On"}, "sending pictures")
-        if link.value(name, "CCD_TRANSFER_FORMAT", "FORMAT_FITS") == "Off":
-            self._set("CCD_TRANSFER_FORMAT", {"FORMAT_FITS": "On"}, "FITS")
-        told = link.value(name, "CCD_EXPOSURE", "CCD_EXPOSURE_VALUE")
-        self.exposure_s = float(told or 0.0) or 1.0
-        link.want_blobs(name, PICTURE)
-
-    def _set(self, vector: str, members: dict[str, str], what: str) -> None:
-        link, name = self.link, self.name
-        link.send(name, vector, members)
-        done = link.wait(
-            lambda: (
-                link.state(name, vector) != "Busy"
-                and all(_same(link.value(name, vector, m), v) for m, v in members.items())
-            ),
-            SET_S,
-        )
-        if not done:
-            raise RefusedError(f"{name} does not accept this {what}{self._said()}.")
-
-    def _gain(self) -> tuple[str, str] | None:
-        return next((g for g in GAINS if self.link.value(self.name, *g) is not None), None)
-
-    def _said(self) -> str:
-        return f" ({self.link.message.rstrip('.')})" if self.link.message else ""
-
-
-def _same(told: str | None, meant: str) -> bool:
-    try:
-        return told is not None and abs(float(told) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
-    except ValueError:
-        return told == meant
-
 
 # -- Bytes that came over a line to a frame ----------------------------------------------------
 
@@ -176,19 +59,28 @@ def _unpacked(data: bytes, name: str) -> bytes:
     return out
 
 
+# -- A camera of an INDI server by the names of INDI's standard properties ---------------------
+
 PORT = 7624
 TELL_S = 5.0
 """How long a server may take to tell what it has."""
 MORE_S = 0.5
 """How long after its first camera it may take to tell of another."""
+POWER_UP_S = 20.0
+"""How long a camera may take to connect to its driver."""
+SET_S = 5.0
+PICTURE = "CCD1"
+GAINS = (("CCD_GAIN", "GAIN"), ("CCD_CONTROLS", "Gain"))
 
 
-class IndiCamera(ExposingCamera[IndiDevice]):
+class IndiCamera(ExposingCamera):
     """One INDI camera."""
 
-    def __init__(self, device: IndiDevice) -> None:
-        super().__init__(device)
+    def __init__(self, link: IndiLink, name: str) -> None:
+        super().__init__(name, link.close)
+        self._link = link
         self._complaints: list[str] = []
+        self._power_up()
 
     @classmethod
     def missing(cls) -> str | None:
@@ -207,10 +99,8 @@ class IndiCamera(ExposingCamera[IndiDevice]):
             if address:
                 raise
             return []
-        try:
+        with closing(link):
             names = _told(link)
-        finally:
-            link.close()
         return [CameraDevice("indi", f"{where.server}/{n}", f"{n} on {where.host}") for n in names]
 
     @classmethod
@@ -222,12 +112,21 @@ class IndiCamera(ExposingCamera[IndiDevice]):
         with ExitStack() as failing:
             failing.callback(link.close)
             names = [(name, name) for name in _told(link, where.rest)]
-            device = IndiDevice(link, chosen(names, where, "INDI"))
-            device.power_up()
-            camera = cls(device)
+            camera = cls(link, chosen(names, where, "INDI"))
             camera.configure(settings)
             failing.pop_all()
         return camera
+
+    @property
+    def limits(self) -> CaptureLimits:
+        """As the driver tells them."""
+        bins = self._link.bounds(self.name, "CCD_BINNING", "HOR_BIN")
+        gain = self._gain()
+        return CaptureLimits(
+            self._link.bounds(self.name, "CCD_EXPOSURE", "CCD_EXPOSURE_VALUE"),
+            gain and self._link.bounds(self.name, *gain),
+            bins and (int(bins[0]), int(bins[1])),
+        )
 
     def complaints(self) -> tuple[str, ...]:
         """Sentences about pictures that were left out since the last call."""
@@ -245,13 +144,13 @@ class IndiCamera(ExposingCamera[IndiDevice]):
             The camera refused to expose.
 
         """
-        self._device.check(exposing=self._exposing is not None)
-        exposing = self._exposing = self._exposing or self._device.expose()
-        blob = self._device.link.take_blob(timeout_s)
+        self._check()
+        exposing = self._exposing = self._exposing or self._expose()
+        blob = self._link.take_blob(timeout_s)
         if blob is None:
             exposing.check_overdue(self.name)
             return None
-        self._exposing = self._device.expose()  # the next one, while this is looked at
+        self._exposing = self._expose()  # the next one, while this is looked at
         return self._frame(*blob, exposing)
 
     def _frame(self, data: bytes, suffix: str, exposed: Exposure) -> Frame | None:
@@ -267,6 +166,92 @@ class IndiCamera(ExposingCamera[IndiDevice]):
         if hint.exposure_s is None:
             hint = replace(hint, exposure_s=exposed.seconds)
         return replace(frame, hint=hint)
+
+    def _check(self) -> None:
+        """Raise when the camera is no longer connected, or has refused to expose."""
+        self._link.check()
+        connected = self._value("CONNECTION", "CONNECT")
+        if connected != "On":
+            why = "its driver stopped" if connected is None else "it was disconnected"
+            raise LineLostError(f"Lost {self.name} on the INDI server: {why}.")
+        if self._exposing is not None and self._state("CCD_EXPOSURE") == "Alert":
+            raise RefusedError(f"{self.name} refused to expose{self._said()}.")
+
+    def _power_up(self) -> None:
+        """Connect the camera to its driver and have its pictures sent here as FITS."""
+        if self._value("CONNECTION", "CONNECT") != "On":
+            self._link.send(self.name, "CONNECTION", {"CONNECT": "On"})
+        ready = self._link.wait(
+            lambda: (
+                self._value("CONNECTION", "CONNECT") == "On"
+                and self._state("CONNECTION") != "Busy"
+                and self._state("CCD_EXPOSURE") is not None
+                and self._state(PICTURE) is not None
+            ),
+            POWER_UP_S,
+        )
+        if not ready:
+            raise PortError(f"Can't connect {self.name}{self._said()}. Check its cable and power.")
+        if self._value("UPLOAD_MODE", "UPLOAD_LOCAL") == "On":
+            self._set("UPLOAD_MODE", {"UPLOAD_BOTH": "On"}, "sending pictures")
+        if self._value("CCD_TRANSFER_FORMAT", "FORMAT_FITS") == "Off":
+            self._set("CCD_TRANSFER_FORMAT", {"FORMAT_FITS": "On"}, "FITS")
+        told = self._value("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE")
+        self.exposure_s = float(told or 0.0) or 1.0
+        self._link.want_blobs(self.name, PICTURE)
+
+    def _settings(self) -> CaptureSettings:
+        gain, bins = self._gain(), self._value("CCD_BINNING", "HOR_BIN")
+        told = gain and self._value(*gain)
+        return CaptureSettings(self.exposure_s, float(told) if told else None, int(float(bins)) if bins else None)
+
+    def _set_gain(self, gain: float) -> None:
+        if (place := self._gain()) is not None:
+            self._set(place[0], {place[1]: f"{gain:g}"}, "gain")
+
+    def _set_binning(self, binning: int) -> None:
+        self._set("CCD_BINNING", {"HOR_BIN": str(binning), "VER_BIN": str(binning)}, "binning")
+
+    def _start(self) -> None:
+        self._link.send(self.name, "CCD_EXPOSURE", {"CCD_EXPOSURE_VALUE": f"{self.exposure_s:.6g}"})
+
+    def _abort(self) -> None:
+        self._link.send(self.name, "CCD_ABORT_EXPOSURE", {"ABORT": "On"})
+        self._link.wait(lambda: self._state("CCD_EXPOSURE") != "Busy", SET_S)
+        self._link.take_blob(0.0)  # its picture, if it came, is dropped
+
+    def _set(self, vector: str, members: dict[str, str], what: str) -> None:
+        """Set ``members``; RefusedError when the driver does not take them."""
+        self._link.send(self.name, vector, members)
+        done = self._link.wait(
+            lambda: (
+                self._state(vector) != "Busy"
+                and all(_same(self._value(vector, member), meant) for member, meant in members.items())
+            ),
+            SET_S,
+        )
+        if not done:
+            raise RefusedError(f"{self.name} does not accept this {what}{self._said()}.")
+
+    def _gain(self) -> tuple[str, str] | None:
+        """Where its gain stands, which differs from driver to driver."""
+        return next((g for g in GAINS if self._value(*g) is not None), None)
+
+    def _value(self, vector: str, member: str) -> str | None:
+        return self._link.value(self.name, vector, member)
+
+    def _state(self, vector: str) -> str | None:
+        return self._link.state(self.name, vector)
+
+    def _said(self) -> str:
+        return f" ({self._link.message.rstrip('.')})" if self._link.message else ""
+
+
+def _same(told: str | None, meant: str) -> bool:
+    try:
+        return told is not None and abs(float(told) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
+    except ValueError:
+        return told == meant
 
 
 def _told(link: IndiLink, wanted: str = "") -> list[str]:

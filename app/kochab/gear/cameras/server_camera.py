@@ -1,11 +1,10 @@
 """A camera behind a server that takes one exposure at a time: its address, its exposures, its limits."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from time import monotonic
-from typing import Generic, Protocol, TypeVar
 
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
@@ -141,53 +140,18 @@ def _within(what: str, value: float | None, bounds: Bounds, unit: str) -> None:
         raise RefusedError(f"A {what} of {value:g} {unit}".strip() + f" is not within {span}.")
 
 
-class ServerLink(Protocol):
-    """The line to its server."""
+class ExposingCamera(CameraSource):
+    """One that exposes again as soon as a picture has arrived; a subclass has its server's words.
 
-    def close(self) -> None:
-        """Let the server go; the camera stays connected to it."""
+    ``exposure_s`` is what it will expose next; ``hang_up`` lets the server go.
+    """
 
-
-class ExposingDevice(Protocol):
-    """The camera in the words of its server's protocol."""
-
-    name: str
-
-    @property
-    def link(self) -> ServerLink:
-        """The line to its server."""
-
-    @property
-    def limits(self) -> CaptureLimits:
-        """What can be set."""
-
-    @property
-    def in_force(self) -> CaptureSettings:
-        """What is set."""
-
-    def apply(self, settings: CaptureSettings) -> None:
-        """Set what is given."""
-
-    def abort(self) -> None:
-        """End the exposure under way."""
-
-
-D = TypeVar("D", bound=ExposingDevice)
-
-
-class ExposingCamera(CameraSource, Generic[D]):
-    """One that exposes again as soon as a picture has arrived."""
-
-    def __init__(self, device: D) -> None:
-        self.name = device.name
-        self._device = device
+    def __init__(self, name: str, hang_up: Callable[[], None]) -> None:
+        self.name = name
+        self.exposure_s = 1.0
+        self._hang_up = hang_up
         self._exposing: Exposure | None = None
         self._count = 0
-
-    @property
-    def limits(self) -> CaptureLimits:
-        """As the camera tells them."""
-        return self._device.limits
 
     @making_sense()
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
@@ -201,17 +165,46 @@ class ExposingCamera(CameraSource, Generic[D]):
         """
         check_within(settings, self.limits)
         if settings != CaptureSettings():
-            self._abort()
-        self._device.apply(settings)
-        return self._device.in_force
+            self._end_exposure()
+        if settings.exposure_s is not None:
+            self.exposure_s = settings.exposure_s
+        if settings.gain is not None:
+            self._set_gain(settings.gain)
+        if settings.binning is not None:
+            self._set_binning(settings.binning)
+        return self._settings()
 
     def close(self) -> None:
         """End the exposure and let the server go; the camera stays connected to it."""
         with suppress(DeviceError):
-            self._abort()
-        self._device.link.close()
+            self._end_exposure()
+        self._hang_up()
 
-    def _abort(self) -> None:
+    def _expose(self) -> Exposure:
+        self._start()
+        return Exposure.now(self.exposure_s)
+
+    def _end_exposure(self) -> None:
         if self._exposing is not None:
             self._exposing = None
-            self._device.abort()
+            self._abort()
+
+    # In the words of its server's protocol.
+
+    def _settings(self) -> CaptureSettings:
+        """What is set now."""
+        raise NotImplementedError
+
+    def _set_gain(self, gain: float) -> None:
+        raise NotImplementedError
+
+    def _set_binning(self, binning: int) -> None:
+        raise NotImplementedError
+
+    def _start(self) -> None:
+        """Begin an exposure of ``exposure_s``."""
+        raise NotImplementedError
+
+    def _abort(self) -> None:
+        """End the exposure under way."""
+        raise NotImplementedError
