@@ -3,6 +3,8 @@
 import http.client
 import json
 import socket
+import threading
+from contextlib import ExitStack, suppress
 from urllib.parse import urlsplit
 
 import pytest
@@ -124,31 +126,49 @@ def test_nonsense_does_no_harm(page, blob, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_many_idle_connections_are_hung_up_on(page):
+def connected(page):
     url = urlsplit(page.url)
-    lines = [socket.create_connection((url.hostname, url.port), timeout=5) for _ in range(MOST_CONNECTIONS)]
-    refused = socket.create_connection((url.hostname, url.port), timeout=5)
-    assert refused.recv(1) == b""
-    refused.close()
-    for line in lines:
-        line.close()
-    for _ in range(50):
-        try:
-            if ask(page)[0] == 200:
-                return
-        except (ConnectionError, http.client.HTTPException):
-            continue
-    pytest.fail("the page did not come back")
+    return socket.create_connection((url.hostname, url.port), timeout=5)
 
 
-def test_who_asks_letter_by_letter_is_hung_up_on(page, monkeypatch):
-    monkeypatch.setattr("kochab.server.phone_page.LONGEST_S", 0.3)
-    url = urlsplit(page.url)
-    with socket.create_connection((url.hostname, url.port), timeout=5) as line:
+def hung_up_on(line):
+    """Wait for the end of a connection, which nothing was sent on."""
+    try:
+        return line.recv(1) == b""
+    except ConnectionResetError:  # what had not been read yet was thrown away
+        return True
+
+
+def test_the_oldest_of_too_many_connections_makes_room(page):
+    with ExitStack() as lines:
+        oldest, *others = [lines.enter_context(connected(page)) for _ in range(MOST_CONNECTIONS)]
+        assert ask(page)[0] == 200
+        assert hung_up_on(oldest)
+        others[-1].sendall(f"GET {urlsplit(page.url).path} HTTP/1.1\r\n\r\n".encode())
+        assert others[-1].recv(15) == b"HTTP/1.1 200 OK"
+
+
+def test_forty_that_trickle_a_request_cost_nobody_else_anything(page):
+    threads = threading.active_count()
+    with ExitStack() as lines:
+        slow = [lines.enter_context(connected(page)) for _ in range(40)]
+        for letter in f"GET {urlsplit(page.url).path}"[:12]:
+            for line in slow:
+                with suppress(OSError):  # hung up on already
+                    line.sendall(letter.encode())
+            assert ask(page)[0] == 200
+        assert threading.active_count() == threads
+        assert all(hung_up_on(line) for line in slow[: 40 - MOST_CONNECTIONS])
+
+
+@pytest.mark.parametrize("text", [b"", b"G", b"GET / HTTP/1.1\r\nA: b\r\n"])
+def test_a_request_has_one_deadline(page, monkeypatch, text):
+    monkeypatch.setattr("kochab.server.phone_page.REQUEST_S", 0.3)
+    with connected(page) as line:
         line.settimeout(0.05)
         for _ in range(400):
             try:
-                line.sendall(b"G")
+                line.sendall(text)  # every letter would begin a limit of silence anew
                 if line.recv(1) == b"":
                     break
             except TimeoutError:
@@ -158,6 +178,14 @@ def test_who_asks_letter_by_letter_is_hung_up_on(page, monkeypatch):
         else:
             pytest.fail("still listened to")
     assert ask(page)[0] == 200
+
+
+def test_switching_off_ends_the_connections_too(page):
+    with connected(page) as line:
+        line.sendall(b"G")
+        assert ask(page)[0] == 200
+        page.stop()
+        assert hung_up_on(line)
 
 
 def test_an_address_that_is_taken_is_one_sentence(page):

@@ -1,17 +1,19 @@
 """The alignment on a phone: one read-only page over the local network, off until switched on.
 
-GET only, two addresses under a random token, no files, no query, short timeouts and few
-connections. Without the token every request gets 404. Nothing is sent anywhere by itself.
+GET only, two addresses under a random token, no files, no query. Without the token every request
+gets 404. Nothing is sent anywhere by itself. One thread serves all connections, so that slow or
+hostile ones cost nobody else anything: a request has one deadline, and when there are too many
+connections the oldest makes room for the newest.
 """
 
+import asyncio
 import json
 import secrets
 import socket
 import threading
-from contextlib import suppress
+from collections.abc import Callable
 from hmac import compare_digest
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from kochab.core.errors import PortError
@@ -57,10 +59,15 @@ ask();
 """
 
 TOKEN_BYTES = 16
-CONNECTION_S = 10.0  # of silence, then the connection is closed
-LONGEST_S = 15.0  # for a whole request: one sent letter by letter must not hold its thread
-MOST_CONNECTIONS = 16
-LONGEST_PATH = 200
+REQUEST_S = 10.0
+"""For a connection from its beginning to the last byte of the reply: one sent letter by letter ends too."""
+MOST_CONNECTIONS = 32
+LONGEST_REQUEST = 8192  # bytes
+HEADERS = (
+    "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
+    "Content-Security-Policy: default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
+    " connect-src 'self'\r\nConnection: close\r\n"
+)
 
 
 class PhonePage:
@@ -70,7 +77,6 @@ class PhonePage:
         self._token = token or secrets.token_urlsafe(TOKEN_BYTES)
         self._numbers: dict[str, Any] = {}
         self._server: _Server | None = None
-        self._thread: threading.Thread | None = None
 
     @property
     def running(self) -> bool:
@@ -82,8 +88,8 @@ class PhonePage:
         """What a phone opens; empty while switched off."""
         if self._server is None:
             return ""
-        host, port = self._server.server_address[:2]
-        return f"http://{host!s}:{port}/{self._token}/"
+        host, port = self._server.address
+        return f"http://{host}:{port}/{self._token}/"
 
     def start(self, host: str | None = None, port: int = 0) -> str:
         """Switch on, at the address this computer has on the local network, and return the URL.
@@ -94,28 +100,19 @@ class PhonePage:
             The address or port cannot be used.
 
         """
-        if self._server is not None:
-            return self.url
-        address = host or local_address()
-        try:
-            self._server = _Server((address, port), self)
-        except OSError as error:
-            raise PortError(f"Can't serve the phone page at {address}: {error.strerror or error}.") from None
-        self._thread = threading.Thread(
-            target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, name="kochab-phone", daemon=True
-        )
-        self._thread.start()
+        if self._server is None:
+            address = host or local_address()
+            try:
+                self._server = _Server(socket.create_server((address, port)), self.answer)
+            except OSError as error:
+                raise PortError(f"Can't serve the phone page at {address}: {error.strerror or error}.") from None
         return self.url
 
     def stop(self) -> None:
         """Switch off; the port is closed at once."""
         server, self._server = self._server, None
         if server is not None:
-            server.shutdown()
-            server.server_close()
-        if self._thread is not None:
-            self._thread.join(2.0)
-            self._thread = None
+            server.stop()
 
     def show(self, words: str, error: PolarError | None = None, solved: bool = True) -> None:
         """Replace what phones see: what to do, and the error once there is one."""
@@ -124,9 +121,7 @@ class PhonePage:
     def answer(self, path: str) -> tuple[str, bytes] | None:
         """Content type and body for a path; None for whatever is not there."""
         parts = path.split("/")
-        if len(path) > LONGEST_PATH or len(parts) != 3 or parts[0]:
-            return None
-        if not compare_digest(parts[1].encode(), self._token.encode()):
+        if len(parts) != 3 or parts[0] or not compare_digest(parts[1].encode(), self._token.encode()):
             return None
         if parts[2] == "":
             return "text/html; charset=utf-8", PAGE.encode("utf-8")
@@ -135,74 +130,63 @@ class PhonePage:
         return None
 
 
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-    block_on_close = False
-    request_queue_size = 8
+class _Server:
+    """Answers requests at ``listener`` in one thread of its own until it is stopped."""
 
-    def __init__(self, address: tuple[str, int], page: PhonePage) -> None:
-        self.page = page
-        self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
-        super().__init__(address, _Request)
+    def __init__(self, listener: socket.socket, answer: Callable[[str], tuple[str, bytes] | None]) -> None:
+        self.address: tuple[str, int] = listener.getsockname()[:2]
+        self._listener, self._answer = listener, answer
+        self._connections: dict[asyncio.StreamWriter, None] = {}  # the oldest first
+        self._over = asyncio.Event()
+        self._runner = asyncio.Runner(loop_factory=asyncio.new_event_loop)
+        self._loop = self._runner.get_loop()  # made here, so that it can be stopped at any time
+        self._thread = threading.Thread(target=self._run, name="kochab-phone", daemon=True)
+        self._thread.start()
 
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve in a thread, or close the connection when there are too many already."""
-        if not self._free.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
-        super().process_request(request, client_address)
+    def stop(self) -> None:
+        """Close the port and every connection."""
+        self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join(2.0)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Free the place however the request ends, and end it after :data:`LONGEST_S`."""
-        limit = threading.Timer(LONGEST_S, _hang_up, (request,))
-        limit.daemon = True
-        limit.start()
+    def _run(self) -> None:
+        with self._runner as runner:  # which cancels the connections at its end
+            runner.run(self._serve())
+
+    async def _serve(self) -> None:
+        server = await asyncio.start_server(self._connected, sock=self._listener, limit=LONGEST_REQUEST)
+        await self._over.wait()
+        server.close()
+
+    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Reply to one request, and close the connection whatever came of it."""
+        if len(self._connections) == MOST_CONNECTIONS:
+            oldest = next(iter(self._connections))
+            del self._connections[oldest]
+            oldest.transport.abort()
+        self._connections[writer] = None
         try:
-            super().process_request_thread(request, client_address)
+            async with asyncio.timeout(REQUEST_S):
+                writer.write(self._reply(await reader.readuntil(b"\r\n\r\n")))
+                writer.close()
+                await writer.wait_closed()
+        except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError):
+            pass  # too slow, too long, or a phone that went away
         finally:
-            limit.cancel()
-            self._free.release()
+            self._connections.pop(writer, None)
+            writer.transport.abort()
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore a phone that went away, and malformed requests."""
-
-
-class _Request(BaseHTTPRequestHandler):
-    server: _Server
-    timeout = CONNECTION_S
-    server_version = "Kochab"
-    sys_version = ""
-
-    def do_GET(self) -> None:
-        """The page or its numbers; 404 for everything else."""
-        found = self.server.page.answer(self.path)
-        if found is None:
-            self._send(HTTPStatus.NOT_FOUND, "text/plain", b"not found\n")
-        else:
-            self._send(HTTPStatus.OK, *found)
-
-    def _send(self, status: HTTPStatus, kind: str, body: bytes) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.send_header(
-            "Content-Security-Policy",
-            "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src 'self'",
-        )
-        self.send_header("Connection", "close")
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Keep no access log."""
-
-
-def _hang_up(request: socket.socket) -> None:
-    with suppress(OSError):
-        request.shutdown(socket.SHUT_RDWR)
+    def _reply(self, request: bytes) -> bytes:
+        """The whole reply: the page or its numbers, 404 for everything else."""
+        status, kind, body = HTTPStatus.BAD_REQUEST, "text/plain", b""
+        match request.split(b"\r\n", 1)[0].decode("latin-1").split(" "):
+            case ["GET", path, _]:
+                found = self._answer(path)
+                status = HTTPStatus.OK if found else HTTPStatus.NOT_FOUND
+                kind, body = found or (kind, b"not found\n")
+            case [_, _, _]:
+                status = HTTPStatus.NOT_IMPLEMENTED
+        first = f"HTTP/1.1 {status.value} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
+        return f"{first}{HEADERS}\r\n".encode("ascii") + body
 
 
 def local_address() -> str:
