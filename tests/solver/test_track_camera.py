@@ -46,8 +46,9 @@ def test_a_profile_of_another_focal_length_is_doubted_and_then_replaced() -> Non
     again = Tracker(options=TrackOptions(calibrate_every=1), profile=wrong)
     updates = follow(again, stream, 6)
     assert all(u.solution is not None for u in updates)
-    assert any("profile is off" in w for w in updates[0].solution.warnings)
-    assert not updates[-1].solution.warnings
+    assert "profile is off" in updates[0].doubt
+    assert updates[0].doubt in updates[0].solution.warnings
+    assert (updates[-1].doubt, updates[-1].solution.warnings) == ("", ())
     assert abs(again.profile.camera.focal_px / LENS.focal_px - 1) < 1e-3
 
 

@@ -68,6 +68,7 @@ class Told:
     """Answers what ``answer(number)`` says of the frame's number, after ``slow_s``."""
 
     profile = None
+    kept = 0
 
     def __init__(self, answer=lambda number: solution(), slow_s=0.0):
         self.answer, self.slow_s = answer, slow_s
@@ -83,6 +84,9 @@ class Told:
         if isinstance(found, Solution):
             return TrackUpdate(moment, "tracking", found, None)
         return TrackUpdate(moment, "lost", None, found)
+
+    def keep(self):
+        self.kept += 1
 
 
 def posted(live, post):

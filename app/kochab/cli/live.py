@@ -26,10 +26,9 @@ from kochab.cli.output import Json, tell_failure, to_line
 from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
-from kochab.solver import SolveOptions
-from kochab.solver.tracker import Tracker, TrackOptions
+from kochab.solver.tracker import TrackOptions
 from kochab.workflows.live.session import SESSION, Recorder, options_json, recorded
-from kochab.workflows.live.solve import WARNING, LiveEngine, ProfiledTracker, live_solve
+from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
 from kochab.workflows.live.update import LiveUpdate
 
 SOLVE_TIMEOUT_S = 10.0
@@ -91,7 +90,7 @@ def _live(args: argparse.Namespace) -> int:
     if source == "folder" and not args.address:
         raise UsageError("Give the folder your capture program saves to: --address DIR.")
     capture = Capture(lambda: open_camera(source, args.address, settings), args.reconnect)
-    engine = _engine(options, args.profile)
+    engine = ProfiledTracker(args.profile or "", TrackOptions(solve=options))
     live = live_solve(capture, engine, args.frames)
     if args.record:
         if source == "folder":
@@ -116,8 +115,14 @@ def _live(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             pass  # how a person ends it
     print(f"kochab: {solved} of {looked_at} frames solved.", file=sys.stderr)
-    if isinstance(engine, ProfiledTracker):
-        _keep(engine)
+    profile = engine.profile
+    if engine.keep() is not None and profile is not None:
+        focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
+        print(
+            f"kochab: {engine.name}: focal length {focal:.2f} px, sigma {sigma:.2f} px,"
+            f" from {profile.frames} frames; saved.",
+            file=sys.stderr,
+        )
     return 0 if solved else 1
 
 
@@ -148,30 +153,14 @@ def _replay(args: argparse.Namespace) -> int:
         raise UsageError("--replay and --record cannot be used together.")
     folder = Path(args.replay)
     same = True
-    with closing(replay(folder, _engine(recorded_options(folder)))) as steps:
+    engine = ProfiledTracker(options=TrackOptions(solve=recorded_options(folder)))
+    with closing(replay(folder, engine)) as steps:
         for step in steps:
             if isinstance(step, Replayed):
                 same = same and step.agrees and step.intact
                 line = to_line(replay_json(step)) if args.json else replay_line(step)
                 print(line, flush=True)
     return 0 if same else 1
-
-
-def _engine(options: SolveOptions, profile: str | None = None) -> LiveEngine:
-    track = TrackOptions(solve=options)
-    return ProfiledTracker(profile, track) if profile else Tracker(options=track)
-
-
-def _keep(engine: ProfiledTracker) -> None:
-    profile = engine.profile
-    if profile is None or engine.keep() is None:
-        return
-    focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
-    print(
-        f"kochab: {engine.name}: focal length {focal:.2f} px, sigma {sigma:.2f} px,"
-        f" from {profile.frames} frames; saved.",
-        file=sys.stderr,
-    )
 
 
 # ``kochab camera list`` and ``kochab camera take``: which cameras there are, and one frame.

@@ -70,6 +70,7 @@ class TrackUpdate:
     stars about its own x, y and z (x right, y down, z out), and
     ``rates_sigma_deg_s`` their errors. All three are None when this frame has no answer: nothing
     old is ever told as new. ``expected`` stars were looked for and ``matched`` found.
+    ``doubt`` is the sentence of a frame that contradicts the camera's profile, also among its warnings.
     """
 
     time_utc: datetime
@@ -82,6 +83,7 @@ class TrackUpdate:
     expected: int = 0
     matched: int = 0
     manoeuvre: bool = False
+    doubt: str = ""
 
     @property
     def filtered_centre(self) -> Attitude | None:
@@ -215,6 +217,7 @@ class Tracker:
         self.state: FilterState | None = None
         self._calibration.camera = None
         self._tracked_frames = 0
+        self._doubt = ""
         self._sky: Neighbourhood | None = None
         self._faintest = 0.0
         self._image = TrackedStarImage()
@@ -267,7 +270,7 @@ class Tracker:
         spent = {"read": 0.0, "detect": total, "identify": 0.0, "attitude": 0.0, "total": total}
         solution = tracked_solution(found, self.camera, sky, stars, seen, spent, frame.warnings)
         self._image.learn(seen, place, self.camera, frame.hint.exposure_s)
-        solution = self._calibrated(solution, result, sky.vectors[stars.number])
+        self._calibrate(result, sky.vectors[stars.number])
         self._failures = 0
         state = updated(place.ahead, solution.attitude, self.options.motion)
         return self._update(solution, moment, "tracking", state, len(stars.number))
@@ -330,31 +333,33 @@ class Tracker:
         """Learn camera, star image and limit of detection from a frame solved as a whole."""
         assert isinstance(examined.result, Solution)
         solution = examined.result
-        sentence = self._calibration.begin(solution, frame.hint.camera)
+        self._doubt = self._calibration.begin(solution, frame.hint.camera)
         self._faintest = float(np.percentile([star.mag for star in solution.stars], 90))
         xy = np.array([(star.x, star.y) for star in solution.stars]).reshape(-1, 2)
         self._image = TrackedStarImage.of(examined.detections, frame, xy)
         self._sky = None
-        return _warned(solution, sentence)
+        return solution
 
-    def _calibrated(self, solution: Solution, result: WindowSearchResult, vectors: Floats) -> Solution:
+    def _calibrate(self, result: WindowSearchResult, vectors: Floats) -> None:
         """Improve the camera now and then; a frame that contradicts its profile says so."""
         self._tracked_frames += 1
+        self._doubt = ""
         every = self.options.calibrate_every
         if every == 0 or self._tracked_frames % every:
-            return solution
+            return
         estimate = result.found.estimate
         window = estimate.star
-        sentence = self._calibration.learn(
+        self._doubt = self._calibration.learn(
             result.seen.xy[window], vectors[window], estimate.attitude, estimate.sigma_px
         )
-        return _warned(solution, sentence)
 
     def _update(
         self, solution: Solution, moment: datetime, mode: Mode, state: FilterState, expected: int
     ) -> TrackUpdate:
         """Keep the filter's new state and tell it."""
         self._was_lost = mode == "lost"
+        if self._doubt:
+            solution = replace(solution, warnings=(*solution.warnings, self._doubt))
         self.state = in_axes_of(state, solution.camera, self.camera)
         return TrackUpdate(
             moment,
@@ -367,6 +372,7 @@ class Tracker:
             expected,
             len(solution.stars),
             state.contradicted,
+            self._doubt,
         )
 
     def _neighbourhood(self, attitude: Attitude, moment: datetime) -> Neighbourhood:
@@ -375,7 +381,3 @@ class Tracker:
             blend = BLEND_FWHM * self._image.fwhm_px
             self._sky = Neighbourhood(self.catalogue, self.camera, attitude, year_of(moment), self._faintest, blend)
         return self._sky
-
-
-def _warned(solution: Solution, sentence: str) -> Solution:
-    return replace(solution, warnings=(*solution.warnings, sentence)) if sentence else solution

@@ -282,7 +282,7 @@ def test_an_answer_grows_old_on_the_screen_by_itself(qtbot, live):
 def test_a_fault_in_the_solver_is_a_sentence_too(qtbot, live):
     view, _ = live
 
-    class Broken:
+    class Broken(Told):
         def update(self, frame, time_utc=None):
             raise LineLostError("The line broke.")
             yield

@@ -98,14 +98,21 @@ class Capture:
     ``source`` is called in that thread. Stopping takes no longer than one slice, or
     :data:`JOIN_S` when a driver does not return. With ``reconnect`` a camera that was lost while
     in use is opened again every :data:`RETRY_S` until it is back, and its loss is a warning.
+    ``see`` is called with each frame in the camera's thread, on its way to the mailbox.
     """
 
-    def __init__(self, source: Callable[[], CameraSource], reconnect: bool = False) -> None:
+    def __init__(
+        self,
+        source: Callable[[], CameraSource],
+        reconnect: bool = False,
+        see: Callable[[Frame], None] = lambda frame: None,
+    ) -> None:
         self.mailbox: Mailbox[Shot] = Mailbox()
         self.limits = CaptureLimits()
         self.in_force = CaptureSettings()
         self.name = ""
         self._source = source
+        self._see = see
         self._reconnect = reconnect
         self._number = 0
         self._fault: Exception | None = None
@@ -182,6 +189,7 @@ class Capture:
             self.in_force = source.in_force or self.in_force  # another may have set it
             self._warnings.extend(source.complaints())
             if frame is not None:
+                self._see(frame)
                 self._number += 1
                 self.mailbox.put(self._shot(self._number, frame, source.now_utc()))
 

@@ -8,6 +8,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Callable, Generator, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -237,20 +238,12 @@ def recorded(live: Live, recorder: Recorder) -> Live:
 
     When recording ends by itself the stream goes on, with the reason as a warning.
     """
-    try:
-        while True:
-            try:
-                step = next(live)
-            except StopIteration as end:
-                return end.value  # type: ignore[no-any-return]
-            if isinstance(step, LiveUpdate):
-                sentence = recorder.record(step)
-                if sentence is not None:
-                    yield Progress(WARNING, None, sentence)
+    with closing(live), closing(recorder):
+        for step in live:
+            sentence = recorder.record(step) if isinstance(step, LiveUpdate) else None
+            if sentence is not None:
+                yield Progress(WARNING, None, sentence)
             yield step
-    finally:
-        recorder.close()
-        live.close()
 
 
 def session_folder(parent: Path, now: datetime | None = None) -> Path:

@@ -18,7 +18,7 @@ from kochab.core.progress import Progress, Task
 from kochab.solver.camera_profile import Profile, load_profile, save_profile
 from kochab.solver.tracker import Tracker, TrackOptions, TrackUpdate
 from kochab.workflows.live.capture import Capture, Shot
-from kochab.workflows.live.update import DriftMeter, GoodPointing, LiveSummary, LiveUpdate
+from kochab.workflows.live.update import DriftMeter, GoodPointing, LiveUpdate
 
 WAIT_S = 0.1
 WARNING = "warning"
@@ -26,11 +26,11 @@ WARNING = "warning"
 RATE_OVER = 20
 """Rates are means over so many of the last frames."""
 
-Live = Generator[Progress | LiveUpdate, None, LiveSummary]
+Live = Generator[Progress | LiveUpdate, None, None]
 
 
 class LiveEngine(Protocol):
-    """What makes a pointing of a frame: :class:`kochab.solver.tracker.Tracker`."""
+    """What makes a pointing of a frame: :class:`ProfiledTracker`."""
 
     @property
     def profile(self) -> Profile | None:
@@ -41,13 +41,17 @@ class LiveEngine(Protocol):
         """Take one frame in."""
         ...
 
+    def keep(self) -> Path | None:
+        """Write what was learned of the camera; None when nothing was."""
+        ...
+
 
 def live_solve(capture: Capture, engine: LiveEngine, frames: int | None = None) -> Live:
     """Start ``capture`` and solve its newest frame, again and again.
 
     Yields :class:`LiveUpdate` for every frame looked at and :class:`Progress` in between, at
     least ten times a second while waiting. Closing the generator stops the camera; it is also
-    stopped after ``frames`` looked at, which returns a :class:`LiveSummary`.
+    stopped after ``frames`` looked at.
 
     Raises
     ------
@@ -72,7 +76,6 @@ def live_solve(capture: Capture, engine: LiveEngine, frames: int | None = None) 
             yield stream.update(shot, track)
     finally:
         capture.stop()
-    return stream.summary()
 
 
 class _Stream:
@@ -107,11 +110,6 @@ class _Stream:
             update, last_good=self._good, solved_hz=_rate(self._solved_at, done), frames_hz=_frame_rate(self._numbers)
         )
 
-    def summary(self) -> LiveSummary:
-        """The counts at the end."""
-        box = self._capture.mailbox
-        return LiveSummary(box.put_count, self.looked_at, self.solved, box.dropped)
-
 
 def _waiting(stream: _Stream, capture: Capture) -> str:
     name = capture.name or "camera"
@@ -133,12 +131,12 @@ def _frame_rate(numbers: deque[tuple[float, int]]) -> float | None:
 
 
 class ProfiledTracker:
-    """Tracks with the profile of one camera and lens, which ``name`` stands for.
+    """Tracks with the profile of one camera and lens, which ``name`` stands for; without a name none is kept.
 
     Which profile that is depends on the frames' size too, so it is recalled with the first frame.
     """
 
-    def __init__(self, name: str, options: TrackOptions | None = None, folder: Path | None = None) -> None:
+    def __init__(self, name: str = "", options: TrackOptions | None = None, folder: Path | None = None) -> None:
         self.name = name
         self._options = options or TrackOptions()
         self._folder = folder
@@ -163,12 +161,12 @@ class ProfiledTracker:
         size = (frame.width, frame.height)
         if self._tracker is None or size != self._size:
             self.keep()
-            known = load_profile(self.name, *size, self._folder)
+            known = load_profile(self.name, *size, self._folder) if self.name else None
             self._tracker, self._size = Tracker(options=self._options, profile=known), size
         return (yield from self._tracker.update(frame, time_utc))
 
     def keep(self) -> Path | None:
-        """Write what was learned; None when nothing was.
+        """Write what was learned; None when nothing was, or nothing is to be kept.
 
         Raises
         ------
@@ -177,6 +175,6 @@ class ProfiledTracker:
 
         """
         profile = self.profile
-        if profile is None or not profile.frames:
+        if not self.name or profile is None or not profile.frames:
             return None
         return save_profile(profile, self._folder)

@@ -142,13 +142,3 @@ class LiveUpdate:
     def age_s(self, now_s: float | None = None) -> float:
         """Seconds since mid-exposure, at ``now_s`` of :func:`time.monotonic` (by default now)."""
         return (monotonic() if now_s is None else now_s) - self.shot.shutter_s
-
-
-@dataclass(frozen=True, slots=True)
-class LiveSummary:
-    """How a stream went: frames that came, were looked at, were solved, and were dropped."""
-
-    captured: int = 0
-    looked_at: int = 0
-    solved: int = 0
-    dropped: int = 0

@@ -4,20 +4,20 @@ import shutil
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from time import monotonic
 
-from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile
+from kochab.solver.tracker import TrackOptions
 from kochab.workflows.live.capture import Capture
 from kochab.workflows.live.session import Recorder, options_json, session_folder
 from kochab.workflows.live.solve import WARNING, LiveEngine, ProfiledTracker, live_solve
-from kochab.workflows.live.update import LiveSummary, LiveUpdate
+from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.wiring import ToRecord
 
 # Switches recording on and off while a stream runs; everything happens in the stream's thread.
@@ -96,59 +96,9 @@ class Recording:
         self.state = Recorded(recorder.folder, recorder.frames, recorder.solved, self._free, recorder.recording)
 
 
-# A camera whose frames are seen on their way to the solver, so that none waits to be shown.
-
-
-class WatchedCamera(CameraSource):
-    """The camera ``source`` itself, with ``see`` called on each frame in the camera's thread."""
-
-    def __init__(self, source: CameraSource, see: Callable[[Frame], None]) -> None:
-        self._source, self._see = source, see
-        self.name = source.name
-
-    @property
-    def limits(self) -> CaptureLimits:
-        """Of the camera."""
-        return self._source.limits
-
-    def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Set the camera."""
-        return self._source.configure(settings)
-
-    def next_frame(self, timeout_s: float) -> Frame | None:
-        """The camera's newest frame."""
-        frame = self._source.next_frame(timeout_s)
-        if frame is not None:
-            self._see(frame)
-        return frame
-
-    def close(self) -> None:
-        """Give the camera back."""
-        self._source.close()
-
-    def complaints(self) -> tuple[str, ...]:
-        """The camera's."""
-        return self._source.complaints()
-
-    def now_utc(self) -> datetime:
-        """By the camera's clock."""
-        return self._source.now_utc()
-
-    @property
-    def in_force(self) -> CaptureSettings | None:
-        """Of the camera."""
-        return self._source.in_force
-
-    @property
-    def alone(self) -> bool:
-        """Whether no other view uses the camera."""
-        return self._source.alone
-
-
 SOLVE_TIMEOUT_S = 10.0
 AHEAD_S = 0.5  # a frame whose answer takes longer is shown before it has one
 MOST_SAID = 50
-DOUBT = "Your camera profile is off"
 
 Show = Callable[[Frame, LiveUpdate | None], None]
 
@@ -191,7 +141,7 @@ class Stream:
         make_engine: Callable[[], LiveEngine] | None = None,
     ) -> None:
         self.wish = wish
-        self.capture = Capture(self._opened, wish.again)
+        self.capture = Capture(wish.open, wish.again, self._see)
         self.options = SolveOptions(timeout_s=SOLVE_TIMEOUT_S)
         self.latest: LiveUpdate | None = None
         self.lens = Lens()
@@ -204,17 +154,13 @@ class Stream:
         self._held: tuple[Frame, float] | None = None  # waits for its answer, since when
         self._quick = False
 
-    def task(self) -> Task[LiveSummary]:
+    def task(self) -> Task[None]:
         """Everything, until it is cancelled or the camera ends it with a DeviceError."""
         yield Progress("load")
         engine = self._make_engine()
         live = live_solve(self.capture, engine)
         try:
-            while True:
-                try:
-                    step = next(live)
-                except StopIteration as end:
-                    return end.value  # type: ignore[no-any-return]
+            for step in live:
                 if isinstance(step, LiveUpdate):
                     self._has(step, engine)
                     yield Progress("solved")
@@ -226,10 +172,11 @@ class Stream:
         finally:
             live.close()
             self.said.extend(self.recording.close())
-            self._keep(engine)
-
-    def _opened(self) -> CameraSource:
-        return WatchedCamera(self.wish.open(), self._see)
+            try:
+                if engine.keep() is not None:
+                    self.said.append(f"The camera profile “{self.wish.profile}” was kept.")
+            except KochabError as error:
+                self.said.append(str(error))
 
     def _see(self, frame: Frame) -> None:
         """A frame has come: shown at once unless its answer will be there in a moment."""
@@ -258,29 +205,9 @@ class Stream:
 
     def _learn(self, update: LiveUpdate, engine: LiveEngine) -> None:
         """Remember a doubt until a later frame agrees with the profile."""
-        profile = engine.profile
-        doubts = [w for w in update.result.warnings if w.startswith(DOUBT)]
-        before = self.lens.profile
-        same = profile is not None and before is not None and profile.frames == before.frames
-        doubt = doubts[-1] if doubts else self.lens.doubt if same else ""
-        self.lens = Lens(profile, doubt)
+        profile, before = engine.profile, self.lens.profile
+        learned = profile is None or before is None or profile.frames != before.frames
+        self.lens = Lens(profile, update.track.doubt or ("" if learned else self.lens.doubt))
 
     def _engine(self) -> LiveEngine:
-        """The tracker, with the profile of this camera where one has a name."""
-        from kochab.solver.tracker import Tracker, TrackOptions
-
-        track = TrackOptions(solve=self.options)
-        if self.wish.profile:
-            return ProfiledTracker(self.wish.profile, track)
-        return Tracker(options=track)
-
-    def _keep(self, engine: LiveEngine) -> None:
-        if not isinstance(engine, ProfiledTracker):
-            return
-        try:
-            kept = engine.keep()
-        except KochabError as error:
-            self.said.append(str(error))
-        else:
-            if kept is not None:
-                self.said.append(f"The camera profile “{self.wish.profile}” was kept.")
+        return ProfiledTracker(self.wish.profile, TrackOptions(solve=self.options))
