@@ -40,6 +40,16 @@ def test_a_mount_without_pulses_moves_instead() -> None:
     assert north == pytest.approx(30.0, abs=3.0)
 
 
+def test_a_chosen_rate_is_one_move_that_the_guard_bounds() -> None:
+    b = bench(good(lost_deg=0.0))
+    nudged, _, north = moved_arcsec(b, nudge(b.guard, Direction.NORTH, 30.0, b.wait, rate_deg_s=0.1))
+    assert nudged.by == "one move of 0.1 s"
+    assert north == pytest.approx(30.0, abs=6.0)
+    with pytest.raises(RefusedError):
+        run(nudge(b.guard, Direction.NORTH, 3600.0, b.wait, rate_deg_s=0.001))
+    assert len([did for did in b.mount.did if did[0] == "move"]) == 1
+
+
 def test_too_little_is_nothing_and_too_much_is_refused() -> None:
     b = bench()
     assert run(nudge(b.guard, Direction.NORTH, 0.1, b.wait)).by == "nothing"

@@ -24,7 +24,7 @@ from kochab.sky import open_catalogue
 from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, adjust
 from kochab.workflows.polar.measure import HandTurner, MountTurner, Sweep, foreseen_arcsec, measure_axis, plan_path
 from kochab.workflows.polar.sources import NotMeasuredError
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench
 
 
@@ -75,7 +75,7 @@ def test_measuring_says_how_surely_and_how_much_further():
 
 def test_a_person_may_stop_measuring_early():
     sky, controls = rig(), PolarControls()
-    controls.enough()
+    controls.press(PolarButton.ENOUGH)
     found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0), controls))
     assert len(found.measurement.attitudes) == 2
 
@@ -188,7 +188,7 @@ def test_a_frame_without_an_answer_keeps_the_last_error_and_says_so():
     def watch(update):
         updates.append(update)
         if len([u for u in updates if isinstance(u, PolarUpdate)]) > 9:
-            controls.remeasure()
+            controls.press(PolarButton.REMEASURE)
 
     ended = run(adjust(Sometimes(), found.measurement, BoltTutor(), controls), watch)
     assert ended.end is AdjustingEnd.REQUESTED

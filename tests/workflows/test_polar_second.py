@@ -17,7 +17,7 @@ from kochab.sky import open_catalogue
 from kochab.workflows.polar.align import AdjustingEnd, adjust
 from kochab.workflows.polar.measure import NO_SECOND_SWEEP, HandTurner, MountTurner, Sweep, measure_axis, second_sweep
 from kochab.workflows.polar.sources import NotMeasuredError
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench
 
 SWEEP = Sweep(turn_deg=60.0)
@@ -58,17 +58,11 @@ class Hand(HandTurner):
         self.words = []
         self.left = []
 
-    def _asked(self, task, direction, degrees):
-        for progress in task:
+    def turn(self, direction, degrees):
+        for progress in super().turn(direction, degrees):
             self.words.append(progress.detail)
             yield progress
         self.left = [3, direction, degrees]
-
-    def turn(self, direction, degrees):
-        yield from self._asked(super().turn(direction, degrees), direction, degrees)
-
-    def turn_declination(self, direction, degrees):
-        yield from self._asked(super().turn_declination(direction, degrees), direction, degrees)
 
     def sight(self):
         if self.left:
@@ -109,8 +103,6 @@ def test_a_declination_axis_that_was_not_turned_is_no_second_sweep():
         def turn(self, direction, degrees):
             yield Progress("turn")
 
-        turn_declination = turn
-
     first = run(measure_axis(sky, sky, sky.settings, SWEEP))
     with pytest.raises(NotMeasuredError, match="rotated by only"):
         run(second_sweep(sky, Stuck(), first, replace(SWEEP, frames=3, most_frames=3)))
@@ -132,18 +124,18 @@ def test_a_person_may_ask_for_it_while_adjusting():
     from kochab.polar.tutor import BoltTutor
 
     controls = PolarControls()
-    controls.second_sweep()
+    controls.press(PolarButton.SECOND_SWEEP)
     ended = run(adjust(sky, found.measurement, BoltTutor(), controls))
     assert ended.end is AdjustingEnd.SECOND_SWEEP
-    assert controls.take_second_sweep()  # it is for the alignment to answer
-    assert not controls.second_sweep_wanted
+    assert controls.take(PolarButton.SECOND_SWEEP)  # it is for the alignment to answer
+    assert not controls.pressed(PolarButton.SECOND_SWEEP)
 
 
 def test_asked_for_before_the_first_frame_it_follows_the_first_sweep():
     from kochab.workflows.polar.align import align
 
     sky, controls, seen = rig(), PolarControls(), []
-    controls.second_sweep()
+    controls.press(PolarButton.SECOND_SWEEP)
     for update in align(sky, sky, sky.settings, ALIGN, controls):
         if isinstance(update, PolarUpdate):
             seen.append(update)
@@ -185,7 +177,7 @@ def test_the_mount_turns_its_declination_and_is_stopped_at_the_end(direction):
     def sleep(seconds):
         time[0] += seconds
 
-    run(MountTurner(motor, 2.0, sleep, lambda: time[0]).turn_declination(direction, 50.0))
+    run(MountTurner(motor, 2.0, sleep, lambda: time[0]).turn(direction, 50.0))
     assert motor.dec == pytest.approx(70.0 if direction is Direction.NORTH else -30.0, abs=1.1)
     assert set(motor.asked) == {direction}
     assert motor.stops == 1
@@ -204,6 +196,6 @@ def test_within_the_guard_the_real_declination_turns():
     )
     turner = MountTurner(bench.guard, 1.0, bench.wait, bench.rig.clock.now_unix)
     before = bench.rig.truth().of_date_deg[1]
-    run(turner.turn_declination(Direction.SOUTH, 30.0))
+    run(turner.turn(Direction.SOUTH, 30.0))
     assert before - bench.rig.truth().of_date_deg[1] == pytest.approx(30.0, abs=3.0)
     assert bench.mount.did[-1] == ("stop",)

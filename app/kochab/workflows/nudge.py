@@ -26,7 +26,7 @@ AFTER_S = 0.4
 
 @dataclass(frozen=True, slots=True)
 class Nudged:
-    """What was sent: ``by`` is "guide pulses", "moves" or, for too little, "nothing"."""
+    """What was sent: ``by`` is "guide pulses", "moves", one move or, for too little, "nothing"."""
 
     direction: Direction
     amount_arcsec: float
@@ -34,8 +34,13 @@ class Nudged:
     seconds: float
 
 
-def nudge(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait = time.sleep) -> Task[Nudged]:
+def nudge(
+    mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait = time.sleep, rate_deg_s: float = 0.0
+) -> Task[Nudged]:
     """Turn one axis by an angle, within the guard; returns when the motion is over.
+
+    ``rate_deg_s`` is a rate of the mount that a person has chosen, for one move of any length; 0 takes
+    guide pulses or the slowest suitable rate.
 
     East and west are angles of the RA axis: on the sky they are smaller by the cosine of the
     declination. Cancelling stops the mount.
@@ -50,10 +55,10 @@ def nudge(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait =
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
     moving = True
     try:
-        if Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC:
+        if not rate_deg_s and Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC:
             nudged = yield from _pulses(mount, direction, amount_arcsec, wait)
         else:
-            nudged = yield from _moves(mount, direction, amount_arcsec, wait)
+            nudged = yield from _moves(mount, direction, amount_arcsec, wait, rate_deg_s)
         moving = False
     finally:
         if moving:
@@ -75,14 +80,15 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     return Nudged(direction, amount_arcsec, "guide pulses", total / 1000.0)
 
 
-def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait) -> Task[Nudged]:
+def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait, chosen_deg_s: float) -> Task[Nudged]:
     amount_deg = amount_arcsec / 3600.0
-    longest_deg, longest_s = mount.limits.longest_move_deg, mount.limits.longest_move_s
-    if amount_deg > longest_deg:
+    if amount_deg > mount.limits.longest_move_deg:
         raise RefusedError(f"A nudge of {amount_deg:.1f}° is too large. Use goto instead.")
-    rate = move_rate_deg_s(mount, amount_deg)
+    rate = chosen_deg_s or move_rate_deg_s(mount, amount_deg)
     left = seconds = amount_deg / rate
-    if seconds < SHORTEST_S:
+    # At a rate that a person chose it is one move, which the guard refuses when it is too long.
+    longest_s = seconds if chosen_deg_s else mount.limits.longest_move_s
+    if seconds < SHORTEST_S and not chosen_deg_s:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
     stops = mount.stops
     while left > 1e-3:
@@ -100,7 +106,8 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait)
             mount.check_not_stopped(stops, "motion")
         left -= part
     wait(AFTER_S)
-    return Nudged(direction, amount_arcsec, "moves", seconds)
+    by = f"one move of {seconds:.1f} s" if chosen_deg_s else "moves"
+    return Nudged(direction, amount_arcsec, by, seconds)
 
 
 def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:

@@ -5,7 +5,7 @@ and is sent as far beside the target as that error is.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
@@ -20,6 +20,7 @@ from kochab.workflows.goto_target import Wait, answered, apart, settled
 
 MOVED_ARCSEC = 60.0  # since the offer: less may be drift and rounding
 TAKES = 3
+UNMOVED = "Sync on this frame only if the telescope has not moved since it was taken."
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +67,18 @@ def offer_sync(mount: Guard, solve_now: SolveNow) -> Task[SyncOffer | NoSolution
 
 
 def offer_of(mount: Guard, *solutions: Solution) -> SyncOffer:
-    """The offer from solves that were made just now; the last one counts."""
+    """The offer from solves that were made just now; the last one counts.
+
+    A single one is for those whose camera is another program's: a person vouches for it.
+    """
+    by_hand = len(solutions) == 1
     evidence = SyncEvidence.of(*solutions)
     sky = solutions[-1].ra_dec_deg
     here = answered(mount.position)
     there = mount.to_mount(*sky)
-    preview = answered(lambda: mount.preview_sync(*there, evidence))
+    preview = answered(lambda: mount.preview_sync(*there, evidence, by_hand))
+    if by_hand:
+        preview = replace(preview, warnings=(UNMOVED, *preview.warnings))
     return SyncOffer(preview, evidence, solutions[-1], here, sky, mount.lacks.get(Ability.SYNC, ""))
 
 

@@ -29,7 +29,7 @@ from kochab.window.polar.error_display import (
 from kochab.window.polar.sound_cues import Cue, Cues, SoundCues, speech_text
 from kochab.workflows.polar.align import AdjustingEnd, adjust
 from kochab.workflows.polar.measure import HandTurner, Sweep, measure_axis
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.session.alignment_state import HANDS_OFF, OLD_S, AlignmentState, absorb
 from tests.window.polar_cases import adjusting, error
 
@@ -78,7 +78,7 @@ def test_adjusting_follows_the_axis_and_what_the_tutor_says(measured):
     assert first.measured == (measurement.error,)
     before = first.error.total_arcsec
     sky.turn_bolt(first.instruction)
-    controls.turned()
+    controls.press(PolarButton.TURNED)
     later, _ = follow(first, task, 11.0, most=40)
     assert later[-1].live
     assert later[-1].trail

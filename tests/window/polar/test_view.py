@@ -24,7 +24,7 @@ from kochab.window.application import build
 from kochab.window.polar.history import writing
 from kochab.window.session import WorkflowEngine
 from kochab.workflows.polar.measure import MountTurner
-from kochab.workflows.polar.update import PolarControls
+from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import (
     AlignmentRequest,
     AlignmentTools,
@@ -146,7 +146,7 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     assert view.second.isVisible()
     view.second.click()
     assert "another declination" in view.message.text()
-    assert view.controls.second_sweep_wanted
+    assert view.controls.pressed(PolarButton.SECOND_SWEEP)
     obeyed, ways, decs = [], [], []
 
     def person():
@@ -358,7 +358,7 @@ def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
     view.done.clicked.connect(lambda: pressed.append(1))
     qtbot.keyClick(view.done, Qt.Key.Key_Space)
     assert pressed
-    assert view.controls.take_turned() or "new frame" in view.message.text()
+    assert view.controls.take(PolarButton.TURNED) or "new frame" in view.message.text()
     view.cancel.click()
     drive(view)
 

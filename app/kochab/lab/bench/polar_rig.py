@@ -31,7 +31,7 @@ from kochab.simulate.rig import PracticeRig, RigConfig, random_place
 from kochab.sky import Catalogue
 from kochab.workflows.polar.align import Alignment, AlignOptions, align
 from kochab.workflows.polar.measure import Sweep, foreseen_arcsec
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 
 ARCSEC = np.pi / 648000.0
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -107,10 +107,6 @@ class RigSky:
         self.rig.mount.halt()
         self.rig.wait_until_still(2.0)
         self.reported_deg = degrees
-
-    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
-        """The same with the other axis."""
-        yield from self.turn(direction, degrees)
 
     def turn_bolt(self, instruction: Instruction) -> None:
         """A person follows an instruction, with an error of 5 % and a degree of the bolt's turn."""
@@ -209,10 +205,10 @@ def follow(sky: RigSky, options: AlignOptions = ALIGN) -> Alignment:
             return
         followed = new
         if update.moves > MOST_MOVES:
-            controls.enough()
+            controls.press(PolarButton.ENOUGH)
         if new.knob is not None:
             sky.turn_bolt(new)
-            controls.turned()
+            controls.press(PolarButton.TURNED)
 
     task = align(sky, sky, sky.settings, options, controls, BoltTutor())
     return run_task(task, person)

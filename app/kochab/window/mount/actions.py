@@ -17,7 +17,7 @@ from kochab.window.shell.views import Services
 from kochab.workflows.centre_target import Centring, CentringEnd
 from kochab.workflows.nudge import Nudged, Turn
 from kochab.workflows.session import mount_orders
-from kochab.workflows.sync_mount import SyncDone, SyncOffer
+from kochab.workflows.sync_mount import SyncDone, SyncOffer, undo_sync
 
 SYNC_FIRST = "Use Sync… first to review it."
 
@@ -80,7 +80,7 @@ class MountActions(QObject):
 
     def undo_sync(self) -> None:
         """Undo the last sync."""
-        self._control.ask("undo", mount_orders.undo())
+        self._control.ask("undo", undo_sync)
 
     def goto(self, text: str) -> None:
         """Slew to a name or coordinates."""

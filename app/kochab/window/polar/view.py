@@ -22,7 +22,7 @@ from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
 from kochab.window.polar.sound_cues import Cues, SoundCues
 from kochab.window.shell.views import Services
 from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, set_role
-from kochab.workflows.polar.update import PolarControls
+from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import AlignmentState, absorb
 
@@ -126,24 +126,24 @@ class PolarView(QWidget):
     def confirm_turned(self) -> None:
         """The turn that was asked for is made."""
         if self.state.running:
-            self.controls.turned()
+            self.controls.press(PolarButton.TURNED)
             self.say("Waiting for a new frame.", "muted")
 
     def remeasure(self) -> None:
         """Stop adjusting and measure again now."""
         if self.state.stage == "adjust":
-            self.controls.remeasure()
+            self.controls.press(PolarButton.REMEASURE)
             self.say("Measuring again after this frame.", "muted")
 
     def finish_sweep(self) -> None:
         """Continue with the frames taken so far."""
         if self.state.running:
-            self.controls.enough()
+            self.controls.press(PolarButton.ENOUGH)
 
     def sweep_again(self) -> None:
         """A second sweep, at another declination, after the present one."""
         if self.state.running:
-            self.controls.second_sweep()
+            self.controls.press(PolarButton.SECOND_SWEEP)
             self.say("A second sweep at another declination follows, to measure flexure.", "muted")
 
     def turn_practice(self) -> None:

@@ -17,7 +17,7 @@ from kochab.polar.rotations import ARCSEC, tangents
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
 from kochab.workflows.polar.measure import Measured, Sweep, Turner, measure_axis, second_sweep
 from kochab.workflows.polar.sources import SightingSource
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 
 # -- The adjusting phase: the live error while a person turns the bolts, and the instructions ----
 
@@ -110,9 +110,9 @@ def adjust(
     yield _update(None, None, guide, measurement)
     while True:
         found = yield from source.sight()
-        if controls.take_remeasure() or controls.take_enough():
+        if controls.take(PolarButton.REMEASURE) or controls.take(PolarButton.ENOUGH):
             return Adjusted(AdjustingEnd.REQUESTED, guide.turn_requested, steady)
-        if controls.second_sweep_wanted:
+        if controls.pressed(PolarButton.SECOND_SWEEP):
             return Adjusted(AdjustingEnd.SECOND_SWEEP, guide.turn_requested, steady)
         if found is None or isinstance(found, NoSolution):
             why = "Waiting for a frame" if found is None else f"{found.reason}: {found.advice}"
@@ -120,7 +120,7 @@ def adjust(
             continue
         before = guide.instruction
         live = guide.live.update(found)
-        steady, instruction = guide.see(live, controls.take_turned())
+        steady, instruction = guide.see(live, controls.take(PolarButton.TURNED))
         history.live(found.time_utc, steady.error)
         if instruction is not before:
             history.instruction(found.time_utc, steady.error, instruction.words)
@@ -222,7 +222,7 @@ def align(
             measured = replace(measured, measurement=both, findings=both.findings)
         history.measured(measured.measurement)
         keep(history)
-        if controls.take_second_sweep() or wanted:
+        if controls.take(PolarButton.SECOND_SWEEP) or wanted:
             both_sweeps = yield from second_sweep(source, turner, measured, sweep, controls)
             wanted, droop = False, both_sweeps.measurement.droop
             if both_sweeps is not measured:

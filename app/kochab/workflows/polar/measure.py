@@ -39,7 +39,7 @@ from kochab.polar.plan import (
 from kochab.polar.rotations import ARCSEC
 from kochab.polar.sighting import LocalAttitude
 from kochab.workflows.polar.sources import NotMeasuredError, RestWatch, SightingSource, turned_deg
-from kochab.workflows.polar.update import PolarControls, PolarUpdate, TurnInstruction
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction
 
 # -- Who turns the RA axis between the frames: the mount within its guard, or a hand -----------
 
@@ -53,7 +53,7 @@ MOST_MOTIONS = 24
 
 
 class Turner(Protocol):
-    """Turns the axes. ``by_hand`` tells that nothing is known of how far they went.
+    """Turns one axis at a time. ``by_hand`` tells that nothing is known of how far they went.
 
     ``reported_deg`` is how far the mount itself says that it turned last, None when it does not.
     """
@@ -62,10 +62,10 @@ class Turner(Protocol):
     reported_deg: float | None
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
-        """Turn RA, and return when the axis is at rest, or at once when a person does it."""
+        """Turn RA east or west, or the declination axis north or south.
 
-    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
-        """The same with the declination axis, north or south: for a second sweep."""
+        Returns when the axis is at rest, or at once when a person does it.
+        """
 
 
 class HandTurner:
@@ -75,16 +75,11 @@ class HandTurner:
     reported_deg: float | None = None
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
-        """Ask for a turn of RA."""
-        words = f"Rotate RA about {degrees:.0f}° {direction}, then lock the clutch. Continues by itself."
-        yield TurnInstruction("turn", None, words, direction, degrees)
-
-    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
-        """Ask for a turn of the declination axis."""
-        words = (
-            f"Rotate declination about {degrees:.0f}° {direction}, then lock it. Don't touch RA or the"
-            " bolts. Continues by itself."
-        )
+        """Ask for it."""
+        axis, then = "RA", "lock the clutch."
+        if direction in (Direction.NORTH, Direction.SOUTH):
+            axis, then = "declination", "lock it. Don't touch RA or the bolts."
+        words = f"Rotate {axis} about {degrees:.0f}° {direction}, then {then} Continues by itself."
         yield TurnInstruction("turn", None, words, direction, degrees)
 
 
@@ -116,14 +111,7 @@ class MountTurner:
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Several bounded motions, each waited for; stopped whenever this is given up."""
-        yield from self._turn(direction, degrees, lambda: self._mount.position().ra_deg)
-
-    def turn_declination(self, direction: Direction, degrees: float) -> Task[None]:
-        """The same in declination."""
-        yield from self._turn(direction, degrees, lambda: self._mount.position().dec_deg)
-
-    def _turn(self, direction: Direction, degrees: float, where: Callable[[], float]) -> Task[None]:
-        begun = where()
+        begun = self._axis_deg(direction)
         turned, motions = 0.0, 0
         try:
             while degrees - turned > NEAR_ENOUGH_DEG and motions < MOST_MOTIONS:
@@ -133,7 +121,7 @@ class MountTurner:
                 seconds = min(left / self._seen_deg_s, LONGEST_MOTION_S)
                 self._mount.move(direction, self._rate, seconds)
                 yield from self._wait(seconds)
-                turned = self._moved_on(turned, where() - begun, seconds)
+                turned = self._moved_on(turned, self._axis_deg(direction) - begun, seconds)
         finally:
             self._mount.stop()
         self.reported_deg = turned
@@ -141,6 +129,11 @@ class MountTurner:
         if self._camera is not None:
             yield Progress("settle")
             self._camera.next_frame(TRAILED_S)
+
+    def _axis_deg(self, direction: Direction) -> float:
+        """The reported coordinate of the axis that a direction turns."""
+        here = self._mount.position()
+        return here.dec_deg if direction in (Direction.NORTH, Direction.SOUTH) else here.ra_deg
 
     def _moved_on(self, before: float, moved_deg: float, seconds: float) -> float:
         """How far it has turned in all, as it reports; its rate is learned from that."""
@@ -232,7 +225,7 @@ def sweep_from(
         seen.append(now)
         result = measure_local(seen, settings, before)
         yield _measured_so_far(result, seen, slips, sweep)
-        if controls.take_enough() and isinstance(result, Measurement):
+        if controls.take(PolarButton.ENOUGH) and isinstance(result, Measurement):
             break
     if isinstance(result, NoAxis):
         raise NotMeasuredError(f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}")
@@ -343,7 +336,7 @@ def second_sweep(
     if plan.back_deg:
         yield from turner.turn(_opposite(first.path.direction), plan.back_deg)
         last = yield from watch.still(last, plan.back_deg if turner.by_hand else 0.0)
-    yield from turner.turn_declination(plan.direction, plan.degrees)
+    yield from turner.turn(plan.direction, plan.degrees)
     begin = yield from watch.still(last, plan.degrees if turner.by_hand else 0.0)
     again = replace(sweep, frames=frames, backwards=None)
     second = yield from sweep_from(begin, plan.path, watch, turner, again, measurement.before)

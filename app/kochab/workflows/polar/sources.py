@@ -19,7 +19,7 @@ from kochab.polar.measure import MeasureSettings
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.solve_frame import solve_file, solve_open_frame
 
 NEAR_DEG = 20.0
@@ -220,7 +220,7 @@ class RestWatch:
         while True:
             now = yield from self.next(patient=turn_deg > 0.0)
             turned = turned_deg(before, now) if before is not None else 0.0
-            enough = turned >= 0.5 * turn_deg or self.controls.take_turned()
+            enough = turned >= 0.5 * turn_deg or self.controls.take(PolarButton.TURNED)
             if enough and last is not None and at_rest(last, now):
                 return now
             if turn_deg:

@@ -1,7 +1,7 @@
 """What a polar alignment reports while it runs, and the buttons a person can press."""
 
-import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from enum import StrEnum
 
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
@@ -38,54 +38,31 @@ class TurnInstruction(Progress):
     degrees: float = 0.0
 
 
-@dataclass(slots=True)
+class PolarButton(StrEnum):
+    """What a person may press while an alignment runs."""
+
+    TURNED = "the axis or bolt was turned as asked: go on even if the frames show no motion"
+    REMEASURE = "measure again now"
+    ENOUGH = "accept the frames taken, or leave the bolts, and go on to the next phase"
+    SECOND_SWEEP = "sweep again at another declination, to measure flexure"
+
+
 class PolarControls:
     """Buttons beside a running alignment; safe to press from any thread."""
 
-    _turned: threading.Event = field(default_factory=threading.Event)
-    _remeasure: threading.Event = field(default_factory=threading.Event)
-    _enough: threading.Event = field(default_factory=threading.Event)
-    _second: threading.Event = field(default_factory=threading.Event)
+    def __init__(self) -> None:
+        self._pressed: set[PolarButton] = set()
 
-    def turned(self) -> None:
-        """The axis or bolt was turned as asked: go on even if the frames show no motion."""
-        self._turned.set()
+    def press(self, button: PolarButton) -> None:
+        """Press it; pressed again before it was taken it counts once."""
+        self._pressed.add(button)
 
-    def remeasure(self) -> None:
-        """Measure again now."""
-        self._remeasure.set()
-
-    def enough(self) -> None:
-        """Accept the frames taken, or leave the bolts, and go on to the next phase."""
-        self._enough.set()
-
-    def second_sweep(self) -> None:
-        """Sweep again at another declination, to measure flexure."""
-        self._second.set()
-
-    @property
-    def second_sweep_wanted(self) -> bool:
+    def pressed(self, button: PolarButton) -> bool:
         """Whether it was pressed and not taken yet."""
-        return self._second.is_set()
+        return button in self._pressed
 
-    def take_second_sweep(self) -> bool:
-        """Whether it was pressed since last asked."""
-        return _take(self._second)
-
-    def take_turned(self) -> bool:
-        """Whether it was pressed since last asked."""
-        return _take(self._turned)
-
-    def take_remeasure(self) -> bool:
-        """Whether it was pressed since last asked."""
-        return _take(self._remeasure)
-
-    def take_enough(self) -> bool:
-        """Whether it was pressed since last asked."""
-        return _take(self._enough)
-
-
-def _take(event: threading.Event) -> bool:
-    pressed = event.is_set()
-    event.clear()
-    return pressed
+    def take(self, button: PolarButton) -> bool:
+        """Whether it was pressed since last taken."""
+        pressed = self.pressed(button)
+        self._pressed.discard(button)
+        return pressed

@@ -6,7 +6,6 @@ Each function gives a maker: a function of the guarded mount that returns the ta
 import re
 from collections.abc import Callable
 from datetime import datetime
-from time import monotonic, sleep
 from typing import Any
 
 from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
@@ -17,65 +16,14 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution, SolveNow
 from kochab.gear.mount_line import MakeTask
 from kochab.gear.mounts.guard import Guard
-from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
+from kochab.gear.mounts.motion_plan import Limits
 from kochab.solver.disagreement import MountSighting
-from kochab.workflows.centre_target import Centring
-from kochab.workflows.goto_target import Target, answered, named_target, target_at
-from kochab.workflows.nudge import Nudged
+from kochab.workflows.centre_target import Centring, centre_target
+from kochab.workflows.goto_target import Target, goto_target, named_target, target_at
+from kochab.workflows.nudge import bring_here, nudge
+from kochab.workflows.recover_mount import why_they_disagree
 from kochab.workflows.session.mount_camera import MountCamera
-from kochab.workflows.sync_mount import SyncDone, SyncOffer, sync_done
-
-# A sync on the open frame alone, for those whose camera is another program's: on their word.
-
-WARNING = "Sync on this frame only if the telescope has not moved since it was taken."
-
-
-def offer_by_hand(mount: Guard, solution: Solution) -> Task[SyncOffer]:
-    """What a sync to the open frame's place would do."""
-    from dataclasses import replace
-
-    from kochab.core.mount import Ability
-
-    yield Progress("sync")
-    sky = solution.ra_dec_deg
-    here = answered(mount.position)
-    there = mount.to_mount(*sky)
-    preview = answered(lambda: mount.preview_sync(*there, by_hand=True))
-    preview = replace(preview, warnings=(WARNING, *preview.warnings))
-    lacking = mount.lacks.get(Ability.SYNC, "")
-    return SyncOffer(preview, SyncEvidence.of(solution), solution, here, sky, lacking)
-
-
-def accept_by_hand(mount: Guard, offer: SyncOffer) -> Task[SyncDone]:
-    """Do it, and read it back."""
-    yield Progress("sync", None, offer.in_words)
-    mount.sync(*mount.to_mount(*offer.sky_deg), by_hand=True, confirmed=True)
-    return sync_done(offer)
-
-
-# -- A nudge at a rate that a person has chosen ------------------------------------------------
-
-CHECK_EVERY_S = 0.2
-
-
-def nudge_at_rate(guard: Guard, direction: Direction, arcsec: float, rate_deg_s: float) -> Task[Nudged]:
-    """One bounded move, refused by the guard when it is too long; cancelling stops the mount."""
-    seconds = arcsec / 3600.0 / rate_deg_s
-    yield Progress("move", 0.0, str(direction))
-    over, stops = False, guard.stops
-    try:
-        guard.move(direction, rate_deg_s, seconds)
-        end = monotonic() + seconds
-        while (left := end - monotonic()) > 0.0:
-            yield Progress("move", 1.0 - left / seconds, str(direction))
-            sleep(min(left, CHECK_EVERY_S))
-            guard.check_not_stopped(stops, "move")
-        over = True
-    finally:
-        if not over:
-            guard.halt()
-    return Nudged(direction, arcsec, f"one move of {seconds:.1f} s", seconds)
-
+from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_done
 
 # -- Where to go: a name the catalogue knows, or coordinates as people type them ---------------
 
@@ -128,33 +76,25 @@ def take(look: Look) -> MakeTask:
 
 def offer(look: Look | None, solution: Solution | None) -> MakeTask | None:
     """Look twice, or take the open frame's word; None when there is neither."""
-    from kochab.workflows.sync_mount import offer_sync
-
     if look is not None:
         return lambda guard: offer_sync(guard, look(guard))
-    return None if solution is None else lambda guard: offer_by_hand(guard, solution)
+    return None if solution is None else _at_once("sync", lambda guard: offer_of(guard, solution))
 
 
 def accept(offered: SyncOffer) -> MakeTask:
     """The person said yes."""
-    from kochab.workflows.sync_mount import accept_sync
+
+    def by_hand(guard: Guard) -> SyncDone:
+        guard.sync(*guard.to_mount(*offered.sky_deg), by_hand=True, confirmed=True)
+        return sync_done(offered)
 
     if len(offered.evidence.centres_deg) < 2:
-        return lambda guard: accept_by_hand(guard, offered)
+        return _at_once("sync", by_hand, offered.in_words)
     return lambda guard: accept_sync(guard, offered, confirmed=True, fall_back=True)
-
-
-def undo() -> MakeTask:
-    """Take back the last sync."""
-    from kochab.workflows.sync_mount import undo_sync
-
-    return undo_sync
 
 
 def why(look: Look, before: tuple[MountSighting, ...]) -> MakeTask:
     """Look at the sky and name the cause of the disagreement."""
-    from kochab.workflows.recover_mount import why_they_disagree
-
     return lambda guard: why_they_disagree(guard, look(guard), before)
 
 
@@ -162,8 +102,6 @@ def goto(text: str) -> MakeTask:
     """Slew to a name or coordinates."""
 
     def task(guard: Guard) -> Task[str]:
-        from kochab.workflows.goto_target import goto_target
-
         yield Progress("goto", None, text)
         target = parse_target(text, guard.clock())
         yield from goto_target(guard, target)
@@ -179,8 +117,6 @@ def centre(text: str, tolerance_arcsec: float, look: Look) -> MakeTask:
     """
 
     def task(guard: Guard) -> Task[Centring]:
-        from kochab.workflows.centre_target import centre_target
-
         yield Progress("centre", None, text)
         target = parse_target(text, guard.clock())
         return (yield from centre_target(guard, look(guard), target, tolerance_arcsec))
@@ -190,18 +126,11 @@ def centre(text: str, tolerance_arcsec: float, look: Look) -> MakeTask:
 
 def nudged(direction: Direction, arcsec: float, rate_deg_s: float) -> MakeTask:
     """A small motion, at a rate of the mount or, for 0, at whatever suits it."""
-    paced = nudge_at_rate
-    from kochab.workflows.nudge import nudge
-
-    if rate_deg_s:
-        return lambda guard: paced(guard, direction, arcsec, rate_deg_s)
-    return lambda guard: nudge(guard, direction, arcsec)
+    return lambda guard: nudge(guard, direction, arcsec, rate_deg_s=rate_deg_s)
 
 
 def bring(solution: Solution, star: tuple[float, float], here: tuple[float, float]) -> MakeTask:
     """Move what is seen at pixel ``star`` to pixel ``here``."""
-    from kochab.workflows.nudge import bring_here
-
     return lambda guard: bring_here(guard, solution, star, here)
 
 
@@ -233,14 +162,14 @@ def use_limits(limits: Limits) -> MakeTask:
     return _at_once("meridian", do)
 
 
-def close_camera(eye: MountCamera) -> MakeTask:
+def close_camera(camera: MountCamera) -> MakeTask:
     """Close a camera in the thread that opened it."""
-    return _at_once("camera", lambda _: eye.close())
+    return _at_once("camera", lambda _: camera.close())
 
 
-def _at_once(stage: str, do: Callable[[Guard], Any]) -> MakeTask:
+def _at_once(stage: str, do: Callable[[Guard], Any], detail: str = "") -> MakeTask:
     def task(guard: Guard) -> Task[Any]:
-        yield Progress(stage)
+        yield Progress(stage, None, detail)
         return do(guard)
 
     return task
