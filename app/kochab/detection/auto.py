@@ -120,9 +120,9 @@ class AutoDetector:
     def _at_full_scale(self, frame: Frame) -> tuple[Detections, bool]:
         """Stars up to some 20 px wide or 30 px long, and whether most are small."""
         pixels, how = frame.pixels, halving(frame.bayer)
-        mesh = measure_mesh(pixels, how, quantum(pixels))
+        mesh = measure_mesh(pixels, how)
         snr = max(self.snr + 0.4 * float(np.log10(pixels.size / 1e6)), 0.85 * self.snr)
-        xy, _ = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
+        xy = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
         if not len(xy):
             return nothing(frame, mesh), True
         likely, hot = quick_look(PreparedFrame(pixels, how, mesh), xy, snr)
@@ -266,11 +266,6 @@ def _enlarged(coarse: Detections, frame: Frame) -> Detections:
     )
 
 
-def quantum(pixels: Array) -> float:
-    """The step between the values pixels can have; 0 when they are not whole numbers."""
-    return 1.0 if pixels.dtype.kind in "iub" else 0.0
-
-
 # -- Single bright pixels as stars, for frames without other stars ------------------------------
 # Behind a short lens a star may light one pixel only, as simulated cameras draw it. The default
 # detector drops it as a hot pixel; only a match with the catalogue tells the two apart.
@@ -283,9 +278,9 @@ def single_pixels(frame: Frame, detector: AutoDetector) -> Detections:
     """The pixels of ``frame`` that ``detector`` takes for hot ones, brightest first."""
     pixels, how = frame.pixels, halving(frame.bayer)
     if pixels.ndim != 2 or min(pixels.shape) < MIN_SIDE:
-        return Detections.from_list(np.empty((0, 2)), frame.width, frame.height)
-    mesh = measure_mesh(pixels, how, quantum(pixels))
-    xy, _ = find_peaks(pixels, how, mesh, 0.85 * detector.snr, 10 * MOST)
+        return nothing(frame)
+    mesh = measure_mesh(pixels, how)
+    xy = find_peaks(pixels, how, mesh, 0.85 * detector.snr, 10 * MOST)
     if len(xy):
         _, xy = quick_look(PreparedFrame(pixels, how, mesh), xy, detector.snr)
     at = np.unique(xy.astype(np.intp), axis=0)

@@ -82,14 +82,12 @@ class Halving:
             np.add(rows[0::2, self.greens :: 2], rows[1::2, 1 - self.greens :: 2], out=out)
 
 
+GREENS = {"RGGB": 1, "BGGR": 1, "GRBG": 0, "GBRG": 0}
+
+
 def halving(bayer: str | None) -> Halving:
     """The halving that suits a mosaic; one whose green is not on a diagonal is summed whole."""
-    pattern = (bayer or "").upper()
-    if pattern in ("RGGB", "BGGR"):
-        return Halving(1)
-    if pattern in ("GRBG", "GBRG"):
-        return Halving(0)
-    return Halving()
+    return Halving(GREENS.get((bayer or "").upper()))
 
 
 def as_summable(rows: Array, fill: float) -> Array:
@@ -130,14 +128,8 @@ class Smoother:
         ``pad`` = (above, below, sides) halved pixels repeat the edges. The result is overwritten
         by the next call.
         """
-        rows = as_summable(rows, self.fill)
         above, below, sides = pad
-        n, m = len(rows) // 2, rows.shape[1] // 2
-        dtype = self.dtype(rows)
-        sums = self._memory("sums", (n + above + below, m + 2 * sides), dtype)
-        spare = self._memory("wide", (n + above + below, m + 2 * sides), dtype)
-        inner = sums[above : above + n, sides : sides + m]
-        self.how.sums(rows, inner, spare[above : above + n, sides : sides + m])
+        sums, spare = self._sums(rows, pad)
         if sides:
             sums[:, :sides] = sums[:, sides : sides + 1]
             sums[:, -sides:] = sums[:, -sides - 1 : -sides]
@@ -155,11 +147,18 @@ class Smoother:
 
     def halved(self, rows: Array) -> Array:
         """Sums (n, m) of rows (2 n, 2 m or 2 m + 1), overwritten by the next call as well."""
+        return self._sums(rows, (0, 0, 0))[0]
+
+    def _sums(self, rows: Array, pad: tuple[int, int, int]) -> tuple[Array, Array]:
+        """The sums with room for ``pad`` around them, and spare memory as large."""
         rows = as_summable(rows, self.fill)
-        shape = len(rows) // 2, rows.shape[1] // 2
+        above, below, sides = pad
+        n, m = len(rows) // 2, rows.shape[1] // 2
+        shape = n + above + below, m + 2 * sides
         sums, spare = (self._memory(name, shape, self.dtype(rows)) for name in ("sums", "wide"))
-        self.how.sums(rows, sums, spare)
-        return sums
+        inner = np.s_[above : above + n, sides : sides + m]
+        self.how.sums(rows, sums[inner], spare[inner])
+        return sums, spare
 
     def blocks(self, pixels: Array, tops: NDArray[np.intp], rows: int) -> Array:
         """``rows`` rows of ``pixels`` below each of ``tops``, all in one; overwritten as well."""
@@ -186,8 +185,7 @@ class Smoother:
         return out
 
     def _memory(self, name: str, shape: tuple[int, int], dtype: type[np.generic]) -> Array:
-        size = shape[0] * shape[1]
-        size *= np.dtype(dtype).itemsize
+        size = shape[0] * shape[1] * np.dtype(dtype).itemsize
         kept = _BUFFERS.arrays.get(name)
         if kept is None or len(kept) < size:
             kept = _BUFFERS.arrays[name] = np.empty(size, dtype=np.uint8)
@@ -212,7 +210,9 @@ class Mesh:
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Level and noise, each (N,), at pixels by bilinear interpolation."""
-        r, c = _between(y, self.rows), _between(x, self.columns)
+        # outside the nodes np.interp holds the first and the last
+        r = np.interp(y, self.rows, np.arange(len(self.rows)))
+        c = np.interp(x, self.columns, np.arange(len(self.columns)))
         i, j = r.astype(np.intp), c.astype(np.intp)
         i1, j1 = np.minimum(i + 1, len(self.rows) - 1), np.minimum(j + 1, len(self.columns) - 1)
         u, v = r - i, c - j
@@ -224,8 +224,8 @@ class Mesh:
         return np.asarray(level), np.asarray(noise)
 
 
-def measure_mesh(pixels: Array, how: Halving, step: float) -> Mesh:
-    """The mesh of a frame (H, W), both at least 8; ``step`` is the quantum of its pixels or 0."""
+def measure_mesh(pixels: Array, how: Halving) -> Mesh:
+    """The mesh of a frame (H, W), both at least 8."""
     height, width = pixels.shape
     tile = 64 if pixels.size < 4_000_000 else 128
     every = 8 if pixels.size < 1_500_000 else tile // 4 if tile < 128 else tile // 2
@@ -238,7 +238,8 @@ def measure_mesh(pixels: Array, how: Halving, step: float) -> Mesh:
     steps = np.concatenate([np.abs(np.diff(level, axis=k)).ravel() for k in (0, 1)])
     if steps.size and np.percentile(steps, 90) > float(np.median(spread)):
         level, spread = cells.quartiles(samples, _median3(level))  # a slope would count as noise
-    return cells.mesh(x, y, level / how.gain, spread / how.noise_gain, step)
+    quantum = 1.0 if pixels.dtype.kind in "iub" else 0.0  # between the values that pixels can have
+    return cells.mesh(x, y, level / how.gain, spread / how.noise_gain, quantum)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,13 +286,13 @@ class _Cells:
         low, middle, high = found
         return middle, np.where(middle > low, middle - low, high - middle) / QUARTILE
 
-    def mesh(self, x: Floats, y: Floats, level: Floats, noise: Floats, step: float) -> Mesh:
+    def mesh(self, x: Floats, y: Floats, level: Floats, noise: Floats, quantum: float) -> Mesh:
         """The mesh with a ring more of nodes half a tile outside, where slopes go on."""
         rows = 0.5 * (y[self.rows[:-1]] + y[self.rows[1:] - 1])
         columns = 0.5 * (x[self.columns[:-1]] + x[self.columns[:-1] + self.wide - 1])
         return Mesh(
             _with_margin(_median3(level)),
-            np.pad(_median3(_with_floor(noise, step)), 1, mode="edge"),
+            np.pad(_median3(_with_floor(noise, quantum)), 1, mode="edge"),
             _with_margin(rows),
             _with_margin(columns),
         )
@@ -331,11 +332,11 @@ def _sampled_rows(pixels: Array, smoother: Smoother, tops: NDArray[np.intp]) -> 
     return np.concatenate(found)
 
 
-def _with_floor(noise: Floats, step: float) -> Floats:
+def _with_floor(noise: Floats, quantum: float) -> Floats:
     """No tile is much quieter than the frame, nor than rounding makes it; filled ones are usual."""
     usual = float(np.median(noise[noise > 0])) if (noise > 0).any() else 0.0
-    least = max(0.3 * usual, 0.25 * step, 1e-30)
-    return np.maximum(np.where(noise > 0, noise, max(usual, least) if step == 0 else 0.0), least)
+    least = max(0.3 * usual, 0.25 * quantum, 1e-30)
+    return np.maximum(np.where(noise > 0, noise, max(usual, least) if quantum == 0 else 0.0), least)
 
 
 def _median3(grid: Floats) -> Floats:
@@ -359,8 +360,3 @@ def _any_level(pixels: Array) -> float:
     some = pixels[:: max(1, pixels.shape[0] // 64), :: max(1, pixels.shape[1] // 64)]
     some = some[np.abs(some) < BROKEN]
     return float(np.median(some)) if some.size else 0.0
-
-
-def _between(at: Floats, knots: Floats) -> Floats:
-    """Fractional index of positions in ascending ``knots``, held inside their range."""
-    return np.asarray(np.interp(at, knots, np.arange(len(knots))))

@@ -11,8 +11,8 @@ from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
 STRIP = 160  # rows of the frame; what a strip needs fits the cache
 
 
-def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: int) -> tuple[Floats, Floats]:
-    """Positions (N, 2) px and heights (N,) in noise of maxima above ``sigmas``, highest first.
+def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: int) -> Floats:
+    """Positions (N, 2) px of maxima higher than ``sigmas`` in noise, highest first.
 
     At most ``limit`` are returned; a position is the middle of 2 x 2 pixels.
     """
@@ -31,8 +31,7 @@ def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: in
     level, noise = mesh.at(xy[:, 0], xy[:, 1])
     heights = (value / how.gain - level) / (noise * (how.noise_gain / how.gain))
     high = np.flatnonzero(heights > sigmas)
-    order = high[np.lexsort((xy[high, 0], xy[high, 1], -heights[high]))][:limit]
-    return xy[order], heights[order]
+    return xy[high[np.lexsort((xy[high, 0], xy[high, 1], -heights[high]))][:limit]]
 
 
 def _lines(mesh: Mesh, tops: Indices, columns: Floats, rise: float) -> Floats:
