@@ -9,8 +9,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from kochab.core.errors import UsageError
@@ -149,11 +149,7 @@ def options_of(method: type) -> tuple[Option, ...]:
 def checked(method: type, values: Mapping[str, Any]) -> dict[str, Any]:
     """``values`` by name, each of them allowed; texts are read as if typed.
 
-    Raises
-    ------
-    UsageError
-        There is no such option, or its value is not allowed.
-
+    Raises `UsageError` when there is no such option, or when its value is not allowed.
     """
     known = {option.name: option for option in options_of(method)}
     for name in values:
@@ -213,19 +209,14 @@ class Registry(Mapping[str, str], Generic[T]):
     def load(self, name: str) -> Any:
         """The class, or the function, registered as ``name``.
 
-        Raises
-        ------
-        UsageError
-            There is no such name, or the package that registered it cannot be imported.
-
+        Raises `UsageError` when there is none, or when the package that registered it cannot be imported.
         """
         self.check(name)
-        module, _, attribute = self[name].partition(":")
-        if name in self.own:
-            return getattr(import_module(module), attribute)
         try:
-            return getattr(import_module(module), attribute)
+            return resolve_name(self[name])
         except Exception as error:  # another package's module may raise anything when imported
+            if name in self.own:
+                raise
             _log().debug("%s", self[name], exc_info=True)
             cause = f"{type(error).__name__}: {error}"
             raise UsageError(f"The {self.kind} '{name}' ({self[name]}) cannot be loaded: {cause}") from error
@@ -241,14 +232,7 @@ class Registry(Mapping[str, str], Generic[T]):
         return found
 
     def make(self, name: str | None = None, /, **options: Any) -> T:
-        """An instance of the class ``name``, None for the default, made with ``options``.
-
-        Raises
-        ------
-        UsageError
-            As :meth:`load`.
-
-        """
+        """An instance of the class ``name``, None for the default, made with ``options``."""
         made: T = self.load(next(iter(self.own)) if name is None else name)(**options)
         return made
 

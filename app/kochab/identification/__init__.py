@@ -1,14 +1,14 @@
-"""Identification of a frame's stars: methods by name, and their options."""
+"""Identification of a frame's stars: methods by name."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Task
-from kochab.core.registry import Option, Registry, checked, options_of
+from kochab.core.registry import Registry
 from kochab.core.solution import Identification, NoSolution
 
 
@@ -29,29 +29,6 @@ class Identifier(Protocol):
 IDENTIFIERS: Registry[Identifier] = Registry(
     "method", "kochab.methods", {"patterns": "kochab.identification.patterns:Patterns"}
 )
-
-
-# -- What can be chosen about each identifier, for the command line and the window -------------
-# ::
-#
-#     for option in method_options("triads"):
-#         print(option.name, option.value_text, option.range_text, option.text)
-#     IDENTIFIERS.make("triads", **checked_options("triads", {"separation_deg": "0.08"}))
-
-
-def method_options(name: str) -> tuple[Option, ...]:
-    """The options of the method ``name``; () when it has none, as the default has."""
-    return options_of(IDENTIFIERS.load(name))
-
-
-def checked_options(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` of options of the method ``name``, texts read as if typed; UsageError if wrong."""
-    return checked(IDENTIFIERS.load(name), values)
-
-
-def paper_of(name: str) -> str:
-    """Author or title, year and chapter of the method's source; "" for our own."""
-    return str(getattr(IDENTIFIERS.load(name), "paper", ""))
 
 
 # -- Detections without a place are set aside before a method sees them ------------------------

@@ -20,7 +20,7 @@ class SolveOptions:
     """Choices for one solve; the defaults solve blind.
 
     ``method`` and ``detector`` are names of the registries; ``method_options`` are the method's
-    own, as :func:`kochab.identification.checked_options` returns them, ``detector_options`` and
+    own, as :func:`kochab.core.registry.checked` returns them, ``detector_options`` and
     ``attitude_options`` the same for the other two. ``hint`` is what the person says; where it is
     silent the frame's own header speaks, unless ``use_header`` is off. Hints are tried first and
     never trusted: when they lead nowhere the search is repeated without them, unless

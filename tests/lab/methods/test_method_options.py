@@ -6,18 +6,20 @@ import pytest
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
-from kochab.identification import IDENTIFIERS, checked_options, method_options, paper_of
+from kochab.core.registry import checked, options_of
+from kochab.identification import IDENTIFIERS
 
 PUBLISHED = [name for name in IDENTIFIERS if name != "patterns"]
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_published_method_names_its_paper_and_options(name) -> None:
-    assert paper_of(name)
-    options = method_options(name)
+    made = IDENTIFIERS.load(name)
+    assert made.paper
+    options = options_of(made)
     assert len(options) >= 2
     as_typed = {option.name: option.value_text for option in options}
-    method = IDENTIFIERS.make(name, **checked_options(name, as_typed))
+    method = IDENTIFIERS.make(name, **checked(made, as_typed))
     for option in options:
         assert getattr(method, option.name) == option.parse(option.value_text)
         assert getattr(IDENTIFIERS.make(name), option.name) == option.value
@@ -26,11 +28,11 @@ def test_a_published_method_names_its_paper_and_options(name) -> None:
 
 
 def test_no_such_method_or_value() -> None:
-    assert method_options("patterns") == ()
+    assert options_of(IDENTIFIERS.load("patterns")) == ()
     with pytest.raises(UsageError, match="choose one of patterns"):
         IDENTIFIERS.load("guess")
     with pytest.raises(UsageError, match="from 3 to 15 stars"):
-        checked_options("triads", {"stars": "40"})
+        checked(IDENTIFIERS.load("triads"), {"stars": "40"})
 
 
 @pytest.mark.parametrize(

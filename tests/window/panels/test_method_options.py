@@ -7,7 +7,7 @@ import pytest
 from kochab.attitude import ESTIMATORS
 from kochab.core.errors import UsageError
 from kochab.core.registry import choice, integer, number, options_of, pair, switch
-from kochab.identification import IDENTIFIERS, method_options
+from kochab.identification import IDENTIFIERS
 from kochab.window.panels.method_options import FITTED, MethodGroup, OptionsForm
 
 
@@ -68,9 +68,9 @@ def test_fields_tell_unit_range_and_meaning(form):
 
 @pytest.mark.parametrize("name", IDENTIFIERS)
 def test_the_options_of_every_method_can_be_typed_as_they_stand(qtbot, name):
-    form = OptionsForm(method_options(name))
+    form = OptionsForm(options_of(IDENTIFIERS.load(name)))
     qtbot.addWidget(form)
-    for option in method_options(name):
+    for option in options_of(IDENTIFIERS.load(name)):
         field = form.fields[option.name]
         if hasattr(field, "setText") and option.kind not in ("switch", "choice"):
             field.setText(option.value_text)

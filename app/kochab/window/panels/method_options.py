@@ -8,8 +8,8 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QGridLayout, QG
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.errors import UsageError
-from kochab.core.registry import Option
-from kochab.identification import method_options, paper_of
+from kochab.core.registry import Option, options_of
+from kochab.identification import IDENTIFIERS
 from kochab.window.shell.dialogs import redden_caret
 from kochab.window.widgets import choice_box, clear_layout, label, set_property
 
@@ -181,7 +181,8 @@ class MethodGroup(QGroupBox):
 
     def _show_method(self, name: str) -> None:
         try:
-            options, paper = method_options(name), paper_of(name)
+            method = IDENTIFIERS.load(name)
+            options, paper = options_of(method), str(getattr(method, "paper", ""))
         except UsageError as error:  # of another package that cannot be loaded
             options, paper = (), str(error)
         self.options.show_options(options)
