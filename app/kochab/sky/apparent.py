@@ -38,15 +38,13 @@ def earth_velocity(time_utc: datetime) -> Floats:
 def aberrated(vectors: Floats, velocity: Floats) -> Floats:
     """Directions (N, 3) an observer moving at ``velocity`` (3,), in c, sees stars in.
 
-    Exact special relativity: n' = (n / g + v + (n.v) v g / (1 + g)) / (1 + n.v), with the Lorentz
-    factor g (Explanatory Supplement 7.2.3). To undo it, give the negative velocity.
+    Exact special relativity (Explanatory Supplement 7.2.3, ERFA ``ab``). To undo it, give the
+    negative velocity.
     """
-    n = np.asarray(vectors, dtype=np.float64)
-    v = np.asarray(velocity, dtype=np.float64)
-    gamma = 1.0 / np.sqrt(1.0 - v @ v)
-    along = n @ v
-    top = n / gamma + v + (along * (gamma / (1.0 + gamma)))[..., None] * v
-    return np.asarray(top / (1.0 + along)[..., None])
+    import erfa
+
+    # infinitely far from the Sun, whose gravity ERFA would count as well
+    return np.asarray(erfa.ab(vectors, velocity, np.inf, np.sqrt(1.0 - velocity @ velocity)))
 
 
 def with_aberration(vectors: Floats, time_utc: datetime) -> Floats:
