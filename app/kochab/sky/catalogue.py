@@ -92,14 +92,9 @@ class Catalogue:
 
     def __init__(self, path: Path) -> None:
         self.container = Container(path)
-        self._ra = self.container.column("ra")
-        self._dec = self.container.column("dec")
-        self._pm_ra = self.container.column("pm_ra")
-        self._pm_dec = self.container.column("pm_dec")
-        self._mag = self.container.column("mag")
-        self._bv = self.container.column("bv")
-        self._flag = self.container.column("flag")
-        self._zones = self.container.column("zones")
+        column = self.container.column
+        self._ra, self._dec, self._pm_ra, self._pm_dec = map(column, ("ra", "dec", "pm_ra", "pm_dec"))
+        self._mag, self._bv, self._flag, self._zones = map(column, ("mag", "bv", "flag", "zones"))
         self.max_pm_arcsec = float(self.container.facts["max_pm_arcsec"])
         if int(self._zones[-1]) != len(self._ra):
             raise self._damaged()

@@ -4,6 +4,7 @@ import csv
 import gzip
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -137,13 +138,8 @@ def _blocks(path: Path) -> Iterator[Floats]:
         if lacking:
             raise CatalogueError(f"{path.name} lacks the column {lacking[0]}.")
         at = [head.index(name) if name in head else None for name in COLUMNS]
-        block: list[list[float]] = []
-        for row in rows:
-            block.append([_number(row, i) for i in at])
-            if len(block) == STEP:
-                yield np.array(block).T
-                block = []
-        if block:
+        numbers = ([_number(row, i) for i in at] for row in rows)
+        while block := [*islice(numbers, STEP)]:
             yield np.array(block).T
 
 

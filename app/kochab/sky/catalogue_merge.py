@@ -146,10 +146,8 @@ def _brightest_of_hip(stars: StarList) -> Bools:
 def _partners(stars: StarList, listed: Floats, tree: Any, left_out: Bools) -> tuple[Ints, dict[str, int], Bools]:
     """Each star's Tycho-2 partner (or -1), counts, and which stars stand at 1991.65."""
     same = _nearest(tree, stars.vector, PARTNER)
-    then = moved(stars.vector, stars.pm, SUPPLEMENT - 2000.0)
-    supplement = _nearest(tree, then, PARTNER)
-    later = moved(stars.vector, stars.pm, 2000.0 - EARLY)
-    after = _nearest(tree, later, PARTNER)
+    supplement = _nearest(tree, moved(stars.vector, stars.pm, SUPPLEMENT - 2000.0), PARTNER)
+    after = _nearest(tree, moved(stars.vector, stars.pm, 2000.0 - EARLY), PARTNER)
     lead = _brightest_of_hip(stars)
     checked = np.isfinite(listed[:, 0])
     early = lead & checked & early_by_list(stars.vector, stars.pm, listed)
@@ -157,12 +155,12 @@ def _partners(stars: StarList, listed: Floats, tree: Any, left_out: Bools) -> tu
     # Of single Hipparcos stars without any partner, 222 of the 236 that can be checked stand at
     # 1991.65: so do the rest, save where the index left faint stars out for room (of those most
     # stand at J2000: at V 11 to 12 one in ten is not in Tycho-2, but half are not in the index).
-    alone = lead & ~checked & (shift_arcsec(stars.pm) > TELLING)
+    fast = shift_arcsec(stars.pm) > TELLING
+    alone = lead & ~checked & fast
     alone &= (same < 0) & (supplement < 0) & (after < 0)
     alone &= ~left_out | np.isin(stars.hip, ALSO_EARLY)
     early |= alone
     early = (stars.hip > 0) & np.isin(stars.hip, stars.hip[early])  # components follow
-    fast = shift_arcsec(stars.pm) > TELLING
     partner = np.where(same >= 0, same, np.where(fast, supplement, -1))
     partner = np.where(early & (after >= 0), after, partner)
     counts = {

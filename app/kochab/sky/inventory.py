@@ -117,7 +117,6 @@ def _bright(path: Path) -> dict[str, Any]:
     }
 
 
-GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 WIDE = 0.6  # chord beyond which looking at every star is faster
 PAIRS = 200_000  # of field and star, held in memory at a time
 
@@ -142,7 +141,7 @@ class Coverage:
 def even_points(n: int) -> Floats:
     """Unit vectors (n, 3) on a Fibonacci spiral: each stands for the same area."""
     z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
-    angle = GOLDEN * np.arange(n)
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)  # the golden one
     flat = np.sqrt(1.0 - z * z)
     return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
 
@@ -169,16 +168,20 @@ def coverage(
     centres = even_points(fields)
     counts = np.zeros(fields, dtype=np.int64)
     half = np.tan(np.radians(fov_deg) / 2.0)
-    reach = np.sqrt(2.0) * half
-    chord = 2.0 * np.sin(np.arctan(reach) / 2.0)
+    chord = 2.0 * np.sin(np.arctan(np.sqrt(2.0) * half) / 2.0)
     tree = cKDTree(stars, balanced_tree=False, compact_nodes=False)
     step = max(1, int(PAIRS / max(1.0, len(stars) * chord * chord / 4.0)))
     for first in range(0, fields, step):
-        some = centres[first : first + step]
-        counts[first : first + step] = _counted(some, stars, tree, chord, half)
-        done = min(1.0, (first + step) / fields)
-        yield Progress("Counting stars in fields", 0.1 + 0.9 * done)
-    return _summary(fov_deg, mag_limit, counts, centres)
+        some = slice(first, first + step)
+        counts[some] = _counted(centres[some], stars, tree, chord, half)
+        yield Progress("Counting stars in fields", 0.1 + 0.9 * min(1.0, (first + step) / fields))
+    ranks = np.percentile(counts, [0, 1, 5, 50, 100], method="lower").astype(int).tolist()
+    fewest, one_percent, five_percent, median, most = ranks
+    ra, dec = radec_deg(centres[int(np.argmin(counts))])
+    share = float(np.mean(counts >= 10))
+    return Coverage(
+        fov_deg, mag_limit, fields, fewest, one_percent, five_percent, median, most, share, round(ra, 4), round(dec, 4)
+    )
 
 
 def _counted(centres: Floats, stars: Floats, tree: Any, chord: float, half: float) -> NDArray[np.int64]:
@@ -199,22 +202,3 @@ def _in_square(centre: Floats, star: Floats, half: float) -> NDArray[np.bool_]:
     x = (centre[:, 0] * star[:, 1] - centre[:, 1] * star[:, 0]) / flat
     y = (star[:, 2] - depth * centre[:, 2]) / flat
     return np.asarray((np.abs(x) <= half * depth) & (np.abs(y) <= half * depth))
-
-
-def _summary(fov_deg: float, mag_limit: float | None, counts: NDArray[np.int64], centres: Floats) -> Coverage:
-    low, five, middle = np.percentile(counts, [1, 5, 50], method="lower").astype(int).tolist()
-    poorest = int(np.argmin(counts))
-    ra, dec = radec_deg(centres[poorest])
-    return Coverage(
-        fov_deg,
-        mag_limit,
-        len(counts),
-        int(counts[poorest]),
-        low,
-        five,
-        middle,
-        int(counts.max()),
-        float(np.mean(counts >= 10)),
-        round(ra, 4),
-        round(dec, 4),
-    )

@@ -115,11 +115,10 @@ class StarNames:
         numbers = self.bright.column("hip")
         if row >= len(numbers):
             raise CatalogueError(f"The catalogue in {self.folder} is damaged: a star has no name.")
-        hip = int(numbers[row])
+        hip, letter = int(numbers[row]), ""
         if row and int(numbers[row - 1]) == hip:
             letter = COMPONENTS[int(self.bright.column("component")[row]) % len(COMPONENTS)]
-            return f"HIP {hip} {letter}".rstrip(), self._name(hip, row)
-        return f"HIP {hip}", self._name(hip, row)
+        return f"HIP {hip} {letter}".rstrip(), self._name(hip, row)
 
     def _name(self, hip: int, row: int) -> str:
         name, designation, also = self.table.get(hip, ("", "", ""))
