@@ -1,18 +1,24 @@
 """Deliberate bugs, and whether the tests notice: ``make mutants`` (``python -m tests.mutants --help``).
 
-One place of one module is changed at a time, in a copy; the test files that import that module are run
-against the copy. A change that every test survives is printed: either a test is missing, or the change means
-nothing. The choice is random with a seed, so that a run can be repeated.
+One place of one module is changed at a time, in a copy. A first run of the tests, without any change, records
+which lines each test executes and how long it takes; a change is then tried with the tests that execute its
+line, quickest first, until one fails. A change that every test survives is printed: either a test is missing,
+or the change means nothing. The choice is random with a seed, so that a run can be repeated.
 """
 
 import argparse
 import ast
+import json
+import math
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
+from collections import defaultdict
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
@@ -20,13 +26,20 @@ from functools import cache
 from itertools import islice
 from pathlib import Path
 from time import monotonic
+from types import FrameType
+from typing import Any
 
-from tests.house import SOURCE, imports, sources
+import pytest
+
+from tests.house import SOURCE, sources
 from tests.patterns import REPOSITORY, choose_folder
 
 ROOMS = ("kochab.gear.mounts", "kochab.attitude", "kochab.solver", "kochab.polar")
 MOST_SURVIVING = 0.15
-LONGEST_S = 150.0  # a bug that makes the tests hang has been noticed
+MOST_TESTS_S = 60.0  # of tests for one change: the quickest come first
+SLOW = ("window", "lab/bench")  # tests that look at a room from far above
+START_S = 60.0  # on a busy machine, until the first test runs
+SLOWER = 4.0  # than when recorded: a change after which the tests take longer has been noticed
 
 SWAPS: dict[type, type] = {
     ast.Lt: ast.LtE,
@@ -50,12 +63,18 @@ SWAPS: dict[type, type] = {
 
 @dataclass(frozen=True)
 class Mutant:
-    """A module's whole text with one change; ``line`` and ``change`` say which."""
+    """A module's whole text with one change; ``line`` and ``change`` say which.
+
+    ``lines`` are those of its statement; ``name`` is the constant, field or cached function whose value changes
+    when it is no statement of an ordinary function, else empty.
+    """
 
     module: str
     line: int
     change: str
     text: str
+    lines: frozenset[int]
+    name: str
 
 
 def _changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -81,7 +100,11 @@ def _changes(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _skipped(tree: ast.Module) -> set[int]:
-    """Nodes whose change no test could notice: annotations, Protocols, ``__all__``, imports."""
+    """Nodes whose change no test could notice, or should.
+
+    Annotations, Protocols, what a dataclass is given; asserts and ``strict=`` of a zip, which only check the code
+    itself; numbers within the sentence of an error.
+    """
     found: set[int] = set()
     for node in ast.walk(tree):
         parts: list[ast.AST | None] = []
@@ -92,6 +115,12 @@ def _skipped(tree: ast.Module) -> set[int]:
         if isinstance(node, ast.ClassDef) and any("Protocol" in ast.unparse(b) for b in node.bases):
             parts.append(node)
         if isinstance(node, ast.Call) and ast.unparse(node.func) in ("dataclass", "suppress", "TypeVar"):
+            parts.append(node)
+        if isinstance(node, ast.Raise):
+            parts.append(node.exc)
+        if isinstance(node, ast.Assert):
+            parts.append(node)
+        if isinstance(node, ast.keyword) and node.arg == "strict":
             parts.append(node)
         found |= {id(n) for part in parts if part is not None for n in ast.walk(part)}
     return found
@@ -121,8 +150,28 @@ def mutant(module: str, number: int, which: int) -> Mutant:
     new = ast.fix_missing_locations(next(islice(_changes(node), which, None)))
     change = f"{ast.unparse(node)}  ->  {ast.unparse(new)}".replace("\n", " ")[:150]
     line = getattr(node, "lineno", 0)
+    lines, name = _statement(tree, node)
     text = ast.unparse(ast.fix_missing_locations(_Replace(node, new).visit(tree)))
-    return Mutant(module, line, change, text)
+    return Mutant(module, line, change, text, lines, name)
+
+
+def _statement(tree: ast.Module, wanted: ast.AST) -> tuple[frozenset[int], str]:
+    """The lines of the statement that holds a node, and the name that it gives a value outside of functions."""
+    chain: list[ast.AST] = [tree]
+    while chain[-1] is not wanted:
+        chain.append(next(c for c in ast.iter_child_nodes(chain[-1]) if any(n is wanted for n in ast.walk(c))))
+    statements = [node for node in chain if isinstance(node, ast.stmt)]
+    last = statements[-1]
+    whole = not isinstance(getattr(last, "body", None), list)
+    first, end = (last, last) if whole else (chain[chain.index(last) + 1], chain[chain.index(last) + 1])
+    lines = frozenset(range(first.lineno, (end.end_lineno or end.lineno) + 1)) | {last.lineno}  # type: ignore[attr-defined]
+    functions = [node for node in statements if isinstance(node, ast.FunctionDef)]
+    if functions and functions[-1] is not last:
+        kept = [f.name for f in functions if any("cache" in ast.unparse(d) for d in f.decorator_list)]
+        return lines, kept[0] if kept else ""
+    if isinstance(last, ast.Assign | ast.AnnAssign):
+        return lines, ast.unparse(last.targets[0] if isinstance(last, ast.Assign) else last.target)
+    return lines, getattr(last, "name", "import")
 
 
 @cache
@@ -131,20 +180,15 @@ def test_texts() -> dict[Path, str]:
     return {path: path.read_text(encoding="utf-8") for path in sorted(REPOSITORY.glob("tests/**/test_*.py"))}
 
 
-def tests_of(module: str) -> list[str]:
-    """The test files that import ``module``, those of its own room first; else its room's."""
+def tests_of(module: str) -> list[Path]:
+    """The test files of the module's own room, and those elsewhere that name it; the slow ones stay out."""
     room = module.split(".")[1:]
     folders = [REPOSITORY.joinpath("tests", *room[:k]) for k in range(len(room), 0, -1)]
     own = next(folder for folder in folders if folder.is_dir())
-    inside = {path: text for path, text in test_texts().items() if own in path.parents}
-    package, _, stem = module.rpartition(".")
     direct = (f"from {module} ", f"{module}.", f"import {module}")
     named = {path for path, text in test_texts().items() if any(words in text for words in direct)}
-    named |= {path for path, text in inside.items() if f"from {package} import" in text and stem in text}
-    if not named:
-        users = [user for user in sources() if module in imports(user)]
-        named = {path for path, text in inside.items() if any(user in text for user in users)}
-    return [str(p) for p in sorted(named or inside, key=lambda p: (own not in p.parents, p.stat().st_size))]
+    slow = {path for path in named if any(REPOSITORY / "tests" / folder in path.parents for folder in SLOW)}
+    return [path for path in test_texts() if own in path.parents or path in named - slow]
 
 
 class Copy:
@@ -156,60 +200,186 @@ class Copy:
         for name in ("catalogs", "resources"):
             (folder / name).symlink_to(REPOSITORY / name)
 
-    def file(self, module: str) -> Path:
-        place = self.app.joinpath(*module.split("."))
-        return place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-
-    def survives(self, tests: list[str]) -> bool:
-        """Whether all tests pass."""
+    def pytest(self, tests: list[str], timeout_s: float | None, *options: str) -> int:
+        """Run tests against the copy; what pytest returns, or -1 when they did not end in time."""
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join([str(self.app), str(REPOSITORY)]),
             "QT_QPA_PLATFORM": "offscreen",
             "PYTHONDONTWRITEBYTECODE": "1",
         }
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
-        command += ["-o", f"pythonpath={self.app} {REPOSITORY}", *tests]
+        command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
+        command += ["-o", f"pythonpath={self.app} {REPOSITORY}", *options, *tests]
         try:
-            done = subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, timeout=LONGEST_S)
+            done = subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, timeout=timeout_s)
         except subprocess.TimeoutExpired:
-            return False
-        return done.returncode == 0
+            return -1
+        return done.returncode
+
+
+# -- Which tests execute which lines -----------------------------------------------------------
+
+
+class Recorder:
+    """A plugin of pytest: of every test that passes, how long it takes and which lines it executes."""
+
+    def __init__(self, app: Path, modules: list[str], output: Path) -> None:
+        self.output = output
+        self.modules = {str(app / _path(module)): module for module in modules}
+        self.lines: dict[str, set[int]] = defaultdict(set)
+        self.passed: dict[str, dict[str, Any]] = {}
+        self.failed: set[str] = set()
+        self.skipped: set[str] = set()
+
+    def _trace(self, frame: FrameType, _event: str, _argument: object) -> Any:
+        found = self.modules.get(frame.f_code.co_filename)
+        if found is None or frame.f_code.co_name == "<module>":
+            return None
+        add = self.lines[found].add
+
+        def local(frame: FrameType, event: str, _argument: object) -> Any:
+            if event == "line":
+                add(frame.f_lineno)
+            return local
+
+        return local
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        """Trace one test with its fixtures."""
+        self.lines = defaultdict(set)
+        start = monotonic()
+        threading.settrace(self._trace)
+        sys.settrace(self._trace)
+        try:
+            result = yield
+        finally:
+            sys.settrace(None)
+            threading.settrace(None)  # type: ignore[arg-type]
+        lines = {module: sorted(numbers) for module, numbers in self.lines.items()}
+        self.passed[item.nodeid] = {"duration_s": monotonic() - start, "lines": lines}
+        return result
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Leave out what fails or is skipped without any change."""
+        if not report.passed:
+            (self.failed if report.failed else self.skipped).add(report.nodeid)
+
+    def pytest_sessionfinish(self) -> None:
+        """Write what was recorded."""
+        out = self.failed | self.skipped
+        kept = {test: found for test, found in self.passed.items() if test not in out and found["lines"]}
+        self.output.write_text(json.dumps({"tests": kept, "failed": sorted(self.failed)}), encoding="utf-8")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Record when this module is a plugin of a run that :func:`recorded` starts."""
+    if wish := os.environ.get("KOCHAB_RECORD_LINES"):
+        app, output, *modules = json.loads(wish)
+        config.pluginmanager.register(Recorder(Path(app), modules, Path(output)))
+
+
+def _path(module: str) -> Path:
+    place = Path(*module.split("."))
+    return place / "__init__.py" if (SOURCE.parent / place).is_dir() else place.with_suffix(".py")
+
+
+class Coverage:
+    """The tests of some modules, each with its duration and the lines that it executes."""
+
+    def __init__(self, copy: Copy, modules: list[str], folder: Path) -> None:
+        output = folder / "lines.json"
+        os.environ["KOCHAB_RECORD_LINES"] = json.dumps([str(copy.app), str(output), *modules])
+        files = sorted({path for module in modules for path in tests_of(module)})
+        copy.pytest([str(path) for path in files], None, "-p", "tests.mutants")
+        del os.environ["KOCHAB_RECORD_LINES"]
+        found = json.loads(output.read_text(encoding="utf-8"))
+        self.failed = found["failed"]
+        self.durations_s = {test: one["duration_s"] for test, one in found["tests"].items()}
+        self.lines = {t: {m: set(n) for m, n in one["lines"].items()} for t, one in found["tests"].items()}
+
+    def tests(self, bug: Mutant) -> list[str]:
+        """The tests that may notice a change, quickest first, as many as there is time for."""
+        wanted = {bug.module: bug.lines}
+        if bug.name:
+            word = re.compile(rf"\b{re.escape(bug.name)}\b")
+            for module in {module for found in self.lines.values() for module in found}:
+                numbered = enumerate(sources()[module].splitlines(), start=1)
+                wanted[module] = frozenset(number for number, line in numbered if word.search(line))
+        exact = {t for t, found in self.lines.items() if any(found.get(m, set()) & n for m, n in wanted.items())}
+        # What uses a constant may hide behind another name: then all tests of the module come last.
+        near = {t for t, found in self.lines.items() if bug.module in found} if bug.name else set()
+        chosen, left_s = [], MOST_TESTS_S
+        for test in sorted(exact | near, key=lambda t: (t not in exact, self.durations_s[t])):
+            left_s -= self.durations_s[test]
+            if left_s < 0.0 and chosen:
+                break
+            chosen.append(test)
+        return chosen
+
+    def survives(self, copy: Copy, bug: Mutant) -> bool:
+        """Whether all tests pass with the change."""
+        tests = self.tests(bug)
+        if not tests:
+            return True
+        limit_s = START_S + SLOWER * sum(self.durations_s[test] for test in tests)
+        file = copy.app / _path(bug.module)
+        before = file.read_text(encoding="utf-8")
+        file.write_text(bug.text, encoding="utf-8")
+        try:
+            return copy.pytest(tests, limit_s, "-x") == 0
+        finally:
+            file.write_text(before, encoding="utf-8")
+
+
+def interval(part: int, whole: int) -> tuple[float, float]:
+    """The 95 % interval of a share (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+    z, n, p = 1.96, max(1, whole), part / max(1, whole)
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def try_room(room: str, count: int, seed: int, end: float) -> tuple[int, int]:
+    """How many changes of a room or module were tried, and how many survived; each survivor is printed."""
+    chosen = [m for m in sources() if f"{m}.".startswith(f"{room}.")]
+    pool = [place for module in chosen for place in places(module)]
+    random.Random(seed).shuffle(pool)
+    survived = tried = 0
+    with tempfile.TemporaryDirectory(prefix="kochab-mutants-") as folder:
+        copy = Copy(Path(folder))
+        coverage = Coverage(copy, chosen, Path(folder))
+        for test in coverage.failed:
+            print(f"left out, it does not pass without a change: {test}", flush=True)
+        for place in pool[:count]:
+            if monotonic() > end:
+                break
+            bug = mutant(*place)
+            tried += 1
+            if coverage.survives(copy, bug):
+                survived += 1
+                tests = len(coverage.tests(bug))
+                print(f"SURVIVED {bug.module}:{bug.line}: {bug.change} ({tests} tests)", flush=True)
+    low, high = interval(survived, tried)
+    print(f"{room}: {tried} of {len(pool)} mutants tried, {tried - survived} killed, {survived} survived:", end=" ")
+    print(f"{100 * survived / max(1, tried):.0f} % (95 %: {100 * low:.0f} to {100 * high:.0f} %)", flush=True)
+    return tried, survived
 
 
 def main() -> int:
     """Try mutants until their number or the time is used up; 1 when too many survive."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
-    parser.add_argument("modules", nargs="*", help="rooms or modules; the default is what matters most")
-    parser.add_argument("--count", type=int, default=100, help="mutants to try (100)")
+    parser.add_argument("rooms", nargs="*", help="rooms or modules; the default is what matters most")
+    parser.add_argument("--count", type=int, default=25, help="mutants of each room to try (25)")
     parser.add_argument("--minutes", type=float, default=30.0, help="stop after this time (30)")
     parser.add_argument("--seed", type=int, default=1)
     wanted = parser.parse_args()
     choose_folder()
-    chosen = [m for m in sources() if m.startswith(tuple(wanted.modules or ROOMS))]
-    pool = [place for module in chosen for place in places(module)]
-    random.Random(wanted.seed).shuffle(pool)
-    end = monotonic() + 60.0 * wanted.minutes
-    survivors, tried = [], 0
-    with tempfile.TemporaryDirectory(prefix="kochab-mutants-") as folder:
-        copy = Copy(Path(folder))
-        for place in pool[: wanted.count]:
-            if monotonic() > end:
-                break
-            bug = mutant(*place)
-            file = copy.file(bug.module)
-            before = file.read_text(encoding="utf-8")
-            file.write_text(bug.text, encoding="utf-8")
-            try:
-                survived = copy.survives(tests_of(bug.module))
-            finally:
-                file.write_text(before, encoding="utf-8")
-            tried += 1
-            if survived:
-                survivors.append(bug)
-                print(f"SURVIVED {bug.module}:{bug.line}: {bug.change}", flush=True)
-    share = len(survivors) / max(1, tried)
-    print(f"{tried} of {len(pool)} mutants tried, {len(survivors)} survived: {100 * share:.0f} %", end=" ")
-    print(f"(at most {100 * MOST_SURVIVING:.0f} %)")
+    rooms = wanted.rooms or ROOMS
+    start, share_s = monotonic(), 60.0 * wanted.minutes / len(rooms)
+    results = [try_room(room, wanted.count, wanted.seed, start + share_s * k) for k, room in enumerate(rooms, start=1)]
+    tried, survived = (sum(column) for column in zip(*results, strict=True))
+    share = survived / max(1, tried)
+    print(f"{tried} mutants, {survived} survived: {100 * share:.0f} % (at most {100 * MOST_SURVIVING:.0f} %)")
     return int(share > MOST_SURVIVING)
 
 

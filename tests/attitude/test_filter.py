@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -94,3 +96,99 @@ def test_two_short_predictions_are_one_long_one() -> None:
     twice = predicted(predicted(begun, 0.2, motion), 0.7, motion).covariance
     assert np.allclose(once, twice, rtol=1e-12, atol=0.0)
     assert np.array_equal(once, once.T)
+
+
+def quiet_state(rate_sigma_arcsec_s=1.0, sigma=SIGMA):
+    """A mount that stands, known to ``sigma`` and to ``rate_sigma_arcsec_s`` on each axis."""
+    motion = MotionModel(rate_sigma_arcsec_s=rate_sigma_arcsec_s)
+    return begin(Attitude(attitude_from(80.0, 40.0, 10.0).matrix, np.eye(3) * sigma**2), 100.0, motion)
+
+
+def seen_off(state, arcsec, sigma=SIGMA):
+    """A frame that shows the camera turned by ``arcsec`` (3,) from where the filter has it."""
+    return Attitude(small_rotation(np.array(arcsec) * ARCSEC) @ state.matrix, np.eye(3) * sigma**2)
+
+
+def test_at_first_the_velocity_is_zero_within_what_the_model_says() -> None:
+    state = begin(measured(np.eye(3), np.random.default_rng(6)), 12.5, MotionModel(rate_sigma_arcsec_s=360.0))
+    assert state.rates_deg_s == (0.0, 0.0, 0.0)
+    assert state.rates_sigma_deg_s == pytest.approx((0.1, 0.1, 0.1))
+    assert np.allclose(state.attitude.covariance, np.eye(3) * SIGMA**2)
+    assert (state.time_s, state.agility, state.contradicted) == (12.5, 1.0, False)
+
+
+def test_a_second_of_wander_is_what_the_model_says() -> None:
+    """White acceleration: the velocity's sigma grows with the root of time, the angle's with its 3/2 power."""
+    known = quiet_state(1e-6, 1e-12)
+    for seconds in (1.0, 4.0):
+        later = predicted(known, known.time_s + seconds, MotionModel(wander_arcsec_s=30.0))
+        assert later.rates_sigma_deg_s == pytest.approx((30.0 * seconds**0.5 / 3600.0,) * 3)
+        angle = np.sqrt(np.diag(later.attitude.covariance)) / ARCSEC
+        assert angle == pytest.approx(30.0 * seconds**1.5 / np.sqrt(3.0))
+        assert (later.time_s, later.step_s) == (known.time_s + seconds, seconds)
+
+
+def test_a_frame_is_taken_in_as_bayes_has_it() -> None:
+    """The gain's form against the other one: informations add, the mean is weighted by them."""
+    state = predicted(quiet_state(100.0), 100.7, MotionModel(wander_arcsec_s=20.0))
+    seen = seen_off(state, (9.0, -14.0, 6.0), 2.0 * SIGMA)
+    after = updated(state, seen, MotionModel())
+    prior = np.linalg.inv(state.covariance)
+    told = np.zeros((6, 6))
+    told[:3, :3] = np.eye(3) / (2.0 * SIGMA) ** 2
+    covariance = np.linalg.inv(prior + told)
+    np.testing.assert_allclose(after.covariance, covariance, rtol=1e-9, atol=1e-9 * covariance[0, 0])
+    step = covariance @ told @ np.append(rotation_vector(seen.matrix @ state.matrix.T), np.zeros(3))
+    np.testing.assert_allclose(error(state, after.matrix), step[:3], rtol=1e-6)
+    np.testing.assert_allclose(after.rates_rad_s, step[3:], rtol=1e-6)
+    gap = np.array([9.0, -14.0, 6.0]) * ARCSEC
+    spread = state.covariance[:3, :3] + np.eye(3) * (2.0 * SIGMA) ** 2
+    assert after.chi2 == pytest.approx(gap @ np.linalg.inv(spread) @ gap, rel=1e-6)
+    assert not after.contradicted
+
+
+def test_a_frame_that_contradicts_makes_the_velocity_uncertain_and_sets_it() -> None:
+    """A mount that stood and is half a degree off a second later has turned by that much in it."""
+    state = predicted(quiet_state(), 101.0, MotionModel())
+    ordinary = updated(state, seen_off(state, (5.0, 0.0, 0.0)), MotionModel())
+    after = updated(state, seen_off(state, (1800.0, 0.0, 0.0)), MotionModel())
+    assert after.contradicted
+    assert after.rates_deg_s == pytest.approx((-0.5, 0.0, 0.0), abs=0.002)
+    assert np.linalg.norm(error(after, seen_off(state, (1800.0, 0.0, 0.0)).matrix)) < 0.1 * SIGMA
+    assert min(after.rates_sigma_deg_s) > 3.0 * max(ordinary.rates_sigma_deg_s)
+    assert np.linalg.eigvalsh(after.covariance).min() > 0.0
+
+
+def test_a_jump_is_believed_however_far_beyond_the_model_it_is() -> None:
+    """Ten degrees in a tenth of a second is no slew, yet the next prediction starts from there."""
+    state = predicted(quiet_state(), 100.1, MotionModel())
+    after = updated(state, seen_off(state, (0.0, 36000.0, 0.0)), MotionModel())
+    assert after.rates_deg_s == pytest.approx((0.0, -100.0, 0.0), rel=1e-3, abs=1e-3)
+
+
+def test_a_frame_at_the_gate_is_believed_and_one_beyond_it_contradicts() -> None:
+    state, motion = quiet_state(), MotionModel()
+    sigma = np.sqrt(2.0) * SIGMA / ARCSEC  # of the filter and of the frame
+    for chi2, contradicts in ((0.98 * motion.gate, False), (1.02 * motion.gate, True)):
+        after = updated(state, seen_off(state, (np.sqrt(chi2) * sigma, 0.0, 0.0)), motion)
+        assert (after.chi2, after.contradicted) == (pytest.approx(chi2, rel=1e-6), contradicts)
+
+
+@pytest.mark.parametrize(
+    ("chi2", "factor"),
+    [(3.0, 0.914), (3.9, 1.0), (0.0, 0.677), (30.0, 13.6), (3000.0, 13.6)],
+    ids=["as believed", "a little more", "quieter", "far off", "however far"],
+)
+def test_the_agility_falls_by_nine_percent_a_quiet_frame_and_jumps_after_a_surprise(chi2, factor) -> None:
+    state = replace(quiet_state(), agility=100.0)
+    sigma = np.sqrt(2.0) * SIGMA / ARCSEC
+    after = updated(state, seen_off(state, (0.0, 0.0, np.sqrt(chi2) * sigma)), MotionModel())
+    assert after.agility / state.agility == pytest.approx(factor, rel=2e-3)
+
+
+def test_the_agility_stays_between_a_tracking_and_the_wildest_mount() -> None:
+    calm, wild = replace(quiet_state(), agility=1.0), replace(quiet_state(), agility=1e10)
+    assert updated(calm, seen_off(calm, (0.0, 0.0, 0.0)), MotionModel()).agility == 1.0
+    assert updated(wild, seen_off(wild, (0.0, 7200.0, 0.0)), MotionModel()).agility == 1e10
+    later = predicted(replace(quiet_state(1e-6, 1e-12), agility=1e10), 101.0, MotionModel())
+    assert later.rates_sigma_deg_s == pytest.approx((55.6,) * 3, rel=1e-3)

@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kochab.attitude.fit import refine
-from kochab.core.attitude import angle_between, attitude_from, unit_vectors
+from kochab.core.attitude import Attitude, angle_between, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches
 from kochab.polar.live import LivePhase
 from kochab.polar.measure import MeasureSettings, measure
 from kochab.polar.rotations import rotation_vector
-from kochab.polar.sighting import Sighting, to_local
+from kochab.polar.sighting import Sighting, covariance_of, to_local
 from tests.polar.displaced import ARCSEC, displaced, solution
 
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)
@@ -115,3 +115,42 @@ def test_the_covariance_is_what_fits_of_one_field_scatter_by(camera, stars):
     share = np.sqrt(np.mean(np.square(sigmas), axis=0))
     assert share.min() > 0.4
     assert share.max() < 1.8
+
+
+def test_no_frame_is_surer_than_the_seeing_and_a_poor_one_no_surer_than_its_solve():
+    """Seven tenths of an arcsecond on each axis, added in squares to what the solve says."""
+    perfect = Sighting.of(solution(LENS, np.eye(3), np.zeros((3, 3))), WHEN)
+    sigma = np.sqrt(np.diag(to_local(perfect, SETTINGS.site).covariance)) / ARCSEC
+    assert sigma == pytest.approx([0.7, 0.7, 0.7])
+    poor = Attitude(np.eye(3), np.diag(np.square([3.0, 4.0, 60.0])) * ARCSEC**2)
+    sigma = np.sqrt(np.diag(covariance_of(poor))) / ARCSEC
+    assert sigma == pytest.approx([np.hypot(3.0, 0.7), np.hypot(4.0, 0.7), np.hypot(60.0, 0.7)])
+    with pytest.raises(ValueError, match="covariance"):
+        covariance_of(Attitude(np.eye(3)))
+
+
+@pytest.mark.parametrize("k1", [-0.2, 0.0, 0.2])
+def test_the_plain_camera_is_as_wide_as_the_middle_of_the_frame_on_the_sky(k1):
+    """A lens of 45 deg: what its distortion does at the edges is no part of its scale."""
+    lens = Camera(2256, 1504, 2700.0, 1300.0, 600.0, k1=k1)
+    sighting = Sighting.of(solution(lens, np.eye(3)), WHEN)
+    west, east = lens.unproject(np.array([[563.5, 751.5], [1691.5, 751.5]]))
+    middle = np.tan(angle_between(west, east) / 2.0)
+    tangents = np.tan(np.radians(sighting.field_deg) / 2.0)
+    assert tangents == pytest.approx([2.0 * middle, 2.0 * middle * 1504 / 2256])
+
+
+@pytest.mark.parametrize(("field_deg", "side_deg"), [((3.0, 2.0), (3.0, 2.0)), ((60.0, 40.0), (20.0, 20.0))])
+def test_the_points_of_a_field_stand_in_for_stars_all_over_it(field_deg, side_deg):
+    """Their spread is that of the field: a fifth off each border, and of a wide one only the middle."""
+    width, height = 2000.0 * np.tan(np.radians(field_deg) / 2.0)
+    pinhole = Camera.centred(round(1000 * width), round(1000 * height), 1e6)
+    points = Sighting.of(solution(pinhole, np.eye(3)), WHEN).sky
+    assert np.linalg.norm(points, axis=1) == pytest.approx(np.ones(25))
+    plane = points[:, :2] / points[:, 2:]
+    assert plane.mean(axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
+    edge = np.tan(np.radians(side_deg) / 2.0)
+    assert plane.max(axis=0) == pytest.approx(0.8 * edge, rel=1e-6)
+    assert len(np.unique(plane.round(12), axis=0)) == 25
+    steps = np.diff(np.unique((plane / edge).round(5)))
+    assert steps == pytest.approx(np.full(4, 0.4), rel=1e-4)
