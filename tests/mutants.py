@@ -10,11 +10,12 @@ import argparse
 import ast
 import json
 import math
+import multiprocessing
 import os
 import random
 import re
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 import threading
@@ -23,6 +24,7 @@ from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from time import monotonic
@@ -38,6 +40,7 @@ ROOMS = ("kochab.gear.mounts", "kochab.attitude", "kochab.solver", "kochab.polar
 MOST_SURVIVING = 0.15
 MOST_TESTS_S = 60.0  # of tests for one change: the quickest come first
 SLOW = ("window", "lab/bench")  # tests that look at a room from far above
+LIBRARIES = ("astropy.wcs", "erfa", "PySide6.QtWidgets", "scipy.optimize", "scipy.spatial.transform", "scipy.special")
 START_S = 60.0  # on a busy machine, until the first test runs
 SLOWER = 4.0  # than when recorded: a change after which the tests take longer has been noticed
 
@@ -202,18 +205,29 @@ class Copy:
 
     def pytest(self, tests: list[str], timeout_s: float | None, *options: str) -> int:
         """Run tests against the copy; what pytest returns, or -1 when they did not end in time."""
-        environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join([str(self.app), str(REPOSITORY)]),
-            "QT_QPA_PLATFORM": "offscreen",
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
-        command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
-        command += ["-o", f"pythonpath={self.app} {REPOSITORY}", *options, *tests]
-        try:
-            done = subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, timeout=timeout_s)
-        except subprocess.TimeoutExpired:
+        arguments = ["-q", "-n", "0", "-p", "no:cacheprovider", "--hypothesis-seed=0", *options, *tests]
+        process = multiprocessing.get_context("fork").Process(target=_pytest, args=(self.app, arguments))
+        process.start()
+        process.join(timeout_s)
+        if process.is_alive() and process.pid is not None:
+            os.killpg(process.pid, signal.SIGKILL)  # with what the tests have started
+            process.join()
             return -1
-        return done.returncode
+        return process.exitcode or 0
+
+
+def _pytest(app: Path, arguments: list[str]) -> None:
+    """In a process of its own, which has the libraries already: they take longer than most tests."""
+    os.setsid()
+    paths = [str(app), str(REPOSITORY)]
+    os.environ |= {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1", "QT_QPA_PLATFORM": "offscreen"}
+    sys.dont_write_bytecode = True
+    sys.path[:0] = paths
+    os.chdir(REPOSITORY)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1, 2):
+        os.dup2(nothing, stream)
+    os._exit(pytest.main(["-o", f"pythonpath={app} {REPOSITORY}", *arguments]))
 
 
 # -- Which tests execute which lines -----------------------------------------------------------
@@ -374,6 +388,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     wanted = parser.parse_args()
     choose_folder()
+    for library in LIBRARIES:
+        import_module(library)
     rooms = wanted.rooms or ROOMS
     start, share_s = monotonic(), 60.0 * wanted.minutes / len(rooms)
     results = [try_room(room, wanted.count, wanted.seed, start + share_s * k) for k, room in enumerate(rooms, start=1)]

@@ -1,0 +1,223 @@
+"""What the solve doctor measures, on frames whose light, trails and widths are known exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.core.frame import Detections, Frame, Hint
+from kochab.core.solution import NoSolution, Reason
+from kochab.solver.diagnosis import Evidence, diagnose, implied_field_deg
+from kochab.solver.frame_quality import Bins, binned, half_flux_diameter_px, measure_light, measure_trails
+
+W, H = 800, 600
+RNG_SEED = 8
+
+
+def stars(count: int = 30, **shapes: object) -> Detections:
+    """Detections without a frame, all of one shape."""
+    xy = np.random.default_rng(RNG_SEED).uniform((0, 0), (W - 1, H - 1), (count, 2))
+    plain = Detections.from_list(xy, W, H)
+    return replace(plain, **{name: np.broadcast_to(value, count).copy() for name, value in shapes.items()})
+
+
+def doctor(found: Detections, hint: Hint | None = None, frame: Frame | None = None) -> NoSolution:
+    return diagnose(Evidence(found, hint, frame), None, {})
+
+
+# -- From the shapes of the detections ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("angle_deg", [20.0, 160.0])
+def test_long_stars_that_agree_on_a_direction_are_trails(angle_deg: float) -> None:
+    """A star of 4 px drawn out to three times its width has moved by what is missing in squares."""
+    found = doctor(stars(fwhm_px=4.0, elongation=3.0, angle_rad=np.radians(angle_deg)))
+    assert found.reason is Reason.TRAILED
+    assert found.measured["trail_px"] == pytest.approx(4.0 * np.sqrt(8.0))
+    assert found.measured["trail_angle_deg"] == pytest.approx(angle_deg)
+    assert f"trail 11 px at {angle_deg:.0f} deg" in found.advice
+
+
+def test_trails_need_length_a_direction_and_stars() -> None:
+    """Coma points everywhere, seeing is never quite round, and three stars may be anything."""
+    long = stars(fwhm_px=4.0, elongation=3.0, angle_rad=0.5)
+    everywhere = replace(long, angle_rad=np.linspace(0.0, np.pi, 30, endpoint=False))
+    half_round = stars(fwhm_px=4.0, elongation=1.7, angle_rad=0.5)
+    assert doctor(long).reason is Reason.TRAILED
+    assert doctor(everywhere).reason is Reason.NO_PATTERN_AGREED
+    assert doctor(half_round).reason is Reason.NO_PATTERN_AGREED
+    assert doctor(long.take(slice(0, 3))).reason is Reason.TOO_FEW_STARS
+    unknown = replace(long, angle_rad=np.where(np.arange(30) < 10, 0.5, np.nan))
+    assert doctor(unknown).measured["trail_angle_deg"] == pytest.approx(np.degrees(0.5))
+
+
+@pytest.mark.parametrize(("exposure_s", "cure"), [(None, "wait 5 s"), (20.0, "wait 5 s"), (30.0, "shorter than 30 s")])
+def test_only_a_long_exposure_trails_because_nothing_tracks(exposure_s: float | None, cure: str) -> None:
+    found = doctor(stars(fwhm_px=4.0, elongation=3.0, angle_rad=0.5), Hint(exposure_s=exposure_s))
+    assert cure in found.advice
+
+
+def test_focus_is_asked_for_from_twelve_pixels_on_and_from_three_stars() -> None:
+    assert doctor(stars(fwhm_px=11.5)).reason is Reason.NO_PATTERN_AGREED
+    assert doctor(stars(fwhm_px=12.5)).reason is Reason.OUT_OF_FOCUS
+    assert doctor(stars(3, fwhm_px=12.5)).reason is Reason.OUT_OF_FOCUS
+    assert doctor(stars(2, fwhm_px=12.5)).reason is Reason.TOO_FEW_STARS
+    assert "20 px wide" in doctor(stars(fwhm_px=20.0)).advice
+
+
+def test_saturated_stars_are_counted() -> None:
+    found = doctor(stars(saturated=np.arange(30) < 7))
+    assert found.measured["saturated_stars"] == 7.0
+    assert found.measured["stars_found"] == 30.0
+
+
+# -- From the hinted scale ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("width_deg", [0.5, 40.0, 120.0])
+def test_the_implied_field_is_that_of_a_tangent_plane(width_deg: float) -> None:
+    scale = np.degrees(2.0 * np.tan(np.radians(width_deg / 2.0)) / W) * 3600.0
+    hint = Hint(scale_arcsec_px=(0.8 * scale, scale / 0.8))
+    assert implied_field_deg(Evidence(stars(), hint)) == pytest.approx(width_deg, rel=1e-9)
+
+
+def test_a_fisheye_is_blamed_beyond_a_hundred_degrees_and_only_when_it_shows_stars() -> None:
+    scale = {deg: np.degrees(2.0 * np.tan(np.radians(deg / 2.0)) / W) * 3600.0 for deg in (98.0, 102.0)}
+    within, beyond = (Hint(scale_arcsec_px=(s, s)) for s in scale.values())
+    assert doctor(stars(20), beyond).reason is Reason.DISTORTION_TOO_STRONG
+    assert doctor(stars(20), within).reason is Reason.NO_PATTERN_AGREED
+    assert doctor(stars(19), beyond).reason is Reason.NO_PATTERN_AGREED
+
+
+def test_the_stars_expected_grow_with_the_field_and_stop_at_the_whole_sky() -> None:
+    """Without a place the mean over the sky: 41253 square degrees hold the whole catalogue."""
+    from kochab.sky import open_catalogue
+
+    def expected(width_deg: float) -> float:
+        scale = np.degrees(2.0 * np.tan(np.radians(width_deg / 2.0)) / W) * 3600.0
+        return doctor(stars(), Hint(scale_arcsec_px=(scale, scale))).measured["stars_expected"]
+
+    whole = len(open_catalogue())
+    assert expected(10.0) == pytest.approx(whole * 10.0 * 7.5 / 41253.0)
+    assert expected(179.0) == pytest.approx(whole * 179.0**2 * 0.75 / 41253.0)
+
+
+# -- From the light ----------------------------------------------------------------------------
+
+
+def noisy(level: float, sigma: float = 10.0) -> np.ndarray:
+    return np.random.default_rng(RNG_SEED).normal(level, sigma, (H, W))
+
+
+def test_levels_are_shares_of_the_clipping_level() -> None:
+    pixels = noisy(10000.0)
+    pixels[:, :80] = 50000.0
+    frame = Frame(pixels.astype(np.uint16), saturation=40000.0)
+    light = measure_light(frame, binned(frame))
+    assert light.background_share == pytest.approx(0.25, abs=0.001)
+    assert light.saturated_share == pytest.approx(0.1, abs=0.002)
+    assert light.glare_share == pytest.approx(0.1)
+    assert light.glare_aspect == pytest.approx(600 / 80, rel=1e-3)
+
+
+def test_the_contrast_is_how_many_sigmas_the_brightest_thousandth_stands_out() -> None:
+    pixels = noisy(1000.0)
+    pixels.ravel()[:: H * W // 1000] = 1500.0
+    frame = Frame(pixels.astype(np.float32), saturation=65535.0)
+    assert measure_light(frame, binned(frame)).contrast == pytest.approx(50.0, rel=0.05)
+    plain = Frame(noisy(1000.0).astype(np.float32), saturation=65535.0)
+    assert measure_light(plain, binned(plain)).contrast == pytest.approx(3.1, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "share"),
+    [(np.full((H, W), 0.25, np.float32), 1.0), (np.full((H, W), 51, np.uint8), 0.2), (np.zeros((H, W), np.int16), 0.0)],
+)
+def test_without_a_saturation_the_clipping_level_is_that_of_the_pixels(pixels: np.ndarray, share: float) -> None:
+    frame = Frame(pixels)
+    assert measure_light(frame, binned(frame)).background_share == pytest.approx(share)
+
+
+@pytest.mark.parametrize(("level", "day"), [(0.44, False), (0.47, True)])
+def test_a_background_of_half_scale_is_daylight(level: float, day: bool) -> None:
+    frame = Frame(noisy(level * 65535.0).astype(np.uint16), saturation=65535.0)
+    found = doctor(stars(snr=20.0), None, frame)
+    assert (found.reason is Reason.CLOUDED_OR_DARK) is day
+
+
+def test_stars_that_may_be_noise_do_not_make_a_flat_frame_a_sky() -> None:
+    flat = Frame(noisy(500.0).astype(np.uint16), saturation=65535.0)
+    faint = stars(snr=np.where(np.arange(30) < 2, 20.0, 7.0))
+    assert doctor(faint, None, flat).reason is Reason.CLOUDED_OR_DARK
+    clear = replace(faint, snr=np.where(np.arange(30) < 3, 20.0, 7.0))
+    assert doctor(clear, None, flat).reason is Reason.NO_PATTERN_AGREED
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "moon"), [(40, 40, True), (25, 25, False), (160, 20, False), (500, 500, False)]
+)
+def test_the_moon_is_a_round_patch_neither_tiny_nor_half_the_frame(width: int, height: int, moon: bool) -> None:
+    pixels = noisy(500.0)
+    pixels[50 : 50 + height, 60 : 60 + width] = 65535.0
+    frame = Frame(pixels.clip(0, 65535).astype(np.uint16), saturation=65535.0)
+    found = doctor(stars(snr=20.0), None, frame)
+    assert ("Moon" in found.advice) is moon
+    if moon:
+        assert found.measured["glare_share"] == pytest.approx(width * height / (W * H))
+
+
+# -- Trails and widths on the pixels ------------------------------------------------------------
+
+
+def bars(length: int, width: int, count: int = 12, upright: bool = False) -> np.ndarray:
+    """Bright bars on noise, on a grid."""
+    pixels = noisy(200.0)
+    for k in range(count):
+        y, x = 60 + 140 * (k // 4), 60 + 180 * (k % 4)
+        pixels[np.s_[y : y + length, x : x + width] if upright else np.s_[y : y + width, x : x + length]] = 5000.0
+    return pixels
+
+
+@pytest.mark.parametrize(("upright", "angle_deg"), [(False, 0.0), (True, 90.0)])
+def test_bars_have_their_own_length_shape_and_direction(upright: bool, angle_deg: float) -> None:
+    """The variance of a bar is a twelfth of its length squared, in bins of two pixels too."""
+    for step in (1, 2):
+        trails = measure_trails(Bins(bars(40, 5, upright=upright), step))
+        assert trails.length_px == pytest.approx(40.0 * step, rel=0.01)
+        assert trails.aspect == pytest.approx(8.0, rel=0.01)
+        assert trails.angle_deg % 180.0 == pytest.approx(angle_deg, abs=1e-6)
+        assert trails.count == 12
+
+
+def test_specks_and_vast_patches_are_no_trails() -> None:
+    pixels = bars(40, 5, 6)
+    pixels[300, 300:305] = 5000.0  # five bins: too few for a shape
+    pixels[400:520, 300:620] = 5000.0  # 8 % of the frame
+    assert measure_trails(Bins(pixels, 1)).count == 6
+    assert measure_trails(Bins(np.zeros((H, W)), 1)).count == 0
+
+
+@pytest.mark.parametrize("radius", [3.0, 8.0])
+def test_the_half_flux_diameter_of_a_disc_is_two_thirds_of_its_own(radius: float) -> None:
+    y, x = np.mgrid[:H, :W]
+    pixels = np.full((H, W), 100.0)
+    places = np.array([[200.3, 150.6], [500.0, 300.0], [401.4, 449.8]])
+    for cx, cy in places:
+        pixels[np.hypot(x - cx, y - cy) <= radius] = 3000.0
+    found = replace(Detections.from_list(places, W, H), fwhm_px=np.full(3, 2.0 * radius))
+    assert half_flux_diameter_px(Frame(pixels), found) == pytest.approx(4.0 / 3.0 * radius, rel=0.04)
+
+
+def test_saturated_blended_and_cut_stars_say_nothing_of_the_focus() -> None:
+    y, x = np.mgrid[:H, :W]
+    pixels = np.where(np.hypot(x - 200, y - 150) <= 3.0, 3000.0, 100.0)
+    found = replace(Detections.from_list(np.array([[200.0, 150.0]]), W, H), fwhm_px=np.array([6.0]))
+    frame = Frame(pixels)
+    yes = np.array([True])
+    assert half_flux_diameter_px(frame, found) == pytest.approx(4.0, rel=0.1)
+    for out in (
+        replace(found, saturated=yes),
+        replace(found, blended=yes),
+        replace(found, xy=np.array([[5.0, 150.0]])),
+    ):
+        assert np.isnan(half_flux_diameter_px(frame, out))
