@@ -80,11 +80,43 @@ class Mutant:
     name: str
 
 
+TURNED_ROUND: dict[type, type] = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
+UNITS = re.compile(r"_(deg|rad|arcsec|arcmin|px2?|s|ms|turns|share|sigma|sigmas)$|^(sigma|chi2|angle|length)$")
+
+
+@cache
+def _float_constants() -> frozenset[str]:
+    """The package's constants that are no whole numbers."""
+    found = set()
+    for text in sources().values():
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.Assign) and any(_is_float(part) for part in ast.walk(node.value)):
+                found |= {part.id for part in ast.walk(node.targets[0]) if isinstance(part, ast.Name)}
+    return frozenset(name for name in found if name.isupper())
+
+
+def _is_float(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, float)
+
+
+def _measured(node: ast.AST) -> bool:
+    """Whether a term is a measured number, by its unit, its constant or its literal."""
+    name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+    inside = any(_is_float(n) or isinstance(n, ast.Name) and n.id in _float_constants() for n in ast.walk(node))
+    return inside or UNITS.search(name) is not None
+
+
 def _changes(node: ast.AST) -> Iterator[ast.AST]:
-    """What may stand in the place of ``node``."""
+    """What may stand in the place of ``node``.
+
+    Two measured numbers are never quite equal, so that ``<`` and ``<=`` are the same there: such a
+    comparison is turned round.
+    """
     if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPS:
-        new = deepcopy(node)
-        new.ops[0] = SWAPS[type(node.ops[0])]()
+        new, swap = deepcopy(node), SWAPS
+        if type(node.ops[0]) in TURNED_ROUND and any(_measured(term) for term in (node.left, *node.comparators)):
+            swap = TURNED_ROUND
+        new.ops[0] = swap[type(node.ops[0])]()
         yield new
     elif isinstance(node, ast.BoolOp | ast.BinOp) and type(node.op) in SWAPS:
         new = deepcopy(node)

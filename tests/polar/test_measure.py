@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kochab.polar.flexure import Droop
 from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure_local, slipping
 from tests.polar.mounts import ARCSEC, Mount
+from tests.polar.test_flexure import bent
 
 VACUUM = Refraction(pressure_hpa=0.0)
 
@@ -222,3 +224,68 @@ def test_two_measurements_of_an_axis_at_rest_are_surer_together():
     assert low < both.error.altitude_arcsec < high
     kicked = measured(Mount(40.0, 220.0, 10.0), [0, 30, 60], seed=5)
     assert together(first, kicked).error.uncertainty_arcsec > 2 * first.error.uncertainty_arcsec
+
+
+@pytest.mark.parametrize(
+    ("asked", "turned", "slips"), [(30.0, 25.7, False), (30.0, 25.3, True), (30.0, 34.3, False), (-30.0, 34.7, True)]
+)
+def test_a_clutch_slips_by_more_than_a_degree_and_a_half_and_a_tenth(asked, turned, slips):
+    assert (slipping(asked, turned) is not None) is slips
+
+
+@pytest.mark.parametrize(
+    ("turn", "kind"), [(1.9, "ALIKE"), (2.1, "SMALL_TURN"), (14.5, "SMALL_TURN"), (15.5, None), (0.26, "ALIKE")]
+)
+def test_how_far_ra_has_to_turn(turn, kind):
+    found = kinds(measured(Mount(sigma=0.2, sigma_roll=1.0), [0, turn / 2, turn]))
+    told = found & {PolarFindingKind.ALIKE, PolarFindingKind.SMALL_TURN}
+    assert told == ({PolarFindingKind[kind]} if kind else set())
+
+
+def test_a_quarter_degree_gives_no_axis_at_all():
+    assert isinstance(measured(Mount(sigma=0.2, sigma_roll=1.0), [0, 0.24]), NoAxis)
+
+
+@pytest.mark.parametrize(("altitude", "low"), [(14.0, True), (16.0, False), (0.5, True)])
+def test_frames_below_fifteen_degrees_are_low(altitude, low):
+    """The meridian below the pole: the boresight of the middle frame is as high as it gets there."""
+    mount = Mount(60.0, rho_deg=60.0 - altitude, hour_deg=0.0)
+    lowest = min((mount.attitude(t)[2, 2], t) for t in range(0, 360, 5))[1]
+    found = measured(mount, [lowest - 20, lowest, lowest + 20])
+    assert np.degrees(np.arcsin(mount.attitude(lowest)[2, 2])) == pytest.approx(altitude, abs=0.3)
+    assert (PolarFindingKind.LOW in kinds(found)) is low
+
+
+@pytest.mark.parametrize(("degrees", "far"), [(9.5, False), (10.5, True)])
+def test_ten_degrees_from_the_pole_are_far(degrees, far):
+    found = measured(Mount(40.0, degrees * 3600.0, 0.0), [0, 30, 60])
+    assert (PolarFindingKind.FAR in kinds(found)) is far
+
+
+def test_a_droop_known_before_is_no_finding_of_one_sweep():
+    """What earlier sweeps have shown is used, and told only by sweeps that show it."""
+    mount, other = Mount(40.0, 600.0, 400.0, rho_deg=20.0), Mount(40.0, 600.0, 400.0, rho_deg=80.0)
+    settings = MeasureSettings(mount.site, Pole.TRUE, VACUUM)
+    known = Droop(40.0, 2.0)
+    first, second = (bent(m.see([0, 20, 40, 60], sweep=k), 40.0) for k, m in enumerate((mount, other)))
+    one = measure_local(first, settings, known)
+    assert one.droop.arcsec == pytest.approx(40.0, abs=0.1)
+    assert kinds(one) == set()
+    assert kinds(measure_local(first + second, settings, known)) == {PolarFindingKind.DROOP}
+
+
+def test_sweeps_that_disagree_say_by_how_much_the_first_and_the_last():
+    first, last = Mount(40.0, 600.0, 400.0, rho_deg=30.0), Mount(40.0, 600.0, 700.0, rho_deg=30.0)
+    settings = MeasureSettings(first.site, Pole.TRUE, VACUUM)
+    turns = [0, 30, 60, 90]
+    frames = first.see(turns) + first.see(turns, sweep=1) + last.see(turns, sweep=2)
+    said = next(f.text for f in measure_local(frames, settings).findings if f.kind is PolarFindingKind.FLEXURE)
+    apart = 300.0 * np.cos(np.radians(40.0))
+    assert f"disagree by {apart / 60.0:.1f}′" in said
+
+
+def test_the_time_of_a_measurement_is_that_of_its_last_frame():
+    found = measured(Mount(40.0, 600.0, 400.0), [0, 30, 60], seconds=45.0)
+    assert found.time_utc == found.attitudes[-1].time_utc
+    assert found.time_utc - found.attitudes[0].time_utc == timedelta(seconds=90)
+    assert found.last_of_fit is found.attitudes[-1]
