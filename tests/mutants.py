@@ -102,7 +102,7 @@ def _is_float(node: ast.AST) -> bool:
 def _measured(node: ast.AST) -> bool:
     """Whether a term is a measured number, by its unit, its constant or its literal."""
     name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
-    inside = any(_is_float(n) or isinstance(n, ast.Name) and n.id in _float_constants() for n in ast.walk(node))
+    inside = any(_is_float(n) or (isinstance(n, ast.Name) and n.id in _float_constants()) for n in ast.walk(node))
     return inside or UNITS.search(name) is not None
 
 
@@ -197,9 +197,10 @@ def _statement(tree: ast.Module, wanted: ast.AST) -> tuple[frozenset[int], str]:
         chain.append(next(c for c in ast.iter_child_nodes(chain[-1]) if any(n is wanted for n in ast.walk(c))))
     statements = [node for node in chain if isinstance(node, ast.stmt)]
     last = statements[-1]
-    whole = not isinstance(getattr(last, "body", None), list)
-    first, end = (last, last) if whole else (chain[chain.index(last) + 1], chain[chain.index(last) + 1])
-    lines = frozenset(range(first.lineno, (end.end_lineno or end.lineno) + 1)) | {last.lineno}  # type: ignore[attr-defined]
+    part: ast.stmt | ast.expr = last  # of a statement with others inside only what stands in its head
+    if isinstance(getattr(last, "body", None), list):
+        part = next((node for node in chain[chain.index(last) + 1 :] if isinstance(node, ast.expr)), last)
+    lines = frozenset({last.lineno, *range(part.lineno, (part.end_lineno or part.lineno) + 1)})
     functions = [node for node in statements if isinstance(node, ast.FunctionDef)]
     if functions and functions[-1] is not last:
         kept = [f.name for f in functions if any("cache" in ast.unparse(d) for d in f.decorator_list)]
