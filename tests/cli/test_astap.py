@@ -143,10 +143,10 @@ def test_a_field_beyond_all_reason_is_left_alone() -> None:
 
 
 def test_a_fault_of_ours_is_told_in_the_ini_too(tmp_path, monkeypatch, capsys) -> None:
-    def fault(path):
+    def fault(path, timeout_s):
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr("kochab.frames.read_frame", fault)
+    monkeypatch.setattr("kochab.frames.reading", fault)
     assert main(["-f", str(tmp_path / "a.fits")]) == 1
     assert ini_of(tmp_path / "a.ini")["PLTSOLVD"] == "F"
     assert "A fault in Kochab: ZeroDivisionError" in capsys.readouterr().err

@@ -1,6 +1,11 @@
 """Small real files of every format, written by the formats' own libraries."""
 
+import os
+import signal
+
 import numpy as np
+
+from kochab.core.frame import Frame
 
 
 def sky(height=48, width=64, seed=1):
@@ -71,3 +76,41 @@ def one_of_each(folder):
     heic(folder / "a.heic", rgb)
     dng(folder / "a.dng", data // 16)
     return sorted(folder.iterdir())
+
+
+def faulty_reader(path):
+    """What another package may register: it meets something it did not foresee."""
+    return {"exposure": 1.0}["gain"]
+
+
+def careless_reader(path):
+    return np.zeros((4, 4))
+
+
+# Readers that only a process of their own survives; each first tells who it is.
+
+
+def tell_who(path):
+    path.with_suffix(".pid").write_text(str(os.getpid()))
+
+
+def stuck_reader(path):
+    tell_who(path)
+    while True:
+        sum(range(10**6))
+
+
+def crashing_reader(path):
+    tell_who(path)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def greedy_reader(path):
+    tell_who(path)
+    return Frame(np.ones((20_000, 20_000)), path=str(path))
+
+
+def quick_reader(path):
+    tell_who(path)
+    print("what a library has to say")
+    return Frame(sky(), colours(), path=str(path))

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.errors import FrameError
-from kochab.frames import bayer_pattern, read_frame, shifted
+from kochab.frames import read_frame, shifted
 from kochab.frames.fits import parse_value
+from kochab.frames.samples import bayer_pattern
 from tests.frames.files import sky
 
 
@@ -161,6 +162,7 @@ def test_absurd_tables_are_refused_before_anything_opens_them(tmp_path, monkeypa
         raise AssertionError("astropy was asked")
 
     monkeypatch.setattr(fits, "open", opened)
+    monkeypatch.setattr("kochab.frames.sandbox._inside", True)
     with pytest.raises(FrameError, match=r"^a\.fits\.fz (is|claims|packs) .*\.$") as told:
         read_frame(path)
     assert "decompress" not in str(told.value)
@@ -174,7 +176,8 @@ def test_a_table_of_absurd_width_before_the_image_is_refused(tmp_path):
         read_frame(altered(path, TFIELDS=300_000_000))
 
 
-def test_of_a_packed_cube_only_one_plane_is_unpacked(tmp_path):
+def test_of_a_packed_cube_only_one_plane_is_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr("kochab.frames.sandbox._inside", True)  # where its memory is counted
     data = np.random.default_rng(6).integers(0, 60000, (2, 40, 300, 300)).astype(np.uint16)
     image = fits.CompImageHDU(data, compression_type="GZIP_1", tile_shape=(1, 1, 300, 300))
     path = tmp_path / "a.fits.fz"
@@ -343,3 +346,29 @@ def test_saturation_from_the_header(tmp_path):
     assert read_frame(write(tmp_path / "a.fits", sky(), SATURATE=4095)).saturation == 4095
     assert read_frame(write(tmp_path / "a.fits", sky())).saturation == 65535
     assert read_frame(write(tmp_path / "a.fits", sky(), SATURATE="high")).saturation == 65535
+
+
+def test_a_packed_image_of_nothing_is_refused(tmp_path):
+    path = tmp_path / "a.fits.fz"
+    image = fits.CompImageHDU(np.zeros((9000, 9000), np.int16), compression_type="GZIP_1", tile_shape=(900, 9000))
+    fits.HDUList([fits.PrimaryHDU(), image]).writeto(path)
+    assert path.stat().st_size < 300_000
+    with pytest.raises(FrameError, match="no camera's image packs so small"):
+        read_frame(path)
+
+
+def test_of_a_gzipped_file_only_what_is_needed_is_unzipped(tmp_path, monkeypatch):
+    path = tmp_path / "a.fits.gz"
+    with gzip.open(path, "wb", compresslevel=1) as file:
+        file.write(write(tmp_path / "a.fits", np.stack([sky(), sky()])).read_bytes())
+        for _ in range(300):
+            file.write(bytes(1_000_000))
+    monkeypatch.setattr("kochab.frames.sandbox._inside", True)
+    tracemalloc.start()
+    try:
+        frame = read_frame(path)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(frame.pixels, sky())
+    assert peak < 5_000_000

@@ -8,8 +8,9 @@ from PIL import Image
 
 from kochab.cli.main import main
 from kochab.core.errors import FrameError
-from kochab.frames import FORMATS, SUFFIXES, kind_of, read_frame
-from tests.frames.files import colours, one_of_each, sky
+from kochab.frames import FORMATS, SUFFIXES, read_frame
+from kochab.frames.readers import kind_of
+from tests.frames.files import colours, faulty_reader, one_of_each, sky
 
 
 def sentence(path):
@@ -36,24 +37,15 @@ def test_every_format_opens_and_keeps_the_promises_of_a_frame(tmp_path):
         assert np.isfinite(frame.pixels).all()
 
 
-def faulty_reader(path):
-    """What another package may register: it meets something it did not foresee."""
-    return {"exposure": 1.0}["gain"]
-
-
-def careless_reader(path):
-    return np.zeros((4, 4))
-
-
 @pytest.mark.parametrize(
     ("reader", "cause"), [("faulty_reader", "KeyError: 'gain'"), ("careless_reader", "returned ndarray")]
 )
 def test_a_fault_of_another_package_s_reader_is_one_sentence(reader, cause, tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(FORMATS, "_others", {"odd": f"{__name__}:{reader}"})
+    monkeypatch.setattr(FORMATS, "_others", {"odd": f"tests.frames.files:{reader}"})
     (path := tmp_path / "night.odd").write_bytes(b"ODD1")
     with caplog.at_level("DEBUG", "kochab"):
         assert cause in (text := sentence(path))
-    assert f"{__name__}:{reader}" in text
+    assert f"tests.frames.files:{reader}" in text
     assert "Traceback" in caplog.text
     assert main(["solve", str(path)]) == 2
 

@@ -125,7 +125,7 @@ def test_a_polar_report_spares_what_is_there(night, ending, capsys, monkeypatch)
 
 
 def test_astap_spares_the_frame_and_what_no_solver_wrote(night, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("kochab.frames.read_frame", None)
+    monkeypatch.setattr("kochab.frames.reading", None)
     notes = night.with_suffix(".ini")
     notes.write_text("[mine]\n")
     assert main(["-f", str(night)]) == 1

@@ -10,7 +10,8 @@ from PIL import Image
 from xisf import XISF
 
 from kochab.core.errors import FrameError
-from kochab.frames import MAX_PIXELS, luminance, read_frame
+from kochab.frames import read_frame
+from kochab.frames.samples import MAX_PIXELS, luminance
 from tests.frames.files import colours, dng, heic, sky
 
 
@@ -221,10 +222,44 @@ def test_a_picture_too_large_for_memory_is_refused_before_it_is_decoded(tmp_path
     head = struct.pack(">IIBBBBB", 17_000, 17_000, 16, 2, 0, 0, 0)  # 1.7 MB of zeros, packed
     path = tmp_path / "a.png"
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", b"x"))
-    with pytest.raises(FrameError, match=r"17000 x 17000 pixels of 48 bits, 1\.7 GB, more than"):
+    with pytest.raises(FrameError, match=r"17000 x 17000 pixels, 1\.7 GB, packed into"):
         read_frame(path)
     Image.fromarray(np.zeros((500, 400, 3), np.uint8)).save(path)
     assert read_frame(path).pixels.shape == (500, 400)
-    monkeypatch.setattr("kochab.frames._free_bytes", lambda: 2 * 500 * 400 * 3 - 1)
+    monkeypatch.setattr("kochab.frames.samples.free_bytes", lambda: 2 * 500 * 400 * 3 - 1)
     with pytest.raises(FrameError, match="there is room for"):
         read_frame(path)
+
+
+def test_an_image_packed_as_no_camera_s_is_refused_before_it_is_decoded(tmp_path):
+    path = tmp_path / "a.png"
+    Image.new("RGB", (9000, 9000)).save(path, compress_level=9)
+    assert path.stat().st_size < 300_000
+    with pytest.raises(FrameError, match=r"claims 9000 x 9000 pixels, 0.2 GB, packed into 0.24 MB: no camera"):
+        read_frame(path)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_exif_behind_a_png_is_found_without_decoding_it_twice(tmp_path, monkeypatch, damaged):
+    exif = Image.Exif()
+    exif[274] = 6
+    Image.fromarray(colours()).save(path := tmp_path / "a.png")
+    block = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
+    chunk = struct.pack(">I", len(block) - 4) + block + struct.pack(">I", zlib.crc32(block) + damaged)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-12] + chunk + whole[-12:])
+    monkeypatch.setattr("PIL.PngImagePlugin.PngImageFile.load", None)
+    assert read_frame(path).pixels.shape == ((48, 64) if damaged else (64, 48))
+
+
+def test_a_jpeg_of_many_scans_is_decoded_where_it_can_be_stopped(tmp_path, monkeypatch):
+    Image.fromarray(colours()).save(path := tmp_path / "a.jpg", progressive=True)
+    started = []
+    monkeypatch.setattr("kochab.frames.readers.in_sandbox", lambda *_: started.append(1) or iter(()))
+    read_frame(path)
+    assert not started
+    whole = path.read_bytes()
+    scan = whole[whole.rindex(b"\xff\xda") : -2]
+    path.write_bytes(whole[:-2] + 40 * scan + whole[-2:])
+    assert read_frame(path) is None
+    assert started

@@ -170,7 +170,7 @@ def test_a_lens_that_folds_its_corners_back_is_right_where_it_is_not_folded():
     assert off[inner].max() * camera.focal_px < 2.0  # without leaving them out: 50 px
 
 
-def test_a_table_of_absurd_width_is_refused_before_it_is_copied(tmp_path, monkeypatch):
+def test_a_table_of_absurd_width_is_copied_unread(tmp_path, monkeypatch):
     table = fits.BinTableHDU.from_columns([fits.Column("n", "J", array=np.arange(9))])
     path = tmp_path / "a.fits"
     fits.HDUList([fits.PrimaryHDU(np.zeros((40, 50), np.int16)), table]).writeto(path)
@@ -178,5 +178,6 @@ def test_a_table_of_absurd_width_is_refused_before_it_is_copied(tmp_path, monkey
     start = raw.index(b"TFIELDS = ")
     path.write_bytes(raw[:start] + b"TFIELDS =            300000000" + raw[start + 30 :])
     monkeypatch.setattr(fits, "open", None)  # it would never return
-    with pytest.raises(FrameError, match=r"a\.fits is .* a table of 300000000 columns"):
-        write_solved_copy(solution(10.0, 20.0, 0.0, 5.0), path, path)
+    table_bytes = path.read_bytes()[path.read_bytes().index(b"XTENSION") :]
+    write_solved_copy(solution(10.0, 20.0, 0.0, 5.0), path, path)
+    assert path.read_bytes().endswith(table_bytes)

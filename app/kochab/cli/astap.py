@@ -120,12 +120,12 @@ def _order(arguments: Sequence[str]) -> AstapRequest:
 
 
 def _solved(order: AstapRequest) -> Task[tuple[Frame, Solution | NoSolution]]:
-    from kochab.frames import read_frame
+    from kochab.frames import reading
     from kochab.solver import SolveOptions
     from kochab.solver.pipeline import with_doubts, within_radius
     from kochab.workflows.solve_frame import solve_open_frame
 
-    frame = read_frame(order.file)
+    frame = yield from reading(order.file, TIMEOUT_S)
     hint = _hint(order, frame.height)
     options = SolveOptions(hint=hint if hint.helps else None, timeout_s=TIMEOUT_S)
     solved = yield from solve_open_frame(frame, options)

@@ -52,7 +52,7 @@ class Stopwatch:
 
     def __init__(self, timeout_s: float | None = None, read_ms: float = 0.0) -> None:
         self._start = perf_counter()
-        self._limit = None if timeout_s is None else self._start + timeout_s
+        self._limit = None if timeout_s is None else self._start + timeout_s - read_ms / 1e3
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._ms["read"] = read_ms
 

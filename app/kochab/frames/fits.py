@@ -22,11 +22,12 @@ import numpy as np
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
-from kochab.frames import MAX_PIXELS, bayer_pattern, check_size, clipping_level, finite, native, split
 from kochab.frames.hints import hint_from_keywords
+from kochab.frames.samples import MAX_BYTES, bayer_pattern, check_size, clipping_level, finite, native, split
+from kochab.frames.sandbox import leave_to_sandbox
 
 BLOCK = 2880
-_CARD = 80
+CARD = 80
 _MAX_BLOCKS = 2000
 
 _STRING = re.compile(r"\s*'((?:[^']|'')*)'\s*(?:/.*)?$")
@@ -85,7 +86,7 @@ def read_header(file: BinaryIO) -> Header | None:
             if b"END" + b" " * 77 not in block:
                 raise FrameError("is cut short: its FITS header does not end.")
         text = block.decode("latin-1")
-        lines = [text[i : i + _CARD] for i in range(0, len(text), _CARD)]
+        lines = [text[i : i + CARD] for i in range(0, len(text), CARD)]
         for line in lines:
             if line.rstrip(" \x00") == "END":
                 return parse_cards(cards)
@@ -165,11 +166,12 @@ _CHUNK_BYTES = 1 << 19
 
 
 @dataclass(slots=True)
-class _Image:
-    """Where an image lies: its header (with the primary's keywords), index, offset, shape."""
+class FitsImage:
+    """Where an image lies: its header (with the primary's keywords) from ``start`` to ``offset``, index, shape."""
 
     header: Header
     index: int
+    start: int
     offset: int
     shape: tuple[int, ...]
     bitpix: int
@@ -185,30 +187,31 @@ def read_fits(path: Path) -> Frame:
     Raises FrameError when the file is cut short, damaged, too large, or holds no image.
     """
     with path.open("rb") as file:
-        if file.read(2) == b"\x1f\x8b":
-            return _read(_unzip(path), path)
-        file.seek(0)
-        return _read(file, path)
+        return read_fits_file(file, path)
 
 
-def read_fits_bytes(data: bytes, name: str) -> Frame:
-    """The same of a file in memory, as a camera server sends it; ``name`` stands for its path.
-
-    Raises
-    ------
-    FrameError
-        As :func:`read_fits`, with one sentence that names it.
-    """
+def read_fits_file(file: BinaryIO, path: Path) -> Frame:
+    """The same of an open file, plain or gzipped; ``path`` is what the frame is called."""
+    packed_bytes = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    if file.read(2) != b"\x1f\x8b":
+        return _read(file, path, packed_bytes)
+    leave_to_sandbox()
+    file.seek(0)
     try:
-        return _read(io.BytesIO(data), Path(name))
-    except FrameError as error:
-        raise FrameError(f"{name} {error}") from None
+        with gzip.open(file, "rb") as unzipped:
+            if unzipped.read(9) != b"SIMPLE  =":
+                raise FrameError("holds no FITS image.")
+            return _read(unzipped, path, packed_bytes)  # type: ignore[arg-type]
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise FrameError("is cut short or damaged: it does not unzip.") from None
 
 
-def _read(file: BinaryIO, path: Path) -> Frame:
-    image = _find_image(file)
+def _read(file: BinaryIO, path: Path, packed_bytes: int) -> Frame:
+    image = find_image(file)
     header = image.header
-    wanted, notes = _choose(image.shape, abs(image.bitpix) // 8)
+    packed = image.compressed or isinstance(file, gzip.GzipFile)
+    wanted, notes = _choose(image.shape, abs(image.bitpix) // 8, packed_bytes if packed else None)
     read = _decompress if image.compressed else _read_plain
     samples = read(file, image, wanted)
     samples = samples.reshape(wanted)
@@ -232,38 +235,8 @@ def _read(file: BinaryIO, path: Path) -> Frame:
     )
 
 
-def _unzip(path: Path) -> BinaryIO:
-    """The unpacked file in memory, refusing what would grow beyond the largest frame."""
-    limit = MAX_PIXELS * 4
-    try:
-        with gzip.open(path, "rb") as packed:
-            data = packed.read(limit + 1)
-    except (EOFError, zlib.error, gzip.BadGzipFile):
-        raise FrameError("is cut short or damaged: it does not unzip.") from None
-    if len(data) > limit:
-        raise FrameError("unzips to more than Kochab opens.")
-    if not data.startswith(b"SIMPLE  ="):
-        raise FrameError("holds no FITS image.")
-    return io.BytesIO(data)
-
-
-def check_tables(path: str | os.PathLike[str]) -> None:
-    """Refuse a FITS file that nothing should open as a whole; only its headers are read.
-
-    Raises FrameError when one of its tables claims more columns than the standard allows.
-    """
-    with Path(path).open("rb") as file:
-        packed = file.read(2) == b"\x1f\x8b"
-        try:
-            for _ in _headers(_unzip(Path(path)) if packed else file):
-                pass
-        except FrameError as error:
-            raise FrameError(f"{Path(path).name} {error}") from None
-
-
-def _headers(file: BinaryIO) -> Iterator[Header]:
-    """Each part's header, believable as far as tables go, with the file at the data after it."""
-    end = file.seek(0, os.SEEK_END)
+def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
+    """Each part's place and header, believable as far as tables go, with the file at the data after it."""
     file.seek(0)
     for index in range(_MAX_HDUS):
         start = file.tell()
@@ -275,19 +248,17 @@ def _headers(file: BinaryIO) -> Iterator[Header]:
             break
         _check_fields(header)
         data = file.tell()
-        yield header
+        yield start, header
         size = abs(header.integer("BITPIX", 8)) // 8 * header.integer("GCOUNT", 1)
         whole = header.shape()
         size *= header.integer("PCOUNT", 0) + (math.prod(whole) if whole else 0)
-        following = data + max(0, -(-size // BLOCK) * BLOCK)
-        if following >= end:
-            break
-        file.seek(following)
+        file.seek(data + max(0, -(-size // BLOCK) * BLOCK))
 
 
-def _find_image(file: BinaryIO) -> _Image:
+def find_image(file: BinaryIO) -> FitsImage:
+    """The first image of the file, plain or compressed; FrameError when there is none."""
     primary: Header | None = None
-    for index, header in enumerate(_headers(file)):
+    for index, (start, header) in enumerate(_headers(file)):
         primary = primary or header
         values = header.values
         compressed = values.get("ZIMAGE") is True
@@ -300,13 +271,13 @@ def _find_image(file: BinaryIO) -> _Image:
                 if bitpix not in _TYPES:
                     raise FrameError(f"is a damaged FITS file: BITPIX is {bitpix}.")
                 both = Header({**primary.values, **values}, {**primary.comments, **header.comments}, header.unparsed)
-                return _Image(both, index, file.tell(), shape, bitpix, compressed)
+                return FitsImage(both, index, start, file.tell(), shape, bitpix, compressed)
             if any(s == 0 for s in shape) and len(shape) >= 2:
                 raise FrameError("holds an image without pixels.")
     raise FrameError("holds no image.")
 
 
-def _choose(shape: tuple[int, ...], deep: int) -> tuple[tuple[int, ...], tuple[str, ...]]:
+def _choose(shape: tuple[int, ...], deep: int, packed_bytes: int | None) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """The part of the array that is read, ``deep`` bytes a sample, and what is said of the rest."""
     notes: tuple[str, ...] = ()
     if len(shape) > 3:
@@ -314,21 +285,17 @@ def _choose(shape: tuple[int, ...], deep: int) -> tuple[tuple[int, ...], tuple[s
     if len(shape) == 3:
         if (shape[0] in (3, 4) and shape[2] > 4) or shape[2] in (3, 4):
             height, width = shape[1:] if shape[2] > 4 else shape[:2]
-            check_size(width, height, deep * math.prod(shape) // (width * height or 1))
+            check_size(width, height, deep * math.prod(shape) // (width * height or 1), packed_bytes)
             return shape, notes
         notes = (*notes, f"Only the first of {shape[0]} planes is read.")
         shape = shape[1:]
-    check_size(shape[1], shape[0], deep)
+    check_size(shape[1], shape[0], deep, packed_bytes)
     return shape, notes
 
 
-def _read_plain(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Array:
+def _read_plain(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Array:
     stored = np.dtype(_TYPES[image.bitpix])
     count = math.prod(wanted)
-    available = file.seek(0, os.SEEK_END) - image.offset
-    if available < count * stored.itemsize:
-        share = 100 * max(0, available) // (count * stored.itemsize)
-        raise FrameError(f"is cut short: {share} % of its image is there.")
     file.seek(image.offset)
     zero, scale = image.header.number("BZERO", 0.0), image.header.number("BSCALE", 1.0)
     offset_type = _unsigned(image.bitpix, zero, scale)
@@ -337,8 +304,10 @@ def _read_plain(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Array
     step = _CHUNK_BYTES // stored.itemsize
     for start in range(0, count, step):
         part = out[start : start + step]
-        if file.readinto(part.view(np.uint8).data) != part.nbytes:  # type: ignore[attr-defined]
-            raise FrameError("is cut short.")
+        filled = file.readinto(part.view(np.uint8).data)  # type: ignore[attr-defined]
+        if filled != part.nbytes:
+            share = 100 * (start * stored.itemsize + filled) // out.nbytes
+            raise FrameError(f"is cut short: {share} % of its image is there.")
         _swap(part)
         if offset_type is not None:
             part ^= half
@@ -385,10 +354,14 @@ def _check_fields(header: Header) -> None:
         raise FrameError(f"is a damaged FITS file: it claims a table of {fields} columns.")
 
 
-def _decompress(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Array:
+def _decompress(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Array:
+    if isinstance(file, gzip.GzipFile):  # astropy goes to a file's end and back
+        file.seek(0)
+        file = io.BytesIO(file.read(MAX_BYTES))
+    _check_tiles(image, wanted, file.seek(0, os.SEEK_END) - image.offset)
+    leave_to_sandbox()
     from astropy.io import fits
 
-    _check_tiles(image, wanted, file.seek(0, os.SEEK_END) - image.offset)
     whole = image.header.shape("Z")
     beyond = len(image.shape) - len(wanted)  # axes of the cube of which only the first is read
     part: list[int | slice] = []
@@ -407,7 +380,7 @@ def _decompress(file: BinaryIO, image: _Image, wanted: tuple[int, ...]) -> Array
     return native(data.reshape(-1))
 
 
-def _check_tiles(image: _Image, wanted: tuple[int, ...], available: int) -> None:
+def _check_tiles(image: FitsImage, wanted: tuple[int, ...], available: int) -> None:
     """Refuse tiles that do not fit their picture, or its file, before memory is asked for.
 
     After the FITS standard 4.0, section 10: a row of the table for each tile.

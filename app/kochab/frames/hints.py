@@ -11,7 +11,7 @@ from typing import Any
 
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame, Hint, Site
-from kochab.frames import finite, split
+from kochab.frames.samples import finite, split
 
 # Every hint passes these limits; what no camera, clock or site can have becomes None.
 

@@ -38,7 +38,7 @@ def refuse_input(target: Name, inputs: Iterable[Name]) -> None:
 
     Raises UsageError when ``target`` is one of ``inputs``.
     """
-    if any(_same(target, name) for name in inputs):
+    if any(same_file(target, name) for name in inputs):
         raise UsageError(f"{target} is an input file and is never overwritten: name another file.")
 
 
@@ -53,7 +53,8 @@ def is_solution_file(path: Name) -> bool:
     return head.startswith(b"PLTSOLVD=") or (header_only and b"PLTSOLVD=" in head)
 
 
-def _same(one: Name, other: Name) -> bool:
+def same_file(one: Name, other: Name) -> bool:
+    """Whether two names are of one file, also by a link or by letters that some drives do not tell apart."""
     try:
         if os.path.samefile(one, other):  # links of both kinds
             return True

@@ -1,5 +1,7 @@
 """PNG, JPEG, BMP, GIF, WebP and HEIC, through Pillow; PNG of 16 bits through libpng."""
 
+import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,13 +12,18 @@ from PIL import Image, ImageOps
 
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
-from kochab.frames import check_size
 from kochab.frames.hints import exif_from_bytes, exif_of, frame_with_exif
+from kochab.frames.samples import check_size
+from kochab.frames.sandbox import Outside, leave_to_sandbox
 
 Image.MAX_IMAGE_PIXELS = None  # check_size refuses first, with a sentence
 
 _FORMATS = ("PNG", "JPEG", "BMP", "DIB", "GIF", "WEBP", "MPO")
 _ORIENTATION = 274
+_QUICK = ("PNG", "JPEG", "MPO", "BMP")
+_QUICK_PIXELS = 64_000_000  # a second or two
+_TAIL_BYTES = 1 << 17
+_MOST_SCANS = 32  # progressive JPEGs have ten; each costs a walk over the whole image
 
 # EXIF orientation -> what turns the stored rows and columns upright (EXIF 2.3, tag 274).
 _UPRIGHT: dict[Any, Callable[[NDArray[Any]], NDArray[Any]]] = {
@@ -37,13 +44,16 @@ def read_picture(path: Path) -> Frame:
     """
     try:
         with Image.open(path, formats=_FORMATS) as image:
-            check_size(*image.size, _bytes_px(image, path))
+            check_size(*image.size, _bytes_px(image, path), path.stat().st_size)
+            if image.format not in _QUICK or image.width * image.height > _QUICK_PIXELS:
+                leave_to_sandbox()
             count = getattr(image, "n_frames", 1)
             notes = (f"Only the first of {count} images is read.",) if count > 1 else ()
-            exif = exif_of(image.getexif())
+            tags = _exif(image, path)
             size = image.size
-            samples = _samples(image, path)
-    except (FrameError, MemoryError):
+            samples = _samples(image, path, tags.get(_ORIENTATION))
+            exif = exif_of(tags)
+    except (FrameError, MemoryError, Outside):
         raise
     except Exception as error:  # decoders raise whatever they like for damaged files
         cut = "truncated" in str(error).lower() or isinstance(error, EOFError)
@@ -51,15 +61,32 @@ def read_picture(path: Path) -> Frame:
     return frame_with_exif(samples, path, exif, size, notes)
 
 
-def _samples(image: Image.Image, path: Path) -> NDArray[Any]:
+def _exif(image: Image.Image, path: Path) -> Image.Exif:
+    """The picture's tags; a PNG's own ``getexif`` would decode all of it to look behind it."""
+    if image.format == "PNG" and "exif" not in image.info:
+        with path.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL_BYTES))
+            tail = file.read()
+        at = tail.rfind(b"eXIf")  # where ExifTool may write it
+        size = int.from_bytes(tail[at - 4 : at]) if at >= 4 else len(tail)
+        checked = tail[at : at + 4 + size], tail[at + 4 + size : at + 8 + size]
+        if zlib.crc32(checked[0]) == int.from_bytes(checked[1]):
+            image.info["exif"] = checked[0][4:]
+    return Image.Image.getexif(image)
+
+
+def _samples(image: Image.Image, path: Path, orientation: Any) -> NDArray[Any]:
     if image.format == "PNG" and (image.mode in ("L", "RGB") or _png_depth(path) == 16):
         import imagecodecs
 
         # Twice as quick as through Pillow, which besides keeps 8 of 16 bits in colour.
-        samples = np.asarray(imagecodecs.png_decode(path.read_bytes()))
-        return _upright(samples, image.getexif().get(_ORIENTATION))
+        data = path.read_bytes()
+        if data.rfind(b"IEND") < 0:
+            raise FrameError("is cut short.")
+        samples = np.asarray(imagecodecs.png_decode(data))
+        return _upright(samples, orientation)
     if image.format in ("JPEG", "MPO") and image.mode in ("L", "RGB"):
-        return _upright(_jpeg(path), image.getexif().get(_ORIENTATION))
+        return _upright(_jpeg(path), orientation)
     image.load()
     upright = ImageOps.exif_transpose(image)
     if upright.mode in ("L", "LA", "La", "I;16", "I;16B", "I;16L", "I", "F", "RGB", "RGBA", "RGBX"):
@@ -75,6 +102,8 @@ def _jpeg(path: Path) -> NDArray[Any]:
     # The decoder fills what is missing with grey; the end marker tells whether all is there.
     if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
         raise FrameError("is cut short.")
+    if data.count(b"\xff\xda") > _MOST_SCANS:
+        leave_to_sandbox()
     return np.asarray(imagecodecs.jpeg8_decode(data))
 
 
@@ -102,12 +131,13 @@ def read_heif(path: Path) -> Frame:
 
     Raises FrameError when it is cut short, damaged or too large.
     """
+    leave_to_sandbox()
     import pillow_heif
 
     try:
         file = pillow_heif.open_heif(path, convert_hdr_to_8bit=False)
         image = file[file.primary_index]
-        check_size(*image.size)
+        check_size(*image.size, 6, path.stat().st_size)
         samples = np.asarray(image)
         block = image.info.get("exif")
         exif = exif_from_bytes(block if isinstance(block, bytes) else None)

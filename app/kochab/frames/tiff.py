@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
-from kochab.frames import check_size, split
 from kochab.frames.hints import Exif, exif_from_bytes, frame_with_exif, hint_from_exif
+from kochab.frames.samples import check_size, split
+from kochab.frames.sandbox import leave_to_sandbox
 
 _CFA = 32803
 
@@ -20,6 +21,7 @@ def read_tiff(path: Path) -> Frame:
 
     Raises FrameError when it is cut short, damaged or too large.
     """
+    leave_to_sandbox()
     import logging
 
     import tifffile
@@ -31,7 +33,7 @@ def read_tiff(path: Path) -> Frame:
                 return read_raw(path)
             page: Any = file.pages[0]
             deep = int(page.samplesperpixel) * -(-int(page.bitspersample) // 8)
-            check_size(int(page.imagewidth), int(page.imagelength), deep)
+            check_size(int(page.imagewidth), int(page.imagelength), deep, path.stat().st_size)
             samples, inverted = _samples(page)
             count = len(file.pages)
     except (FrameError, MemoryError):
@@ -78,12 +80,13 @@ def read_raw(path: Path) -> Frame:
 
     Raises FrameError when LibRaw does not know the file or it is damaged.
     """
+    leave_to_sandbox()
     import rawpy
 
     try:
         with rawpy.RawPy() as raw:
             raw.open_file(str(path))
-            check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height))
+            check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height), 2, path.stat().st_size)
             raw.unpack()
             frame = _from_raw(raw)
     except (FrameError, MemoryError):

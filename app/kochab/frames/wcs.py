@@ -1,20 +1,22 @@
 """A solution written as a world coordinate system: a ``.wcs`` file, or a solved copy of a FITS file."""
 
+import gzip
 import os
 import re
-from typing import TYPE_CHECKING, Any
+import shutil
+import zlib
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
 from kochab.core.errors import FrameError
 from kochab.core.solution import Solution
 from kochab.core.wcs import wcs_cards
 from kochab.frames.atomic_file import atomic_file, write_atomically
-from kochab.frames.fits import check_tables
+from kochab.frames.fits import BLOCK, CARD, find_image
+from kochab.frames.outputs import same_file
 
-if TYPE_CHECKING:
-    from astropy.io.fits import Header
-
-
-_BLOCK = 2880  # FITS files come in blocks of this many bytes
+_COPIED_BYTES = 1 << 20
 _OLD = re.compile(
     r"(WCSAXES|CTYPE\d|CUNIT\d|CRVAL\d|CRPIX\d|CDELT\d|CROTA\d|CD\d_\d|PC\d_\d|PV\d_\d+"
     r"|LONPOLE|LATPOLE|RADESYS|RADECSYS|EQUINOX|(A|B|AP|BP)_(ORDER|DMAX|\d_\d)|PLTSOLVD)$"
@@ -40,7 +42,7 @@ def wcs_text(solution: Solution) -> str:
     ]
     cards = [str(Card(*card))[:79].ljust(79) + "\n" for card in start + wcs_cards(solution.camera, solution.attitude)]
     text = "".join(cards) + "END"
-    return text.ljust(-(-len(text) // _BLOCK) * _BLOCK)
+    return text.ljust(-(-len(text) // BLOCK) * BLOCK)
 
 
 def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:
@@ -49,49 +51,48 @@ def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:
 
 
 def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target: str | os.PathLike[str]) -> None:
-    """Copy a FITS file, its first image's old WCS replaced by this one, its data untouched.
+    """Copy a FITS file, its first image's old WCS replaced by this one, all its other bytes as they are.
 
-    The target appears whole or not at all, and may be the source itself.
+    The target appears whole or not at all, and may be the source itself, which then stays gzipped
+    if it was; another is gzipped when it is named ``.gz``.
 
     Raises FrameError when the source is not FITS with an image, or the target cannot be written.
     """
-    import warnings
-
-    from astropy.io import fits
-
+    name = Path(source).name
     try:
-        check_tables(source)
-        with atomic_file(target) as part, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with fits.open(
-                source,
-                memmap=False,
-                do_not_scale_image_data=True,
-                disable_image_compression=True,
-                ignore_missing_simple=True,
-            ) as hdus:
-                _replace_wcs(_first_image(hdus).header, solution)
-                hdus.writeto(part, overwrite=True, output_verify="silentfix+ignore")
-    except FrameError:
-        raise
-    except Exception as error:  # astropy raises many kinds for damaged headers
-        text = " ".join(str(getattr(error, "strerror", None) or error).split())[:150]
+        with atomic_file(target) as part, open(source, "rb") as raw, ExitStack() as closing:
+            file: Any = raw
+            if packed := raw.read(2) == b"\x1f\x8b":
+                raw.seek(0)
+                file = gzip.GzipFile(fileobj=raw)
+            image = find_image(file)
+            file.seek(0)
+            before, header = file.read(image.start), file.read(image.offset - image.start)
+            out: Any = closing.enter_context(part.open("wb"))
+            if packed if same_file(source, target) else Path(target).suffix.lower() == ".gz":
+                out = closing.enter_context(gzip.GzipFile(name.removesuffix(".gz"), "wb", fileobj=out))
+            out.write(before + _with_wcs(header, solution))
+            shutil.copyfileobj(file, out, _COPIED_BYTES)
+    except FrameError as error:
+        raise FrameError(f"{name} {error}") from None
+    except (OSError, EOFError, zlib.error) as error:
+        text = getattr(error, "strerror", None) or str(error)
         raise FrameError(f"{target} cannot be written: {text.rstrip('.')}.") from None
 
 
-def _first_image(hdus: Any) -> Any:
-    for hdu in hdus:
-        prefix = "Z" if hdu.header.get("ZIMAGE") is True else ""
-        if prefix or hdu.header.get("XTENSION", "IMAGE") == "IMAGE":
-            axes = hdu.header.get(f"{prefix}NAXIS", 0)
-            sizes = [hdu.header.get(f"{prefix}NAXIS{i + 1}", 0) for i in range(axes)]
-            if sum(size > 1 for size in sizes) >= 2:
-                return hdu
-    raise FrameError("The FITS file holds no image to write a solution to.")
+def _with_wcs(header: bytes, solution: Solution) -> bytes:
+    """The header with its old WCS replaced, a whole number of blocks; cards that break the standard stay."""
+    from astropy.io.fits import Card
 
-
-def _replace_wcs(header: "Header", solution: Solution) -> None:
-    for keyword in {str(k) for k in header if _OLD.match(str(k))}:
-        header.remove(keyword, ignore_missing=True, remove_all=True)
-    for keyword, value, comment in wcs_cards(solution.camera, solution.attitude):
-        header[keyword] = (value, comment)
+    cards, dropped = [], False
+    for at in range(0, len(header), CARD):
+        card = header[at : at + CARD]
+        name = card[:8].decode("latin-1").rstrip(" \0")
+        if name == "END":
+            break
+        dropped = bool(_OLD.match(name)) or (dropped and name == "CONTINUE")
+        if not dropped:
+            cards.append(card)
+    cards += [str(Card(*card)).encode("ascii") for card in wcs_cards(solution.camera, solution.attitude)]
+    text = b"".join(cards) + b"END"
+    return text.ljust(-(-len(text) // BLOCK) * BLOCK)

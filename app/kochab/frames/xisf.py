@@ -11,9 +11,10 @@ import numpy as np
 
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
-from kochab.frames import bayer_pattern, check_size, clipping_level, finite, split
 from kochab.frames.fits import parse_value
 from kochab.frames.hints import hint_from_keywords
+from kochab.frames.samples import bayer_pattern, check_size, clipping_level, finite, split
+from kochab.frames.sandbox import leave_to_sandbox
 
 
 def read_xisf(path: Path) -> Frame:
@@ -21,13 +22,14 @@ def read_xisf(path: Path) -> Frame:
 
     Raises FrameError when it is cut short, damaged or too large.
     """
+    leave_to_sandbox()
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # it prints what it does not know
             file = _opened(path)
         metas = file.get_images_metadata()
         if not metas:
             raise FrameError("holds no image.")
-        samples = _samples(file, metas[0])
+        samples = _samples(file, metas[0], path.stat().st_size)
     except (FrameError, MemoryError):
         raise
     except Exception:  # its XML and codecs fail in many ways when damaged
@@ -77,10 +79,10 @@ def _unzipped(packed: bytes, size: int) -> bytes:
     return data
 
 
-def _samples(file: Any, meta: Mapping[str, Any]) -> Any:
+def _samples(file: Any, meta: Mapping[str, Any], packed_bytes: int) -> Any:
     width, height, channels = (int(n) for n in meta["geometry"])
     dtype = np.dtype(meta["dtype"])
-    check_size(width, height, channels * dtype.itemsize)
+    check_size(width, height, channels * dtype.itemsize, packed_bytes)
     count = width * height * channels
     if not 1 <= channels <= 16:
         raise FrameError(f"claims {channels} colour channels.")

@@ -45,9 +45,9 @@ class WorkflowEngine:
     def read(self, path: Path) -> Task[Frame]:
         """The frame in a file; raises :class:`kochab.core.errors.FrameError`."""
         yield Progress("read", None, f"reading {path.name}")
-        from kochab.frames import read_frame
+        from kochab.frames import reading
 
-        return read_frame(path)
+        return (yield from reading(path))
 
     def solve(self, frame: Frame, options: SolveOptions, read_ms: float) -> "Task[SolvedFrame]":
         yield Progress("detect", None, "detecting stars")

@@ -121,7 +121,7 @@ class FileFrames:
         if not self._coming:
             raise NoMoreFramesError("No more frames: take another.")
         yield Progress("read", None, str(self._coming[0]))
-        frame = self._read(self._coming.popleft())
+        frame = yield from self._read(self._coming.popleft())
         if not self._single:
             return (yield from solve_frame(frame, self._options))
         result = yield from solve_frame(frame, self._options)
@@ -136,10 +136,10 @@ class FileFrames:
         stars = self._halves.popleft()
         return (yield from solve_detections(stars, replace(options, hint=hint)))
 
-    def _read(self, path: Path) -> Frame:
-        from kochab.frames import read_frame
+    def _read(self, path: Path) -> Task[Frame]:
+        from kochab.frames import reading
 
-        frame = lost_in_space(read_frame(path))
+        frame = lost_in_space((yield from reading(path)))
         self.used.append(str(path))
         self.time_utc = frame.hint.time_utc
         self.site = frame.hint.site or self.site

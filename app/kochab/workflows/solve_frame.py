@@ -40,11 +40,12 @@ def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[So
         The options name a method or detector that does not exist.
 
     """
-    from kochab.frames import read_frame
+    from kochab.frames import reading
 
+    options = options or SolveOptions()
     start = perf_counter()
     yield Progress("read", 0.0, str(path))
-    frame = read_frame(path)
+    frame = yield from reading(path, options.timeout_s)
     read_ms = (perf_counter() - start) * 1e3
     return (yield from solve_open_frame(frame, options, read_ms=read_ms))
 

@@ -60,7 +60,7 @@ def test_pictures_come_and_the_newest_is_next(network_camera, camera) -> None:
 
 
 def test_colour_is_kept_and_its_luminance_is_that_of_files(network_camera) -> None:
-    from kochab.frames import luminance
+    from kochab.frames.samples import luminance
 
     network_camera.colour = True
     camera = open_camera("webcam", network_camera.url)

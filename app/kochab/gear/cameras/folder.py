@@ -16,6 +16,7 @@ from time import monotonic, sleep
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import FrameError, LineLostError, PortError
 from kochab.core.frame import Frame
+from kochab.core.progress import Task
 
 # -- Which files of a folder are new and finished; pure bookkeeping, the clock is given --------
 
@@ -90,7 +91,8 @@ class Arrivals:
 
     def unreadable(self, path: str, now_s: float) -> bool:
         """``path`` could not be read: whether it is broken, else it is tried again soon."""
-        file = self._files[path]
+        if (file := self._files.get(path)) is None:
+            return False  # deleted while it was read
         file.done = now_s - file.since_s >= PATIENCE_S
         file.retry_s = now_s + SETTLE_S
         return file.done
@@ -102,6 +104,10 @@ class Arrivals:
 
 POLL_S = 0.1
 MOST_COMPLAINTS = 20
+READ_LIMIT_S = 20.0
+"""A file that is not read in so long costs its one complaint, and the folder goes on."""
+READ_AT_ONCE_S = 2.0
+"""So long a file is read within one call; what takes longer goes on in the next."""
 DEEPEST = 4
 """Folders in folders (target, night, filter) are looked into so far down."""
 
@@ -117,6 +123,7 @@ class FolderCamera(CameraSource):
         self._arrivals = Arrivals()
         self._complaints: deque[str] = deque(maxlen=MOST_COMPLAINTS)
         self._next_look_s = 0.0
+        self._reading: tuple[str, Stamp, Task[Frame]] | None = None
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:
@@ -170,9 +177,9 @@ class FolderCamera(CameraSource):
         while True:
             if monotonic() >= self._next_look_s:
                 self._look()
-            for path in self._arrivals.ready(monotonic()):
+            for path in [self._reading[0]] if self._reading else self._arrivals.ready(monotonic()):
                 frame = self._read(path)
-                if frame is not None:
+                if frame is not None or self._reading:
                     return frame
                 if monotonic() > deadline:
                     break  # many broken files: the rest at the next call
@@ -182,7 +189,10 @@ class FolderCamera(CameraSource):
             sleep(min(POLL_S, left))
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Stop the decoder, should one be at work."""
+        if self._reading:
+            self._reading[2].close()
+            self._reading = None
 
     def _look(self) -> None:
         """List the folder; a large one is listed less often, at a tenth of a processor at most."""
@@ -192,18 +202,30 @@ class FolderCamera(CameraSource):
         self._next_look_s = now + max(POLL_S, 9.0 * (now - begun)) - POLL_S / 2
 
     def _read(self, path: str) -> Frame | None:
-        from kochab.frames import read_frame
+        """The frame in ``path``; None, with ``_reading`` set, while its decoder is still at work."""
+        from kochab.frames import reading
 
-        before = _stamp(path)
-        if before != self._arrivals.stamp(path):
-            return None  # written to since the last look: the next one sees it as new
+        if self._reading is None:
+            stamp = _stamp(path)
+            if stamp is None or stamp != self._arrivals.stamp(path):
+                return None  # written to since the last look: the next one sees it as new
+            self._reading = path, stamp, reading(path, READ_LIMIT_S)
+        _, before, task = self._reading
+        end = monotonic() + READ_AT_ONCE_S
         try:
-            frame = read_frame(path)
+            while True:
+                next(task)
+                if monotonic() > end:
+                    return None
+        except StopIteration as read:
+            frame: Frame = read.value
         except FrameError as error:
+            self._reading = None
             if self._arrivals.unreadable(path, monotonic()):
                 self._complaints.append(f"File skipped: {error}")
             return None
-        if before is None or _stamp(path) != before:
+        self._reading = None
+        if _stamp(path) != before:
             return None  # written to while it was read
         watched = self._arrivals.written_while_watched(path)
         self._arrivals.give(path, monotonic())

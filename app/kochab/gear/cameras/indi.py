@@ -31,8 +31,7 @@ def frame_of(data: bytes, suffix: str, name: str) -> Frame:
         The bytes are no picture, or are cut short.
 
     """
-    from kochab.frames import read_frame
-    from kochab.frames.fits import read_fits_bytes
+    from kochab.frames import read_fits_bytes, read_frame
 
     suffix = re.sub(r"[^A-Za-z0-9.]", "", suffix)[-12:]  # a server's word becomes a file's name
     if suffix.endswith(".z"):

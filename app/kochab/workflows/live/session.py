@@ -20,7 +20,7 @@ from kochab import __version__
 from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Frame, Hint, Site
-from kochab.core.progress import Progress
+from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
 from kochab.solver import SolveOptions
@@ -301,7 +301,7 @@ def replay(folder: Path, engine: LiveEngine) -> Generator[Progress | Replayed, N
     _, lines = read_session(folder)
     for number, line in enumerate(lines, 1):
         yield Progress("replay", (number - 1) / len(lines), line["frame_file"])
-        frame, intact = _frame(folder / Path(line["frame_file"]).name, line)
+        frame, intact = yield from _frame(folder / Path(line["frame_file"]).name, line)
         received = monotonic()
         moment = _moment(line, frame)
         track = yield from engine.update(frame, moment)
@@ -309,14 +309,14 @@ def replay(folder: Path, engine: LiveEngine) -> Generator[Progress | Replayed, N
         yield Replayed(_update(shot, track), line, intact, _apart(track.solution, line))
 
 
-def _frame(path: Path, line: Json) -> tuple[Frame, bool]:
-    from kochab.frames import read_frame
+def _frame(path: Path, line: Json) -> Task[tuple[Frame, bool]]:
+    from kochab.frames import reading
 
     try:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
         raise FrameError(f"Can't read {path} of the session: missing or damaged.") from None
-    return read_frame(path), digest == line.get("sha256")
+    return (yield from reading(path)), digest == line.get("sha256")
 
 
 def _moment(line: Json, frame: Frame) -> datetime:

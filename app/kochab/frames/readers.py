@@ -1,0 +1,205 @@
+"""Files to frames: which reader a file belongs to, and where it is read."""
+
+import os
+import warnings
+from collections.abc import Callable
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
+from kochab.core.progress import Task, run
+from kochab.core.registry import Registry
+from kochab.frames.sandbox import Outside, in_sandbox, leave_to_sandbox, memory_text
+
+Reader = Callable[[Path], Frame]
+
+# -- Which reader a file belongs to, decided by what it holds before what it is called ---------
+
+FORMATS: Registry[Frame] = Registry(
+    "format",
+    "kochab.formats",
+    {
+        "FITS": "kochab.frames.fits:read_fits",
+        "XISF": "kochab.frames.xisf:read_xisf",
+        "TIFF": "kochab.frames.tiff:read_tiff",
+        "picture": "kochab.frames.picture:read_picture",
+        "HEIF": "kochab.frames.picture:read_heif",
+        "raw": "kochab.frames.tiff:read_raw",
+    },
+)
+"""Readers, functions of a path. Another package's is named by its files' suffix: ``asdf``."""
+
+_RAW = (  # noqa: SIM905
+    ".cr2 .cr3 .crw .nef .nrw .arw .srf .sr2 .dng .raf .orf .rw2 .raw .pef .srw .3fr .iiq .x3f"
+).split()
+
+SUFFIXES: dict[str, str] = {
+    **dict.fromkeys((".fit", ".fits", ".fts", ".fz", ".gz"), "FITS"),
+    **dict.fromkeys((".xisf",), "XISF"),
+    **dict.fromkeys((".tif", ".tiff"), "TIFF"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp", ".gif", ".webp"), "picture"),
+    **dict.fromkeys((".heic", ".heif", ".hif"), "HEIF"),
+    **dict.fromkeys(_RAW, "raw"),
+}
+
+_MAGIC: tuple[tuple[bytes, str], ...] = (
+    (b"SIMPLE  =", "FITS"),
+    (b"\x1f\x8b", "FITS"),
+    (b"XISF0100", "XISF"),
+    (b"\x89PNG\r\n\x1a\n", "picture"),
+    (b"\xff\xd8\xff", "picture"),
+    (b"GIF8", "picture"),
+    (b"BM", "picture"),
+    (b"FUJIFILMCCD-RAW", "raw"),
+    (b"IIRO", "raw"),
+    (b"IIRS", "raw"),
+    (b"MMOR", "raw"),
+    (b"IIU\x00", "raw"),
+    (b"FOVb", "raw"),
+    (b"II*\x00", "TIFF"),
+    (b"MM\x00*", "TIFF"),
+    (b"II+\x00", "TIFF"),
+    (b"MM\x00+", "TIFF"),
+)
+
+
+READ_LIMIT_S = 60.0
+"""After so many seconds a decoder is stopped, unless a caller says otherwise."""
+
+
+def read_frame(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S) -> Frame:
+    """Read the picture in a file.
+
+    Parameters
+    ----------
+    path
+        A file in any of `FORMATS`; its content decides which, its suffix only between kinds
+        that begin alike (a DNG is a TIFF).
+    timeout_s
+        Limit for a decoder in a process of its own, s; None for no limit.
+
+    Returns
+    -------
+    Frame
+        ``pixels`` (H, W) native and contiguous, row 0 at the top of the screen; no file's rows
+        are turned over, so that pixel positions stay those of the file.
+
+    Raises
+    ------
+    FrameError
+        With one sentence naming the file, for whatever is wrong with it.
+    """
+    return run(reading(path, timeout_s))
+
+
+def reading(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S) -> Task[Frame]:
+    """:func:`read_frame` as a task: closing it stops the decoder, whatever that does."""
+    path = Path(path)
+    kind = _sniff(path)
+    foreign = "" if kind in FORMATS.own else f"format '{kind}' ({FORMATS[kind]})"
+    return (yield from _anywhere(path.name, timeout_s, _read, FORMATS.load(kind), path, foreign))
+
+
+def read_fits_bytes(data: bytes, name: str) -> Frame:
+    """The frame of a FITS file in memory, as a camera server sends it; ``name`` stands for its path.
+
+    Raises
+    ------
+    FrameError
+        As :func:`read_frame`, with one sentence that names it.
+    """
+    from kochab.frames.fits import read_fits_file
+
+    return run(_anywhere(name, READ_LIMIT_S, _read_bytes, read_fits_file, data, name))
+
+
+def _anywhere(name: str, timeout_s: float | None, function: Callable[..., Frame], *arguments: Any) -> Task[Frame]:
+    """Read in this process, at once, unless the reader leaves it to the sandbox."""
+    try:
+        return function(*arguments)
+    except Outside:
+        return (yield from in_sandbox(name, timeout_s, function, *arguments))
+
+
+def _read_bytes(reader: Callable[[BinaryIO, Path], Frame], data: bytes, name: str) -> Frame:
+    return _read(partial(reader, BytesIO(data)), Path(name), "")
+
+
+def _read(reader: Reader, path: Path, foreign: str) -> Frame:
+    """The frame; what is wrong becomes one sentence that names the file, and whose reader it is if not ours."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _foreign(reader, path, foreign) if foreign else reader(path)
+    except FrameError as error:
+        text = str(error)
+        raise (error if path.name in text else FrameError(f"{path.name} {text}")) from None
+    except MemoryError:
+        raise FrameError(f"{path.name} does not fit into the {memory_text()} there is for reading it.") from None
+    except OSError as error:
+        raise FrameError(f"{path.name} cannot be read: {_plain(error)}.") from None
+
+
+def _foreign(reader: Reader, path: Path, whose: str) -> Frame:
+    """The frame from another package's reader; whatever else that raises becomes a FrameError."""
+    leave_to_sandbox()
+    try:
+        frame = reader(path)
+        if not isinstance(frame, Frame):
+            raise TypeError(f"the reader returned {type(frame).__name__}, not a Frame")
+    except (FrameError, MemoryError, OSError):
+        raise
+    except Exception as error:  # another package's code may raise anything
+        cause = f"{type(error).__name__}: {_plain(error)}"
+        raise FrameError(f"{path.name} cannot be read: a fault in the {whose}, {cause}.") from error
+    return frame
+
+
+def _sniff(path: Path) -> str:
+    try:
+        if path.is_dir():
+            raise FrameError(f"{path} is a folder, not an image.")
+        if path.exists() and not path.is_file():  # a pipe would keep us waiting for ever
+            raise FrameError(f"{path} is a pipe or a device, not a file.")
+        with path.open("rb") as file:
+            head = file.read(64)
+    except FileNotFoundError:
+        raise FrameError(f"{path} does not exist.") from None
+    except PermissionError:
+        raise FrameError(f"Can't open {path}: permission denied.") from None
+    except (OSError, ValueError) as error:
+        raise FrameError(f"Can't open {path}: {_plain(error)}.") from None
+    if not head:
+        raise FrameError(f"{path.name} is empty.")
+    kind = kind_of(head, path.suffix.lower())
+    if kind is None and path.suffix.lower()[1:] in FORMATS.others():
+        return path.suffix.lower()[1:]
+    if kind is None:
+        raise FrameError(
+            f"Can't open {path.name}: not a supported image (FITS, XISF, TIFF, PNG, JPEG, BMP, GIF,"
+            " WebP, HEIC or camera RAW)."
+        )
+    return kind
+
+
+def kind_of(head: bytes, suffix: str) -> str | None:
+    """The key of `FORMATS` for a file that begins with ``head``, None when unknown."""
+    named = SUFFIXES.get(suffix)
+    if head[4:8] == b"ftyp":
+        return "raw" if head[8:12] == b"crx " else "HEIF"
+    if head[:4] == b"RIFF":
+        return "picture" if head[8:12] == b"WEBP" else None
+    for magic, kind in _MAGIC:
+        if head.startswith(magic):
+            # Most cameras' raw files are TIFF inside; only the name tells them from a picture.
+            return "raw" if kind == "TIFF" and (named == "raw" or head[8:10] == b"CR") else kind
+    return "raw" if named == "raw" else None
+
+
+def _plain(error: Exception) -> str:
+    """An exception's own words on one line, without a full stop."""
+    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return " ".join(str(text).split())[:200].rstrip(".")

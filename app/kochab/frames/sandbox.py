@@ -1,0 +1,277 @@
+"""A process of its own for decoders that cannot be trusted: it is killed at a cancel or at a deadline.
+
+    reader -> leave_to_sandbox() raises Outside -> in_sandbox(function, ...) -> a warm process -> the result
+
+What is read by hand, or by a library that is bounded by the size of the image, never comes here. A
+process takes 0.2 to 0.3 s to start, is kept for the next file, and ends with its parent.
+"""
+
+import atexit
+import contextlib
+import logging
+import os
+import pickle
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from concurrent.futures import Future
+from queue import SimpleQueue
+from typing import IO, Any, BinaryIO, TypeVar
+
+import numpy as np
+
+from kochab.core.errors import FrameError
+from kochab.core.progress import Progress, Task
+from kochab.frames.samples import free_bytes
+
+T = TypeVar("T")
+Answer = tuple[Any, Exception | None, str]
+"""What a function returned, or what it raised and where."""
+_logger = logging.getLogger(__name__)
+
+MOST_BYTES = 4_000_000_000
+"""What reading one file may take: twice the largest decoded image, and the frame made of it."""
+LEAST_BYTES = 1_000_000_000  # of address space, of which a library's threads reserve much and use little
+_POLL_S = 0.05
+_PIPE_BYTES = 1 << 20
+_START = "import sys; from pickle import load; sys.path[:] = load(sys.stdin.buffer); " + (
+    "from kochab.frames.sandbox import serve; serve()"
+)
+
+
+class Outside(Exception):  # noqa: N818 (a signal inside this room, not an error)
+    """What is wanted must be done in the sandbox, and here is none."""
+
+
+# -- Within the sandbox ------------------------------------------------------------------------
+
+_inside = False
+_limit_bytes: int | None = None
+
+
+def leave_to_sandbox() -> None:
+    """Raise `Outside` unless this process is a sandbox, before a library is asked that may hang."""
+    # A frozen program is no interpreter that could be started once more.
+    if not _inside and not getattr(sys, "frozen", False):
+        raise Outside
+
+
+def memory_text() -> str:
+    """The memory that reading may take here, as ``4.0 GB``."""
+    room = _limit_bytes or free_bytes()
+    return f"{room / 1e9:.1f} GB" if room else "memory"
+
+
+def serve() -> None:
+    """Answer calls from standard input until it ends."""
+    global _inside
+    _inside = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches us too; the parent decides
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print
+    calls: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=_listen, args=(calls,), daemon=True).start()
+    while True:
+        _send(answers, _answer(calls.get()))
+
+
+def _listen(calls: "SimpleQueue[bytes]") -> None:
+    """Put calls where the main thread finds them; end the process with its parent, even in mid-call."""
+    while True:
+        try:
+            sys.path[:] = pickle.load(sys.stdin.buffer)
+            calls.put(pickle.load(sys.stdin.buffer))
+        except EOFError:
+            os._exit(0)
+
+
+def _answer(call: bytes) -> Answer:
+    try:
+        function, arguments, memory_bytes, timeout_s = pickle.loads(call)
+        _bound(memory_bytes, timeout_s)
+        return function(*arguments), None, ""
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # some libraries' exceptions cannot be made again from what they hold
+            return None, RuntimeError("".join(traceback.format_exception_only(error))), traceback.format_exc()
+        return None, error, traceback.format_exc()
+
+
+def _bound(memory_bytes: int, timeout_s: float | None) -> None:
+    """Bound the address space (Linux alone tells what is taken), and time for when nobody is left to kill us."""
+    global _limit_bytes
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    with contextlib.suppress(OSError, ValueError):
+        with open("/proc/self/statm", encoding="ascii") as file:
+            taken = int(file.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (taken + memory_bytes, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        _limit_bytes = memory_bytes
+    if timeout_s is not None:
+        seconds = int(time.process_time() + 4.0 * timeout_s) + 60  # several threads may decode
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+
+
+# -- Outside of it -----------------------------------------------------------------------------
+
+
+def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *arguments: Any) -> Task[T]:
+    """What ``function`` returns or raises, called in another process; that is killed when this task is closed.
+
+    Parameters
+    ----------
+    name
+        Of the file, for sentences.
+    timeout_s
+        After so many seconds the process is killed; None for no limit.
+    function, arguments
+        Picklable; the function is found by its module and name.
+
+    Raises
+    ------
+    FrameError
+        The deadline has passed, or the process ended: it crashed, or the system ended it.
+    """
+    deadline = None if timeout_s is None else time.monotonic() + timeout_s
+    sandbox = _kept() or _Sandbox()
+    kept = False
+    try:
+        memory_bytes = max(LEAST_BYTES, min(MOST_BYTES, free_bytes() or MOST_BYTES))
+        answer = sandbox.call((function, arguments, memory_bytes, timeout_s))
+        while not answer.done():
+            if deadline is not None and time.monotonic() > deadline:
+                raise FrameError(f"{name} was not read within {timeout_s:g} s. Is it damaged? Else allow more time.")
+            yield Progress("read", None, name)
+            with contextlib.suppress(TimeoutError):
+                answer.exception(_POLL_S)
+        if answer.exception() is not None:
+            raise FrameError(f"{name} cannot be read: its decoder crashed, or the memory ran out.")
+        kept = True
+    finally:
+        if kept:
+            _idle.append(sandbox)
+        else:
+            sandbox.kill()
+    value, error, trace = answer.result()
+    if error is not None:
+        _logger.debug("In the process that reads %s: %s", name, trace)
+        raise error
+    return value  # type: ignore[no-any-return]
+
+
+class _Sandbox:
+    """One process, and the thread that waits for its answer."""
+
+    def __init__(self) -> None:
+        no_window = 0x08000000 if os.name == "nt" else 0  # else a console flashes up
+        # -P: a file pickle.py beside the frames is not Python's. One thread: each reserves memory.
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-W", "ignore", "-c", _START],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            creationflags=no_window,
+            pipesize=_PIPE_BYTES,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"},
+        )
+        self._thread: threading.Thread | None = None
+        self._started = False
+
+    def call(self, call: tuple[Any, ...]) -> "Future[Answer]":
+        """Send ``call``; the answer comes, or an exception when the process has ended."""
+        answer: Future[Answer] = Future()
+        self._thread = threading.Thread(target=self._exchange, args=(call, answer), daemon=True)
+        self._thread.start()
+        return answer
+
+    def _exchange(self, call: tuple[Any, ...], answer: "Future[Answer]") -> None:
+        stdin, stdout = self._process.stdin, self._process.stdout
+        assert stdin is not None
+        assert stdout is not None
+        try:
+            if not self._started:
+                pickle.dump(sys.path, stdin)
+                self._started = True
+            pickle.dump(sys.path, stdin)  # by now it may hold more
+            pickle.dump(pickle.dumps(call), stdin)
+            stdin.flush()
+            answer.set_result(_received(stdout))
+        except Exception as error:  # else nobody would learn that no answer comes
+            answer.set_exception(error)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process has not ended."""
+        return self._process.poll() is None
+
+    def kill(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(1.0)
+        if self._thread is not None:
+            self._thread.join(1.0)
+        for pipe in (self._process.stdin, self._process.stdout):
+            with contextlib.suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+
+
+_idle: list[_Sandbox] = []
+
+
+def _kept() -> _Sandbox | None:
+    """A process that waits for work."""
+    with contextlib.suppress(IndexError):  # of several threads each takes its own
+        while True:
+            sandbox = _idle.pop()
+            if sandbox.alive:
+                return sandbox
+            sandbox.kill()
+    return None
+
+
+@atexit.register
+def _kill_idle() -> None:
+    while _idle:
+        _idle.pop().kill()
+
+
+# -- Between the two: numbers as they lie in memory, without a copy ----------------------------
+
+
+def _send(pipe: BinaryIO, value: Any) -> None:
+    buffers: list[pickle.PickleBuffer] = []
+    body = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    parts = [memoryview(body), *(buffer.raw() for buffer in buffers)]
+    pipe.write(struct.pack(f"=Q{len(parts)}Q", len(parts), *(part.nbytes for part in parts)))
+    for part in parts:
+        pipe.write(part)
+    pipe.flush()
+
+
+def _received(pipe: IO[bytes]) -> Any:
+    (count,) = struct.unpack("=Q", _filled(pipe, 8))
+    sizes = struct.unpack(f"={count}Q", _filled(pipe, 8 * count))
+    body, *buffers = [_filled(pipe, size) for size in sizes]
+    return pickle.loads(body, buffers=buffers)
+
+
+def _filled(pipe: IO[bytes], size: int) -> memoryview:
+    whole = np.empty(size, np.uint8).data  # bytearray would write zeros first
+    at = 0
+    while at < size:
+        count = pipe.readinto(whole[at:])  # type: ignore[attr-defined]
+        if not count:
+            raise EOFError
+        at += count
+    return whole

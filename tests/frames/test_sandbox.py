@@ -1,0 +1,157 @@
+"""A decoder that hangs, crashes or grows costs its file one sentence, and no process stays behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kochab.cli.main import main
+from kochab.core.errors import FrameError
+from kochab.core.progress import run
+from kochab.frames import FORMATS, read_frame, reading, sandbox
+from kochab.gear.cameras import folder as folder_camera
+from kochab.gear.cameras import open_camera
+from tests.frames.files import colours, one_of_each, sky
+
+
+def gone(pid):
+    """Whether the process has ended, or ends soon."""
+    for _ in range(200):
+        try:
+            os.kill(pid, 0)
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            return True
+        if state == "Z":  # nobody has asked how it ended
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.fixture
+def odd(tmp_path, monkeypatch):
+    """A file whose reader is the one that is named."""
+
+    def named(reader, name="night.odd"):
+        monkeypatch.setattr(FORMATS, "_others", {"odd": f"tests.frames.files:{reader}"})
+        (path := tmp_path / name).write_bytes(b"ODD1")
+        return path
+
+    return named
+
+
+def reader_of(path):
+    return int(path.with_suffix(".pid").read_text())
+
+
+def test_a_decoder_that_hangs_is_killed_at_the_deadline(odd):
+    path = odd("stuck_reader")
+    with pytest.raises(FrameError, match=r"^night.odd was not read within 3 s"):
+        read_frame(path, timeout_s=3.0)
+    assert gone(reader_of(path))
+
+
+def test_a_decoder_that_hangs_is_killed_at_a_cancel(odd):
+    path = odd("stuck_reader")
+    task = reading(path, None)
+    while not path.with_suffix(".pid").exists() or not path.with_suffix(".pid").read_text():
+        next(task)
+    task.close()
+    assert gone(reader_of(path))
+
+
+def test_the_time_limit_of_a_solve_covers_reading(odd, capsys):
+    path = odd("stuck_reader")
+    assert main(["solve", str(path), "--timeout", "3"]) == 2
+    assert "night.odd was not read within 3 s" in capsys.readouterr().err
+
+
+def test_a_decoder_that_crashes_costs_a_sentence_and_the_next_file_nothing(odd):
+    with pytest.raises(FrameError, match=r"night.odd cannot be read: its decoder crashed"):
+        read_frame(odd("crashing_reader"))
+    np.testing.assert_array_equal(read_frame(odd("quick_reader")).pixels, sky())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing bounds a process's memory")
+def test_a_decoder_may_not_fill_the_memory(odd, monkeypatch):
+    monkeypatch.setattr(sandbox, "LEAST_BYTES", 400_000_000)
+    monkeypatch.setattr(sandbox, "MOST_BYTES", 400_000_000)
+    with pytest.raises(FrameError, match=r"night.odd does not fit into the 0.4 GB there is for reading it"):
+        read_frame(odd("greedy_reader"))
+    assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
+
+
+def test_one_process_reads_one_file_after_the_other(odd):
+    first, second = odd("quick_reader", "a.odd"), odd("quick_reader", "b.odd")
+    frames = [read_frame(first), read_frame(second)]
+    assert reader_of(first) == reader_of(second) != os.getpid()
+    for frame in frames:
+        np.testing.assert_array_equal(frame.pixels, sky())
+        np.testing.assert_array_equal(frame.colour, colours())
+        frame.pixels[0, 0] = 7  # the caller's own
+
+
+def test_two_files_are_read_at_the_same_time(odd):
+    first, second = odd("quick_reader", "a.odd"), odd("quick_reader", "b.odd")
+    one, other = reading(first), reading(second)
+    for task in (one, other):
+        next(task)
+    for task in (one, other):
+        run(task)
+    assert reader_of(first) != reader_of(second)
+
+
+def test_what_is_safe_is_read_at_once(tmp_path, monkeypatch):
+    def started():
+        raise AssertionError("a process was started")
+
+    files = [p for p in one_of_each(tmp_path) if p.name in ("a.fits", "a.png", "d16.png", "a.jpg", "a.bmp")]
+    monkeypatch.setattr(sandbox, "_kept", started)
+    for path in files:
+        with pytest.raises(StopIteration):
+            next(reading(path))
+    assert len(files) == 5
+
+
+def test_the_process_ends_with_its_parent(odd):
+    path = odd("stuck_reader")
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom kochab.frames import FORMATS, read_frame\n"
+        "FORMATS._others = {'odd': 'tests.frames.files:stuck_reader'}\nread_frame(sys.argv[1])"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code, str(path)])
+    try:
+        while not (path.with_suffix(".pid").exists() and path.with_suffix(".pid").read_text()):
+            assert parent.poll() is None
+            time.sleep(0.05)
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    assert gone(reader_of(path))
+
+
+def test_a_file_that_hangs_costs_a_watched_folder_one_complaint(odd, tmp_path, monkeypatch):
+    monkeypatch.setattr(folder_camera, "READ_LIMIT_S", 3.0)
+    monkeypatch.setattr(folder_camera, "READ_AT_ONCE_S", 0.2)
+    monkeypatch.setattr(folder_camera, "PATIENCE_S", 0.5)
+    monkeypatch.setattr("kochab.frames.SUFFIXES", {".odd": "odd", ".png": "picture"})
+    path = odd("stuck_reader")
+    with closing(open_camera("folder", str(tmp_path))) as camera:
+        while not camera._reading:
+            assert camera.next_frame(0.1) is None
+        one_of_each(tmp_path)
+        while (frame := camera.next_frame(0.5)) is None:
+            pass
+        assert frame.path.endswith(".png")
+        while camera.next_frame(0.5) is not None:
+            pass
+        assert [c for c in camera.complaints() if "night.odd" in c] == [
+            "File skipped: night.odd was not read within 3 s. Is it damaged? Else allow more time."
+        ]
+    assert gone(reader_of(path))
