@@ -8,7 +8,15 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
-from kochab.lab.methods.neighbours import PLACES, Neighbours, Quanta, angle_at, catalogue_table, make_table
+from kochab.lab.methods.neighbours import (
+    PLACES,
+    Neighbours,
+    Quanta,
+    angle_at,
+    catalogue_table,
+    make_table,
+    sensor_magnitude,
+)
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue
 
@@ -182,3 +190,8 @@ def test_a_red_sensor_sees_red_stars_brighter() -> None:
     known = np.isfinite(colours)
     assert red.mag[known] == pytest.approx((catalogue.mag(red.rows) - colours)[known])
     assert np.nanmean(colours) > np.nanmean(catalogue.bv(plain.rows)) + 0.2
+
+
+def test_unknown_colours_count_as_typical():
+    got = sensor_magnitude(np.full(3, 5.0), np.array([0.0, 1.0, np.nan]), -0.3)
+    assert got == pytest.approx([5.0, 4.7, 4.79])

@@ -196,7 +196,7 @@ def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:
     rows = []
     mean_all = Averages()
     for attitude in single:
-        mean_all.add(attitude, 0.0)
+        mean_all.add(attitude)
     middle = mean_all.mean().matrix  # what is the same in all frames is no noise
     for n in (1, 4, 16, 64):
         if 4 * n > len(single):
@@ -205,7 +205,7 @@ def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:
         for begin in range(0, len(single) - n + 1, n):
             part = Averages()
             for attitude in single[begin : begin + n]:
-                part.add(attitude, 0.0)
+                part.add(attitude)
             left.append(off_arcsec(part.mean().matrix, middle)[:2])
             promised.append(part.mean().sigma_arcsec[:2])
         row: dict[str, Any] = {"what": f"averages of {n}", "frames": len(left) * n}

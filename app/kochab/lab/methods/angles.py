@@ -20,7 +20,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
 from kochab.core.solution import Identification, NoSolution
 from kochab.lab.methods.confirmation import CandidateNames, confirm, refused, with_known_scale
-from kochab.lab.methods.pairs import LINEAR, KVector, Pairs, catalogue_pairs, make_kvector, spread
+from kochab.lab.methods.pairs import Pairs, between, catalogue_pairs, spread
 
 # -- Pivoting: candidates of one figure are kept when they share stars with those of the next ----
 # The thesis on spherical triangles, sections 2.3, 2.6, 5.2.3-5.2.5 and 5.3.3-5.3.5. Its binary
@@ -112,11 +112,11 @@ def pivot(order: Ints, candidates: list[Ints], keys: Ints, as_printed: bool = Fa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FigureTable:
-    """``stars`` (F, c) of ``pairs`` in the catalogue's figures, in the order of ``index``."""
+    """``stars`` (F, c) of ``pairs`` in the catalogue's figures; ``values`` (F,) to search ascend."""
 
     pairs: Pairs
     stars: Ints
-    index: KVector
+    values: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +213,7 @@ class Angles(PivotingMethod):
         cosine = np.clip((body[figures[:, 0]] * body[figures[:, 1]]).sum(axis=1), -1.0, 1.0)
         angle = np.arccos(cosine)
         bound = self.bound_sigma * np.sqrt(2.0) * sigma  # equation 2.15
-        start, stop = table.index.between(np.cos(angle + bound), np.cos(np.maximum(angle - bound, 0.0)))
+        start, stop = between(table.values, np.cos(angle + bound), np.cos(np.maximum(angle - bound, 0.0)))
         use = (angle < np.radians(self.limit_deg)) & (stop - start <= self.most)
         figures, angle, start, stop = figures[use], angle[use], start[use], stop[use]
         if len(figures) == 0:
@@ -247,4 +247,4 @@ def angle_table(limit_deg: float, brightest: int, mag_limit: float | None, year:
 def angles_of(pairs: Pairs) -> FigureTable:
     """The angles of any pairs, the widest first, so that cosines ascend; kept while they are."""
     stars = np.stack([pairs.first, pairs.second], axis=1)[::-1].astype(np.int64)
-    return FigureTable(pairs, stars, make_kvector(np.cos(pairs.angle[::-1]), LINEAR))
+    return FigureTable(pairs, stars, np.cos(pairs.angle[::-1]))

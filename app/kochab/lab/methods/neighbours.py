@@ -25,7 +25,6 @@ from kochab.core.solution import Identification, NoSolution
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.lab.methods.confirmation import CandidateNames, confirm, refused, with_known_scale
 from kochab.lab.methods.pairs import angles_between, spread
-from kochab.lab.methods.photometry import sensor_magnitude
 from kochab.sky import open_catalogue
 
 # -- The star database: every star by its nearest neighbours, errors included -------------------
@@ -49,6 +48,7 @@ MOST_ENTRIES, MOST_COMPARED = 60_000_000, 400_000_000
 """Entries before doubles are left out, and pairs of neighbours: some seconds and a gigabyte."""
 TOO_LARGE = "make the table of neighbours too large: take fewer stars, a smaller spread or tolerance, or larger steps."
 KEPT = ("rows", "vectors", "mag", "certain", "key", "star")
+TYPICAL_BV = 0.7  # the median over stars of the catalogue whose colour is known
 PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 
 
@@ -196,9 +196,19 @@ def catalogue_table(
     The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share
     ``uncertainty``, stars are certain above ``1 + uncertainty`` times that limit and maybe there
     down to ``1 - uncertainty``; so are both stars of a pair closer than ``double_deg``.
-    Brightness is that of a sensor with ``colour_term`` (:mod:`kochab.lab.methods.photometry`).
+    Brightness is that of a sensor with ``colour_term``, see `sensor_magnitude`.
     """
     return _tabled(brightest, uncertainty, double_deg, quanta, round(year), colour_term)
+
+
+def sensor_magnitude(v: Floats, bv: Floats, colour_term: float) -> Floats:
+    """Magnitudes (N,) as a sensor sees them: ``v + colour_term (bv - 0)``, zero for B-V = 0.
+
+    The paper (section "Correction to CCD-Sensitivity") integrates black bodies over the sensor's
+    response; over the colours of stars that is close to this line. Stars of unknown colour (NaN)
+    count as typical. A red-sensitive sensor has a negative term: red stars look brighter to it.
+    """
+    return np.asarray(v + colour_term * np.where(np.isnan(bv), TYPICAL_BV, bv))
 
 
 @lru_cache(maxsize=4)

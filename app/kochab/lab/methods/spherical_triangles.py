@@ -18,7 +18,7 @@ from kochab.core.errors import UsageError
 from kochab.core.registry import integer
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.lab.methods.angles import Chain, FigureTable, PivotingMethod, pivot, pivot_order
-from kochab.lab.methods.pairs import PARABOLIC, Pairs, angles_between, catalogue_pairs, make_kvector, spread
+from kochab.lab.methods.pairs import Pairs, angles_between, between, catalogue_pairs, spread
 
 # -- Area and polar moment of spherical triangles, with their errors, many at once -------------
 # The thesis on spherical triangles, sections 2.4 and 2.5. All take corners (..., 3, 3): three unit
@@ -140,7 +140,7 @@ class SphericalTriangles(PivotingMethod):
         figures = figures[field(body[figures]) <= np.radians(self.limit_deg)]
         corners = body[figures]
         size, error = area(corners), self.bound_sigma * area_sigma(corners, sigma)
-        start, stop = table.index.between(size - error, size + error)
+        start, stop = between(table.values, size - error, size + error)
         use = stop - start <= self.most
         figures, size, start, stop = figures[use], size[use], start[use], stop[use]
         if len(figures) == 0:
@@ -190,8 +190,7 @@ def _tabled(limit_deg: float, brightest: int | None, mag_limit: float | None, ye
 def triangles_of(pairs: Pairs, made: Arrays) -> TriangleTable:
     """The table of what `make_triangles` gave of ``pairs``."""
     stars = made["stars"].astype(np.int64)
-    index = make_kvector(made["area"], PARABOLIC)
-    return TriangleTable(pairs, stars, index, two_shared(stars), made["moment"])
+    return TriangleTable(pairs, stars, made["area"], two_shared(stars), made["moment"])
 
 
 def make_triangles(pairs: Pairs, limit_deg: float) -> Arrays:

@@ -274,7 +274,7 @@ def averaged(seed: int, frames: int, trials: int) -> tuple[float, float]:
                 one.camera, one.attitude.matrix, one.detections.xy, near, 2.0, closest_px=1.0, worst_px=1.0
             )
             if found is not None:
-                total.add(found.attitude, 0.0)
+                total.add(found.attitude)
         mean = total.mean()
         left.append(_off_arcsec(one, mean.boresight))
         promised.append(mean.sigma_arcsec[:2])

@@ -24,7 +24,7 @@ from kochab.core.arrays import Bools
 from kochab.lab.bench.papers import Published, share_error
 from kochab.lab.bench.papers import spherical_fields as fields
 from kochab.lab.methods.angles import Angles, FigureTable, angle_table, angles_of
-from kochab.lab.methods.pairs import LINEAR, PARABOLIC, make_kvector, make_pairs
+from kochab.lab.methods.pairs import make_pairs
 from kochab.lab.methods.spherical_triangles import (
     SphericalTriangles,
     TriangleTable,
@@ -125,7 +125,7 @@ def angles_by_tree(table: FigureTable, tree: fields.QuadTree) -> FigureTable:
     """The angles that the program E.11 finds: within a node or between two that touch."""
     node = tree.node_of(table.pairs.vectors)
     found = tree.shared(node[table.stars[:, 0]], node[table.stars[:, 1]]) >= 1
-    return FigureTable(table.pairs, table.stars[found], make_kvector(table.index.values[found], LINEAR))
+    return FigureTable(table.pairs, table.stars[found], table.values[found])
 
 
 def triangles_by_tree(table: TriangleTable, tree: fields.QuadTree) -> TriangleTable:
@@ -134,8 +134,7 @@ def triangles_by_tree(table: TriangleTable, tree: fields.QuadTree) -> TriangleTa
     near = np.stack([tree.shared(node[:, a], node[:, b]) >= 1 for a, b in ((0, 1), (1, 2), (0, 2))])
     found: Bools = near.sum(axis=0) >= 2
     stars = table.stars[found]
-    index = make_kvector(table.index.values[found], PARABOLIC)
-    return TriangleTable(table.pairs, stars, index, two_shared(stars), table.moment[found])
+    return TriangleTable(table.pairs, stars, table.values[found], two_shared(stars), table.moment[found])
 
 
 def run_step(

@@ -52,9 +52,9 @@ listing angles | 3.6 | time to list the angles | s | 3600 | | less |
   the thesis: an hour (7) or a few hours (3.6)
 listing triangles | 3.6 | time to list the triangles | s | 14400 | | less |
 size of angles | 6.5 | size of the angles | MB | 12 | | less |
-  of two stars and an angle; the k-vector is made anew
+  of two stars and an angle
 size of triangles | 6.5 | size of the triangles | MB | 167 | | less |
-  kept on disk by content; the k-vector is made anew
+  kept on disk by content
 field | 6.2 | {name}: {what} | | | | | reading: {reading}; {number} attitudes{pivots}
 thin | 6.2 | {name}: pivots with the {stars} brightest stars | mean | | | |
   reading: as many angles as the thesis has; {correct:.0f} % correct
