@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kochab.lab.bench import papers
-from kochab.lab.bench.papers import robotic, robotic_stages, row, share_error, verdict, wins
+from kochab.lab.bench.papers import Published, robotic, robotic_stages, share_error, verdict, wins
 from kochab.lab.bench.papers import spherical_fields as fields
 from kochab.lab.bench.papers import spherical_programs as programs
 from kochab.lab.bench.papers import spherical_triangles as triangles
@@ -55,11 +55,15 @@ def test_the_error_of_a_share_is_that_of_both_samples() -> None:
     assert share_error(0.0, 100, 100) > 0
 
 
+def row(table, what, ours, default=None, **given):
+    return Published(f"a row | {table} | {what}").row("a row", ours, default, **given)
+
+
 def test_everything_is_one_markdown_and_one_json(monkeypatch) -> None:
     made = [
-        row("1", "a", paper=1.0, ours=1.0, default=2.0, better="more"),
-        row("2", "b", paper=1.0, ours=3.0, default=2.0, better="less", unit="s"),
-        row("3", "c", paper=None, ours=3.0),
+        row("1", "a", 1.0, 2.0, paper=1.0, better="more"),
+        row("2", "b", 3.0, 2.0, paper=1.0, better="less", unit="s"),
+        row("3", "c", 3.0),
     ]
 
     class Module:
@@ -140,7 +144,7 @@ def test_voting_and_the_default_see_the_same_fields() -> None:
     fewer = robotic.fields(4, 20260101, brightest=6)
     for field, same in zip(made, fewer, strict=True):
         np.testing.assert_array_equal(field.detections.xy[:6], same.detections.xy)
-    outcomes = [robotic.by_voting(field)[0] for field in made]
+    outcomes = [robotic.by_voting(field) for field in made]
     assert max(outcome.right for outcome in outcomes) > 50
     assert np.mean([robotic.by_default(field).right for field in made]) > 80
     assert pytest.approx(Voting().margin_px) == robotic.MARGIN_PX
@@ -177,7 +181,7 @@ def test_the_quad_tree_is_that_of_the_thesis() -> None:
 
 def test_a_difference_within_its_paired_error_is_no_win() -> None:
     def one(paired):  # type: ignore[no-untyped-def]
-        return row("1", "x", paper=14.6, ours=14.2, default=14.1, better="less", paired=paired)
+        return row("1", "x", 14.2, 14.1, paper=14.6, better="less", paired=paired)
 
     assert one(None)["default_wins"] == "better"
     assert one((-0.1, 0.08))["default_wins"] == "equal within the error, paired"

@@ -6,7 +6,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -32,6 +32,11 @@ class Goal:
     value: float | None
     goal: str
     met: bool | None
+
+    @property
+    def mark(self) -> str:
+        """Whether it was met, in words."""
+        return {True: "met", False: "NOT MET", None: "not measured"}[self.met]
 
     @classmethod
     def at_most(cls, name: str, value: float | None, limit: float) -> "Goal":
@@ -64,18 +69,14 @@ class BenchResult:
             "bench": self.bench,
             "machine": dict(self.machine),
             "rows": [{k: _plain(v) for k, v in row.items()} for row in self.rows],
-            "goals": [
-                {"name": g.name, "value": _plain(g.value), "goal": g.goal, "met": _plain(g.met)} for g in self.goals
-            ],
+            "goals": [{k: _plain(v) for k, v in asdict(goal).items()} for goal in self.goals],
         }
 
     def as_text(self) -> str:
         """A table of the rows and a list of the goals."""
         parts = [f"bench {self.bench}: {', '.join(f'{k} {v}' for k, v in self.machine.items())}"]
         parts += [table(self.rows)] if self.rows else []
-        for goal in self.goals:
-            mark = {True: "met", False: "NOT MET", None: "not measured"}[goal.met]
-            parts.append(f"{mark:>12}  {goal.name}: {_cell(goal.value)} (goal {goal.goal})")
+        parts += [f"{g.mark:>12}  {g.name}: {_cell(g.value)} (goal {g.goal})" for g in self.goals]
         return "\n".join(parts)
 
 

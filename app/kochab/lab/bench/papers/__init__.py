@@ -6,7 +6,7 @@ from the printed seed, and the default method sees the very same ones.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -16,7 +16,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Solution
 from kochab.identification import IDENTIFIERS
-from kochab.lab.bench import BenchResult, Goal, machine, timed
+from kochab.lab.bench import BenchResult, Goal, Report, Row, machine, timed
 from kochab.sky import open_catalogue
 from kochab.solver import UNKNOWN_YEAR, SolveOptions
 from kochab.solver.few_stars import identify_few
@@ -28,66 +28,15 @@ NO_FIGURE = "no figure"
 EVEN = "equal within the error, paired"
 
 
-def row(
-    table: str,
-    what: str,
-    *,
-    paper: float | None,
-    ours: float | None,
-    default: float | None = None,
-    unit: str = "",
-    error: float = 0.0,
-    better: Better = "",
-    note: str = "",
-    best: float | None = None,
-    paired: tuple[float, float] | None = None,
-    other_reading: bool = False,
-) -> dict[str, Any]:
-    """A row of the report.
-
-    Parameters
-    ----------
-    table, what : str
-        The paper's table or figure, and what is measured.
-    paper, ours, default : float or None
-        Its number; that of its method as implemented here; that of the default method (or
-        detector, or estimator) on the very same fields or frames. None where there is none.
-    unit : str
-    error : float
-        How far ``ours`` may be from ``paper`` to agree: the paper's statistical error, or half of
-        its last digit.
-    better : {"less", "more", ""}
-        Which way is better, "" when neither is.
-    best : float, optional
-        The best number there can be; of a percentage, 0 or 100. Nothing can be ahead of it.
-    paired : (float, float), optional
-        Where both were measured on the same fields: the mean of ``default`` minus ``ours``, field
-        by field, and the standard error of that mean. Within two of those they are equal.
-    note : str
-        Which reading of the paper was tried, or the cause of a difference.
-    other_reading : bool
-        The row shows what another reading of the paper would give; it counts towards no goal.
-
-    """
-    if best is None and unit == "%" and better:
-        best = 100.0 if better == "more" else 0.0
-    default_wins = wins(ours, default, better, best)
-    if paired is not None and default_wins in ("better", "worse"):
-        note = f"{note}; paired difference {paired[0]:+.2f} +- {paired[1]:.2f}".lstrip("; ")
-        if abs(paired[0]) <= 2.0 * paired[1]:
-            default_wins = EVEN
-    reached = verdict(paper, ours, error, better)
-    made = {"table": table, "what": what, "unit": unit, "paper": paper, "ours": ours, "default": default}
-    made |= {"verdict": f"another reading: {reached}" if other_reading else reached, "error": error}
-    return made | {"better": better, "default_wins": default_wins, "note": note}
-
-
 class Published:
     """A paper's numbers as text, a row a line; :meth:`row` puts ours beside one of them.
 
-    A line is ``key | table | what | unit | paper | error | better | note``, the arguments of
-    :func:`row`; what is empty is left out, and an indented line goes on with the one before.
-    ``{words}`` in it are filled in by :meth:`row`.
+    A line is ``key | table | what | unit | paper | error | better | note``; what is empty may be left
+    out, and an indented line goes on with the one before. ``table`` is the paper's table or figure,
+    ``paper`` its number, ``error`` how far ours may be from it to agree (the paper's statistical
+    error, or half of its last digit), ``better`` "less", "more" or "" when neither is, and ``note``
+    which reading of the paper was tried, or the cause of a difference. :meth:`row` fills in
+    ``{words}``.
     """
 
     NAMES = ("table", "what", "unit", "paper", "error", "better", "note")
@@ -98,20 +47,51 @@ class Published:
             key, *cells = (" ".join(cell.split()) for cell in line.split("|"))
             made: dict[str, Any] = {n: c for n, c in zip(self.NAMES, cells, strict=False) if c}
             made |= {name: float(made[name]) for name in ("paper", "error") if name in made}
-            self._rows[key] = {"paper": None} | made
+            self._rows[key] = dict.fromkeys(self.NAMES, "") | {"paper": None, "error": 0.0} | made
 
     def row(
         self,
         key: str,
         ours: float | None,
         default: float | None = None,
-        words: Mapping[str, object] | None = None,
-        **changed: Any,
+        *,
+        best: float | None = None,
+        paired: tuple[float, float] | None = None,
+        other_reading: bool = False,
+        **given: Any,
     ) -> dict[str, Any]:
-        """The row ``key`` with our number and the default's; ``changed`` replaces its arguments."""
-        made: dict[str, Any] = dict(self._rows[key])
-        made |= {name: text.format_map(words or {}) for name, text in made.items() if isinstance(text, str)}
-        return row(ours=ours, default=default, **made | changed)
+        """The row ``key`` of the report.
+
+        Parameters
+        ----------
+        ours, default : float or None
+            The number of the paper's method as implemented here; that of the default method (or
+            detector, or estimator) on the very same fields or frames. None where there is none.
+        best : float, optional
+            The best number there can be; of a percentage, 0 or 100. Nothing can be ahead of it.
+        paired : (float, float), optional
+            Where both were measured on the same fields: the mean of ``default`` minus ``ours``, field
+            by field, and the standard error of that mean. Within two of those they are equal.
+        other_reading : bool
+            The row shows what another reading of the paper would give; it counts towards no goal.
+        given
+            The words of the row's texts; ``unit``, ``paper``, ``error``, ``better`` and ``note``
+            replace what the line has.
+
+        """
+        cells = {n: c.format_map(given) if isinstance(c, str) else c for n, c in self._rows[key].items()}
+        cells |= {name: given[name] for name in self.NAMES[2:] if name in given}
+        better: Better = cells["better"]
+        if best is None and cells["unit"] == "%" and better:
+            best = 100.0 if better == "more" else 0.0
+        default_wins = wins(ours, default, better, best)
+        if paired is not None and default_wins in ("better", "worse"):
+            cells["note"] = f"{cells['note']}; paired difference {paired[0]:+.2f} +- {paired[1]:.2f}".lstrip("; ")
+            if abs(paired[0]) <= 2.0 * paired[1]:
+                default_wins = EVEN
+        reached = verdict(cells["paper"], ours, cells["error"], better)
+        verdict_ = f"another reading: {reached}" if other_reading else reached
+        return cells | {"ours": ours, "default": default, "verdict": verdict_, "default_wins": default_wins}
 
 
 def verdict(paper: float | None, ours: float | None, error: float, better: Better) -> str:
@@ -176,16 +156,14 @@ class PapersResult(BenchResult):
             lines += [f"| {' | '.join(_cell(row.get(key)) for key in COLUMNS)} |" for row in mine]
             lines.append("")
         lines += ["## Goals", ""]
-        for goal in self.goals:
-            mark = {True: "met", False: "NOT MET", None: "not measured"}[goal.met]
-            lines.append(f"- {mark}: {goal.name}: {_cell(goal.value)} (goal {goal.goal})")
+        lines += [f"- {goal.mark}: {goal.name}: {_cell(goal.value)} (goal {goal.goal})" for goal in self.goals]
         return "\n".join(lines)
 
 
-def run_papers(quick: bool, report: Callable[[str], None]) -> BenchResult:
+def run_papers(quick: bool, report: Report) -> BenchResult:
     """All papers' rows, and how many of them were reached."""
     started = time.process_time()
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for name, module in PAPERS.items():
         report(f"{name}, seed {SEED} ...")
         rows += [{"paper_name": name, **row} for row in import_module(module).rows(quick, SEED)]
@@ -194,30 +172,27 @@ def run_papers(quick: bool, report: Callable[[str], None]) -> BenchResult:
     return PapersResult("papers", rows, goals(rows, spent, quick), machine() | how)
 
 
-def goals(rows: Sequence[Mapping[str, Any]], spent: float, quick: bool) -> list[Goal]:
+def goals(rows: Sequence[Row], spent: float, quick: bool) -> list[Goal]:
     """Reproduced or better, and the default ahead, counted paper by paper."""
     made = []
     for paper in dict.fromkeys(str(row["paper_name"]) for row in rows):
         mine = [row for row in rows if row["paper_name"] == paper]
-        judged = [row for row in mine if row.get("verdict") in (WITHIN, BETTER, WORSE)]
-        lost = [row for row in judged if row["verdict"] == WORSE]
-        made.append(Goal.at_most(f"{paper}: rows not reproduced, of {len(judged)}", len(lost), 0))
-        compared = [row for row in mine if row.get("default_wins")]
-        behind = [row for row in compared if row["default_wins"] == "worse"]
-        even = [row for row in compared if row["default_wins"] in ("equal", EVEN)]
-        what = f"{paper}: rows on which the default is"
-        made.append(Goal.at_most(f"{what} worse, of {len(compared)}", len(behind), 0))
-        made.append(Goal.at_most(f"{what} only equal, of {len(compared)}", len(even), 0))
+        judged = [row["verdict"] for row in mine if row["verdict"] in (WITHIN, BETTER, WORSE)]
+        compared = [row["default_wins"] for row in mine if row["default_wins"]]
+        even, what = compared.count("equal") + compared.count(EVEN), f"{paper}: rows on which the default is"
+        made += [
+            Goal.at_most(f"{paper}: rows not reproduced, of {len(judged)}", judged.count(WORSE), 0),
+            Goal.at_most(f"{what} worse, of {len(compared)}", compared.count("worse"), 0),
+            Goal.at_most(f"{what} only equal, of {len(compared)}", even, 0),
+        ]
     limit = 60.0 if quick else 1200.0
     return [*made, Goal.at_most("processor seconds for all", spent, limit)]
 
 
-def _cell(value: Any) -> str:
+def _cell(value: float | str | None) -> str:
     if value is None:
         return "-"
-    if isinstance(value, bool | str):
-        return str(value)
-    return f"{float(value):.6g}"
+    return value if isinstance(value, str) else f"{float(value):.6g}"
 
 
 # -- The default method, as the published tables are compared with it --------------------------
@@ -241,8 +216,8 @@ def solve_timed(detections: Detections, options: SolveOptions) -> tuple[Solution
 
 def name_stars(detections: Detections, options: SolveOptions) -> None:
     """Name the stars as the solver does, and fail as it does."""
-    method, hint = IDENTIFIERS.make(options.method), with_field(options, detections.width)
-    found = run(method.identify(detections, hint, UNKNOWN_YEAR))
+    hint = with_field(options, detections.width)
+    found = run(IDENTIFIERS.make(options.method).identify(detections, hint, UNKNOWN_YEAR))
     if isinstance(found, NoSolution):
         identify_few(detections, hint, open_catalogue(), UNKNOWN_YEAR)
 

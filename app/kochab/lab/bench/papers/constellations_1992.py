@@ -34,7 +34,7 @@ from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections
 
 TABLES = Published("""
-entries | table 4 | entries in the database | | 185000 | 111000 | | {note}
+entries | table 4 | entries in the database | | 185000 | 111000
 per star | figure 11 | entries a star, average | | 180 | 18 | | over all stars that may be seen
 right | table 2 | right answers: {situation} | % | | | more |
 stars | figure 2 | stars in a picture, average | | 18.9 | 0.9 | |
@@ -147,9 +147,9 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
         everything.append(_AxisCase(situation, first, second, default, known))
     for case in everything:
         right, what = case.first.share(True), case.situation
-        error = share_error(what.paper_percent, count, PAPER_RUNS)
-        changed = {"paper": what.paper_percent, "error": error}
-        out.append(TABLES.row("right", right, case.default.share(True), {"situation": what.name}, **changed))
+        paper, error = what.paper_percent, share_error(what.paper_percent, count, PAPER_RUNS)
+        theirs = case.default.share(True)
+        out.append(TABLES.row("right", right, theirs, situation=what.name, paper=paper, error=error))
     out += _wrong_and_time_rows(everything)
     out += [_accuracy_row(case, count) for case in everything]
     pooled = [tally.accuracy(power=2.0) for tally in (everything[0].second, everything[0].knowing)]
@@ -219,7 +219,7 @@ def _database_rows() -> list[dict[str, Any]]:
         f"{len(table.rows)} stars (paper 1539); angle's error as in figure 11: {len(doubled)};"
         f" without doubles and exchange: {len(merged)}; {table.nbytes / 1e6:.1f} MB"
     )
-    return [TABLES.row("entries", len(table), words={"note": note}), TABLES.row("per star", table.per_star)]
+    return [TABLES.row("entries", len(table), note=note), TABLES.row("per star", table.per_star)]
 
 
 def _wrong_and_time_rows(everything: Sequence[_AxisCase]) -> list[dict[str, Any]]:
@@ -245,7 +245,9 @@ def _accuracy_row(case: _AxisCase, count: int) -> dict[str, Any]:
         "axis",
         case.second.accuracy(case.knowing),
         case.knowing.accuracy(case.second),
-        {"situation": what.name, "second": case.second.share(True), "knowing": case.knowing.share(True)},
+        situation=what.name,
+        second=case.second.share(True),
+        knowing=case.knowing.share(True),
         paper=what.paper_arcsec,
         paired=case.knowing.ahead(case.second),
         error=2.0 * what.paper_arcsec / np.sqrt(2.0 * min(count, PAPER_RUNS)),
@@ -257,8 +259,8 @@ def _average_rows(seed: int, trials: int) -> list[dict[str, Any]]:
     out = []
     for frames, paper in ((60, 2.0), (225, 1.0)):
         left, promised = averaged(seed, frames, trials)
-        words, error = {"frames": frames, "promised": promised}, 2.0 * paper / np.sqrt(4.0 * trials)
-        out.append(TABLES.row("averages", left, words=words, paper=paper, error=error))
+        error = 2.0 * paper / np.sqrt(4.0 * trials)
+        out.append(TABLES.row("averages", left, frames=frames, promised=promised, paper=paper, error=error))
     return out
 
 

@@ -19,12 +19,13 @@ from kochab.attitude import ESTIMATORS
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, unit_vectors
 from kochab.core.frame import Detections
+from kochab.core.progress import run
 from kochab.core.solution import Solution
-from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Published, robotic_stages, solve_timed
+from kochab.lab.bench.papers import Published, robotic_stages
 from kochab.lab.bench.papers.robotic_stages import MARGIN_PX, STARS, fields, options, pairs_of, plain
 from kochab.lab.methods.voting import recognise
 from kochab.simulate.random_fields import RandomField
+from kochab.solver.pipeline import solve_detections
 
 TABLES = Published("""
 share | 7.2.4 | mean share of 15 stars named right | % | 61 | 10 | more | {made_up}
@@ -53,14 +54,24 @@ NEAR_PX = 5.0
 MADE_UP = "fields made here; the photographs are not published"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """One method on one field: share of the detections named right and wrong, seconds, attitude."""
+    """What a method named on one field: the detections ``seen`` (K,), their ``vectors`` (K, 3).
+
+    ``right`` is the share of all detections named right, ``wrong`` that of the names that are wrong,
+    per cent. The default gives an ``attitude`` besides.
+    """
 
     right: float
     wrong: float
-    seconds: float
-    attitude: Attitude | None
+    seen: Ints
+    vectors: Floats
+    attitude: Attitude | None = None
+
+    @property
+    def good(self) -> bool:
+        """Whether the thesis would take the frame: it measures attitudes on its best-matched ones."""
+        return self.right >= 50.0 and self.wrong == 0.0
 
 
 def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
@@ -76,57 +87,48 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     return out + robotic_stages.camera_rows(quick, seed)
 
 
-def by_voting(field: RandomField, margin_rad: float | None = None) -> tuple[Outcome, Ints, Floats]:
-    """Both rounds of the thesis; also the detections named and their vectors (K, 3)."""
-    focal = field.camera.focal_px
+def by_voting(field: RandomField, margin_rad: float | None = None) -> Outcome:
+    """Both rounds of the thesis."""
     pairs = pairs_of(field)
-    camera = plain(field)
-    body = camera.unproject(field.detections.xy)
-    error = MARGIN_PX / focal if margin_rad is None else margin_rad
-    (kept, star, _), seconds = timed(lambda: recognise(body, pairs, error))
-    vectors = pairs.vectors[star]
-    return Outcome(*_judged(field, kept, vectors), seconds, None), kept, vectors
+    error = MARGIN_PX / field.camera.focal_px if margin_rad is None else margin_rad
+    kept, star, _ = recognise(plain(field).unproject(field.detections.xy), pairs, error)
+    return _judged(field, kept, pairs.vectors[star])
 
 
 def by_default(field: RandomField) -> Outcome:
     """The default method with the scale that voting knows."""
-    answer, seconds = solve_timed(field.detections, options(field))
+    answer = run(solve_detections(field.detections, options(field)))
     if not isinstance(answer, Solution):
-        return Outcome(0.0, 0.0, seconds, None)
+        return Outcome(0.0, 0.0, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     xy = np.array([(star.x, star.y) for star in answer.stars])
-    gap = np.linalg.norm(field.detections.xy[:, None] - xy[None], axis=2)
-    seen = gap.argmin(axis=0)
+    seen = np.linalg.norm(field.detections.xy[:, None] - xy[None], axis=2).argmin(axis=0)
     vectors = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in answer.stars]).T)
     # the attitude at the frame's middle, whatever principal point was fitted
     z = answer.centre_vector
     y = answer.attitude.matrix[1] - z * float(answer.attitude.matrix[1] @ z)
     y /= np.linalg.norm(y)
-    attitude = Attitude(np.stack([np.cross(y, z), y, z]))
-    return Outcome(*_judged(field, seen, vectors), seconds, attitude)
+    return replace(_judged(field, seen, vectors), attitude=Attitude(np.stack([np.cross(y, z), y, z])))
 
 
-def _judged(field: RandomField, seen: Ints, vectors: Floats) -> tuple[float, float]:
-    """Per cent of all detections named right, and of the names that are wrong."""
-    if not len(seen):
-        return 0.0, 0.0
+def _judged(field: RandomField, seen: Ints, vectors: Floats) -> Outcome:
+    """Names judged by the field's truth."""
     true = field.camera.project(vectors @ field.attitude.matrix.T)
     with np.errstate(invalid="ignore"):
         good = np.linalg.norm(true - field.detections.xy[seen], axis=1) < NEAR_PX
-    return 100.0 * float(good.sum()) / len(field.detections), 100.0 * float((~good).mean())
+    wrong = 100.0 * float((~good).mean()) if len(good) else 0.0
+    return Outcome(100.0 * float(good.sum()) / len(field.detections), wrong, seen, vectors)
 
 
 def _matching(count: int, seed: int) -> list[dict[str, Any]]:
     """Section 7.2.4, at the best margin of 2.464 px and 15 stars."""
     made = fields(count, seed)
-    ours, theirs = [by_voting(f)[0] for f in made], [by_default(f) for f in made]
-    share = [np.array([o.right for o in outcomes]) for outcomes in (ours, theirs)]
-    wrong = [float(np.mean([o.wrong for o in outcomes])) for outcomes in (ours, theirs)]
-    halves = [100.0 * float((s > 50.0).mean()) for s in share]
-    words = {"made_up": MADE_UP}
+    both = [by_voting(f) for f in made], [by_default(f) for f in made]
+    shares, wrong = ([_mean(outcomes, what) for outcomes in both] for what in ("right", "wrong"))
+    halves = [100.0 * float(np.mean([o.right > 50.0 for o in outcomes])) for outcomes in both]
     return [
-        TABLES.row("share", float(share[0].mean()), float(share[1].mean()), words),
-        TABLES.row("half", halves[0], halves[1], words),
-        TABLES.row("wrong", wrong[0], wrong[1]),
+        TABLES.row("share", *shares, made_up=MADE_UP),
+        TABLES.row("half", *halves, made_up=MADE_UP),
+        TABLES.row("wrong", *wrong),
     ]
 
 
@@ -136,10 +138,9 @@ def _number_of_stars(count: int, seed: int) -> list[dict[str, Any]]:
     out = []
     for stars in STARS:
         made = fields(count, seed, brightest=stars)
-        ours, theirs = [by_voting(f)[0] for f in made], [by_default(f) for f in made]
-        words = {"stars": stars, "peak": PEAK if stars == 15 else ""}
-        values = _mean(ours, "right"), _mean(theirs, "right")
-        out.append(TABLES.row("stars", *values, words, paper=paper.get(stars)))
+        values = [_mean([method(f) for f in made], "right") for method in (by_voting, by_default)]
+        peak = PEAK if stars == 15 else ""
+        out.append(TABLES.row("stars", *values, stars=stars, peak=peak, paper=paper.get(stars)))
     return out
 
 
@@ -153,35 +154,34 @@ def _margins(count: int, seed: int) -> list[dict[str, Any]]:
     for scale, best in SCALES.items():
         made = fields(max(count // 3, 4), seed, scale)
         margins = sorted({*(m * 1e-3 for m in MARGINS_MRAD), best, MARGIN_PX * scale / 206264.8})
-        shares = [_mean([by_voting(f, m)[0] for f in made], "right") for m in margins]
+        shares = [_mean([by_voting(f, m) for f in made], "right") for m in margins]
         top = margins[int(np.argmax(shares))]
         default = _mean([by_default(f) for f in made], "right")
-        words = {"scale": scale, "margins": ", ".join(f"{1e3 * m:.2g}" for m in margins), "made_up": MADE_UP}
-        paper, error = 1e3 * best, 500.0 * best + 5e-3
-        out.append(TABLES.row("margin", 1e3 * top, words=words, paper=paper, error=error))
-        out.append(TABLES.row("at margin", shares[margins.index(best)], default, words))
+        listed, error = ", ".join(f"{1e3 * m:.2g}" for m in margins), 500.0 * best + 5e-3
+        out.append(TABLES.row("margin", 1e3 * top, scale=scale, margins=listed, paper=1e3 * best, error=error))
+        out.append(TABLES.row("at margin", shares[margins.index(best)], default, scale=scale, made_up=MADE_UP))
     return [*out, TABLES.row("at 5 mrad", shares[-1], default)]
 
 
 def _readings(count: int, seed: int) -> list[dict[str, Any]]:
     """Other readings of what figure 7.12 counts at 15 stars, and of the lens at 11.2 arcsec."""
-    plain = [by_voting(f)[0] for f in fields(count, seed)]
+    plain = [by_voting(f) for f in fields(count, seed)]
     named = [100.0 - o.wrong for o in plain if o.right > 0.0]
-    straight = [by_voting(f)[0] for f in fields(count, seed, lens_px=0.0)]
-    clean = [by_voting(f)[0] for f in fields(count, seed, lens_px=0.0, flawed=0.0)]
+    straight = [by_voting(f) for f in fields(count, seed, lens_px=0.0)]
+    clean = [by_voting(f) for f in fields(count, seed, lens_px=0.0, flawed=0.0)]
     readings = {
         "right among the names that are kept": float(np.mean(named or [0.0])),
         "a lens without error": _mean(straight, "right"),
         "a lens without error, no star false or missing": _mean(clean, "right"),
     }
-    out = [TABLES.row("reading", v, words={"what": what}, other_reading=True) for what, v in readings.items()]
+    out = [TABLES.row("reading", v, what=what, other_reading=True) for what, v in readings.items()]
     margins = (0.05, 0.09, 0.1, 0.13, 0.2)
     for lens_px in (1.0, 2.0):
         made = fields(max(count // 3, 4), seed, 11.2, lens_px=lens_px)
-        shares = [_mean([by_voting(f, m * 1e-3)[0] for f in made], "right") for m in margins]
+        shares = [_mean([by_voting(f, m * 1e-3) for f in made], "right") for m in margins]
         listed = ", ".join(f"{m:g}: {s:.0f} %" for m, s in zip(margins, shares, strict=True))
-        words, best = {"lens_px": lens_px, "shares": listed}, margins[int(np.argmax(shares))]
-        out.append(TABLES.row("corners", best, words=words, other_reading=True))
+        best = margins[int(np.argmax(shares))]
+        out.append(TABLES.row("corners", best, lens_px=lens_px, shares=listed, other_reading=True))
     return out
 
 
@@ -189,27 +189,24 @@ def _attitudes(count: int, seed: int) -> list[dict[str, Any]]:
     """Section 7.3: errors of the attitude, and its scatter over pictures of one field."""
     errors: dict[str, list[Floats]] = {"triad": [], "quest": [], "default": []}
     for field in fields(count, seed):
-        outcome, kept, vectors = by_voting(field)
-        default = by_default(field)
-        if outcome.right < 50.0 or outcome.wrong > 0.0 or default.attitude is None:
-            continue  # the thesis takes its best-matched frames too
+        outcome, default = by_voting(field), by_default(field)
+        if not outcome.good or default.attitude is None:
+            continue
         for name in ("triad", "quest"):
-            found = _estimated(name, field, kept, vectors)
-            errors[name].append(_off_deg(found, field.attitude))
+            errors[name].append(_off_deg(_estimated(name, field, outcome), field.attitude))
         errors["default"].append(_off_deg(default.attitude, field.attitude))
     out = []
     mean = {name: np.abs(np.array(e)).mean(axis=0).tolist() for name, e in errors.items() if e}
     for name in ("triad", "quest"):
         for k, (axis, paper) in enumerate((("RA", 1.454), ("Dec", 1.359))):
             if name in mean:
-                words = {"name": name, "axis": axis}
-                out.append(TABLES.row("mean error", mean[name][k], mean["default"][k], words, paper=paper))
+                ours, theirs = mean[name][k], mean["default"][k]
+                out.append(TABLES.row("mean error", ours, theirs, name=name, axis=axis, paper=paper))
     return out + _scatter(count, seed)
 
 
-def _estimated(name: str, field: RandomField, kept: Ints, vectors: Floats) -> Attitude:
-    xy = field.detections.xy[kept]
-    return ESTIMATORS.make(name).estimate(xy, vectors, plain(field))
+def _estimated(name: str, field: RandomField, named: Outcome) -> Attitude:
+    return ESTIMATORS.make(name).estimate(field.detections.xy[named.seen], named.vectors, plain(field))
 
 
 def _off_deg(found: Attitude, true: Attitude) -> Floats:
@@ -224,7 +221,7 @@ def _off_deg(found: Attitude, true: Attitude) -> Floats:
 
 def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
     """Sections 7.3.1 and 7.3.2: ten pictures of a field, seconds apart, of several fields."""
-    chosen = [f for f in fields(count, seed) if by_voting(f)[0].right > 60.0][:SCATTERED]
+    chosen = [f for f in fields(count, seed) if by_voting(f).right > 60.0][:SCATTERED]
     rng = np.random.default_rng(seed)
     made = [_pictures(field, rng) for field in chosen]
     sigma, four = [], []
@@ -237,7 +234,7 @@ def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
     for key, (triad, default), published in (("spread", four, across), ("sigma", sigma, axes)):
         for k, (axis, paper) in enumerate(published):
             words = {"axis": axis, "made_up": MADE_UP, "fields": f"mean of {len(made)} fields"}
-            out.append(TABLES.row(key, triad[k], default[k], words, paper=paper))
+            out.append(TABLES.row(key, triad[k], default[k], paper=paper, **words))
     return out
 
 
@@ -249,11 +246,9 @@ def _pictures(field: RandomField, rng: np.random.Generator) -> tuple[Floats, Flo
         moved = listed.xy + rng.normal(0.0, 0.32, listed.xy.shape)
         clipped = np.clip(moved, 0.0, [listed.width - 1, listed.height - 1])
         again = replace(field, detections=Detections.from_list(clipped, listed.width, listed.height))
-        outcome, kept, vectors = by_voting(again)
-        theirs = by_default(again)
-        if outcome.right < 50.0 or outcome.wrong > 0.0 or theirs.attitude is None:
+        outcome, theirs = by_voting(again), by_default(again)
+        if not outcome.good or theirs.attitude is None:
             continue
-        found = _estimated("triad", again, kept, vectors)
-        triad.append(_off_deg(found, field.attitude))
+        triad.append(_off_deg(_estimated("triad", again, outcome), field.attitude))
         default.append(_off_deg(theirs.attitude, field.attitude))
     return np.array(triad), np.array(default)

@@ -81,14 +81,10 @@ def detect_rows(quick: bool) -> list[dict[str, Any]]:
         for k, (what, unit, error) in enumerate(WHAT):
             if paper[k] is None:
                 continue
-            words = {"detector": detector, "what": what, "frames": len(pictures)}
-            changed = {
-                "unit": unit,
-                "paper": paper[k],
-                "error": share_error(paper[k] or 0.0, len(pictures), FRAMES) if error is None else error,
-                "better": "less" if unit == "px" else "more",
-            }
-            out.append(TABLES.row("detector", ours[k], default[k], words, **changed))
+            words = {"detector": detector, "what": what, "frames": len(pictures), "unit": unit}
+            better = "less" if unit == "px" else "more"
+            error = share_error(paper[k] or 0.0, len(pictures), FRAMES) if error is None else error
+            out.append(TABLES.row("detector", ours[k], default[k], paper=paper[k], error=error, better=better, **words))
         if detector == "thesis":
             out.append(TABLES.row("centroiding", seconds, default_s))
     return out
@@ -134,15 +130,8 @@ def measured(name: str, pictures: list[tuple[Frame, Floats, Floats]]) -> tuple[t
 
 TRUE = Camera(1200, 630, 1322.0, 585.9, 305.2, k1=-0.12, k2=0.05, p1=6e-4, p2=-4e-4)
 CAMERA_PAPER = {"focal_px": 4.3278, "cx": 6.5192, "cy": 4.9683}
-NAMES = {
-    "focal_px": ("focal length", "px"),
-    "cx": ("principal point in x", "px"),
-    "cy": ("principal point in y", "px"),
-    "k1": ("k1", ""),
-    "k2": ("k2", ""),
-    "p1": ("p1", ""),
-    "p2": ("p2", ""),
-}
+NAMES = {"focal_px": "focal length", "cx": "principal point in x", "cy": "principal point in y"}  # px
+NAMES |= {name: name for name in ("k1", "k2", "p1", "p2")}  # of no unit
 CAMERA_STARS, NOISE_PX = 400, 0.2
 CAMERA_FRAMES, QUICK = 12, 3
 
@@ -154,15 +143,14 @@ def camera_rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     cameras = [camera for camera in found if camera is not None]
     solved = f"{len(cameras)} of {len(found)} frames solved, one at a time; {CAMERA_STARS} stars"
     out = []
-    for key, (what, unit) in NAMES.items():
+    for key, what in NAMES.items():
         off = [getattr(camera, key) - getattr(TRUE, key) for camera in cameras]
         error = float(np.sqrt(np.mean(np.square(off)))) if off else float("nan")
-        paper = CAMERA_PAPER.get(key)
+        paper, unit = CAMERA_PAPER.get(key), "" if what == key else "px"
         true = f"true value {getattr(TRUE, key):g}; " if paper is None else ""
-        words = {"what": what, "true": true, "solved": solved}
-        out.append(TABLES.row("camera", error, words=words, unit=unit, paper=paper))
+        out.append(TABLES.row("camera", error, what=what, true=true, solved=solved, unit=unit, paper=paper))
     worst = float(np.mean([_worst_px(camera) for camera in cameras])) if cameras else None
-    return [*out, TABLES.row("corner", worst, words={"solved": solved})]
+    return [*out, TABLES.row("corner", worst, solved=solved)]
 
 
 def _solved(rng: np.random.Generator) -> Camera | None:
@@ -261,7 +249,7 @@ def _row(stars: int, made: list[RandomField]) -> dict[str, Any]:
         "matching",
         ours,
         theirs,
-        {"stars": stars},
+        stars=stars,
         paper=1e3 * WHOLE_S if stars == 15 else None,
         paired=(float(ahead.mean()), float(ahead.std(ddof=1)) / len(made) ** 0.5),
         better="less" if named else "",

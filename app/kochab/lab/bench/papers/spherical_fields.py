@@ -33,9 +33,9 @@ edge triangles | 3.6 | triangles in circles of 6.94 deg, of such angles | | 6627
   of today's brightest stars
 corner angles | 3.6 | angles within nodes that share a corner | | 106308 | | |
   the text's own, of today's brightest stars
-division | 3.3 | dividing the sky and placing the stars | ms | | | less | {note}
+division | 3.3 | dividing the sky and placing the stars | ms | | | less | {compared}
 search | 3.3 | stars within 4 deg of a direction | ms | | | less |
-  {note}; the node of the direction being known already
+  {compared}; the node of the direction being known already
 """)
 
 
@@ -185,10 +185,7 @@ def quad_tree(level: int) -> QuadTree:
 def quad_tree_rows(pairs: Pairs) -> list[dict[str, Any]]:
     """Table 3.2, the size of the tree, what it misses, and its cost beside the k-d tree's."""
     trees = {level: quad_tree(level) for level in HEIGHTS}
-    out = [
-        TABLES.row("level", trees[level].height_deg, words={"level": level}, paper=deg)
-        for level, deg in HEIGHTS.items()
-    ]
+    out = [TABLES.row("level", trees[level].height_deg, level=level, paper=deg) for level, deg in HEIGHTS.items()]
     tree = trees[5]
     node = tree.node_of(pairs.vectors)
     shared = tree.shared(node[pairs.first], node[pairs.second])
@@ -229,8 +226,8 @@ def _cost(tree: QuadTree, node: Ints, pairs: Pairs) -> list[dict[str, Any]]:
     indexing = fastest(lambda: cKDTree(pairs.vectors))
     theirs = fastest(by_quad_tree, 3)
     ours = fastest(lambda: index.query_ball_point(towards, chord), 3)
-    words = {"note": "ours: the quad-tree built here; default: scipy.spatial.cKDTree, which the product uses"}
+    compared = "ours: the quad-tree built here; default: scipy.spatial.cKDTree, which the product uses"
     return [
-        TABLES.row("division", 1e3 * building, 1e3 * indexing, words),
-        TABLES.row("search", 1e3 * theirs / QUERIES, 1e3 * ours / QUERIES, words),
+        TABLES.row("division", 1e3 * building, 1e3 * indexing, compared=compared),
+        TABLES.row("search", 1e3 * theirs / QUERIES, 1e3 * ours / QUERIES, compared=compared),
     ]

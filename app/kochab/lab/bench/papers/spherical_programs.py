@@ -86,9 +86,9 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
         keys = [*SHARES, *(MORE_SHARES if name == "spherical_triangles" else ()), "pivots"]
         out += [_row(name, key, tallies, number) for key in keys]
         why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
-        words = {"name": name, "scatter": f"{free.pivots_sd:.2f}{why}"}
-        paper, error = fields.PAPER[name]["free_pivots"], _mean_error(free, number)
-        out.append(TABLES.row("free", free.all_pivots, words=words, paper=paper, error=error))
+        scatter, paper = f"{free.pivots_sd:.2f}{why}", fields.PAPER[name]["free_pivots"]
+        error = _mean_error(free, number)
+        out.append(TABLES.row("free", free.all_pivots, name=name, scatter=scatter, paper=paper, error=error))
     return out
 
 
@@ -154,12 +154,11 @@ def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> 
     values = [float(getattr(tally, field)) for tally in tallies]
     paper = fields.PAPER[name][key]
     steps = ", ".join(f"{s.what} {v:.3g}" for s, v in zip(STEPS, values, strict=True))
-    words = {"name": name, "steps": steps, "what": (SHARES | MORE_SHARES).get(key)}
     if key == "pivots":
         error = _mean_error(tallies[-1], number)
-        return TABLES.row("pivots", values[-1], words=words, paper=paper, error=error)
-    error = share_error(paper, number, fields.ATTITUDES)
-    return TABLES.row("share", values[-1], words=words, paper=paper, error=error)
+        return TABLES.row("pivots", values[-1], name=name, steps=steps, paper=paper, error=error)
+    error, what = share_error(paper, number, fields.ATTITUDES), (SHARES | MORE_SHARES)[key]
+    return TABLES.row("share", values[-1], name=name, what=what, steps=steps, paper=paper, error=error)
 
 
 def _mean_error(tally: fields.FieldTally, number: int) -> float:
@@ -177,7 +176,7 @@ def _count_rows(made: dict[ProgramStep, Tables], seed: int, lists: int) -> list[
     ):
         listed = ", ".join(f"{step.what} {len(made[step][name].stars)}" for step in (STEPS[0], *STEPS[3:]))
         counts = np.array([len(one[name].stars) for one in several], dtype=np.float64)
-        words = {"what": what, "lists": lists, "counts": listed}
         error = 2.0 * float(counts.std(ddof=1)) * float(np.sqrt(1.0 + 1.0 / lists))
-        out.append(TABLES.row("count", float(counts.mean()), words=words, paper=paper, error=error))
+        published = {"what": what, "paper": paper, "error": error}
+        out.append(TABLES.row("count", float(counts.mean()), lists=lists, counts=listed, **published))
     return out

@@ -85,10 +85,10 @@ def _counts() -> list[dict[str, Any]]:
         f"all of them, of today's brightest; {fields.STARS} stars spread evenly over the sky make "
         f"{even:.0f} such angles"
     )
-    words, nbytes = {"why": why}, sum(a.nbytes for a in triangles.values())
+    nbytes = sum(a.nbytes for a in triangles.values())
     return [
-        TABLES.row("angles", len(angles), words=words, other_reading=True),
-        TABLES.row("triangles", len(triangles["stars"]), words=words, other_reading=True),
+        TABLES.row("angles", len(angles), why=why, other_reading=True),
+        TABLES.row("triangles", len(triangles["stars"]), why=why, other_reading=True),
         TABLES.row("listing angles", of_angles),
         TABLES.row("listing triangles", of_triangles),
         TABLES.row("size of angles", 16e-6 * len(angles)),
@@ -120,7 +120,11 @@ def _row(
         "field",
         ours,
         float(getattr(default, key)) if key != "pivots" else None,
-        {"name": name, "what": WORDS.get(key, key), "reading": what, "number": number, "pivots": over_all},
+        name=name,
+        what=WORDS.get(key, key),
+        reading=what,
+        number=number,
+        pivots=over_all,
         unit="%" if share else UNITS[key],
         paper=paper,
         error=error,
@@ -135,11 +139,11 @@ def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
     thin = _both(AS_MANY_ANGLES, None, fields.PROGRAMS, fields.PROGRAMS, number, seed)
     for name, tally in thin.items():
         words = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
-        paper, error = fields.PAPER[name]["pivots"], PIVOT_ERROR[name]
-        out.append(TABLES.row("thin", tally.pivots, None, words, paper=paper, error=error, other_reading=True))
+        published = {"paper": fields.PAPER[name]["pivots"], "error": PIVOT_ERROR[name]}
+        out.append(TABLES.row("thin", tally.pivots, other_reading=True, **words, **published))
     for name, tally in _both(fields.STARS, None, fields.PROGRAMS, fields.PROGRAMS, number, seed, pivots=1000).items():
         paper = fields.PAPER[name]["free_seconds"]
-        out.append(TABLES.row("free", tally.seconds, words={"name": name}, paper=paper))
+        out.append(TABLES.row("free", tally.seconds, name=name, paper=paper))
     return out
 
 

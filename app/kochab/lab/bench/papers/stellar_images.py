@@ -20,7 +20,7 @@ from kochab.core.solution import Identification, NoSolution, Solution
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Published, solve_timed
+from kochab.lab.bench.papers import Published, fastest, solve_timed
 from kochab.lab.methods import triad_tests, triads_fixed_point
 from kochab.lab.methods.pairs import Pairs, catalogue_pairs
 from kochab.lab.methods.triad_tests import AngleUnit, Tests, TriadBudget, TriadDetections, triads_by_separation
@@ -37,8 +37,8 @@ FIELD_DEG = (9.0130, 6.9049)
 class Printed:
     """One frame: ``centroids`` px from its centre, y up, brightest first, and what came of them.
 
-    ``fixed_deg`` are the separations in fixed point (1-2, 1-3, ..., 2-3, ...); ``pairs`` is the
-    sum of the catalogue pairs found, ``groups`` and ``largest`` of the triads.
+    ``fixed_deg`` are the separations in fixed point (1-2, 1-3, ..., 2-3, ...); ``paper`` has the
+    numbers that belong to a row of `TABLES` each.
     """
 
     name: str
@@ -46,15 +46,7 @@ class Printed:
     centroids: Floats
     stars: tuple[int, ...]
     centre_deg: tuple[float, float] | None
-    largest_error_deg: float | None
-    pairs: int
-    triads: int
-    groups: int
-    largest: int
-    centroid_off_px: float
-    separation_off_deg: float
-    seconds: float | None
-    seconds_fixed: float | None
+    paper: dict[str, float]
     separations_deg: Floats
     fixed_deg: Floats
 
@@ -71,15 +63,8 @@ VEGA = Printed(
     ).reshape(-1, 2),
     stars=(7001, 7139, 7056, 7051, 6872),
     centre_deg=(278.45703, 37.24007),
-    largest_error_deg=0.02129,
-    pairs=5503,
-    triads=26,
-    groups=8,
-    largest=12,
-    centroid_off_px=0.00004,
-    separation_off_deg=0.00317,
-    seconds=0.232,
-    seconds_fixed=0.197,
+    paper={"pairs": 5503, "triads": 26, "groups": 8, "largest": 12, "centroids": 0.00004, "fixed": 0.00317}
+    | {"residual": 0.02129, "seconds": 0.232, "seconds in fixed": 0.197},
     separations_deg=_numbers("3.8045 1.8857 1.6315 4.2873 1.9725 3.2715 6.8250 1.9924 5.1148 5.9112"),
     fixed_deg=_numbers("3.8027 1.8848 1.6309 4.2861 1.9717 3.2715 6.8281 1.9912 5.1152 5.9102"),
 )
@@ -92,15 +77,8 @@ DENEB = Printed(
     """).reshape(-1, 2),
     stars=(7924, 7735, 7751, 7977, 7844, 7851, 8001, 8003, 7798),
     centre_deg=(307.90724, 46.43192),
-    largest_error_deg=0.02184,
-    pairs=21283,
-    triads=96,
-    groups=36,
-    largest=23,
-    centroid_off_px=0.00006,
-    separation_off_deg=0.0028,
-    seconds=0.644,
-    seconds_fixed=0.622,
+    paper={"pairs": 21283, "triads": 96, "groups": 36, "largest": 23, "centroids": 0.00006, "fixed": 0.0028}
+    | {"residual": 0.02184, "seconds": 0.644, "seconds in fixed": 0.622},
     separations_deg=_numbers("""
         4.9825 4.9943 1.5168 4.0603 4.2114 2.2311 2.0516 3.3728 0.9983 6.0231 3.4923 3.8077 7.2091 6.9657
         1.7465 5.8163 2.6878 2.9814 7.2035 6.8609 2.2037 4.1650 4.2013 1.8496 1.1979 4.5963 0.3294 5.9189
@@ -118,15 +96,7 @@ SADR = Printed(
     centroids=_numbers("-24.02893 58.39256 -64.56410 -55.32051 -80.65517 -124.93103").reshape(-1, 2),
     stars=(7796, 7763, 7736),
     centre_deg=None,
-    largest_error_deg=None,
-    pairs=1086,
-    triads=2,
-    groups=2,
-    largest=1,
-    centroid_off_px=0.00004,
-    separation_off_deg=0.0015,
-    seconds=None,
-    seconds_fixed=None,
+    paper={"pairs": 1086, "triads": 2, "groups": 2, "largest": 1, "centroids": 0.00004, "fixed": 0.0015},
     separations_deg=_numbers("2.3159 3.6805 1.3705"),
     fixed_deg=_numbers("2.3145 3.6797 1.3691"),
 )
@@ -201,14 +171,13 @@ def _catalogue_rows() -> list[dict[str, Any]]:
     """Section 4.2 and 4.2.5: what the catalogue gives, and the size of the tables."""
     pairs, spent = timed(_pairs)
     stars = len(np.unique(np.concatenate([pairs.first, pairs.second])))
-    words = {"modern": MODERN, "spent": spent}
     ones = np.ones(len(pairs), dtype=np.int64)
     up = csr_matrix((ones, (pairs.first, pairs.second)), shape=(pairs.stars, pairs.stars))
     triads = int((up @ up).multiply(up).sum())  # of stars whose three separations are in the table
     return [
-        TABLES.row("stars", stars, words=words),
-        TABLES.row("separations", len(pairs), words=words),
-        TABLES.row("angles", 3 * triads, words=words),
+        TABLES.row("stars", stars, modern=MODERN),
+        TABLES.row("separations", len(pairs), modern=MODERN, spent=spent),
+        TABLES.row("angles", 3 * triads, modern=MODERN),
     ]
 
 
@@ -226,15 +195,14 @@ def _steps(printed: Printed) -> list[dict[str, Any]]:
     found = triad_tests.passing_triads(sight, seen, stars, pairs, tests, planar=True)
     groups = group_by_rotation(found, np.radians(5.0))
     words = {"n": printed.name, "steps": STEP_TABLES[printed.name], "modern": MODERN}
+    paper = printed.paper
     counts = {"triads": len(found.star), "groups": len(groups), "largest": len(groups[0]) if groups else 0}
-    out = [
-        TABLES.row("off", off, words=words),
-        TABLES.row("pairs", looked, words=words, paper=printed.pairs, error=0.06 * printed.pairs),
+    return [
+        TABLES.row("off", off, **words),
+        TABLES.row("pairs", looked, paper=paper["pairs"], error=0.06 * paper["pairs"], **words),
+        # the errors of counts are Poisson's
+        *(TABLES.row(k, n, paper=paper[k], error=2.0 * paper[k] ** 0.5, **words) for k, n in counts.items()),
     ]
-    for key, ours in counts.items():
-        paper = getattr(printed, key)
-        out.append(TABLES.row(key, ours, words=words, paper=paper, error=2.0 * paper**0.5))  # Poisson
-    return out
 
 
 def _answers(printed: Printed, repeats: int) -> list[dict[str, Any]]:
@@ -243,55 +211,41 @@ def _answers(printed: Printed, repeats: int) -> list[dict[str, Any]]:
     thesis = _named(printed, detections, repeats, "float")
     fixed = _named(printed, detections, repeats, "fixed")
     default = _by_default(printed, detections, repeats)
-    words = {"n": printed.name}
     expected = len(printed.stars) if printed.centre_deg else 0
-    best = {"paper": expected, "best": expected}
+    n, best = printed.name, {"paper": expected, "best": expected}
     note = "" if expected else "three stars have no answer at vote number 2"
     out = [
-        TABLES.row("right", thesis.right, default.right, words, note=note, **best),
-        TABLES.row("wrong", thesis.wrong, default.wrong, words, best=0),
-        TABLES.row("right in fixed", fixed.right, default.right, words, **best),
+        TABLES.row("right", thesis.right, default.right, n=n, note=note, **best),
+        TABLES.row("wrong", thesis.wrong, default.wrong, n=n, best=0),
+        TABLES.row("right in fixed", fixed.right, default.right, n=n, **best),
     ]
     if printed.centre_deg is None:
         return out
-    paper = printed.seconds, printed.seconds_fixed
-    return [
-        *out,
-        *_centres(printed, thesis, default),
-        TABLES.row("seconds", thesis.seconds, default.seconds, words, paper=paper[0]),
-        TABLES.row("seconds in fixed", fixed.seconds, default.seconds, words, paper=paper[1]),
-    ]
+    out += _centres(printed, thesis, default)
+    for key, named in (("seconds", thesis), ("seconds in fixed", fixed)):
+        out.append(TABLES.row(key, named.seconds, default.seconds, n=n, paper=printed.paper[key]))
+    return out
 
 
 def _named(printed: Printed, detections: Detections, repeats: int, arithmetic: str) -> NamedImage:
-    method = IDENTIFIERS.make("triads", arithmetic=arithmetic, **THESIS)
-    run(method.identify(detections, None, 2000.0))  # tables and imports are not timed
-    spent = []
-    for _ in range(repeats):
-        answer, seconds = timed(lambda: run(method.identify(detections, None, 2000.0)))
-        spent.append(seconds)
-    if isinstance(answer, NoSolution):
-        return NamedImage(0, 0, answer, min(spent))
-    got = dict(zip(answer.matches.detection.tolist(), answer.matches.star.tolist(), strict=True))
-    return NamedImage(*_counted(printed, got), answer, min(spent))
+    method, got = IDENTIFIERS.make("triads", arithmetic=arithmetic, **THESIS), {}
+    answer = run(method.identify(detections, None, 2000.0))  # tables and imports are not timed
+    seconds = fastest(lambda: run(method.identify(detections, None, 2000.0)), repeats)
+    if isinstance(answer, Identification):
+        got = dict(zip(answer.matches.detection.tolist(), answer.matches.star.tolist(), strict=True))
+    return NamedImage(*_counted(printed, got), answer, seconds)
 
 
 def _by_default(printed: Printed, detections: Detections, repeats: int) -> NamedImage:
-    options = SolveOptions(fov_deg=FIELD_DEG[0])
-    solve_timed(detections, options)
-    spent = []
-    for _ in range(repeats):
-        answer, seconds = solve_timed(detections, options)
-        spent.append(seconds)
-    if isinstance(answer, NoSolution):
-        return NamedImage(0, 0, answer, min(spent))
-    catalogue = open_catalogue()
-    got = {}
-    for star in answer.stars:
-        off = np.hypot(detections.xy[:, 0] - star.x, detections.xy[:, 1] - star.y)
-        found = catalogue.find(star.id)
-        got[int(off.argmin())] = -1 if found is None else int(found)
-    return NamedImage(*_counted(printed, got), answer, min(spent))
+    options, got = SolveOptions(fov_deg=FIELD_DEG[0]), {}
+    answer, _ = solve_timed(detections, options)
+    seconds = min(solve_timed(detections, options)[1] for _ in range(repeats))
+    if isinstance(answer, Solution):
+        for star in answer.stars:
+            off = np.hypot(detections.xy[:, 0] - star.x, detections.xy[:, 1] - star.y)
+            found = open_catalogue().find(star.id)
+            got[int(off.argmin())] = -1 if found is None else int(found)
+    return NamedImage(*_counted(printed, got), answer, seconds)
 
 
 def _counted(printed: Printed, got: dict[int, int]) -> tuple[int, int]:
@@ -316,14 +270,13 @@ def _centres(printed: Printed, thesis: NamedImage, default: NamedImage) -> list[
     theirs = default.answer.ra_dec_deg if isinstance(default.answer, Solution) else (None, None)
     out = []
     for k, axis in enumerate(("right ascension", "declination")):
-        words, paper = {"n": printed.name, "axis": axis}, printed.centre_deg[k]
-        out.append(TABLES.row("centre", ours[k], theirs[k], words, paper=paper))
+        out.append(TABLES.row("centre", ours[k], theirs[k], n=printed.name, axis=axis, paper=printed.centre_deg[k]))
     residual = _plate_residual(matches.xy, matches.vectors, plate.boresight)
     left = None
     if isinstance(default.answer, Solution):
         worst = max(star.residual_px for star in default.answer.stars)
         left = worst * default.answer.camera.scale_arcsec_px / 3600.0
-    return [*out, TABLES.row("residual", residual, left, words, paper=printed.largest_error_deg)]
+    return [*out, TABLES.row("residual", residual, left, n=printed.name, paper=printed.paper["residual"])]
 
 
 def _plate_residual(xy: Floats, vectors: Floats, centre: Floats) -> float:
@@ -349,14 +302,11 @@ def _fixed(printed: Printed, seed: int) -> list[dict[str, Any]]:
     frame = drawn(printed, seed)
     floating = DETECTORS.make("clusters", threshold=51.0).detect(frame)
     whole = DETECTORS.make("clusters", threshold=51.0, arithmetic="fixed").detect(frame)
-    apart = float("nan")
-    if len(floating) == len(whole):
-        apart = float(np.abs(floating.xy - whole.xy).max())
-    words = {"n": printed.name}
+    apart = float(np.abs(floating.xy - whole.xy).max()) if len(floating) == len(whole) else float("nan")
     return [
-        TABLES.row("centroids", apart, words=words, paper=printed.centroid_off_px),
-        TABLES.row("fixed", off, words=words, paper=printed.separation_off_deg),
-        TABLES.row("same", same, words=words, paper=pairs, error=max(1.0, 0.3 * pairs)),
+        TABLES.row("centroids", apart, n=printed.name, paper=printed.paper["centroids"]),
+        TABLES.row("fixed", off, n=printed.name, paper=printed.paper["fixed"]),
+        TABLES.row("same", same, n=printed.name, paper=pairs, error=max(1.0, 0.3 * pairs)),
     ]
 
 
