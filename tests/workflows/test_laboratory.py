@@ -295,6 +295,6 @@ def test_an_answer_is_judged_by_what_a_fit_makes_of_its_names(easy, truth):
     turn = small_rotation(np.array([9.0, 0.0, 0.0]) / found.camera.focal_px)
     nudged = replace(found, attitude=Attitude(turn @ found.attitude.matrix))
     assert compare_pointing(nudged.camera, nudged.attitude, truth)[0] is False
-    better, sigma = with_fitted_pointing(nudged)
+    better = with_fitted_pointing(nudged)
     assert compare_pointing(better.camera, better.attitude, truth)[0] is True
-    assert 0.0 < max(sigma[:2]) < 60.0
+    assert 0.0 < max(better.attitude.sigma_arcsec[:2]) < 60.0

@@ -15,9 +15,9 @@ from kochab.sky import open_catalogue
 def row(error=5.0, **changed):
     usual = {
         "error_arcsec": error,
-        "predicted_arcsec": 6.0,
-        "inside_68": True,
-        "inside_95": True,
+        "noise_arcsec": 6.0,
+        "noise_68": True,
+        "noise_95": True,
         "signs_right": True,
         "hidden_arcmin": 20.0,
         "cpu_ms": 1.0,
@@ -31,12 +31,12 @@ def met(measured, aligned):
 
 
 def test_goals_are_judged():
-    good = [row(inside_68=k % 100 < 68, inside_95=k % 100 < 95) for k in range(200)]
+    good = [row(noise_68=k % 100 < 68, noise_95=k % 100 < 95) for k in range(200)]
     assert all(met(good, good).values())
     for changed, name in (
         ({"error_arcsec": 16.0}, "median"),
-        ({"inside_68": True}, "68 %"),
-        ({"inside_95": False}, "95 %"),
+        ({"noise_68": True}, "68 %"),
+        ({"noise_95": False}, "95 %"),
     ):
         failed = met([r | changed for r in good], good)
         assert [n for n, ok in failed.items() if not ok and name in n], changed
@@ -65,15 +65,14 @@ def test_runs_are_what_they_say_and_repeat():
     first, again = bench.measure_once(3), bench.measure_once(3)
     first.pop("cpu_ms"), again.pop("cpu_ms")
     assert first == again
-    assert 0.0 < first["error_arcsec"] < 6.0 * first["predicted_arcsec"]
+    assert 0.0 < first["error_arcsec"] < 6.0 * first["noise_arcsec"]
     assert first["turn_deg"] == pytest.approx(60.0, abs=1.5)
-    assert -60.0 <= first["latitude_deg"] <= 70.0
 
 
 def test_an_alignment_ends_where_the_rig_says(monkeypatch):
     monkeypatch.setattr(polar_rig, "PLACES", 8)
     ended = bench.align_once(8)
-    assert ended["error_arcsec"] < 30.0 < ended["before_arcsec"]
+    assert ended["ends_arcsec"] < 30.0 < ended["before_arcsec"]
     assert 1 <= ended["moves"] <= 5
     assert ended["rounds"] >= 2
 
@@ -83,7 +82,7 @@ def test_five_moves_are_enough_where_hands_went_too_far(seed):
     """A bolt a little too far was turned back at once, or its thread learned from two degrees."""
     ended = bench.align_once(seed)
     assert ended["moves"] <= 5
-    assert ended["error_arcsec"] < 30.0
+    assert ended["ends_arcsec"] < 30.0
 
 
 def test_it_runs_and_reports(monkeypatch):
@@ -107,7 +106,7 @@ def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():
     assert mount.hour_gear.periodic_arcsec >= 3.5
     assert mount.dec_gear.backlash_deg > 0.0
     assert np.abs(sky.rest_arcsec).max() > 0.0
-    one, two = polar.measure_worn((6, 1), bench.MEASURE)
+    one, two = polar.measure_worn((6, 1))
     for row in (one, two):
         assert row["whole_arcsec"] > row["noise_arcsec"]
         assert row["whole_95"] or not row["noise_95"]  # the wider holds what the narrower does

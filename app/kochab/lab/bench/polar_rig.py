@@ -7,12 +7,12 @@ weighs all directions of the field alike under the air's squeeze, as a square fr
 moves each frame as a whole by 0.7 arcsec besides, which no solve can know of.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.frame import Site
@@ -42,13 +42,11 @@ RATE_DEG_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Hidden:
-    """What an alignment does not know: the misalignment, the threads of the bolts, the start."""
+    """What an alignment does not know: the misalignment, and the threads of the bolts."""
 
     altitude_arcmin: float
     azimuth_arcmin: float
     arcmin_a_turn: dict[Knob, float]
-    hour_deg: float
-    dec_deg: float
 
 
 @dataclass(slots=True, eq=False)
@@ -88,7 +86,7 @@ class RigSky:
         error = self.rng.normal(size=3) * np.sqrt(np.diag(self.optics.covariance))
         error[:2] += self.rng.normal(size=2) * self.seeing_arcsec * ARCSEC
         error += self.rest_arcsec @ truth.enu_to_camera @ DOWN * ARCSEC
-        matrix = Rotation.from_rotvec(error).as_matrix() @ truth.attitude.matrix
+        matrix = small_rotation(error) @ truth.attitude.matrix
         self.sights += 1
         return Sighting(
             Attitude(matrix, self.optics.covariance), truth.time_utc, self.field_deg, f"frame {self.sights}"
@@ -114,10 +112,7 @@ class RigSky:
             return
         turns = instruction.turns * (1.0 + 0.05 * self.rng.normal()) + self.rng.normal() / 360.0
         arcmin = turns * self.hidden.arcmin_a_turn[instruction.knob]
-        if instruction.knob is Knob.ALTITUDE:
-            self.rig.mount.turn_bolts(arcmin, 0.0)
-        else:
-            self.rig.mount.turn_bolts(0.0, arcmin)
+        self.rig.mount.turn_bolts(*((arcmin, 0.0) if instruction.knob is Knob.ALTITUDE else (0.0, arcmin)))
 
     def point_elsewhere(self) -> None:
         """As a person does when another part of the sky is better."""
@@ -158,8 +153,6 @@ def make_rig(rng: np.random.Generator, catalogue: Catalogue, latitude_deg: float
         off_arcmin * np.sin(angle),
         off_arcmin * np.cos(angle) / np.cos(np.radians(latitude)),
         {knob: float(rng.uniform(15.0, 70.0) * rng.choice([-1.0, 1.0])) for knob in Knob},
-        hour,
-        dec,
     )
     mount = MountConfig(
         misalignment_arcmin=(hidden.altitude_arcmin, hidden.azimuth_arcmin),
@@ -187,11 +180,6 @@ PLACING = Sweep(turn_deg=90.0, frames=15, most_frames=15)
 PLACES = 40
 MOST_MOVES = 15
 MOST_PLACES = 2000
-
-
-def align_options(second_sweep: bool) -> AlignOptions:
-    """As the bench aligns, with or without a second sweep before it is called good."""
-    return replace(ALIGN, second_sweep=second_sweep)
 
 
 def follow(sky: RigSky, options: AlignOptions = ALIGN) -> Alignment:
@@ -225,12 +213,12 @@ def point_for_sweep(sky: RigSky) -> RigSky:
     raise RuntimeError("no part of the sky allows a sweep of 60 deg")
 
 
-def point_where_best(sky: RigSky, settings: MeasureSettings) -> None:
+def point_where_best(sky: RigSky) -> None:
     """Of some places anywhere, the one the planner likes best; it tells before anything turns."""
-    best, least = (sky.hidden.hour_deg, sky.hidden.dec_deg), float("inf")
+    best, least = sky.pointing_deg, float("inf")
     for _ in range(PLACES):
-        first = to_local(sky.look(), settings.site, settings.refraction)
-        foreseen = foreseen_arcsec(first, settings, PLACING)
+        first = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
+        foreseen = foreseen_arcsec(first, sky.settings, PLACING)
         if foreseen < least:
             best, least = sky.pointing_deg, foreseen
         sky.point_elsewhere()

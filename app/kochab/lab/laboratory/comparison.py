@@ -6,7 +6,7 @@ solution stands for the truth, or of a simulated field.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from time import thread_time
 from typing import Any, TypeVar
@@ -112,7 +112,7 @@ MakePicture = Callable[[FieldSettings, Sequence[int]], RandomImage]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldTruth:
-    """Where the camera really with_fitted_pointing.
+    """Where the camera really points.
 
     An answer is right when its centre is within ``reach_px`` of the true one, and a name when its
     star is within that of the detection.
@@ -201,12 +201,15 @@ def scale_hint(truth: FieldTruth, radius_deg: float | None = None) -> Hint:
     return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
 
 
-def unsolved_trial(kind: ComparedPart, name: str, refusal: NoSolution | None, truth: FieldTruth | None) -> Trial:
-    """No answer and the reason for it; None when the time was over."""
-    reason = TOO_LONG if refusal is None else str(refusal.reason)
-    said = "Allow it more time." if refusal is None else refusal.tried or refusal.advice
+def unsolved_trial(
+    kind: ComparedPart, name: str, refusal: NoSolution | None, truth: FieldTruth | None, **more: Any
+) -> Trial:
+    """No answer and the reason for it; None when the time was over. ``more`` are fields of the trial."""
+    said = {"reason": TOO_LONG, "advice": "Allow it more time."}
+    if refusal is not None:
+        said = {"reason": str(refusal.reason), "advice": refusal.tried or refusal.advice}
     right = None if truth is None else False
-    return Trial(kind, name, paper_for(kind, name), right=right, reason=reason, advice=said)
+    return Trial(kind, name, paper_for(kind, name), right=right, **said | more)
 
 
 def solved_trial(
@@ -217,17 +220,17 @@ def solved_trial(
     xy: Floats,
     vectors: Floats,
     truth: FieldTruth | None,
+    **more: Any,
 ) -> Trial:
-    """An answer and what is to be said of it.
+    """An answer and what is to be said of it; ``more`` are fields of the trial.
 
     The stars at ``xy`` (M, 2) px were taken for those at ICRS unit ``vectors`` (M, 3).
     """
-    centre = radec_deg(_centre(camera, attitude))
-    trial = Trial(kind, name, paper_for(kind, name), ra_dec_deg=centre, matches=len(xy))
-    if truth is None:
-        return trial
-    right, off_arcsec = compare_pointing(camera, attitude, truth)
-    return replace(trial, right=right, off_arcsec=off_arcsec, wrong=wrong_names(xy, vectors, truth))
+    if truth is not None:
+        right, off_arcsec = compare_pointing(camera, attitude, truth)
+        more |= {"right": right, "off_arcsec": off_arcsec, "wrong": wrong_names(xy, vectors, truth)}
+    more |= {"ra_dec_deg": radec_deg(_centre(camera, attitude)), "sigma_arcsec": sigma_of(attitude)}
+    return Trial(kind, name, paper_for(kind, name), matches=len(xy), **more)
 
 
 def sigma_of(attitude: Attitude) -> tuple[float, float, float] | None:
@@ -322,31 +325,19 @@ def try_detector(
     """
     options = allowed(ComparedPart.DETECTOR, choice.name, choice.options)
     DETECTORS.make(choice.name).detect(Frame(np.eye(64)))  # loading its libraries is not its time
-    solve_options = SolveOptions(
-        detector=choice.name,
-        detector_options=options,
-        hint=hint,
-        use_header=False,
-        blind_after_hint=False,
-        timeout_s=limit_s,
-    )
+    chosen: dict[str, Any] = {"detector": choice.name, "detector_options": options, "timeout_s": limit_s}
+    solve_options = SolveOptions(hint=hint, use_header=False, blind_after_hint=False, **chosen)
     examined, spent = yield from timed(examine_frame(frame, solve_options), float("inf"))
     assert examined is not None, "there was no limit"
-    found, result = counted(examined.detections.xy, places), examined.result
-    seconds = spent.get("detect", 0.0)
+    result = examined.result
+    measured = {"found": counted(examined.detections.xy, places), "seconds": spent.get("detect", 0.0)}
     if not isinstance(result, Solution):
-        return replace(unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth), seconds=seconds, found=found)
+        return unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth, **measured)
     xy = np.array([(star.x, star.y) for star in result.stars])
     sky = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in result.stars]).T)
-    pointing = result.camera, result.attitude
-    return replace(
-        solved_trial(ComparedPart.DETECTOR, choice.name, *pointing, xy, sky, truth),
-        seconds=seconds,
-        found=found,
-        sigma_arcsec=sigma_of(result.attitude),
-        log10_false_alarm=result.log10_false_alarm,
-        rms_px=result.rms_px,
-    )
+    measured |= {"log10_false_alarm": result.log10_false_alarm, "rms_px": result.rms_px}
+    kind, pointing = ComparedPart.DETECTOR, (result.camera, result.attitude)
+    return solved_trial(kind, choice.name, *pointing, xy, sky, truth, **measured)
 
 
 def counted(xy: Floats, places: Floats | None) -> DetectorScore:

@@ -9,7 +9,7 @@ estimators of the attitude the error.
 import csv
 import io
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import zip_longest
 from statistics import median
 from typing import Any
@@ -70,34 +70,20 @@ class Point:
         """Share of the fields that were answered rightly."""
         return self.right / self.fields
 
-
-@dataclass(slots=True)
-class _CurveTally:
-    fields: int = 0
-    right: int = 0
-    wrong: int = 0
-    true: int = 0
-    there: int = 0
-    seconds: list[float] = field(default_factory=list)
-    off_arcsec: list[float] = field(default_factory=list)
-
-    def count(self, trial: Trial) -> None:
-        self.fields += 1
-        self.right += bool(trial.right)
-        self.wrong += trial.answered and not trial.right
-        if trial.seconds > 0:
-            self.seconds.append(trial.seconds)
-        if trial.off_arcsec is not None:
-            self.off_arcsec.append(trial.off_arcsec)
-        if trial.found is not None:
-            self.true += trial.found.true or 0
-            self.there += trial.found.there or 0
-
-    def point(self, sweep: str, value: float, name: str) -> Point:
-        seconds = median(self.seconds) if self.seconds else 0.0
-        found = self.true / self.there if self.there else None
-        off = median(self.off_arcsec) if self.off_arcsec else None
-        return Point(sweep, value, name, self.fields, self.right, self.wrong, seconds, found, off)
+    @classmethod
+    def of(cls, sweep: str, value: float, name: str, trials: Sequence[Trial]) -> "Point":
+        """What the trials at one value come to."""
+        seconds = [t.seconds for t in trials if t.seconds > 0]
+        off = [t.off_arcsec for t in trials if t.off_arcsec is not None]
+        scores = [t.found for t in trials if t.found is not None]
+        true, there = sum(s.true or 0 for s in scores), sum(s.there or 0 for s in scores)
+        right, wrong = sum(bool(t.right) for t in trials), sum(t.answered and not t.right for t in trials)
+        return cls(
+            *(sweep, value, name, len(trials), right, wrong),
+            median_s=median(seconds) if seconds else 0.0,
+            found=true / there if there else None,
+            off_arcsec=median(off) if off else None,
+        )
 
 
 def curves(
@@ -121,7 +107,7 @@ def curves(
     columns = zip_longest(*([(name, value) for value in SWEEPS[name].values] for name in chosen))
     # the first value of every sweep, then the second ...: all curves grow at the same time
     places = [place for column in columns for place in column if place is not None]
-    tallies: dict[tuple[str, float, str], _CurveTally] = {}
+    trials: dict[tuple[str, float, str], list[Trial]] = {}
     points: dict[tuple[str, float, str], Point] = {}
     for turn in range(fields):
         for number, (name, value) in enumerate(places):
@@ -143,9 +129,8 @@ def curves(
             for choice, task in zip(varied, tries, strict=True):
                 key = name, value, choice.name
                 trial = yield from with_progress(task, done, f"{shown}: {choice.name}")
-                tally = tallies.setdefault(key, _CurveTally())
-                tally.count(trial)
-                points[key] = tally.point(*key)
+                trials.setdefault(key, []).append(trial)
+                points[key] = Point.of(*key, trials[key])
                 tell(points[key])
     return list(points.values())
 

@@ -6,6 +6,7 @@ from time import thread_time
 import numpy as np
 from numpy.typing import NDArray
 
+from kochab.attitude.filter import rotation_vector
 from kochab.attitude.fit import Fit, refine
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -56,15 +57,13 @@ def try_method(
         found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
         seconds = sum(spent.values())
         tables = max(0.0, first - seconds)
+    times = {"seconds": seconds, "tables_s": tables}
     if not isinstance(found, Identification):
-        trial = unsolved_trial(ComparedPart.METHOD, choice.name, found, truth)
-        return replace(trial, seconds=seconds, tables_s=tables)
-    found, sigma = with_fitted_pointing(found)
-    pointing = found.camera, found.attitude
-    stars = found.matches.xy, found.matches.vectors
-    trial = solved_trial(ComparedPart.METHOD, choice.name, *pointing, *stars, truth)
-    trial = replace(trial, sigma_arcsec=sigma, log10_false_alarm=found.log10_false_alarm)
-    return replace(trial, seconds=seconds, tables_s=tables)
+        return unsolved_trial(ComparedPart.METHOD, choice.name, found, truth, **times)
+    fitted = with_fitted_pointing(found)
+    answer = fitted.camera, fitted.attitude, found.matches.xy, found.matches.vectors
+    alarm = found.log10_false_alarm
+    return solved_trial(ComparedPart.METHOD, choice.name, *answer, truth, log10_false_alarm=alarm, **times)
 
 
 _used: set[object] = set()
@@ -80,20 +79,17 @@ def _first_use(choice: Choice, hint: Hint | None, detections: Detections) -> boo
     return new
 
 
-def with_fitted_pointing(found: Identification) -> tuple[Identification, tuple[float, float, float] | None]:
-    """The answer with the pointing that its names give, and its one-sigma errors, arcsec.
+def with_fitted_pointing(found: Identification) -> Identification:
+    """The answer with the pointing that its names give.
 
     Methods end with names and a pointing good to some pixels; what they are worth is what a fit
-    makes of the names, as it does in every solve. The errors are along x, y and in roll; None
-    with fewer than three matches, which leave the pointing as it is.
+    makes of the names, as it does in every solve. Fewer than three matches leave the pointing as it
+    is, and its errors unknown.
     """
     if len(found.matches) < 3:
-        return found, None
+        return found
     fit = refine(found.matches, found.camera, found.attitude, distortion=False)
-    sigma = sigma_of(fit.attitude)
-    if sigma is None:
-        return found, None
-    return replace(found, camera=fit.camera, attitude=fit.attitude), sigma
+    return found if sigma_of(fit.attitude) is None else replace(found, camera=fit.camera, attitude=fit.attitude)
 
 
 # -- One estimator of the attitude on named stars, beside the fit of every solve ----------------
@@ -162,25 +158,16 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
         start = thread_time()
         fit, refusal = estimate()
         spent += thread_time() - start
-    seconds = spent / REPEATS
+    kind, measured = ComparedPart.ATTITUDE, {"seconds": spent / REPEATS}
     if refusal:
-        none = unsolved_trial(ComparedPart.ATTITUDE, choice.name, None, truth)
-        return replace(none, seconds=seconds, reason=REFUSED, advice=refusal)
-    stars = named.matches.xy, named.matches.vectors
-    trial = solved_trial(ComparedPart.ATTITUDE, choice.name, fit.camera, fit.attitude, *stars, truth)
-    return replace(
-        trial,
-        seconds=seconds,
-        sigma_arcsec=sigma_of(fit.attitude),
-        log10_false_alarm=named.log10_false_alarm,
-        rms_px=fit.rms_px,
-        from_fit_arcsec=None if choice.name == FIT else between(fit.attitude, named.fit.attitude),
-    )
+        return unsolved_trial(kind, choice.name, None, truth, reason=REFUSED, advice=refusal, **measured)
+    measured |= {"log10_false_alarm": named.log10_false_alarm, "rms_px": fit.rms_px}
+    answer = fit.camera, fit.attitude, named.matches.xy, named.matches.vectors
+    gap = None if choice.name == FIT else between(fit.attitude, named.fit.attitude)
+    return solved_trial(kind, choice.name, *answer, truth, from_fit_arcsec=gap, **measured)
 
 
 def between(a: Attitude, b: Attitude) -> tuple[float, float]:
     """How far two attitudes are apart, arcsec: on the sky at the boresight, and in roll."""
-    from scipy.spatial.transform import Rotation
-
-    about = Rotation.from_matrix(a.matrix @ b.matrix.T).as_rotvec(degrees=True) * 3600.0
+    about = np.degrees(rotation_vector(a.matrix @ b.matrix.T)) * 3600.0
     return float(np.hypot(*about[:2])), float(abs(about[2]))
