@@ -116,9 +116,9 @@ class PlateConstants:
             raise ValueError("The stars lie on one line: it has no plate constants.")
         centre, tolerance = _first_centre(xy, icrs), np.radians(self.tolerance_arcsec / 3600.0)
         for _ in range(self.most_rounds):
-            standard = _standard(icrs, centre)
+            standard = standard_coordinates(icrs, centre)
             constants = np.linalg.lstsq(design, standard - xy, rcond=None)[0]  # (3, 2)
-            east, north = _tangents(centre)
+            east, north = tangents(centre)
             new = centre + constants[2, 0] * east + constants[2, 1] * north  # equations 2.18 to 2.21
             new = new / np.linalg.norm(new)
             if float(np.linalg.norm(new - centre)) < tolerance:
@@ -134,19 +134,19 @@ class PlateConstants:
         return Attitude(_matrix(centre, roll, new), _plate_covariance(design, residual, roll, turn))
 
 
-def _tangents(centre: Floats) -> tuple[Floats, Floats]:
+def tangents(centre: Floats) -> tuple[Floats, Floats]:
     """Unit vectors east and north (3,) at a direction (3,); at a pole, those of RA 0."""
     ra = np.arctan2(centre[1], centre[0])
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
     return east, np.cross(centre, east)
 
 
-def _standard(icrs: Floats, centre: Floats) -> Floats:
+def standard_coordinates(icrs: Floats, centre: Floats) -> Floats:
     """Standard coordinates (M, 2) xi, eta about a centre: 2.16 and 2.17 as vectors."""
     depth = icrs @ centre
     if depth.min() < 0.01:
         raise ValueError("The stars are not in one half of the sky.")
-    return np.stack([icrs @ axis for axis in _tangents(centre)], axis=1) / depth[:, None]
+    return np.stack([icrs @ axis for axis in tangents(centre)], axis=1) / depth[:, None]
 
 
 def _first_centre(xy: Floats, icrs: Floats) -> Floats:
@@ -175,7 +175,7 @@ def _matrix(centre: Floats, roll: float, boresight: Floats) -> Floats:
 
     From there it is carried the last little way to the ``boresight`` (3,).
     """
-    east, north = _tangents(centre)
+    east, north = tangents(centre)
     x = np.cos(roll) * east + np.sin(roll) * north
     x -= (x @ boresight) * boresight
     x /= np.linalg.norm(x)

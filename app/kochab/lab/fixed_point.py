@@ -80,10 +80,6 @@ class Format:
         """The numbers as floats."""
         return np.asarray(values, dtype=np.float64) * self.step
 
-    def sum(self, a: ArrayLike, b: ArrayLike) -> Ints:
-        """``a + b`` (3.2.1); all three in this format."""
-        return self.fits(self.fits(a) + self.fits(b))
-
     def difference(self, a: ArrayLike, b: ArrayLike) -> Ints:
         """``a - b`` (3.2.2); all three in this format."""
         return self.fits(self.fits(a) - self.fits(b))

@@ -26,8 +26,7 @@ def test_the_ring_goes_forth_and_back_and_is_what_it_says(ring) -> None:
 
 
 def test_every_frame_but_the_first_is_timed(ring) -> None:
-    pace = measure(ring, 12)
-    row = pace.row("small")
+    row = measure(ring, 12, "small")
     assert row["frames"] == 12
     assert row["tracked"] == 1.0
     assert 0 < row["median_ms"] <= row["p95_ms"] <= row["worst_ms"]

@@ -8,15 +8,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
-from kochab.lab.methods.neighbours import (
-    PLACES,
-    Neighbours,
-    Quanta,
-    angle_at,
-    catalogue_table,
-    make_table,
-    sensor_magnitude,
-)
+from kochab.lab.methods.neighbours import PLACES, Neighbours, angle_at, make_table, sensor_magnitude
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue
 
@@ -37,11 +29,12 @@ EXAMPLE = np.array(
         [8.329, 12.754, 44.276],
     ]
 )
+EXCHANGE_DEG = 0.2
 DISTANCES = [5.596, 8.191, 8.329, 10.102, 12.306, 12.754]
 
 
-def classes(quanta, features):
-    _, key = quanta.entries(*np.atleast_2d(features).T)
+def classes(options, features):
+    _, key = options.entries(*np.atleast_2d(features).T)
     return {(int(k) // PLACES**2, int(k) // PLACES % PLACES, int(k) % PLACES) for k in key}
 
 
@@ -52,8 +45,8 @@ def knowing(camera: Camera) -> Hint:
 
 def test_the_papers_star_is_entered_as_its_text_says() -> None:
     expected = {(a, b, c) for a in (54, 55, 56) for b in (80, 81, 82) for c in (32, 33)}
-    assert classes(Quanta(), EXAMPLE[0]) == expected
-    assert int(Quanta().key(*EXAMPLE[:1].T)[0]) == (55 * PLACES + 81) * PLACES + 32
+    assert classes(Neighbours(), EXAMPLE[0]) == expected
+    assert int(Neighbours().key(*EXAMPLE[:1].T)[0]) == (55 * PLACES + 81) * PLACES + 32
 
 
 def test_all_entries_of_figure_11(repository) -> None:
@@ -64,7 +57,7 @@ def test_all_entries_of_figure_11(repository) -> None:
     printed = text[text.index("54, 80, 32\t55, 100, 0") : text.index("with the raw SC")]
     entries = {tuple(map(int, m)) for m in re.findall(r"(\d+), (\d+), (\d+)", printed)}
     assert len(entries) == 225
-    assert classes(Quanta(angle_errors=2.0), EXAMPLE) == entries
+    assert classes(Neighbours(angle_errors=2.0), EXAMPLE) == entries
 
 
 def test_first_and_second_neighbours_end_with_the_first_and_second_certain_one() -> None:
@@ -77,7 +70,7 @@ def test_first_and_second_neighbours_end_with_the_first_and_second_certain_one()
     stars = np.stack([np.sin(far) * np.cos(turn), np.sin(far) * np.sin(turn), np.cos(far)], axis=1)
     vectors = np.concatenate([[[0.0, 0.0, 1.0]], stars])
     certain = np.array([True, False, False, True, False, False, True, True])
-    star, first, second, angle = neighbourhoods(vectors, certain, Quanta())
+    star, first, second, angle = neighbourhoods(vectors, certain, EXCHANGE_DEG)
     own = star == 0
     found = {(round(a, 3), round(b, 3)) for a, b in zip(first[own], second[own], strict=True)}
     assert found == {(a, b) for a, b, _ in EXAMPLE}
@@ -91,7 +84,7 @@ def test_a_neighbour_hardly_further_may_change_places() -> None:
     far, turn = np.radians([3.0, 5.0, 5.1, 5.4, 90.0]), np.radians([0.0, 90.0, 180.0, 270.0, 0.0])
     stars = np.stack([np.sin(far) * np.cos(turn), np.sin(far) * np.sin(turn), np.cos(far)], axis=1)
     vectors = np.concatenate([[[0.0, 0.0, 1.0]], stars])
-    star, first, second, _ = neighbourhoods(vectors, np.ones(6, dtype=bool), Quanta())
+    star, first, second, _ = neighbourhoods(vectors, np.ones(6, dtype=bool), EXCHANGE_DEG)
     own = star == 0
     assert {(round(a, 2), round(b, 2)) for a, b in zip(first[own], second[own], strict=True)} == {
         (3.0, 5.0),
@@ -120,7 +113,7 @@ def test_the_table_is_as_large_as_the_papers() -> None:
 def test_stars_of_a_toy_sky_are_found_by_their_neighbours(toy_sky) -> None:
     vectors = toy_sky[:1100]
     certain = np.ones(1100, dtype=bool)
-    table = make_table(np.arange(1100), vectors, np.zeros(1100), certain, Quanta(), 4.5)
+    table = make_table(np.arange(1100), vectors, np.zeros(1100), certain, Neighbours(), 4.5)
     near = np.flatnonzero(vectors @ vectors[5] > np.cos(np.radians(15.0)))
     rim = 15.0 - np.degrees(np.arccos(np.clip(vectors[near] @ vectors[5], -1, 1)))
     found, compared = Neighbours().recognise(vectors[near], rim, table)
@@ -183,8 +176,8 @@ def test_its_table_comes_from_disk_the_second_time(tmp_path, monkeypatch) -> Non
 
 
 def test_a_red_sensor_sees_red_stars_brighter() -> None:
-    catalogue, quanta = open_catalogue(), Quanta()
-    plain, red = (catalogue_table(300, 0.1, 0.1, quanta, 2016.0, term) for term in (0.0, -1.0))
+    catalogue = open_catalogue()
+    plain, red = (Neighbours(brightest=300, spread=0.1, colour_term=term).table() for term in (0.0, -1.0))
     assert (np.diff(red.mag) >= 0).all()
     colours = catalogue.bv(red.rows)
     known = np.isfinite(colours)

@@ -7,6 +7,7 @@ of one thread is the wall time of an idle machine. The Cramer-Rao bound is deriv
 :func:`expected`.
 """
 
+import contextlib
 import time
 import tracemalloc
 from collections.abc import Callable, Mapping
@@ -23,6 +24,7 @@ from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
 from kochab.detection import DETECTORS
 from kochab.lab.bench import BenchResult, Goal, Report, Row
+from kochab.lab.detectors.peaks import dao_sources
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
 
 # -- How good a list of stars is, when the truth is known --------------------------------------
@@ -118,29 +120,18 @@ def sep_winpos(frame: Frame, fwhm_px: float) -> Floats:
     background = sep.Background(data)
     background.subfrom(data)
     objects = sep.extract(data, 3.0, err=background.globalrms)
-    sigma = fwhm_px / 2.3548
-    x, y, _ = sep.winpos(data, objects["x"], objects["y"], np.full(len(objects), sigma))
+    sigma = np.full(len(objects), fwhm_px / FWHM_PER_SIGMA)
+    x, y, _ = sep.winpos(data, objects["x"], objects["y"], sigma)
     return np.stack([x, y], axis=1)
 
 
 def dao_star_finder(frame: Frame, fwhm_px: float) -> Floats:
     """photutils: clipped statistics and DAOStarFinder, which is given the FWHM."""
-    import warnings
-
     from astropy.stats import sigma_clipped_stats
-    from photutils.detection import DAOStarFinder
 
     data = frame.pixels.astype(np.float32)
     _, median, std = sigma_clipped_stats(data, sigma=3.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        sources = DAOStarFinder(fwhm=fwhm_px, threshold=5.0 * std)(data - median)
-    if sources is None:
-        return np.empty((0, 2))
-    names = ("x_centroid", "y_centroid")  # "xcentroid" before photutils 3
-    if names[0] not in sources.colnames:
-        names = ("xcentroid", "ycentroid")
-    return np.stack([np.asarray(sources[name], dtype=np.float64) for name in names], axis=1)
+    return dao_sources(data - median, 5.0 * std, fwhm_px)
 
 
 def seiza(frame: Frame, fwhm_px: float) -> Floats:
@@ -151,8 +142,7 @@ def seiza(frame: Frame, fwhm_px: float) -> Floats:
     return np.array([(s.x, s.y) for s in stars], dtype=np.float64).reshape(-1, 2)
 
 
-FINDERS: dict[str, Finder] = {"kochab": kochab, "sep": sep_winpos}
-FINDERS |= {"DAOStarFinder": dao_star_finder, "seiza": seiza}
+FINDERS: dict[str, Finder] = {"kochab": kochab, "sep": sep_winpos, "DAOStarFinder": dao_star_finder, "seiza": seiza}
 
 
 def finders() -> dict[str, Finder]:
@@ -160,11 +150,9 @@ def finders() -> dict[str, Finder]:
     small = Frame(np.random.default_rng(0).normal(500, 20, (256, 256)).astype(np.uint16))
     ready = {}
     for name, find in FINDERS.items():
-        try:
+        with contextlib.suppress(ImportError):
             find(small, 3.0)
-        except ImportError:
-            continue
-        ready[name] = find
+            ready[name] = find
     return ready
 
 
@@ -215,7 +203,7 @@ def make_field(field: RenderedField) -> tuple[Frame, DetectionTruth]:
     rng = np.random.default_rng(field.seed)
     sky, sensor = Sky(400.0, (80.0, 60.0), hot_per_mp=30.0), Sensor()
     xy = rng.uniform(8.0, [width - 9.0, height - 9.0], (field.stars, 2))
-    sigma = field.fwhm_px / 2.3548
+    sigma = field.fwhm_px / FWHM_PER_SIGMA
     faintest = 5.0 * np.sqrt((sky.level_e + sensor.read_noise_e**2) * 4 * np.pi * sigma**2)
     flux = np.minimum(faintest * rng.uniform(0.0, 1.0, field.stars) ** (-1 / 0.9), 3e6)
     frame = render(width, height, xy, flux, RenderedStar(field.fwhm_px), sky, sensor, field.seed)
@@ -226,24 +214,20 @@ def measure_field(
     field: RenderedField, frame: Frame, truth: DetectionTruth, found: Mapping[str, Finder]
 ) -> list[dict[str, Any]]:
     """One row a detector, and one for reading every pixel once (``np.max``)."""
-    wall: dict[str, list[float]] = {name: [] for name in ("np.max", *found)}
-    cpu: dict[str, list[float]] = {name: [] for name in wall}
+    every: dict[str, Finder] = {"np.max": lambda one, _: one.pixels.max(), **found}
+    spent_s: dict[str, list[tuple[float, float]]] = {name: [] for name in every}
     for turn in range(field.turns):
-        for name in wall:
+        for name, find in every.items():
             if name in SLOW and turn:
                 continue
             started, worked = time.perf_counter(), time.process_time()
-            if name == "np.max":
-                frame.pixels.max()
-            else:
-                found[name](frame, field.fwhm_px)
-            wall[name].append(time.perf_counter() - started)
-            cpu[name].append(time.process_time() - worked)
+            find(frame, field.fwhm_px)
+            spent_s[name].append((time.perf_counter() - started, time.process_time() - worked))
     rows = []
-    for name in wall:
+    for name in every:
+        wall_ms, cpu_ms = (1e3 * np.median(spent_s[name], axis=0)).tolist()
         row: dict[str, Any] = {"mp": field.megapixels, "stars": field.stars, "fwhm_px": field.fwhm_px}
-        row |= {"detector": name, "wall_ms": 1e3 * float(np.median(wall[name]))}
-        row["cpu_ms"] = 1e3 * float(np.median(cpu[name]))
+        row |= {"detector": name, "wall_ms": wall_ms, "cpu_ms": cpu_ms}
         if name in found:
             xy, extra = _with_memory(found[name], frame, field.fwhm_px)
             row |= {"found": len(xy)} | score(xy, truth) | {"memory": extra}
@@ -251,7 +235,7 @@ def measure_field(
     return rows
 
 
-def _with_memory(find: Finder, frame: Frame, fwhm_px: float) -> tuple[np.ndarray[Any, Any], float]:
+def _with_memory(find: Finder, frame: Frame, fwhm_px: float) -> tuple[Floats, float]:
     """Places, and the peak of what Python and numpy allocated as a fraction of the frame.
 
     In a new thread, so that memory kept from the turns before is counted again.

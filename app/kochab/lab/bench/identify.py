@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from kochab.identification.index_build import make_fine
 from kochab.identification.patterns import Patterns
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.bench.identify_shapes import refusal_row, shape_rows
+from kochab.lab.laboratory.comparison import FieldTruth, compare_pointing
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_field, random_points
 from kochab.sky import open_catalogue
 
@@ -38,7 +40,6 @@ STRESS = (
 )
 STRESS_FIELDS_DEG = (1.0, 3.0, 10.0, 30.0)
 SEED = 20260101
-CENTRE_PX = 5.0  # an answer is right when the frame's centre is within this of the truth
 
 
 @dataclass(slots=True)
@@ -50,6 +51,22 @@ class IdentifyTally:
     wrong: int = 0
     rich: int = 0
     rich_right: int = 0
+
+    def solve(self, truth: RandomField, hint: Hint | None = None) -> None:
+        """Name a field by the default method, and count the answer: right, wrong, or none."""
+        answer, seconds = timed(lambda: drive(Patterns().identify(truth.detections, hint)))
+        right = False
+        if answered := isinstance(answer, Identification):
+            right, _ = compare_pointing(answer.camera, answer.attitude, FieldTruth(truth.camera, truth.attitude))
+        self.count(right, answered, seconds)
+        self.rich += truth.stars >= 10
+        self.rich_right += right and truth.stars >= 10
+
+    def count(self, right: bool, answered: bool, seconds: float) -> None:
+        """Count one answer."""
+        self.milliseconds.append(1e3 * seconds)
+        self.right += right
+        self.wrong += answered and not right
 
     def row(self, what: str, mode: str) -> dict[str, Any]:
         """One line of the table."""
@@ -80,70 +97,43 @@ def run(quick: bool, report: Report) -> BenchResult:
     rows += _rival(count // 4, report)
     for name, plan in STRESS:
         report(f"{name} ...")
-        rows += _stress(name, plan, count // 10)
+        rows.append(_stress(name, plan, count // 10))
     report("random points ...")
     refused, noise = _random_lists(500 if quick else 5000)
     shapes = shape_rows(15 if quick else 300, report)
     return BenchResult("identify", [*rows, *noise, *shapes], goals(rows, refused, shapes))
 
 
-def count_answer(tally: IdentifyTally, truth: RandomField, answer: object, milliseconds: float) -> None:
-    """Count one answer: right, wrong, or none."""
-    right = False
-    if isinstance(answer, Identification):
-        middle = np.array([[(truth.camera.width - 1) / 2, (truth.camera.height - 1) / 2]])
-        centre = answer.attitude.matrix.T @ answer.camera.unproject(middle)[0]
-        off_px = float(np.linalg.norm(centre - truth.attitude.boresight)) * truth.camera.focal_px
-        same_scale = abs(answer.camera.focal_px / truth.camera.focal_px - 1.0) < 0.03
-        right = off_px < CENTRE_PX and same_scale and answer.camera.mirrored == truth.camera.mirrored
-    tally.milliseconds.append(milliseconds)
-    tally.right += right
-    tally.wrong += isinstance(answer, Identification) and not right
-    tally.rich += truth.stars >= 10
-    tally.rich_right += right and truth.stars >= 10
-
-
-def _timed(method: Patterns, truth: RandomField, hint: Hint | None) -> tuple[object, float]:
-    answer, seconds = timed(lambda: drive(method.identify(truth.detections, hint)))
-    return answer, 1e3 * seconds
-
-
 def _both_ways(plan: FieldPlan, name: str, count: int) -> list[dict[str, Any]]:
-    catalogue, method = open_catalogue(), Patterns()
     rng = np.random.default_rng([SEED, round(plan.fov_deg * 100)])
     blind, hinted = IdentifyTally(), IdentifyTally()
     for _ in range(count):
-        truth = random_field(catalogue, rng, plan)
+        truth = random_field(open_catalogue(), rng, plan)
         scale = truth.camera.scale_arcsec_px
-        count_answer(blind, truth, *_timed(method, truth, None))
-        hint = Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1))
-        count_answer(hinted, truth, *_timed(method, truth, hint))
+        blind.solve(truth)
+        hinted.solve(truth, Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1)))
     return [blind.row(name, "blind"), hinted.row(name, "scale to 10 %")]
 
 
-def _stress(name: str, plan: FieldPlan, count: int) -> list[dict[str, Any]]:
+def _stress(name: str, plan: FieldPlan, count: int) -> dict[str, Any]:
     """Harder fields at four scales together; ``plan.k1`` is the distortion at the corner."""
-    catalogue, method, tally = open_catalogue(), Patterns(), IdentifyTally()
-    rng = np.random.default_rng([SEED, 7])
+    tally, rng = IdentifyTally(), np.random.default_rng([SEED, 7])
     for fov in STRESS_FIELDS_DEG:
         half = math.tan(math.radians(fov) / 2.0)
         one = replace(plan, fov_deg=fov, k1=plan.k1 / (2.0 * half * half))
         for _ in range(count):
-            truth = random_field(catalogue, rng, one)
-            count_answer(tally, truth, *_timed(method, truth, None))
-    return [tally.row(name, "blind")]
+            tally.solve(random_field(open_catalogue(), rng, one))
+    return tally.row(name, "blind")
 
 
 def _random_lists(count: int) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Lists of 8 to 80 random points; also how often the bound went below 10^-1, 10^-2, 10^-3."""
     rng = np.random.default_rng([SEED, 3])
-    method = Patterns()
     spent, accepted, least = [], 0, []
     for _ in range(count):
         points = random_points(rng, int(rng.integers(8, 81)))
-        start = time.perf_counter()
-        answer = drive(method.identify(points))
-        spent.append(time.perf_counter() - start)
+        answer, seconds = timed(partial(drive, Patterns().identify(points)), time.perf_counter)
+        spent.append(seconds)
         if isinstance(answer, NoSolution):
             least.append(answer.measured.get("log10_false_alarm", 0.0))
         accepted += isinstance(answer, Identification)
@@ -173,9 +163,7 @@ def _rival(count: int, report: Report) -> list[dict[str, Any]]:
         for _ in range(count):
             truth = random_field(open_catalogue(), rng, FieldPlan(fov))
             (right, answered), seconds = timed(lambda: rival.solve(truth))  # noqa: B023
-            tally.milliseconds.append(1e3 * seconds)
-            tally.right += right
-            tally.wrong += answered and not right
+            tally.count(right, answered, seconds)
         rows.append(tally.row(f"{fov:g} deg", "cedar-solve, blind"))
     return rows
 

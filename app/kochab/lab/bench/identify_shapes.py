@@ -7,9 +7,11 @@ or the Pleiades in them.
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Floats
@@ -17,7 +19,7 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
-from kochab.lab.bench import Report
+from kochab.lab.bench import Report, timed
 from kochab.simulate.random_fields import random_direction
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections
@@ -45,8 +47,7 @@ def king(rng: np.random.Generator, count: int) -> Floats:
     edge = core * 10.0 ** rng.uniform(0.5, 2.0)
     r = np.linspace(0.0, min(edge, 2.5), 2000)
     density = (1.0 / np.hypot(1.0, r / core) - 1.0 / np.hypot(1.0, edge / core)) ** 2
-    weight = density * r
-    summed = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2.0 * np.diff(r))])
+    summed = cumulative_trapezoid(density * r, r, initial=0.0)
     return _turned(rng, np.interp(rng.uniform(0.0, summed[-1], count), summed, r))
 
 
@@ -171,9 +172,8 @@ def _row(name: str, mode: str, count: int) -> dict[str, Any]:
     rng = np.random.default_rng([seed, MODES.index(mode)])
     for number in range(count):
         points, options = shape_list(SHAPES[name], seed, number), options_of(mode, rng)
-        start = time.perf_counter()
-        answer = drive(solve_detections(points, options))
-        spent.append(time.perf_counter() - start)
+        answer, seconds = timed(partial(drive, solve_detections(points, options)), time.perf_counter)
+        spent.append(seconds)
         if isinstance(answer, Solution):
             wrong += 1
             claimed = min(claimed, answer.log10_false_alarm)

@@ -13,7 +13,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,48 +25,28 @@ from kochab.lab.bench.live_stream import EXPOSURE_S, SIZES, Ring, average_rows, 
 from kochab.solver.tracker import Tracker
 
 
-@dataclass(slots=True)
-class StreamSpeed:
-    """Times of many frames, milliseconds, and how each was answered."""
-
-    wall_ms: list[float] = field(default_factory=list)
-    cpu_ms: list[float] = field(default_factory=list)
-    tracked: int = 0
-    solved: int = 0
-
-    @property
-    def frames_s(self) -> float:
-        """Frames a second, one after another without a pause."""
-        return 1e3 / float(np.mean(self.wall_ms))
-
-    def row(self, what: str) -> dict[str, Any]:
-        """One line of the table."""
-        wall, cpu = np.array(self.wall_ms), np.array(self.cpu_ms)
-        return {
-            "what": what,
-            "frames": len(wall),
-            "tracked": self.tracked / len(wall),
-            "frames_s": self.frames_s,
-            "median_ms": float(np.median(wall)),
-            "p95_ms": float(np.percentile(wall, 95)),
-            "worst_ms": float(wall.max()),
-            "cpu_ms": float(cpu.mean()),
-        }
-
-
-def measure(ring: Ring, count: int, fps: float = 30.0) -> StreamSpeed:
+def measure(ring: Ring, count: int, what: str, fps: float = 30.0) -> dict[str, Any]:
     """Track ``count`` frames as fast as it goes, after one that is solved as a whole."""
-    tracker, pace = Tracker(), StreamSpeed()
-    for number, (frame, moment, _) in enumerate(ring.stream(count + 1, fps)):
+    tracker, frames = Tracker(), ring.stream(count + 1, fps)
+    frame, moment, _ = next(frames)
+    run(tracker.update(frame, moment))
+    wall_s, cpu_s, tracked = [], [], 0
+    for frame, moment, _ in frames:
         wall, cpu = time.perf_counter(), time.process_time()
-        update = run(tracker.update(frame, moment))
-        spent = time.perf_counter() - wall, time.process_time() - cpu
-        if number:
-            pace.wall_ms.append(1e3 * spent[0])
-            pace.cpu_ms.append(1e3 * spent[1])
-            pace.tracked += update.mode == "tracking"
-            pace.solved += update.solution is not None
-    return pace
+        tracked += run(tracker.update(frame, moment)).mode == "tracking"
+        wall_s.append(time.perf_counter() - wall)
+        cpu_s.append(time.process_time() - cpu)
+    wall_ms = 1e3 * np.array(wall_s)
+    return {
+        "what": what,
+        "frames": count,
+        "tracked": tracked / count,
+        "frames_s": 1e3 / float(wall_ms.mean()),
+        "median_ms": float(np.median(wall_ms)),
+        "p95_ms": float(np.percentile(wall_ms, 95)),
+        "worst_ms": float(wall_ms.max()),
+        "cpu_ms": 1e3 * float(np.mean(cpu_s)),
+    }
 
 
 def at_frame_rate(ring: Ring, seconds: float, fps: float) -> dict[str, Any]:
@@ -76,17 +55,16 @@ def at_frame_rate(ring: Ring, seconds: float, fps: float) -> dict[str, Any]:
     frames = ring.stream(max(2, round(seconds * fps)) + 1, fps)
     frame, moment, _ = next(frames)
     run(tracker.update(frame, moment))
-    begin, cpu, late, count = time.perf_counter(), time.process_time(), 0, 0
-    for frame, moment, _ in frames:
-        due = begin + count / fps
+    begin, cpu, late = time.perf_counter(), time.process_time(), 0
+    for number, (frame, moment, _) in enumerate(frames):
+        due = begin + number / fps
         time.sleep(max(0.0, due - time.perf_counter()))
         run(tracker.update(frame, moment))
-        count += 1
         late += time.perf_counter() > due + 1.0 / fps
     wall = time.perf_counter() - begin
     return {
         "what": f"{fps:g} frames a second in real time",
-        "frames": count,
+        "frames": number + 1,
         "late": late,
         "cores": (time.process_time() - cpu) / wall,
     }
@@ -174,7 +152,7 @@ def run_live(quick: bool, report: Report) -> BenchResult:
     for name, size in SIZES.items():
         report(f"{name}: rendering, then tracking ...")
         ring = make_ring(*size, count=9 if quick else 31)
-        rows[name] = measure(ring, 100 if quick else 1000).row(f"{name} tracked")
+        rows[name] = measure(ring, 100 if quick else 1000, f"{name} tracked")
         report(f"{name}: the same in the window ...")
         calm = make_ring(*size, count=9 if quick else 16, swing_deg=CALM_DEG)
         rows[f"{name} window"] = window_row(calm, name, 5.0 if quick else 20.0)

@@ -10,11 +10,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from kochab.core.arrays import Bools, Floats, Floats32
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.registry import integer, number, switch
 from kochab.detection.peaks import apart
-from kochab.lab.detectors.background import box_light, measured_detections, no_detections, without_background
+from kochab.lab.detectors.background import Flat, box_light, measured_detections, no_detections, without_background
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +52,7 @@ class MaximaDetector:
         places = center_of_mass(top, plateaus, np.arange(1, count + 1))
         xy = np.array(places, dtype=np.float64).reshape(-1, 2)[:, ::-1]
         half = self.box_px // 2
-        flux, pixels = box_light(flat, xy, half)
-        order = np.argsort(-flux, kind="stable")
-        order = order[apart(xy[order], np.full(len(order), half + 0.5))]
-        xy, flux, pixels = xy[order], flux[order], pixels[order]
+        xy, flux, pixels = _apart(flat, xy, half, half + 0.5)
         if self.refined:
             stamps = flat.stamps(xy, half)
             light = np.maximum(stamps.value, 0.0)
@@ -63,6 +61,14 @@ class MaximaDetector:
             dy = (light.sum(axis=2) @ stamps.offsets) / total
             xy = np.stack([stamps.x + dx, stamps.y + dy], axis=1).astype(np.float64)
         return measured_detections(flat, xy, flux, pixels, self.max_stars)
+
+
+def _apart(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple[Floats, Floats, Floats]:
+    """Places (N, 2), brightest first, without those near a brighter one; light and pixels in boxes (N,)."""
+    flux, pixels = box_light(flat, xy, half)
+    order = np.argsort(-flux, kind="stable")
+    order = order[apart(xy[order], np.full(len(order), reach_px))]
+    return xy[order], flux[order], pixels[order]
 
 
 # Stars as peaks shaped like a Gaussian: photutils' DAOStarFinder (Stetson 1987, PASP 99, 191).
@@ -89,29 +95,33 @@ class GaussianDetector:
 
     def detect(self, frame: Frame) -> Detections:
         """Stars of ``frame``, brightest first."""
+        flat = without_background(frame)
+        if flat is None:
+            return no_detections(frame)
+        broken = flat.broken if flat.broken.any() else None
         try:
-            from photutils.detection import DAOStarFinder
+            xy = dao_sources(flat.image, flat.threshold(self.sigmas, self.clipped), self.fwhm_px, broken)
         except ImportError as error:
             raise UsageError(
                 "This detector needs photutils; install it with: pip install 'kochab[photutils]'"
             ) from error
-        flat = without_background(frame)
-        if flat is None:
-            return no_detections(frame)
-        finder = DAOStarFinder(threshold=flat.threshold(self.sigmas, self.clipped), fwhm=self.fwhm_px)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that there are none is an answer
-            table = finder(flat.image, mask=flat.broken if flat.broken.any() else None)
-        if table is None or not len(table):
-            return no_detections(frame, flat)
-        new = "x_centroid" in table.colnames  # "xcentroid" before photutils 3
-        names = ("x_centroid", "y_centroid") if new else ("xcentroid", "ycentroid")
-        xy = np.stack([np.asarray(table[name], dtype=np.float64) for name in names], axis=1)
         xy = xy[np.isfinite(xy).all(axis=1)]
-        flux, pixels = box_light(flat, xy, max(2, round(self.fwhm_px / 2)))
-        order = np.argsort(-flux, kind="stable")
-        order = order[apart(xy[order], np.full(len(order), 0.5 * self.fwhm_px))]
-        return measured_detections(flat, xy[order], flux[order], pixels[order], self.max_stars)
+        stars = _apart(flat, xy, max(2, round(self.fwhm_px / 2)), 0.5 * self.fwhm_px)
+        return measured_detections(flat, *stars, self.max_stars)
+
+
+def dao_sources(image: Floats32, threshold: float, fwhm_px: float, mask: Bools | None = None) -> Floats:
+    """Places (N, 2) px of photutils' DAOStarFinder; ImportError where it is not installed."""
+    from photutils.detection import DAOStarFinder
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that there are none is an answer
+        table = DAOStarFinder(threshold=threshold, fwhm=fwhm_px)(image, mask=mask)
+    if table is None:
+        return np.empty((0, 2))
+    new = "x_centroid" in table.colnames  # "xcentroid" before photutils 3
+    names = ("x_centroid", "y_centroid") if new else ("xcentroid", "ycentroid")
+    return np.stack([np.asarray(table[name], dtype=np.float64) for name in names], axis=1)
 
 
 # -- The combined detector of "Lost in space" for robotic telescopes (thesis, 2018) ------------

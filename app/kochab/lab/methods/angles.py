@@ -5,7 +5,7 @@ each further one shares a star with the one before. Its table of 106,308 angles 
 the brightest 8,118 stars of this catalogue make 139,964 of them in hundredths of a second.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import lru_cache
 from math import factorial
@@ -19,7 +19,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
 from kochab.core.solution import Identification, NoSolution
-from kochab.lab.methods.confirmation import CandidateNames, confirm, refused, with_known_scale
+from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused
 from kochab.lab.methods.pairs import Pairs, between, catalogue_pairs, spread
 
 # -- Pivoting: candidates of one figure are kept when they share stars with those of the next ----
@@ -120,7 +120,7 @@ class FigureTable:
 
 
 @dataclass(frozen=True, slots=True)
-class PivotingMethod(ABC):
+class PivotingMethod(AngularMethod):
     """What the two methods of the thesis share: its values as defaults, and the way to names.
 
     Of the error of a star's place the thesis says 0.87 microradian in section 2.2.2; its programs
@@ -130,7 +130,6 @@ class PivotingMethod(ABC):
     name: ClassVar[str]
     figure: ClassVar[str]
     corners: ClassVar[int]  # stars of the figure
-    fewest: ClassVar[int]
 
     sigma_urad: float = number(87.2665 / 3.0, "microradian", 0.1, 1000.0, "error of a star's place a coordinate")
     bound_sigma: float = number(
@@ -147,13 +146,10 @@ class PivotingMethod(ABC):
     most: int = integer(10_000, "solutions", 10, 1_000_000, "figures with more are left out (6.1: 10,000)")
     as_printed: bool = switch(False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists")
 
-    def identify(
-        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
+    def search(
+        self, detections: Detections, focal: float, hint: Hint | None, year: float
     ) -> Task[Identification | NoSolution]:
-        """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_known_scale(detections, hint, self.fewest, lambda listed, focal: self._search(listed, focal, year))
-
-    def _search(self, detections: Detections, focal: float, year: float) -> Task[Identification | NoSolution]:
+        """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, f"{self.figure}s of the catalogue")
         table = self.table(year)
         yield Progress("identify", 0.5, "pivots")
@@ -239,8 +235,7 @@ class Angles(PivotingMethod):
 
 def angle_table(limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0) -> FigureTable:
     """The angles of the catalogue up to ``limit_deg``; ``mag_limit`` overrides ``brightest``."""
-    number = brightest if mag_limit is None else None
-    return angles_of(catalogue_pairs(limit_deg, brightest=number, mag_limit=mag_limit, year=year))
+    return angles_of(catalogue_pairs(limit_deg, brightest=brightest, mag_limit=mag_limit, year=year))
 
 
 @lru_cache(maxsize=4)

@@ -7,8 +7,9 @@ many of the other detections then fall on catalogue stars, against what chance w
 looked at.
 """
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,10 +28,6 @@ WITNESSES = 40  # so many of the brightest detections may testify
 PROPOSERS = 15  # so many pairs of named stars, the widest first, are let propose
 FEWEST = 3
 ODD, ODD_PX = 5.0, 3.0  # a name is dropped beyond so many times the median error, and so many px
-
-
-Search = Callable[[Detections, float], Task[Identification | NoSolution]]
-"""Names the stars of detections that all have a place, at a focal length in px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,12 +107,30 @@ def _tail(pointing: CandidatePointing, seen: Floats, sky: Floats, half: Floats, 
     """log10 of the chance that one pointing agrees so well with stars that did not propose it."""
     places, _ = pointing.project(sky)
     xy = places[(np.abs(places) < half).all(axis=1)]
-    square = np.sort(pair(seen, xy, reach_px)[2])
-    area, count = float(4.0 * half[0] * half[1]), float(len(xy))
-    tail, _ = least_likely(square, len(seen), count, area, reach_px, 0)
+    return chance_of(pair(seen, xy, reach_px)[2], seen, places, half, len(xy), reach_px)
+
+
+def chance_of(
+    distance2: Floats,
+    seen: Floats,
+    places: Floats,
+    half: Floats,
+    stars: int,
+    reach_px: float,
+    free: int = 0,
+    candidates: int = 1,
+) -> float:
+    """log10 of a bound for the chance of so good an agreement with one of ``candidates`` pointings.
+
+    ``distance2`` (M,) px are those of the matches of ``seen`` (N, 2) and ``places`` (P, 2), of which
+    ``stars`` are within ``half`` (2,) the frame; ``free`` numbers were fitted to them. What would be
+    accepted is counted again with the density of the stars where they crowd.
+    """
+    square, area, count = np.sort(distance2), float(4.0 * half[0] * half[1]), float(stars)
+    tail, _ = least_likely(square, len(seen), count, area, reach_px, free, candidates)
     if tail <= ACCEPT_LOG10:
         count *= crowding(seen, places, half, count / area)
-        tail, _ = least_likely(square, len(seen), count, area, reach_px, 0)
+        tail, _ = least_likely(square, len(seen), count, area, reach_px, free, candidates)
     return tail
 
 
@@ -165,25 +180,39 @@ def table_deg(detections: Detections, focal_px: float) -> float:
     return float(min(np.ceil(np.degrees(2.0 * np.arctan(diagonal / 2.0 / focal_px))), WIDEST_DEG))
 
 
-def with_known_scale(
-    detections: Detections, hint: Hint | None, fewest: int, search: Search, focal_px: float | None = None
-) -> Task[Identification | NoSolution]:
-    """What ``search`` makes of the detections that have a place, at the focal length in px.
+@dataclass(frozen=True, slots=True)
+class AngularMethod(ABC):
+    """A method that compares angles between stars, so that it has to know the scale.
 
-    That is ``focal_px`` or the hint's. NoSolution when neither is given, or when there are fewer
-    than ``fewest`` stars.
+    ``fewest`` is how many stars it can work with.
     """
-    focal = focal_px or known_focal(hint)
 
-    def begin(listed: Detections) -> Task[Identification | NoSolution]:
+    fewest: ClassVar[int]
+
+    def identify(
+        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
+    ) -> Task[Identification | NoSolution]:
+        """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
+        return with_places(detections, lambda listed: self._begin(listed, hint, year))
+
+    def _begin(self, listed: Detections, hint: Hint | None, year: float) -> Task[Identification | NoSolution]:
+        focal = self.focal_px(listed, hint)
         if focal is None:
             advice = "Give the field of view: this method compares angles."
             return refused(listed, "nothing: the scale is unknown", advice)
-        if len(listed) < fewest:
-            return too_few(listed, fewest)
-        return (yield from search(listed, focal))
+        if len(listed) < self.fewest:
+            return too_few(listed, self.fewest)
+        return (yield from self.search(listed, focal, hint, year))
 
-    return (yield from with_places(detections, begin))
+    def focal_px(self, detections: Detections, hint: Hint | None) -> float | None:
+        """The focal length it takes, px; None when it is not known."""
+        return known_focal(hint)
+
+    @abstractmethod
+    def search(
+        self, detections: Detections, focal: float, hint: Hint | None, year: float
+    ) -> Task[Identification | NoSolution]:
+        """Name the stars of detections that all have a place, at a focal length in px."""
 
 
 def too_few(detections: Detections, fewest: int) -> NoSolution:

@@ -6,7 +6,7 @@ neighbour is nearer than the rim of the picture are looked up in the star databa
 are those measured. Parity is free, as no feature has a sense of turning.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -23,7 +23,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
 from kochab.core.solution import Identification, NoSolution
 from kochab.identification.table_cache import Arrays, cached_table
-from kochab.lab.methods.confirmation import CandidateNames, confirm, refused, with_known_scale
+from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused
 from kochab.lab.methods.pairs import angles_between, spread
 from kochab.sky import open_catalogue
 
@@ -50,46 +50,6 @@ TOO_LARGE = "make the table of neighbours too large: take fewer stars, a smaller
 KEPT = ("rows", "vectors", "mag", "certain", "key", "star")
 TYPICAL_BV = 0.7  # the median over stars of the catalogue whose colour is known
 PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
-
-
-@dataclass(frozen=True, slots=True)
-class Quanta:
-    """What features are measured and entered with, degrees.
-
-    ``tolerance_deg`` is the largest error of a star's place, ``step_deg`` and ``angle_step_deg``
-    the classes of distances and angles, ``exchange`` how many tolerances two neighbours' distances
-    must differ by to keep their order; ``angle_errors`` multiplies the error of an angle.
-    """
-
-    tolerance_deg: float = 0.05
-    step_deg: float = 0.1
-    angle_step_deg: float = 5.0
-    exchange: float = 4.0
-    angle_errors: float = 1.0
-
-    def key(self, first_deg: Floats, second_deg: Floats, angle_deg: Floats) -> Ints:
-        """The class (T,) of measured features (T,)."""
-        parts = np.stack(
-            [first_deg / self.step_deg, second_deg / self.step_deg, angle_deg / self.angle_step_deg]
-        ).astype(np.int64)
-        return np.asarray((parts[0] * PLACES + parts[1]) * PLACES + parts[2])
-
-    def entries(self, first_deg: Floats, second_deg: Floats, angle_deg: Floats) -> tuple[Ints, Ints]:
-        """Every class that true features (T,) can be measured in: which feature, and the key."""
-        reach = int(np.ceil(2.0 * self.tolerance_deg / self.step_deg - 1e-9))
-        beside = np.arange(-reach, reach + 1)
-        error = self.angle_errors * 2.0 * np.degrees(self.tolerance_deg * (1 / first_deg + 1 / second_deg))
-        low = (np.maximum(angle_deg - error, 0.0) / self.angle_step_deg).astype(np.int64)
-        high = (np.minimum(angle_deg + error, 180.0) / self.angle_step_deg).astype(np.int64)
-        if int((high - low + 1).sum()) * len(beside) ** 2 > MOST_ENTRIES:
-            raise UsageError(f"So many classes {TOO_LARGE}")
-        which, angle = spread(low, high + 1)
-        a = (first_deg / self.step_deg).astype(np.int64)[which, None, None] + beside[:, None]
-        b = (second_deg / self.step_deg).astype(np.int64)[which, None, None] + beside
-        keys = (a * PLACES + b) * PLACES + angle[:, None, None]
-        possible = (a >= 0) & (a <= b)  # the nearer one is always measured first
-        which = np.broadcast_to(which[:, None, None], keys.shape)
-        return which[possible], keys[possible]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,26 +90,29 @@ class NeighbourTable:
 
 
 def make_table(
-    rows: Ints, vectors: Floats, mag: Floats, certain: Bools, quanta: Quanta, faintest: float
+    rows: Ints, vectors: Floats, mag: Floats, certain: Bools, options: "Neighbours", faintest: float
 ) -> NeighbourTable:
     """The table of N stars given brightest first; see :class:`NeighbourTable`."""
-    star, first, second, angle = neighbourhoods(vectors, certain, quanta)
-    which, key = quanta.entries(first, second, angle)
+    star, first, second, angle = neighbourhoods(vectors, certain, options.exchange * options.tolerance_deg)
+    which, key = options.entries(first, second, angle)
     both = np.sort(key * len(rows) + star[which])  # a tenth of the time of np.unique for so many
     both = both[np.append(True, both[1:] != both[:-1])] if len(both) else both
     key, entered = both // len(rows), (both % len(rows)).astype(np.int32)
     return NeighbourTable(rows, vectors, mag, certain, key, entered, len(star), faintest)
 
 
-def neighbourhoods(vectors: Floats, certain: Bools, quanta: Quanta) -> tuple[Ints, Floats, Floats, Floats]:
-    """All neighbouring constellations: star (T,), both distances and the angle (T,), degrees."""
+def neighbourhoods(vectors: Floats, certain: Bools, exchange_deg: float) -> tuple[Ints, Floats, Floats, Floats]:
+    """All neighbouring constellations: star (T,), both distances and the angle (T,), degrees.
+
+    Neighbours whose distances differ by no more than ``exchange_deg`` may change places.
+    """
     count = min(32, len(vectors))
     while True:
         distance, near = _nearest(vectors, count)
         # how far the first and the second neighbour of each star may be, degrees
         order = np.cumsum(certain[near], axis=1)
         ends = [np.where(order >= n, distance, 180.0).min(axis=1) for n in (1, 2)]
-        limits = np.stack(ends, axis=1) + quanta.exchange * quanta.tolerance_deg
+        limits = np.stack(ends, axis=1) + exchange_deg
         short = (limits[:, 1] > distance[:, -1]).any()
         if not short or count == len(vectors):
             break
@@ -183,24 +146,6 @@ def angle_at(middle: Floats, first: Floats, second: Floats) -> Floats:
     return np.asarray(np.degrees(np.arctan2(sine, (a * b).sum(axis=1))))
 
 
-def catalogue_table(
-    brightest: int,
-    uncertainty: float,
-    double_deg: float,
-    quanta: Quanta,
-    year: float = 2016.0,
-    colour_term: float = 0.0,
-) -> NeighbourTable:
-    """The table of the shipped catalogue, from memory, from disk, or made.
-
-    The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share
-    ``uncertainty``, stars are certain above ``1 + uncertainty`` times that limit and maybe there
-    down to ``1 - uncertainty``; so are both stars of a pair closer than ``double_deg``.
-    Brightness is that of a sensor with ``colour_term``, see `sensor_magnitude`.
-    """
-    return _tabled(brightest, uncertainty, double_deg, quanta, round(year), colour_term)
-
-
 def sensor_magnitude(v: Floats, bv: Floats, colour_term: float) -> Floats:
     """Magnitudes (N,) as a sensor sees them: ``v + colour_term (bv - 0)``, zero for B-V = 0.
 
@@ -212,35 +157,37 @@ def sensor_magnitude(v: Floats, bv: Floats, colour_term: float) -> Floats:
 
 
 @lru_cache(maxsize=4)
-def _tabled(
-    brightest: int, uncertainty: float, double_deg: float, quanta: Quanta, year: int, colour_term: float
-) -> NeighbourTable:
+def _tabled(options: "Neighbours", year: int) -> NeighbourTable:
+    """The table of the shipped catalogue, from memory, from disk, or made.
+
+    The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share
+    ``spread``, stars are certain above ``1 + spread`` times that limit and maybe there down to
+    ``1 - spread``; so are both stars of a pair closer than ``double_deg``. Brightness is that of a
+    sensor with ``colour_term``, see `sensor_magnitude`.
+    """
     catalogue, pole = open_catalogue(), np.array([0.0, 0.0, 1.0])
-    limit = float(catalogue.mag(catalogue.brightest(pole, np.pi, brightest))[-1])
-    fainter = -2.5 * float(np.log10(1.0 - uncertainty))
+    limit = float(catalogue.mag(catalogue.brightest(pole, np.pi, options.brightest))[-1])
+    fainter = -2.5 * float(np.log10(1.0 - options.spread))
     # B-V is below 4.5 in the catalogue: no star beyond can be bright enough to the sensor
-    rows = catalogue.cone(pole, np.pi, limit + fainter + 9.0 * abs(colour_term), year)
-    mag = sensor_magnitude(catalogue.mag(rows), catalogue.bv(rows), colour_term)
+    rows = catalogue.cone(pole, np.pi, limit + fainter + 9.0 * abs(options.colour_term), year)
+    mag = sensor_magnitude(catalogue.mag(rows), catalogue.bv(rows), options.colour_term)
     order = np.argsort(mag, kind="stable")
     rows, mag = rows[order], mag[order]
-    faintest = float(mag[brightest - 1])
+    faintest = float(mag[options.brightest - 1])
     seen = int(np.searchsorted(mag, round(faintest + fainter, 3) + 1e-6))
     rows, mag = rows[:seen], mag[:seen]
 
     def make() -> Arrays:
         vectors = catalogue.vectors(rows, year)
-        certain = mag < faintest - 2.5 * np.log10(1.0 + uncertainty)
-        chord = 2.0 * np.sin(np.radians(double_deg) / 2.0)
+        certain = mag < faintest - 2.5 * np.log10(1.0 + options.spread)
+        chord = 2.0 * np.sin(np.radians(options.double_deg) / 2.0)
         if len(double := cKDTree(vectors).query_pairs(chord, output_type="ndarray")):
             certain[double.ravel()] = False
-        table = make_table(rows, vectors, mag, certain, quanta, faintest)
+        table = make_table(rows, vectors, mag, certain, options, faintest)
         arrays = {name: getattr(table, name) for name in KEPT}
         return {**arrays, "triplets": np.array(table.triplets)}
 
-    options = {"brightest": brightest, "spread": uncertainty, "double_deg": double_deg, "year": year}
-    options["colour_term"] = colour_term
-    options |= asdict(quanta)
-    found = cached_table("neighbours", options, make)
+    found = cached_table("neighbours", asdict(options) | {"year": year}, make)
     triplets = int(found.pop("triplets"))
     return NeighbourTable(**found, triplets=triplets, faintest=faintest)
 
@@ -252,7 +199,7 @@ MOST_CANDIDATES = 1500
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbours:
+class Neighbours(AngularMethod):
     """The method and its options, the paper's values as defaults; they suit a field of 30 deg.
 
     The camera of the paper sees stars down to a fixed brightness. A list may go deeper: of a
@@ -261,6 +208,7 @@ class Neighbours:
     """
 
     paper: ClassVar[str] = "Liebe 1992, Initial Estimate"
+    fewest: ClassVar[int] = FEWEST
 
     brightest: int = integer(1107, "stars", 200, 20000, "of the catalogue, above the limit of detection")
     spread: float = number(0.25, "", 0.0, 0.9, "uncertainty of a brightness, as a share of it")
@@ -273,13 +221,10 @@ class Neighbours:
     colour_term: float = number(0.0, "mag", -2.0, 2.0, "sensor minus V magnitude, for each B-V")
     circle: bool = switch(False, "only the circle within the frame is the picture")
 
-    def identify(
-        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
+    def search(
+        self, detections: Detections, focal: float, hint: Hint | None, year: float
     ) -> Task[Identification | NoSolution]:
-        """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_known_scale(detections, hint, FEWEST, lambda listed, focal: self._search(listed, focal, year))
-
-    def _search(self, detections: Detections, focal: float, year: float) -> Task[Identification | NoSolution]:
+        """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "neighbours of every catalogue star")
         table = self.table(year)
         yield Progress("identify", 0.5, "candidates")
@@ -303,10 +248,30 @@ class Neighbours:
 
     def table(self, year: float = 2016.0) -> NeighbourTable:
         """The star database for these options; made once, in a fraction of a second."""
-        quanta = Quanta(
-            self.tolerance_deg, self.distance_step_deg, self.angle_step_deg, self.exchange, self.angle_errors
-        )
-        return catalogue_table(self.brightest, self.spread, self.double_deg, quanta, year, self.colour_term)
+        return _tabled(replace(self, circle=False), round(year))  # the picture's shape is no part of it
+
+    def key(self, first_deg: Floats, second_deg: Floats, angle_deg: Floats) -> Ints:
+        """The class (T,) of measured features (T,): both distances and the angle."""
+        first, second = ((d / self.distance_step_deg).astype(np.int64) for d in (first_deg, second_deg))
+        angle = (angle_deg / self.angle_step_deg).astype(np.int64)
+        return np.asarray((first * PLACES + second) * PLACES + angle)
+
+    def entries(self, first_deg: Floats, second_deg: Floats, angle_deg: Floats) -> tuple[Ints, Ints]:
+        """Every class that true features (T,) can be measured in: which feature, and the key."""
+        reach = int(np.ceil(2.0 * self.tolerance_deg / self.distance_step_deg - 1e-9))
+        beside = np.arange(-reach, reach + 1)
+        error = self.angle_errors * 2.0 * np.degrees(self.tolerance_deg * (1 / first_deg + 1 / second_deg))
+        low = (np.maximum(angle_deg - error, 0.0) / self.angle_step_deg).astype(np.int64)
+        high = (np.minimum(angle_deg + error, 180.0) / self.angle_step_deg).astype(np.int64)
+        if int((high - low + 1).sum()) * len(beside) ** 2 > MOST_ENTRIES:
+            raise UsageError(f"So many classes {TOO_LARGE}")
+        which, angle = spread(low, high + 1)
+        a = (first_deg / self.distance_step_deg).astype(np.int64)[which, None, None] + beside[:, None]
+        b = (second_deg / self.distance_step_deg).astype(np.int64)[which, None, None] + beside
+        keys = (a * PLACES + b) * PLACES + angle[:, None, None]
+        possible = (a >= 0) & (a <= b)  # the nearer one is always measured first
+        which = np.broadcast_to(which[:, None, None], keys.shape)
+        return which[possible], keys[possible]
 
     def recognise(self, body: Floats, rim_deg: Floats, table: NeighbourTable) -> tuple[list[tuple[Ints, Ints]], int]:
         """Sets of (detection, star) that agree, the largest first, and how many pairs were tried.
@@ -346,10 +311,7 @@ class Neighbours:
         whole = np.flatnonzero(distance[:, 1] <= rim_deg)
         near, distance = near[whole], distance[whole]
         angle = angle_at(body[whole], body[near[:, 0]], body[near[:, 1]])
-        key = Quanta(step_deg=self.distance_step_deg, angle_step_deg=self.angle_step_deg).key(
-            distance[:, 0], distance[:, 1], angle
-        )
-        which, star = table.find(key)
+        which, star = table.find(self.key(distance[:, 0], distance[:, 1], angle))
         return whole[which].astype(np.int64), star
 
     def _all(self, body: Floats, seen: Ints, star: Ints, table: NeighbourTable) -> tuple[Ints, Ints]:

@@ -113,21 +113,13 @@ def catalogue_pairs(
 ) -> Pairs:
     """Pairs up to ``max_deg`` degrees of the shipped catalogue's bright stars; kept.
 
-    Parameters
-    ----------
-    max_deg : float
-        Largest separation, degrees.
-    brightest : int, optional
-        Take so many of the brightest stars (8,118 reproduces the thesis on spherical triangles).
-    mag_limit : float, optional
-        Take the stars with V <= this. Exactly one of the two must be given.
-    year : float
-        Julian year to which proper motion is applied, whole: no bright star moves 6 arcsec in one.
-
+    The stars are those with V <= ``mag_limit``, or else so many of the ``brightest`` (8,118 reproduces
+    the thesis on spherical triangles). Proper motion is applied to the whole Julian ``year``: no
+    bright star moves 6 arcsec in one.
     """
-    if (brightest is None) == (mag_limit is None):
+    if brightest is None and mag_limit is None:
         raise ValueError("Give either the number of stars or the limiting magnitude.")
-    return _tabled(max_deg, brightest, mag_limit, round(year))
+    return _tabled(max_deg, None if mag_limit is not None else brightest, mag_limit, round(year))
 
 
 @lru_cache(maxsize=6)

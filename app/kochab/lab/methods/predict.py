@@ -20,9 +20,9 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number
 from kochab.core.solution import Identification, Matches, NoSolution
-from kochab.identification.predictional_estimate import agreement, expected_px, predictional_estimate
-from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, crowding, improve, pair
-from kochab.lab.methods.confirmation import known_focal, refused, too_few
+from kochab.identification.predictional_estimate import expected_px, predictional_estimate
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, improve, pair
+from kochab.lab.methods.confirmation import chance_of, known_focal, refused, too_few
 from kochab.sky import open_catalogue
 
 FEWEST = 6
@@ -181,11 +181,7 @@ def _checked(
     places, _ = pointing.project(vectors[near])
     inside = int((np.abs(places) < half).all(axis=1).sum())
     i, j, distance2 = pair(xy - middle, places, reach_px)
-    area = float(lens.width * lens.height)
-    alarm = agreement(distance2, len(xy), inside, area, reach_px, tried, 5)
-    if alarm <= ACCEPT_LOG10:
-        dense = inside * crowding(xy - middle, places, half, inside / area)
-        alarm = agreement(distance2, len(xy), dense, area, reach_px, tried, 5)
+    alarm = chance_of(distance2, xy - middle, places, half, inside, reach_px, free=5, candidates=tried)
     if alarm > ACCEPT_LOG10:
         return None
     usual = max(3.0, 5.0 * float(np.sqrt(np.median(distance2))))

@@ -174,8 +174,7 @@ def two_shared(figures: Ints) -> Ints:
 
 def triangle_table(limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0) -> TriangleTable:
     """Triangles of the catalogue within circles of ``limit_deg``; see `angle_table`."""
-    number = brightest if mag_limit is None else None
-    return _tabled(limit_deg, number, mag_limit, round(year))
+    return _tabled(limit_deg, None if mag_limit is not None else brightest, mag_limit, round(year))
 
 
 @lru_cache(maxsize=2)

@@ -27,14 +27,7 @@ class TriadBudget:
     left: int
 
     def take(self, count: int) -> None:
-        """Look at so many.
-
-        Raises
-        ------
-        TooManyTriadsError
-            There are not so many left.
-
-        """
+        """Look at so many; TooManyTriadsError when there are not so many left."""
         if count > self.left:
             raise TooManyTriadsError
         self.left -= count
@@ -110,12 +103,7 @@ def triads_by_separation(
     """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree.
 
     ``separation`` (n, n) is in ``unit``. The third result counts the catalogue pairs looked at.
-
-    Raises
-    ------
-    TooManyTriadsError
-        It would take more triads than ``allowance`` has left.
-
+    TooManyTriadsError when it would take more triads than ``allowance`` has left.
     """
     n = len(separation)
     tolerance = unit.of(np.array(tolerance_rad))

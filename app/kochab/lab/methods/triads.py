@@ -22,7 +22,7 @@ from kochab.core.registry import choice, integer, number, pair, switch
 from kochab.core.solution import Identification, NoSolution
 from kochab.lab.fixed_point import FixedPointOverflowError
 from kochab.lab.methods import triad_tests, triads_fixed_point
-from kochab.lab.methods.confirmation import CandidateNames, confirm, refused, table_deg, with_known_scale
+from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, known_focal, refused, table_deg
 from kochab.lab.methods.pairs import Pairs, angles_between, catalogue_pairs
 from kochab.lab.methods.triad_tests import (
     AngleUnit,
@@ -116,7 +116,7 @@ LIKELIEST = 3  # so many scales, the nearest, are tried with all when that has f
 
 
 @dataclass(frozen=True, slots=True)
-class Triads:
+class Triads(AngularMethod):
     """The method and its options, the thesis' values (section 4.2.1) as defaults.
 
     ``field_deg`` is for frames whose pixels are not square: separations then follow equation 2.4
@@ -128,6 +128,7 @@ class Triads:
     """
 
     paper: ClassVar[str] = "Attitude from stellar images, chapters 2 and 3"
+    fewest: ClassVar[int] = 3
 
     stars: int = integer(12, "stars", 3, 15, "brightest detections used")
     separation_deg: float = number(0.15, "deg", 0.001, 1.0, "tolerance of a separation")
@@ -148,47 +149,39 @@ class Triads:
     scales: int = integer(15, "scales", 1, 101, "scales tried within the hint's range (the thesis knows its own: 1)")
     most: int = integer(60, "million triads", 1, 10_000, "of the catalogue looked at before it is given up")
 
-    def identify(
-        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
-    ) -> Task[Identification | NoSolution]:
-        """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        own = None
-        if self.field_deg is not None:
-            own = detections.width / 2.0 / float(np.tan(np.radians(self.field_deg[0]) / 2.0))
-        return with_known_scale(detections, hint, 3, lambda d, focal: self._search(d, focal, hint, year), own)
+    def focal_px(self, detections: Detections, hint: Hint | None) -> float | None:
+        """That of ``field_deg``, or the hint's."""
+        if self.field_deg is None:
+            return known_focal(hint)
+        return detections.width / 2.0 / float(np.tan(np.radians(self.field_deg[0]) / 2.0))
 
-    def _search(
+    def search(
         self, detections: Detections, focal: float, hint: Hint | None, year: float
     ) -> Task[Identification | NoSolution]:
+        """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "pairs of catalogue stars")
-        pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year).within_declinations(
-            *self.dec_deg
-        )
+        pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
+        pairs = pairs.within_declinations(*self.dec_deg)
         scales = self._scales(detections, focal, hint)
         plan = [(self.stars, focal * scale) for scale in scales]
         if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
             plan = [(GLANCE, focal * scale) for scale in scales] + plan[:LIKELIEST]
         most = tried = 0
         allowance = TriadBudget(self.most * 1_000_000)
+
+        def at_scale(stars: int, length: float, budget: TriadBudget) -> Task[tuple[Identification | None, int, int]]:
+            return self._at_scale(detections.take(slice(0, stars)), detections, pairs, length, year, tried, budget)
+
         try:
             for stars, length in plan:
-                found, named_, looked = yield from self._at_scale(
-                    detections.take(slice(0, stars)), detections, pairs, length, year, tried, allowance
-                )
+                found, named_, looked = yield from at_scale(stars, length, allowance)
                 tried += 2 * looked
                 most = max(most, named_)
                 if found is None:
                     continue
                 if stars < self.stars:  # the scale is known now: the others' turn
-                    whole, _, _ = yield from self._at_scale(
-                        detections.take(slice(0, self.stars)),
-                        detections,
-                        pairs,
-                        found.camera.focal_px,
-                        year,
-                        tried,
-                        TriadBudget(allowance.left + GRACE),
-                    )
+                    budget = TriadBudget(allowance.left + GRACE)
+                    whole, _, _ = yield from at_scale(self.stars, found.camera.focal_px, budget)
                     return whole or found
                 return found
         except FixedPointOverflowError as error:

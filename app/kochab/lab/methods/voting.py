@@ -18,12 +18,12 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number
 from kochab.core.solution import Identification, NoSolution
-from kochab.lab.methods.confirmation import CandidateNames, confirm, refused, table_deg, with_known_scale
+from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused, table_deg
 from kochab.lab.methods.pairs import Pairs, angles_between, catalogue_pairs, spread
 
 
 @dataclass(frozen=True, slots=True)
-class Voting:
+class Voting(AngularMethod):
     """The method and its options, the thesis' values as defaults.
 
     The ``e`` of equation 5.6 is ``margin_px`` times the pixel scale. The thesis also leaves out
@@ -31,18 +31,16 @@ class Voting:
     """
 
     paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.3"
+    fewest: ClassVar[int] = 6  # the thesis' figure 7.12: with fewer no star is ever named
 
     stars: int = integer(15, "stars", 6, 30, "brightest detections that vote (section 6.2: 15)")
     margin_px: float = number(2.464, "px", 0.1, 20.0, "error allowed in a separation (chapter 7: 2.464)")
     mag_limit: float = number(5.9, "mag V", 3.0, 6.5, "faintest catalogue star (5.3.1: 5.9)")
 
-    def identify(
-        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
+    def search(
+        self, detections: Detections, focal: float, hint: Hint | None, year: float
     ) -> Task[Identification | NoSolution]:
-        """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_known_scale(detections, hint, FEWEST, lambda listed, focal: self._search(listed, focal, year))
-
-    def _search(self, detections: Detections, focal: float, year: float) -> Task[Identification | NoSolution]:
+        """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "pairs of catalogue stars")
         pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
         yield Progress("identify", 0.5, "votes")
@@ -52,9 +50,6 @@ class Voting:
         names = CandidateNames(kept, pairs.rows[star], pairs.vectors[star], tried)
         found = confirm(detections, names, focal, 2.0 * self.margin_px, year, "voting")
         return found or refused(detections, f"{len(kept)} of {len(body)} named stars agree, too few to be sure")
-
-
-FEWEST = 6  # the thesis' figure 7.12: with fewer no star is ever named
 
 
 def recognise(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]:

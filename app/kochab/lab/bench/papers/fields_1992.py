@@ -78,16 +78,12 @@ def camera() -> Camera:
 
 
 def picture(
-    rng: np.random.Generator,
-    situation: CameraError,
-    law: ErrorLaw = "normal",
-    outside: tuple[float, float] = (1.0, 2.0),
-    attitude: Attitude | None = None,
+    rng: np.random.Generator, situation: CameraError, law: ErrorLaw = "normal", attitude: Attitude | None = None
 ) -> RandomField:
     """One picture, in a random direction unless ``attitude`` is given.
 
     ``law`` "normal" has the worst error at three sigma a coordinate, "disc" spreads it evenly over
-    a circle. A star outside the limits is off by between ``outside`` times the worst error.
+    a circle. A star outside the limits is off by one to two times the worst error.
     """
     lens, bright = camera(), sky()
     attitude = attitude or random_attitude(rng)
@@ -102,7 +98,7 @@ def picture(
         off = rng.normal(0.0, worst / 3.0, (len(inside), 2))
         off *= np.minimum(1.0, worst / np.maximum(np.hypot(*off.T), 1e-12))[:, None]
     for k in range(min(situation.outside, len(inside))):
-        turn, far = rng.uniform(0, 2 * np.pi), worst * rng.uniform(*outside)
+        turn, far = rng.uniform(0, 2 * np.pi), worst * rng.uniform(1.0, 2.0)
         off[k] = far * np.array([np.cos(turn), np.sin(turn)])
     # moved across themselves by small angles
     east = np.cross([0.0, 1.0, 0.0], body[inside])

@@ -23,6 +23,7 @@ from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.lab.bench.papers import Published, robotic_stages
 from kochab.lab.bench.papers.robotic_stages import MARGIN_PX, STARS, fields, options, pairs_of, plain
+from kochab.lab.estimators import tangents
 from kochab.lab.methods.voting import recognise
 from kochab.simulate.random_fields import RandomField
 from kochab.solver.pipeline import solve_detections
@@ -211,12 +212,9 @@ def _estimated(name: str, field: RandomField, named: Outcome) -> Attitude:
 
 def _off_deg(found: Attitude, true: Attitude) -> Floats:
     """Errors (3,) deg of ``found`` along right ascension, along declination, about the axis."""
-    z = true.boresight
-    east = np.array([-z[1], z[0], 0.0]) / np.hypot(z[0], z[1])
-    step = found.boresight - z
-    roll = (found.roll_deg - true.roll_deg + 180.0) % 360.0 - 180.0
-    off = [float(np.degrees(step @ east)), float(np.degrees(step @ np.cross(z, east))), roll]
-    return np.array(off)
+    step = found.boresight - true.boresight
+    across = [float(np.degrees(step @ axis)) for axis in tangents(true.boresight)]
+    return np.array([*across, (found.roll_deg - true.roll_deg + 180.0) % 360.0 - 180.0])
 
 
 def _scatter(count: int, seed: int) -> list[dict[str, Any]]:

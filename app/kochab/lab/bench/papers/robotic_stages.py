@@ -23,7 +23,7 @@ from kochab.lab.bench.detectors import KINDS, compare, make_frame, stars_of
 from kochab.lab.bench.papers import Published, fastest, name_stars, options_with_scale, share_error
 from kochab.lab.methods.confirmation import table_deg
 from kochab.lab.methods.pairs import Pairs, bright_stars, catalogue_pairs, make_pairs
-from kochab.lab.methods.voting import FEWEST, recognise, verification_votes
+from kochab.lab.methods.voting import Voting, recognise, verification_votes
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_attitude, random_field
 from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
@@ -244,7 +244,7 @@ def _row(stars: int, made: list[RandomField]) -> dict[str, Any]:
     )
     ours, theirs = np.median(times, axis=0).tolist()
     ahead = times[:, 1] - times[:, 0]
-    named = stars >= FEWEST
+    named = stars >= Voting.fewest
     return TABLES.row(
         "matching",
         ours,

@@ -21,6 +21,7 @@ from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Published, fastest, solve_timed
+from kochab.lab.estimators import standard_coordinates
 from kochab.lab.methods import triad_tests, triads_fixed_point
 from kochab.lab.methods.pairs import Pairs, catalogue_pairs
 from kochab.lab.methods.triad_tests import AngleUnit, Tests, TriadBudget, TriadDetections, triads_by_separation
@@ -281,9 +282,7 @@ def _centres(printed: Printed, thesis: NamedImage, default: NamedImage) -> list[
 
 def _plate_residual(xy: Floats, vectors: Floats, centre: Floats) -> float:
     """The largest difference in right ascension or declination, deg, as the tables have it."""
-    east = np.array([-centre[1], centre[0], 0.0]) / np.hypot(centre[0], centre[1])
-    north = np.cross(centre, east)
-    standard = np.stack([vectors @ east, vectors @ north], axis=1) / (vectors @ centre)[:, None]
+    standard = standard_coordinates(vectors, centre)
     design = np.column_stack([xy, np.ones(len(xy))])
     fitted = design @ np.linalg.lstsq(design, standard, rcond=None)[0]
     off = np.degrees(np.abs(fitted - standard))
