@@ -4,7 +4,7 @@ import pytest
 from kochab.attitude import small_rotation
 from kochab.attitude.filter import rotation_vector
 from kochab.core.attitude import Attitude, attitude_from
-from kochab.lab.estimators import Averages
+from kochab.lab.estimators import average
 
 ARCSEC = np.radians(1 / 3600)
 SIGMA = 15.0 * ARCSEC
@@ -20,17 +20,14 @@ def test_pointing_noise_falls_with_the_root_of_the_number(count) -> None:
     rng, truth = np.random.default_rng(1), attitude_from(10.0, 70.0, 30.0).matrix
     off = []
     for _ in range(200):
-        averages = Averages()
-        for _ in range(count):
-            averages.add(noisy(truth, rng))
-        mean = averages.mean()
+        mean = average(noisy(truth, rng) for _ in range(count))
         off.append(rotation_vector(truth @ mean.matrix.T))
         assert mean.sigma_arcsec[0] == pytest.approx(15.0 / np.sqrt(count))
     assert np.std(off) / ARCSEC == pytest.approx(15.0 / np.sqrt(count), rel=0.1)
 
 
 def test_what_cannot_be_averaged_is_said() -> None:
-    with pytest.raises(ValueError, match="Nothing"):
-        Averages().mean()
+    with pytest.raises(ValueError, match="nothing"):
+        average([])
     with pytest.raises(ValueError, match="covariance"):
-        Averages().add(attitude_from(1.0, 2.0, 3.0))
+        average([attitude_from(1.0, 2.0, 3.0)])

@@ -4,7 +4,8 @@ Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.4.1, eq
 5.17; the algorithm is Black's (1964, AIAA J. 2, 1350).
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -23,10 +24,8 @@ class Triad:
 
     ``partner`` chooses the second star, which only sets the roll: "farthest" the one that is
     farthest from parallel with the first, "next" the second of the list. The thesis takes two
-    and does not say which. ``least_angle_deg`` (0 to 90) is how far from parallel or opposite the
-    two must be; the thesis warns of the case without a number. ``sigma_px`` is the one-sigma error
-    of a centroid along one axis, px, above 0, which sets the covariance; None takes it from the
-    residuals of all stars.
+    and does not say which. It warns of two that are nearly parallel or opposite without a number.
+    ``sigma_px`` sets the covariance.
     """
 
     paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.4.1"
@@ -38,11 +37,7 @@ class Triad:
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from the first and one more of M >= 2 stars at ``xy_px`` (M, 2).
 
-        Raises
-        ------
-        ValueError
-            Fewer than two stars, or the two are nearly parallel: the roll is free.
-
+        ValueError with fewer than two stars, or when the two are nearly parallel: the roll is free.
         """
         seen, icrs = directions(xy_px, vectors, camera, 2)
         sines = np.linalg.norm(np.cross(icrs[0], icrs[1:]), axis=1)
@@ -81,9 +76,6 @@ def _axes(first: Floats, second: Floats) -> Floats:
 class PlateConstants:
     """Six constants from M >= 3 stars that are not on one line.
 
-    ``tolerance_arcsec`` (above 0) ends the iteration when the centre moves less; the paper's
-    example is 1. ``most_rounds`` (1 to 1000) bounds it.
-
     The constants also hold a wrong scale, a shear and a shifted origin, so that the focal length
     need not be right; that freedom costs precision when it is. The origin is the camera's
     principal point, and the camera's distortion is taken out first, which the paper does not do.
@@ -99,13 +91,8 @@ class PlateConstants:
         """The attitude from M stars at ``xy_px`` (M, 2) px, ICRS unit ``vectors`` (M, 3).
 
         Its covariance comes from the residuals, and is None for three stars, which leave none.
-
-        Raises
-        ------
-        ValueError
-            Fewer than three stars, all on one line, stars in more than half the sky, a centre
-            that does not settle, or a picture that is mirrored against the camera.
-
+        ValueError for fewer than three stars, all on one line, stars in more than half the sky, a
+        centre that does not settle, or a picture that is mirrored against the camera.
         """
         seen, icrs = directions(xy_px, vectors, camera, 3)
         xy = seen[:, :2] / seen[:, 2:]
@@ -201,34 +188,22 @@ def _plate_covariance(design: Floats, residual: Floats, roll: float, turn: Float
 # frames leave ``sigma / sqrt(N)`` while the camera stands still among the stars.
 
 
-@dataclass(slots=True)
-class Averages:
-    """Sums over attitudes added so far, up to a few degrees apart; it does not grow with their number."""
+def average(attitudes: Iterable[Attitude]) -> Attitude:
+    """The weighted mean of attitudes with covariances, up to a few degrees apart.
 
-    _first: Floats | None = None
-    _normal: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    _right: Floats = field(default_factory=lambda: np.zeros(3))
-
-    def add(self, attitude: Attitude) -> None:
-        """Take in one attitude with covariance."""
+    Its covariance is that of the mean: of N equal ones, an N-th. ValueError when there are none, or
+    one of them has no covariance.
+    """
+    first: Floats | None = None
+    normal, right = np.zeros((3, 3)), np.zeros(3)
+    for attitude in attitudes:
         if attitude.covariance is None:
             raise ValueError("An average needs the covariance of every attitude.")
-        if self._first is None:
-            self._first = attitude.matrix
+        first = attitude.matrix if first is None else first
         weight = np.linalg.inv(attitude.covariance)
-        self._normal += weight
-        self._right += weight @ rotation_vector(attitude.matrix @ self._first.T)
-
-    def mean(self) -> Attitude:
-        """The averaged attitude; its covariance is that of the weighted mean: of N equal ones, an N-th.
-
-        Raises
-        ------
-        ValueError
-            Nothing was added yet.
-
-        """
-        if self._first is None:
-            raise ValueError("Nothing was averaged yet.")
-        covariance = np.asarray(np.linalg.inv(self._normal), dtype=np.float64)
-        return Attitude(small_rotation(covariance @ self._right) @ self._first, covariance)
+        normal += weight
+        right += weight @ rotation_vector(attitude.matrix @ first.T)
+    if first is None:
+        raise ValueError("There is nothing to average.")
+    covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    return Attitude(small_rotation(covariance @ right) @ first, covariance)

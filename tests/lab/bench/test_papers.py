@@ -197,7 +197,7 @@ def test_the_programs_tree_leaves_out_triangles_between_nodes_that_do_not_touch(
     rng = np.random.default_rng(4)
     stars = rng.normal(size=(1500, 3))
     stars /= np.linalg.norm(stars, axis=1, keepdims=True)
-    pairs = make_pairs(np.arange(1500), stars, np.zeros(1500), np.radians(6.94))
+    pairs = make_pairs(np.arange(1500), stars, np.radians(6.94))
     whole = triangles_of(pairs, make_triangles(pairs, 6.94))
     deep = programs.triangles_by_tree(whole, quad_tree(5))
     shallow = programs.triangles_by_tree(whole, quad_tree(4))

@@ -8,7 +8,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
-from kochab.lab.methods.neighbours import PLACES, Neighbours, angle_at, make_table, sensor_magnitude
+from kochab.lab.methods.neighbours import PLACES, Neighbours, NeighbourTable, angle_at, make_table, sensor_magnitude
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue
 
@@ -113,7 +113,7 @@ def test_the_table_is_as_large_as_the_papers() -> None:
 def test_stars_of_a_toy_sky_are_found_by_their_neighbours(toy_sky) -> None:
     vectors = toy_sky[:1100]
     certain = np.ones(1100, dtype=bool)
-    table = make_table(np.arange(1100), vectors, np.zeros(1100), certain, Neighbours(), 4.5)
+    table = NeighbourTable(**make_table(np.arange(1100), vectors, certain, Neighbours()))
     near = np.flatnonzero(vectors @ vectors[5] > np.cos(np.radians(15.0)))
     rim = 15.0 - np.degrees(np.arccos(np.clip(vectors[near] @ vectors[5], -1, 1)))
     found, compared = Neighbours().recognise(vectors[near], rim, table)
@@ -171,17 +171,16 @@ def test_its_table_comes_from_disk_the_second_time(tmp_path, monkeypatch) -> Non
     monkeypatch.setattr(neighbours_table, "make_table", None)
     again = method.table()
     np.testing.assert_array_equal(made.key, again.key)
-    assert (made.triplets, made.faintest) == (again.triplets, again.faintest)
+    np.testing.assert_array_equal(made.rows, again.rows)
     neighbours_table._tabled.cache_clear()
 
 
 def test_a_red_sensor_sees_red_stars_brighter() -> None:
     catalogue = open_catalogue()
     plain, red = (Neighbours(brightest=300, spread=0.1, colour_term=term).table() for term in (0.0, -1.0))
-    assert (np.diff(red.mag) >= 0).all()
     colours = catalogue.bv(red.rows)
     known = np.isfinite(colours)
-    assert red.mag[known] == pytest.approx((catalogue.mag(red.rows) - colours)[known])
+    assert (np.diff((catalogue.mag(red.rows) - colours)[known]) >= 0).all()
     assert np.nanmean(colours) > np.nanmean(catalogue.bv(plain.rows)) + 0.2
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from kochab.attitude import small_rotation
-from kochab.core.attitude import Attitude, attitude_from, radec_deg
+from kochab.core.attitude import attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
@@ -41,19 +41,6 @@ def test_a_place_and_a_scale_are_enough(fov, radius) -> None:
         assert found.attitude.boresight @ field.attitude.boresight > np.cos(np.radians(fov / 200))
         assert found.camera.mirrored == field.camera.mirrored
         assert found.log10_false_alarm < -5
-
-
-def test_the_attitude_before_is_the_prediction() -> None:
-    catalogue, rng = open_catalogue(), np.random.default_rng(6)
-    field = random_field(catalogue, rng, FieldPlan(10.0))
-    before = Attitude(small_rotation(np.radians([0.1, -0.1, 0.3])) @ field.attitude.matrix)
-    found = run(Predict(previous=(before, field.camera)).identify(field.detections))
-    assert isinstance(found, Identification)
-    assert found.candidates == 1
-    assert found.attitude.boresight @ field.attitude.boresight > np.cos(np.radians(0.02))
-    elsewhere = Attitude(small_rotation(np.radians([40.0, 0, 0])) @ field.attitude.matrix)
-    lost = run(Predict(previous=(elsewhere, field.camera)).identify(field.detections))
-    assert isinstance(lost, NoSolution)
 
 
 def test_points_and_other_places_are_refused() -> None:

@@ -19,7 +19,7 @@ def knowing(camera: Camera) -> Hint:
 
 def test_both_rounds_on_a_toy_sky(toy_sky) -> None:
     stars = toy_sky[:400]
-    pairs = make_pairs(np.arange(400), stars, np.zeros(400), np.radians(40.0))
+    pairs = make_pairs(np.arange(400), stars, np.radians(40.0))
     near = np.argsort(-(stars @ stars[0]))[:10]
     body = stars[near].copy()
     body[9] = stars[300]  # a false star

@@ -47,7 +47,7 @@ def king(rng: np.random.Generator, count: int) -> Floats:
     edge = core * 10.0 ** rng.uniform(0.5, 2.0)
     r = np.linspace(0.0, min(edge, 2.5), 2000)
     density = (1.0 / np.hypot(1.0, r / core) - 1.0 / np.hypot(1.0, edge / core)) ** 2
-    summed = cumulative_trapezoid(density * r, r, initial=0.0)
+    summed = cumulative_trapezoid(density * r, r, initial=0)
     return _turned(rng, np.interp(rng.uniform(0.0, summed[-1], count), summed, r))
 
 

@@ -19,7 +19,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.mount import Direction
 from kochab.core.progress import run
-from kochab.lab.estimators import Averages
+from kochab.lab.estimators import average
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.axis import GearErrors
 from kochab.simulate.mechanics.geometry import MountConfig
@@ -71,9 +71,7 @@ def make_ring(
     return Ring(camera, frames, matrices)
 
 
-def star_frame(
-    camera: Camera, matrix: Floats, seed: int, trail_px: tuple[float, float] = (0.0, 0.0), bayer: str | None = None
-) -> Frame:
+def star_frame(camera: Camera, matrix: Floats, seed: int, bayer: str | None = None) -> Frame:
     """One frame of the sky at ``matrix`` (3, 3)."""
     catalogue = open_catalogue()
     half = float(np.arctan(np.hypot(camera.width, camera.height) / 2.0 / camera.focal_px))
@@ -81,7 +79,7 @@ def star_frame(
     xy = camera.project(catalogue.vectors(rows, YEAR) @ matrix.T)
     flux = 4000.0 * 10.0 ** (-0.4 * (catalogue.mag(rows) - 8.0))
     seen = np.isfinite(xy).all(axis=1)
-    sky, image = Sky(level_e=80.0, hot_per_mp=20.0), RenderedStar(2.6, trail_px=trail_px)
+    sky, image = Sky(level_e=80.0, hot_per_mp=20.0), RenderedStar(2.6)
     frame = render(camera.width, camera.height, xy[seen], flux[seen], image, sky, Sensor(bayer=bayer), seed=seed)
     return replace(frame, hint=Hint(exposure_s=EXPOSURE_S))
 
@@ -193,22 +191,15 @@ def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:
         update = run(tracker.update(frame, moment))
         if update.mode == "tracking" and update.solution is not None:
             single.append(update.solution.attitude)
+    middle = average(single).matrix  # what is the same in all frames is no noise
     rows = []
-    mean_all = Averages()
-    for attitude in single:
-        mean_all.add(attitude)
-    middle = mean_all.mean().matrix  # what is the same in all frames is no noise
     for n in (1, 4, 16, 64):
         if 4 * n > len(single):
             continue
-        left, promised = [], []
-        for begin in range(0, len(single) - n + 1, n):
-            part = Averages()
-            for attitude in single[begin : begin + n]:
-                part.add(attitude)
-            left.append(off_arcsec(part.mean().matrix, middle)[:2])
-            promised.append(part.mean().sigma_arcsec[:2])
-        row: dict[str, Any] = {"what": f"averages of {n}", "frames": len(left) * n}
+        means = [average(single[begin : begin + n]) for begin in range(0, len(single) - n + 1, n)]
+        left = [off_arcsec(mean.matrix, middle)[:2] for mean in means]
+        promised = [mean.sigma_arcsec[:2] for mean in means]
+        row: dict[str, Any] = {"what": f"averages of {n}", "frames": len(means) * n}
         row["pointing_rms_arcsec"] = float(np.sqrt(np.mean(np.square(left))))
         rows.append(row | {"predicted_arcsec": float(np.sqrt(np.mean(np.square(promised))))})
     return rows

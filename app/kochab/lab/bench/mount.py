@@ -16,6 +16,7 @@ import numpy as np
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError
+from kochab.core.progress import Progress
 from kochab.core.progress import run as drive
 from kochab.gear.mounts import DRIVERS
 from kochab.lab.bench import BenchResult, Goal, Report
@@ -87,13 +88,8 @@ def _centre(rig: MountRig, one: CentringRun) -> None:
         rig.spoil(refusal=one.seed // 2 % REFUSED_EVERY == 0)
         if one.seed // 2 % UNPLUGGED_EVERY == 0:
             rig.unplug_in = 3 + one.seed % 17  # during the first slew or a correction
-    made = 0
-    while True:
-        result, made = _once(rig, one, made)
-        if result is not None or one.again >= AGAIN:
-            break
+    while (result := _once(rig, one)) is None and one.again < AGAIN:
         one.again += 1
-    one.corrections = made
     one.faults = sum(rig.faults.happened.values())
     one.end = "given up" if result is None else str(result.end)
     rig.faults.none()
@@ -105,22 +101,23 @@ def _centre(rig: MountRig, one: CentringRun) -> None:
         one.error_arcsec = apart_deg(truth, (rig.target.ra_deg, rig.target.dec_deg)) * 3600.0
 
 
-def _once(rig: MountRig, one: CentringRun, made: int) -> tuple[Centring | None, int]:
+def _once(rig: MountRig, one: CentringRun) -> Centring | None:
     """One centring; None when the line or the mount failed, and is as good as new again."""
-    left = MOST_CORRECTIONS - made if made < MOST_CORRECTIONS else 1
-    done: list[str] = []
+    before, left = one.corrections, max(1, MOST_CORRECTIONS - one.corrections)
     task = centre_target(rig.guard, rig.solve_now, rig.target, TOLERANCE_ARCSEC, left, confirmed=True, wait=rig.wait)
+
+    def count(progress: Progress) -> None:
+        one.corrections += progress.stage == "corrected"
+
     try:
-        result = drive(task, lambda p: done.append(p.detail) if p.stage == "corrected" else None)
+        result = drive(task, count)
     except DeviceError as error:
         one.trouble = str(error)
         if isinstance(error, LineLostError):
             _replug(rig)
-        return None, made + len(done)
+        return None
     one.trouble = "" if result.centred else " ".join([result.sentence, *result.notes])
-    if result.centred or len(done) >= left:
-        return result, made + len(done)
-    return None, made + len(done)
+    return result if result.centred or one.corrections - before >= left else None
 
 
 def _replug(rig: MountRig) -> None:
@@ -146,8 +143,7 @@ def _rows(runs: list[CentringRun], names: list[str]) -> list[dict[str, Any]]:
         row |= {"median_arcsec": float(np.median(errors)), "worst_arcsec": float(np.max(errors))}
         row |= {"corrections": float(np.mean(corrections)), "most": max(corrections)}
         row |= {"faults": sum(r.faults for r in some), "begun_again": sum(r.again for r in some)}
-        row |= {"strays": sum(len(r.strays) for r in some)}
-        row |= {"night_s": float(np.mean([r.night_s for r in some]))}
+        row |= {"strays": sum(len(r.strays) for r in some), "night_s": float(np.mean([r.night_s for r in some]))}
         rows.append(row | {"s_a_run": float(np.mean([r.seconds for r in some]))})
     return rows
 

@@ -155,7 +155,7 @@ def run(quick: bool, report: Report) -> BenchResult:
 
 def _rows(runs: Sequence[Row], kind: str) -> list[Row]:
     """A row a band of misalignment."""
-    rows = []
+    rows: list[Row] = []
     for low, high in ((1.0, 10.0), (10.0, 60.0), (60.0, 301.0)):
         own = [r for r in runs if low <= r["hidden_arcmin"] < high]
         if not own:

@@ -22,11 +22,8 @@ from kochab.lab.detectors.background import Flat, box_light, measured_detections
 class MaximaDetector:
     """A pixel above the threshold that none in the box around it exceeds.
 
-    ``sigmas`` (above 0) and ``box_px`` (odd, 3 to 99 px) are the thesis' 5 and 5; its unit of the
-    threshold is the standard deviation of all pixels, that of the background when ``clipped``.
-    Pixels of equal height that touch, or are within half a box, are one star, as the thesis asks
-    without saying how. The place is the maximum's pixel, or with ``refined`` the centre of gravity
-    of the box, which the thesis does not take. At most ``max_stars`` are returned.
+    ``sigmas`` and ``box_px`` are the thesis'. Pixels of equal height that touch, or are within half
+    a box, are one star, as it asks without saying how. It does not take the ``refined`` place.
     """
 
     paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.3"
@@ -78,12 +75,10 @@ def _apart(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple[Floats, 
 
 @dataclass(frozen=True, slots=True)
 class GaussianDetector:
-    """``sigmas`` (above 0) sets the threshold, ``fwhm_px`` (1 to 50 px) the Gaussian's width.
+    """Peaks of a Gaussian's width, with the thesis' defaults.
 
-    Both defaults are the thesis'. Its threshold is in standard deviations of all pixels, so that
-    many bright stars raise it; with ``clipped`` the background's noise is the unit. Sources within
-    half a FWHM of a brighter one, which flat tops give, are left out. At most ``max_stars`` are
-    returned.
+    Its threshold is in standard deviations of all pixels, so that many bright stars raise it, unless
+    ``clipped``. Sources within half a FWHM of a brighter one, which flat tops give, are left out.
     """
 
     paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.2"

@@ -85,14 +85,11 @@ MOST_PIXELS = 200_000
 class ClusterDetector:
     """Pixels within ``tau_px`` of a cluster's centre belong to it; others found a new one.
 
-    ``tau_px`` and ``least_pixels``, below which a cluster is no star, are the paper's 8 and 10.
-    ``threshold`` is in the frame's units. The paper read 51 of 255 off the dimmest pixels at the
-    edges of its stars; None puts it at ``sigmas`` times the background's noise above the median.
-    ``rank`` is the order of the result: the paper takes the star of the most "pixels" for the
-    brightest, the alternative is "flux". At most ``max_stars`` are returned, from the 200,000
-    brightest pixels. ``arithmetic`` is "float", or "fixed" for the 32-bit integers of the thesis'
-    chapter 3, which need a frame of at most 512 px and raise FixedPointOverflowError when they run
-    out of bits.
+    The paper read its ``threshold`` of 51 of 255 off the dimmest pixels at the edges of its stars;
+    None puts it at ``sigmas`` times the background's noise above the median. It takes the star of
+    the most pixels for the brightest, the alternative to ``rank`` by is the flux. Only the 200,000
+    brightest pixels are looked at. Fixed ``arithmetic`` is that of the thesis' chapter 3; it raises
+    FixedPointOverflowError when it runs out of bits.
 
     Of several centres in reach the nearest counts, which the paper leaves open. The weights of
     the centroids are brightnesses above the median; the paper's frames had a black sky.
@@ -182,9 +179,7 @@ def _clusters(
 class ContourDetector:
     """Pixels above the threshold that touch, corners included, are one star.
 
-    ``sigmas`` (above 0) is the thesis' 5; its unit is the standard deviation of all pixels, that
-    of the background when ``clipped``. ``least_pixels`` (1 or more) is the smallest region that is
-    a star; the thesis names none. At most ``max_stars`` are returned.
+    The threshold is the thesis'; of ``least_pixels`` it says nothing.
     """
 
     paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.1.4"

@@ -60,7 +60,7 @@ def options_for(kind: ComparedPart, name: str) -> tuple[Option, ...]:
 
 
 def allowed(kind: ComparedPart, name: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` of its options, texts read as if typed; UsageError when one is wrong."""
+    """``values`` of its options, texts read as if typed; UsageError when one is wrong, or there is no such name."""
     return checked(REGISTRIES[kind].load(name), values)
 
 
@@ -313,15 +313,8 @@ def try_detector(
 ) -> Task[Trial]:
     """Solve ``frame`` with this detector and all else as ever; the time is the detector's.
 
-    As when methods are compared, a ``hint`` that helps is all that is searched.
-
-    ``places`` (N, 2) px are those of all stars in a simulated picture.
-
-    Raises
-    ------
-    UsageError
-        The detector is not known, or one of its options is not allowed.
-
+    As when methods are compared, a ``hint`` that helps is all that is searched. ``places`` (N, 2) px
+    are those of all stars in a simulated picture. UsageError as `allowed`.
     """
     options = allowed(ComparedPart.DETECTOR, choice.name, choice.options)
     DETECTORS.make(choice.name).detect(Frame(np.eye(64)))  # loading its libraries is not its time
@@ -330,7 +323,7 @@ def try_detector(
     examined, spent = yield from timed(examine_frame(frame, solve_options), float("inf"))
     assert examined is not None, "there was no limit"
     result = examined.result
-    measured = {"found": counted(examined.detections.xy, places), "seconds": spent.get("detect", 0.0)}
+    measured: dict[str, Any] = {"found": counted(examined.detections.xy, places), "seconds": spent.get("detect", 0.0)}
     if not isinstance(result, Solution):
         return unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth, **measured)
     xy = np.array([(star.x, star.y) for star in result.stars])

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 from time import thread_time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.attitude.filter import rotation_vector
 from kochab.attitude.fit import Fit, refine
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -40,14 +40,7 @@ def try_method(
     year: float = 2016.0,
     limit_s: float = 30.0,
 ) -> Task[Trial]:
-    """Run one method; a second time when the first had to make its tables.
-
-    Raises
-    ------
-    UsageError
-        The method is not known, or one of its options is not allowed.
-
-    """
+    """Run one method; a second time when the first had to make its tables. UsageError as `allowed`."""
     options = allowed(ComparedPart.METHOD, choice.name, choice.options)
     identifier = IDENTIFIERS.make(choice.name, **options)
     found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
@@ -57,7 +50,7 @@ def try_method(
         found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
         seconds = sum(spent.values())
         tables = max(0.0, first - seconds)
-    times = {"seconds": seconds, "tables_s": tables}
+    times: dict[str, Any] = {"seconds": seconds, "tables_s": tables}
     if not isinstance(found, Identification):
         return unsolved_trial(ComparedPart.METHOD, choice.name, found, truth, **times)
     fitted = with_fitted_pointing(found)
@@ -135,14 +128,7 @@ def name_stars(
 
 
 def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: FieldTruth | None) -> Task[Trial]:
-    """Run one estimator, or the fit, on the named stars.
-
-    Raises
-    ------
-    UsageError
-        The estimator is not known, or one of its options is not allowed.
-
-    """
+    """Run one estimator, or the fit, on the named stars. UsageError as `allowed`."""
     options = allowed(ComparedPart.ATTITUDE, choice.name, choice.options)
     if not isinstance(named, NamedStars):
         return unsolved_trial(ComparedPart.ATTITUDE, choice.name, named, truth)
@@ -158,7 +144,8 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
         start = thread_time()
         fit, refusal = estimate()
         spent += thread_time() - start
-    kind, measured = ComparedPart.ATTITUDE, {"seconds": spent / REPEATS}
+    kind = ComparedPart.ATTITUDE
+    measured: dict[str, Any] = {"seconds": spent / REPEATS}
     if refusal:
         return unsolved_trial(kind, choice.name, None, truth, reason=REFUSED, advice=refusal, **measured)
     measured |= {"log10_false_alarm": named.log10_false_alarm, "rms_px": fit.rms_px}
@@ -169,5 +156,7 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
 
 def between(a: Attitude, b: Attitude) -> tuple[float, float]:
     """How far two attitudes are apart, arcsec: on the sky at the boresight, and in roll."""
-    about = np.degrees(rotation_vector(a.matrix @ b.matrix.T)) * 3600.0
+    from scipy.spatial.transform import Rotation  # also for attitudes that are half a turn apart
+
+    about = Rotation.from_matrix(a.matrix @ b.matrix.T).as_rotvec(degrees=True) * 3600.0
     return float(np.hypot(*about[:2])), float(abs(about[2]))

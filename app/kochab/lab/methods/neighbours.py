@@ -47,7 +47,6 @@ from kochab.sky import open_catalogue
 MOST_ENTRIES, MOST_COMPARED = 60_000_000, 400_000_000
 """Entries before doubles are left out, and pairs of neighbours: some seconds and a gigabyte."""
 TOO_LARGE = "make the table of neighbours too large: take fewer stars, a smaller spread or tolerance, or larger steps."
-KEPT = ("rows", "vectors", "mag", "certain", "key", "star")
 TYPICAL_BV = 0.7  # the median over stars of the catalogue whose colour is known
 PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 
@@ -56,19 +55,14 @@ PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 class NeighbourTable:
     """N stars, brightest first, and E entries by ascending ``key``.
 
-    ``rows`` (N,) of the catalogue, ``vectors`` (N, 3) ICRS, ``mag`` (N,), ``certain`` (N,);
-    ``key`` (E,) and the ``star`` (E,) entered under it. ``triplets`` is how many neighbouring
-    constellations the entries come from and ``faintest`` the V magnitude of detection.
+    ``rows`` (N,) of the catalogue, ``vectors`` (N, 3) ICRS; ``key`` (E,) and the ``star`` (E,) entered
+    under it.
     """
 
     rows: Ints
     vectors: Floats
-    mag: Floats
-    certain: Bools
     key: Ints
     star: NDArray[np.int32]
-    triplets: int
-    faintest: float
 
     def __len__(self) -> int:
         return len(self.key)
@@ -89,16 +83,14 @@ class NeighbourTable:
         return which, self.star[entry].astype(np.int64)
 
 
-def make_table(
-    rows: Ints, vectors: Floats, mag: Floats, certain: Bools, options: "Neighbours", faintest: float
-) -> NeighbourTable:
-    """The table of N stars given brightest first; see :class:`NeighbourTable`."""
+def make_table(rows: Ints, vectors: Floats, certain: Bools, options: "Neighbours") -> Arrays:
+    """What a :class:`NeighbourTable` has of N stars given brightest first, (N,) of them ``certain``."""
     star, first, second, angle = neighbourhoods(vectors, certain, options.exchange * options.tolerance_deg)
     which, key = options.entries(first, second, angle)
     both = np.sort(key * len(rows) + star[which])  # a tenth of the time of np.unique for so many
     both = both[np.append(True, both[1:] != both[:-1])] if len(both) else both
     key, entered = both // len(rows), (both % len(rows)).astype(np.int32)
-    return NeighbourTable(rows, vectors, mag, certain, key, entered, len(star), faintest)
+    return {"rows": rows, "vectors": vectors, "key": key, "star": entered}
 
 
 def neighbourhoods(vectors: Floats, certain: Bools, exchange_deg: float) -> tuple[Ints, Floats, Floats, Floats]:
@@ -158,7 +150,13 @@ def sensor_magnitude(v: Floats, bv: Floats, colour_term: float) -> Floats:
 
 @lru_cache(maxsize=4)
 def _tabled(options: "Neighbours", year: int) -> NeighbourTable:
-    """The table of the shipped catalogue, from memory, from disk, or made.
+    """The table of the shipped catalogue, from memory, from disk, or made."""
+    wanted = asdict(options) | {"year": year}
+    return NeighbourTable(**cached_table("neighbourhoods", wanted, lambda: _of_catalogue(options, year)))
+
+
+def _of_catalogue(options: "Neighbours", year: int) -> Arrays:
+    """The table of the shipped catalogue.
 
     The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share
     ``spread``, stars are certain above ``1 + spread`` times that limit and maybe there down to
@@ -176,20 +174,12 @@ def _tabled(options: "Neighbours", year: int) -> NeighbourTable:
     faintest = float(mag[options.brightest - 1])
     seen = int(np.searchsorted(mag, round(faintest + fainter, 3) + 1e-6))
     rows, mag = rows[:seen], mag[:seen]
-
-    def make() -> Arrays:
-        vectors = catalogue.vectors(rows, year)
-        certain = mag < faintest - 2.5 * np.log10(1.0 + options.spread)
-        chord = 2.0 * np.sin(np.radians(options.double_deg) / 2.0)
-        if len(double := cKDTree(vectors).query_pairs(chord, output_type="ndarray")):
-            certain[double.ravel()] = False
-        table = make_table(rows, vectors, mag, certain, options, faintest)
-        arrays = {name: getattr(table, name) for name in KEPT}
-        return {**arrays, "triplets": np.array(table.triplets)}
-
-    found = cached_table("neighbours", asdict(options) | {"year": year}, make)
-    triplets = int(found.pop("triplets"))
-    return NeighbourTable(**found, triplets=triplets, faintest=faintest)
+    vectors = catalogue.vectors(rows, year)
+    certain = mag < faintest - 2.5 * np.log10(1.0 + options.spread)
+    chord = 2.0 * np.sin(np.radians(options.double_deg) / 2.0)
+    if len(double := cKDTree(vectors).query_pairs(chord, output_type="ndarray")):
+        certain[double.ravel()] = False
+    return make_table(rows, vectors, certain, options)
 
 
 FEWEST = 3

@@ -21,22 +21,21 @@ from kochab.sky import open_catalogue
 
 MOST_PAIRS = 12_000_000
 """Some seconds and a gigabyte; the widest field of stars to V 5.9 has 10 million."""
-KEPT = ("rows", "vectors", "mag", "first", "second", "angle")
+KEPT = ("rows", "vectors", "first", "second", "angle")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
     """All pairs of ``N`` stars up to an angle; P pairs, the closest first.
 
-    ``rows`` (N,) are catalogue rows, brightest first; ``vectors`` (N, 3) ICRS unit vectors at the
-    table's year and ``mag`` (N,) V magnitudes of the same stars. ``first`` and ``second`` (P,)
+    ``rows`` (N,) are catalogue rows, brightest first; ``vectors`` (N, 3) ICRS unit vectors of the same
+    stars at the table's year. ``first`` and ``second`` (P,)
     number stars in those arrays, first < second, so ``first`` is the brighter one; ``angle`` (P,)
     is their separation in radians, ascending. ``max_rad`` is the largest angle asked for.
     """
 
     rows: Ints
     vectors: Floats
-    mag: Floats
     first: Ints32
     second: Ints32
     angle: Floats
@@ -93,8 +92,8 @@ def angles_between(a: Floats, b: Floats) -> Floats:
     return np.asarray(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
 
 
-def make_pairs(rows: Ints, vectors: Floats, mag: Floats, max_rad: float) -> Pairs:
-    """The table of stars given brightest first: ``rows`` (N,), ``vectors`` (N, 3), ``mag`` (N,)."""
+def make_pairs(rows: Ints, vectors: Floats, max_rad: float) -> Pairs:
+    """The table of stars given brightest first: ``rows`` (N,), ``vectors`` (N, 3)."""
     chord = 2.0 * np.sin(min(max_rad, np.pi) / 2.0)
     if len(vectors) ** 2 * chord**2 / 8.0 > MOST_PAIRS:  # the share of the sky, N^2 / 2 times
         raise UsageError(
@@ -105,7 +104,7 @@ def make_pairs(rows: Ints, vectors: Floats, mag: Floats, max_rad: float) -> Pair
     first, second = found.min(axis=1), found.max(axis=1)
     angle = angles_between(vectors[first], vectors[second])
     order = np.lexsort((second, first, angle))
-    return Pairs(rows, vectors, mag, first[order], second[order], angle[order], max_rad)
+    return Pairs(rows, vectors, first[order], second[order], angle[order], max_rad)
 
 
 def catalogue_pairs(
@@ -131,11 +130,12 @@ def _tabled(max_deg: float, brightest: int | None, mag_limit: float | None, year
         made = make_pairs(*bright_stars(brightest, mag_limit, year), np.radians(max_deg))
         return {name: getattr(made, name) for name in KEPT}
 
-    return Pairs(**cached_table("pairs", options, make), max_rad=float(np.radians(max_deg)))
+    found = cached_table("pairs", options, make)  # older files hold more
+    return Pairs(**{name: found[name] for name in KEPT}, max_rad=float(np.radians(max_deg)))
 
 
-def bright_stars(brightest: int | None, mag_limit: float | None, year: float) -> tuple[Ints, Floats, Floats]:
-    """Rows (N,), unit vectors (N, 3) and magnitudes (N,) of the catalogue's bright stars."""
+def bright_stars(brightest: int | None, mag_limit: float | None, year: float) -> tuple[Ints, Floats]:
+    """Rows (N,) and unit vectors (N, 3) of the catalogue's bright stars."""
     catalogue, pole = open_catalogue(), np.array([0.0, 0.0, 1.0])
     rows = catalogue.cone(pole, np.pi, mag_limit) if brightest is None else catalogue.brightest(pole, np.pi, brightest)
-    return rows, catalogue.vectors(rows, year), catalogue.mag(rows)
+    return rows, catalogue.vectors(rows, year)

@@ -2,7 +2,7 @@
 
 Liebe (1992, IEEE Aerosp. Electron. Syst. Mag. 7(6), 34); the estimate itself is in
 :mod:`kochab.identification.predictional_estimate`. The paper's prediction comes from the rotation
-of the satellite. Here it is the attitude before, or what a person or a mount says: place and scale,
+of the satellite. Here it is what a person or a mount says: place and scale,
 from which all predictions are tried that could be meant, over the unknown roll and the radius
 around the place.
 """
@@ -20,6 +20,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number
 from kochab.core.solution import Identification, Matches, NoSolution
+from kochab.identification import with_places
 from kochab.identification.predictional_estimate import expected_px, predictional_estimate
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, improve, pair
 from kochab.lab.methods.confirmation import chance_of, known_focal, refused, too_few
@@ -33,11 +34,7 @@ SCALES = (1.0, 0.93, 1.075)  # a hint's range is a tenth to either side
 
 @dataclass(frozen=True, slots=True)
 class Predict:
-    """The method and its options.
-
-    ``previous`` is an attitude and camera that are nearly right, such as those of the frame
-    before; without it the hint must give place and scale.
-    """
+    """The method and its options."""
 
     paper: ClassVar[str] = "Liebe 1992, Predictional Estimate"
 
@@ -48,47 +45,40 @@ class Predict:
     parity: str = choice("either", ("either", "plain", "mirrored"), "whether the optics mirror")
     reach: float = number(0.25, "", 0.05, 0.5, "least distance that may match, over the stars' mean distance")
     most: int = integer(150_000, "predictions", 100, 1_000_000, "tried at most")
-    previous: tuple[Attitude, Camera] | None = None
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
     ) -> Task[Identification | NoSolution]:
         """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        finite = np.flatnonzero(np.isfinite(detections.xy).all(axis=1))[: self.stars]
-        xy = detections.xy[finite]
-        focal = known_focal(hint)
-        if self.previous is not None:
-            attitude, camera, radius_rad = *self.previous, 0.0
-        elif focal is None or hint is None or hint.centre_deg is None:
+        return with_places(detections, lambda listed: self._search(listed, hint, year))
+
+    def _search(self, detections: Detections, hint: Hint | None, year: float) -> Task[Identification | NoSolution]:
+        focal, xy = known_focal(hint), detections.xy[: self.stars]
+        if focal is None or hint is None or hint.centre_deg is None:
             advice = "Give coordinates and the field of view: this method refines a known pointing."
             return refused(detections, "nothing: there is no prediction", advice)
-        else:
-            ra, dec, radius = hint.centre_deg
-            camera = Camera.centred(detections.width, detections.height, focal)
-            attitude, radius_rad = attitude_from(ra, dec, self.roll_deg or 0.0), float(np.radians(radius))
         if len(xy) < FEWEST:
             return too_few(detections, FEWEST)
         yield Progress("identify", 0.0, "the expected stars")
+        ra, dec, radius = hint.centre_deg
+        camera = Camera.centred(detections.width, detections.height, focal)
+        attitude, radius_rad = attitude_from(ra, dec, self.roll_deg or 0.0), float(np.radians(radius))
         rows, vectors = _sky(attitude, camera, radius_rad, len(xy), year)
         reach_px = self.reach * float(np.sqrt(camera.width * camera.height / len(xy)))
-        if self.previous is not None:
-            tried = 1
-            best = [(attitude.matrix, camera)]
-        else:
-            trials = self._trials(attitude, camera, radius_rad, reach_px)
-            tried = len(trials) * len(SCALES) * (2 if self.parity == "either" else 1)
-            if tried > self.most:
-                why = f"nothing: more than {tried - 1} predictions would have to be tried"
-                advice = "Give a smaller radius around the place, or use the method 'patterns'."
-                return refused(detections, why, advice)
-            parities = {"either": (False, True), "plain": (False,), "mirrored": (True,)}[self.parity]
-            best = yield from _supported(trials, camera, parities, xy, vectors, reach_px)
+        trials = self._trials(attitude, camera, radius_rad, reach_px)
+        parities = {"either": (False, True), "plain": (False,), "mirrored": (True,)}[self.parity]
+        tried = len(trials) * len(SCALES) * len(parities)
+        if tried > self.most:
+            why = f"nothing: more than {tried - 1} predictions would have to be tried"
+            advice = "Give a smaller radius around the place, or use the method 'patterns'."
+            return refused(detections, why, advice)
+        best = yield from _supported(trials, camera, parities, xy, vectors, reach_px)
         yield Progress("identify", 0.7, "differential refinement")
         for matrix, lens in best:
             found = _checked(matrix, lens, xy, vectors, reach_px, tried)
             if found is not None:
                 pointing, i, j, alarm = found
-                matches = Matches(finite[i].astype(np.int64), rows[j], xy[i], vectors[j])
+                matches = Matches(i, rows[j], xy[i], vectors[j])
                 plain = Camera.centred(detections.width, detections.height, pointing.focal, lens.mirrored)
                 seen, attitude = replace(plain, k1=pointing.k1), Attitude(pointing.matrix)
                 return Identification(matches, seen, attitude, alarm, "predict", tried)
@@ -114,13 +104,8 @@ class Predict:
         axes = axes @ centre.matrix
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         ra, dec = np.degrees(np.arctan2(axes[:, 1], axes[:, 0])), np.degrees(np.arcsin(axes[:, 2]))
-        return np.array(
-            [
-                attitude_from(a, d, roll).matrix
-                for a, d in zip(ra.tolist(), dec.tolist(), strict=True)
-                for roll in rolls.tolist()
-            ]
-        )
+        places = zip(ra.tolist(), dec.tolist(), strict=True)
+        return np.array([attitude_from(a, d, roll).matrix for a, d in places for roll in rolls.tolist()])
 
 
 def _sky(attitude: Attitude, camera: Camera, radius_rad: float, seen: int, year: float) -> tuple[Ints, Floats]:

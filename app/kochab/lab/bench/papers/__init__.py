@@ -79,7 +79,8 @@ class Published:
             replace what the line has.
 
         """
-        cells = {n: c.format_map(given) if isinstance(c, str) else c for n, c in self._rows[key].items()}
+        cells = dict(self._rows[key])
+        cells |= {name: text.format_map(given) for name, text in cells.items() if isinstance(text, str)}
         cells |= {name: given[name] for name in self.NAMES[2:] if name in given}
         better: Better = cells["better"]
         if best is None and cells["unit"] == "%" and better:

@@ -20,14 +20,13 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.frame import Hint
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Solution
-from kochab.identification.predictional_estimate import predictional_estimate
+from kochab.identification.predictional_estimate import Estimate, predictional_estimate
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Published, options_with_scale, share_error
 from kochab.lab.bench.papers import fields_1992 as fields
-from kochab.lab.estimators import Averages
+from kochab.lab.estimators import average
 from kochab.lab.methods.neighbours import Neighbours
 from kochab.simulate.random_fields import RandomField
 from kochab.solver import SolveOptions
@@ -116,65 +115,67 @@ def _off_arcsec(one: RandomField, axis: Floats) -> Floats:
     return np.array([x, y]) / max(float(z), 1e-3) * ARCSEC_RAD
 
 
-@dataclass(frozen=True, slots=True)
-class _AxisCase:
-    """One situation and what Initial Estimate, Predictional Estimate and default make of it.
-
-    ``knowing`` is the default that knows its camera as the Predictional Estimate does.
-    """
-
-    situation: fields.CameraError
-    first: _SuccessTally
-    second: _SuccessTally
-    default: _SuccessTally
-    knowing: _SuccessTally
-
-
 def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     """Every row: the paper's figure, ours, and the default method's on the same pictures."""
     count = 50 if quick else PAPER_RUNS
     out = _database_rows()
-    everything: list[_AxisCase] = []
+    cases: dict[fields.CameraError, _Case] = {}
     for number, situation in enumerate(fields.SITUATIONS):
         rng = np.random.default_rng([seed, 1992, number])
-        first, second, default, known = _SuccessTally(), _SuccessTally(), _SuccessTally(), _SuccessTally()
-        for _ in range(count):
-            one = fields.picture(rng, situation)
-            first.add(one, initial_axis)
-            second.add(one, lambda p, r=rng: predicted_axis(p, r))  # type: ignore[misc]
-            default.add(one, default_axis)
-            known.add(one, knowing_axis)
-        everything.append(_AxisCase(situation, first, second, default, known))
-    for case in everything:
-        right, what = case.first.share(True), case.situation
-        paper, error = what.paper_percent, share_error(what.paper_percent, count, PAPER_RUNS)
-        theirs = case.default.share(True)
-        out.append(TABLES.row("right", right, theirs, situation=what.name, paper=paper, error=error))
-    out += _wrong_and_time_rows(everything)
-    out += [_accuracy_row(case, count) for case in everything]
-    pooled = [tally.accuracy(power=2.0) for tally in (everything[0].second, everything[0].knowing)]
-    out.append(TABLES.row("pooled", pooled[0], pooled[1]))
+        cases[situation] = case = _answers(situation, count, rng)
+        ours, theirs, paper = case["first"].share(True), case["default"].share(True), situation.paper_percent
+        error = share_error(paper, count, PAPER_RUNS)
+        out.append(TABLES.row("right", ours, theirs, situation=situation.name, paper=paper, error=error))
+    out += _wrong_and_time_rows(list(cases.values()))
+    out += [_accuracy_row(situation, case, count) for situation, case in cases.items()]
+    plain = cases[fields.SITUATIONS[0]]
+    out.append(TABLES.row("pooled", *(plain[name].accuracy(power=2.0) for name in ("second", "knowing"))))
     rng, even = np.random.default_rng([seed, 1992, 99]), _SuccessTally()
     for _ in range(count):
-        even.add(fields.picture(rng, fields.SITUATIONS[0], "disc"), lambda p: predicted_axis(p, rng))
+        even.add(fields.picture(rng, fields.SITUATIONS[0], "disc"), lambda one: predicted_axis(one, rng))
     out.append(TABLES.row("disc", even.accuracy()))
     return out + _average_rows(seed, 10 if quick else 100)
 
 
+_Case = dict[str, _SuccessTally]
+"""What the ``first`` (Initial) and ``second`` (Predictional) Estimate and the ``default`` make of one situation.
+
+``knowing`` is the default that knows its camera as the Predictional Estimate does.
+"""
+
+
+def _answers(situation: fields.CameraError, count: int, rng: np.random.Generator) -> _Case:
+    methods: dict[str, Callable[[RandomField], Floats | None]] = {
+        "first": initial_axis,
+        "second": lambda one: predicted_axis(one, rng),
+        "default": default_axis,
+        "knowing": knowing_axis,
+    }
+    case = {name: _SuccessTally() for name in methods}
+    for _ in range(count):
+        one = fields.picture(rng, situation)
+        for name, method in methods.items():
+            case[name].add(one, method)
+    return case
+
+
 def initial_axis(one: RandomField) -> Floats | None:
     """The axis by the Initial Estimate."""
-    found = run(Neighbours(circle=True).identify(one.detections, _scale()))
+    found = run(Neighbours(circle=True).identify(one.detections, _scale_known().hint))
     return found.attitude.boresight if isinstance(found, Identification) else None
 
 
 def predicted_axis(one: RandomField, rng: np.random.Generator) -> Floats | None:
     """The axis by the Predictional Estimate, from a prediction as coarse as the paper's."""
     coarse = small_rotation(rng.normal(0.0, np.radians(COARSE_DEG) / 1.25, 3))
-    worst = _worst_px(one)
-    found = predictional_estimate(
-        one.camera, coarse @ one.attitude.matrix, one.detections.xy, _near(one), 8.0, closest_px=worst, worst_px=worst
-    )
+    found = _estimated(one, coarse @ one.attitude.matrix, _near(one), 8.0, _worst_px(one))
     return None if found is None else found.attitude.boresight
+
+
+def _estimated(one: RandomField, predicted: Floats, near: Floats, reach_px: float, worst_px: float) -> Estimate | None:
+    """The Predictional Estimate from an attitude (3, 3), when no star is off by more than ``worst_px``."""
+    seen = one.camera, predicted, one.detections.xy
+    return predictional_estimate(*seen, near, reach_px, closest_px=worst_px, worst_px=worst_px)
 
 
 def _worst_px(one: RandomField) -> float:
@@ -183,7 +184,7 @@ def _worst_px(one: RandomField) -> float:
 
 def default_axis(one: RandomField) -> Floats | None:
     """The axis as the default method solves the same list of stars."""
-    return _solved_axis(one, SolveOptions(hint=_scale(), blind_after_hint=False))
+    return _solved_axis(one, _scale_known())
 
 
 def knowing_axis(one: RandomField) -> Floats | None:
@@ -207,9 +208,8 @@ def _near(one: RandomField) -> Floats:
     return np.asarray(vectors[near])
 
 
-def _scale() -> Hint:
-    scale = fields.camera().scale_arcsec_px
-    return Hint(scale_arcsec_px=(scale / 1.05, scale * 1.05))
+def _scale_known() -> SolveOptions:
+    return options_with_scale(fields.camera().scale_arcsec_px, 0.05)
 
 
 def _database_rows() -> list[dict[str, Any]]:
@@ -222,35 +222,34 @@ def _database_rows() -> list[dict[str, Any]]:
     return [TABLES.row("entries", len(table), note=note), TABLES.row("per star", table.per_star)]
 
 
-def _wrong_and_time_rows(everything: Sequence[_AxisCase]) -> list[dict[str, Any]]:
-    tallies = [[c.first for c in everything], [c.second for c in everything], [c.default for c in everything]]
-    wrong = [float(np.mean([t.share(False) for t in tallies[k]])) for k in (0, 2)]
-    spent = [float(np.mean([t.milliseconds for t in some])) for some in tallies]
-    axis = float(np.mean([t.accuracy() for t in tallies[0]])) / 3600.0
-    theirs = float(np.mean([t.accuracy() for t in tallies[2]])) / 3600.0
-    stars = float(np.mean(everything[0].first.stars))
-    better = "less" if max(wrong) > 0 else ""
+def _wrong_and_time_rows(cases: Sequence[_Case]) -> list[dict[str, Any]]:
+    def mean(name: str, of: Callable[[_SuccessTally], float]) -> float:
+        return float(np.mean([of(case[name]) for case in cases]))
+
+    wrong = [mean(name, lambda tally: tally.share(False)) for name in ("first", "default")]
+    first_ms, second_ms, default_ms = (mean(n, lambda t: t.milliseconds) for n in ("first", "second", "default"))
+    axis_deg = [mean(name, lambda tally: tally.accuracy()) / 3600.0 for name in ("first", "default")]
     return [
-        TABLES.row("stars", stars),
-        TABLES.row("wrong", wrong[0], wrong[1], better=better),
-        TABLES.row("first time", spent[0], spent[2]),
-        TABLES.row("first axis", axis, theirs),
-        TABLES.row("second time", spent[1]),
+        TABLES.row("stars", float(np.mean(cases[0]["first"].stars))),
+        TABLES.row("wrong", *wrong, better="less" if max(wrong) > 0 else ""),
+        TABLES.row("first time", first_ms, default_ms),
+        TABLES.row("first axis", *axis_deg),
+        TABLES.row("second time", second_ms),
     ]
 
 
-def _accuracy_row(case: _AxisCase, count: int) -> dict[str, Any]:
-    what = case.situation
+def _accuracy_row(situation: fields.CameraError, case: _Case, count: int) -> dict[str, Any]:
+    second, knowing, paper = case["second"], case["knowing"], situation.paper_arcsec
     return TABLES.row(
         "axis",
-        case.second.accuracy(case.knowing),
-        case.knowing.accuracy(case.second),
-        situation=what.name,
-        second=case.second.share(True),
-        knowing=case.knowing.share(True),
-        paper=what.paper_arcsec,
-        paired=case.knowing.ahead(case.second),
-        error=2.0 * what.paper_arcsec / np.sqrt(2.0 * min(count, PAPER_RUNS)),
+        second.accuracy(knowing),
+        knowing.accuracy(second),
+        situation=situation.name,
+        second=second.share(True),
+        knowing=knowing.share(True),
+        paper=paper,
+        paired=knowing.ahead(second),
+        error=2.0 * paper / np.sqrt(2.0 * min(count, PAPER_RUNS)),
     )
 
 
@@ -269,16 +268,11 @@ def averaged(seed: int, frames: int, trials: int) -> tuple[float, float]:
     rng = np.random.default_rng([seed, 1992, frames])
     left, promised = [], []
     for _ in range(trials):
-        total, near = Averages(), None
-        for one in fields.repeated(rng, frames):
-            near = _near(one) if near is None else near
-            found = predictional_estimate(
-                one.camera, one.attitude.matrix, one.detections.xy, near, 2.0, closest_px=1.0, worst_px=1.0
-            )
-            if found is not None:
-                total.add(found.attitude)
-        mean = total.mean()
-        left.append(_off_arcsec(one, mean.boresight))
+        pictures = list(fields.repeated(rng, frames))
+        near, first = _near(pictures[0]), pictures[0]
+        found = [_estimated(one, one.attitude.matrix, near, 2.0, 1.0) for one in pictures]
+        mean = average(estimate.attitude for estimate in found if estimate is not None)
+        left.append(_off_arcsec(first, mean.boresight))
         promised.append(mean.sigma_arcsec[:2])
     each = np.sqrt(np.mean(np.square(left), axis=1))
     return float(each.mean()), float(np.sqrt(np.mean(np.square(promised))))

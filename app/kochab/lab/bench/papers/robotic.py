@@ -231,8 +231,8 @@ def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
     out = []
     for key, (triad, default), published in (("spread", four, across), ("sigma", sigma, axes)):
         for k, (axis, paper) in enumerate(published):
-            words = {"axis": axis, "made_up": MADE_UP, "fields": f"mean of {len(made)} fields"}
-            out.append(TABLES.row(key, triad[k], default[k], paper=paper, **words))
+            listed = f"mean of {len(made)} fields"
+            out.append(TABLES.row(key, triad[k], default[k], axis=axis, made_up=MADE_UP, fields=listed, paper=paper))
     return out
 
 

@@ -81,7 +81,7 @@ def detect_rows(quick: bool) -> list[dict[str, Any]]:
         for k, (what, unit, error) in enumerate(WHAT):
             if paper[k] is None:
                 continue
-            words = {"detector": detector, "what": what, "frames": len(pictures), "unit": unit}
+            words: dict[str, Any] = {"detector": detector, "what": what, "frames": len(pictures), "unit": unit}
             better = "less" if unit == "px" else "more"
             error = share_error(paper[k] or 0.0, len(pictures), FRAMES) if error is None else error
             out.append(TABLES.row("detector", ours[k], default[k], paper=paper[k], error=error, better=better, **words))

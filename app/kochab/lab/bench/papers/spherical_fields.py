@@ -10,13 +10,17 @@ from scipy.spatial import cKDTree
 from kochab.core.arrays import Floats, Ints
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Published, fastest
+from kochab.lab.methods.angles import Angles, angle_table
 from kochab.lab.methods.pairs import Pairs
-from kochab.lab.methods.spherical_triangles import make_triangles
+from kochab.lab.methods.spherical_triangles import SphericalTriangles, make_triangles, triangle_table
 from kochab.simulate.random_fields import random_direction
 
 PROGRAMS = 87.2665e-6 / 3.0
 FIELD_DEG, LIMIT_DEG, STARS = 8.0, 6.94, 8118
 ATTITUDES = 1000
+METHODS: dict[str, type[Angles | SphericalTriangles]] = {"angles": Angles, "spherical_triangles": SphericalTriangles}
+SHARES = {"correct": "correct", "inconclusive": "inconclusive", "incorrect": "incorrect"}
+MORE_SHARES = {f"of_{n}": f"correct, of fields with {k} stars or more" for n, k in (("four", 4), ("five", 5))}
 PAPER: dict[str, dict[str, float]] = {
     "angles": {"correct": 55, "inconclusive": 45, "incorrect": 1, "pivots": 4.86, "seconds": 6.89}
     | {"free_pivots": 5.48, "free_seconds": 7.67},
@@ -57,6 +61,12 @@ class FieldTally:
     seconds: float
     of_four: float
     of_five: float
+
+
+def tables_of(brightest: int, mag_limit: float | None = None) -> dict[str, Any]:
+    """The table of each of ``METHODS`` of the catalogue's stars."""
+    wanted = LIMIT_DEG, brightest, mag_limit
+    return {"angles": angle_table(*wanted), "spherical_triangles": triangle_table(*wanted)}
 
 
 def score_method(

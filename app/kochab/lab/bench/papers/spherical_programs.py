@@ -23,23 +23,11 @@ import numpy as np
 from kochab.core.arrays import Bools
 from kochab.lab.bench.papers import Published, share_error
 from kochab.lab.bench.papers import spherical_fields as fields
-from kochab.lab.methods.angles import Angles, FigureTable, angle_table, angles_of
+from kochab.lab.methods.angles import FigureTable, angles_of
 from kochab.lab.methods.pairs import make_pairs
-from kochab.lab.methods.spherical_triangles import (
-    SphericalTriangles,
-    TriangleTable,
-    make_triangles,
-    triangle_table,
-    triangles_of,
-    two_shared,
-)
+from kochab.lab.methods.spherical_triangles import TriangleTable, make_triangles, triangles_of, two_shared
 
 Tables = dict[str, Any]
-SHARES = {"correct": "correct", "inconclusive": "inconclusive", "incorrect": "incorrect"}
-MORE_SHARES = {
-    "of_four": "correct, of fields with 4 stars or more",
-    "of_five": "correct, of fields with 5 stars or more",
-}
 TABLES = Published("""
 free | 6.3, 6.7 | {name}: mean pivots without a limit, by its programs | | | | | scatter {scatter}
 share | 6.2 | {name}: {what}, by its programs | % | | | | step by step: {steps}
@@ -80,10 +68,10 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
     made = all_tables(seed)
     last = made[STEPS[-1]]
     out = _count_rows(made, seed, lists)
-    for name in ("angles", "spherical_triangles"):
+    for name in fields.METHODS:
         tallies = [run_step(name, step, made[step], number, seed) for step in STEPS]
-        free = run_step(name, STEPS[-1], last, number, seed, FREE)
-        keys = [*SHARES, *(MORE_SHARES if name == "spherical_triangles" else ()), "pivots"]
+        free = run_step(name, STEPS[-1], last, number, seed, pivots=FREE)
+        keys = [*fields.SHARES, *(fields.MORE_SHARES if name == "spherical_triangles" else ()), "pivots"]
         out += [_row(name, key, tallies, number) for key in keys]
         why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
         scatter, paper = f"{free.pivots_sd:.2f}{why}", fields.PAPER[name]["free_pivots"]
@@ -94,11 +82,7 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
 
 def all_tables(seed: int) -> dict[ProgramStep, Tables]:
     """The angles and triangles of every step's stars."""
-    today = {
-        "angles": angle_table(fields.LIMIT_DEG, fields.STARS, None),
-        "spherical_triangles": triangle_table(fields.LIMIT_DEG, fields.STARS, None),
-    }
-    even = random_tables(seed)
+    today, even = fields.tables_of(fields.STARS), random_tables(seed)
     tree = tables_by_tree(even)
     return {step: tree if step.tree else even if step.even else today for step in STEPS}
 
@@ -107,7 +91,7 @@ def random_tables(seed: int) -> Tables:
     """Those of as many stars strewn evenly over the sky."""
     stars = np.random.default_rng([seed, fields.STARS]).normal(size=(fields.STARS, 3))
     stars /= np.linalg.norm(stars, axis=1, keepdims=True)
-    pairs = make_pairs(np.arange(fields.STARS), stars, np.zeros(fields.STARS), np.radians(fields.LIMIT_DEG))
+    pairs = make_pairs(np.arange(fields.STARS), stars, np.radians(fields.LIMIT_DEG))
     triangles = triangles_of(pairs, make_triangles(pairs, fields.LIMIT_DEG))
     return {"angles": angles_of(pairs), "spherical_triangles": triangles}
 
@@ -137,15 +121,9 @@ def triangles_by_tree(table: TriangleTable, tree: fields.QuadTree) -> TriangleTa
     return TriangleTable(table.pairs, stars, table.values[found], two_shared(stars), table.moment[found])
 
 
-def run_step(
-    name: str, step: ProgramStep, made: Tables, number: int, seed: int, pivots: int | None = None
-) -> fields.FieldTally:
+def run_step(name: str, step: ProgramStep, made: Tables, number: int, seed: int, **options: Any) -> fields.FieldTally:
     """What a method makes of ``number`` random fields of a step."""
-    method: Angles | SphericalTriangles
-    if name == "angles":
-        method = Angles(as_printed=step.as_printed, pivots=pivots or 9)
-    else:
-        method = SphericalTriangles(as_printed=step.as_printed, pivots=pivots or 3)
+    method = fields.METHODS[name](as_printed=step.as_printed, **options)
     return fields.score_method(method, made[name], fields.PROGRAMS, fields.PROGRAMS, number, seed, step.poles)
 
 
@@ -157,7 +135,7 @@ def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> 
     if key == "pivots":
         error = _mean_error(tallies[-1], number)
         return TABLES.row("pivots", values[-1], name=name, steps=steps, paper=paper, error=error)
-    error, what = share_error(paper, number, fields.ATTITUDES), (SHARES | MORE_SHARES)[key]
+    error, what = share_error(paper, number, fields.ATTITUDES), (fields.SHARES | fields.MORE_SHARES)[key]
     return TABLES.row("share", values[-1], name=name, what=what, steps=steps, paper=paper, error=error)
 
 
@@ -177,6 +155,6 @@ def _count_rows(made: dict[ProgramStep, Tables], seed: int, lists: int) -> list[
         listed = ", ".join(f"{step.what} {len(made[step][name].stars)}" for step in (STEPS[0], *STEPS[3:]))
         counts = np.array([len(one[name].stars) for one in several], dtype=np.float64)
         error = 2.0 * float(counts.std(ddof=1)) * float(np.sqrt(1.0 + 1.0 / lists))
-        published = {"what": what, "paper": paper, "error": error}
-        out.append(TABLES.row("count", float(counts.mean()), lists=lists, counts=listed, **published))
+        words: dict[str, Any] = {"what": what, "lists": lists, "counts": listed}
+        out.append(TABLES.row("count", float(counts.mean()), paper=paper, error=error, **words))
     return out

@@ -12,7 +12,6 @@ it knows as well; it is correct when its centre is, and unlike the thesis' metho
 that chance did not give the answer.
 """
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,9 +24,9 @@ from kochab.core.solution import Solution
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Better, Published, options_with_scale, share_error, solve_timed, spherical_programs
 from kochab.lab.bench.papers import spherical_fields as fields
-from kochab.lab.methods.angles import Angles, angle_table
+from kochab.lab.methods.angles import angle_table
 from kochab.lab.methods.pairs import bright_stars, make_pairs
-from kochab.lab.methods.spherical_triangles import SphericalTriangles, make_triangles, triangle_table
+from kochab.lab.methods.spherical_triangles import make_triangles
 
 READINGS: tuple[tuple[str, float, float], ...] = (
     # what, sigma of the bounds, sigma of the noise a coordinate, radians
@@ -41,7 +40,7 @@ SIDE_PX = 2048
 PIVOT_ERROR = {"angles": 0.28, "spherical_triangles": 0.13}
 """Two sigma of the mean of 1,000 fields: 4.41 a field (6.3.2); a tenth of it where none is given."""
 AS_MANY_ANGLES = 7075  # the brightest stars that make as many angles as the thesis has
-WORDS = spherical_programs.SHARES | spherical_programs.MORE_SHARES
+WORDS = fields.SHARES | fields.MORE_SHARES
 BETTER: dict[str, Better] = {"correct": "more", "of_four": "more", "of_five": "more", "pivots": ""}
 BETTER |= {"inconclusive": "less", "incorrect": "less", "seconds": "less"}
 UNITS = {"pivots": "mean", "seconds": "s"}
@@ -138,9 +137,9 @@ def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
     out = []
     thin = _both(AS_MANY_ANGLES, None, fields.PROGRAMS, fields.PROGRAMS, number, seed)
     for name, tally in thin.items():
-        words = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
-        published = {"paper": fields.PAPER[name]["pivots"], "error": PIVOT_ERROR[name]}
-        out.append(TABLES.row("thin", tally.pivots, other_reading=True, **words, **published))
+        words: dict[str, Any] = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
+        words |= {"paper": fields.PAPER[name]["pivots"], "error": PIVOT_ERROR[name]}
+        out.append(TABLES.row("thin", tally.pivots, other_reading=True, **words))
     for name, tally in _both(fields.STARS, None, fields.PROGRAMS, fields.PROGRAMS, number, seed, pivots=1000).items():
         paper = fields.PAPER[name]["free_seconds"]
         out.append(TABLES.row("free", tally.seconds, name=name, paper=paper))
@@ -159,24 +158,12 @@ def _true_magnitude_six(number: int, seed: int) -> list[dict[str, Any]]:
 
 
 def _both(
-    brightest: int,
-    mag_limit: float | None,
-    bound: float,
-    noise: float,
-    number: int,
-    seed: int,
-    pivots: int | None = None,
+    brightest: int, mag_limit: float | None, bound: float, noise: float, number: int, seed: int, **options: Any
 ) -> dict[str, fields.FieldTally]:
-    angles, triangles = Angles(), SphericalTriangles()
-    if pivots is not None:
-        angles, triangles = replace(angles, pivots=pivots), replace(triangles, pivots=pivots)
-    tables = (
-        angle_table(fields.LIMIT_DEG, brightest, mag_limit),
-        triangle_table(fields.LIMIT_DEG, brightest, mag_limit),
-    )
+    tables = fields.tables_of(brightest, mag_limit)
     return {
-        "angles": fields.score_method(angles, tables[0], bound, noise, number, seed),
-        "spherical_triangles": fields.score_method(triangles, tables[1], bound, noise, number, seed),
+        name: fields.score_method(method(**options), tables[name], bound, noise, number, seed)
+        for name, method in fields.METHODS.items()
     }
 
 

@@ -195,7 +195,7 @@ def _steps(printed: Printed) -> list[dict[str, Any]]:
     )
     found = triad_tests.passing_triads(sight, seen, stars, pairs, tests, planar=True)
     groups = group_by_rotation(found, np.radians(5.0))
-    words = {"n": printed.name, "steps": STEP_TABLES[printed.name], "modern": MODERN}
+    words: dict[str, Any] = {"n": printed.name, "steps": STEP_TABLES[printed.name], "modern": MODERN}
     paper = printed.paper
     counts = {"triads": len(found.star), "groups": len(groups), "largest": len(groups[0]) if groups else 0}
     return [
@@ -213,12 +213,12 @@ def _answers(printed: Printed, repeats: int) -> list[dict[str, Any]]:
     fixed = _named(printed, detections, repeats, "fixed")
     default = _by_default(printed, detections, repeats)
     expected = len(printed.stars) if printed.centre_deg else 0
-    n, best = printed.name, {"paper": expected, "best": expected}
+    n, best = printed.name, expected
     note = "" if expected else "three stars have no answer at vote number 2"
     out = [
-        TABLES.row("right", thesis.right, default.right, n=n, note=note, **best),
+        TABLES.row("right", thesis.right, default.right, n=n, note=note, paper=best, best=best),
         TABLES.row("wrong", thesis.wrong, default.wrong, n=n, best=0),
-        TABLES.row("right in fixed", fixed.right, default.right, n=n, **best),
+        TABLES.row("right in fixed", fixed.right, default.right, n=n, paper=best, best=best),
     ]
     if printed.centre_deg is None:
         return out
