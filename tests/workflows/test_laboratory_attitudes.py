@@ -45,7 +45,7 @@ def test_every_estimator_agrees_with_the_fit_within_its_own_errors(named, truth,
     trial = run(try_attitude(named, Choice(name), truth))
     assert trial.right
     assert trial.wrong == 0
-    assert trial.matches == len(named.matches) >= 20
+    assert trial.matches == len(named.found.matches) >= 20
     assert 0 < trial.seconds < 1
     assert 0.1 < trial.rms_px < 1.0
     sigma = np.hypot(*trial.sigma_arcsec[:2])

@@ -40,24 +40,16 @@ ANY_HOUR_DEG, LOWEST_DEG = (-180.0, 180.0), 25.0
 RATE_DEG_S = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class Hidden:
-    """What an alignment does not know: the misalignment, and the threads of the bolts."""
-
-    altitude_arcmin: float
-    azimuth_arcmin: float
-    arcmin_a_turn: dict[Knob, float]
-
-
 @dataclass(slots=True, eq=False)
 class RigSky:
     """A rig with the three things an alignment needs; ``optics`` are the errors of its solves.
 
+    ``arcmin_a_turn`` are the pitch and sense of the bolts' threads, which nobody knows.
     ``rest_arcsec`` (3, 3) turns the camera about its own axes by so much times gravity's pull.
     """
 
     rig: PracticeRig
-    hidden: Hidden
+    arcmin_a_turn: dict[Knob, float]
     optics: Optics
     rng: np.random.Generator
     by_hand: bool = False
@@ -111,7 +103,7 @@ class RigSky:
         if instruction.knob is None:
             return
         turns = instruction.turns * (1.0 + 0.05 * self.rng.normal()) + self.rng.normal() / 360.0
-        arcmin = turns * self.hidden.arcmin_a_turn[instruction.knob]
+        arcmin = turns * self.arcmin_a_turn[instruction.knob]
         self.rig.mount.turn_bolts(*((arcmin, 0.0) if instruction.knob is Knob.ALTITUDE else (0.0, arcmin)))
 
     def point_elsewhere(self) -> None:
@@ -134,8 +126,8 @@ class RigSky:
     @property
     def hidden_total_arcmin(self) -> float:
         """How far from the pole it stood at first, on the sky."""
-        azimuth = self.hidden.azimuth_arcmin * np.cos(np.radians(self.rig.config.site.latitude_deg))
-        return float(np.hypot(self.hidden.altitude_arcmin, azimuth))
+        altitude, azimuth = self.rig.config.mount.misalignment_arcmin
+        return float(np.hypot(altitude, azimuth * np.cos(np.radians(self.rig.config.site.latitude_deg))))
 
     def missed_arcsec(self, error: PolarError) -> float:
         """How far the measured axis is from the true one."""
@@ -149,13 +141,10 @@ def make_rig(rng: np.random.Generator, catalogue: Catalogue, latitude_deg: float
     off_arcmin = float(np.exp(rng.uniform(np.log(1.0), np.log(300.0))))
     angle = float(rng.uniform(0.0, 2.0 * np.pi))
     hour, dec = random_place(rng, latitude, ANY_HOUR_DEG, LOWEST_DEG)
-    hidden = Hidden(
-        off_arcmin * np.sin(angle),
-        off_arcmin * np.cos(angle) / np.cos(np.radians(latitude)),
-        {knob: float(rng.uniform(15.0, 70.0) * rng.choice([-1.0, 1.0])) for knob in Knob},
-    )
+    azimuth = off_arcmin * np.cos(angle) / np.cos(np.radians(latitude))
+    threads = {knob: float(rng.uniform(15.0, 70.0) * rng.choice([-1.0, 1.0])) for knob in Knob}
     mount = MountConfig(
-        misalignment_arcmin=(hidden.altitude_arcmin, hidden.azimuth_arcmin),
+        misalignment_arcmin=(off_arcmin * np.sin(angle), azimuth),
         build=Build(cone_deg=float(rng.normal() * 0.2), camera_roll_deg=float(rng.uniform(0, 360))),
         bolts=BoltErrors(tuple(rng.uniform(0.0, 3.0, 2)), tuple(rng.normal(0.0, 0.01, 2))),
         german=False,
@@ -168,7 +157,7 @@ def make_rig(rng: np.random.Generator, catalogue: Catalogue, latitude_deg: float
         tracking=bool(rng.integers(2)),
         date_unix=1.8e9 + float(rng.uniform(0, 3e7)),
     )
-    sky = RigSky(PracticeRig(config, catalogue), hidden, Optics(2.0, 20.0), rng)
+    sky = RigSky(PracticeRig(config, catalogue), threads, Optics(2.0, 20.0), rng)
     sky.pointing_deg = (hour, dec)
     return sky
 

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from kochab.attitude.fit import Fit, refine
 from kochab.core.attitude import Attitude
-from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import Identification, Matches, NoSolution
+from kochab.core.solution import Identification, NoSolution
 from kochab.identification import IDENTIFIERS
 from kochab.lab.laboratory.comparison import (
     FIT,
@@ -94,21 +93,14 @@ REFUSED = "not with these stars"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedStars:
-    """``matches`` whose places are good to ``sigma_px`` (M,), and the fit of them all.
+    """``found`` stars whose places are good to ``sigma_px`` (M,), and the fit of them all."""
 
-    ``camera`` and ``attitude`` are what that fit starts from.
-    """
-
-    matches: Matches
+    found: Identification
     sigma_px: NDArray[np.float64]
-    camera: Camera
-    attitude: Attitude
-    log10_false_alarm: float
-    fit: Fit
 
-    def refit(self) -> Fit:
-        """The fit once more."""
-        return refine(self.matches, self.camera, self.attitude, self.sigma_px)
+    def fit(self) -> Fit:
+        """Rotation and camera by all stars."""
+        return refine(self.found.matches, self.found.camera, self.found.attitude, self.sigma_px)
 
 
 def name_stars(
@@ -122,9 +114,7 @@ def name_stars(
     yield Progress("attitude", None, "matching stars")
     usable = detections.take(slice(0, SolveOptions().max_stars))
     matches, _ = extend(usable, found, open_catalogue(), year)
-    sigma = centroid_sigma(usable)[matches.detection]
-    fit = refine(matches, found.camera, found.attitude, sigma)
-    return NamedStars(matches, sigma, found.camera, found.attitude, found.log10_false_alarm, fit)
+    return NamedStars(replace(found, matches=matches), centroid_sigma(usable)[matches.detection])
 
 
 def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: FieldTruth | None) -> Task[Trial]:
@@ -133,10 +123,12 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
     if not isinstance(named, NamedStars):
         return unsolved_trial(ComparedPart.ATTITUDE, choice.name, named, truth)
 
+    first, matches = named.fit(), named.found.matches
+
     def estimate() -> tuple[Fit, str]:
         if choice.name == FIT:
-            return named.refit(), ""
-        return with_estimate(named.matches, named.fit, choice.name, named.sigma_px, options)
+            return named.fit(), ""
+        return with_estimate(matches, first, choice.name, named.sigma_px, options)
 
     (fit, refusal), spent = estimate(), 0.0
     for _ in range(REPEATS):  # the first is not timed: it may import
@@ -148,9 +140,9 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
     measured: dict[str, Any] = {"seconds": spent / REPEATS}
     if refusal:
         return unsolved_trial(kind, choice.name, None, truth, reason=REFUSED, advice=refusal, **measured)
-    measured |= {"log10_false_alarm": named.log10_false_alarm, "rms_px": fit.rms_px}
-    answer = fit.camera, fit.attitude, named.matches.xy, named.matches.vectors
-    gap = None if choice.name == FIT else between(fit.attitude, named.fit.attitude)
+    measured |= {"log10_false_alarm": named.found.log10_false_alarm, "rms_px": fit.rms_px}
+    answer = fit.camera, fit.attitude, matches.xy, matches.vectors
+    gap = None if choice.name == FIT else between(fit.attitude, first.attitude)
     return solved_trial(kind, choice.name, *answer, truth, from_fit_arcsec=gap, **measured)
 
 

@@ -6,14 +6,14 @@ the brightest 8,118 stars of this catalogue make 139,964 of them in hundredths o
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from math import factorial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
@@ -117,6 +117,11 @@ class FigureTable:
     pairs: Pairs
     stars: Ints
     values: Floats
+
+    def take(self, chosen: Bools) -> Self:
+        """Of all figures (F,) these."""
+        kept = {part.name: getattr(self, part.name)[chosen] for part in fields(self) if part.name != "pairs"}
+        return replace(self, **kept)
 
 
 @dataclass(frozen=True, slots=True)

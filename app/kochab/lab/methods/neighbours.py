@@ -67,16 +67,6 @@ class NeighbourTable:
     def __len__(self) -> int:
         return len(self.key)
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the entries."""
-        return int(self.key.nbytes + self.star.nbytes)
-
-    @property
-    def per_star(self) -> float:
-        """Entries a star, on the average."""
-        return len(self.key) / max(1, len(self.rows))
-
     def find(self, key: Ints) -> tuple[Ints, Ints]:
         """Which of the asked keys (Q,), and the star, of every entry under them."""
         which, entry = spread(np.searchsorted(self.key, key), np.searchsorted(self.key, key, "right"))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from kochab.core.arrays import Floats, Ints, Ints32
+from kochab.core.arrays import Bools, Floats, Ints, Ints32
 from kochab.core.errors import UsageError
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.sky import open_catalogue
@@ -49,19 +49,17 @@ class Pairs:
         """N, the number of stars."""
         return len(self.rows)
 
-    def between(self, low: ArrayLike, high: ArrayLike) -> tuple[Ints, Ints]:
-        """Slices of the pairs with ``low <= angle <= high`` (radians), as `between` has them."""
-        return between(self.angle, low, high)
-
     def within_declinations(self, low_deg: float, high_deg: float) -> "Pairs":
         """The pairs of which both stars lie between two declinations; the stars stay numbered."""
         if low_deg <= -90.0 and high_deg >= 90.0:
             return self
         low, high = np.sin(np.radians([low_deg, high_deg]))
         inside = (self.vectors[:, 2] >= low) & (self.vectors[:, 2] <= high)
-        kept = inside[self.first] & inside[self.second]
-        ends = self.first[kept], self.second[kept]
-        return replace(self, first=ends[0], second=ends[1], angle=self.angle[kept])
+        return self.take(inside[self.first] & inside[self.second])
+
+    def take(self, chosen: Bools) -> "Pairs":
+        """Of all pairs (P,) these; the stars stay numbered."""
+        return replace(self, first=self.first[chosen], second=self.second[chosen], angle=self.angle[chosen])
 
 
 def between(values: Floats, low: ArrayLike, high: ArrayLike) -> tuple[Ints, Ints]:

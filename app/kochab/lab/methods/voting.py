@@ -19,7 +19,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number
 from kochab.core.solution import Identification, NoSolution
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused, table_deg
-from kochab.lab.methods.pairs import Pairs, angles_between, catalogue_pairs, spread
+from kochab.lab.methods.pairs import Pairs, angles_between, between, catalogue_pairs, spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def vote(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]
     n = len(body)
     i, j = np.triu_indices(n, 1)
     angle = angles_between(body[i], body[j])
-    which, number = spread(*pairs.between(angle - error_rad, angle + error_rad))
+    which, number = spread(*between(pairs.angle, angle - error_rad, angle + error_rad))
     first, second = pairs.first[number], pairs.second[number]
     seats = np.concatenate([i[which], i[which], j[which], j[which]]) * pairs.stars
     seats += np.concatenate([first, second, first, second])

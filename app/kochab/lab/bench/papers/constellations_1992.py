@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from kochab.attitude import small_rotation
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Bools, Floats
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Solution
 from kochab.identification.predictional_estimate import Estimate, predictional_estimate
@@ -59,37 +59,41 @@ ARCSEC_RAD = float(np.degrees(3600.0))
 
 @dataclass(slots=True)
 class _SuccessTally:
-    """Answers of one method to many pictures: off the axis (2,) in arcsec, None for no answer."""
+    """Answers of one method to many pictures: ``off`` the axis (2,) in arcsec, NaN for no answer."""
 
-    off: list[Floats | None] = field(default_factory=list)
+    off: list[Floats] = field(default_factory=list)
     stars: list[int] = field(default_factory=list)
     seconds: float = 0.0
 
     def add(self, one: RandomField, work: Callable[[RandomField], Floats | None]) -> None:
         """Let ``work`` find the camera's axis (3,) in ICRS."""
         axis, spent = timed(lambda: work(one))
-        self.off.append(None if axis is None else _off_arcsec(one, axis))
+        self.off.append(np.full(2, np.nan) if axis is None else _off_arcsec(one, axis))
         self.stars.append(one.stars)
         self.seconds += spent
 
+    @property
+    def right(self) -> Bools:
+        """Which pictures (N,) were answered right."""
+        return np.asarray(np.hypot(*np.transpose(self.off)) < 3600.0 * RIGHT_DEG)
+
+    @property
+    def size(self) -> Floats:
+        """RMS of an answer's two coordinates, (N,) arcsec."""
+        return np.asarray(np.sqrt(np.mean(np.square(self.off), axis=1)))
+
     def share(self, right: bool) -> float:
         """Per cent of the pictures answered right, or answered wrong."""
-        return 100.0 * sum(_right(o) == right for o in self.off if o is not None) / len(self.off)
+        return 100.0 * float(np.mean(np.isfinite(self.size) & (self.right == right)))
 
     def accuracy(self, both: "_SuccessTally | None" = None, power: float = 1.0) -> float:
-        """RMS of an answer's two coordinates, averaged over those that ``both`` answered right.
-
-        ``power`` 2 gives the RMS over all of them instead.
-        """
-        others = self.off if both is None else both.off
-        used = [_size(o) ** power for o, other in zip(self.off, others, strict=True) if _right(o) and _right(other)]
-        return float(np.mean(used) ** (1.0 / power)) if used else float("nan")
+        """The mean size of the answers that ``both`` gave right; ``power`` 2 gives the RMS over them."""
+        used = self.size[self.right if both is None else self.right & both.right]
+        return float(np.mean(used**power) ** (1.0 / power)) if len(used) else float("nan")
 
     def ahead(self, other: "_SuccessTally") -> tuple[float, float]:
         """Mean of its errors minus ``other``'s, picture by picture, and that mean's own error."""
-        gap = np.array(
-            [_size(a) - _size(b) for a, b in zip(self.off, other.off, strict=True) if _right(a) and _right(b)]
-        )
+        gap = (self.size - other.size)[self.right & other.right]
         if len(gap) < 2:
             return float("nan"), float("nan")
         return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
@@ -98,15 +102,6 @@ class _SuccessTally:
     def milliseconds(self) -> float:
         """Processor time a picture."""
         return 1e3 * self.seconds / max(1, len(self.off))
-
-
-def _right(off: Floats | None) -> bool:
-    return off is not None and bool(np.hypot(*off) < 3600.0 * RIGHT_DEG)
-
-
-def _size(off: Floats | None) -> float:
-    """RMS of an answer's two coordinates."""
-    return float("nan") if off is None else float(np.sqrt(np.mean(off**2)))
 
 
 def _off_arcsec(one: RandomField, axis: Floats) -> Floats:
@@ -217,9 +212,9 @@ def _database_rows() -> list[dict[str, Any]]:
     merged = Neighbours(double_deg=0.0, exchange=0.0).table()
     note = (
         f"{len(table.rows)} stars (paper 1539); angle's error as in figure 11: {len(doubled)};"
-        f" without doubles and exchange: {len(merged)}; {table.nbytes / 1e6:.1f} MB"
+        f" without doubles and exchange: {len(merged)}; {12e-6 * len(table):.1f} MB"  # 12 bytes an entry
     )
-    return [TABLES.row("entries", len(table), note=note), TABLES.row("per star", table.per_star)]
+    return [TABLES.row("entries", len(table), note=note), TABLES.row("per star", len(table) / len(table.rows))]
 
 
 def _wrong_and_time_rows(cases: Sequence[_Case]) -> list[dict[str, Any]]:

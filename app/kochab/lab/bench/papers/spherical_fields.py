@@ -1,6 +1,6 @@
 """Random fields of the thesis on spherical triangles, and how its methods are scored on them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -199,11 +199,9 @@ def quad_tree_rows(pairs: Pairs) -> list[dict[str, Any]]:
     tree = trees[5]
     node = tree.node_of(pairs.vectors)
     shared = tree.shared(node[pairs.first], node[pairs.second])
-    near, limit_deg = shared >= 2, float(np.degrees(pairs.max_rad))
-    ends = pairs.first[near], pairs.second[near]
-    edge = replace(pairs, first=ends[0], second=ends[1], angle=pairs.angle[near])
+    edge = pairs.take(shared >= 2)
     nodes = sum(4**level for level in range(1, 6))
-    triangles = len(make_triangles(edge, limit_deg)["stars"])
+    triangles = len(make_triangles(edge, float(np.degrees(pairs.max_rad)))["stars"])
     return [
         *out,
         TABLES.row("nodes", nodes),

@@ -16,16 +16,16 @@ The last step is judged. Each row's note tells what the steps before it gave, ea
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from kochab.core.arrays import Bools
 from kochab.lab.bench.papers import Published, share_error
 from kochab.lab.bench.papers import spherical_fields as fields
 from kochab.lab.methods.angles import FigureTable, angles_of
 from kochab.lab.methods.pairs import make_pairs
-from kochab.lab.methods.spherical_triangles import TriangleTable, make_triangles, triangles_of, two_shared
+from kochab.lab.methods.spherical_triangles import make_triangles, triangles_of
 
 Tables = dict[str, Any]
 TABLES = Published("""
@@ -99,26 +99,15 @@ def random_tables(seed: int) -> Tables:
 def tables_by_tree(made: Tables) -> Tables:
     """What the thesis' tree finds of them."""
     tree = fields.quad_tree(TREE_LEVELS)
-    return {
-        "angles": angles_by_tree(made["angles"], tree),
-        "spherical_triangles": triangles_by_tree(made["spherical_triangles"], tree),
-    }
+    return {name: by_tree(table, tree) for name, table in made.items()}
 
 
-def angles_by_tree(table: FigureTable, tree: fields.QuadTree) -> FigureTable:
-    """The angles that the program E.11 finds: within a node or between two that touch."""
-    node = tree.node_of(table.pairs.vectors)
-    found = tree.shared(node[table.stars[:, 0]], node[table.stars[:, 1]]) >= 1
-    return FigureTable(table.pairs, table.stars[found], table.values[found])
-
-
-def triangles_by_tree(table: TriangleTable, tree: fields.QuadTree) -> TriangleTable:
-    """The triangles that the program E.12 finds: of a node and any that touch it."""
+def by_tree(table: FigureTable, tree: fields.QuadTree) -> FigureTable:
+    """The figures that the programs E.11 and E.12 find: within a node, or of one and any that touch it."""
     node = tree.node_of(table.pairs.vectors)[table.stars]
-    near = np.stack([tree.shared(node[:, a], node[:, b]) >= 1 for a, b in ((0, 1), (1, 2), (0, 2))])
-    found: Bools = near.sum(axis=0) >= 2
-    stars = table.stars[found]
-    return TriangleTable(table.pairs, stars, table.values[found], two_shared(stars), table.moment[found])
+    corners = node.shape[1]
+    touching = [tree.shared(node[:, a], node[:, b]) >= 1 for a, b in combinations(range(corners), 2)]
+    return table.take(np.sum(touching, axis=0) >= corners - 1)
 
 
 def run_step(name: str, step: ProgramStep, made: Tables, number: int, seed: int, **options: Any) -> fields.FieldTally:
