@@ -84,16 +84,14 @@ def confirm(
 
 def _start(detections: Detections, names: CandidateNames, focal_px: float) -> CandidatePointing:
     """The pointing of the parity that suits the names better."""
-    best, least = None, np.inf
+    tried = []
     for mirrored in (False, True) if names.mirrored is None else (names.mirrored,):
         camera = Camera.centred(detections.width, detections.height, focal_px, mirrored)
         body = camera.unproject(detections.xy[names.detection])
         matrix = wahba(body, names.vectors).matrix
         left = float(np.square(body - names.vectors @ matrix.T).sum())
-        if best is None or left < least:
-            best, least = CandidatePointing(matrix, focal_px, mirrored), left
-    assert best is not None
-    return best
+        tried.append((left, CandidatePointing(matrix, focal_px, mirrored)))
+    return min(tried, key=lambda one: one[0])[1]
 
 
 def _refitted(pointing: CandidatePointing, seen: Floats, vectors: Floats) -> CandidatePointing:

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Floats, Ints
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Published, fastest
+from kochab.lab.bench.papers import Better, Published, fastest
 from kochab.lab.methods.angles import Angles, angle_table
 from kochab.lab.methods.pairs import Pairs
 from kochab.lab.methods.spherical_triangles import SphericalTriangles, make_triangles, triangle_table
@@ -19,8 +19,16 @@ PROGRAMS = 87.2665e-6 / 3.0
 FIELD_DEG, LIMIT_DEG, STARS = 8.0, 6.94, 8118
 ATTITUDES = 1000
 METHODS: dict[str, type[Angles | SphericalTriangles]] = {"angles": Angles, "spherical_triangles": SphericalTriangles}
-SHARES = {"correct": "correct", "inconclusive": "inconclusive", "incorrect": "incorrect"}
-MORE_SHARES = {f"of_{n}": f"correct, of fields with {k} stars or more" for n, k in (("four", 4), ("five", 5))}
+MEASURES: dict[str, tuple[str, str, Better]] = {
+    "correct": ("correct", "%", "more"),
+    "inconclusive": ("inconclusive", "%", "less"),
+    "incorrect": ("incorrect", "%", "less"),
+    "of_four": ("correct, of fields with 4 stars or more", "%", "more"),
+    "of_five": ("correct, of fields with 5 stars or more", "%", "more"),
+    "pivots": ("pivots", "mean", ""),
+    "seconds": ("seconds", "s", "less"),
+}
+"""What is measured, its unit, and which way is better."""
 PAPER: dict[str, dict[str, float]] = {
     "angles": {"correct": 55, "inconclusive": 45, "incorrect": 1, "pivots": 4.86, "seconds": 6.89}
     | {"free_pivots": 5.48, "free_seconds": 7.67},
@@ -48,8 +56,8 @@ class FieldTally:
     """Per cent of fields correct, inconclusive, incorrect; mean pivots and processor seconds.
 
     ``pivots`` is the mean over the fields that were solved, ``all_pivots`` over all, which scatter
-    by ``pivots_sd``; ``of_four``
-    and ``of_five`` are the per cent correct of the fields with at least so many stars.
+    by ``pivots_sd``; ``of_four`` and ``of_five`` are the per cent correct of the fields with at least
+    so many stars.
     """
 
     correct: float

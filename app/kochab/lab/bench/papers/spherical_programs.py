@@ -66,13 +66,15 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
     ``lists`` (at least two) is how many even lists of stars are strewn for the counts.
     """
     made = all_tables(seed)
-    last = made[STEPS[-1]]
     out = _count_rows(made, seed, lists)
     for name in fields.METHODS:
         tallies = [run_step(name, step, made[step], number, seed) for step in STEPS]
-        free = run_step(name, STEPS[-1], last, number, seed, pivots=FREE)
-        keys = [*fields.SHARES, *(fields.MORE_SHARES if name == "spherical_triangles" else ()), "pivots"]
-        out += [_row(name, key, tallies, number) for key in keys]
+        free = run_step(name, STEPS[-1], made[STEPS[-1]], number, seed, pivots=FREE)
+        out += [
+            _row(name, key, tallies, number)
+            for key in fields.MEASURES
+            if key in fields.PAPER[name] and key != "seconds"
+        ]
         why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
         scatter, paper = f"{free.pivots_sd:.2f}{why}", fields.PAPER[name]["free_pivots"]
         error = _mean_error(free, number)
@@ -124,7 +126,7 @@ def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> 
     if key == "pivots":
         error = _mean_error(tallies[-1], number)
         return TABLES.row("pivots", values[-1], name=name, steps=steps, paper=paper, error=error)
-    error, what = share_error(paper, number, fields.ATTITUDES), (fields.SHARES | fields.MORE_SHARES)[key]
+    error, what = share_error(paper, number, fields.ATTITUDES), fields.MEASURES[key][0]
     return TABLES.row("share", values[-1], name=name, what=what, steps=steps, paper=paper, error=error)
 
 

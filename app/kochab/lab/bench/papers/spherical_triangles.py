@@ -22,9 +22,8 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.solution import Solution
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Better, Published, options_with_scale, share_error, solve_timed, spherical_programs
+from kochab.lab.bench.papers import Published, options_with_scale, share_error, solve_timed, spherical_programs
 from kochab.lab.bench.papers import spherical_fields as fields
-from kochab.lab.methods.angles import angle_table
 from kochab.lab.methods.pairs import bright_stars, make_pairs
 from kochab.lab.methods.spherical_triangles import make_triangles
 
@@ -40,10 +39,6 @@ SIDE_PX = 2048
 PIVOT_ERROR = {"angles": 0.28, "spherical_triangles": 0.13}
 """Two sigma of the mean of 1,000 fields: 4.41 a field (6.3.2); a tenth of it where none is given."""
 AS_MANY_ANGLES = 7075  # the brightest stars that make as many angles as the thesis has
-WORDS = fields.SHARES | fields.MORE_SHARES
-BETTER: dict[str, Better] = {"correct": "more", "of_four": "more", "of_five": "more", "pivots": ""}
-BETTER |= {"inconclusive": "less", "incorrect": "less", "seconds": "less"}
-UNITS = {"pivots": "mean", "seconds": "s"}
 TABLES = Published("""
 angles | 3.6 | angles up to 6.94 deg of 8,118 stars | | 106308 | 1063.08 | | {why}
 triangles | 3.6 | triangles in circles of 6.94 deg | | 662799 | 6627.99 | | {why}
@@ -65,12 +60,13 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     """All rows; ``quick`` runs 60 attitudes of one reading."""
     number = QUICK if quick else fields.ATTITUDES
     out = _counts() + spherical_programs.rows(number, seed, 3 if quick else 5)
-    for k, (what, bound, noise) in enumerate(READINGS[: 1 if quick else None]):
-        attitudes = number if k == 0 else number // 2
-        out += _reading(what, bound, noise, attitudes, seed, first=k == 0)
+    for k, reading in enumerate(READINGS[: 1 if quick else None]):
+        keys = [key for key in fields.MEASURES if k == 0 or not key.startswith("of_")]
+        out += _reading(reading, fields.STARS, None, keys, number if k == 0 else number // 2, seed)
     if not quick:
         out += _no_limit(number // 4, seed)
-        out += _true_magnitude_six(number // 2, seed)
+        truly = ("V <= 6.0 by today's catalogue, about six stars a field", fields.PROGRAMS, fields.PROGRAMS)
+        out += _reading(truly, fields.STARS, 6.0, ["correct", "incorrect"], number // 2, seed)
     return out
 
 
@@ -96,38 +92,39 @@ def _counts() -> list[dict[str, Any]]:
     ]
 
 
-def _reading(what: str, bound: float, noise: float, number: int, seed: int, *, first: bool) -> list[dict[str, Any]]:
+def _reading(
+    reading: tuple[str, float, float], stars: int, mag_limit: float | None, keys: list[str], number: int, seed: int
+) -> list[dict[str, Any]]:
     """Table 6.2 with one reading of the error."""
-    out = []
-    default = by_default(_sky(fields.STARS, None), noise, number, seed)
-    for name, tally in _both(fields.STARS, None, bound, noise, number, seed).items():
-        keys: tuple[str, ...] = ("correct", "inconclusive", "incorrect", "pivots", "seconds")
-        if first and name == "spherical_triangles":
-            keys += ("of_four", "of_five")
-        out += [_row(name, key, what, tally, default, number, noise) for key in keys]
-    return out
+    what, bound, noise = reading
+    tables = fields.tables_of(stars, mag_limit)
+    default = by_default(tables["angles"].pairs.vectors, noise, number, seed)
+    return [
+        _row(name, key, what, tally, default, number, noise)
+        for name, tally in _both(tables, bound, noise, number, seed).items()
+        for key in keys
+        if key in fields.PAPER[name]
+    ]
 
 
 def _row(
-    name: str, key: str, what: str, tally: fields.FieldTally, default: fields.FieldTally, number: int, noise: float
+    name: str, key: str, reading: str, tally: fields.FieldTally, default: fields.FieldTally, number: int, noise: float
 ) -> dict[str, Any]:
-    share = key in WORDS
+    what, unit, better = fields.MEASURES[key]
     paper, ours = fields.PAPER[name][key], float(getattr(tally, key))
-    error = share_error(paper, number, fields.ATTITUDES) if share else PIVOT_ERROR[name]
-    over_all = f"; over the fields solved, {tally.all_pivots:.2f} over all" if key == "pivots" else ""
     return TABLES.row(
         "field",
         ours,
         float(getattr(default, key)) if key != "pivots" else None,
         name=name,
-        what=WORDS.get(key, key),
-        reading=what,
+        what=what,
+        reading=reading,
         number=number,
-        pivots=over_all,
-        unit="%" if share else UNITS[key],
+        pivots=f"; over the fields solved, {tally.all_pivots:.2f} over all" if key == "pivots" else "",
+        unit=unit,
         paper=paper,
-        error=error,
-        better=BETTER[key],
+        error=share_error(paper, number, fields.ATTITUDES) if unit == "%" else PIVOT_ERROR[name],
+        better=better,
         other_reading=key != "seconds" or noise != fields.PROGRAMS,  # the programs' reading is judged
     )
 
@@ -135,40 +132,23 @@ def _row(
 def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
     """Figures 6.4 and 6.8, without a limit of pivots; and what a thinner sky does to the pivots."""
     out = []
-    thin = _both(AS_MANY_ANGLES, None, fields.PROGRAMS, fields.PROGRAMS, number, seed)
-    for name, tally in thin.items():
+    errors = fields.PROGRAMS, fields.PROGRAMS
+    for name, tally in _both(fields.tables_of(AS_MANY_ANGLES), *errors, number, seed).items():
         words: dict[str, Any] = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
         words |= {"paper": fields.PAPER[name]["pivots"], "error": PIVOT_ERROR[name]}
         out.append(TABLES.row("thin", tally.pivots, other_reading=True, **words))
-    for name, tally in _both(fields.STARS, None, fields.PROGRAMS, fields.PROGRAMS, number, seed, pivots=1000).items():
-        paper = fields.PAPER[name]["free_seconds"]
-        out.append(TABLES.row("free", tally.seconds, name=name, paper=paper))
-    return out
-
-
-def _true_magnitude_six(number: int, seed: int) -> list[dict[str, Any]]:
-    """The same with the stars that truly are of V <= 6.0."""
-    out = []
-    default = by_default(_sky(0, 6.0), fields.PROGRAMS, number, seed)
-    what = "V <= 6.0 by today's catalogue, about six stars a field"
-    for name, tally in _both(fields.STARS, 6.0, fields.PROGRAMS, fields.PROGRAMS, number, seed).items():
-        keys = ("correct", "incorrect")
-        out += [_row(name, key, what, tally, default, number, fields.PROGRAMS) for key in keys]
+    for name, tally in _both(fields.tables_of(fields.STARS), *errors, number, seed, pivots=1000).items():
+        out.append(TABLES.row("free", tally.seconds, name=name, paper=fields.PAPER[name]["free_seconds"]))
     return out
 
 
 def _both(
-    brightest: int, mag_limit: float | None, bound: float, noise: float, number: int, seed: int, **options: Any
+    tables: dict[str, Any], bound: float, noise: float, number: int, seed: int, **options: Any
 ) -> dict[str, fields.FieldTally]:
-    tables = fields.tables_of(brightest, mag_limit)
     return {
         name: fields.score_method(method(**options), tables[name], bound, noise, number, seed)
         for name, method in fields.METHODS.items()
     }
-
-
-def _sky(brightest: int, mag_limit: float | None) -> Floats:
-    return angle_table(fields.LIMIT_DEG, brightest, mag_limit).pairs.vectors
 
 
 def by_default(sky: Floats, noise: float, number: int, seed: int) -> fields.FieldTally:

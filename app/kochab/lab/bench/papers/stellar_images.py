@@ -212,9 +212,8 @@ def _answers(printed: Printed, repeats: int) -> list[dict[str, Any]]:
     thesis = _named(printed, detections, repeats, "float")
     fixed = _named(printed, detections, repeats, "fixed")
     default = _by_default(printed, detections, repeats)
-    expected = len(printed.stars) if printed.centre_deg else 0
-    n, best = printed.name, expected
-    note = "" if expected else "three stars have no answer at vote number 2"
+    n, best = printed.name, len(printed.stars) if printed.centre_deg else 0
+    note = "" if best else "three stars have no answer at vote number 2"
     out = [
         TABLES.row("right", thesis.right, default.right, n=n, note=note, paper=best, best=best),
         TABLES.row("wrong", thesis.wrong, default.wrong, n=n, best=0),
