@@ -42,7 +42,6 @@ def test_coverage_says_where_the_sky_is_poor(capsys):
     "arguments",
     [
         ["coverage", "--fov", "0"],
-        ["coverage", "--fields", "0"],
         ["build", "--sources", "no-such-folder"],
         ["info", "--catalog", "no-such-folder"],
     ],

@@ -1,15 +1,14 @@
 """``kochab catalog``: build the star catalogue, say what it holds and how far it reaches."""
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from kochab.cli.options import add_overwrite, number
-from kochab.cli.output import to_line, with_progress
+from kochab.cli.options import add_overwrite, between, number, whole
+from kochab.cli.output import tell, tell_failure, with_progress
 from kochab.core.errors import CatalogueError, KochabError
-
-MOST_FIELDS = 2_000_000
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -40,7 +39,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     reach.add_argument("--mag-limit", type=number, metavar="V", help="count no fainter stars")
     reach.add_argument(
         "--fields",
-        type=int,
+        type=whole(1, 2_000_000),
         metavar="N",
         help="places tried over the sky (default: one every half field, 200,000 at most)",
     )
@@ -53,7 +52,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     bring.add_argument("path", type=Path, help="ASTAP or astrometry.net index files or their folder, or a Gaia CSV")
     bring.add_argument("--name", default="imported", help="name of the catalogue (default: %(default)s)")
-    bring.add_argument("--epoch", type=float, metavar="YEAR", help="epoch of files that give none")
+    bring.add_argument(
+        "--epoch", type=between(1900.0, 2100.0, "as a year"), metavar="YEAR", help="epoch of files that give none"
+    )
     bring.add_argument("--mag-limit", type=number, metavar="V", help="leave fainter stars out")
 
     add_overwrite(build)
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     except KochabError as error:
         if not args.json:
             raise
-        print(to_line({"error": str(error)}))
+        tell_failure(error, as_json=True)
         return 2
 
 
@@ -90,13 +91,9 @@ def _build(args: argparse.Namespace) -> int:
         from kochab.identification.index_build import build_shipped
 
         with_progress("catalog", build_shipped())
-    if args.json:
-        print(to_line(manifest))
-        return 0
-    for name, facts in manifest["files"].items():
-        print(f"{facts['sha256']}  {name}  {facts['bytes']:,} bytes")
-    for part in ("counts", "check_against_independent_list"):
-        _print_facts(manifest[part])
+    lines = [f"{facts['sha256']}  {name}  {facts['bytes']:,} bytes" for name, facts in manifest["files"].items()]
+    lines += [*_facts(manifest["counts"]), *_facts(manifest["check_against_independent_list"])]
+    tell(manifest, "\n".join(lines), args.json)
     return 0
 
 
@@ -111,70 +108,57 @@ def _info(args: argparse.Namespace) -> int:
     from kochab.sky.inventory import inventory
 
     told = with_progress("catalog", inventory(_folder(args.catalog))) | {"tables": tables()}
-    if args.json:
-        print(to_line(told))
-    else:
-        _print_info(told)
+    tell(told, "\n".join(_info_lines(told)), args.json)
     return 0 if told["ok"] else 1
 
 
-def _print_info(told: dict[str, Any]) -> None:
-    print(f"{told['stars']:,} stars, {told['frame']}, positions at {told['epoch']}; {told['path']}")
-    print("V magnitude      stars")
+def _info_lines(told: dict[str, Any]) -> Iterator[str]:
+    yield f"{told['stars']:,} stars, {told['frame']}, positions at {told['epoch']}; {told['path']}"
+    yield "V magnitude      stars"
     for span, count in told["counts"]["per_magnitude"].items():
-        print(f"  {span:>9}  {count:>9,}")
-    _print_facts({k: v for k, v in told["counts"].items() if k != "per_magnitude"})
+        yield f"  {span:>9}  {count:>9,}"
+    yield from _facts({k: v for k, v in told["counts"].items() if k != "per_magnitude"})
     for title, key in (
         ("The bright list", "bright"),
         ("When it was built", "built"),
         ("Against the independent list, 2024.0", "independent_check"),
     ):
         if told[key]:
-            print(title)
-            _print_facts(told[key])
-    print("Files")
+            yield title
+            yield from _facts(told[key])
+    yield "Files"
     for file in told["files"]:
-        print(
-            f"  {file['name']:14} {file['bytes']:>12,}  {file['sha256'][:16]}  "
-            f"{'as built' if file['ok'] else 'ALTERED'}"
-        )
-    print(f"  {'together':14} {told['bytes']:>12,}")
-    print(f"  {'patterns':14} {told['pattern_bytes']:>12,}")
+        state = "as built" if file["ok"] else "ALTERED"
+        yield f"  {file['name']:14} {file['bytes']:>12,}  {file['sha256'][:16]}  {state}"
+    yield f"  {'together':14} {told['bytes']:>12,}"
+    yield f"  {'patterns':14} {told['pattern_bytes']:>12,}"
     if told["tables"]:
-        print("Tables of the classic methods, kept on this computer")
+        yield "Tables of the classic methods, kept on this computer"
         for name, size in told["tables"].items():
-            print(f"  {name:36} {size:>12,}")
-    print("Checks")
+            yield f"  {name:36} {size:>12,}"
+    yield "Checks"
     for check, ok in told["checks"].items():
-        print(f"  {'yes' if ok else 'NO':3} {check}")
+        yield f"  {'yes' if ok else 'NO':3} {check}"
 
 
-def _print_facts(facts: dict[str, Any]) -> None:
-    for name, value in facts.items():
-        print(f"  {name.replace('_', ' ')}: {value:,}")
+def _facts(facts: dict[str, Any]) -> list[str]:
+    return [f"  {name.replace('_', ' ')}: {value:,}" for name, value in facts.items()]
 
 
 def _coverage(args: argparse.Namespace) -> int:
     from kochab.sky import open_catalogue
     from kochab.sky.inventory import coverage
 
-    if args.fields is not None and not 1 <= args.fields <= MOST_FIELDS:
-        raise CatalogueError(f"--fields must be from 1 to {MOST_FIELDS:,}.")
     catalogue = open_catalogue(_folder(args.catalog) / "deep.kcat")
     told = with_progress("catalog", coverage(catalogue, args.fov, args.mag_limit, args.fields))
-    if args.json:
-        print(to_line(asdict(told)))
-        return 0
-    print(
+    text = (
         f"A square field of {told.fov_deg:g} deg, at {told.fields:,} places over the whole sky, "
-        f"has {told.fewest:,} stars or more, {told.median:,} in the median and "
-        f"{told.most:,} at most."
-    )
-    print(
+        f"has {told.fewest:,} stars or more, {told.median:,} in the median and {told.most:,} at most.\n"
         f"1 % of places have {told.percent_1:,} or fewer, 5 % have {told.percent_5:,} or fewer; "
-        f"{100 * told.share_with_10:.2f} % have 10 or more."
+        f"{100 * told.share_with_10:.2f} % have 10 or more.\n"
+        f"The poorest place: RA {told.poorest_ra_deg:.3f}, Dec {told.poorest_dec_deg:+.3f} deg."
     )
-    print(f"The poorest place: RA {told.poorest_ra_deg:.3f}, Dec {told.poorest_dec_deg:+.3f} deg.")
+    tell(asdict(told), text, args.json)
     return 0
 
 
@@ -200,17 +184,15 @@ def _folder(catalog: str | None) -> Path:
 def _import(args: argparse.Namespace) -> int:
     from kochab.sky.catalogue_import import combine, read_foreign, user_folder
 
-    if args.epoch is not None and not 1900.0 <= args.epoch <= 2100.0:
-        raise CatalogueError("--epoch must be a year between 1900 and 2100.")
     folder = user_folder(args.name)
     if folder.exists() and not args.overwrite:
         raise CatalogueError(f"{folder} exists already: choose another --name, or add --overwrite to replace it.")
     foreign = with_progress("catalog", read_foreign(args.path))
     manifest = with_progress("catalog", combine(foreign, folder, args.epoch, args.mag_limit))
-    if args.json:
-        print(to_line({"folder": str(folder), **manifest}))
-        return 0
-    print(f"{manifest['imported_from']} at {manifest['imported_epoch']:g}, kept in {folder}")
-    _print_facts(manifest["counts"])
-    print("catalog info and coverage read it; frames are still solved with the shipped catalogue.")
+    lines = [
+        f"{manifest['imported_from']} at {manifest['imported_epoch']:g}, kept in {folder}",
+        *_facts(manifest["counts"]),
+        "catalog info and coverage read it; frames are still solved with the shipped catalogue.",
+    ]
+    tell({"folder": str(folder), **manifest}, "\n".join(lines), args.json)
     return 0

@@ -3,7 +3,6 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -21,8 +20,9 @@ from kochab.cli.options import (
     capture_settings,
     number_above_zero,
     options_of,
+    whole,
 )
-from kochab.cli.output import Json, tell_failure, to_line
+from kochab.cli.output import Json, reporting_failures, tell
 from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
@@ -45,7 +45,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--source", metavar="NAME", help="kind of camera, see --list (default: folder)")
     add_address(parser)
     add_camera_settings(parser)
-    parser.add_argument("--frames", type=_frames, metavar="N", help="stop after N frames")
+    parser.add_argument("--frames", type=whole(1, what="count of frames"), metavar="N", help="stop after N frames")
     parser.add_argument("--reconnect", action="store_true", help="reconnect automatically")
     parser.add_argument("--record", metavar="DIR", help="record frames and solutions there")
     parser.add_argument(
@@ -57,27 +57,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--json", action="store_true", help="one line of JSON per frame")
     add_search(parser)
     add_detector(parser)
-    parser.set_defaults(run=run, timeout=SOLVE_TIMEOUT_S)
-
-
-def _frames(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a count of frames")
-    return int(text)
+    parser.set_defaults(run=reporting_failures(run), timeout=SOLVE_TIMEOUT_S)
 
 
 def run(args: argparse.Namespace) -> int:
     """List, replay or solve a stream."""
     if args.list:
         return list_cameras(args.source, args.address, args.json)
-    work: Callable[[argparse.Namespace], int] = _replay if args.replay else _live
-    try:
-        return work(args)
-    except UsageError:
-        raise
-    except KochabError as error:
-        tell_failure(error, args.json)
-        return 1 if isinstance(error, DeviceError) else 2
+    return _replay(args) if args.replay else _live(args)
 
 
 def _live(args: argparse.Namespace) -> int:
@@ -135,7 +122,7 @@ def _refuse_watched(record: Path, watched: Path) -> None:
 
 
 def _print(update: LiveUpdate, as_json: bool) -> None:
-    print(to_line(live_json(update)) if as_json else live_line(update), flush=True)
+    tell(live_json(update), live_line(update), as_json)
     if not as_json:
         for sentence in update.warnings:
             print(f"kochab: {sentence}", file=sys.stderr)
@@ -158,8 +145,7 @@ def _replay(args: argparse.Namespace) -> int:
         for step in steps:
             if isinstance(step, Replayed):
                 same = same and step.agrees and step.intact
-                line = to_line(replay_json(step)) if args.json else replay_line(step)
-                print(line, flush=True)
+                tell(replay_json(step), replay_line(step), args.json)
     return 0 if same else 1
 
 
@@ -190,20 +176,14 @@ def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     for action in (listing, take):
         add_address(action)
         action.add_argument("--json", action="store_true", help="one JSON object a line")
-        action.set_defaults(run=run_camera)
+        action.set_defaults(run=reporting_failures(run_camera))
 
 
 def run_camera(args: argparse.Namespace) -> int:
     """Do what was asked: 0 done, 1 the camera failed, 2 the file cannot be written."""
     if args.action == "list":
         return list_cameras(args.source, args.address, args.json)
-    try:
-        return _take(args)
-    except UsageError:
-        raise
-    except KochabError as error:
-        tell_failure(error, args.json)
-        return 1 if isinstance(error, DeviceError) else 2
+    return _take(args)
 
 
 def list_cameras(source: str | None, address: str, as_json: bool) -> int:
@@ -214,7 +194,7 @@ def list_cameras(source: str | None, address: str, as_json: bool) -> int:
         SOURCES.check(source)
     for name in SOURCES.loaded() if source is None else (source,):
         told = _told(name, address)
-        print(to_line(told) if as_json else _text(told), flush=True)
+        tell(told, _text(told), as_json)
     return 0
 
 
@@ -272,7 +252,7 @@ def _take(args: argparse.Namespace) -> int:
     except OSError as error:
         raise KochabError(f"{args.output} cannot be written: {error.strerror}.") from None
     told = _frame_json(frame, args.output)
-    print(to_line(told) if args.json else f"{told['file']}: {told['width']} x {told['height']} px")
+    tell(told, f"{told['file']}: {told['width']} x {told['height']} px", args.json)
     return 0
 
 

@@ -147,7 +147,7 @@ def add_choices(parser: argparse.ArgumentParser) -> None:
     add_profile(parser)
     parser.add_argument(
         "--workers",
-        type=whole_number,
+        type=whole(1, 256),
         default=1,
         metavar="N",
         help="files solved at the same time, 1 to 256 (default: %(default)s)",
@@ -171,7 +171,7 @@ def add_camera_settings(parser: argparse.ArgumentParser) -> None:
     """Add what can be set on a camera."""
     parser.add_argument("--exposure", type=number_above_zero, metavar="S", help="seconds")
     parser.add_argument("--gain", type=number, metavar="G", help="in the camera's units")
-    parser.add_argument("--binning", type=whole_number, metavar="N", help="pixels a side")
+    parser.add_argument("--binning", type=whole(1, 256), metavar="N", help="pixels a side")
 
 
 def add_address(parser: argparse.ArgumentParser) -> None:
@@ -202,7 +202,9 @@ def add_mount_choice(parser: argparse.ArgumentParser) -> None:
     """Add the choice of a mount and of its site."""
     parser.add_argument("--port", metavar="P", help="/dev/ttyUSB0, COM3 or socket://HOST:PORT")
     parser.add_argument("--driver", metavar="NAME", help="the mount's protocol (default: detected)")
-    parser.add_argument("--baud", type=_baud, metavar="N", help="baud rate (default: the driver's)")
+    parser.add_argument(
+        "--baud", type=whole(300, 4_000_000, "baud rate"), metavar="N", help="baud rate (default: the driver's)"
+    )
     parser.add_argument("--epoch", choices=["J2000", "date"], help="equinox of the mount's coordinates")
     add_site(parser)
 
@@ -328,11 +330,16 @@ def field_deg(text: str) -> float:
     return within(text, 0.001, 170.0, "deg")
 
 
-def whole_number(text: str) -> int:
-    """An argument that must be a small count."""
-    if not text.isdigit() or not 1 <= int(text) <= 256:
-        raise argparse.ArgumentTypeError(f"{text} is not a count from 1 to 256")
-    return int(text)
+def whole(low: int, high: int | None = None, what: str = "count") -> Callable[[str], int]:
+    """What reads an argument that must be a whole number from ``low`` to ``high``, None without an end."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or int(text) < low or (high is not None and int(text) > high):
+            bounds = f", {low} or more" if high is None else f" from {low} to {high}"
+            raise argparse.ArgumentTypeError(f"{text} is not a {what}{bounds}")
+        return int(text)
+
+    return read
 
 
 def _near(text: str) -> Place:
@@ -364,12 +371,6 @@ def site(text: str) -> "Site":
         return parse_site(text)
     except UsageError:
         raise argparse.ArgumentTypeError(f"{text} is not LAT,LON or LAT,LON,HEIGHT in degrees and metres") from None
-
-
-def _baud(text: str) -> int:
-    if not text.isdigit() or not 300 <= int(text) <= 4000000:
-        raise argparse.ArgumentTypeError(f"{text} is not a baud rate")
-    return int(text)
 
 
 # Names of files as people type them where the shell leaves patterns alone, as Windows' does.

@@ -4,11 +4,12 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from kochab.core.errors import KochabError
+from kochab.core.errors import DeviceError, KochabError, UsageError
 from kochab.core.progress import Progress, Task, run
 
 if TYPE_CHECKING:  # it loads numpy, which --help has no need of
@@ -34,6 +35,11 @@ def to_line(value: Json) -> str:
     return json.dumps(_finite(value), allow_nan=False)
 
 
+def tell(told: Json, text: str, as_json: bool) -> None:
+    """One line of JSON for a program, or the text for a person."""
+    print(to_line(told) if as_json else text, flush=True)
+
+
 def tell_failure(error: KochabError, as_json: bool) -> None:
     """``{"error": ...}`` for a program, or a sentence on standard error; all of it to the journal."""
     logger.debug("told: %s", error, exc_info=error)
@@ -41,6 +47,21 @@ def tell_failure(error: KochabError, as_json: bool) -> None:
         print(to_line({"error": str(error)}), flush=True)
     else:
         print(f"kochab: {error}", file=sys.stderr)
+
+
+def reporting_failures(run: Callable[[Any], int], code: int = 2) -> Callable[[Any], int]:
+    """``run`` whose failure is ``{"error": ...}`` or a sentence on stderr, and exit 1 for a device, else ``code``."""
+
+    def reporting(args: Any) -> int:
+        try:
+            return run(args)
+        except UsageError:
+            raise
+        except KochabError as error:
+            tell_failure(error, args.json)
+            return 1 if isinstance(error, DeviceError) else code
+
+    return reporting
 
 
 def _solved(file: str, s: "Solution") -> Json:
@@ -74,19 +95,7 @@ def _solved(file: str, s: "Solution") -> Json:
             "x_px": camera.cx,
             "y_px": camera.cy,
         },
-        "stars": [
-            {
-                "x": star.x,
-                "y": star.y,
-                "id": star.id,
-                "name": star.name,
-                "mag": star.mag,
-                "ra_deg": star.ra_deg,
-                "dec_deg": star.dec_deg,
-                "residual_px": star.residual_px,
-            }
-            for star in s.stars
-        ],
+        "stars": [asdict(star) for star in s.stars],
         "warnings": list(s.warnings),
         "elapsed_ms": dict(s.elapsed_ms),
     }

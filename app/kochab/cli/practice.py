@@ -7,11 +7,12 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.options import between, site
-from kochab.cli.output import to_line
+from kochab.cli.options import between, site, whole
+from kochab.cli.output import tell
 from kochab.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,7 +51,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument(
         "--rate", type=between(0.1, 1000.0, "times"), default=1.0, metavar="X", help="speed of time (1)"
     )
-    parser.add_argument("--seed", type=_seed, default=0, metavar="N", help="number of the night (0)")
+    parser.add_argument(
+        "--seed", type=whole(0, what="whole number"), default=0, metavar="N", help="number of the night (0)"
+    )
     parser.add_argument("--faults", action="store_true", help="clouds, wind, a kick, a slipping clutch, a bad cable")
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     parser.set_defaults(run=run)
@@ -60,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     """Practise until Ctrl-C, "quit" or the end of the typed lines' patience; then the score."""
     module, _, name = PRACTISE.partition(":")
     practise: Callable[..., Practice] = getattr(import_module(module), name)
-    say = _say_json if args.json else _say_text
+    say: Say = partial(tell, as_json=args.json)
     practice = practise(
         args.driver,
         args.seed,
@@ -148,22 +151,8 @@ def _begin_text(practice: "Practice") -> str:
     return "\n".join([*lines, "Type help for the knobs and axes you can turn; Ctrl-C ends."])
 
 
-def _say_json(told: dict[str, Any], text: str) -> None:
-    print(to_line(told), flush=True)
-
-
-def _say_text(told: dict[str, Any], text: str) -> None:
-    print(text, flush=True)
-
-
 def _site(text: str) -> "Site":
     place = site(text)
     if abs(place.latitude_deg) > 89.0:
         raise argparse.ArgumentTypeError(f"{text} is too near a pole: latitude within 89 deg")
     return place
-
-
-def _seed(text: str) -> int:
-    if not text.isdigit() or len(text) > 18:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number, 0 or more")
-    return int(text)

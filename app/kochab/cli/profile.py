@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from kochab.cli.options import add_camera_choice, add_mount_choice, number, number_above_zero
-from kochab.cli.output import Json, to_line
+from kochab.cli.output import tell, tell_failure
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.mount import Epoch
 
@@ -107,11 +107,11 @@ def _list(args: argparse.Namespace) -> int:
 
     found, damaged = saved_profiles()
     for profile in found:
-        print(to_line(profile.as_json()) if args.json else _line(profile))
+        tell(profile.as_json(), _line(profile), args.json)
     if not found and not damaged and not args.json:
         print("No profiles yet: kochab profile save NAME makes one.")
     for sentence in damaged:
-        print(to_line({"error": sentence}) if args.json else sentence)
+        tell({"error": sentence}, sentence, args.json)
     return 1 if damaged else 0
 
 
@@ -132,23 +132,17 @@ def _show(args: argparse.Namespace) -> int:
     profile = load_profile(args.name)
     if profile is None:
         return _missing(args)
-    _print(profile.as_json(), args.json)
-    return 0
-
-
-def _print(told: Json, as_json: bool) -> None:
-    if as_json:
-        print(to_line(told))
-        return
+    told = profile.as_json()
+    lines = []
     for name, value in told.items():
         if value not in (None, ""):
             words = ", ".join(f"{part:g}" for part in value) if isinstance(value, list) else value
-            print(f"{name.replace('_', ' '):21} {words}")
+            lines.append(f"{name.replace('_', ' '):21} {words}")
+    tell(told, "\n".join(lines), args.json)
+    return 0
 
 
 def _missing(args: argparse.Namespace) -> int:
-    from kochab.cli.output import tell_failure
-
     tell_failure(KochabError(_unknown(args.name)), args.json)
     return 1
 
@@ -172,7 +166,7 @@ def _save(args: argparse.Namespace) -> int:
     names = {field.name for field in fields(EquipmentProfile)} - {"name"}
     profile = replace(profile, **{k: v for k, v in given.items() if k in names and v not in (None, "")})
     path = save_profile(profile)
-    print(to_line(profile.as_json()) if args.json else f"Saved: {path}")
+    tell(profile.as_json(), f"Saved: {path}", args.json)
     return 0
 
 
@@ -181,5 +175,5 @@ def _remove(args: argparse.Namespace) -> int:
 
     if not remove_profile(args.name):
         return _missing(args)
-    print(to_line({"removed": args.name}) if args.json else f"Removed: {args.name}")
+    tell({"removed": args.name}, f"Removed: {args.name}", args.json)
     return 0

@@ -20,6 +20,7 @@ from kochab.cli.options import (
     detector_settings_of,
     named,
     options_of,
+    whole,
 )
 from kochab.cli.output import Json, as_json
 from kochab.core.errors import KochabError, UsageError
@@ -32,6 +33,7 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.workflows.solve_frame import SolvedFrame
 
 WRITTEN = (".png", ".jpg", ".jpeg")
+PIXELS = (2, 1_000_000, "size in pixels")
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,8 +168,8 @@ def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         ),
     )
     parser.add_argument("files", nargs="+", metavar="STARS.csv", help="lists of stars")
-    parser.add_argument("--width", type=_pixels, required=True, metavar="W", help="frame, px")
-    parser.add_argument("--height", type=_pixels, required=True, metavar="H", help="frame, px")
+    parser.add_argument("--width", type=whole(*PIXELS), required=True, metavar="W", help="frame, px")
+    parser.add_argument("--height", type=whole(*PIXELS), required=True, metavar="H", help="frame, px")
     add_choices(parser)
     parser.set_defaults(run=run_identify)
 
@@ -194,12 +196,6 @@ def identify_one(wish: IdentifyRequest, options: "SolveOptions", bound: Place | 
     if wish.wcs and isinstance(result, Solution):
         outcome["failures"] = write_wcs_beside(wish.file, result)
     return outcome
-
-
-def _pixels(text: str) -> int:
-    if not text.isdigit() or not 2 <= int(text) <= 1_000_000:
-        raise argparse.ArgumentTypeError(f"{text} is not a size in pixels")
-    return int(text)
 
 
 # -- ``kochab detect FILE``: the stars of a frame, without naming them -------------------------

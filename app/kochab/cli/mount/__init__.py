@@ -16,8 +16,8 @@ from kochab.cli.options import (
     capture_settings,
     options_of,
 )
-from kochab.cli.output import tell_failure, with_progress
-from kochab.core.errors import KochabError, UsageError
+from kochab.cli.output import reporting_failures, with_progress
+from kochab.core.errors import UsageError
 from kochab.core.mount import Home
 from kochab.gear.actions import ACTIONS
 
@@ -73,7 +73,7 @@ def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int],
     for name, text in SWITCHES.items():
         if name in moves:
             parser.add_argument(f"--{name}", action="store_true", help=text)
-    parser.set_defaults(run=reporting_failures(run), limits=None, **dict.fromkeys(("no_site", "allow_flip"), False))
+    parser.set_defaults(run=reporting_failures(run, 1), limits=None, **dict.fromkeys(("no_site", "allow_flip"), False))
 
 
 SWITCHES = {
@@ -81,21 +81,6 @@ SWITCHES = {
     "no-site": "allow it without a site, so without a horizon limit",
     "allow-flip": "allow a meridian flip",
 }
-
-
-def reporting_failures(run: Callable[[Any], int]) -> Callable[[Any], int]:
-    """``run`` whose failure is ``{"error": ...}`` or a sentence on stderr, and exit 1."""
-
-    def reporting(args: Any) -> int:
-        try:
-            return run(args)
-        except UsageError:
-            raise
-        except KochabError as error:
-            tell_failure(error, args.json)
-            return 1
-
-    return reporting
 
 
 def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> "Guard":
@@ -119,10 +104,8 @@ def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> "Guard"
 
 def preview_lines(preview: "Preview", done: bool = False) -> list[str]:
     """What speaks for and against a motion, and how to have it done."""
-    lines = [*preview.refusals, *preview.confirmations, *preview.warnings]
-    if preview.allowed and not done:
-        lines.append(NOTHING_SENT)
-    return [f"  {line}" for line in lines]
+    hint = [NOTHING_SENT] if preview.allowed and not done else []
+    return [f"  {line}" for line in (*preview.refusals, *preview.confirmations, *preview.warnings, *hint)]
 
 
 NOTHING_SENT = "preview only; add --yes to carry it out"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import NOTHING_SENT, add_camera, add_line_options, guarded_mount, mount_frames
 from kochab.cli.mount.status import where
-from kochab.cli.output import Json, radec, to_line, with_progress
+from kochab.cli.output import Json, radec, tell, with_progress
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability
@@ -63,12 +63,7 @@ def run_recover(args: argparse.Namespace) -> int:
         done = with_progress("recover", task)
         told = {**_json(done, seeing.used(), notes), **where(args, guard)}
         asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks
-    if args.json:
-        print(to_line(told))
-    else:
-        _say(told)
-        if asked:
-            print(f"  {NOTHING_SENT}")
+    tell(told, "\n  ".join([*_lines(told), *([NOTHING_SENT] if asked else [])]), args.json)
     return 0
 
 
@@ -111,16 +106,14 @@ def _json(done: "Recovery", frames: list[str], notes: list[str]) -> Json:
     }
 
 
-def _say(told: Json) -> None:
-    print(
-        f"The telescope points at {radec(told['solved_ra_deg'], told['solved_dec_deg'])} "
-        f"(J2000); the mount was off by {told['offset_deg']:.3f} deg."
-    )
-    done = "Synced, and read back from the mount." if told["recovered"] else "Nothing was changed."
-    print(f"  {done}")
+def _lines(told: Json) -> list[str]:
     asking = () if told["recovered"] else told["confirmations"]
-    for sentence in (*told["refusals"], *asking, *told["warnings"]):
-        print(f"  {sentence}")
+    return [
+        f"The telescope points at {radec(told['solved_ra_deg'], told['solved_dec_deg'])} "
+        f"(J2000); the mount was off by {told['offset_deg']:.3f} deg.",
+        "Synced, and read back from the mount." if told["recovered"] else "Nothing was changed.",
+        *(*told["refusals"], *asking, *told["warnings"]),
+    ]
 
 
 # -- ``kochab mount disagree``: why the mount says another place than the sky ------------------
@@ -154,10 +147,13 @@ def run_disagree(args: argparse.Namespace) -> int:
         found = investigate([sighting])
         told = {**_cause_json(found), **where(args, guard)}
     told["solved_ra_deg"], told["solved_dec_deg"] = solved.ra_dec_deg
-    if args.json:
-        print(to_line(told))
-    else:
-        _say_cause(found)
+    lines = [
+        found.sentence,
+        f"from the mount's position to the sky: {found.east_arcsec / 60.0:+.1f}' east, "
+        f"{found.north_arcsec / 60.0:+.1f}' north",
+        *(f"{100.0 * s.score:3.0f} %  {s.name}: {s.evidence}" for s in found.suspects[:SHOWN] if s.score >= LIKELY),
+    ]
+    tell(told, "\n  ".join(lines), args.json)
     return 0
 
 
@@ -172,14 +168,3 @@ def _cause_json(found: "Disagreement") -> Json:
         "north_arcsec": found.north_arcsec,
         "suspects": [asdict(s) for s in found.suspects[:SHOWN]],
     }
-
-
-def _say_cause(found: "Disagreement") -> None:
-    print(found.sentence)
-    print(
-        f"  from the mount's position to the sky: {found.east_arcsec / 60.0:+.1f}' east, "
-        f"{found.north_arcsec / 60.0:+.1f}' north"
-    )
-    for s in found.suspects[:SHOWN]:
-        if s.score >= LIKELY:
-            print(f"  {100.0 * s.score:3.0f} %  {s.name}: {s.evidence}")

@@ -4,8 +4,8 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.mount import add_line_options, guarded_mount, reporting_failures
-from kochab.cli.output import Json, radec, to_line, with_progress
+from kochab.cli.mount import add_line_options, guarded_mount
+from kochab.cli.output import Json, radec, reporting_failures, tell, with_progress
 from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, PortError, RefusedError
 from kochab.core.frame import Site
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard
 
 
+NO_PORTS = "No serial ports: plug in the USB cable of the mount and switch it on."
 ELSEWHERE = (
     "If another Kochab uses it, press Esc in its window or Ctrl-C in its terminal; in an emergency,"
     " cut the mount's power."
@@ -28,19 +29,15 @@ def add_status_action(actions: "argparse._SubParsersAction[Any]", name: str, tex
 def _position(args: argparse.Namespace) -> int:
     with guarded_mount(args) as guard:
         told = {**where(args, guard), **_state(guard), "epoch_doubt": guard.epoch_doubt()}
-    if args.json:
-        print(to_line(told))
-        return 0
-    print(told["name"])
-    print(f"  {radec(told['ra_deg'], told['dec_deg'])}  (J2000)")
-    print(f"  mount: {told['mount_ra_deg']:.4f} {told['mount_dec_deg']:+.4f} {told['epoch']}")
-    if told["epoch_doubt"]:
-        print(f"  {told['epoch_doubt']}")
-    for key, value in told["state"].items():
-        if value is not None:
-            print(f"  {key.replace('_', ' ')}: {value}")
-    for ability, reason in told["lacks"].items():
-        print(f"  no {ability}: {reason}")
+    lines = [
+        told["name"],
+        f"{radec(told['ra_deg'], told['dec_deg'])}  (J2000)",
+        f"mount: {told['mount_ra_deg']:.4f} {told['mount_dec_deg']:+.4f} {told['epoch']}",
+        *([told["epoch_doubt"]] if told["epoch_doubt"] else []),
+        *(f"{key.replace('_', ' ')}: {value}" for key, value in told["state"].items() if value is not None),
+        *(f"no {ability}: {reason}" for ability, reason in told["lacks"].items()),
+    ]
+    tell(told, "\n  ".join(lines), args.json)
     return 0
 
 
@@ -58,7 +55,7 @@ def _stop(args: argparse.Namespace) -> int:
         raise PortError(f"{error} {ELSEWHERE}") from error
     except (NoAnswerError, RefusedError, LineLostError) as error:
         raise NotStoppedError(f"{MAY_STILL_MOVE} {error}") from error
-    print(to_line({"stopped": True}) if args.json else "The mount has stopped.")
+    tell({"stopped": True}, "The mount has stopped.", args.json)
     return 0
 
 
@@ -102,7 +99,7 @@ def add_ports_action(actions: "argparse._SubParsersAction[Any]", name: str, text
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     if name == "probe":
         parser.add_argument("--port", action="append", metavar="P", help="only this one; may be repeated")
-    parser.set_defaults(run=reporting_failures(_list if name == "list" else _probe))
+    parser.set_defaults(run=reporting_failures(_list if name == "list" else _probe, 1))
 
 
 def _list(args: argparse.Namespace) -> int:
@@ -111,14 +108,10 @@ def _list(args: argparse.Namespace) -> int:
 
     ports = list_ports()
     drivers = {name: driver.title for name, driver in DRIVERS.loaded().items()}
-    if args.json:
-        print(to_line({"ports": [asdict(port) for port in ports], "drivers": drivers}))
-        return 0
-    if not ports:
-        print("No serial ports: plug in the USB cable of the mount and switch it on.")
-    for port in ports:
-        print("  ".join(x for x in (port.port, port.description, port.usb, port.hint) if x))
-    print("drivers: " + "; ".join(f"{name} ({title})" for name, title in drivers.items()))
+    lines = ["  ".join(x for x in (port.port, port.description, port.usb, port.hint) if x) for port in ports]
+    lines = lines or [NO_PORTS]
+    lines.append("drivers: " + "; ".join(f"{name} ({title})" for name, title in drivers.items()))
+    tell({"ports": [asdict(port) for port in ports], "drivers": drivers}, "\n".join(lines), args.json)
     return 0
 
 
@@ -127,15 +120,14 @@ def _probe(args: argparse.Namespace) -> int:
 
     ports = args.port or [port.port for port in list_ports()]
     found = with_progress("probing", probe(ports))
-    advice = "" if ports else "No serial ports: plug in the USB cable and switch the mount on."
-    if args.json:
-        rows = [{**asdict(d), "found": d.found} for d in found]
-        print(to_line({"ports": rows, **({"error": advice} if advice else {})}))
-    else:
-        for d in found:
-            baud = f" --baud {d.baud}" if d.baud else ""
-            words = f"{d.name}: --port {d.port} --driver {d.driver}{baud}" if d.found else ""
-            print(". ".join(x for x in (words, d.advice) if x))
-        if advice:
-            print(advice)
+    told: Json = {"ports": [{**asdict(d), "found": d.found} for d in found]}
+    lines = []
+    for d in found:
+        baud = f" --baud {d.baud}" if d.baud else ""
+        words = f"{d.name}: --port {d.port} --driver {d.driver}{baud}" if d.found else ""
+        lines.append(". ".join(x for x in (words, d.advice) if x))
+    if not ports:
+        told["error"] = NO_PORTS
+        lines.append(NO_PORTS)
+    tell(told, "\n".join(lines), args.json)
     return 0 if any(d.found for d in found) else 1
