@@ -16,15 +16,19 @@ from kochab.cli import output
 from kochab.cli.batch import attempt, run_batch
 from kochab.cli.main import main
 from kochab.cli.output import ProgressLine
-from kochab.core.progress import Progress
+from kochab.core.progress import Progress, run
 from tests.cli.batch_work import Item, work
 
 
+def attempted(name):
+    return attempt(name, lambda: run(work(Item(name))))
+
+
 def test_a_fault_of_our_own_costs_one_file() -> None:
-    assert attempt(work, Item("bad")) == {"file": "bad", "error": "It is bad."}
-    fault = attempt(work, Item("fault"))
+    assert attempted("bad") == {"file": "bad", "error": "It is bad."}
+    fault = attempted("fault")
     assert fault["error"].startswith("A fault in Kochab: ZeroDivisionError: division by zero; ")
-    assert "Out of memory" in attempt(work, Item("large"))["error"]
+    assert "Out of memory" in attempted("large")["error"]
 
 
 def test_a_sentence_names_its_file_once(capsys) -> None:

@@ -40,11 +40,7 @@ def test_coverage_says_where_the_sky_is_poor(capsys):
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        ["coverage", "--fov", "0"],
-        ["build", "--sources", "no-such-folder"],
-        ["info", "--catalog", "no-such-folder"],
-    ],
+    [["coverage", "--fov", "0"], ["build", "--sources", "no-such-folder"], ["info", "--catalog", "no-such-folder"]],
 )
 def test_unusable_arguments_end_in_a_sentence(capsys, arguments):
     assert main(["catalog", *arguments]) == 2

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from kochab.cli.batch import attempt
-from kochab.cli.output import Json, ProgressLine
+from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Hint
@@ -57,19 +57,14 @@ class AstapRequest:
 def run(arguments: Sequence[str]) -> int:
     """Solve one file, write ``.ini`` and ``.wcs``: 0 solved, 1 not."""
     order = _order(arguments)
-    if not Path(order.file).name:
-        say("A file's name is empty.")
-        return 1
     try:
+        if not Path(order.file).name:
+            raise UsageError("A file's name is empty.")
         _refuse_overwriting(order)
     except UsageError as error:
         say(str(error))
         return 1
-    line = ProgressLine(order.file)
-    try:
-        outcome = attempt(_answered, order, line)
-    finally:
-        line.clear()
+    outcome = attempt(order.file, lambda: with_progress(order.file, _answered(order)))
     failed = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")}
     told = failed if "error" in outcome else outcome
     told["CMDLINE"] = " ".join(("kochab", *arguments))

@@ -8,12 +8,13 @@ import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from kochab.cli.output import Json, ProgressLine, card, to_line
+from kochab.cli.output import Json, card, to_line, with_progress
 from kochab.cli.process import fault, journal_path
 from kochab.core.errors import KochabError
 from kochab.core.progress import Task, run
@@ -22,7 +23,16 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Frame
     from kochab.core.solution import Solution
 
-Item = TypeVar("Item")
+
+class OfFile(Protocol):
+    """What is asked of one file."""
+
+    @property
+    def file(self) -> str:
+        """Its name, as it was given."""
+
+
+Item = TypeVar("Item", bound=OfFile)
 NO_MEMORY = "Out of memory: use fewer --workers, or lower the limits of the method (--set)."
 
 
@@ -60,14 +70,13 @@ def _named(file: str, sentence: str) -> str:
     return sentence if names_it else f"{file}: {sentence}"
 
 
-def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) -> Json:
-    """The outcome of one item; what a person can act on becomes ``{"file", "error"}``.
+def attempt(file: str, work: Callable[[], Json]) -> Json:
+    """The outcome of one file; what a person can act on becomes ``{"file", "error"}``.
 
     A fault of our own becomes the same, named as one, so that it does not cost the other files.
     """
-    file = str(getattr(item, "file", item))
     try:
-        return run(work(item), report)
+        return work()
     except KochabError as error:
         return {"file": file, "error": str(error)}
     except MemoryError:
@@ -78,12 +87,7 @@ def attempt(work: Callable[[Item], Task[Json]], item: Item, report: Any = None) 
 
 def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> Generator[Json, None, None]:
     for item in items:
-        line = ProgressLine(str(getattr(item, "file", item)))
-        try:
-            outcome = attempt(work, item, line)
-        finally:
-            line.clear()
-        yield outcome
+        yield attempt(item.file, partial(with_progress, item.file, work(item)))
 
 
 def _in_processes(
@@ -103,8 +107,7 @@ def _in_processes(
             try:
                 outcome, records = job.result()
             except BrokenExecutor:  # killed from outside, out of memory most likely
-                file = str(getattr(item, "file", item))
-                outcome, records = {"file": file, "error": "Its process was ended from outside."}, []
+                outcome, records = {"file": item.file, "error": "Its process was ended from outside."}, []
             for record in records:
                 logging.getLogger(record.name).handle(record)
             yield outcome
@@ -122,7 +125,7 @@ _records: "SimpleQueue[logging.LogRecord]" = SimpleQueue()
 
 def _attempt_in_worker(work: Callable[[Item], Task[Json]], item: Item) -> tuple[Json, list[logging.LogRecord]]:
     """The outcome, and what was logged: the parent writes it, as one process alone can rotate a file."""
-    outcome = attempt(work, item)
+    outcome = attempt(item.file, lambda: run(work(item)))
     return outcome, [_records.get() for _ in range(_records.qsize())]
 
 
@@ -170,7 +173,7 @@ def _code(outcome: Json) -> int:
     return 0 if outcome["solved"] else 1
 
 
-# Files that are written beside an answer; each returns sentences about what could not be.
+# Files that are written beside a solution; each returns sentences about what could not be.
 
 
 def refuse_wcs_over(files: Sequence[str], inputs: Sequence[str], overwrite: bool) -> None:
@@ -190,32 +193,23 @@ def refuse_wcs_over(files: Sequence[str], inputs: Sequence[str], overwrite: bool
         refuse_overwriting([target], inputs, overwrite or is_solution_file(target))
 
 
-def write_wcs_beside(file: str, solution: "Solution") -> list[str]:
-    """Write ``FILE.wcs``."""
-    return write_wcs_to(f"{file}.wcs", solution)
-
-
 def write_wcs_to(target: str, solution: "Solution") -> list[str]:
     """Write a ``.wcs`` file."""
     from kochab.frames.wcs import write_wcs
 
-    try:
-        write_wcs(solution, target)
-    except OSError as error:
-        return [_sentence(target, error)]
-    return []
+    return _written(target, lambda: write_wcs(solution, target))
 
 
 def write_picture(target: str, frame: "Frame", solution: "Solution") -> list[str]:
     """Write the picture with its stars named, a PNG."""
     from kochab.frames.export import annotate
 
+    return _written(target, lambda: annotate(frame, solution, target))
+
+
+def _written(target: str, write: Callable[[], None]) -> list[str]:
     try:
-        annotate(frame, solution, target)
+        write()
     except OSError as error:
-        return [_sentence(target, error)]
+        return [f"{target} cannot be written: {error.strerror or error}."]
     return []
-
-
-def _sentence(target: str, error: OSError) -> str:
-    return f"{target} cannot be written: {error.strerror or error}."

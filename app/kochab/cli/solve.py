@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.batch import refuse_wcs_over, run_batch, write_picture, write_wcs_beside
+from kochab.cli.batch import refuse_wcs_over, run_batch, write_picture, write_wcs_to
 from kochab.cli.options import (
     OF_DETECTOR,
     Place,
@@ -28,9 +28,7 @@ from kochab.core.progress import Task
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections
-    from kochab.core.solution import Solution
     from kochab.solver import SolveOptions
-    from kochab.workflows.solve_frame import SolvedFrame
 
 WRITTEN = (".png", ".jpg", ".jpeg")
 PIXELS = (2, 1_000_000, "size in pixels")
@@ -38,11 +36,12 @@ PIXELS = (2, 1_000_000, "size in pixels")
 
 @dataclass(frozen=True, slots=True)
 class SolveRequest:
-    """One file and what is to be written from it."""
+    """One file and what is to be written from it; ``list_size`` is the frame's, px, of a list of stars."""
 
     file: str
     wcs: bool = False
     annotate: str | None = None
+    list_size: tuple[int, int] | None = None
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -61,10 +60,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve every file, print as they are done."""
-    wishes = _wishes(args)
+    return _solve(args, _wishes(args), args.detector)
+
+
+def _solve(args: argparse.Namespace, wishes: list[SolveRequest], detector: str = "auto") -> int:
     _refuse_overwriting(wishes, args.overwrite)
-    options = options_of(args, args.detector)
-    work = partial(solve_one, options=options, bound=bound_of(args))
+    work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args))
     return run_batch(work, wishes, args.json, args.workers)
 
 
@@ -72,18 +73,25 @@ def solve_one(wish: SolveRequest, options: "SolveOptions", bound: Place | None =
     """The outcome of one file, and what was asked to be written from it."""
     from kochab.core.solution import Solution
     from kochab.solver.pipeline import with_doubts, within_radius
-    from kochab.workflows.solve_frame import solve_file
+    from kochab.workflows.solve_frame import solve_file, solve_star_list
 
-    if Path(wish.file).is_dir():
+    if wish.list_size is not None:
+        found = yield from solve_star_list(wish.file, *wish.list_size, options)
+        frame, header = None, None
+    elif Path(wish.file).is_dir():
         raise UsageError(_why_no_pictures(wish.file))
-    solved = yield from solve_file(wish.file, options)
-    result = within_radius(solved.result, bound)
-    outcome = as_json(wish.file, with_doubts(result, options, solved.frame.hint))
+    else:
+        solved = yield from solve_file(wish.file, options)
+        found, frame, header = solved.result, solved.frame, solved.frame.hint
+    result = within_radius(found, bound)
+    outcome = as_json(wish.file, with_doubts(result, options, header))
+    failures: list[str] = []
     if isinstance(result, Solution):
-        failures = _write(wish, solved, result)
-        if failures:
-            outcome["failures"] = failures
-    return outcome
+        if wish.wcs:
+            failures += write_wcs_to(f"{wish.file}.wcs", result)
+        if wish.annotate is not None and frame is not None:
+            failures += write_picture(wish.annotate, frame, result)
+    return {**outcome, "failures": failures} if failures else outcome
 
 
 def _wishes(args: argparse.Namespace) -> list[SolveRequest]:
@@ -137,25 +145,7 @@ def _why_no_pictures(folder: str) -> str:
     return f"{folder} is a folder without frames."
 
 
-def _write(wish: SolveRequest, solved: "SolvedFrame", solution: "Solution") -> list[str]:
-    """Write what was asked; sentences about what could not be written."""
-    failures = write_wcs_beside(wish.file, solution) if wish.wcs else []
-    if wish.annotate is not None:
-        failures += write_picture(wish.annotate, solved.frame, solution)
-    return failures
-
-
 # -- ``kochab identify STARS.csv...``: where lists of star positions point ---------------------
-
-
-@dataclass(frozen=True, slots=True)
-class IdentifyRequest:
-    """One list, the size of the frame it came from, and whether a WCS is wanted."""
-
-    file: str
-    width: int
-    height: int
-    wcs: bool = False
 
 
 def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -176,26 +166,8 @@ def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def run_identify(args: argparse.Namespace) -> int:
     """Identify every list, print as they are done."""
-    wishes = [IdentifyRequest(file, args.width, args.height, args.wcs) for file in named(args.files)]
-    if args.wcs:
-        files = [wish.file for wish in wishes]
-        refuse_wcs_over(files, files, args.overwrite)
-    work = partial(identify_one, options=options_of(args), bound=bound_of(args))
-    return run_batch(work, wishes, args.json, args.workers)
-
-
-def identify_one(wish: IdentifyRequest, options: "SolveOptions", bound: Place | None = None) -> Task[Json]:
-    """The outcome of one list."""
-    from kochab.core.solution import Solution
-    from kochab.solver.pipeline import with_doubts, within_radius
-    from kochab.workflows.solve_frame import solve_star_list
-
-    found = yield from solve_star_list(wish.file, wish.width, wish.height, options)
-    result = within_radius(found, bound)
-    outcome = as_json(wish.file, with_doubts(result, options))
-    if wish.wcs and isinstance(result, Solution):
-        outcome["failures"] = write_wcs_beside(wish.file, result)
-    return outcome
+    size = (args.width, args.height)
+    return _solve(args, [SolveRequest(file, args.wcs, list_size=size) for file in named(args.files)])
 
 
 # -- ``kochab detect FILE``: the stars of a frame, without naming them -------------------------
