@@ -58,7 +58,7 @@ def test_without_noise_the_bolts_are_followed_exactly(latitude, tracking):
     live = LivePhase(start(mount))
     for seconds, d_alt, d_az in [(10, 1800.0, -2700.0), (100, 300.0, -2700.0), (400, 5.0, 8.0)]:
         theta = sky_turn(mount, seconds) if tracking else 0.0
-        seen = live.update_local(adjusted(mount, d_alt, d_az, 90, theta, seconds))
+        seen = live.update(adjusted(mount, d_alt, d_az, 90, theta, seconds))
         assert seen.error.altitude_arcsec == pytest.approx(d_alt, abs=0.05)
         assert seen.error.azimuth_arcsec == pytest.approx(d_az, abs=0.5)
         assert np.degrees(seen.theta_rad) * 3600 == pytest.approx(theta * 3600, abs=0.5)
@@ -68,7 +68,7 @@ def test_without_noise_the_bolts_are_followed_exactly(latitude, tracking):
 def test_a_free_turn_of_the_axis_is_absorbed_and_told():
     mount = Mount(48.0, 1800.0, -2700.0)
     live = LivePhase(start(mount))
-    seen = live.update_local(adjusted(mount, 600.0, -100.0, 90, 12.0, 60.0))
+    seen = live.update(adjusted(mount, 600.0, -100.0, 90, 12.0, 60.0))
     assert seen.prior == ""
     assert seen.error.altitude_arcsec == pytest.approx(600.0, abs=0.01)
     assert seen.error.azimuth_arcsec == pytest.approx(-100.0, abs=0.01)
@@ -77,7 +77,7 @@ def test_a_free_turn_of_the_axis_is_absorbed_and_told():
 
 def test_a_large_move_asks_for_a_new_measurement():
     mount = Mount(48.0, 0.0, 4 * 3600.0)
-    seen = LivePhase(start(mount)).update_local(adjusted(mount, 0.0, 600.0, 90, 0.0, 60.0))
+    seen = LivePhase(start(mount)).update(adjusted(mount, 0.0, 600.0, 90, 0.0, 60.0))
     assert PolarFindingKind.REMEASURE in {f.kind for f in seen.findings}
     assert seen.moved_deg == pytest.approx(3.833 * np.cos(np.radians(48.0)), abs=0.01)
 
@@ -85,9 +85,9 @@ def test_a_large_move_asks_for_a_new_measurement():
 def test_stop_is_said_when_the_error_is_below_its_uncertainty():
     mount = Mount(48.0, 900.0, 900.0)
     live = LivePhase(start(mount, np.random.default_rng(1)))
-    near = live.update_local(adjusted(mount, 2.0, 2.0, 90, 0.0, 300.0))
+    near = live.update(adjusted(mount, 2.0, 2.0, 90, 0.0, 300.0))
     assert PolarFindingKind.DONE in {f.kind for f in near.findings}
-    far = live.update_local(adjusted(mount, 200.0, 2.0, 90, 0.0, 300.0))
+    far = live.update(adjusted(mount, 200.0, 2.0, 90, 0.0, 300.0))
     assert PolarFindingKind.DONE not in {f.kind for f in far.findings}
 
 
@@ -97,7 +97,7 @@ def scatter(mount, runs, tracked, seed, seconds=300.0):
     for _ in range(runs):
         live = LivePhase(start(mount, rng))
         theta = sky_turn(mount, seconds) * tracked
-        seen = live.update_local(adjusted(mount, 40.0, -60.0, 90, theta, seconds, rng))
+        seen = live.update(adjusted(mount, 40.0, -60.0, 90, theta, seconds, rng))
         truth = Mount(mount.latitude_deg, 40.0, -60.0).axis
         inside += seen.error.distance2(truth) < 2.2957
         gaps.append(np.linalg.norm(seen.error.axis - truth) / ARCSEC)

@@ -34,17 +34,17 @@ def test_a_declination_axis_that_moves_is_told_with_its_size(latitude, hour, arc
     live = LivePhase(start(mount, rng))
     theta = [sky_turn(mount, s) * tracking for s in (5.0, 10.0, 400.0)]
     for seconds, turn in zip((5.0, 10.0), theta, strict=False):
-        seen = live.update_local(adjusted(mount, 1800.0, -2700.0, 90, turn, seconds, rng))
+        seen = live.update(adjusted(mount, 1800.0, -2700.0, 90, turn, seconds, rng))
         assert PolarFindingKind.DEC_MOVED not in kinds(seen)
     late = adjusted(mount, 1800.0, -2700.0, 90, theta[2], 400.0, rng)
-    seen = live.update_local(moved_in_declination(late, mount, arcmin))
+    seen = live.update(moved_in_declination(late, mount, arcmin))
     assert PolarFindingKind.DEC_MOVED in kinds(seen)
     assert PolarFindingKind.SLIPPING not in kinds(seen)
     said = next(f.text for f in seen.findings if f.kind is PolarFindingKind.DEC_MOVED)
     size, unit = re.search(r"moved by ([0-9.]+)([′°])", said).groups()
     assert float(size) * {"′": 1.0, "°": 60.0}[unit] == pytest.approx(abs(arcmin), abs=0.3)
     again = adjusted(mount, 1800.0, -2700.0, 90, theta[2], 402.0, rng)
-    assert PolarFindingKind.DEC_MOVED in kinds(live.update_local(moved_in_declination(again, mount, arcmin)))
+    assert PolarFindingKind.DEC_MOVED in kinds(live.update(moved_in_declination(again, mount, arcmin)))
 
 
 def test_bolts_and_slips_of_ra_are_never_taken_for_it():
@@ -64,7 +64,7 @@ def test_bolts_and_slips_of_ra_are_never_taken_for_it():
             bolts[rng.integers(2)] += rng.normal(0.0, 600.0)
             slip += rng.normal(0.0, 0.02) * (rng.uniform() < 0.1)
             theta = sky_turn(mount, seconds) * tracking + slip
-            seen = live.update_local(adjusted(mount, *bolts, 90, theta, seconds, rng))
+            seen = live.update(adjusted(mount, *bolts, 90, theta, seconds, rng))
             assert PolarFindingKind.DEC_MOVED not in kinds(seen)
 
 
@@ -74,7 +74,7 @@ def test_on_the_meridian_it_passes_for_the_altitude_bolt():
     live = LivePhase(start(mount))
     still = adjusted(mount, 1800.0, 0.0, 90, sky_turn(mount, 5.0), 5.0)
     assert abs(still.boresight[0]) < 0.01
-    live.update_local(still)
-    seen = live.update_local(moved_in_declination(still, mount, 15.0))
+    live.update(still)
+    seen = live.update(moved_in_declination(still, mount, 15.0))
     assert PolarFindingKind.DEC_MOVED not in kinds(seen)
     assert abs(abs(seen.error.altitude_arcsec - 1800.0) - 900.0) < 30.0

@@ -100,7 +100,7 @@ def test_residuals_that_are_too_large_widen_the_live_error_too():
     quiet = mount.see([0, 15, 30, 45, 60, 75], np.random.default_rng(3))
     claimed = [type(a)(a.matrix, a.covariance / 100.0, a.time_utc, a.label) for a in quiet]
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
-    live = LivePhase(found).update_local(quiet[-1])
+    live = LivePhase(found).update(quiet[-1])
     shared = live.error.covariance - live.frame_covariance
     assert np.trace(found.error.covariance) > 20 * np.trace(found.fit.covariance)
     assert np.trace(shared) > 0.5 * np.trace(found.error.covariance)

@@ -79,7 +79,9 @@ def test_the_live_error_does_not_move_with_the_fitted_optical_centre():
     *found, last = swept(LENS, (0.0, 45.0, 90.0, 90.0))
     live = LivePhase(measure(sightings(found), SETTINGS))
     moved, _ = displaced(last, *CENTRES_PX[3])
-    right, other = (live.update(Sighting.of(s, WHEN + timedelta(seconds=200))) for s in (last, moved))
+    right, other = (
+        live.update(to_local(Sighting.of(s, WHEN + timedelta(seconds=200)), SETTINGS.site)) for s in (last, moved)
+    )
     assert angle_between(right.error.axis, other.error.axis) < 1.0 * ARCSEC
 
 

@@ -11,7 +11,7 @@ from tests.polar.test_live import adjusted, start
 
 
 def readings(d_alt, d_az, count, live, mount, rng, begin=60.0):
-    return [live.update_local(adjusted(mount, d_alt, d_az, 90, 0.0, begin + 3.0 * k, rng)) for k in range(count)]
+    return [live.update(adjusted(mount, d_alt, d_az, 90, 0.0, begin + 3.0 * k, rng)) for k in range(count)]
 
 
 def test_the_mean_gets_surer_but_never_surer_than_the_measurement():

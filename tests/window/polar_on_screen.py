@@ -50,7 +50,7 @@ def align(view, pictured):
         pause(30)
         if view.adjuster is not None:
             practice = view.adjuster._practice
-        asked = view.state.asked or view.state.instruction
+        asked = view.state.turn_instruction or view.state.instruction
         known = any(asked is one for one in obeyed)  # equal asks recur
         if not view.state.hand_needed or known or view.adjuster is None:
             continue

@@ -7,7 +7,7 @@ import pytest
 
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
 from kochab.core.progress import run
-from kochab.workflows.goto_target import answered, goto_target, named_target, settled, target_at
+from kochab.workflows.goto_target import goto_target, named_target, settled, target_at, with_retries
 from tests.workflows.mount_nights import bench, good, target_of
 from tests.workflows.rig_mount import SILENT
 
@@ -99,7 +99,7 @@ def test_a_question_is_asked_again_but_not_for_ever() -> None:
             raise value
         return value
 
-    assert answered(ask) == 7
+    assert with_retries(ask) == 7
     answers += [SILENT] * 3
     with pytest.raises(NoAnswerError):
-        answered(ask)
+        with_retries(ask)

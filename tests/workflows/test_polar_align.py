@@ -233,7 +233,7 @@ def test_a_noisy_reading_does_not_overrule_a_fresh_measurements_stop():
     found = run(measure_axis(sky, sky, sky.settings, ALIGN.sweep))
     adjuster = AdjustmentGuide(found.measurement, BoltTutor())
     assert adjuster.instruction.step is TutorStep.STOP
-    last = adjuster.live.update(sky.look())
+    last = adjuster.live.update(to_local(sky.look(), sky.settings.site, sky.settings.refraction))
     for frame in range(12):
         off = last.error.axis + 1.5 * np.sqrt(last.frame_covariance[0, 0]) * np.array([0, 0, 1.0])
         reading = replace(last, error=replace(last.error, axis=off / np.linalg.norm(off)))
@@ -242,7 +242,9 @@ def test_a_noisy_reading_does_not_overrule_a_fresh_measurements_stop():
         assert told.step is TutorStep.STOP, steady
     sky.rig.mount.turn_bolts(3.0, 0.0)
     for _ in range(8):
-        _, told = adjuster.see(adjuster.live.update(sky.look()), False)
+        _, told = adjuster.see(
+            adjuster.live.update(to_local(sky.look(), sky.settings.site, sky.settings.refraction)), False
+        )
     assert told.step is not TutorStep.STOP  # what really moved is answered
 
 

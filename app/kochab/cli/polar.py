@@ -136,8 +136,7 @@ def run(args: argparse.Namespace) -> int:
     air = Refraction(args.pressure, args.temperature)
     result = measure(sightings, MeasureSettings(site, Pole(args.pole), air))
     if isinstance(result, NoAxis):
-        reason = f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}"
-        return _fail(reason, args.json, 1)
+        return _fail(result.sentence, args.json, 1)
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings]
     print(json.dumps(as_json(result, doubts)) if args.json else as_text(result, doubts))
     if args.report is not None:

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.polar.rotations import ARCSEC, about, about_each, rotation, rotation_vector, rotation_vectors, tangents
+from kochab.polar.rotations import ARCSEC, about, about_each, rotation_vector, rotation_vectors, tangents
 from kochab.polar.sighting import LocalAttitude
 
 # -- The axis from two attitudes: the axis of the rotation between them ------------------------
@@ -30,6 +31,15 @@ def axis_of_two(first: Floats, second: Floats) -> tuple[Floats, float]:
     if turn < 1e-12:
         return np.full(3, np.nan), 0.0
     return vector / turn, turn
+
+
+def chance_of(chi2: float, freedom: float) -> float:
+    """Probability of so large a chi-square by noise alone; 1 without degrees of freedom."""
+    if freedom <= 0:
+        return 1.0
+    from scipy.special import chdtrc  # scipy.stats takes two seconds to load
+
+    return float(chdtrc(freedom, chi2))
 
 
 STEPS = 20
@@ -67,12 +77,8 @@ class AxisFit:
 
     @property
     def chance(self) -> float:
-        """Probability of so large a chi-square by noise alone; 1 without degrees of freedom."""
-        if self.freedom <= 0:
-            return 1.0
-        from scipy.special import chdtrc  # scipy.stats takes two seconds to load
-
-        return float(chdtrc(self.freedom, self.chi2))
+        """Probability of so large a chi-square by noise alone."""
+        return chance_of(self.chi2, self.freedom)
 
     @property
     def turn_rad(self) -> float:
@@ -175,7 +181,7 @@ def _moved(axis: Floats, turns: Floats, reference: Floats, step: Floats) -> tupl
     upward, clockwise = tangents(axis)
     moved = axis + step[0] * upward + step[1] * clockwise
     turned = turns + np.concatenate([[0.0], step[5:]])
-    return moved / np.linalg.norm(moved), turned, rotation(step[2:5]) @ reference
+    return moved / np.linalg.norm(moved), turned, small_rotation(step[2:5]) @ reference
 
 
 def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats) -> AxisFit:

@@ -7,7 +7,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
-from kochab.polar.rotations import ARCSEC, alt_az
+from kochab.polar.rotations import ARCSEC, alt_az, wrapped_rad
 
 CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
 
@@ -35,8 +35,7 @@ class PolarError:
     @property
     def azimuth_arcsec(self) -> float:
         """Azimuth of the axis less that of the pole: what the azimuth knob has to turn."""
-        turn = alt_az(self.axis)[1] - alt_az(self.pole)[1]
-        return float((turn + np.pi) % (2.0 * np.pi) - np.pi) / ARCSEC
+        return wrapped_rad(alt_az(self.axis)[1] - alt_az(self.pole)[1]) / ARCSEC
 
     @property
     def azimuth_on_sky_arcsec(self) -> float:
@@ -105,8 +104,7 @@ class PolarError:
         """Squared Mahalanobis distance of a direction (3,) from the axis; chi-square of two."""
         alt, az = alt_az(truth)
         own_alt, own_az = alt_az(self.axis)
-        turn = (az - own_az + np.pi) % (2.0 * np.pi) - np.pi
-        gap = np.array([alt - own_alt, turn * np.cos(own_alt)])
+        gap = np.array([alt - own_alt, wrapped_rad(az - own_az) * np.cos(own_alt)])
         return float(gap @ np.linalg.solve(self.covariance, gap))
 
     def ellipse_arcsec(self, probability: float = 0.6827) -> tuple[float, float, float]:

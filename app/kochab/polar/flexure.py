@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.polar.axis_fit import chance_of
 from kochab.polar.error import PolarError
 from kochab.polar.rotations import ARCSEC, tangents
 
@@ -84,11 +85,7 @@ class CombinedSweeps:
     @property
     def chance(self) -> float:
         """Probability of so large a chi-square by noise alone; 1 for a single sweep."""
-        if self.freedom <= 0:
-            return 1.0
-        from scipy.special import chdtrc  # scipy.stats takes two seconds to load
-
-        return float(chdtrc(self.freedom, self.chi2))
+        return chance_of(self.chi2, self.freedom)
 
 
 def combine_sweeps(sweeps: Sequence[SweepResult], before: Droop = UNKNOWN) -> CombinedSweeps:

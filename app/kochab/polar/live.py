@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import northern
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
-from kochab.polar.rotations import ARCSEC, about, alt_az, cross_matrix, rotation, rotation_vector, tangents
-from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+from kochab.polar.rotations import ARCSEC, about, alt_az, cross_matrix, rotation_vector, tangents, wrapped_rad
+from kochab.polar.sighting import LocalAttitude
 
 # -- What moved between two live frames: a bolt, the RA axis, or the declination axis ----------
 # Any small rotation can be made of two bolts and a turn about RA, so one movement of the
@@ -66,7 +67,7 @@ def declination_moved(before: Moment, now: Moment, turns_rad: Sequence[float]) -
 
 def _bolts_did_it(before: Moment, now: Moment, turn_rad: float) -> bool:
     """Whether RA turned as the clock says, so that bolts explain the rest, or nothing moved."""
-    left = (now.theta_rad - before.theta_rad - turn_rad + np.pi) % (2.0 * np.pi) - np.pi
+    left = wrapped_rad(now.theta_rad - before.theta_rad - turn_rad)
     variance = sum(m.slope @ m.attitude.covariance @ m.slope for m in (before, now))
     return bool(left**2 <= REFUTED * (variance + CLOCK_SIGMA_RAD**2))
 
@@ -136,19 +137,15 @@ class LivePhase:
         self._clock = ""  # the last one that was believed
         self._declination_rad = 0.0
 
-    def update(self, sighting: Sighting) -> LiveError:
-        """The error at a new frame."""
-        return self.update_local(to_local(sighting, self._settings.site, self._settings.refraction))
-
-    def update_local(self, now: LocalAttitude) -> LiveError:
-        """The same from an attitude already in E, N, U."""
+    def update(self, now: LocalAttitude) -> LiveError:
+        """The error at a new frame, from its attitude in E, N, U."""
         matrix, covariance = now.matrix, now.covariance
         theta, slope = self._watch_declination(now)
         sigma2 = float(slope @ covariance @ slope)
         prior, expected = self._clock_says(now, theta, sigma2)
         if prior:
             gain = covariance @ slope / (sigma2 + PRIOR_SIGMA_RAD**2)
-            matrix = matrix @ rotation(gain * (expected - theta))
+            matrix = matrix @ small_rotation(gain * (expected - theta))
             covariance = covariance - np.outer(gain, slope @ covariance)
             theta, _ = self._theta(matrix)
             self._clock = prior
@@ -201,11 +198,11 @@ class LivePhase:
         elapsed = (now.time_utc - self._reference_time).total_seconds()
         expected = self._clocks(elapsed)
         scale = np.sqrt(sigma2 + PRIOR_SIGMA_RAD**2)
-        off = {name: abs(_wrap(theta - value)) / scale for name, value in expected.items()}
+        off = {name: abs(wrapped_rad(theta - value)) / scale for name, value in expected.items()}
         near, far = sorted(off, key=lambda name: off[name])
         if off[near] > GATE or off[far] < AMBIGUOUS:
             return "", 0.0
-        return near, theta + _wrap(expected[near] - theta)
+        return near, theta + wrapped_rad(expected[near] - theta)
 
     def _findings(self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude) -> list[PolarFinding]:
         found = []
@@ -250,10 +247,6 @@ def _beyond(measurement: Measurement) -> Floats:
     more = (vectors * np.maximum(values, 0.0)) @ vectors.T
     into_camera = fit.reference.T @ np.stack(tangents(error.axis), axis=1)
     return np.asarray(into_camera @ more @ into_camera.T)
-
-
-def _wrap(angle: float) -> float:
-    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 # -- The live error while no bolt turns: a mean over frames, started anew at every movement -----

@@ -272,6 +272,11 @@ class NoAxis:
     reason: str
     advice: str
 
+    @property
+    def sentence(self) -> str:
+        """Both, for a person."""
+        return f"{self.reason[0].upper()}{self.reason[1:]}. {self.advice}"
+
 
 def measure(sightings: Sequence[Sighting], settings: MeasureSettings) -> Measurement | NoAxis:
     """The axis of two or more sightings, with its error from the pole and findings."""

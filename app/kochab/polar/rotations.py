@@ -2,25 +2,21 @@
 
 import numpy as np
 
+from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
 
 ARCSEC = np.pi / 648000.0  # radians
+
+
+def wrapped_rad(angle: float) -> float:
+    """An angle in [-pi, pi)."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def cross_matrix(vector: Floats) -> Floats:
     """The matrix (3, 3) that takes ``v`` to ``vector x v``."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def rotation(vector: Floats) -> Floats:
-    """Rotation matrix (3, 3) of a rotation vector (3,), radians (Rodrigues' formula)."""
-    angle = float(np.sqrt(vector @ vector))
-    k = cross_matrix(vector)
-    if angle < 1e-9:
-        return np.asarray(np.eye(3) + k + 0.5 * (k @ k))
-    a, b = np.sin(angle) / angle, 2.0 * (np.sin(angle / 2.0) / angle) ** 2
-    return np.asarray(np.eye(3) + a * k + b * (k @ k))
 
 
 def rotation_vector(matrix: Floats) -> Floats:
@@ -30,7 +26,7 @@ def rotation_vector(matrix: Floats) -> Floats:
 
 def about(axis: Floats, angle_rad: float) -> Floats:
     """Rotation matrix (3, 3) about a unit vector (3,), right-handed."""
-    return rotation(np.asarray(axis) * angle_rad)
+    return small_rotation(np.asarray(axis) * angle_rad)  # Rodrigues' formula, exact for large angles too
 
 
 def about_each(axis: Floats, angles_rad: Floats) -> Floats:

@@ -14,7 +14,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.gear.mounts.motion_policy import ACROSS
 from kochab.workflows.centring_corrections import Correction, Course, Degrees, MountAndSky
-from kochab.workflows.goto_target import Target, Wait, answered, apart, settled
+from kochab.workflows.goto_target import Target, Wait, apart, settled, with_retries
 from kochab.workflows.nudge import nudge
 from kochab.workflows.sync_mount import agreeing_solves, require_allowed
 
@@ -170,7 +170,7 @@ class _Centring:
 
     def first_slew(self) -> Task[bool]:
         """The first slew; tried again, since a garbled reply may have misled the guard."""
-        state = answered(self.mount.state)
+        state = with_retries(self.mount.state)
         if state.slewing:
             yield from settled(self.mount, self.wait)
         elif state.tracking is not False and self.is_near():
@@ -220,9 +220,9 @@ class _Centring:
 
     def reported(self) -> Degrees:
         """The position, when two readings agree: a garbled reply may bring an old one."""
-        before = answered(self.mount.position)
+        before = with_retries(self.mount.position)
         for _ in range(READINGS):
-            here = answered(self.mount.position)
+            here = with_retries(self.mount.position)
             if apart(before, here) < SAME_DEG:
                 return here.ra_deg, here.dec_deg
             before = here
@@ -259,7 +259,7 @@ class _Centring:
         self.solution = found[1]
         self.course.last = self.sight(found[1])
         evidence, there = SyncEvidence.of(*found), self.course.last.sky
-        preview = answered(lambda: self.mount.preview_sync(*there, evidence))
+        preview = with_retries(lambda: self.mount.preview_sync(*there, evidence))
         if preview.refusals == (ACROSS,):
             self.notes.append(f"Offset goto instead of a sync: {ACROSS}")
             return False

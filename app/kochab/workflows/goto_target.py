@@ -92,8 +92,8 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
     for _ in range(round(PATIENCE_S / POLL_S)):
         yield Progress("settling")
         wait(POLL_S)
-        slewing = answered(lambda: mount.state().slewing)
-        here = answered(mount.position)
+        slewing = with_retries(lambda: mount.state().slewing)
+        here = with_retries(mount.position)
         moved_deg = None if before is None or slewing else apart(before, here)
         if moved_deg is not None and moved_deg * 3600.0 <= STILL_ARCSEC:
             yield Progress("settling")
@@ -108,14 +108,14 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
     raise NoAnswerError(f"The mount did not stop moving within {PATIENCE_S:g} s. Kochab stopped it.")
 
 
-def answered(ask: Callable[[], T]) -> T:
+def with_retries(query: Callable[[], T]) -> T:
     """The reply to a query that changes nothing, sent again when a reply is lost."""
     for _ in range(MISSES - 1):
         try:
-            return ask()
+            return query()
         except NoAnswerError:
             continue
-    return ask()
+    return query()
 
 
 def apart(one: Pointing, other: Pointing) -> float:

@@ -14,7 +14,7 @@ from kochab.core.solution import Solution
 from kochab.gear.mounts.guard import Guard
 from kochab.polar.rotations import about
 from kochab.sky.apparent import of_date_matrix
-from kochab.workflows.goto_target import Wait, answered, settled
+from kochab.workflows.goto_target import Wait, settled, with_retries
 from kochab.workflows.sync_mount import shifted
 
 GUIDE_ARCSEC_S = 0.5 * SIDEREAL_DEG_S * 3600.0  # most mounts' setting
@@ -190,7 +190,7 @@ def bring_here(
     turn = turn_to_bring(of_date_matrix(mount.clock()), solution, star_px, here_px or middle)
     yield Progress("move star", 0.0, f"{turn.east_deg:+.3f}° east, {turn.north_deg:+.3f}° north")
     if max(abs(turn.east_deg), abs(turn.north_deg)) >= SLEW_FROM_DEG:
-        here = answered(mount.position)
+        here = with_retries(mount.position)
         place = shifted((here.ra_deg, here.dec_deg), turn.east_deg, turn.north_deg)
         yield from mount.slew(*place)
     else:

@@ -14,7 +14,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
 from kochab.solver.disagreement import Disagreement, MountSighting, investigate
 from kochab.workflows.fresh_frame import NoMoreFramesError
-from kochab.workflows.goto_target import answered
+from kochab.workflows.goto_target import with_retries
 from kochab.workflows.sync_mount import require_allowed, solves_apart_arcsec
 
 FRAMES = 8
@@ -72,7 +72,7 @@ def recover_mount(
     solutions, times = yield from _agreeing(mount, solve_now, taken)
     warnings = _from_before(began, mount.clock(), times, confirmed or armed or only_look)
     age_s = [(mount.clock() - time).total_seconds() for time in times]
-    state = answered(mount.state)
+    state = with_retries(mount.state)
     drift_deg = age_s[-1] * SIDEREAL_DEG_S if state.tracking is False else 0.0
     if state.tracking is False:
         warnings.append("The mount is not tracking: the sky drifts by 15″ per second.")
@@ -80,9 +80,9 @@ def recover_mount(
     sky = evidence.centres_deg[-1]
     mount.armed = armed
     yield Progress("sync", 0.8)
-    before = answered(mount.position)
+    before = with_retries(mount.position)
     there = mount.to_mount(*sky)
-    preview = answered(lambda: mount.preview_sync(*there, evidence))
+    preview = with_retries(lambda: mount.preview_sync(*there, evidence))
     if not only_look:
         require_allowed(mount, preview, confirmed or armed)
         mount.sync(*there, evidence, confirmed=confirmed or armed)
@@ -91,7 +91,7 @@ def recover_mount(
         not only_look,
         from_mount_epoch(before, now),
         sky,
-        from_mount_epoch(answered(mount.position), now),
+        from_mount_epoch(with_retries(mount.position), now),
         preview,
         evidence,
         solutions[-1],
@@ -169,8 +169,8 @@ def sighted(
     ``time_utc`` and ``site`` are the computer's, by the guard's clock and site when None.
     """
     now = mount.clock()
-    reported = answered(mount.position)
-    state = answered(mount.state)
+    reported = with_retries(mount.position)
+    state = with_retries(mount.state)
     return MountSighting(
         solution.ra_dec_deg,
         reported,

@@ -16,7 +16,7 @@ from kochab.core.solution import NoSolution, Solution, SolveNow
 from kochab.gear.mounts.coordinates import to_mount_epoch, wrapped
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
-from kochab.workflows.goto_target import Wait, answered, apart, settled
+from kochab.workflows.goto_target import Wait, apart, settled, with_retries
 
 MOVED_ARCSEC = 60.0  # since the offer: less may be drift and rounding
 TAKES = 3
@@ -74,9 +74,9 @@ def offer_of(mount: Guard, *solutions: Solution) -> SyncOffer:
     by_hand = len(solutions) == 1
     evidence = SyncEvidence.of(*solutions)
     sky = solutions[-1].ra_dec_deg
-    here = answered(mount.position)
+    here = with_retries(mount.position)
     there = mount.to_mount(*sky)
-    preview = answered(lambda: mount.preview_sync(*there, evidence, by_hand))
+    preview = with_retries(lambda: mount.preview_sync(*there, evidence, by_hand))
     if by_hand:
         preview = replace(preview, warnings=(UNMOVED, *preview.warnings))
     return SyncOffer(preview, evidence, solutions[-1], here, sky, mount.lacks.get(Ability.SYNC, ""))
@@ -120,7 +120,7 @@ def accept_sync(
     refusal = offer.no_sync
     if not refusal:
         there = mount.to_mount(*offer.sky_deg)
-        preview = answered(lambda: mount.preview_sync(*there, offer.evidence))
+        preview = with_retries(lambda: mount.preview_sync(*there, offer.evidence))
         require_allowed(mount, preview, confirmed)
         try:
             mount.sync(*there, offer.evidence, confirmed=confirmed)
@@ -170,7 +170,7 @@ def _offset_slew(mount: Guard, offer: SyncOffer, wait: Wait) -> Task[None]:
 
 
 def _same_place(mount: Guard, offer: SyncOffer) -> None:
-    here = answered(mount.position)
+    here = with_retries(mount.position)
     moved = apart(here, offer.mount)
     if moved * 3600.0 > MOVED_ARCSEC:
         raise RefusedError(f"The mount has moved by {angle_text(moved)} since the frames. Take new ones.")
@@ -199,7 +199,7 @@ def undo_sync(mount: Guard) -> Task[str]:
 
     """
     yield Progress("undo")
-    before = answered(mount.position)
+    before = with_retries(mount.position)
     mount.undo_sync()
-    after = answered(mount.position)
+    after = with_retries(mount.position)
     return f"Sync undone. The mount's coordinates changed by {angle_text(apart(before, after))}."

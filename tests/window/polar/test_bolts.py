@@ -131,5 +131,5 @@ def test_escape_is_said_to_stop_the_mount_while_that_turns(bolts):
     bolts.show_state(AlignmentState("turn", "The mount turns: 30 deg to the west."), 0.0)
     assert bolts.face.keys == TURNING
     asked = TurnInstruction("turn", 0.0, "Rotate RA.", Direction.WEST, 30.0)
-    bolts.show_state(AlignmentState("turn", "Turn it.", asked=asked), 0.0)
+    bolts.show_state(AlignmentState("turn", "Turn it.", turn_instruction=asked), 0.0)
     assert bolts.face.keys == KEYS

@@ -82,7 +82,7 @@ def test_adjusting_follows_the_axis_and_what_the_tutor_says(measured):
     later, _ = follow(first, task, 11.0, most=40)
     assert later[-1].live
     assert later[-1].trail
-    assert later[-1].heard_s == 11.0
+    assert later[-1].error_at_s == 11.0
     truth = sky.true_total_arcsec()
     assert later[-1].error.total_arcsec == pytest.approx(truth, abs=30.0)
     assert abs(truth - before) > 30.0
@@ -113,7 +113,7 @@ def test_a_mount_that_turns_says_keep_clear():
 
 
 def test_an_old_number_is_called_old():
-    state = adjusting(300.0, 20.0, heard_s=100.0)
+    state = adjusting(300.0, 20.0, error_at_s=100.0)
     assert not state.old(101.0)
     assert "live 1 s ago" in age_text(state, 101.0)
     assert state.old(100.0 + OLD_S + 0.1)

@@ -111,7 +111,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
         state = view.state
         if not stages or stages[-1] != state.stage:
             stages.append(state.stage)
-        asked = state.asked or state.instruction
+        asked = state.turn_instruction or state.instruction
         if state.hand_needed and not any(asked is one for one in obeyed):  # equal asks recur
             obeyed.append(asked)
             words.append(view.page.words.text())
@@ -150,7 +150,7 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     obeyed, ways, decs = [], [], []
 
     def person():
-        asked = view.state.asked
+        asked = view.state.turn_instruction
         if view.state.hand_needed and asked is not None and not any(asked is o for o in obeyed):
             obeyed.append(asked)
             ways.append(asked.direction)

@@ -138,7 +138,7 @@ class PracticeAdjuster:
 
     def turn(self, state: AlignmentState) -> str:
         """Make the turn that is asked for, and say what was turned."""
-        if state.asked is not None:
+        if state.turn_instruction is not None:
             return self._turn_axis(state)
         instruction = state.instruction
         if instruction is None or instruction.knob is None:
@@ -146,11 +146,11 @@ class PracticeAdjuster:
         return self._turn_bolt(instruction, instruction.knob)
 
     def _turn_axis(self, state: AlignmentState) -> str:
-        assert state.asked is not None
-        axis, sign = AXES[state.asked.direction]
+        assert state.turn_instruction is not None
+        axis, sign = AXES[state.turn_instruction.direction]
         if axis == "dec" and self._practice.rig.mount.pier_side is PierSide.WEST:
             sign = -sign  # declination runs the other way on that side of the pier
-        degrees = sign * state.asked.degrees * self._random.gauss(1.0, TURN_SIGMA)
+        degrees = sign * state.turn_instruction.degrees * self._random.gauss(1.0, TURN_SIGMA)
         self._practice.do(f"{axis} {degrees:.3f}")
         name = "RA" if axis == "ra" else "declination"
         return f"Turned {name} by {abs(degrees):.0f}°."

@@ -262,7 +262,7 @@ def age_text(state: AlignmentState, now_s: float) -> str:
     """The age of the number."""
     if state.error is None or not state.running:
         return ""
-    seconds = max(0.0, now_s - state.heard_s)
+    seconds = max(0.0, now_s - state.error_at_s)
     title = "live" if state.live else "measured"
     if not state.solved:
         title = "OLD: newest frame not solved, last result"

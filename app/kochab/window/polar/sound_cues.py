@@ -152,7 +152,7 @@ class SoundCues:
             return Cue.LOST
         if (now.stop and not before.stop) or (now.stage == "done" != before.stage):
             return Cue.STOP
-        new = now.asked is not before.asked or now.instruction is not before.instruction
+        new = now.turn_instruction is not before.turn_instruction or now.instruction is not before.instruction
         if now.hand_needed and new:
             self._played_arcsec = None if now.error is None else now.error.total_arcsec
             return Cue.TURN

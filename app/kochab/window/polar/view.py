@@ -230,7 +230,9 @@ class PolarView(QWidget):
         self.say("Done. The report is in the Tonight tab.", "good")
 
     def _ended(self, sentence: str, role: str) -> None:
-        self.state = replace(self.state, stage="ended", words=sentence, detail="", asked=None, instruction=None)
+        self.state = replace(
+            self.state, stage="ended", words=sentence, detail="", turn_instruction=None, instruction=None
+        )
         self.say(sentence, role)
 
     def _finished(self, job: Job | MountTask) -> None:

@@ -14,6 +14,7 @@ from kochab.polar.live import LiveError, LivePhase, Steady, SteadyError
 from kochab.polar.measure import Measurement, MeasureSettings, PolarFindingKind, together
 from kochab.polar.report import History
 from kochab.polar.rotations import ARCSEC, tangents
+from kochab.polar.sighting import to_local
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
 from kochab.workflows.polar.measure import Measured, Sweep, Turner, measure_axis, second_sweep
 from kochab.workflows.polar.sources import SightingSource
@@ -119,7 +120,8 @@ def adjust(
             yield _update(None, steady, guide, measurement, why)
             continue
         before = guide.instruction
-        live = guide.live.update(found)
+        settings = measurement.settings
+        live = guide.live.update(to_local(found, settings.site, settings.refraction))
         steady, instruction = guide.see(live, controls.take(PolarButton.TURNED))
         history.live(found.time_utc, steady.error)
         if instruction is not before:

@@ -228,7 +228,7 @@ def sweep_from(
         if controls.take(PolarButton.ENOUGH) and isinstance(result, Measurement):
             break
     if isinstance(result, NoAxis):
-        raise NotMeasuredError(f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}")
+        raise NotMeasuredError(result.sentence)
     return Measured(result, path, (*slips[:1], *result.findings))
 
 

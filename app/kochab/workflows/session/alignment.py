@@ -5,8 +5,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, RefusedError, UsageError
@@ -24,7 +25,7 @@ from kochab.polar.report import History
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, align
 from kochab.workflows.polar.measure import RATE_DEG_S, HandTurner, MountTurner, Sweep, Turner, optics_of
-from kochab.workflows.polar.sources import CameraSightings, sightings_of, site_of, solve_polar_file
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile, sightings_of, site_of, solve_polar_file
 from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
 
@@ -95,16 +96,15 @@ class AlignmentTools:
     open_camera: OpenCamera | None = None
 
 
-def with_every_step(task: Task[T], tell: Tell) -> Task[T]:
-    """The same task, every step of which is told: a job passes on only the newest."""
+def _with_each_step(task: Task[T], change: Callable[[Progress], Progress]) -> Task[T]:
+    """The same task with ``change`` of each of its steps."""
     while True:
         try:
             step = next(task)
         except StopIteration as end:
             result: T = end.value
             return result
-        tell(step)
-        yield step
+        yield change(step)
 
 
 # -- Who turns the RA axis: a hand that is asked in words, or a mount at a rate of its own -----
@@ -188,7 +188,7 @@ def _place(wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack) -> 
         return _of_practice(_practice(tools, opened), wish)
     if wish.camera is None:
         raise UsageError("Choose a camera.")
-    return CameraPlace(wish.camera, wish.site, _computer_clock)
+    return CameraPlace(wish.camera, wish.site, partial(datetime.now, UTC))
 
 
 def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
@@ -222,10 +222,6 @@ def _site_of_frames(camera: CameraSource) -> Task[Site]:
     raise KochabError("The camera sends no frames.")
 
 
-def _computer_clock() -> datetime:
-    return datetime.now(UTC)
-
-
 # -- One measurement from frames on disk -------------------------------------------------------
 
 
@@ -248,7 +244,7 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
         raise UsageError(str(error).replace("give --site", "fill in “Your site”")) from None
     result = measure(sightings_of(solved, sweeps), MeasureSettings(site, wish.pole))
     if isinstance(result, NoAxis):
-        raise KochabError(f"{result.reason[0].upper()}{result.reason[1:]}. {result.advice}")
+        raise KochabError(result.sentence)
     history = History()
     history.measured(result)
     tools.keep(history)
@@ -256,13 +252,14 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
     return history
 
 
-def _solved(wish: AlignmentRequest) -> Task[list[Any]]:
+def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
     options = SolveOptions(fov_deg=wish.fov_deg)
     files, solved = (*wish.files, *wish.check), []
     for number, path in enumerate(files):
         told_of = f"{path.name}, {number + 1} of {len(files)}"
         yield PolarUpdate("measure", number / len(files), told_of, frames=number)
-        one = yield from _quietly(solve_polar_file(path, options))
+        # Its steps are cancel points only: what they say is of one frame, not of the alignment.
+        one = yield from _with_each_step(solve_polar_file(path, options), lambda _: Progress("solve"))
         if isinstance(one.result, NoSolution):
             raise KochabError(f"{path.name} has no solution, {one.result.reason}: {one.result.advice}")
         solved.append(one)
@@ -283,16 +280,6 @@ def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpda
     )
 
 
-def _quietly(task: Task[Any]) -> Task[Any]:
-    """Its steps as cancel points only: what they say is of one frame, not of the alignment."""
-    while True:
-        try:
-            next(task)
-        except StopIteration as end:
-            return end.value
-        yield Progress("solve")
-
-
 def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
     """What ``wish`` says, from the first frame to the last; with a ``guard`` the mount turns.
 
@@ -302,6 +289,11 @@ def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard |
         One sentence with what to do.
 
     """
-    if wish.source is FrameSource.FILES:
-        return (yield from with_every_step(measure_files(wish, tools), tools.tell))
-    return (yield from with_every_step(align_camera(wish, tools, guard), tools.tell))
+
+    def told(step: Progress) -> Progress:
+        tools.tell(step)  # each, for a job passes on only the newest
+        return step
+
+    files = wish.source is FrameSource.FILES
+    task = measure_files(wish, tools) if files else align_camera(wish, tools, guard)
+    return (yield from _with_each_step(task, told))

@@ -20,7 +20,8 @@ Point = tuple[float, float]  # azimuth on the sky, altitude; arcsec
 class AlignmentState:
     """``words`` say what to do, ``detail`` what goes on meanwhile.
 
-    ``heard_s`` is when the newest error came, on the clock of whoever absorbs; ``trail`` are the
+    ``turn_instruction`` is the turn that a person is asked for, ``error_at_s`` when the newest error came,
+    on the clock of whoever absorbs; ``trail`` are the
     axes seen while adjusting, ``measured`` the errors of the measurements.
     """
 
@@ -33,12 +34,12 @@ class AlignmentState:
     settled: bool = False
     solved: bool = True
     instruction: Instruction | None = None
-    asked: TurnInstruction | None = None
+    turn_instruction: TurnInstruction | None = None
     findings: tuple[PolarFinding, ...] = ()
     more_turn_deg: float | None = None
     frames: int = 0
     moves: int = 0
-    heard_s: float = 0.0
+    error_at_s: float = 0.0
     trail: tuple[Point, ...] = ()
     measured: tuple[PolarError, ...] = ()
 
@@ -51,13 +52,13 @@ class AlignmentState:
     def hand_needed(self) -> bool:
         """Whether a person is asked to turn something and to say so."""
         waits = self.instruction is not None and self.instruction.knob is not None
-        asked = self.stage == "turn" and self.asked is not None
+        asked = self.stage == "turn" and self.turn_instruction is not None
         return asked or (self.stage == "adjust" and waits)
 
     @property
     def mount_turns(self) -> bool:
         """Whether it is the mount that turns the axis now, by itself."""
-        return self.stage == "turn" and self.asked is None
+        return self.stage == "turn" and self.turn_instruction is None
 
     @property
     def stop(self) -> bool:
@@ -66,7 +67,7 @@ class AlignmentState:
 
     def old(self, now_s: float) -> bool:
         """Whether the number is not of just now: the mount may stand differently already."""
-        return self.running and (not self.solved or now_s - self.heard_s > OLD_S)
+        return self.running and (not self.solved or now_s - self.error_at_s > OLD_S)
 
     @property
     def knob(self) -> Knob | None:
@@ -82,7 +83,7 @@ class AlignmentState:
 def absorb(state: AlignmentState, step: Progress, now_s: float) -> AlignmentState:
     """The state after one step of the task."""
     if isinstance(step, TurnInstruction):
-        return replace(state, stage="turn", words=step.detail, detail="", asked=step, fraction=0.0)
+        return replace(state, stage="turn", words=step.detail, detail="", turn_instruction=step, fraction=0.0)
     if not isinstance(step, PolarUpdate):
         detail = step.detail or state.detail
         return replace(state, detail=detail) if step.stage == "opening" else _plain(state, step)
@@ -97,7 +98,7 @@ def absorb(state: AlignmentState, step: Progress, now_s: float) -> AlignmentStat
     elif step.stage == "adjust":
         state = _adjusting(state, step)
     else:
-        state = replace(state, words=step.detail, detail="", asked=None, instruction=None)
+        state = replace(state, words=step.detail, detail="", turn_instruction=None, instruction=None)
     return _with_error(state, step, now_s)
 
 
@@ -105,7 +106,7 @@ def _plain(state: AlignmentState, step: Progress) -> AlignmentState:
     """A mount that turns says how far; waiting for frames and solving say nothing new."""
     if step.stage == "turn" and step.detail:
         words = f"The mount turns: {step.detail}. Keep clear of it."
-        return replace(state, stage="turn", words=words, fraction=step.fraction, asked=None)
+        return replace(state, stage="turn", words=words, fraction=step.fraction, turn_instruction=None)
     return state
 
 
@@ -114,7 +115,7 @@ def _measuring(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
         state,
         words=HANDS_OFF,
         detail=step.detail,
-        asked=None,
+        turn_instruction=None,
         instruction=None,
         live=False,
         frames=step.frames or state.frames,
@@ -131,7 +132,7 @@ def _adjusting(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
         words=words,
         detail=detail,
         instruction=told,
-        asked=None,
+        turn_instruction=None,
         moves=step.moves,
         settled=step.steady is not None and step.steady.settled,
     )
@@ -146,7 +147,7 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
             seen = step.live.error
             point = (seen.azimuth_on_sky_arcsec, seen.altitude_arcsec)
             trail = (*state.trail[-PAST:], point)
-            return replace(state, trail=trail, heard_s=now_s, findings=step.findings)
+            return replace(state, trail=trail, error_at_s=now_s, findings=step.findings)
         return state
     if step.measurement is None:
         return state
@@ -155,5 +156,5 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
         fresh = not state.measured or state.measured[-1] is not error
         measured = (*state.measured, error) if fresh else state.measured
         # What follows begins a trail of its own.
-        return replace(state, error=error, measured=measured, heard_s=now_s, live=False, trail=())
-    return replace(state, error=error, heard_s=now_s, live=False)
+        return replace(state, error=error, measured=measured, error_at_s=now_s, live=False, trail=())
+    return replace(state, error=error, error_at_s=now_s, live=False)

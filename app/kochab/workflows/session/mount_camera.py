@@ -15,7 +15,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import CameraSelection, OpenCamera
 from kochab.solver import SolveOptions
 from kochab.workflows.fresh_frame import fresh_frame, lost_in_space
-from kochab.workflows.goto_target import answered
+from kochab.workflows.goto_target import with_retries
 from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
 
 LIMIT_S = 40.0
@@ -106,7 +106,7 @@ def frame_solver(eye: MountCamera, guard: Guard, tell: Callable[[object], None])
         tell(FrameTaken(frame))
         said = None
         with suppress(DeviceError):
-            said = answered(guard.position_icrs)
+            said = with_retries(guard.position_icrs)
         yield Progress("solving")
         solved = yield from solve_open_frame(frame, SolveOptions(timeout_s=LIMIT_S))
         if isinstance(solved.result, Solution) and said is not None:
