@@ -3,9 +3,11 @@
 import gc
 import os
 import threading
+from functools import partialmethod
 
 import pytest
 from PySide6.QtCore import QSettings
+from pytestqt.qtbot import QtBot
 
 from kochab.window.application import build
 from kochab.window.settings import WindowSettings
@@ -14,6 +16,8 @@ from kochab.window.themes import apply_theme
 from kochab.window.widgets import use_plain_numerals
 from tests.window.fakes import FakeEngine
 
+PATIENCE_MS = 20_000
+
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 
@@ -21,6 +25,13 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 def plain_numerals(qapp):
     """As the application does at its start."""
     use_plain_numerals()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def patience():
+    """A busy machine may take longer than pytest-qt's five seconds; what never comes is still told."""
+    for wait in ("waitUntil", "waitSignal", "waitSignals"):
+        setattr(QtBot, wait, partialmethod(getattr(QtBot, wait), timeout=PATIENCE_MS))
 
 
 @pytest.fixture(autouse=True)

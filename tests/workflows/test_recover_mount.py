@@ -10,10 +10,12 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import RefusedError, UsageError
 from kochab.core.mount import Ability
 from kochab.core.progress import run
-from kochab.core.solution import NoSolution, Reason
+from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.frames.fits_write import write_fits
+from kochab.simulate.rig import PracticeRig, tonight
 from kochab.workflows.fresh_frame import FileFrames, NoMoreFramesError, image_files
 from kochab.workflows.recover_mount import recover_mount
+from kochab.workflows.sync_mount import solves_apart_arcsec
 from tests.workflows.mount_nights import bench, good
 
 
@@ -152,6 +154,19 @@ def test_frames_that_show_different_places_are_no_proof() -> None:
     with pytest.raises(RefusedError, match="different places"):
         run(recover_mount(b.guard, see, taken=b.taken))
     assert b.mount.did == []
+
+
+@pytest.mark.parametrize("now_unix", [1795574614, 1795662441, 1796023645])
+def test_both_halves_of_a_frame_are_solved(now_unix, tmp_path) -> None:
+    """Of every other star of these fields no pattern agreed: five of 1,208 such halves."""
+    night = replace(tonight(4, now_unix=now_unix), lost_deg=1.5, start_deg=(-30.0, 35.0), rate=0.0)
+    write_fits(PracticeRig(night).frame(1.0), tmp_path / "night.fits")
+    frames = FileFrames([tmp_path])
+    one, other = run(frames.solve_now()), run(frames.solve_now())
+    assert isinstance(one, Solution)
+    assert isinstance(other, Solution)
+    assert not {star.id for star in one.stars} & {star.id for star in other.stars}
+    assert solves_apart_arcsec(one, other) < 2.0
 
 
 def test_a_frame_from_before_needs_a_yes(tmp_path) -> None:
