@@ -103,20 +103,12 @@ def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float, densit
 
     ``density`` is the fewest stars a frame.
     """
-    for volume, level, size in _levels(volumes):
-        if density <= PER_FIELD * (field_deg / size) ** 2 < 2.0 * density:
-            return _at_year(volume, level, round(year))
+    for volume in volumes:
+        for level, size in enumerate(volume.fields_deg.tolist()):
+            stars = PER_FIELD * (field_deg / size) ** 2
+            if size >= NARROWEST_DEG and density <= stars < 2.0 * density:
+                return _at_year(volume, level, round(year))
     return None
-
-
-@lru_cache(maxsize=4)
-def _levels(volumes: tuple[Volume, ...]) -> list[tuple[Volume, int, float]]:
-    return [
-        (volume, level, size)
-        for volume in volumes
-        for level, size in enumerate(volume.fields_deg.tolist())
-        if size >= NARROWEST_DEG
-    ]
 
 
 @lru_cache(maxsize=8)

@@ -55,15 +55,8 @@ MOST_BYTES = 600_000_000  # the oldest tables go when there are more
 def cached_table(name: str, options: Mapping[str, Any], make: Callable[[], Arrays]) -> Arrays:
     """The arrays that ``make`` returns, from disk when they are there.
 
-    Parameters
-    ----------
-    name : str
-        What the table is, a word that can be part of a file's name.
-    options : mapping
-        All that ``make`` depends on besides the shipped catalogue, as JSON can hold it.
-    make : callable
-        Makes the arrays; called at most once.
-
+    ``name`` is a word that can be part of a file's name; ``options`` are all that ``make`` depends on
+    besides the shipped catalogue, as JSON can hold it.
     """
     content = json.dumps([TABLE_FORMAT, name, _catalogue(), dict(options)], sort_keys=True)
     digest = hashlib.sha256(content.encode()).hexdigest()[:20]

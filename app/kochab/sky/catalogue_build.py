@@ -1,5 +1,6 @@
 """Make every file of ``catalogs/`` from registry packages, the same bytes from the same input."""
 
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -126,25 +127,17 @@ def write_objects(database: Path, path: Path) -> int:
         raise CatalogueError(f"{database.name} cannot be read: {error}.") from error
     lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon"]
     for name, kind, ra, dec, mag, size, messier, common in rows:
+        short = re.sub(r"^(NGC|IC)0*(?=\d)", r"\1 ", name)  # NGC 224, where the source has NGC0224
         place = f"{np.degrees(ra):.5f}\t{np.degrees(dec):.5f}"
         number = f"{_number(mag)}\t{_number(size)}"
         messier = f"M{int(messier)}" if messier else ""
-        lines.append(f"{_short(name)}\t{kind}\t{place}\t{number}\t{messier}\t{common or ''}")
+        lines.append(f"{short}\t{kind}\t{place}\t{number}\t{messier}\t{common or ''}")
     path.write_text("\n".join(lines) + "\n", "utf-8", newline="\n")
     return len(rows)
 
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}".rstrip("0").rstrip(".")
-
-
-def _short(name: str) -> str:
-    """``NGC0224`` as ``NGC 224``; other names as they are."""
-    for prefix in ("NGC", "IC"):
-        rest = name.removeprefix(prefix)
-        if rest != name and rest[:4].isdecimal():
-            return f"{prefix} {int(rest[:4])}{rest[4:]}"
-    return name
 
 
 def write_lines(figures: Path, path: Path) -> int:
@@ -159,17 +152,14 @@ def write_lines(figures: Path, path: Path) -> int:
         cells = line.split()
         if len(cells) < 4 or line.startswith("#"):
             continue
-        stars = [int(c) for c in cells[2:]]
-        chain: list[int] = []
-        for a, b in zip(stars[::2], stars[1::2], strict=True):
+        chains: list[list[str]] = []
+        for a, b in zip(cells[2::2], cells[3::2], strict=True):
             segments += 1
-            if chain and chain[-1] == a:
-                chain.append(b)
-                continue
-            if chain:
-                out.append(f"{cells[0]}\t{' '.join(map(str, chain))}")
-            chain = [a, b]
-        out.append(f"{cells[0]}\t{' '.join(map(str, chain))}")
+            if chains and chains[-1][-1] == a:
+                chains[-1].append(b)
+            else:
+                chains.append([a, b])
+        out += [f"{cells[0]}\t{' '.join(chain)}" for chain in chains]
     path.write_text("\n".join(out) + "\n", "utf-8", newline="\n")
     return segments
 
