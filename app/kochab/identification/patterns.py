@@ -283,7 +283,7 @@ def triangle_search(
         yield Progress("identify", 0.0, "triangles of the known camera")
         for verdict in known.verdicts():
             p = verdict.pointing
-            if search.centre is None or search.allows(p.matrix[2], p.focal):
+            if search.allows(p.matrix[2], p.focal):
                 table = known.table
                 return identification_of(
                     verdict, detections, table.rows, table.vectors, verdict.log10_tail, known.tried

@@ -16,7 +16,7 @@ from kochab.attitude.least_squares import project_with_jacobian
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
-from kochab.identification.verification import least_likely, pair
+from kochab.identification.verification import pair
 
 FEWEST = 2
 ROUNDS = 6
@@ -114,19 +114,6 @@ def expected_px(camera: Camera, matrix: Floats, vectors: Floats) -> Floats:
     """Where stars (S, 3) should be, px (S, 2); far outside the frame for those behind it."""
     places = camera.project(vectors @ matrix.T)
     return np.where(np.isfinite(places), places, -1e9)
-
-
-def agreement(
-    distance2_px: Floats, witnesses: int, stars: float, area_px: float, reach_px: float, candidates: int, free: int
-) -> float:
-    """log10 of a bound for the chance of so good an agreement; see :mod:`kochab.identification.verification`.
-
-    ``distance2_px`` (M,) squared distances of matched stars, of ``witnesses`` recorded ones that
-    could have matched one of ``stars`` on ``area_px``; ``candidates`` predictions were tried, each
-    with ``free`` numbers fitted to the same stars.
-    """
-    square = np.sort(distance2_px)
-    return least_likely(square, witnesses, stars, area_px, reach_px, free, candidates)[0]
 
 
 def _ahead(body: Floats) -> Floats:

@@ -4,10 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kochab.attitude import small_rotation
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Bools, Floats, Ints
 from kochab.identification.index import RA_STEPS, Volume
 from kochab.identification.quads import FieldStars, Hypotheses, directions
 
@@ -33,7 +32,7 @@ def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float) -> I
     return np.asarray((hit & ~proposer).sum(axis=1))
 
 
-def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> NDArray[np.bool_]:
+def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> Bools:
     """Whether the box around each direction (H, D, 3) holds a star of the level."""
     a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
     zones = int(volume.zones[level])
@@ -280,7 +279,7 @@ def verify(
         return None
     evidence = np.ones(len(seen), dtype=bool)
     evidence[proposers[proposers < len(seen)]] = False
-    tail, radius, (i, j, d2) = _tail(view, pointing, seen, sky, evidence, reach_px, free=4)
+    tail, radius, (i, j, d2) = _agreement(seen, pointing.project(sky)[0], view.half, evidence, reach_px, free=4)
     agree = d2 < radius * radius
     i, j, d2 = i[agree], j[agree], d2[agree]
     if len(i) < FEWEST:
@@ -290,7 +289,7 @@ def verify(
         for _ in range(2):
             at = four.project(volume.stars[proposing_stars].astype(np.float64))
             four = refit(four, view.xy[proposers], *at, bend=False)
-        tail = min(tail, _tail(view, four, seen, sky, evidence, reach_px, free=0)[0])
+        tail = min(tail, _agreement(seen, four.project(sky)[0], view.half, evidence, reach_px, free=0)[0])
     rms = float(np.sqrt(d2.mean()))
     return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
 
@@ -316,29 +315,22 @@ def improve(
     return pointing
 
 
-def _tail(
-    view: FieldStars,
-    pointing: CandidatePointing,
-    seen: Floats,
-    sky: Floats,
-    evidence: NDArray[np.bool_],
-    reach_px: float,
-    free: int,
+def _agreement(
+    seen: Floats, expected: Floats, half: Floats, evidence: Bools, reach_px: float, free: int
 ) -> tuple[float, float, tuple[Ints, Ints, Floats]]:
-    """The least likely agreement over all radii, log10 for one candidate, and its radius in px.
+    """How unlikely chance makes it that ``seen`` (n, 2) agree so well with ``expected`` (N, 2), log10.
 
-    And the pairs within the widest radius, as :func:`pair` gives them.
-    ``free`` is how many numbers of the pointing were fitted to the evidence itself: none when only
-    the proposers were used.
+    Both are px from the frame's middle, ``half`` (2,) is half the frame. Also the radius of the least
+    likely agreement, px, and the pairs within ``reach_px``, as :func:`pair` gives them. Only ``evidence``
+    (n,) counts; ``free`` numbers of the pointing were fitted to it, none when only the proposers were used.
     """
-    xy, _ = pointing.project(sky)
-    inside = float((np.abs(xy) < view.half).all(axis=1).sum())
-    pairs = pair(seen, xy, reach_px)
-    square = np.sort(pairs[2][evidence[pairs[0]]])
-    witnesses, area = int(evidence.sum()), float(4.0 * view.half[0] * view.half[1])
+    inside = float((np.abs(expected) < half).all(axis=1).sum())
+    pairs = pair(seen, expected, reach_px)
+    square = pairs[2][evidence[pairs[0]]]
+    witnesses, area = int(evidence.sum()), float(4.0 * half[0] * half[1])
     best, radius = least_likely(square, witnesses, inside, area, reach_px, free)
     if best < ACCEPT_LOG10:
-        inside *= crowding(seen[evidence], xy, view.half, inside / area)
+        inside *= crowding(seen[evidence], expected, half, inside / area)
         best, radius = least_likely(square, witnesses, inside, area, reach_px, free)
     return best, radius, pairs
 
@@ -348,11 +340,11 @@ def least_likely(
 ) -> tuple[float, float]:
     """The least likely agreement over all radii, log10, and its radius in px.
 
-    ``distance2_px`` (M,), ascending, are the squared distances of matched stars; the rest is as in
-    :func:`kochab.identification.verification.log10_false_alarm`.
+    ``distance2_px`` (M,) are the squared distances of matched stars; the rest is as in
+    :func:`log10_false_alarm`.
     """
     radii = reach_px / np.sqrt(2.0) ** np.arange(RADII)
-    matched = np.searchsorted(distance2_px, radii**2)
+    matched = np.searchsorted(np.sort(distance2_px), radii**2)
     best, radius, last = 0.0, 0.0, -1
     for m, r in zip(matched[::-1].tolist(), radii[::-1].tolist(), strict=True):
         if m == last or m == 0:

@@ -23,8 +23,8 @@ from kochab.detection.star_fit import (
     refit_bright,
     unweighted,
 )
-from kochab.identification.predictional_estimate import Estimate, agreement, concluded, differential, expected_px
-from kochab.identification.verification import ACCEPT_LOG10
+from kochab.identification.predictional_estimate import Estimate, concluded, differential, expected_px
+from kochab.identification.verification import ACCEPT_LOG10, least_likely
 from kochab.solver.track_prediction import Expected, Neighbourhood, Prediction
 
 SNR = 5.0
@@ -225,7 +225,8 @@ def match(
         return None
     left = seen.xy[finds] - expected_px(camera, estimate.attitude.matrix, vectors[finds])
     side = 2.0 * half + 1.0
-    alarm = agreement(np.sum(left**2, axis=1), len(finds), 1, side**2, float(half), candidates=looks, free=3)
+    square = np.sum(left**2, axis=1)
+    alarm, _ = least_likely(square, len(finds), 1, side**2, float(half), candidates=looks, free=3)
     return Tracked(estimate, alarm) if alarm <= ACCEPT_LOG10 else None
 
 

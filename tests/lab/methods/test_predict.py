@@ -8,7 +8,8 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
-from kochab.identification.predictional_estimate import agreement, differential, predictional_estimate
+from kochab.identification.predictional_estimate import differential, predictional_estimate
+from kochab.identification.verification import least_likely
 from kochab.lab.methods.predict import Predict
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue
@@ -108,5 +109,5 @@ def test_the_bound_is_reached_by_chance_no_oftener_than_it_says() -> None:
         seen = rng.uniform(0, 999, (30, 2))
         found = predictional_estimate(camera, truth.matrix, seen, vectors, 40.0, closest_px=10.0)
         d2 = np.zeros(0) if found is None else np.sum(found.residuals_px**2, axis=1)
-        low += agreement(d2, 30, 30, 1e6, 40.0, 1, 3) < -1.0
+        low += least_likely(d2, 30, 30, 1e6, 40.0, 3)[0] < -1.0
     assert low <= 30

@@ -124,11 +124,11 @@ def chance_of(
     ``stars`` are within ``half`` (2,) the frame; ``free`` numbers were fitted to them. What would be
     accepted is counted again with the density of the stars where they crowd.
     """
-    square, area, count = np.sort(distance2), float(4.0 * half[0] * half[1]), float(stars)
-    tail, _ = least_likely(square, len(seen), count, area, reach_px, free, candidates)
+    area, count = float(4.0 * half[0] * half[1]), float(stars)
+    tail, _ = least_likely(distance2, len(seen), count, area, reach_px, free, candidates)
     if tail <= ACCEPT_LOG10:
         count *= crowding(seen, places, half, count / area)
-        tail, _ = least_likely(square, len(seen), count, area, reach_px, free, candidates)
+        tail, _ = least_likely(distance2, len(seen), count, area, reach_px, free, candidates)
     return tail
 
 
