@@ -6,11 +6,12 @@ first axis and with declination on the second.
 """
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 from kochab.simulate.mechanics.mount import EquatorialMount
 
@@ -27,37 +28,50 @@ RESPONDERS: dict[str, str] = {
 class Controller:
     """A byte machine: it neither waits, nor reads a clock, nor raises on any bytes.
 
-    Here are the buffer for the unfinished command, and motions that can be refused.
+    ``command`` matches a whole command; what is answered is its last group, or all of it. What
+    cannot begin one (``begins``) is lost, as on the real line. ``words`` are the commands it knows,
+    each a pattern whose groups go to the method beside it, which gives the reply or None for ``done``.
 
     ``refusal`` is asked before every goto and sync; a reason refuses it, in the words each
     protocol has for that.
     """
 
+    command: ClassVar[re.Pattern[bytes]]
+    begins: ClassVar[bytes]
     longest = 64  # bytes that are kept of an unfinished command
+    unknown = b""
+    done = b""
 
     def __init__(self, telescope: EquatorialMount) -> None:
         self.telescope = telescope
         self.refusal: Callable[[], str | None] = lambda: None
-        self._pending = bytearray()
+        self.words: dict[bytes, Callable[..., bytes | None]] = {}
+        self._pending = b""
 
     def feed(self, data: bytes) -> bytes:
         """Answer every command that ``data``, whole commands or parts, completes, in order."""
         self._pending += data
         replies = bytearray()
-        while (command := self._take()) is not None:
-            replies += self._answer(command) or b""
+        while self._pending:
+            if (found := self.command.match(self._pending)) is not None:
+                self._pending = self._pending[found.end() :]
+                replies += self._answer(found[found.lastindex or 0])
+            elif self._pending[0] in self.begins and len(self._pending) <= self.longest:
+                break
+            else:
+                self._pending = self._pending[1:]
         return bytes(replies)
 
     def idle(self) -> None:
         """The line has been quiet for long: forget half a command, as hand controllers do."""
-        self._pending.clear()
+        self._pending = b""
 
-    def _take(self) -> bytes | None:
-        """Cut the next whole command off the buffer, or None until more has come."""
-        raise NotImplementedError
-
-    def _answer(self, command: bytes) -> bytes | None:
-        raise NotImplementedError
+    def _answer(self, command: bytes) -> bytes:
+        for pattern, method in self.words.items():
+            if (found := re.fullmatch(pattern, command, re.DOTALL)) is not None:
+                reply = method(*found.groups())
+                return self.done if reply is None else reply
+        return self.unknown
 
     def _goto(self, ra_deg: float, dec_deg: float) -> str | None:
         return self.refusal() or self.telescope.goto(ra_deg % 360.0, dec_deg)

@@ -5,7 +5,6 @@ INDI found: the letters name the keys of the hand controller, not the sky.
 """
 
 import re
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
@@ -19,8 +18,7 @@ PULSES = {b"ZS": Direction.EAST, b"ZQ": Direction.WEST, b"ZE": Direction.NORTH, 
 PULSES |= {b"Mn": Direction.NORTH, b"Ms": Direction.SOUTH, b"Me": Direction.EAST, b"Mw": Direction.WEST}
 RATES_DEG_S = tuple(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512, 960))
 SIDES = {PierSide.EAST: 0, PierSide.WEST: 1}
-ONE_OK = b"1"
-TAKEN = re.compile(
+TAKEN = (
     rb"RT[0-4]|SGF[01]|SHE[01]|MSR[789]|SAL[+-]\d\d|RG\d{4}|SMT\d{3}|SP[PR][01]|RR\d{5}|SDS[01]"
     rb"|SPA\d{9}|SPH\d{8}|SZP|MSH"
 )
@@ -29,14 +27,18 @@ TAKEN = re.compile(
 class IoptronResponder(Controller):
     """What is not known is not answered. A sync while it slews is answered and ignored."""
 
+    command = re.compile(rb":(?:[^#]*:)?([^:#]*)#")
+    begins = b":"
+    done = b"1"
+
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
         self.settings = LocalSettings.of(telescope)
         self.rate = 5
         self.target_deg = [0.0, 0.0]
-        self.plain: dict[bytes, Callable[[], bytes | None]] = {
+        self.words = {
             b"MountInfo": lambda: b"0040",
-            **dict.fromkeys((b"FW1", b"FW2"), lambda: b"210105210105#"),
+            b"FW[12]": lambda: b"210105210105#",
             b"GEP": self.position,
             b"GLS": self.status,
             b"GUT": self.time,
@@ -47,56 +49,27 @@ class IoptronResponder(Controller):
             b"AG": lambda: b"5050#",
             b"GMT": lambda: b"010#",
             b"GTR": lambda: b"10000#",
-            **dict.fromkeys((b"GPE", b"GPR"), lambda: b"0"),
+            b"GP[ER]": lambda: b"0",
             b"CM": self.sync,
-            **dict.fromkeys((b"MS1", b"MS2"), self.slew),
-            **dict.fromkeys((b"Q", b"MH"), telescope.stop),
+            b"MS[12]": self.slew,
+            b"Q|MH": telescope.stop,
             b"qR": lambda: self.halt(Direction.EAST, Direction.WEST),
             b"qD": lambda: self.halt(Direction.NORTH, Direction.SOUTH),
             b"ST0": lambda: self.track(False),
             b"ST1": lambda: self.track(True),
             b"MP0": lambda: self.park(False),
             b"MP1": lambda: self.park(True),
+            rb"SRA(\d{9})": self.set_ra,
+            rb"Sd([+-]\d{8})": self.set_dec,
+            b"SR([1-9])": self.set_rate,
+            b"(m[nsew])": self.move,
+            rb"((?:Z[SQEC]|M[nsew])\d{5})": self.pulse,
+            rb"SLO([+-]\d{8})": self.set_longitude,
+            rb"SLA([+-]\d{8})": self.set_latitude,
+            rb"SG([+-]\d{3})": self.set_zone,
+            rb"SUT(\d{13})": self.set_time,
+            TAKEN: lambda: None,
         }
-        self.patterns: list[tuple[re.Pattern[bytes], Callable[[bytes], bytes | None]]] = [
-            (re.compile(rb"SRA(\d{9})"), self.set_ra),
-            (re.compile(rb"Sd([+-]\d{8})"), self.set_dec),
-            (re.compile(rb"SR([1-9])"), self.set_rate),
-            (re.compile(rb"(m[nsew])"), self.move),
-            (re.compile(rb"((?:Z[SQEC]|M[nsew])\d{5})"), self.pulse),
-            (re.compile(rb"SLO([+-]\d{8})"), self.set_longitude),
-            (re.compile(rb"SLA([+-]\d{8})"), self.set_latitude),
-            (re.compile(rb"SG([+-]\d{3})"), self.set_zone),
-            (re.compile(rb"SUT(\d{13})"), self.set_time),
-        ]
-
-    def _take(self) -> bytes | None:
-        """``:...#``; the rest is lost."""
-        pending = self._pending
-        while pending:
-            start, end = pending.find(b":"), pending.find(b"#")
-            if start < 0:
-                pending.clear()
-            elif start > 0:
-                del pending[:start]
-            elif end > 0:
-                command = bytes(pending[:end]).rpartition(b":")[2]
-                del pending[: end + 1]
-                return command
-            elif len(pending) > self.longest:
-                del pending[0]
-            else:
-                return None
-        return None
-
-    def _answer(self, command: bytes) -> bytes:
-        reply: bytes | None = None if TAKEN.fullmatch(command) else b""
-        if command in self.plain:
-            reply = self.plain[command]()
-        for pattern, method in self.patterns:
-            if (found := pattern.fullmatch(command)) is not None:
-                reply = method(found[1])
-        return ONE_OK if reply is None else reply  # what it does without a word to say
 
     def position(self) -> bytes:
         """Declination, right ascension, side of the pier, weights down."""
@@ -138,18 +111,18 @@ class IoptronResponder(Controller):
         if int(text) > 129600000:
             return b"0"
         self.target_deg[0] = int(text) / PARTS_DEG
-        return ONE_OK
+        return b"1"
 
     def set_dec(self, text: bytes) -> bytes:
         """``1``, or ``0`` beyond a pole."""
         if abs(int(text)) > 32400000:
             return b"0"
         self.target_deg[1] = int(text) / PARTS_DEG
-        return ONE_OK
+        return b"1"
 
     def slew(self) -> bytes:
         """``0`` below the altitude limit or beyond the mechanical ones."""
-        return b"0" if self._goto(*self.target_deg) else ONE_OK
+        return b"0" if self._goto(*self.target_deg) else b"1"
 
     def sync(self) -> None:
         """``1`` in any case."""
@@ -206,4 +179,4 @@ class IoptronResponder(Controller):
             return b"0"
         self.settings.clock_error += wanted - self.settings.utc()
         self.settings.clock_error = max(self.settings.clock_error, timedelta(days=-9000))
-        return ONE_OK
+        return b"1"

@@ -1,7 +1,6 @@
 """LX200 mounts: Meade's classic, the Autostar, OnStep and OnStepX."""
 
 import re
-from collections.abc import Callable
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.mechanics.mount import EquatorialMount
@@ -65,86 +64,18 @@ def parse(text: bytes, most: float) -> float | None:
 TIME = re.compile(rb"(?P<hour>\d\d?):(?P<minute>\d\d?):(?P<second>\d\d?)")
 DATE = re.compile(rb"(?P<month>\d\d?)/(?P<day>\d\d?)/(?P<year>\d\d?)")
 DATE_TEXT = b"1Updating Planetary Data#" + b" " * 30 + b"#"
-
-
-class SiteAndTime:
-    """Place and time: longitudes and the hours of the zone grow westward.
-
-    Answers to ``:Gt#`` ``:Gg#`` ``:GG#`` ``:GL#`` ``:GC#`` ``:GS#`` and what sets them.
-    """
-
-    def __init__(self, telescope: EquatorialMount, mark: bytes, decimals: int = 0) -> None:
-        self.settings = LocalSettings.of(telescope)
-        settings = self.settings
-        self._getters: dict[bytes, Callable[[], bytes]] = {
-            b"Gt": lambda: degrees(settings.latitude_deg, False, mark),
-            b"Gg": lambda: degrees(-settings.longitude_deg % 360.0, False, mark, width=3, signed=False),
-            b"GG": self._zone,
-            b"GL": lambda: settings.local().strftime("%H:%M:%S").encode(),
-            b"GC": lambda: settings.local().strftime("%m/%d/%y").encode(),
-            b"GS": lambda: hours(telescope.sidereal_deg(), True, decimals),
-            b"Gc": lambda: b"24",
-        }
-        self._setters: dict[bytes, Callable[[bytes], bool]] = {
-            b"St": self._set_latitude,
-            b"Sg": self._set_longitude,
-            b"SG": self._set_zone,
-            b"SL": lambda text: self._set_clock(TIME, text),
-            b"SC": lambda text: self._set_clock(DATE, text),
-        }
-
-    def answer(self, command: bytes) -> bytes | None:
-        """The reply to a command of this group, None to any other."""
-        if (get := self._getters.get(command)) is not None:
-            return get() + b"#"
-        if (put := self._setters.get(command[:2])) is None:
-            return None
-        good = put(command[2:].strip())
-        return DATE_TEXT if good and command[:2] == b"SC" else b"1" if good else b"0"
-
-    def _zone(self) -> bytes:
-        west = -self.settings.utc_offset_h
-        return b"%+03d" % west if west == int(west) else b"%+05.1f" % west
-
-    def _set_latitude(self, text: bytes) -> bool:
-        if (value := parse(text, 90.0)) is not None:
-            self.settings.latitude_deg = value
-        return value is not None
-
-    def _set_longitude(self, text: bytes) -> bool:
-        if (west := parse(text, 360.0)) is not None:
-            self.settings.longitude_deg = (180.0 - west) % 360.0 - 180.0
-        return west is not None
-
-    def _set_zone(self, text: bytes) -> bool:
-        try:
-            west = float(text) if b":" not in text else parse(text, 14.0)
-        except ValueError:
-            return False
-        if west is None or not abs(west) <= 14.0:
-            return False
-        self.settings.utc_offset_h = -west
-        return True
-
-    def _set_clock(self, pattern: re.Pattern[bytes], text: bytes) -> bool:
-        if (found := pattern.fullmatch(text)) is None:
-            return False
-        parts = {name: int(digits) for name, digits in found.groupdict().items()}
-        if "year" in parts:
-            parts["year"] += 2000
-        return self.settings.set_local(**parts)
-
-
 DIRECTIONS = {b"n": Direction.NORTH, b"s": Direction.SOUTH, b"e": Direction.EAST, b"w": Direction.WEST}
-ACKNOWLEDGE = b"\x06"
 
 
 class Lx200Responder(Controller):
     """The classic: imprecise when switched on, silent to guide pulses and to product names.
 
     What a Meade does not know it does not answer, and ``:CM#`` has no word for a refusal.
+    Longitudes and the hours of the zone grow westward.
     """
 
+    command = re.compile(rb"\x06|:+([^#]*)#")
+    begins = b"\x06:"
     mark = b"\xdf"
     decimals = 0
     starts_precise = False
@@ -155,9 +86,9 @@ class Lx200Responder(Controller):
         self.precise = self.starts_precise
         self.rate_deg_s = self.rates_deg_s[b"S"]
         self.target_deg = [0.0, 0.0]
-        self.site = SiteAndTime(telescope, self.mark, self.decimals)
-        self.plain: dict[bytes, Callable[[], bytes | None]] = {
-            ACKNOWLEDGE: self.alignment,
+        self.settings = settings = LocalSettings.of(telescope)
+        self.words = {
+            b"\x06": self.alignment,
             b"GR": lambda: self.written_ra(telescope.believed_deg()[0]),
             b"GD": lambda: self.written_dec(telescope.believed_deg()[1]),
             b"D": self.distance_bars,
@@ -170,46 +101,25 @@ class Lx200Responder(Controller):
             b"U": self.toggle_precision,
             b"Q": telescope.stop,
             b"GT": lambda: b"60.1#",
-            b"GM": lambda: b"SITE 1#",
-            b"GN": lambda: b"SITE 2#",
-            b"GO": lambda: b"SITE 3#",
-            b"GP": lambda: b"SITE 4#",
+            b"G([MNOP])": lambda site: b"SITE %d#" % (b"MNOP".index(site) + 1),
+            b"Gt": lambda: degrees(settings.latitude_deg, False, self.mark) + b"#",
+            b"Gg": lambda: degrees(-settings.longitude_deg % 360.0, False, self.mark, width=3, signed=False) + b"#",
+            b"GG": self.zone,
+            b"GL": lambda: settings.local().strftime("%H:%M:%S#").encode(),
+            b"GC": lambda: settings.local().strftime("%m/%d/%y#").encode(),
+            b"GS": lambda: hours(telescope.sidereal_deg(), True, self.decimals) + b"#",
+            b"Gc": lambda: b"24#",
+            b"Sr(.*)": self.set_ra,
+            b"Sd(.*)": self.set_dec,
+            b"St(.*)": self.set_latitude,
+            b"Sg(.*)": self.set_longitude,
+            b"SG(.*)": self.set_zone,
+            b"SL(.*)": lambda text: b"1" if self.set_clock(TIME, text) else b"0",
+            b"SC(.*)": lambda text: DATE_TEXT if self.set_clock(DATE, text) else b"0",
+            b"M(.*)": self.move,
+            b"Q(.*)": self.halt,
+            b"R(.*)": self.set_rate,
         }
-        self.prefixed: dict[bytes, Callable[[bytes], bytes | None]] = {
-            b"Sr": self.set_ra,
-            b"Sd": self.set_dec,
-            b"M": self.move,
-            b"Q": self.halt,
-            b"R": self.set_rate,
-        }
-
-    def _take(self) -> bytes | None:
-        """``:...#`` or the lone 0x06; what is neither is lost, as on the real line."""
-        pending = self._pending
-        while pending:
-            if pending[0] == ACKNOWLEDGE[0]:
-                del pending[0]
-                return ACKNOWLEDGE
-            end = pending.find(b"#") if pending[0] == ord(":") else 0
-            if end > 0:
-                command = bytes(pending[:end]).lstrip(b":")
-                del pending[: end + 1]
-                return command
-            if end < 0 and len(pending) <= self.longest:
-                return None
-            del pending[0]
-        return None
-
-    def _answer(self, command: bytes) -> bytes | None:
-        if command in self.plain:
-            return self.plain[command]()
-        if (reply := self.site.answer(command)) is not None:
-            return reply
-        for length in (2, 1):
-            method = self.prefixed.get(command[:length])
-            if method is not None:
-                return method(command[length:])
-        return None
 
     def alignment(self) -> bytes:
         """``P`` aligned on an equatorial wedge, ``L`` not aligned: a land scope. No #."""
@@ -225,15 +135,17 @@ class Lx200Responder(Controller):
 
     def level(self) -> tuple[bytes, bytes]:
         """Altitude, and azimuth from north."""
-        altitude, azimuth = horizontal_deg(self.telescope, self.site.settings.latitude_deg)
-        return (
-            degrees(altitude, self.precise, self.mark) + b"#",
-            degrees(azimuth, self.precise, self.mark, width=3, signed=False) + b"#",
-        )
+        altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
+        return (self.written_dec(altitude), degrees(azimuth, self.precise, self.mark, width=3, signed=False) + b"#")
 
     def distance_bars(self) -> bytes:
         """The two rows of the hand controller's display: 32 places, full while it slews."""
         return (b"\x7f" if self.telescope.slewing else b" ") * 32 + b"#"
+
+    def zone(self) -> bytes:
+        """``sHH#``, or ``sHH.H#`` where it is no whole hour."""
+        west = -self.settings.utc_offset_h
+        return b"%+03d#" % west if west == int(west) else b"%+05.1f#" % west
 
     def set_ra(self, text: bytes) -> bytes:
         """``1`` or ``0``, without #."""
@@ -250,6 +162,42 @@ class Lx200Responder(Controller):
             return b"0"
         self.target_deg[1] = value
         return b"1"
+
+    def set_latitude(self, text: bytes) -> bytes:
+        """``1`` or ``0``, without #."""
+        value = parse(text, 90.0)
+        if value is None:
+            return b"0"
+        self.settings.latitude_deg = value
+        return b"1"
+
+    def set_longitude(self, text: bytes) -> bytes:
+        """``1`` or ``0``, without #."""
+        west = parse(text, 360.0)
+        if west is None:
+            return b"0"
+        self.settings.longitude_deg = (180.0 - west) % 360.0 - 180.0
+        return b"1"
+
+    def set_zone(self, text: bytes) -> bytes:
+        """``1`` or ``0``, without #."""
+        try:
+            west = float(text) if b":" not in text else parse(text, 14.0)
+        except ValueError:
+            return b"0"
+        if west is None or not abs(west) <= 14.0:
+            return b"0"
+        self.settings.utc_offset_h = -west
+        return b"1"
+
+    def set_clock(self, pattern: re.Pattern[bytes], text: bytes) -> bool:
+        """Set the date or the time of day; whether it is one."""
+        if (found := pattern.fullmatch(text.strip())) is None:
+            return False
+        parts = {name: int(digits) for name, digits in found.groupdict().items()}
+        if "year" in parts:
+            parts["year"] += 2000
+        return self.settings.set_local(**parts)
 
     def slew(self) -> bytes:
         """``0``, or the reason: 1 is the horizon, 2 any other, its text ended by #."""
@@ -290,7 +238,8 @@ class AutostarResponder(Lx200Responder):
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
-        self.plain |= {
+        self.words = {b"Mg(.*)": self.pulse} | self.words  # before "M(.*)"
+        self.words |= {
             b"GVP": lambda: b"Autostar#",
             b"GVN": lambda: b"43Eg#",
             b"GVD": lambda: b"Jan 01 2010#",
@@ -299,7 +248,6 @@ class AutostarResponder(Lx200Responder):
             b"GW": self.how,
             b"hP": self.park,
         }
-        self.prefixed[b"Mg"] = self.pulse
 
     def distance_bars(self) -> bytes:
         """One bar while it slews."""
@@ -337,6 +285,7 @@ REASONS = {"below horizon": 1, "overhead": 2, "parked": 4, "limits": 6, "moving"
 class OnStepResponder(AutostarResponder):
     """Precise from the start; an unknown command is answered by a bare ``0``."""
 
+    unknown = b"0"
     mark = b"*"
     rates_deg_s = {b"G": RATES[2], b"C": RATES[5], b"M": RATES[6], b"F": RATES[7], b"S": RATES[8]} | {
         b"%d" % k: rate for k, rate in enumerate(RATES)
@@ -345,12 +294,12 @@ class OnStepResponder(AutostarResponder):
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
         for meade in (b"GW", b"GVF"):
-            del self.plain[meade]
+            del self.words[meade]
 
         def fine(angle_deg: float) -> bytes:
             return degrees(angle_deg, True, decimals=3) + b"#"
 
-        self.plain |= {
+        self.words |= {
             b"GVP": lambda: b"On-Step#",
             b"GVN": lambda: b"10.24i#",
             b"GVD": lambda: b"Jan 01 2025#",
@@ -358,12 +307,12 @@ class OnStepResponder(AutostarResponder):
             b"GU": self.flags,
             b"Gm": self.side,
             b"GE": lambda: b"00#",
-            **dict.fromkeys((b"GRa", b"GRH"), lambda: hours(telescope.believed_deg()[0], True, 4) + b"#"),
-            **dict.fromkeys((b"GDe", b"GDH"), lambda: fine(telescope.believed_deg()[1])),
+            b"GR[aH]": lambda: hours(telescope.believed_deg()[0], True, 4) + b"#",
+            b"GD[eH]": lambda: fine(telescope.believed_deg()[1]),
             b"GT": lambda: b"60.16427#" if telescope.tracking else b"0#",
-            b"GtH": lambda: fine(self.site.settings.latitude_deg),
+            b"GtH": lambda: fine(self.settings.latitude_deg),
             b"GX98": lambda: b"N#",
-            **dict.fromkeys((b"%BD", b"%BR"), lambda: b"0#"),
+            b"%B[DR]": lambda: b"0#",
             b"Gh": lambda: b"-10*#",
             b"Go": lambda: b"85*#",
             b"CS": self.silent_sync,
@@ -371,13 +320,8 @@ class OnStepResponder(AutostarResponder):
             b"hP": self.park,
             b"Te": lambda: self.track(True),
             b"Td": lambda: self.track(False),
+            b"T[QSLK]": lambda: None,  # tracking rates
         }
-        self.plain |= dict.fromkeys((b"TQ", b"TS", b"TL", b"TK"), lambda: None)  # tracking rates
-
-    def _answer(self, command: bytes) -> bytes | None:
-        known = command in self.plain or self.site.answer(command) is not None
-        known = known or command[:1] in (b"Q", b"M", b"R") or command[:2] in (b"Sr", b"Sd")
-        return super()._answer(command) if known else b"0"
 
     def slew(self) -> bytes:
         """One digit, without text and without #."""

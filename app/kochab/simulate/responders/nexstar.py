@@ -1,7 +1,6 @@
 """NexStar hand controls (Celestron), and SynScan (Sky-Watcher), byte for byte."""
 
 import re
-from collections.abc import Callable
 from datetime import UTC, datetime
 from functools import lru_cache
 
@@ -42,9 +41,6 @@ def read_pair(text: bytes, digits: int) -> tuple[float, float] | None:
     return (around, dec) if abs(dec) <= 90.0 else None
 
 
-LENGTHS = {b"K": 2, b"T": 2, b"W": 9, b"H": 9, b"P": 8, b"r": 18, b"s": 18, b"R": 10, b"S": 10} | {
-    bytes([c]): 1 for c in b"VvmeEzZtJLMwhp"
-}
 RATES_DEG_S = (0.0, *(k * SIDEREAL_DEG_S for k in (0.5, 1.0, 4.0, 8.0, 16.0, 64.0)), 0.5, 2.0, 4.0)
 RA_MOTOR, DEC_MOTOR = 16, 17
 FASTER, SLOWER, MOVE_UP, MOVE_DOWN = 6, 7, 36, 37  # the first two in quarters of an arcsec/s
@@ -62,52 +58,40 @@ TRACKING_OFF, TRACKING_EQ_NORTH, TRACKING_EQ_SOUTH = 0, 2, 3
 class NexStarResponder(Controller):
     """Version 4.21 on an Advanced VX. Before an alignment it says ``#`` to a goto and stays."""
 
+    # A command is known by its first byte and cut by its length: any byte may be a #.
+    command = re.compile(rb"[VvmeEzZtJLMwhp]|[KT].|[WH].{8}|P.{7}|[rs].{17}|[RS].{9}", re.DOTALL)
+    begins = b"VvmeEzZtJLMwhpKTWHPrsRS"
     version = (4, 21)
     model = 20
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
         self.settings = LocalSettings.of(telescope)
-        self.commands: dict[bytes, Callable[[bytes], bytes]] = {
-            b"K": lambda text: text + b"#",
-            b"V": lambda _: bytes(self.version) + b"#",
-            b"v": lambda _: b"\x11#",
-            b"m": lambda _: bytes([self.model]) + b"#",
-            b"e": lambda _: self.position(8),
-            b"E": lambda _: self.position(4),
-            b"z": lambda _: self.horizontal(8),
-            b"Z": lambda _: self.horizontal(4),
-            b"r": lambda text: self.goto(text, 8),
-            b"R": lambda text: self.goto(text, 4),
-            b"s": lambda text: self.sync(text, 8),
-            b"S": lambda text: self.sync(text, 4),
-            b"J": lambda _: bytes([telescope.aligned]) + b"#",
-            b"L": lambda _: b"1#" if telescope.slewing else b"0#",
+        self.words = {
+            b"K(.)": lambda text: text + b"#",
+            b"V": lambda: bytes(self.version) + b"#",
+            b"v": lambda: b"\x11#",
+            b"m": lambda: bytes([self.model]) + b"#",
+            b"e": lambda: self.position(8),
+            b"E": lambda: self.position(4),
+            b"z": lambda: self.horizontal(8),
+            b"Z": lambda: self.horizontal(4),
+            b"r(.*)": lambda text: self.goto(text, 8),
+            b"R(.*)": lambda text: self.goto(text, 4),
+            b"s(.*)": lambda text: self.sync(text, 8),
+            b"S(.*)": lambda text: self.sync(text, 4),
+            b"J": lambda: bytes([telescope.aligned]) + b"#",
+            b"L": lambda: b"1#" if telescope.slewing else b"0#",
             b"M": self.cancel,
-            b"t": lambda _: bytes([self.tracking_mode()]) + b"#",
-            b"T": self.set_tracking,
-            b"p": lambda _: b"W#" if telescope.pier_side is PierSide.WEST else b"E#",
-            b"w": lambda _: self.site() + b"#",
-            b"W": self.set_site,
-            b"h": lambda _: self.time() + b"#",
-            b"H": self.set_time,
-            b"P": self.pass_on,
+            b"t": lambda: bytes([self.tracking_mode()]) + b"#",
+            b"T(.)": self.set_tracking,
+            b"p": lambda: b"W#" if telescope.pier_side is PierSide.WEST else b"E#",
+            b"w": lambda: self.site() + b"#",
+            b"W(.*)": self.set_site,
+            b"h": lambda: self.time() + b"#",
+            b"H(.*)": self.set_time,
+            b"P(.*)": self.pass_on,
         }
-
-    def _take(self) -> bytes | None:
-        """A command is known by its first byte and cut by its length: any byte may be a #."""
-        pending = self._pending
-        while pending and bytes(pending[:1]) not in LENGTHS:
-            del pending[0]
-        length = LENGTHS[bytes(pending[:1])] if pending else 1
-        if len(pending) < length:
-            return None
-        command = bytes(pending[:length])
-        del pending[:length]
-        return command
-
-    def _answer(self, command: bytes) -> bytes:
-        return self.commands[command[:1]](command[1:])
 
     def position(self, digits: int) -> bytes:
         """RA and Dec as it believes."""
@@ -144,7 +128,7 @@ class NexStarResponder(Controller):
             self._sync(*pair)
         return b"#"
 
-    def cancel(self, _: bytes = b"") -> bytes:
+    def cancel(self) -> bytes:
         """Ends a goto."""
         self.telescope.stop()
         return b"#"
@@ -270,9 +254,9 @@ class SynScanResponder(NexStarResponder):
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
         self._braking = False
-        self.commands[b"V"] = lambda _: self.firmware + b"#"
-        self.commands[b"p"] = self.pointing_state
-        self.commands[b"v"] = lambda _: b""  # Celestron's alone
+        self.words[b"V"] = lambda: self.firmware + b"#"
+        self.words[b"p"] = self.pointing_state
+        del self.words[b"v"]  # Celestron's alone
 
     def from_date(self, ra_deg: float, dec_deg: float) -> Place:
         """J2000."""
@@ -292,7 +276,7 @@ class SynScanResponder(NexStarResponder):
             self._sync(*there)
         return b"#"
 
-    def cancel(self, _: bytes = b"") -> bytes:
+    def cancel(self) -> bytes:
         """The first of two only brakes."""
         if self.telescope.slewing and not self._braking:
             self._braking = True
@@ -300,7 +284,7 @@ class SynScanResponder(NexStarResponder):
         self._braking = False
         return super().cancel()
 
-    def pointing_state(self, _: bytes) -> bytes:
+    def pointing_state(self) -> bytes:
         """Where the counterweights look: the other side than the tube's."""
         return b"E#" if self.telescope.pier_side is PierSide.WEST else b"W#"
 

@@ -119,6 +119,8 @@ _SIZES |= {b"F": 0, b"J": 0, b"K": 0, b"L": 0}
 class SkyWatcherResponder(Controller):
     """An EQ6's board: no home sensors, no encoders, no features to ask for (``q``)."""
 
+    command = re.compile(rb":(?:[^\r]*:)?([^:\r]*)\r")
+    begins = b":"
     longest = 16
 
     def __init__(self, telescope: EquatorialMount) -> None:
@@ -147,26 +149,8 @@ class SkyWatcherResponder(Controller):
         for motor, angle in zip(self.motors, from_home_deg, strict=True):
             motor.set_steps(MIDDLE + round(angle * motor.steps_deg))
 
-    def _take(self) -> bytes | None:
-        """``:`` up to a carriage return; a new colon begins anew."""
-        pending = self._pending
-        end = pending.find(b"\r")
-        if end < 0:
-            start = pending.rfind(b":")
-            del pending[: start if start >= 0 else len(pending)]
-            if len(pending) > self.longest:
-                pending.clear()
-            return None
-        line = bytes(pending[:end])
-        del pending[: end + 1]
-        return line
-
-    def _answer(self, line: bytes) -> bytes:
-        start = line.rfind(b":")
-        if start < 0:
-            return b""
-        order, channel = line[start + 1 : start + 2], line[start + 2 : start + 3]
-        data = line[start + 3 :]
+    def _answer(self, command: bytes) -> bytes:
+        order, channel, data = command[:1], command[1:2], command[2:]
         if channel not in (b"1", b"2", b"3"):
             return LENGTH if not channel else CHARACTER
         motors = self.motors if channel == b"3" else (self.motors[int(channel) - 1],)
