@@ -1,6 +1,5 @@
 """Simulated mounts over real pseudo-terminals and sockets, and what goes wrong on a line."""
 
-import os
 import socket
 import sys
 import threading
@@ -245,22 +244,3 @@ def test_unplugged_in_an_exchange_and_plugged_in_again(line):
     line.plug()
     with port_of(line) as port:
         assert ask(port, b"t", 2) == b"\x00#"  # the mount has not been switched off
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals there")
-def test_a_link_keeps_the_name_of_a_port_over_a_replug(tmp_path):
-    line = pty_line(nexstar(), link=tmp_path / "mount")
-    try:
-        first = os.readlink(line.port)
-        with port_of(line) as port:
-            line.unplug()
-            assert lost(port)
-            assert not os.path.lexists(line.port)
-            line.plug()
-        assert line.port == str(tmp_path / "mount")
-        with port_of(line) as port:
-            assert ask(port, b"Kx", 2) == b"x#"
-        assert first.startswith("/dev/")
-    finally:
-        line.stop()
-    assert not os.path.lexists(tmp_path / "mount")

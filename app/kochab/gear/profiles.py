@@ -247,11 +247,9 @@ class Remembered(Protocol):
 
     def text(self, name: str, default: str) -> str:
         """A word."""
-        ...
 
     def keep(self, name: str, value: Any) -> None:
         """Remember a value."""
-        ...
 
 
 def current_profile(settings: Remembered) -> EquipmentProfile:

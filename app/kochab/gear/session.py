@@ -164,89 +164,75 @@ class Practice(Protocol):
     @property
     def port(self) -> str:
         """Where its mount answers: a device path or ``socket://host:port``."""
-        ...
 
     @property
     def driver(self) -> str:
         """The protocol its mount speaks, a name of :data:`kochab.gear.mounts.DRIVERS`."""
-        ...
 
     @property
     def camera(self) -> str:
         """The name by which the camera source "simulated" opens its camera."""
-        ...
 
     @property
     def rig(self) -> Any:
         """The rig itself (``kochab.simulate.rig``): its clock, weather, bolts and truth."""
-        ...
 
     @property
     def config(self) -> Any:
         """How it was started (``kochab.simulate.practice``)."""
-        ...
 
     trouble: str
     """One sentence when something of it failed, which whoever says it empties."""
 
     def do(self, line: str) -> str:
         """What hands do at the mount, as one typed line, and what came of it."""
-        ...
 
     def score(self) -> Any:
         """How far belief and axis are off now (``kochab.simulate.practice``)."""
-        ...
 
     def stop(self) -> None:
         """End it and give the port back."""
-        ...
 
 
 StartPractice = Callable[..., Practice]
 
 
-class Opening(Protocol):
-    """Called in the thread of the line; ``farewell`` is what is said when it is over."""
+class Opening:
+    """Opens a mount behind its guard in the thread of the line; ``farewell`` is said when it is over.
 
-    farewell: str
+    ``practice`` is the simulated telescope at the other end, once it has started.
+    """
+
+    farewell = ""
+    practice: Practice | None = None
+
+    def __init__(self, open_guard: Callable[[], Guard]) -> None:
+        self._open_guard = open_guard
 
     def __call__(self) -> Guard:
         """The mount behind its guard; DeviceError with one sentence."""
-        ...
+        return self._open_guard()
 
     def over(self) -> None:
         """The line is closed."""
-        ...
 
 
-class PortOpening:
+def port_opening(selection: MountSelection, site: Site | None, limits: Limits) -> Opening:
     """A mount on a serial port or a socket."""
-
-    farewell = ""
-
-    def __init__(self, selection: MountSelection, site: Site | None, limits: Limits) -> None:
-        self._selection, self._site, self._limits = selection, site, limits
-
-    def __call__(self) -> Guard:
-        """Open it behind its guard."""
-        return guarded(self._selection, self._site, limits=self._limits)
-
-    def over(self) -> None:
-        """Nothing is left to be done."""
+    return Opening(partial(guarded, selection, site, limits=limits))
 
 
-class PracticeOpening:
+class PracticeOpening(Opening):
     """Starts the simulated telescope and connects over its line; it ends with the line.
 
     ``tell`` hears of it, in the thread of the line.
     """
 
     def __init__(self, start: StartPractice, tell: Callable[[MountEvent], None], limits: Limits) -> None:
+        super().__init__(self._begin)
         self._start, self._tell, self._limits = start, tell, limits
-        self.practice: Practice | None = None
-        self.farewell = ""
 
-    def __call__(self) -> Guard:
+    def _begin(self) -> Guard:
         """Start the practice night and open its mount."""
         self.practice = practice = self._start(fov_deg=PRACTICE_FOV_DEG)
         self._tell(PracticeStarted(practice.port, practice.camera))

@@ -21,7 +21,7 @@ class CameraConfig:
     Distortion as in :mod:`kochab.core.camera`. ``zero_point_e_s``: electrons a second of a star of
     V = 0 above the air. Stars fainter than ``faintest``, or than the noise, are left out. Noise is
     normal, which photons behind reading noise are nearly; ``cheap`` takes it from a pool that is
-    made once, for 30 frames a second. ``tell_scale`` puts the pixel scale into each frame's hint.
+    made once, for 30 frames a second.
     """
 
     width: int = 1280
@@ -41,7 +41,6 @@ class CameraConfig:
     hot_e_s: tuple[float, float] = (20.0, 3000.0)
     rays_per_minute: float = 1.0
     cheap: bool = False
-    tell_scale: bool = True
     name: str = "simulated camera"
 
     def optics(self) -> Camera:
@@ -119,7 +118,7 @@ class SkyCamera:
         """What a header would say of an exposure."""
         scale = self.optics.scale_arcsec_px
         return Hint(
-            scale_arcsec_px=(0.97 * scale, 1.03 * scale) if self.config.tell_scale else None,
+            scale_arcsec_px=(0.97 * scale, 1.03 * scale),
             time_utc=datetime.fromtimestamp(start + exposure_s / 2.0, UTC),
             exposure_s=exposure_s,
             site=self.site,

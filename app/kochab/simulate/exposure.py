@@ -205,21 +205,16 @@ def background(light: ExposureLight) -> Floats32:
 # -- An exposure as a detector would list it, without making pixels: for runs by the hundred ------
 
 FAINTEST_SNR = 6.0
+FALSE_STARS = 0.02
+MOST_STARS = 300
 FLOOR_PX = 0.03  # no centroid is better: pixels are not evenly sensitive
 
 
-def star_list(
-    light: ExposureLight,
-    fwhm_px: float,
-    read_noise_e: float,
-    rng: np.random.Generator,
-    false_stars: float = 0.02,
-    most: int = 300,
-) -> Detections:
+def star_list(light: ExposureLight, fwhm_px: float, read_noise_e: float, rng: np.random.Generator) -> Detections:
     """Stars above ``FAINTEST_SNR`` with the errors that their light allows.
 
     A centroid's error is the image's sigma over the signal-to-noise ratio, with a floor of
-    0.03 px. ``false_stars`` is their number as a share of the real ones, rounded by chance.
+    0.03 px. False stars are :data:`FALSE_STARS` of the real ones, rounded by chance.
     """
     width, height = light.optics.width, light.optics.height
     xy, flux = _over_time(light.paths.xy), starlight(light)
@@ -238,13 +233,13 @@ def star_list(
     error = np.hypot(np.sqrt(core + spread.sum(axis=1)) / snr, FLOOR_PX)
     xy = xy + rng.normal(size=xy.shape) * error[:, None]
     flux = flux * (1.0 + rng.normal(size=len(flux)) / snr)
-    extra = int(rng.poisson(false_stars * len(xy)))
+    extra = int(rng.poisson(FALSE_STARS * len(xy)))
     if extra:
         like = rng.integers(0, len(xy), extra)
         false = rng.uniform(-0.5, [width - 0.5, height - 0.5], (extra, 2))
         xy = np.concatenate([xy, false])
         flux, snr, spread = (np.concatenate([values, values[like]]) for values in (flux, snr, spread))
-    order = np.argsort(-flux, kind="stable")[:most]
+    order = np.argsort(-flux, kind="stable")[:MOST_STARS]
     along, across = np.sqrt(core + spread[order]).T
     fwhm, elongation = FWHM_PER_SIGMA * np.sqrt(along * across), along / across
     angles, no = np.full(len(order), angle), np.zeros(len(order), dtype=np.bool_)

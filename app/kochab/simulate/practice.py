@@ -125,12 +125,26 @@ class PracticeConfig:
 
 
 class PracticeNight:
-    """Runs until :meth:`stop`. ``camera`` is the name under which source "simulated" opens it."""
+    """Runs until :meth:`stop`. ``camera`` is the name under which source "simulated" opens it.
+
+    Raises
+    ------
+    kochab.core.errors.UsageError
+        There is no such driver, or the folder cannot be made.
+    kochab.core.errors.PortError
+        The mount cannot be served on a line.
+
+    """
 
     def __init__(self, config: PracticeConfig) -> None:
         if config.driver not in RESPONDERS:
             names = ", ".join(sorted(RESPONDERS))
             raise UsageError(f"There is no simulated mount '{config.driver}'; choose one of {names}.")
+        if config.folder is not None:
+            try:
+                config.folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise UsageError(f"{config.folder} cannot be used as a folder: {error.strerror}.") from None
         self.config = config
         self.rig = PracticeRig(config.rig)
         self.camera = announce(self.rig)
@@ -278,25 +292,8 @@ def practise(
 
     Without ``misalign_arcmin`` the seed hides 20 to 90; ``faults`` brings clouds, wind, a kick, a
     weak clutch and a bad line. A pseudo-terminal serves the mount unless ``socket`` asks for TCP.
-
-    Raises
-    ------
-    kochab.core.errors.UsageError
-        There is no such driver, or the folder cannot be made.
-
     """
     night = practice_night(misaligned(tonight(seed, site), misalign_arcmin, lost_deg), faults)
     where = None if folder is None else Path(folder)
     rig = through(replace(night, rate=rate), fov_deg)
-    return start_practice(PracticeConfig(rig, driver, socket, where, exposure_s, faults))
-
-
-def start_practice(config: PracticeConfig | None = None) -> PracticeNight:
-    """Start a practice night; UsageError or PortError says why that is not possible."""
-    config = config or PracticeConfig()
-    if config.folder is not None:
-        try:
-            config.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"{config.folder} cannot be used as a folder: {error.strerror}.") from None
-    return PracticeNight(config)
+    return PracticeNight(PracticeConfig(rig, driver, socket, where, exposure_s, faults))

@@ -11,7 +11,6 @@ import threading
 import time
 from collections import deque
 from enum import StrEnum
-from pathlib import Path
 
 from kochab.core.errors import PortError
 from kochab.simulate.responders import Controller
@@ -21,14 +20,10 @@ from kochab.simulate.responders import Controller
 
 
 class PtyEnd:
-    """A pseudo-terminal in raw mode, whose slave stays open so that programs may come and go.
+    """A pseudo-terminal in raw mode, whose slave stays open so that programs may come and go."""
 
-    With ``link``, the port is that symbolic link, which stays the same when replugged.
-    """
-
-    def __init__(self, link: Path | None = None) -> None:
+    def __init__(self) -> None:
         self.port = ""
-        self._link = link
         self._fds: tuple[int, int] | None = None
         self.plug()
 
@@ -46,18 +41,12 @@ class PtyEnd:
         os.set_blocking(master, False)
         self._fds = (master, slave)
         self.port = os.ttyname(slave)
-        if self._link is not None:
-            self._link.unlink(missing_ok=True)
-            self._link.symlink_to(self.port)
-            self.port = str(self._link)
 
     def unplug(self) -> None:
         """Close both ends: whoever has it open gets an error."""
         for fd in self._fds or ():
             os.close(fd)
         self._fds = None
-        if self._link is not None:
-            self._link.unlink(missing_ok=True)
 
     def watched(self) -> list[int]:
         """The master."""
@@ -241,6 +230,7 @@ class Faults:
         return [(wait if k == 0 else self.gap_s, bytes([c])) for k, c in enumerate(reply)]
 
 
+LOOK_S = 0.05  # how soon it is seen that the line was plugged in, or is to end
 IDLE_S = 1.5  # a command that stands half-written for so long is forgotten
 
 
@@ -259,8 +249,6 @@ class Line:
         self._outgoing: deque[tuple[float, bytes]] = deque()  # when (monotonic s), what
         self._heard_at = time.monotonic()
         self._running = True
-        self._ours, self._theirs = socket.socketpair()
-        self._ours.setblocking(False)
         self._lock = threading.RLock()
         self._thread = threading.Thread(target=self._serve, name="simulated line", daemon=True)
         self._thread.start()
@@ -275,47 +263,35 @@ class Line:
         with self._lock:
             self._outgoing.clear()
             self._end.unplug()
-        self._wake()
 
     def plug(self) -> None:
         """Put the cable back."""
         with self._lock:
             self._end.plug()
-        self._wake()
 
     def stop(self) -> None:
         """End the thread and remove the port; may be called twice."""
         if not self._running:
             return
         self._running = False
-        self._wake()
         self._thread.join(timeout=5.0)
         self.unplug()
-        self._ours.close()
-        self._theirs.close()
-
-    def _wake(self) -> None:
-        with contextlib.suppress(OSError):
-            self._theirs.send(b"!")
 
     def _serve(self) -> None:
-        waker = self._ours.fileno()
         while self._running:
             with self._lock:
                 watched = self._end.watched()
                 due = self._outgoing[0][0] if self._outgoing else math.inf
-            patience = min(max(0.0, due - time.monotonic()), IDLE_S)
+            patience = min(max(0.0, due - time.monotonic()), LOOK_S)
             try:
-                ready, _, _ = select.select([waker, *watched], [], [], patience)
-            except (OSError, ValueError):  # unplugged while waiting
+                ready, _, _ = select.select(watched, [], [], patience)
+            except (OSError, ValueError):  # unplugged while waiting; on Windows an empty list, too
+                time.sleep(LOOK_S)
                 continue
             with self._lock:
                 self._send_due()
                 for one in ready:
-                    if one == waker:
-                        self._ours.recv(64)
-                    else:
-                        self._hear(one)
+                    self._hear(one)
 
     def _hear(self, ready: int) -> None:
         if ready not in self._end.watched():
@@ -353,9 +329,9 @@ class Line:
                 self._end.write(data)
 
 
-def pty_line(responder: Controller, faults: Faults | None = None, link: Path | None = None) -> Line:
+def pty_line(responder: Controller, faults: Faults | None = None) -> Line:
     """Serve on a new pseudo-terminal; the caller stops it."""
-    return Line(PtyEnd(link), responder, faults)
+    return Line(PtyEnd(), responder, faults)
 
 
 def socket_line(responder: Controller, faults: Faults | None = None, number: int = 0) -> Line:

@@ -14,6 +14,7 @@ from kochab.core.arrays import Floats, Floats32
 from kochab.core.frame import Frame
 
 FWHM_PER_SIGMA = 2.0 * float(np.sqrt(2.0 * np.log(2.0)))
+HOT_E = (500.0, 30000.0)  # of a hot pixel, least and most
 BAND = 256  # rows that are made at once: noise for a whole 61 MP frame would need 250 MB
 
 
@@ -71,7 +72,6 @@ class Sky:
     level_e: float = 400.0
     gradient_e: tuple[float, float] = (0.0, 0.0)
     hot_per_mp: float = 0.0
-    hot_e: tuple[float, float] = (500.0, 30000.0)
     rays: int = 0
 
 
@@ -196,7 +196,8 @@ def _read_out(
 def _add_hot_pixels(out: NDArray[np.uint16], sky: Sky, sensor: Sensor, rng: np.random.Generator) -> None:
     count = round(sky.hot_per_mp * out.size / 1e6)
     y, x = rng.integers(0, out.shape[0], count), rng.integers(0, out.shape[1], count)
-    extra = np.exp(rng.uniform(np.log(sky.hot_e[0]), np.log(sky.hot_e[1]), count)) / sensor.gain_e
+    low, high = np.log(HOT_E)
+    extra = np.exp(rng.uniform(low, high, count)) / sensor.gain_e
     out[y, x] = np.minimum(out[y, x] + extra, sensor.saturation).astype(np.uint16)
 
 

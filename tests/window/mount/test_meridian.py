@@ -2,7 +2,7 @@
 
 from kochab.core.mount import PierSide
 from kochab.gear.profiles import KEYS, current_profile, keep_profile
-from kochab.gear.session import Meridian, MountSelection, PortOpening, limits_at
+from kochab.gear.session import Meridian, MountSelection, limits_at, port_opening
 from tests.gear.mounts.bench import SITE, place, simulated
 from tests.window.mount_bench import connected
 
@@ -38,7 +38,7 @@ def test_what_was_chosen_is_in_force_from_the_first_motion_after_a_restart(qtbot
     view = commands.views.docks["mount"].view
     assert view.meridian.meridian is Meridian.FLIPS
     with simulated("nexstar") as bench:
-        guard = PortOpening(MountSelection(bench.port, "nexstar"), SITE, view.control.limits)()
+        guard = port_opening(MountSelection(bench.port, "nexstar"), SITE, view.control.limits)()
         with guard:
             assert guard.limits == limits_at(Meridian.FLIPS)
             assert guard.limits.allow_flip

@@ -13,17 +13,14 @@ class SourceKind(Protocol):
     @classmethod
     def missing(cls) -> str | None:
         """How to get what it needs and is not installed, one sentence; None when all is there."""
-        ...
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:
         """What can be opened now, at ``address`` where a kind needs to know where to look."""
-        ...
 
     @classmethod
     def open(cls, address: str, settings: CaptureSettings) -> CameraSource:
         """The camera at ``address``, set up; DeviceError when that is not possible."""
-        ...
 
 
 SOURCES: Registry[CameraSource] = Registry(

@@ -170,7 +170,6 @@ class MountConfig:
     acceleration_deg_s2: float = 2.0
     approach_deg: float = 0.0
     guide_rate: float = 0.5  # of sidereal
-    horizon_deg: float = 0.0
     german: bool = True
     past_meridian_deg: float = 15.0
     computer_clock_s: float = 0.0

@@ -210,7 +210,7 @@ class EquatorialMount:
                 return "parked"
             t = self.clock.now_unix()
             hour = self._sidereal_deg(t) - ra_deg
-            if self._altitude_deg(hour, dec_deg) < self.config.horizon_deg:
+            if self._altitude_deg(hour, dec_deg) < 0.0:
                 return "below horizon"
             target = self._reachable(hour, dec_deg, t)
             if target is None:

@@ -22,13 +22,7 @@ def hours(ra_deg: float, precise: bool, decimals: int = 0) -> bytes:
 
 
 def degrees(
-    angle_deg: float,
-    precise: bool,
-    mark: bytes = b"*",
-    width: int = 2,
-    signed: bool = True,
-    decimals: int = 0,
-    minute_mark: bytes = b":",
+    angle_deg: float, precise: bool, mark: bytes = b"*", width: int = 2, signed: bool = True, decimals: int = 0
 ) -> bytes:
     """``sDD*MM:SS`` or, not precise, ``sDD*MM``; ``mark`` stands after the degrees."""
     unit = 10**decimals if precise else 1
@@ -36,7 +30,7 @@ def degrees(
     minutes = ticks // unit // 60 if precise else ticks
     sign = (b"-" if angle_deg < 0 and ticks else b"+") if signed else b""
     text = sign + b"%0*d" % (width, minutes // 60) + mark + b"%02d" % (minutes % 60)
-    return text + minute_mark + _seconds(ticks, decimals) if precise else text
+    return text + b":" + _seconds(ticks, decimals) if precise else text
 
 
 def _seconds(ticks: int, decimals: int) -> bytes:

@@ -33,9 +33,9 @@ from kochab.gear.session import (
     Meridian,
     MountSelection,
     Opening,
-    PortOpening,
     Practice,
     PracticeOpening,
+    port_opening,
 )
 from kochab.solver.disagreement import MountSighting
 from kochab.window.cameras import Cameras
@@ -65,8 +65,7 @@ class Connection(QObject):
     @property
     def practice(self) -> Practice | None:
         """The practice telescope at the other end, once it has started."""
-        opening = self._opening
-        return opening.practice if isinstance(opening, PracticeOpening) else None
+        return self._opening.practice if self._opening is not None else None
 
     def open(self, opening: Opening, on_end: Callable[[], None]) -> None:
         """Open a line; ``on_end`` is called in its thread when it is closed."""
@@ -240,8 +239,7 @@ class MountControl(QObject):
 
     def connect_mount(self, selection: MountSelection) -> None:
         """Open a mount."""
-        opening = PortOpening(selection, self._services.settings.site, self.limits)
-        self.begin(opening, selection.port)
+        self.begin(port_opening(selection, self._services.settings.site, self.limits), selection.port)
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
