@@ -101,11 +101,11 @@ def test_a_sync_changes_belief_and_moves_nothing():
     mount, clock = mount_at()
     mount.goto(*visible(mount, -40.0, 30.0))
     settle(mount, clock)
-    before = mount.camera_to_enu(clock.now_unix())
+    before = mount.attitude_enu_to_camera(clock.now_unix())
     ra, dec = mount.believed_deg()
     assert mount.sync(ra + 2.0, dec - 1.0) is None
     assert separation_arcsec(mount.believed_deg(), (ra + 2.0, dec - 1.0)) < 0.01
-    np.testing.assert_array_equal(mount.camera_to_enu(clock.now_unix()), before)
+    np.testing.assert_array_equal(mount.attitude_enu_to_camera(clock.now_unix()), before)
     mount.goto(ra, dec)
     settle(mount, clock)
     assert separation_arcsec(mount.believed_deg(), (ra, dec)) < 0.1
@@ -235,10 +235,10 @@ def test_two_attitudes_tell_the_axis_whatever_the_tube_is_like(site, error, dec,
     """The rotation between two views is about the polar axis alone: cone and square drop out."""
     mount, clock = mount_at(site, misalignment_arcmin=error, build=build)
     mount.place(-40.0, dec)
-    first = mount.camera_to_enu(clock.now_unix())
+    first = mount.attitude_enu_to_camera(clock.now_unix())
     mount.turn_by_hand(turn)
-    second = mount.camera_to_enu(clock.now_unix())
-    m = second @ first.T
+    second = mount.attitude_enu_to_camera(clock.now_unix())
+    m = second.T @ first
     axis = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
     axis *= np.sign(axis[1]) * (1.0 if site is NORTH else -1.0) / np.linalg.norm(axis)
     np.testing.assert_allclose(axis, mount.wedge.axis_enu(), atol=1e-9)
@@ -313,7 +313,7 @@ def test_commands_from_many_threads_leave_a_sane_mount():
                 mount.believed_deg()
                 clock.step(float(rng.uniform(0, 0.5)))
                 mount.pulse(Direction.NORTH, 100)
-                mount.camera_to_enu(clock.now_unix() - 1.0)
+                mount.attitude_enu_to_camera(clock.now_unix() - 1.0)
                 mount.stop()
         except Exception as error:
             failures.append(error)

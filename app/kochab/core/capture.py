@@ -44,13 +44,28 @@ class CameraSource(Protocol):
         """What can be set, and how far."""
 
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Apply what can be applied and return what is in force."""
+        """Apply what can be applied and return what is in force.
+
+        Raises
+        ------
+        RefusedError
+            A value is out of range, cannot be set on this camera, or was not accepted.
+
+        """
 
     def next_frame(self, timeout_s: float) -> Frame | None:
         """The newest frame not yet given out, or None when none came within ``timeout_s``.
 
         ``frame.hint.time_utc`` is mid-exposure as well as it is known. Older frames that were
         not fetched are dropped.
+
+        Raises
+        ------
+        LineLostError
+            The camera, its server or its folder went away, or has been silent for too long.
+        RefusedError
+            The camera refused to expose.
+
         """
 
     def close(self) -> None:

@@ -12,8 +12,12 @@ from kochab.core.solution import Solution
 from kochab.gear.actions import POLAR, action
 
 
+class MountEvent:
+    """One report; every kind is a frozen dataclass below."""
+
+
 @dataclass(frozen=True, slots=True)
-class Connected:
+class Connected(MountEvent):
     """A mount answers; ``lacks`` is what it cannot do, each with the reason."""
 
     name: str
@@ -24,14 +28,14 @@ class Connected:
 
 
 @dataclass(frozen=True, slots=True)
-class EpochDoubted:
+class EpochDoubted(MountEvent):
     """Something of the mount's settings is not as it is taken to be."""
 
     sentence: str
 
 
 @dataclass(frozen=True, slots=True)
-class PositionReport:
+class PositionReport(MountEvent):
     """Where it says it points, ICRS degrees, and how it is."""
 
     icrs_deg: tuple[float, float]
@@ -40,7 +44,7 @@ class PositionReport:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SolvedPosition:
+class SolvedPosition(MountEvent):
     """A solved frame, and where the mount said it pointed then (ICRS degrees)."""
 
     solution: Solution
@@ -49,7 +53,7 @@ class SolvedPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class PracticeStarted:
+class PracticeStarted(MountEvent):
     """A simulated telescope has been started: where its mount answers, and its camera's name."""
 
     port: str
@@ -57,14 +61,14 @@ class PracticeStarted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FrameTaken:
+class FrameTaken(MountEvent):
     """The camera gave a frame; it is being solved."""
 
     frame: Frame
 
 
 @dataclass(frozen=True, slots=True)
-class OrderProgress:
+class OrderProgress(MountEvent):
     """An order is under way."""
 
     name: str
@@ -72,7 +76,7 @@ class OrderProgress:
 
 
 @dataclass(frozen=True, slots=True)
-class OrderDone:
+class OrderDone(MountEvent):
     """An order came to its end with this result."""
 
     name: str
@@ -80,7 +84,7 @@ class OrderDone:
 
 
 @dataclass(frozen=True, slots=True)
-class OrderFailed:
+class OrderFailed(MountEvent):
     """An order did not; ``stopped`` when a person ended it."""
 
     name: str
@@ -89,53 +93,36 @@ class OrderFailed:
 
 
 @dataclass(frozen=True, slots=True)
-class Stopped:
+class Stopped(MountEvent):
     """The bytes of Stop have gone to the mount."""
 
 
 @dataclass(frozen=True, slots=True)
-class StandsStill:
+class StandsStill(MountEvent):
     """After a Stop the mount was seen to stand still."""
 
 
 @dataclass(frozen=True, slots=True)
-class StopFailed:
+class StopFailed(MountEvent):
     """They could not be sent, or did not help: the mount may be moving."""
 
     sentence: str
 
 
 @dataclass(frozen=True, slots=True)
-class NoReply:
+class NoReply(MountEvent):
     """A question was not answered; the next one may be."""
 
     sentence: str
 
 
 @dataclass(frozen=True, slots=True)
-class LineLost:
+class LineLost(MountEvent):
     """The line broke; ``again`` is what came of the last try to open it anew."""
 
     sentence: str
     again: str = ""
 
-
-MountEvent = (
-    Connected
-    | EpochDoubted
-    | PositionReport
-    | PracticeStarted
-    | FrameTaken
-    | SolvedPosition
-    | OrderProgress
-    | OrderDone
-    | OrderFailed
-    | Stopped
-    | StandsStill
-    | StopFailed
-    | NoReply
-    | LineLost
-)
 
 # All that the window knows of its mount, kept true by the words of its line; nothing of Qt.
 
@@ -180,7 +167,7 @@ class MountSnapshot:
         return not action(self.busy).may_move
 
     def hear(self, word: object) -> None:
-        """What a :data:`MountEvent` changes; anything else changes nothing."""
+        """What a :class:`MountEvent` changes; anything else changes nothing."""
         match word:
             case PracticeStarted():
                 self.port = word.port

@@ -145,16 +145,7 @@ class AlpacaCamera(ExposingCamera):
 
     @making_sense()
     def next_frame(self, timeout_s: float) -> Frame | None:
-        """The picture of the exposure under way, when it arrives in time.
-
-        Raises
-        ------
-        LineLostError
-            The server or the camera went away, or a picture is overdue.
-        RefusedError
-            The camera refused to expose.
-
-        """
+        """The picture of the exposure under way, when it arrives in time."""
         deadline = monotonic() + timeout_s
         exposing = self._exposing = self._exposing or self._expose()
         while not self._link.get(self._path + "imageready"):  # a refusal tells that exposing has failed

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
-from kochab.gear.cameras.server_camera import NetAddress, making_sense
+from kochab.gear.cameras.server_camera import NetAddress, making_sense, unreachable
 
 ANSWER_S = 5.0
 LARGEST_BYTES = 1_500_000_000
@@ -125,13 +125,9 @@ class AlpacaLink:
         server = self._address.server
         if self._answered:
             return LineLostError(f"Lost the Alpaca server {server}. Check its computer.")
-        if isinstance(error, ConnectionRefusedError):
-            return PortError(f"No Alpaca server at {server}. Start it there.")
-        if isinstance(error, socket.gaierror):
-            return PortError(f"No computer named {self._address.host} on this network.")
         if isinstance(error, http.client.HTTPException):
             return PortError(f"{server} is not an Alpaca server.")
-        return PortError(f"{server} does not answer. Check its power and network.")
+        return unreachable(self._address, "Alpaca", error)
 
 
 def raise_refusal(number: int, message: str) -> None:

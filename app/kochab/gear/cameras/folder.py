@@ -165,14 +165,7 @@ class FolderCamera(CameraSource):
         return told
 
     def next_frame(self, timeout_s: float) -> Frame | None:
-        """The newest finished picture not yet given out.
-
-        Raises
-        ------
-        LineLostError
-            The folder is gone: a drive unplugged, a share unmounted, or a folder removed.
-
-        """
+        """The newest finished picture not yet given out."""
         deadline = monotonic() + timeout_s
         while True:
             if monotonic() >= self._next_look_s:

@@ -133,16 +133,7 @@ class IndiCamera(ExposingCamera):
         return told
 
     def next_frame(self, timeout_s: float) -> Frame | None:
-        """The picture of the exposure under way, when it arrives in time.
-
-        Raises
-        ------
-        LineLostError
-            The server, the driver or the camera went away, or a picture is overdue.
-        RefusedError
-            The camera refused to expose.
-
-        """
+        """The picture of the exposure under way, when it arrives in time."""
         self._check()
         exposing = self._exposing = self._exposing or self._expose()
         blob = self._link.take_blob(timeout_s)

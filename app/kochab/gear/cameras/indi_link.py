@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from kochab.core.errors import LineLostError, NoAnswerError, PortError
-from kochab.gear.cameras.server_camera import NetAddress
+from kochab.gear.cameras.server_camera import NetAddress, unreachable
 
 T = TypeVar("T")
 CONNECT_S = 5.0
@@ -226,14 +226,8 @@ def _knock(address: NetAddress) -> None:
     """See that somebody listens, so that the reason is known when not."""
     try:
         socket.create_connection((address.host.strip("[]"), address.port), CONNECT_S).close()
-    except TimeoutError:
-        raise PortError(f"{address.host} does not answer. Check its power and network.") from None
-    except socket.gaierror:
-        raise PortError(f"No computer named {address.host} on this network.") from None
-    except ConnectionRefusedError:
-        raise PortError(f"No INDI server at {address.server}. Start indiserver there.") from None
     except OSError as error:
-        raise PortError(f"{address.server} cannot be reached: {error.strerror or error}.") from None
+        raise unreachable(address, "INDI", error, "indiserver") from None
 
 
 def _is_camera(device: Any) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from socket import gaierror
 from time import monotonic
 
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
@@ -78,6 +79,15 @@ def net_address(text: str, default_port: int) -> NetAddress:
     if not 1 <= number <= 65535:
         raise PortError(f"'{port}' is not a port; write the address as host:{default_port}.")
     return NetAddress(host or "localhost", number, rest.strip("/"))
+
+
+def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "it") -> PortError:
+    """Why nobody at an address could be asked; ``kind`` is the protocol, ``program`` what is to be started."""
+    if isinstance(error, ConnectionRefusedError):
+        return PortError(f"No {kind} server at {where.server}. Start {program} there.")
+    if isinstance(error, gaierror):
+        return PortError(f"No computer named {where.host} on this network.")
+    return PortError(f"{where.server} does not answer. Check its power and network.")
 
 
 def chosen(cameras: Sequence[tuple[str, str]], where: NetAddress, kind: str) -> str:
@@ -155,14 +165,7 @@ class ExposingCamera(CameraSource):
 
     @making_sense()
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Set exposure, gain and binning; an exposure under way is begun anew.
-
-        Raises
-        ------
-        RefusedError
-            A value is out of range, cannot be set on this camera, or was not accepted.
-
-        """
+        """Set exposure, gain and binning; an exposure under way is begun anew."""
         check_within(settings, self.limits)
         if settings != CaptureSettings():
             self._end_exposure()

@@ -143,26 +143,12 @@ class Webcam(CameraSource):
         return self._controls.limits
 
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
-        """Set exposure and gain, where the driver offers them.
-
-        Raises
-        ------
-        RefusedError
-            A value is out of range or cannot be set on this camera.
-
-        """
+        """Set exposure and gain, where the driver offers them."""
         check_within(settings, self.limits)
         return self._controls.apply(settings)
 
     def next_frame(self, timeout_s: float) -> Frame | None:
-        """The newest picture of the stream.
-
-        Raises
-        ------
-        LineLostError
-            The stream ended or has been silent for too long.
-
-        """
+        """The newest picture of the stream."""
         with self._news:
             self._news.wait_for(lambda: self._newest is not None or self._lost, timeout_s)
             newest, self._newest = self._newest, None

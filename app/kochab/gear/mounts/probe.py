@@ -13,7 +13,7 @@ from typing import Any
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
-from kochab.gear.mounts.serial_line import Conversation, Link, SerialLink, exactly, until
+from kochab.gear.mounts.serial_line import Conversation, SerialLink, exactly, until
 
 PATIENCE_S = 0.8
 
@@ -87,7 +87,7 @@ QUESTIONS: tuple[tuple[int, tuple[Question, ...]], ...] = (
 ALL = (ask_nexstar, ask_skywatcher, ask_lx200, ask_ioptron)
 
 
-def probe(ports: Iterable[str], opener: Callable[[str, int], Link] = SerialLink) -> Task[list[Diagnosis]]:
+def probe(ports: Iterable[str], opener: Callable[[str, int], SerialLink] = SerialLink) -> Task[list[Diagnosis]]:
     """Look at every port; a cancel point before each question."""
     diagnoses: dict[str, Diagnosis] = {}
     for port in ports:
@@ -95,7 +95,7 @@ def probe(ports: Iterable[str], opener: Callable[[str, int], Link] = SerialLink)
     return list(diagnoses.values())
 
 
-def probe_port(port: str, opener: Callable[[str, int], Link] = SerialLink) -> Task[Diagnosis]:
+def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink) -> Task[Diagnosis]:
     """What is on one port, or the exact thing to do."""
     network = "://" in port
     rounds = ((0, ALL),) if network else QUESTIONS

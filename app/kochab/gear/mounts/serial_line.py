@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Lock, RLock
 from time import monotonic, sleep
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
@@ -78,32 +78,11 @@ SLICE_S = 0.05  # a read returns this often, so that a closed line is seen at on
 WRITE_S = 2.0  # a line that takes no more bytes for so long is broken
 
 
-class Link(Protocol):
-    """A line to a mount. One thread reads; any thread may write."""
-
-    port: str
-
-    def write(self, data: bytes) -> None:
-        """Send all of ``data`` in one piece."""
-
-    def read_exact(self, count: int, timeout_s: float) -> bytes:
-        """``count`` bytes, or `NoAnswerError`."""
-
-    def read_until(self, terminator: bytes, limit: int, timeout_s: float) -> bytes:
-        """Bytes up to and with ``terminator``, at most ``limit``, or `NoAnswerError`."""
-
-    def discard(self, quiet_s: float = 0.0) -> bytes:
-        """Throw away what has come, until the line was silent for ``quiet_s``."""
-
-    def close(self) -> None:
-        """Give the port back; never raises."""
-
-
 class SerialLink:
-    """A :class:`Link` over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``socket://``.
+    """A line over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``socket://``.
 
-    Every failure of an open line is a `LineLostError` at once: a pulled cable, a hung-up
-    pseudo-terminal, a server that has gone.
+    One thread reads; any thread may write. Every failure of an open line is a `LineLostError` at
+    once: a pulled cable, a hung-up pseudo-terminal, a server that has gone.
     """
 
     def __init__(self, port: str, baud: int = 9600) -> None:
@@ -126,7 +105,7 @@ class SerialLink:
             self._guarded(lambda: self._serial.write(data))
 
     def read_exact(self, count: int, timeout_s: float) -> bytes:
-        """``count`` bytes within ``timeout_s``."""
+        """``count`` bytes within ``timeout_s``, or `NoAnswerError`."""
         return self._read(timeout_s, lambda got: len(got) >= count)
 
     def read_until(self, terminator: bytes, limit: int, timeout_s: float) -> bytes:
@@ -182,7 +161,7 @@ class SerialLink:
 # An exchange holds the line until its answer has come. :meth:`Conversation.send_now` does not wait
 # for it: it writes at once, and its answer is read later, in the order in which bytes were sent.
 
-Reader = Callable[[Link], bytes]
+Reader = Callable[[SerialLink], bytes]
 Command = tuple[bytes, tuple[Reader, ...]]  # bytes, and how each answer to them is read
 QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
 DOUBT = 2  # exchanges: the first answer after a bad one may be that one, late
@@ -195,7 +174,7 @@ class ProtocolError(NoAnswerError):
 class Conversation:
     """Exchanges over ``link``: one at a time, each with its own answer."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: SerialLink) -> None:
         self.link = link
         self._exchange = RLock()  # one reader
         self._order = Lock()  # held for single writes only: who was sent first

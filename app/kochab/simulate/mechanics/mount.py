@@ -81,15 +81,11 @@ class EquatorialMount:
         with self._lock:
             return self._axes[0].true_deg(t), self._axes[1].true_deg(t)
 
-    def camera_to_enu(self, t: float) -> Floats:
-        """Rotation (3, 3) from camera axes to east, north, up at ``t``, unix seconds."""
+    def attitude_enu_to_camera(self, t: float) -> Floats:
+        """Rotation (3, 3) from observed directions (E, N, U) to camera axes at ``t``, unix seconds."""
         with self._lock:
             hour, dec = self.true_axes_deg(t)
-            return camera_to_enu(hour, dec, self.wedge.to_enu(), self.config.build)
-
-    def attitude_enu_to_camera(self, t: float) -> Floats:
-        """Rotation (3, 3) from observed directions (E, N, U) to camera axes at ``t``."""
-        return np.asarray(self.camera_to_enu(t).T)
+            return np.asarray(camera_to_enu(hour, dec, self.wedge.to_enu(), self.config.build).T)
 
     def busy_until(self) -> float:
         """When the motion planned so far is over, unix s of the true clock."""
@@ -118,11 +114,11 @@ class EquatorialMount:
             for axis, angle in zip(self._axes, fold(hour_deg, dec_deg, flipped, self._north), strict=True):
                 axis.place(t, angle)
             self._offset_deg = (0.0, 0.0)  # believed axis angles minus encoders, as syncs set it
-            self._axes[0].run(t, self._carrier, gently=False)
+            self._axes[0].run(t, self._carrier(0), gently=False)
 
-    @property
-    def _carrier(self) -> float:
-        return SIDEREAL_DEG_S if self._tracking else 0.0
+    def _carrier(self, axis: int) -> float:
+        """The rate below all other motion."""
+        return SIDEREAL_DEG_S if axis == 0 and self._tracking else 0.0
 
     def _motors(self, t: float) -> tuple[float, float]:
         return self._axes[0].motor_deg(t), self._axes[1].motor_deg(t)
@@ -246,8 +242,7 @@ class EquatorialMount:
                 return
             axis, sign = self._sign(direction)
             rate = sign * self.config.guide_rate * SIDEREAL_DEG_S
-            carrier = self._carrier if axis == 0 else 0.0
-            self._axes[axis].nudge(self.clock.now_unix(), rate, milliseconds / 1e3, carrier)
+            self._axes[axis].nudge(self.clock.now_unix(), rate, milliseconds / 1e3, self._carrier(axis))
 
     def move(self, direction: Direction, rate_deg_s: float) -> None:
         """Move until :meth:`halt`, relative to tracking."""
@@ -256,17 +251,15 @@ class EquatorialMount:
                 return
             axis, sign = self._sign(direction)
             rate = sign * min(abs(rate_deg_s), self.config.slew_deg_s)
-            carrier = self._carrier if axis == 0 else 0.0
-            self._axes[axis].run(self.clock.now_unix(), carrier + rate)
+            self._axes[axis].run(self.clock.now_unix(), self._carrier(axis) + rate)
 
     def halt(self, direction: Direction | None = None) -> None:
         """End a move in one direction, or in all."""
         with self._lock:
             t = self.clock.now_unix()
             self._parks_at = None
-            axes = (0, 1) if direction is None else (SIGNS[direction][0],)
-            for axis in axes:
-                self._axes[axis].run(t, self._carrier if axis == 0 else 0.0)
+            for axis in (0, 1) if direction is None else (SIGNS[direction][0],):
+                self._axes[axis].run(t, self._carrier(axis))
 
     def turn_axis(self, axis: int, rate_deg_s: float) -> None:
         """A bare motor: axis 0 or 1 at this rate against the pier, tracking not added."""

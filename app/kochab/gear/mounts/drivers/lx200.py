@@ -9,7 +9,7 @@ from kochab.gear.mounts.coordinates import utc_of
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import lx200 as protocol
 from kochab.gear.mounts.protocols import parse_accepted
-from kochab.gear.mounts.serial_line import Command, Link, until
+from kochab.gear.mounts.serial_line import Command, SerialLink, until
 
 PRODUCT_S = 1.0  # a classic does not know the question and stays silent
 
@@ -133,7 +133,7 @@ class Lx200(SerialMount):
             if not any(self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in (False, True)):
                 raise RefusedError("The mount does not accept these coordinates.")
 
-    def read_slew(self, link: Link) -> bytes:
+    def read_slew(self, link: SerialLink) -> bytes:
         """``0``, or a digit with a text that some leave out."""
         first = link.read_exact(1, self.timeout_s)
         if first == b"0" or not first.isdigit():

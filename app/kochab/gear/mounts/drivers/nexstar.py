@@ -7,7 +7,7 @@ from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountSt
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
-from kochab.gear.mounts.serial_line import Command, Link
+from kochab.gear.mounts.serial_line import Command, SerialLink
 
 PRECISE_SINCE, SYNC_SINCE, PIER_SINCE = (1, 6), (4, 10), (4, 15)
 EQUATORIAL = {"CGE", "CGE Pro", "CGEM DX", "AVX", "CGX", "CGXL", "Advanced GT"}
@@ -141,7 +141,7 @@ class NexStar(SerialMount):
         """What the hand control passes on to a motor."""
         self.talk.ask(command, self.read_passed, protocol.parse_passed, since)
 
-    def read_passed(self, link: Link) -> bytes:
+    def read_passed(self, link: SerialLink) -> bytes:
         """``#``, or one byte more when it failed."""
         reply = link.read_exact(1, self.timeout_s)
         return reply if reply == b"#" else reply + link.read_exact(1, self.timeout_s)

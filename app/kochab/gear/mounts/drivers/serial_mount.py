@@ -12,7 +12,7 @@ from kochab.core.mount import Ability, Direction, Epoch, Home, SiteReport
 from kochab.gear.journal import utc_now
 from kochab.gear.mounts.emergency_stop import Watchdog
 from kochab.gear.mounts.protocols import parse_accepted
-from kochab.gear.mounts.serial_line import Command, Conversation, Link, Reader, exactly, until
+from kochab.gear.mounts.serial_line import Command, Conversation, Reader, SerialLink, exactly, until
 
 T = TypeVar("T")
 LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
@@ -35,7 +35,7 @@ class SerialMount:
 
     def __init__(
         self,
-        link: Link,
+        link: SerialLink,
         epoch: Epoch | None = None,
         site: Site | None = None,
         clock: Callable[[], datetime] | None = None,

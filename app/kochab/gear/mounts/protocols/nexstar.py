@@ -10,7 +10,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import PierSide
 from kochab.gear.mounts.coordinates import utc_of
 from kochab.gear.mounts.protocols import code_table, match, require
-from kochab.gear.mounts.serial_line import Link, ProtocolError, Reader
+from kochab.gear.mounts.serial_line import ProtocolError, Reader, SerialLink
 
 TURN = 1 << 32
 GET_PRECISE, GET_COARSE = b"e", b"E"
@@ -85,7 +85,7 @@ def parse_digit(reply: bytes) -> bool:
 def read_version(timeout_s: float) -> Reader:
     """Read three bytes, or seven when they are SynScan's digits."""
 
-    def read(link: Link) -> bytes:
+    def read(link: SerialLink) -> bytes:
         reply = link.read_exact(3, timeout_s)
         return reply if reply[2:] == b"#" else reply + link.read_exact(4, timeout_s)
 
