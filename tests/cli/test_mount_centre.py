@@ -14,7 +14,7 @@ from kochab.core.mount import Epoch, Pointing
 from kochab.frames.fits_write import write_fits
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.drivers import lx200
-from kochab.simulate.practice import PracticeConfig, PracticeNight
+from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import tonight
 
 
@@ -32,7 +32,7 @@ def practising(driver="nexstar", lost_deg=1.5, start=(-30.0, 35.0)):
     from dataclasses import replace
 
     night = replace(tonight(4), lost_deg=lost_deg, start_deg=start)
-    practice = PracticeNight(PracticeConfig(night, driver, exposure_s=0.5))
+    practice = PracticeNight(night, driver, exposure_s=0.5)
     try:
         yield practice
     finally:

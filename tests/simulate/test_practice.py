@@ -18,7 +18,7 @@ from kochab.gear.cameras import list_devices, open_camera
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.camera_source import RUNNING, SimulatedCamera
 from kochab.simulate.night_sky import sun_altitude_deg
-from kochab.simulate.practice import HELP, PracticeConfig, PracticeNight
+from kochab.simulate.practice import HELP, PracticeNight
 from kochab.simulate.responders import RESPONDERS
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, practice_night, through, tonight
 
@@ -28,7 +28,7 @@ SMALL = CameraConfig(width=320, height=240, fov_deg=1.5)
 @pytest.fixture
 def practice():
     rig = replace(misaligned(tonight(3), 40.0, 3.0), camera=SMALL, rate=50.0)
-    running = PracticeNight(PracticeConfig(rig, socket=True))
+    running = PracticeNight(rig, socket=True)
     yield running
     running.stop()
 
@@ -90,7 +90,7 @@ def test_our_own_drivers_drive_it(driver):
     from kochab.gear.mounts import open_mount
 
     night = replace(tonight(3), camera=SMALL, rate=50.0)
-    running = PracticeNight(PracticeConfig(night, driver=driver, socket=True))
+    running = PracticeNight(night, driver=driver, socket=True)
     mount = running.rig.mount
     try:
         client = open_mount(driver, running.port, site=night.site, clock=running.rig.clock.now_utc, home=Home.POWER_ON)
@@ -176,7 +176,7 @@ def test_frames_are_written_whole_and_read_back_as_seen(tmp_path):
     (tmp_path / "new").mkdir()
     mine = tmp_path / "new" / "practice-00001.fits"
     mine.write_bytes(b"of another night")
-    running = PracticeNight(PracticeConfig(rig, socket=True, folder=tmp_path / "new", exposure_s=5.0))
+    running = PracticeNight(rig, socket=True, folder=tmp_path / "new", exposure_s=5.0)
     try:
         until = time.monotonic() + 30.0
         while len(list((tmp_path / "new").glob("*.fits"))) < 3 and time.monotonic() < until:
@@ -197,14 +197,14 @@ def test_frames_are_written_whole_and_read_back_as_seen(tmp_path):
 def test_a_folder_that_cannot_be_is_said(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="cannot be used as a folder"):
-        PracticeNight(PracticeConfig(folder=tmp_path / "file"))
+        PracticeNight(tonight(), folder=tmp_path / "file")
     with pytest.raises(UsageError, match="no simulated mount 'tractor'"):
-        PracticeNight(PracticeConfig(driver="tractor"))
+        PracticeNight(tonight(), driver="tractor")
 
 
 def test_stopping_leaves_no_thread_and_no_port():
     before = threading.active_count()
-    running = PracticeNight(PracticeConfig(replace(tonight(1), camera=SMALL), socket=True))
+    running = PracticeNight(replace(tonight(1), camera=SMALL), socket=True)
     port = running.port
     running.stop()
     running.stop()
@@ -247,14 +247,14 @@ def test_on_a_standing_clock_the_source_lets_time_pass():
 def test_an_unplugged_camera_says_so_at_once():
     rig = PracticeRig(RigConfig(rate=1.0, camera=SMALL))
     camera = SimulatedCamera(rig, CaptureSettings(exposure_s=60.0))
-    threading.Timer(0.1, camera.unplug).start()
+    threading.Timer(0.1, camera.close).start()
     with pytest.raises(LineLostError):
         camera.next_frame(20.0)
 
 
 def test_a_practice_that_has_ended_lends_its_camera_no_more():
     rig = replace(misaligned(tonight(3), 40.0, 3.0), camera=SMALL, rate=50.0)
-    running = PracticeNight(PracticeConfig(rig, socket=True))
+    running = PracticeNight(rig, socket=True)
     camera = open_camera("simulated", running.camera)
     running.stop()
     assert running.camera not in [device.address for device in list_devices("simulated")]

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import QApplication
 
 from kochab.core.frame import Site
 from kochab.server.phone_page import PhonePage
-from kochab.simulate.practice import PracticeConfig, PracticeNight
+from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import misaligned, through, tonight
 from kochab.window.application import build
 from kochab.window.session import WorkflowEngine
@@ -36,7 +36,7 @@ def night(rate):
 
     def start(fov_deg):
         rig = through(misaligned(tonight(3, Site(47.0, 8.0, 450.0)), 40.0), fov_deg)
-        return PracticeNight(PracticeConfig(replace(rig, rate=rate)))
+        return PracticeNight(replace(rig, rate=rate))
 
     return start
 

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import QApplication
 
 from kochab.core.attitude import apart_deg, radec_deg
 from kochab.core.frame import Site
-from kochab.simulate.practice import PracticeConfig, PracticeNight
+from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import misaligned, practice_night, through, tonight
 from kochab.sky import open_catalogue
 from kochab.window.application import build
@@ -41,7 +41,7 @@ def practise(**wishes):
     night = practice_night(misaligned(tonight(3, SITE), None, 3.0), faults=False)
     night = replace(night, start_unix=WHEN, start_deg=START_DEG, rate=RATE)
     rig = through(night, wishes["fov_deg"])
-    STARTED.append(PracticeNight(PracticeConfig(rig, socket=sys.platform == "win32")))
+    STARTED.append(PracticeNight(rig, socket=sys.platform == "win32"))
     return STARTED[-1]
 
 

@@ -115,7 +115,7 @@ def _listen(practice: "Practice", say: Say) -> None:
 
 
 def _begin_json(practice: "Practice") -> dict[str, Any]:
-    site, folder = practice.rig.config.site, practice.config.folder
+    site, folder = practice.rig.config.site, practice.folder
     return {
         "event": "ready",
         "driver": practice.driver,
@@ -128,7 +128,7 @@ def _begin_json(practice: "Practice") -> dict[str, Any]:
 
 
 def _begin_text(practice: "Practice") -> str:
-    site, folder = practice.rig.config.site, practice.config.folder
+    site, folder = practice.rig.config.site, practice.folder
     line = f"--driver {practice.driver} --port {practice.port}"
     if practice.driver == "skywatcher":
         line += " --home power-on"

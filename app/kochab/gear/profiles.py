@@ -296,11 +296,6 @@ def keep_profile(settings: Remembered, **changes: Any) -> None:
             logging.getLogger(__name__).warning("%s", error)
 
 
-def save_mount(settings: Remembered, selection: MountSelection) -> None:
-    """Remember it."""
-    keep_profile(settings, port=selection.port, driver=selection.driver, baud=selection.baud, epoch=selection.epoch)
-
-
-def save_camera(settings: Remembered, selection: CameraSelection) -> None:
-    """Remember it."""
-    keep_profile(settings, source=selection.source, address=selection.address, exposure_s=selection.exposure_s)
+def save_selection(settings: Remembered, selection: MountSelection | CameraSelection) -> None:
+    """Remember what was chosen, but for a person's word of this moment."""
+    keep_profile(settings, **{name: value for name, value in asdict(selection).items() if name in KEYS})

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol
 
 from kochab.core.capture import CameraSource, CaptureSettings
@@ -178,8 +179,8 @@ class Practice(Protocol):
         """The rig itself (``kochab.simulate.rig``): its clock, weather, bolts and truth."""
 
     @property
-    def config(self) -> Any:
-        """How it was started (``kochab.simulate.practice``)."""
+    def folder(self) -> Path | None:
+        """Where its frames are written."""
 
     trouble: str
     """One sentence when something of it failed, which whoever says it empties."""

@@ -40,7 +40,7 @@ class SimulatedCamera(CameraSource):
     name = "simulated"
 
     def __init__(self, rig: PracticeRig, settings: CaptureSettings | None = None) -> None:
-        self._rig = rig
+        self.rig = rig
         self._open = True
         self._settings = CaptureSettings(1.0, 1.0 / rig.config.camera.sensor.gain_e, 1)
         self.configure(settings or CaptureSettings())
@@ -73,11 +73,6 @@ class SimulatedCamera(CameraSource):
         """Exposure in simulated seconds; no binning."""
         return CaptureLimits(exposure_s=EXPOSURE_S, gain=GAIN, binning=(1, 1))
 
-    @property
-    def rig(self) -> PracticeRig:
-        """The rig it is mounted on."""
-        return self._rig
-
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """Apply what can be applied, beginning a new exposure, and return what is in force."""
         exposure, gain = self._settings.exposure_s, self._settings.gain
@@ -86,7 +81,7 @@ class SimulatedCamera(CameraSource):
         if settings.gain is not None:
             gain = min(max(settings.gain, GAIN[0]), GAIN[1])
         self._settings = CaptureSettings(exposure, gain, 1)
-        self._began = self._rig.clock.now_unix()
+        self._began = self.rig.clock.now_unix()
         self._given = 0
         return self._settings
 
@@ -97,21 +92,17 @@ class SimulatedCamera(CameraSource):
         while True:
             if not self._open:
                 raise LineLostError("The simulated camera has been closed.")
-            done = int((self._rig.clock.now_unix() - self._began) / exposure)
+            done = int((self.rig.clock.now_unix() - self._began) / exposure)
             if done > self._given:
                 self._given = done
                 start = self._began + (done - 1) * exposure
-                return self._rig.frame_since(start, exposure, 1.0 / (self._settings.gain or 1.0))
+                return self.rig.frame_since(start, exposure, 1.0 / (self._settings.gain or 1.0))
             if not self._wait(self._began + (done + 1) * exposure, until):
                 return None
 
     def now_utc(self) -> datetime:
         """The rig's time, which dates the frames and tells their age."""
-        return self._rig.clock.now_utc()
-
-    def unplug(self) -> None:
-        """Break the line, as a pulled cable does; for tests and practice."""
-        self._open = False
+        return self.rig.clock.now_utc()
 
     def close(self) -> None:
         """Give the camera back; never raises."""
@@ -119,7 +110,7 @@ class SimulatedCamera(CameraSource):
 
     def _wait(self, moment: float, until: float) -> bool:
         """Wait a little for a simulated moment; False when the patience is over."""
-        clock = self._rig.clock
+        clock = self.rig.clock
         if clock.rate == 0.0:
             clock.step(max(0.0, moment - clock.now_unix()) + 1e-6)
             return True

@@ -3,7 +3,7 @@
 import math
 import os
 import threading
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kochab.core.angle_text import angle_text
@@ -108,24 +108,12 @@ KEPT_FRAMES = 200
 FAULT_CHANCE = {Fault.SILENCE: 0.01, Fault.GARBAGE: 0.01, Fault.LATE: 0.005, Fault.SPLIT: 0.05}
 
 
-@dataclass(frozen=True, slots=True)
-class PracticeConfig:
-    """What is practised with.
-
-    ``line_faults`` lets some answers of the mount be missing, late, split or garbage. Frames of
-    ``exposure_s`` are written into ``folder`` as FITS, the oldest beyond 200 removed.
-    """
-
-    rig: RigConfig = field(default_factory=lambda: practice_night(misaligned(tonight(), None)))
-    driver: str = "lx200"
-    socket: bool = False
-    folder: Path | None = None
-    exposure_s: float = 2.0
-    line_faults: bool = False
-
-
 class PracticeNight:
     """Runs until :meth:`stop`. ``camera`` is the name under which source "simulated" opens it.
+
+    ``driver`` is the protocol its mount speaks. ``line_faults`` lets some answers of the mount be
+    missing, late, split or garbage. Frames of ``exposure_s`` are written into ``folder`` as FITS,
+    the oldest beyond 200 removed.
 
     Raises
     ------
@@ -136,41 +124,44 @@ class PracticeNight:
 
     """
 
-    def __init__(self, config: PracticeConfig) -> None:
-        if config.driver not in RESPONDERS:
+    def __init__(
+        self,
+        rig: RigConfig,
+        driver: str = "lx200",
+        socket: bool = False,
+        folder: Path | None = None,
+        exposure_s: float = 2.0,
+        line_faults: bool = False,
+    ) -> None:
+        if driver not in RESPONDERS:
             names = ", ".join(sorted(RESPONDERS))
-            raise UsageError(f"There is no simulated mount '{config.driver}'; choose one of {names}.")
-        if config.folder is not None:
+            raise UsageError(f"There is no simulated mount '{driver}'; choose one of {names}.")
+        if folder is not None:
             try:
-                config.folder.mkdir(parents=True, exist_ok=True)
+                folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise UsageError(f"{config.folder} cannot be used as a folder: {error.strerror}.") from None
-        self.config = config
-        self.rig = PracticeRig(config.rig)
+                raise UsageError(f"{folder} cannot be used as a folder: {error.strerror}.") from None
+        self.driver, self.folder = driver, folder
+        self.rig = PracticeRig(rig)
         self.camera = announce(self.rig)
-        self.faults = Faults(config.rig.seed)
-        if config.line_faults:
+        self.faults = Faults(rig.seed)
+        if line_faults:
             for fault, chance in FAULT_CHANCE.items():
                 self.faults.chance(fault, chance)
         self._first = score(self.rig)
         self._over = threading.Event()
-        serve = socket_line if config.socket else pty_line
-        self.line: Line = serve(responder_on(config.driver, self.rig), self.faults)
+        serve = socket_line if socket else pty_line
+        self.line: Line = serve(responder_on(driver, self.rig), self.faults)
         self.trouble = ""
         self._writer: threading.Thread | None = None
-        if config.folder is not None:
-            self._writer = threading.Thread(target=self._write_frames, daemon=True)
+        if folder is not None:
+            self._writer = threading.Thread(target=self._write_frames, args=(folder, exposure_s), daemon=True)
             self._writer.start()
 
     @property
     def port(self) -> str:
         """Where the mount answers: a device path or ``socket://host:port``."""
         return self.line.port
-
-    @property
-    def driver(self) -> str:
-        """The protocol its mount speaks."""
-        return self.config.driver
 
     def score(self) -> Score:
         """How far belief and axis are off now, and how much better that is than at first."""
@@ -237,12 +228,10 @@ class PracticeNight:
         self.line.stop()
         withdraw(self.camera)
 
-    def _write_frames(self) -> None:
+    def _write_frames(self, folder: Path, exposure_s: float) -> None:
         from kochab.frames.fits_write import write_fits
 
-        folder = self.config.folder
-        assert folder is not None
-        camera = SimulatedCamera(self.rig, CaptureSettings(self.config.exposure_s))
+        camera = SimulatedCamera(self.rig, CaptureSettings(exposure_s))
         written: list[Path] = []
         number = 0
         while not self._over.is_set():
@@ -296,4 +285,4 @@ def practise(
     night = practice_night(misaligned(tonight(seed, site), misalign_arcmin, lost_deg), faults)
     where = None if folder is None else Path(folder)
     rig = through(replace(night, rate=rate), fov_deg)
-    return PracticeNight(PracticeConfig(rig, driver, socket, where, exposure_s, faults))
+    return PracticeNight(rig, driver, socket, where, exposure_s, faults)

@@ -144,7 +144,7 @@ def test_one_after_another_until_it_is_unplugged(stand, camera) -> None:
         assert second > first
     _, _, unplug = stand
     device = camera._source if isinstance(camera, Share) else camera
-    (unplug or device.unplug)()
+    (unplug or device.close)()
     with pytest.raises(LineLostError) as caught:
         until_lost(camera)
     assert is_sentence(caught.value)

@@ -12,7 +12,7 @@ from kochab.core.mount import Ability, Epoch, Home, MountState
 from kochab.gear import actions as why
 from kochab.gear.actions import MountSituation, Need, reasons_against
 from kochab.gear.mounts.probe import Diagnosis
-from kochab.gear.profiles import current_profile, save_mount
+from kochab.gear.profiles import current_profile, save_selection
 from kochab.gear.session import MountSelection, search_text
 from kochab.window.mount.actions import SYNC_FIRST, outcome_text
 from kochab.window.mount.connect_box import ConnectBox
@@ -144,7 +144,7 @@ def test_results_that_need_no_words_have_none():
 def test_a_wish_is_remembered(settings):
     assert current_profile(settings).mount.port == ""
     wish = MountSelection("/dev/ttyUSB3", "ioptron", 115200, Epoch.J2000)
-    save_mount(settings, wish)
+    save_selection(settings, wish)
     assert current_profile(settings).mount == wish
     settings.keep("mount/driver", "no such")
     settings.keep("mount/baud", "often")
@@ -183,7 +183,7 @@ def test_home_is_asked_of_a_motor_board_only_and_anew_every_time(qtbot, settings
     box.equatorial.setChecked(True)
     box.connect_button.click()
     assert (wishes[-1].home, wishes[-1].equatorial) == (Home.NOW, True)
-    save_mount(settings, wishes[-1])
+    save_selection(settings, wishes[-1])
     assert current_profile(settings).mount == MountSelection("COM3", "skywatcher")
     box.connect_button.click()
     assert (wishes[-1].home, wishes[-1].equatorial) == (None, False)

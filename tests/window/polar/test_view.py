@@ -18,7 +18,7 @@ from kochab.gear.session import CameraSelection
 from kochab.polar.horizon import Pole
 from kochab.polar.report import History
 from kochab.server.phone_page import PhonePage
-from kochab.simulate.practice import PracticeConfig, PracticeNight
+from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, through, tonight
 from kochab.window.application import build
 from kochab.window.polar.history import writing
@@ -52,7 +52,7 @@ class Nights:
 
     def __call__(self, fov_deg):
         rig = through(misaligned(tonight(3, SITE), 40.0), fov_deg)
-        started = PracticeNight(PracticeConfig(replace(rig, rate=self.rate)))
+        started = PracticeNight(replace(rig, rate=self.rate))
         self.made.append(started)
         return started
 

@@ -203,12 +203,20 @@ class Conversation:
             self._doubt = max(0, self._doubt - 1)
             return value
 
-    def query(self, command: bytes, read: Reader, parse: Callable[[bytes], T], tries: int = 2) -> T:
-        """:meth:`ask` for what changes nothing: repeated when the answer makes no sense."""
+    def query(
+        self,
+        command: bytes,
+        read: Reader,
+        parse: Callable[[bytes], T],
+        tries: int = 2,
+        again: type[NoAnswerError] = ProtocolError,
+        since: int | None = None,
+    ) -> T:
+        """:meth:`ask` for what may be repeated: when its answer makes no sense, or as ``again`` says."""
         for _ in range(tries - 1):
-            with suppress(ProtocolError):
-                return self.ask(command, read, parse)
-        return self.ask(command, read, parse)
+            with suppress(again):
+                return self.ask(command, read, parse, since)
+        return self.ask(command, read, parse, since)
 
     def send(self, command: bytes, since: int | None = None) -> None:
         """Send a command without an answer; ``since`` as for :meth:`ask`."""

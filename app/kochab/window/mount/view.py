@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QCheckBox, QWidget
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
-from kochab.gear.profiles import choose_profile, current_profile, save_camera, save_mount, saved_profiles
+from kochab.gear.profiles import choose_profile, current_profile, save_selection, saved_profiles
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
 from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
@@ -169,13 +169,13 @@ class MountView(QWidget):
         self.stop.setFocus()
 
     def _connect_mount(self, selection: MountSelection) -> None:
-        save_mount(self._services.settings, selection)
+        save_selection(self._services.settings, selection)
         self.control.connect_mount(selection)
         self.stop.setFocus()
 
     def _use_camera(self, selection: CameraSelection | None) -> None:
         if not self.control.known.practice:
-            save_camera(self._services.settings, selection or CameraSelection(""))
+            save_selection(self._services.settings, selection or CameraSelection(""))
         self.control.use_camera(selection)
         if selection is not None:
             self._services.cameras.choose(selection.source, selection.address)
@@ -187,7 +187,7 @@ class MountView(QWidget):
         selection = CameraSelection(source, address, self.camera.exposure.value())
         if selection != self.camera.selection:
             self.camera.show_selection(selection)
-            save_camera(self._services.settings, selection)
+            save_selection(self._services.settings, selection)
             self.control.use_camera(selection)
 
     def _solve_after(self, on: bool) -> None:

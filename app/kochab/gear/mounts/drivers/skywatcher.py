@@ -40,11 +40,7 @@ class Motor:
 
     def query(self, letter: str, parse: Callable[[bytes], T]) -> T:
         """Ask, and repeat the question when its answer is lost, as the maker's programs do."""
-        command = protocol.command(letter, self.axis)
-        for _ in range(TRIES - 1):
-            with suppress(NoAnswerError):
-                return self.talk.ask(command, REPLY, parse)
-        return self.talk.ask(command, REPLY, parse)
+        return self.talk.query(protocol.command(letter, self.axis), REPLY, parse, TRIES, NoAnswerError)
 
     def angle_deg(self) -> float:
         """The encoder's angle."""
@@ -68,13 +64,8 @@ class Motor:
         A setting whose answer is lost is repeated, which changes nothing. A start is not.
         """
         command = protocol.command(letter, self.axis, data)
-        for left in range(1 if letter == "J" else TRIES, 0, -1):
-            try:
-                refusal = self.talk.ask(command, REPLY, _parse_order, since)
-                break
-            except NoAnswerError:
-                if left == 1:
-                    raise
+        tries = 1 if letter == "J" else TRIES
+        refusal = self.talk.query(command, REPLY, _parse_order, tries, NoAnswerError, since)
         if refusal:
             raise RefusedError(f"The motor board refuses: {refusal}.")
 
