@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
+from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
 from kochab.gear.mounts import DRIVERS, open_mount
 from kochab.gear.mounts.guard import Guard
@@ -111,16 +112,12 @@ def guarded(
         With one sentence and what to do.
 
     """
-    clock = clock or _utc_now
+    clock = clock or utc_now
     told = (selection.driver, selection.port, selection.baud, selection.epoch, site, clock)
     again = partial(open_mount, *told, stop_first=True, equatorial=selection.equatorial)
     # Home was confirmed for this moment, not for when a lost line is found again.
     mount = again() if stop_first else again(stop_first=False, home=selection.home)
     return Guard(mount, site, limits or Limits(), clock=clock, reopen=again)
-
-
-def _utc_now() -> datetime:
-    return datetime.now(UTC)
 
 
 def complete(selection: MountSelection) -> Task[MountSelection]:
@@ -243,7 +240,7 @@ class PracticeOpening(Opening):
     def now(self) -> datetime:
         """The time of the practice night, once it has begun."""
         if self.practice is None:
-            return datetime.now(UTC)
+            return utc_now()
         now: datetime = self.practice.rig.clock.now_utc()
         return now
 

@@ -35,29 +35,13 @@ class Paths:
     directions: Floats
     sky: LocalSky
 
-    @property
-    def length_px(self) -> float:
-        """How far the typical star travels over the sensor."""
-        if len(self.xy) < 2 or not self.xy.shape[1]:
-            return 0.0
-        steps = np.linalg.norm(np.diff(self.xy, axis=0), axis=2).sum(axis=0)
-        finite = steps[np.isfinite(steps)]
-        return float(np.median(finite)) if len(finite) else 0.0
-
-    @property
-    def spread_px(self) -> float:
-        """How far apart the farthest moments of one star are."""
-        if len(self.xy) < 2 or not self.xy.shape[1]:
-            return 0.0
-        spans = np.linalg.norm(self.xy.max(axis=0) - self.xy.min(axis=0), axis=1)
-        finite = spans[np.isfinite(spans)]
-        return float(finite.max()) if len(finite) else 0.0
-
     def cores(self, spacing_px: float, most: int = 400) -> Floats:
         """Places (M, N, 2) at equal times whose typical distance is ``spacing_px``."""
-        if self.spread_px < 0.5 * spacing_px:
-            return np.asarray(self.xy.mean(axis=0)[None])
-        count = int(np.clip(np.ceil(self.length_px / spacing_px), 2, most))
+        whole = self.xy[:, np.isfinite(self.xy).all(axis=(0, 2))]
+        if np.linalg.norm(np.ptp(whole, axis=0), axis=1).max(initial=0.0) < 0.5 * spacing_px:
+            return np.asarray(self.xy.mean(axis=0)[None])  # no star moves so far that it would show
+        length_px = np.median(np.linalg.norm(np.diff(whole, axis=0), axis=2).sum(axis=0))
+        count = int(np.clip(np.ceil(length_px / spacing_px), 2, most))
         at = (np.arange(count) + 0.5) / count * (len(self.times) - 1)
         low = np.minimum(at.astype(np.intp), len(self.times) - 2)
         part = (at - low)[:, None, None]

@@ -133,16 +133,19 @@ class EquatorialMount:
         """Seconds since 1970 UTC by the simulated clock, with the computer's own error."""
         return self.clock.now_unix() + self.config.computer_clock_s
 
-    def sidereal_deg(self) -> float:
-        """The computer's local sidereal time, from its own clock and longitude."""
-        return self._sidereal_deg(self.clock.now_unix())
+    def sidereal_deg(self, t: float | None = None) -> float:
+        """The computer's local sidereal time at ``t`` (unix s), now at None; by its own clock and longitude."""
+        believed = Site(self.latitude_deg, self.longitude_deg)
+        true = self.clock.now_unix() if t is None else t
+        sky = LocalSky(believed, true + self.config.computer_clock_s, self.air)
+        return math.degrees(sky.sidereal_rad)
 
     def believed_deg(self) -> tuple[float, float]:
         """RA in [0, 360) and Dec of date where it believes to point."""
         with self._lock:
             t = self.clock.now_unix()
             hour, dec = unfold(*self._believed(t))
-            return (self._sidereal_deg(t) - hour) % 360.0, dec
+            return (self.sidereal_deg(t) - hour) % 360.0, dec
 
     def from_home_deg(self) -> tuple[float, float]:
         """How far from home its computer believes the axes to be."""
@@ -162,11 +165,6 @@ class EquatorialMount:
         """The tube's side of the pier by the second encoder; west when it looks east."""
         _, dec = self.axes_deg()
         return PierSide.WEST if abs(dec) > 90.0 else PierSide.EAST
-
-    def _sidereal_deg(self, t: float) -> float:
-        believed = Site(self.latitude_deg, self.longitude_deg)
-        sky = LocalSky(believed, t + self.config.computer_clock_s, self.air)
-        return math.degrees(sky.sidereal_rad)
 
     def _altitude_deg(self, hour_deg: float, dec_deg: float) -> float:
         h, d, p = (math.radians(x) for x in (hour_deg, dec_deg, self.latitude_deg))
@@ -205,7 +203,7 @@ class EquatorialMount:
             if self.parked:
                 return "parked"
             t = self.clock.now_unix()
-            hour = self._sidereal_deg(t) - ra_deg
+            hour = self.sidereal_deg(t) - ra_deg
             if self._altitude_deg(hour, dec_deg) < 0.0:
                 return "below horizon"
             target = self._reachable(hour, dec_deg, t)
@@ -227,7 +225,7 @@ class EquatorialMount:
             t = self.clock.now_unix()
             motors = self._motors(t)
             flipped = self.pier_side is PierSide.WEST
-            there = fold(self._sidereal_deg(t) - ra_deg, dec_deg, flipped, self._north)
+            there = fold(self.sidereal_deg(t) - ra_deg, dec_deg, flipped, self._north)
             self._offset_deg = wrapped(there[0] - motors[0]), wrapped(there[1] - motors[1])
             return None
 
