@@ -32,6 +32,12 @@ DARK = midnight_unix(1_800_000_000.0, SITE)
 SMALL = CameraConfig(width=320, height=240, fov_deg=1.2, hot_per_mp=0.0, rays_per_minute=0.0)
 
 
+def length_px(paths):
+    """How far the typical star travels over the sensor."""
+    steps = np.linalg.norm(np.diff(paths.xy, axis=0), axis=2).sum(axis=0)
+    return np.median(steps[np.isfinite(steps)])
+
+
 def view(altitude=60.0, azimuth=180.0):
     """A camera that stands still: level, looking at this place."""
     seen = camera_to_enu(0.0, altitude, mount_to_enu(90.0, azimuth - 180.0), Build()).T
@@ -70,7 +76,7 @@ def test_a_trail_is_as_long_as_drift_times_exposure(drift, exposure):
     look = following(15.041 / 3600.0 + drift / 3600.0)
     paths = camera().paths(look, DARK, exposure)
     expected = drift * exposure * np.cos(np.radians(20.0)) / SMALL.optics().scale_arcsec_px
-    assert paths.length_px == pytest.approx(expected, rel=0.02, abs=0.05)
+    assert length_px(paths) == pytest.approx(expected, rel=0.02, abs=0.05)
 
 
 def test_a_trail_of_a_standing_camera_is_measured_in_the_frame():
@@ -227,6 +233,6 @@ def test_sensors_saturate_and_have_mosaics_and_gain():
 
 def test_a_frame_taken_while_it_slews_is_made_of_long_trails():
     paths = camera().paths(following(2.0), DARK, 1.0)
-    assert paths.length_px > 300.0
+    assert length_px(paths) > 300.0
     frame = camera().frame(following(2.0), DARK, 1.0)
     assert frame.pixels.shape == (240, 320)

@@ -15,7 +15,7 @@ from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
-from kochab.gear.mounts import DRIVERS, open_mount
+from kochab.gear.mounts import DRIVERS, MountSettings, open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.probe import Diagnosis, PortInfo, list_ports, probe_port
@@ -113,8 +113,8 @@ def guarded(
 
     """
     clock = clock or utc_now
-    told = (selection.driver, selection.port, selection.baud, selection.epoch, site, clock)
-    again = partial(open_mount, *told, stop_first=True, equatorial=selection.equatorial)
+    settings = MountSettings(epoch=selection.epoch, site=site, clock=clock, equatorial=selection.equatorial)
+    again = partial(open_mount, selection.driver, selection.port, selection.baud, stop_first=True, **settings)
     # Home was confirmed for this moment, not for when a lost line is found again.
     mount = again() if stop_first else again(stop_first=False, home=selection.home)
     return Guard(mount, site, limits or Limits(), clock=clock, reopen=again)

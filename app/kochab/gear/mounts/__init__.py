@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from datetime import datetime
+from typing import TypedDict, Unpack
 
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
@@ -25,16 +26,23 @@ DRIVERS: Registry[Mount] = Registry(
 STOP_REPLY_S = 0.5  # the reply to the Stop that opens a line has come by then
 
 
+class MountSettings(TypedDict, total=False):
+    """What a person says of a mount; nothing of it is ever sent.
+
+    ``epoch`` is the driver's default when None. ``site`` and ``clock`` are for a mount that knows
+    neither (``skywatcher``); ``home`` and ``equatorial`` for one that reports neither: where its
+    counters begin, and that a board which may be alt-azimuth is on a wedge.
+    """
+
+    epoch: Epoch | None
+    site: Site | None
+    clock: Callable[[], datetime] | None
+    home: Home | None
+    equatorial: bool
+
+
 def open_mount(
-    driver: str,
-    port: str,
-    baud: int | None = None,
-    epoch: Epoch | None = None,
-    site: Site | None = None,
-    clock: Callable[[], datetime] | None = None,
-    stop_first: bool = False,
-    home: Home | None = None,
-    equatorial: bool = False,
+    driver: str, port: str, baud: int | None = None, stop_first: bool = False, **settings: Unpack[MountSettings]
 ) -> Mount:
     """Open ``port`` and find the mount there; nothing moves.
 
@@ -42,15 +50,12 @@ def open_mount(
     ----------
     driver
         A name of :data:`DRIVERS`.
-    baud, epoch
+    baud
         The driver's default when None.
-    site, clock
-        For a mount that knows neither (``skywatcher``); they are never sent.
     stop_first
         Send the bytes of Stop before anything else, as after a line that was lost.
-    home, equatorial
-        The user's word for a mount that reports neither (``skywatcher``): where its counters
-        begin, and that a board which may be alt-azimuth is on a wedge.
+    settings
+        See :class:`MountSettings`.
 
     Raises
     ------
@@ -67,7 +72,7 @@ def open_mount(
         if stop_first:
             Conversation(link).send_now((make.blind_stop, ()))
             link.discard(STOP_REPLY_S)
-        mount: Mount = make(link, epoch=epoch, site=site, clock=clock, home=home, equatorial=equatorial)
+        mount: Mount = make(link, **settings)
     except NoAnswerError as error:
         link.close()
         raise NoAnswerError(

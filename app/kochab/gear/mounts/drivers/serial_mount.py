@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from datetime import datetime
 from types import MappingProxyType
-from typing import ClassVar, TypeVar
+from typing import ClassVar, TypeVar, Unpack
 
 from kochab.core.errors import DeviceError, RefusedError
-from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, Home, SiteReport
+from kochab.core.mount import Ability, Direction, Epoch, SiteReport
 from kochab.gear.journal import utc_now
+from kochab.gear.mounts import MountSettings
 from kochab.gear.mounts.emergency_stop import Watchdog
 from kochab.gear.mounts.protocols import parse_accepted
 from kochab.gear.mounts.serial_line import Command, Conversation, Reader, SerialLink, exactly, until
@@ -19,11 +18,7 @@ LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
 
 
 class SerialMount:
-    """The common half of a driver; a driver adds the commands of its protocol.
-
-    ``site`` and ``clock`` are only for a mount that knows neither; they are never sent.
-    ``home`` and ``equatorial`` are the user's word for a mount that does not report them.
-    """
+    """The common half of a driver; a driver adds the commands of its protocol."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -33,20 +28,12 @@ class SerialMount:
     blind_stop: ClassVar[bytes]
     rates_deg_s: tuple[float, ...] = ()
 
-    def __init__(
-        self,
-        link: SerialLink,
-        epoch: Epoch | None = None,
-        site: Site | None = None,
-        clock: Callable[[], datetime] | None = None,
-        home: Home | None = None,
-        equatorial: bool = False,
-    ) -> None:
-        self.epoch = epoch or self.default_epoch
-        self.site = site
-        self.clock = clock or utc_now
-        self.home = home
-        self.equatorial = equatorial
+    def __init__(self, link: SerialLink, **settings: Unpack[MountSettings]) -> None:
+        self.epoch = settings.get("epoch") or self.default_epoch
+        self.site = settings.get("site")
+        self.clock = settings.get("clock") or utc_now
+        self.home = settings.get("home")
+        self.equatorial = settings.get("equatorial", False)
         self.talk = Conversation(link)
         self.watchdog = Watchdog()
         self._lacks: dict[Ability, str] = {}
