@@ -281,7 +281,7 @@ def test_bolts_move_the_axis_in_the_words_of_polar_alignment(north):
 def test_bolts_have_play_and_drag_each_other():
     wedge = Wedge(40.0, True, (10.0, -20.0), BoltErrors((2.0, 0.0), (0.1, 0.0)))
     wedge.turn(0.5, 0.0)  # within the play
-    assert wedge.error_arcmin == (10.0, -20.0)
+    assert wedge.error_arcmin == pytest.approx((10.0, -20.0))
     wedge.turn(3.0, 0.0)
     assert wedge.error_arcmin == pytest.approx((12.5, -19.75))
     wedge.turn(-3.0, 0.0)  # two are lost in the play

@@ -45,8 +45,6 @@ class MountTruth:
     unix_s: float
     attitude: Attitude
     of_date_deg: tuple[float, float]
-    altitude_deg: float
-    azimuth_deg: float
     enu_to_camera: Floats
     axis_enu: Floats
     sky: night_sky.LocalSky
@@ -67,21 +65,6 @@ class MountTruth:
         high = float(night_sky.altitude_deg(axis) - night_sky.altitude_deg(pole))
         turned = float((night_sky.azimuth_deg(axis) - night_sky.azimuth_deg(pole) + 180.0) % 360.0 - 180.0)
         return AxisError(high * 3600.0, turned * 3600.0, separation_deg(axis, pole) * 3600.0)
-
-
-def truth_of(sky: night_sky.LocalSky, unix_s: float, camera_axes: Floats, axis_enu: Floats) -> MountTruth:
-    """The truth of a camera whose ``camera_axes`` (3, 3) takes observed directions to camera axes."""
-    boresight = sky.from_enu(camera_axes[2])
-    # The air squeezes the field, so that right and down turn a little differently: take the mean,
-    # as a fit over the whole frame does.
-    beside = sky.from_enu(camera_axes[2] + 1e-3 * camera_axes[:2]) - boresight
-    beside -= (beside @ boresight)[:, None] * boresight
-    right, down = beside / np.linalg.norm(beside, axis=1, keepdims=True)
-    x = right + np.cross(down, boresight)
-    x /= np.linalg.norm(x)
-    matrix = np.stack([x, np.cross(boresight, x), boresight])
-    horizontal = float(night_sky.altitude_deg(camera_axes[2])), float(night_sky.azimuth_deg(camera_axes[2]))
-    return MountTruth(unix_s, Attitude(matrix), sky.of_date(boresight), *horizontal, camera_axes, axis_enu, sky)
 
 
 SITE = Site(47.0, 8.0, 450.0)
@@ -195,8 +178,18 @@ class PracticeRig:
         return self._truth(t, self.look(t))
 
     def _truth(self, t: float, camera_axes: Floats) -> MountTruth:
+        """The truth of a camera whose ``camera_axes`` (3, 3) takes observed directions to camera axes."""
         sky = night_sky.LocalSky(self.config.site, t, self.config.air)
-        return truth_of(sky, t, camera_axes, self.mount.wedge.axis_enu())
+        boresight = sky.from_enu(camera_axes[2])
+        # The air squeezes the field, so that right and down turn a little differently: take the mean,
+        # as a fit over the whole frame does.
+        beside = sky.from_enu(camera_axes[2] + 1e-3 * camera_axes[:2]) - boresight
+        beside -= (beside @ boresight)[:, None] * boresight
+        right, down = beside / np.linalg.norm(beside, axis=1, keepdims=True)
+        x = right + np.cross(down, boresight)
+        x /= np.linalg.norm(x)
+        attitude = Attitude(np.stack([x, np.cross(boresight, x), boresight]))
+        return MountTruth(t, attitude, sky.of_date(boresight), camera_axes, self.mount.wedge.axis_enu(), sky)
 
     def happen(self) -> None:
         """Let every event happen whose time has come."""

@@ -109,7 +109,8 @@ class Wedge:
     """Where the polar axis points. Errors are those of POLAR alignment everywhere.
 
     Altitude error positive when the visible end is too high; azimuth error raw (as the knob
-    turns), positive clockwise as seen from above.
+    turns), positive clockwise as seen from above. ``error_arcmin`` (2,) holds both, against the pole
+    this wedge was made for.
     """
 
     def __init__(
@@ -118,13 +119,8 @@ class Wedge:
         self._pole_altitude_deg = pole_altitude_deg
         self._north = north
         self._bolts = errors or BoltErrors()
-        self._error = np.array(error_arcmin, dtype=np.float64)
+        self.error_arcmin = np.array(error_arcmin, dtype=np.float64)
         self._slack = np.zeros(2)  # how far each bolt has moved within its backlash, about the middle
-
-    @property
-    def error_arcmin(self) -> tuple[float, float]:
-        """Altitude and raw azimuth error against the pole this wedge was made for."""
-        return float(self._error[0]), float(self._error[1])
 
     def turn(self, altitude_arcmin: float, azimuth_arcmin: float) -> None:
         """Turn both bolts by what they would move without backlash or coupling."""
@@ -133,13 +129,13 @@ class Wedge:
         self._slack = np.clip(wanted, -half, half)
         moved = wanted - self._slack
         first, second = self._bolts.coupling
-        self._error += moved + np.array([second * moved[1], first * moved[0]])
+        self.error_arcmin = self.error_arcmin + moved + np.array([second * moved[1], first * moved[0]])
 
     def to_enu(self) -> Floats:
         """Rotation (3, 3) from the mount frame to east, north, up."""
-        altitude = self._pole_altitude_deg + self._error[0] / 60.0
+        altitude = self._pole_altitude_deg + self.error_arcmin[0] / 60.0
         north_end = altitude if self._north else -altitude
-        return mount_to_enu(north_end, float(self._error[1]) / 60.0)
+        return mount_to_enu(north_end, float(self.error_arcmin[1]) / 60.0)
 
     def axis_enu(self) -> Floats:
         """Direction (3,) of the visible end of the polar axis."""
