@@ -102,15 +102,27 @@ class AlpacaLink:
     def _once(self, method: str, path: str, body: str | None, headers: dict[str, str]) -> tuple[bytes, str]:
         self._http.request(method, path, body, headers)
         answer = self._http.getresponse()
-        data = _read(answer)
-        if data is None:
-            self._http.close()
-            raise NoAnswerError(f"{self._address.server} sent too much data for an image.")
+        data = self._read(answer)
         self._answered = True
         if answer.status != 200:
             text = " ".join(data.decode("utf-8", "replace").split())[:200] or answer.reason
             raise NoAnswerError(f"{self._address.server} does not support this request: {text}.")
         return data, answer.headers.get("Content-Type") or ""
+
+    def _read(self, answer: http.client.HTTPResponse) -> bytes:
+        """The whole body, unless it is too large."""
+        parts, size = [], 0
+        while part := answer.read1(1 << 20):
+            parts.append(part)
+            size += len(part)
+            if size > LARGEST_BYTES:
+                self._http.close()
+                raise NoAnswerError(f"{self._address.server} sent too much data for an image.")
+        missing = answer.length
+        answer.close()  # else the connection takes no further request
+        if missing:
+            raise ConnectionResetError
+        return b"".join(parts)
 
     def _value(self, data: bytes) -> Any:
         try:
@@ -157,21 +169,6 @@ def discover(wait_s: float = 1.0) -> list[str]:
                 data, (host, _) = ear.recvfrom(1024)
                 found.append(f"{host}:{int(json.loads(data)['AlpacaPort'])}")
     return list(dict.fromkeys(found))
-
-
-def _read(answer: http.client.HTTPResponse) -> bytes | None:
-    """The whole body, None when it is too large."""
-    parts, size = [], 0
-    while part := answer.read1(1 << 20):
-        parts.append(part)
-        size += len(part)
-        if size > LARGEST_BYTES:
-            return None
-    missing = answer.length
-    answer.close()  # else the connection takes no further request
-    if missing:
-        raise ConnectionResetError
-    return b"".join(parts)
 
 
 class _DeadlineConnection(http.client.HTTPConnection):

@@ -24,11 +24,6 @@ class Exposure:
     begun_utc: datetime
     seconds: float
 
-    @classmethod
-    def now(cls, seconds: float) -> "Exposure":
-        """One that has just begun."""
-        return cls(monotonic(), datetime.now(UTC), seconds)
-
     @property
     def middle_utc(self) -> datetime:
         """Mid-exposure by this computer's clock."""
@@ -183,7 +178,7 @@ class ExposingCamera(CameraSource):
 
     def _expose(self) -> Exposure:
         self._start()
-        return Exposure.now(self.exposure_s)
+        return Exposure(monotonic(), datetime.now(UTC), self.exposure_s)
 
     def _end_exposure(self) -> None:
         if self._exposing is not None:

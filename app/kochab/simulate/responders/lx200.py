@@ -103,12 +103,12 @@ class Lx200Responder(Controller):
             b"GC": lambda: settings.local().strftime("%m/%d/%y#").encode(),
             b"GS": lambda: hours(telescope.sidereal_deg(), True, self.decimals) + b"#",
             b"Gc": lambda: b"24#",
-            b"Sr(.*)": self.set_ra,
-            b"Sd(.*)": self.set_dec,
-            b"St(.*)": self.set_latitude,
-            b"Sg(.*)": self.set_longitude,
-            b"SG(.*)": self.set_zone,
-            b"SL(.*)": lambda text: b"1" if self.set_clock(TIME, text) else b"0",
+            b"Sr(.*)": lambda text: b"%d" % self.set_ra(text),
+            b"Sd(.*)": lambda text: b"%d" % self.set_dec(text),
+            b"St(.*)": lambda text: b"%d" % self.set_latitude(text),
+            b"Sg(.*)": lambda text: b"%d" % self.set_longitude(text),
+            b"SG(.*)": lambda text: b"%d" % self.set_zone(text),
+            b"SL(.*)": lambda text: b"%d" % self.set_clock(TIME, text),
             b"SC(.*)": lambda text: DATE_TEXT if self.set_clock(DATE, text) else b"0",
             b"M(.*)": self.move,
             b"Q(.*)": self.halt,
@@ -141,48 +141,41 @@ class Lx200Responder(Controller):
         west = -self.settings.utc_offset_h
         return b"%+03d#" % west if west == int(west) else b"%+05.1f#" % west
 
-    def set_ra(self, text: bytes) -> bytes:
-        """``1`` or ``0``, without #."""
-        value = parse(text, 24.0)
-        if value is None or value < 0:
-            return b"0"
+    def set_ra(self, text: bytes) -> bool:
+        """Of the target; whether it is one."""
+        if (value := parse(text, 24.0)) is None or value < 0:
+            return False
         self.target_deg[0] = value * 15.0 % 360.0
-        return b"1"
+        return True
 
-    def set_dec(self, text: bytes) -> bytes:
-        """``1`` or ``0``, without #."""
-        value = parse(text, 90.0)
-        if value is None:
-            return b"0"
-        self.target_deg[1] = value
-        return b"1"
+    def set_dec(self, text: bytes) -> bool:
+        """Of the target; whether it is one."""
+        if (value := parse(text, 90.0)) is not None:
+            self.target_deg[1] = value
+        return value is not None
 
-    def set_latitude(self, text: bytes) -> bytes:
-        """``1`` or ``0``, without #."""
-        value = parse(text, 90.0)
-        if value is None:
-            return b"0"
-        self.settings.latitude_deg = value
-        return b"1"
+    def set_latitude(self, text: bytes) -> bool:
+        """Whether it is one."""
+        if (value := parse(text, 90.0)) is not None:
+            self.settings.latitude_deg = value
+        return value is not None
 
-    def set_longitude(self, text: bytes) -> bytes:
-        """``1`` or ``0``, without #."""
-        west = parse(text, 360.0)
-        if west is None:
-            return b"0"
-        self.settings.longitude_deg = (180.0 - west) % 360.0 - 180.0
-        return b"1"
+    def set_longitude(self, text: bytes) -> bool:
+        """Whether it is one."""
+        if (west := parse(text, 360.0)) is not None:
+            self.settings.longitude_deg = (180.0 - west) % 360.0 - 180.0
+        return west is not None
 
-    def set_zone(self, text: bytes) -> bytes:
-        """``1`` or ``0``, without #."""
+    def set_zone(self, text: bytes) -> bool:
+        """Whether it is one."""
         try:
             west = float(text) if b":" not in text else parse(text, 14.0)
         except ValueError:
-            return b"0"
+            return False
         if west is None or not abs(west) <= 14.0:
-            return b"0"
+            return False
         self.settings.utc_offset_h = -west
-        return b"1"
+        return True
 
     def set_clock(self, pattern: re.Pattern[bytes], text: bytes) -> bool:
         """Set the date or the time of day; whether it is one."""
