@@ -130,11 +130,10 @@ def _same(order: ReceivedOrder, entry: LogEntry, guard: Guard) -> bool:
 
 def _under_way(order: ReceivedOrder, guard: Guard) -> bool:
     """Whether the last that the guard sent before is a motion that has not ended yet."""
-    before = [e for e in guard.log.entries if _unix(e) <= order.unix_s + 0.1]
-    motions = [e for e in before if e.action in ("goto", "move", "pulse", "stop")]
-    if not motions:
+    motions = [e for e in guard.log.entries if e.action in ("goto", "move", "pulse", "stop")]
+    last = next((e for e in reversed(motions) if _unix(e) <= order.unix_s + 0.1), None)
+    if last is None:
         return False
-    last = motions[-1]
     if last.outcome == "sent":
         return last.action != "stop"
     return last.outcome == "done" and order.unix_s - _unix(last) < LATEST_STOP_S

@@ -127,11 +127,6 @@ class FieldTruth:
         """That of a simulated field."""
         return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * wish.noise_px))
 
-    @property
-    def centre(self) -> tuple[float, float]:
-        """ICRS degrees of the frame's centre."""
-        return radec_deg(_centre(self.camera, self.attitude))
-
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -196,7 +191,7 @@ def with_progress(task: Task[T], share: float, detail: str) -> Task[T]:
 def scale_hint(truth: FieldTruth, radius_deg: float | None = None) -> Hint:
     """The scale to 2 %, and with ``radius_deg`` the place to within that, as a hint."""
     scale = truth.camera.scale_arcsec_px
-    centre = None if radius_deg is None else (*truth.centre, radius_deg)
+    centre = None if radius_deg is None else (*radec_deg(_centre(truth.camera, truth.attitude)), radius_deg)
     span = (scale / (1.0 + SCALE_SPREAD), scale * (1.0 + SCALE_SPREAD))
     return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
 

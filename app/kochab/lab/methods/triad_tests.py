@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Array, Bools, Floats, Ints
+from kochab.core.arrays import Array, Floats, Ints
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import Progress, Task
@@ -207,7 +207,8 @@ def passing_triads(
     kept = np.abs(off) <= tests.rotation
     mean = (turn[:, 1] + off / 2.0)[kept]
     seen, stars = seen[kept], stars[kept]
-    kept = enclosed_agree(sight, seen, pairs.vectors[stars], tests.enclosed)
+    enclosed = inner(chord_sides(pairs.vectors[stars])) - inner(image_sides(sight.separation, seen))
+    kept = np.asarray((np.abs(enclosed) <= tests.enclosed).all(axis=1))
     seen, stars, mean = seen[kept], stars[kept], mean[kept]
     if not planar and len(seen):
         mean = rolls(sight.body[seen], pairs.vectors[stars])
@@ -253,12 +254,9 @@ def rolls(body: Floats, sky: Floats) -> Floats:
     return np.asarray(np.arctan2((up * east).sum(-1), (up * np.cross(z, east)).sum(-1)))
 
 
-def enclosed_agree(sight: TriadDetections, seen: Ints, sky: Floats, tolerance: float) -> Bools:
-    """Whether all three inner angles (equations 2.5 to 2.7) agree, (T,)."""
-    image = sight.separation
-    image_sides = np.stack([image[seen[:, a], seen[:, b]] for a, b in ENDS], axis=1)
-    off = inner(chord_sides(sky)) - inner(image_sides)
-    return np.asarray((np.abs(off) <= tolerance).all(axis=1))
+def image_sides(separation: Array, seen: Ints) -> Array:
+    """Sides (T, 3), in the unit of ``separation`` (n, n), opposite to the corners of triads (T, 3)."""
+    return np.stack([separation[seen[:, a], seen[:, b]] for a, b in ENDS], axis=1)
 
 
 def chord_sides(sky: Floats) -> Floats:

@@ -18,7 +18,15 @@ import numpy as np
 from kochab.core.arrays import Ints
 from kochab.lab.fixed_point import FixedPointOverflowError, Format, square_root
 from kochab.lab.methods.pairs import Pairs
-from kochab.lab.methods.triad_tests import ENDS, AngleUnit, FoundTriads, Tests, TriadDetections, chord_sides, inner
+from kochab.lab.methods.triad_tests import (
+    AngleUnit,
+    FoundTriads,
+    Tests,
+    TriadDetections,
+    chord_sides,
+    image_sides,
+    inner,
+)
 
 PLACE = Format(10, 22)  # px from the frame's centre
 ANGLE = Format(6, 10)  # degrees, separations
@@ -124,7 +132,7 @@ def direction(step: Ints) -> Ints:
 
 def inner_image(separation: Ints, seen: Ints) -> Ints:
     """Inner angles (T, 3), 10.6 degrees, of the image's triads (T, 3), by equation 3.1."""
-    side = np.stack([separation[seen[:, a], seen[:, b]] for a, b in ENDS], axis=1)
+    side = image_sides(separation, seen)
     cosine, sine = _fine()
     other, third = np.roll(side, -1, axis=1), np.roll(side, -2, axis=1)
     above = cosine[side] - SCALE.product(cosine[other], SCALE, cosine[third], SCALE)

@@ -70,11 +70,8 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
     for name in fields.METHODS:
         tallies = [run_step(name, step, made[step], number, seed) for step in STEPS]
         free = run_step(name, STEPS[-1], made[STEPS[-1]], number, seed, pivots=FREE)
-        out += [
-            _row(name, key, tallies, number)
-            for key in fields.MEASURES
-            if key in fields.PAPER[name] and key != "seconds"
-        ]
+        keys = [key for key in fields.MEASURES if key in fields.PAPER[name] and key != "seconds"]
+        out += [_row(name, key, tallies, number) for key in keys]
         why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
         scatter, paper = f"{free.pivots_sd:.2f}{why}", fields.PAPER[name]["free_pivots"]
         error = _mean_error(free, number)
