@@ -19,7 +19,7 @@ import numpy as np
 from kochab.cli.batch import attempt
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
-from kochab.core.errors import KochabError, UsageError
+from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
@@ -75,7 +75,7 @@ def run(arguments: Sequence[str]) -> int:
     if "ERROR" in told:
         say(told["ERROR"])
         return 1
-    print(f"Solved: {order.base}.ini")
+    print(f"Solved: {printable(order.base)}.ini")
     return 0
 
 

@@ -15,8 +15,8 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from kochab.cli.output import Json, card, to_line, with_progress
-from kochab.cli.process import fault, journal_path
-from kochab.core.errors import KochabError
+from kochab.cli.process import fault, journal_path, say
+from kochab.core.errors import KochabError, printable
 from kochab.core.progress import Task, run
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
@@ -60,13 +60,13 @@ def _print(outcome: Json, as_json: bool) -> int:
     else:
         print(card(outcome), flush=True)
     for sentence in failures:
-        print(f"kochab: {sentence}", file=sys.stderr)
+        say(sentence)
     return 2 if failures else _code(outcome)
 
 
 def _named(file: str, sentence: str) -> str:
     """The sentence with the file's name, once."""
-    names_it = sentence.removeprefix("Can't open ").startswith((file, Path(file).name))
+    names_it = sentence.removeprefix("Can't open ").startswith((printable(file), printable(Path(file).name)))
     return sentence if names_it else f"{file}: {sentence}"
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import sys
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -23,7 +22,8 @@ from kochab.cli.options import (
     whole,
 )
 from kochab.cli.output import Json, reporting_failures, tell
-from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError
+from kochab.cli.process import say
+from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
 from kochab.solver.tracker import TrackOptions
@@ -101,15 +101,11 @@ def _live(args: argparse.Namespace) -> int:
                     _warn(step)
         except KeyboardInterrupt:
             pass  # how a person ends it
-    print(f"kochab: {solved} of {looked_at} frames solved.", file=sys.stderr)
+    say(f"{solved} of {looked_at} frames solved.")
     profile = engine.profile
     if engine.keep() is not None and profile is not None:
         focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
-        print(
-            f"kochab: {engine.name}: focal length {focal:.2f} px, sigma {sigma:.2f} px,"
-            f" from {profile.frames} frames; saved.",
-            file=sys.stderr,
-        )
+        say(f"{engine.name}: focal length {focal:.2f} px, sigma {sigma:.2f} px, from {profile.frames} frames; saved.")
     return 0 if solved else 1
 
 
@@ -125,12 +121,12 @@ def _print(update: LiveUpdate, as_json: bool) -> None:
     tell(live_json(update), live_line(update), as_json)
     if not as_json:
         for sentence in update.warnings:
-            print(f"kochab: {sentence}", file=sys.stderr)
+            say(sentence)
 
 
 def _warn(step: Progress) -> None:
     if step.stage == WARNING:
-        print(f"kochab: {step.detail}", file=sys.stderr)
+        say(step.detail)
 
 
 def _replay(args: argparse.Namespace) -> int:
@@ -252,7 +248,7 @@ def _take(args: argparse.Namespace) -> int:
     except OSError as error:
         raise KochabError(f"{args.output} cannot be written: {error.strerror}.") from None
     told = _frame_json(frame, args.output)
-    tell(told, f"{told['file']}: {told['width']} x {told['height']} px", args.json)
+    tell(told, f"{printable(told['file'])}: {told['width']} x {told['height']} px", args.json)
     return 0
 
 

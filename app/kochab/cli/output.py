@@ -9,7 +9,8 @@ from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from kochab.core.errors import DeviceError, KochabError, UsageError
+from kochab.cli.process import say
+from kochab.core.errors import DeviceError, KochabError, UsageError, printable
 from kochab.core.progress import Progress, Task, run
 
 if TYPE_CHECKING:  # it loads numpy, which --help has no need of
@@ -46,7 +47,7 @@ def tell_failure(error: KochabError, as_json: bool) -> None:
     if as_json:
         print(to_line({"error": str(error)}), flush=True)
     else:
-        print(f"kochab: {error}", file=sys.stderr)
+        say(str(error))
 
 
 def reporting_failures(run: Callable[[Any], int], code: int = 2) -> Callable[[Any], int]:
@@ -119,7 +120,7 @@ def card(outcome: Json) -> str:
     """The same for people, a few lines."""
     lines = _solved_lines(outcome) if outcome["solved"] else _unsolved_lines(outcome)
     lines += [f"note     {text}" for text in outcome["warnings"]]
-    return "\n  ".join([outcome["file"], *lines])
+    return "\n  ".join(map(printable, [outcome["file"], *lines]))
 
 
 def _solved_lines(o: Json) -> list[str]:
@@ -170,14 +171,14 @@ class ProgressLine:
     """Progress on stderr: a line that rewrites itself on a terminal, else one line after 2 s."""
 
     def __init__(self, label: str) -> None:
-        self._label = label
+        self._label = printable(label)
         self._terminal = sys.stderr.isatty()
         self._start = perf_counter()
         self._said = False
 
     def __call__(self, progress: Progress) -> None:
         """Show one step."""
-        text = f"{self._label}: {progress.stage} {progress.detail}".rstrip()
+        text = f"{self._label}: {progress.stage} {printable(progress.detail)}".rstrip()
         if self._terminal:
             sys.stderr.write(f"\r\x1b[K{text[:100]}")
             sys.stderr.flush()

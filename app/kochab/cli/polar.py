@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from kochab.cli.options import (
     scale_range,
 )
 from kochab.cli.output import Json, with_progress
+from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Hint
 from kochab.core.solution import NoSolution
@@ -224,7 +224,7 @@ def _fail(sentence: str, as_json: bool, code: int, bad: Sequence[UnusableFrame] 
         print(json.dumps({"error": sentence} | ({"files": files} if bad else {})))
     else:
         for told in [one.told for one in bad] or [sentence]:
-            print(f"kochab: {told}", file=sys.stderr)
+            say(told)
     return code
 
 

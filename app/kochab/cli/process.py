@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
+from kochab.core.errors import printable
+
 
 def make_ready() -> None:
     """Let neither a closed stream nor a file's strange name cost an answer.
@@ -28,15 +30,17 @@ def make_ready() -> None:
 def say(sentence: str) -> None:
     """One sentence on standard error, if that takes it."""
     with suppress(OSError):
-        print(f"kochab: {sentence}", file=sys.stderr, flush=True)
+        print(f"kochab: {printable(sentence)}", file=sys.stderr, flush=True)
 
 
 def show_journal() -> None:
     """Show all that is logged on standard error as well."""
     import logging
 
+    from kochab.gear.journal import JournalFormatter
+
     handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
+    handler.setFormatter(JournalFormatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
     root = logging.getLogger("kochab")
     root.addHandler(handler)
     root.setLevel(logging.DEBUG)

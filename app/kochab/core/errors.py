@@ -1,10 +1,22 @@
 """The few ways Kochab says that something outside it is wrong."""
 
+import re
 from pathlib import Path
+
+# Controls, line ends, turns of the writing's direction, and bytes of a name that are no letters.
+_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    """``text`` with escapes for what is not seen: no file's name steers a terminal or feigns a line of its own."""
+    return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 
 class KochabError(Exception):
     """Anything a person can act on; its text is one clear sentence, shown as it stands."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class FrameError(KochabError):

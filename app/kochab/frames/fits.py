@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from kochab.core.arrays import Array
-from kochab.core.errors import FrameError
+from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
 from kochab.frames.hints import hint_from_keywords
 from kochab.frames.samples import MAX_BYTES, bayer_pattern, check_size, clipping_level, finite, native, split
@@ -112,7 +112,7 @@ def parse_cards(cards: Iterable[str]) -> Header:
             body = card[9:]  # a value that lacks the space before it, as some programs write
         elif card[8:10].rstrip() != "=":
             if not _NAME.match(name):
-                header.unparsed.append(_printable(name))
+                header.unparsed.append(printable(name))
             continue
         last = name
         if name in header.values:
@@ -121,7 +121,7 @@ def parse_cards(cards: Iterable[str]) -> Header:
         header.values[name] = value
         header.comments[name] = comment
         if not ok:
-            header.unparsed.append(_printable(name))
+            header.unparsed.append(printable(name))
     return header
 
 
@@ -152,10 +152,6 @@ def _continue(header: Header, name: str, body: str) -> None:
     value, _, ok = parse_value(body)
     if ok and isinstance(held, str) and held.endswith("&") and isinstance(value, str):
         header.values[name] = held[:-1] + value
-
-
-def _printable(name: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in name)
 
 
 _TYPES = {8: ">u1", 16: ">i2", 32: ">i4", 64: ">i8", -32: ">f4", -64: ">f8"}

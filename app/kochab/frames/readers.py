@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from kochab.core.errors import FrameError
+from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Task, run
 from kochab.core.registry import Registry
@@ -136,7 +136,7 @@ def _read(reader: Reader, path: Path, foreign: str) -> Frame:
             return _foreign(reader, path, foreign) if foreign else reader(path)
     except FrameError as error:
         text = str(error)
-        raise (error if path.name in text else FrameError(f"{path.name} {text}")) from None
+        raise (error if printable(path.name) in text else FrameError(f"{path.name} {text}")) from None
     except MemoryError:
         raise FrameError(f"{path.name} does not fit into the {memory_text()} there is for reading it.") from None
     except OSError as error:

@@ -23,6 +23,7 @@ from types import TracebackType
 from typing import Any
 
 from kochab.core import __version__
+from kochab.core.errors import printable
 
 Clock = Callable[[], datetime]
 FILE, FILE_BYTES, FILES = "journal.log", 4_000_000, 5  # a night of polls at 0.5 s is about 10 MB
@@ -69,17 +70,25 @@ def open_journal(folder: Path | None = None, terminal: bool = False) -> Path | N
     except OSError:
         return None
     layout = "%(asctime)s.%(msecs)03dZ %(levelname)s %(name)s %(message)s"
-    file.setFormatter(formatter := logging.Formatter(layout, "%Y-%m-%dT%H:%M:%S"))
+    file.setFormatter(formatter := JournalFormatter(layout, "%Y-%m-%dT%H:%M:%S"))
     formatter.converter = gmtime
     root = logging.getLogger("kochab")
     root.addHandler(file)
     if terminal and logging.lastResort is not None:
+        logging.lastResort.setFormatter(JournalFormatter())
         logging.lastResort.addFilter(lambda record: record.name != __name__)  # the excepthook prints faults
         root.addHandler(logging.lastResort)
     root.setLevel(logging.DEBUG)
     _log_uncaught_faults()
     logger.info("started: %s", ", ".join(f"{name} {version}" for name, version in versions().items()))
     return path
+
+
+class JournalFormatter(logging.Formatter):
+    """Lines that do nothing to the terminal they are read in, whatever a file or a device is called."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: D102, N802 - logging's own name
+        return "\n".join(map(printable, super().formatMessage(record).split("\n")))
 
 
 def versions() -> dict[str, str]:

@@ -6,6 +6,7 @@ import numpy as np
 from PySide6.QtCore import QObject
 
 from kochab.core.angle_text import AngleStyle, milliseconds_text
+from kochab.core.errors import printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
@@ -73,7 +74,7 @@ class Presenter(QObject):
         self.panes.hints.fov.setFocus()
 
     def _opening(self, path: Path) -> None:
-        self.window.setWindowTitle(f"{path.name} – Kochab")
+        self.window.setWindowTitle(f"{printable(path.name)} – Kochab")
         self._begin(Progress("read", None, path.name))
         self._progressed(Progress("read", None))
 
