@@ -179,11 +179,7 @@ def _code(outcome: Json) -> int:
 def refuse_wcs_over(files: Sequence[str], inputs: Sequence[str], overwrite: bool) -> None:
     """Refuse, before any work, ``.wcs`` files that would replace what no solver wrote.
 
-    Raises
-    ------
-    UsageError
-        ``FILE.wcs`` is an input, or is there and is no solution.
-
+    Raises UsageError when ``FILE.wcs`` is an input, or is there and is no solution.
     """
     if not files:
         return

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from kochab.cli.options import add_overwrite, between, number, whole
+from kochab.cli.options import add_options, between, number, whole
 from kochab.cli.output import tell, tell_failure, with_progress
 from kochab.core.errors import CatalogueError, KochabError
 
@@ -57,8 +57,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     bring.add_argument("--mag-limit", type=number, metavar="V", help="leave fainter stars out")
 
-    add_overwrite(build)
-    add_overwrite(bring)
+    add_options(build, "--overwrite")
+    add_options(bring, "--overwrite")
     for action in (build, info, reach, bring):
         action.add_argument("--json", action="store_true", help="one JSON object on standard output")
         action.set_defaults(run=run)

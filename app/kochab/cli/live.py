@@ -10,12 +10,9 @@ from typing import Any
 
 from kochab.cli.live_output import finite_json, live_json, live_line, replay_json, replay_line
 from kochab.cli.options import (
-    add_address,
-    add_camera_settings,
-    add_detector,
-    add_overwrite,
-    add_profile,
-    add_search,
+    CAMERA_SETTINGS,
+    SEARCH,
+    add_options,
     capture_settings,
     number_above_zero,
     options_of,
@@ -42,21 +39,17 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         description="Runs until Ctrl-C. Exit code: 0 a frame was solved, 1 none was or the camera"
         " failed, 2 unusable arguments; with --replay 1 when a solution differs.",
     )
-    parser.add_argument("--source", metavar="NAME", help="kind of camera, see --list (default: folder)")
-    add_address(parser)
-    add_camera_settings(parser)
+    add_options(parser, "--source", help="kind of camera, see --list (default: folder)")
+    add_options(parser, "--address", *CAMERA_SETTINGS)
     parser.add_argument("--frames", type=whole(1, what="count of frames"), metavar="N", help="stop after N frames")
     parser.add_argument("--reconnect", action="store_true", help="reconnect automatically")
     parser.add_argument("--record", metavar="DIR", help="record frames and solutions there")
-    parser.add_argument(
-        "--profile", metavar="NAME", help="equipment profile, see kochab profile; also saves the camera calibration"
-    )
+    add_options(parser, "--profile", help="equipment profile, see kochab profile; also saves the camera calibration")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--replay", metavar="DIR", help="solve a recorded session again")
     what.add_argument("--list", action="store_true", help="list sources and their cameras")
     parser.add_argument("--json", action="store_true", help="one line of JSON per frame")
-    add_search(parser)
-    add_detector(parser)
+    add_options(parser, *SEARCH, "--detector")
     parser.set_defaults(run=reporting_failures(run), timeout=SOLVE_TIMEOUT_S)
 
 
@@ -158,10 +151,8 @@ def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     listing.add_argument("--source", metavar="NAME", help="only this kind")
     take = actions.add_parser("take", help="take a frame and write it as FITS")
     take.add_argument("--source", metavar="NAME", help="kind of camera")
-    add_profile(take)
     take.add_argument("--output", "-o", required=True, metavar="FITS", help="the .fits to write")
-    add_overwrite(take)
-    add_camera_settings(take)
+    add_options(take, "--profile", "--overwrite", *CAMERA_SETTINGS)
     take.add_argument(
         "--wait",
         type=number_above_zero,
@@ -170,7 +161,7 @@ def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         help="time limit after the exposure, seconds (default: %(default)g)",
     )
     for action in (listing, take):
-        add_address(action)
+        add_options(action, "--address")
         action.add_argument("--json", action="store_true", help="one JSON object a line")
         action.set_defaults(run=reporting_failures(run_camera))
 

@@ -18,291 +18,6 @@ if TYPE_CHECKING:  # what loads numpy is imported when it is used: --help is qui
 
 Place = tuple[float, float, float]  # RA, Dec and radius, degrees
 
-# ``--set NAME=VALUE`` and ``--methods``: the options of methods, detectors and attitudes.
-
-KINDS = ("method", "detector", "attitude")
-DEFAULTS = ("patterns", "auto")
-NEEDS = (
-    "Every method but patterns needs the scale, from --fov, --scale or the frame's header;"
-    " predict also needs the position."
-)
-
-
-OF_METHOD = "an option of the method; prefix detector. or attitude. for those of the other two"
-OF_DETECTOR = "an option of the detector"
-
-
-def add_settings(parser: argparse.ArgumentParser, text: str = OF_METHOD) -> None:
-    """Add the options that change a method, and the list of what can be changed."""
-    parser.add_argument(
-        "--set", action="append", default=[], dest="settings", metavar="NAME=VALUE", help=f"{text}; may be repeated"
-    )
-    parser.add_argument(
-        "--methods",
-        action=_ListSettings,
-        nargs=0,
-        help="list methods, detectors and attitudes with their options, units, ranges and papers",
-    )
-
-
-def settings_of(
-    settings: Sequence[str], method: str, detector: str, attitude: str | None
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """What ``--set`` says of the method, of the detector and of the attitude.
-
-    Raises
-    ------
-    UsageError
-        There is no such option, or it cannot have that value.
-
-    """
-    said: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
-    for text in settings:
-        name, equals, value = text.partition("=")
-        kind, dot, option = name.strip().partition(".")
-        if not equals or not (option if dot else kind):
-            raise UsageError(f"--set {text} is not NAME=VALUE.")
-        if dot and kind in said:
-            said[kind][option] = value
-        else:
-            said["method"][name.strip()] = value
-    names = {"method": method, "detector": detector, "attitude": attitude}
-    if said["attitude"] and attitude is None:
-        raise UsageError("--set attitude.NAME needs --attitude.")
-    made = [_checked(kind, names[kind], said[kind]) for kind in KINDS]
-    return made[0], made[1], made[2]
-
-
-def detector_settings_of(settings: Sequence[str], detector: str) -> dict[str, Any]:
-    """What ``--set`` says of the detector where there is nothing else to set.
-
-    Raises
-    ------
-    UsageError
-        There is no such option, or it cannot have that value.
-
-    """
-    named = (text if text.startswith("detector.") else f"detector.{text}" for text in settings)
-    return settings_of(list(named), "", detector, None)[1]
-
-
-def _checked(kind: str, name: str | None, said: Mapping[str, str]) -> dict[str, Any]:
-    from kochab.core.registry import checked
-
-    if not said or name is None:
-        return {}
-    try:
-        return checked(_registry(kind).load(name), said)
-    except UsageError as error:
-        raise UsageError(f"{kind.capitalize()} {name}: {error}") from error
-
-
-def _registry(kind: str) -> "Registry[Any]":
-    from kochab.attitude import ESTIMATORS
-    from kochab.detection import DETECTORS
-    from kochab.identification import IDENTIFIERS
-
-    registries: dict[str, Registry[Any]]
-    registries = {"method": IDENTIFIERS, "detector": DETECTORS, "attitude": ESTIMATORS}
-    return registries[kind]
-
-
-def everything() -> str:
-    """All registered methods, detectors and attitudes, with what can be set about each."""
-    from kochab.core.registry import options_of
-
-    lines = [NEEDS]
-    for kind in KINDS:
-        prefix = "" if kind == "method" else f"{kind}."
-        for name, found in _registry(kind).loaded().items():
-            paper = getattr(found, "paper", "")
-            about = "the default" if name in DEFAULTS else paper
-            lines.append(f"--{kind} {name}{f'   ({about})' if about else ''}")
-            for option in options_of(found):
-                absent = f": {option.none}" if option.none else ""
-                what = f"{option.text} [{option.range_text}{absent}]"
-                lines.append(f"    {prefix}{option.name}={option.value_text}   {what}")
-    return "\n".join(lines)
-
-
-class _ListSettings(argparse.Action):
-    """Print the list and leave, as ``--help`` does."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: object,
-        option_string: str | None = None,
-    ) -> None:
-        """Do it."""
-        print(everything())
-        parser.exit()
-
-
-def add_choices(parser: argparse.ArgumentParser) -> None:
-    """Add the options that steer a search and its output."""
-    parser.add_argument("--json", action="store_true", help="one line of JSON per file")
-    add_search(parser)
-    add_profile(parser)
-    parser.add_argument(
-        "--workers",
-        type=whole(1, 256),
-        default=1,
-        metavar="N",
-        help="files solved at the same time, 1 to 256 (default: %(default)s)",
-    )
-    parser.add_argument("--wcs", action="store_true", help="write FILE.wcs beside each solved file")
-    add_overwrite(parser)
-    parser.add_argument("--strict", action="store_true", help="a solution outside --near counts as not solved")
-
-
-def add_overwrite(parser: argparse.ArgumentParser) -> None:
-    """Add the permission to replace existing files."""
-    parser.add_argument("--overwrite", action="store_true", help="replace existing files, never an input")
-
-
-def add_profile(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of an equipment profile; :func:`kochab.cli.profile.use_profile` reads it."""
-    parser.add_argument("--profile", metavar="NAME", help="equipment profile, see kochab profile")
-
-
-def add_camera_settings(parser: argparse.ArgumentParser) -> None:
-    """Add what can be set on a camera."""
-    parser.add_argument("--exposure", type=number_above_zero, metavar="S", help="seconds")
-    parser.add_argument("--gain", type=number, metavar="G", help="in the camera's units")
-    parser.add_argument("--binning", type=whole(1, 256), metavar="N", help="pixels a side")
-
-
-def add_address(parser: argparse.ArgumentParser) -> None:
-    """Add where a camera is."""
-    parser.add_argument("--address", default="", metavar="WHERE", help="folder, host:port/camera or device")
-
-
-def add_camera_choice(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of a camera, and what can be set on it."""
-    parser.add_argument("--source", metavar="NAME", help="kind of camera: folder, indi, alpaca, webcam, ...")
-    add_address(parser)
-    add_camera_settings(parser)
-
-
-def capture_settings(args: argparse.Namespace) -> "CaptureSettings":
-    """What the arguments set on the camera."""
-    from kochab.core.capture import CaptureSettings
-
-    return CaptureSettings(args.exposure, args.gain, args.binning)
-
-
-def add_site(parser: argparse.ArgumentParser, text: str = "degrees, east positive, metres") -> None:
-    """Add where the telescope stands."""
-    parser.add_argument("--site", type=site, metavar="LAT,LON[,H]", help=text)
-
-
-def add_mount_choice(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of a mount and of its site."""
-    parser.add_argument("--port", metavar="P", help="/dev/ttyUSB0, COM3 or socket://HOST:PORT")
-    parser.add_argument("--driver", metavar="NAME", help="the mount's protocol (default: detected)")
-    parser.add_argument(
-        "--baud", type=whole(300, 4_000_000, "baud rate"), metavar="N", help="baud rate (default: the driver's)"
-    )
-    parser.add_argument("--epoch", choices=["J2000", "date"], help="equinox of the mount's coordinates")
-    add_site(parser)
-
-
-def add_search(parser: argparse.ArgumentParser) -> None:
-    """Add the options that steer a search alone."""
-    parser.add_argument("--fov", type=field_deg, metavar="DEG", help="width of the frame in degrees, good to a tenth")
-    parser.add_argument(
-        "--scale",
-        type=between(0.001, 36000.0, "arcsec a pixel"),
-        metavar="ARCSEC_PX",
-        help="pixel scale, good to a tenth (--fov takes precedence)",
-    )
-    parser.add_argument("--near", type=_near, metavar="RA,DEC,RADIUS", help="search here first, in degrees")
-    parser.add_argument(
-        "--method",
-        default="patterns",
-        metavar="NAME",
-        help="how stars are identified, see --methods (default: %(default)s, which needs no hint)",
-    )
-    parser.add_argument(
-        "--attitude", metavar="NAME", help="attitude estimator (default: fitted together with the camera)"
-    )
-    add_settings(parser)
-    parser.add_argument(
-        "--timeout",
-        type=number_above_zero,
-        default=30.0,
-        metavar="S",
-        help="time limit per frame, seconds (default: %(default)g)",
-    )
-
-
-def add_detector(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of a detector."""
-    parser.add_argument(
-        "--detector",
-        default="auto",
-        metavar="NAME",
-        help="how stars are detected, see --methods (default: %(default)s)",
-    )
-
-
-def options_of(args: argparse.Namespace, detector: str = "auto") -> "SolveOptions":
-    """The options a person asked for; what they said of the sky is a hint and no more.
-
-    Raises
-    ------
-    UsageError
-        There is no such method, detector or attitude, or none with such an option.
-
-    """
-    from kochab.attitude import ESTIMATORS
-    from kochab.core.frame import Hint
-    from kochab.detection import DETECTORS
-    from kochab.identification import IDENTIFIERS
-    from kochab.solver import SolveOptions
-
-    IDENTIFIERS.check(args.method)
-    DETECTORS.check(detector)
-    if args.attitude is not None:
-        ESTIMATORS.check(args.attitude)
-    of_method, of_detector, of_attitude = settings_of(args.settings, args.method, detector, args.attitude)
-    hint = Hint(scale_arcsec_px=scale_range(args.scale), centre_deg=args.near, source="command line")
-    return SolveOptions(
-        method=args.method,
-        method_options=of_method,
-        detector=detector,
-        detector_options=of_detector,
-        attitude=args.attitude,
-        attitude_options=of_attitude,
-        hint=hint if hint.helps else None,
-        fov_deg=args.fov,
-        timeout_s=args.timeout,
-    )
-
-
-def scale_range(scale: float | None) -> tuple[float, float] | None:
-    """A pixel scale as a hint takes it: good to a tenth."""
-    return None if scale is None else (scale / 1.1, scale * 1.1)
-
-
-def bound_of(args: argparse.Namespace) -> Place | None:
-    """RA, Dec and radius, degrees, that ``--strict`` demands of the answer, or None.
-
-    Raises
-    ------
-    UsageError
-        ``--strict`` without ``--near``.
-
-    """
-    if not args.strict:
-        return None
-    if args.near is None:
-        raise UsageError("--strict needs --near RA,DEC,RADIUS.")
-    near: Place = args.near
-    return near
-
 
 def number_above_zero(text: str) -> float:
     """An argument that must be a positive number."""
@@ -373,17 +88,238 @@ def site(text: str) -> "Site":
         raise argparse.ArgumentTypeError(f"{text} is not LAT,LON or LAT,LON,HEIGHT in degrees and metres") from None
 
 
+class _ListSettings(argparse.Action):
+    """Print the list and leave, as ``--help`` does."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        """Do it."""
+        print(everything())
+        parser.exit()
+
+
+# The options that several commands take. What one of them says in other words it changes when it adds it.
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "--overwrite": {"action": "store_true", "help": "replace existing files, never an input"},
+    "--profile": {"metavar": "NAME", "help": "equipment profile, see kochab profile"},
+    "--source": {"metavar": "NAME", "help": "kind of camera: folder, indi, alpaca, webcam, ..."},
+    "--address": {"default": "", "metavar": "WHERE", "help": "folder, host:port/camera or device"},
+    "--exposure": {"type": number_above_zero, "metavar": "S", "help": "seconds"},
+    "--gain": {"type": number, "metavar": "G", "help": "in the camera's units"},
+    "--binning": {"type": whole(1, 256), "metavar": "N", "help": "pixels a side"},
+    "--port": {"metavar": "P", "help": "/dev/ttyUSB0, COM3 or socket://HOST:PORT"},
+    "--driver": {"metavar": "NAME", "help": "the mount's protocol (default: detected)"},
+    "--baud": {"type": whole(300, 4_000_000, "baud rate"), "metavar": "N", "help": "baud rate (default: the driver's)"},
+    "--epoch": {"choices": ["J2000", "date"], "help": "equinox of the mount's coordinates"},
+    "--site": {"type": site, "metavar": "LAT,LON[,H]", "help": "degrees, east positive, metres"},
+    "--fov": {"type": field_deg, "metavar": "DEG", "help": "width of the frame in degrees, good to a tenth"},
+    "--scale": {
+        "type": between(0.001, 36000.0, "arcsec a pixel"),
+        "metavar": "ARCSEC_PX",
+        "help": "pixel scale, good to a tenth (--fov takes precedence)",
+    },
+    "--near": {"type": _near, "metavar": "RA,DEC,RADIUS", "help": "search here first, in degrees"},
+    "--method": {
+        "default": "patterns",
+        "metavar": "NAME",
+        "help": "how stars are identified, see --methods (default: %(default)s, which needs no hint)",
+    },
+    "--attitude": {"metavar": "NAME", "help": "attitude estimator (default: fitted together with the camera)"},
+    "--set": {
+        "action": "append",
+        "default": [],
+        "dest": "settings",
+        "metavar": "NAME=VALUE",
+        "help": "an option of the method; prefix detector. or attitude. for those of the other two; may be repeated",
+    },
+    "--methods": {
+        "action": _ListSettings,
+        "nargs": 0,
+        "help": "list methods, detectors and attitudes with their options, units, ranges and papers",
+    },
+    "--timeout": {
+        "type": number_above_zero,
+        "default": 30.0,
+        "metavar": "S",
+        "help": "time limit per frame, seconds (default: %(default)g)",
+    },
+    "--detector": {
+        "default": "auto",
+        "metavar": "NAME",
+        "help": "how stars are detected, see --methods (default: %(default)s)",
+    },
+    "--workers": {
+        "type": whole(1, 256),
+        "default": 1,
+        "metavar": "N",
+        "help": "files solved at the same time, 1 to 256 (default: %(default)s)",
+    },
+    "--wcs": {"action": "store_true", "help": "write FILE.wcs beside each solved file"},
+    "--strict": {"action": "store_true", "help": "a solution outside --near counts as not solved"},
+}
+CAMERA_SETTINGS = ("--exposure", "--gain", "--binning")
+CAMERA = ("--source", "--address", *CAMERA_SETTINGS)
+MOUNT = ("--port", "--driver", "--baud", "--epoch", "--site")
+SEARCH = ("--fov", "--scale", "--near", "--method", "--attitude", "--set", "--methods", "--timeout")
+BATCH = (*SEARCH, "--profile", "--workers", "--wcs", "--overwrite", "--strict")
+
+
+def add_options(parser: argparse.ArgumentParser, *names: str, **changes: Any) -> None:
+    """Add some of :data:`OPTIONS`, each with these ``changes``."""
+    for name in names:
+        parser.add_argument(name, **OPTIONS[name] | changes)
+
+
+# ``--set NAME=VALUE`` and ``--methods``: the options of methods, detectors and attitudes.
+
+KINDS = ("method", "detector", "attitude")
+DEFAULTS = ("patterns", "auto")
+NEEDS = (
+    "Every method but patterns needs the scale, from --fov, --scale or the frame's header;"
+    " predict also needs the position."
+)
+
+
+def settings_of(
+    settings: Sequence[str], method: str, detector: str, attitude: str | None
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """What ``--set`` says of the method, of the detector and of the attitude.
+
+    Raises UsageError when there is no such option, or it cannot have that value.
+    """
+    said: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
+    for text in settings:
+        name, equals, value = text.partition("=")
+        kind, dot, option = name.strip().partition(".")
+        if not equals or not (option if dot else kind):
+            raise UsageError(f"--set {text} is not NAME=VALUE.")
+        if dot and kind in said:
+            said[kind][option] = value
+        else:
+            said["method"][name.strip()] = value
+    names = {"method": method, "detector": detector, "attitude": attitude}
+    if said["attitude"] and attitude is None:
+        raise UsageError("--set attitude.NAME needs --attitude.")
+    made = [_checked(kind, names[kind], said[kind]) for kind in KINDS]
+    return made[0], made[1], made[2]
+
+
+def detector_settings_of(settings: Sequence[str], detector: str) -> dict[str, Any]:
+    """What ``--set`` says of the detector where there is nothing else to set.
+
+    Raises UsageError when there is no such option, or it cannot have that value.
+    """
+    named = (text if text.startswith("detector.") else f"detector.{text}" for text in settings)
+    return settings_of(list(named), "", detector, None)[1]
+
+
+def _checked(kind: str, name: str | None, said: Mapping[str, str]) -> dict[str, Any]:
+    from kochab.core.registry import checked
+
+    if not said or name is None:
+        return {}
+    try:
+        return checked(_registry(kind).load(name), said)
+    except UsageError as error:
+        raise UsageError(f"{kind.capitalize()} {name}: {error}") from error
+
+
+def _registry(kind: str) -> "Registry[Any]":
+    from kochab.attitude import ESTIMATORS
+    from kochab.detection import DETECTORS
+    from kochab.identification import IDENTIFIERS
+
+    registries: dict[str, Registry[Any]]
+    registries = {"method": IDENTIFIERS, "detector": DETECTORS, "attitude": ESTIMATORS}
+    return registries[kind]
+
+
+def everything() -> str:
+    """All registered methods, detectors and attitudes, with what can be set about each."""
+    from kochab.core.registry import options_of
+
+    lines = [NEEDS]
+    for kind in KINDS:
+        prefix = "" if kind == "method" else f"{kind}."
+        for name, found in _registry(kind).loaded().items():
+            paper = getattr(found, "paper", "")
+            about = "the default" if name in DEFAULTS else paper
+            lines.append(f"--{kind} {name}{f'   ({about})' if about else ''}")
+            for option in options_of(found):
+                absent = f": {option.none}" if option.none else ""
+                what = f"{option.text} [{option.range_text}{absent}]"
+                lines.append(f"    {prefix}{option.name}={option.value_text}   {what}")
+    return "\n".join(lines)
+
+
+def capture_settings(args: argparse.Namespace) -> "CaptureSettings":
+    """What the arguments set on the camera."""
+    from kochab.core.capture import CaptureSettings
+
+    return CaptureSettings(args.exposure, args.gain, args.binning)
+
+
+def options_of(args: argparse.Namespace, detector: str = "auto") -> "SolveOptions":
+    """The options a person asked for; what they said of the sky is a hint and no more.
+
+    Raises UsageError when there is no such method, detector or attitude, or none with such an option.
+    """
+    from kochab.attitude import ESTIMATORS
+    from kochab.core.frame import Hint
+    from kochab.detection import DETECTORS
+    from kochab.identification import IDENTIFIERS
+    from kochab.solver import SolveOptions
+
+    IDENTIFIERS.check(args.method)
+    DETECTORS.check(detector)
+    if args.attitude is not None:
+        ESTIMATORS.check(args.attitude)
+    of_method, of_detector, of_attitude = settings_of(args.settings, args.method, detector, args.attitude)
+    hint = Hint(scale_arcsec_px=scale_range(args.scale), centre_deg=args.near, source="command line")
+    return SolveOptions(
+        method=args.method,
+        method_options=of_method,
+        detector=detector,
+        detector_options=of_detector,
+        attitude=args.attitude,
+        attitude_options=of_attitude,
+        hint=hint if hint.helps else None,
+        fov_deg=args.fov,
+        timeout_s=args.timeout,
+    )
+
+
+def scale_range(scale: float | None) -> tuple[float, float] | None:
+    """A pixel scale as a hint takes it: good to a tenth."""
+    return None if scale is None else (scale / 1.1, scale * 1.1)
+
+
+def bound_of(args: argparse.Namespace) -> Place | None:
+    """RA, Dec and radius, degrees, that ``--strict`` demands of the answer, or None.
+
+    Raises UsageError when ``--strict`` comes without ``--near``.
+    """
+    if not args.strict:
+        return None
+    if args.near is None:
+        raise UsageError("--strict needs --near RA,DEC,RADIUS.")
+    near: Place = args.near
+    return near
+
+
 # Names of files as people type them where the shell leaves patterns alone, as Windows' does.
 
 
 def named(given: Iterable[str]) -> list[str]:
     """The files meant, patterns such as ``*.fits`` filled in; one that fits none stays as it is.
 
-    Raises
-    ------
-    UsageError
-        A name is empty.
-
+    Raises UsageError when a name is empty.
     """
     return [name for text in given for name in _filled_in(text)]
 

@@ -7,16 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kochab.cli.options import (
-    add_overwrite,
-    add_profile,
-    add_site,
-    between,
-    field_deg,
-    named,
-    number_above_zero,
-    scale_range,
-)
+from kochab.cli.options import add_options, between, named, scale_range
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
@@ -69,8 +60,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    add_site(parser, "degrees, east positive, metres (default: from the frames)")
-    add_profile(parser)
+    add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
+    add_options(parser, "--profile")
     parser.add_argument(
         "--pole",
         choices=[str(p) for p in Pole],
@@ -97,16 +88,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="C",
         help="air temperature, degrees Celsius (default: %(default)g)",
     )
-    parser.add_argument("--fov", type=field_deg, metavar="DEG", help="width of the frames in degrees")
-    parser.add_argument(
-        "--timeout",
-        type=number_above_zero,
-        default=30.0,
-        metavar="S",
-        help="time limit per frame, seconds (default: %(default)g)",
-    )
+    add_options(parser, "--fov", help="width of the frames in degrees")
+    add_options(parser, "--timeout")
     parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
-    add_overwrite(parser)
+    add_options(parser, "--overwrite")
     parser.set_defaults(run=run, scale=None)
 
 

@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.options import add_camera_choice, add_mount_choice, number, number_above_zero
+from kochab.cli.options import CAMERA, MOUNT, add_options, number, number_above_zero
 from kochab.cli.output import tell, tell_failure
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.mount import Epoch
@@ -33,7 +33,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     remove = actions.add_parser("remove", help="delete a profile")
     for action in (show, save, remove):
         action.add_argument("name", metavar="NAME")
-    add_camera_choice(save)
+    add_options(save, *CAMERA)
     save.add_argument("--focal-length", type=number_above_zero, metavar="MM", dest="focal_length_mm")
     save.add_argument(
         "--pixel-size", type=number_above_zero, metavar="UM", dest="pixel_size_um", help="micrometres, before binning"
@@ -41,7 +41,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     save.add_argument(
         "--camera-profile", metavar="NAME", help="camera calibration saved by live (default: the profile's name)"
     )
-    add_mount_choice(save)
+    add_options(save, *MOUNT)
     save.add_argument(
         "--meridian", choices=MERIDIAN, help="a German mount stays on its side or flips, a fork crosses the meridian"
     )
@@ -55,11 +55,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def use_profile(args: argparse.Namespace) -> None:
     """Fill in from ``--profile`` what the other options leave open.
 
-    Raises
-    ------
-    KochabError
-        There is no such profile, or its file is damaged.
-
+    Raises KochabError when there is no such profile, or its file is damaged.
     """
     from kochab.gear.profiles import load_profile
 

@@ -10,18 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kochab.cli.batch import refuse_wcs_over, run_batch, write_picture, write_wcs_to
-from kochab.cli.options import (
-    OF_DETECTOR,
-    Place,
-    add_choices,
-    add_detector,
-    add_settings,
-    bound_of,
-    detector_settings_of,
-    named,
-    options_of,
-    whole,
-)
+from kochab.cli.options import BATCH, Place, add_options, bound_of, detector_settings_of, named, options_of, whole
 from kochab.cli.output import Json, as_json
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import Task
@@ -50,8 +39,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "solve", description="Exit code: 0 all solved, 1 one has no solution, 2 unusable input."
     )
     parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
-    add_choices(parser)
-    add_detector(parser)
+    parser.add_argument("--json", action="store_true", help="one line of JSON per file")
+    add_options(parser, *BATCH, "--detector")
     parser.add_argument(
         "--annotate", metavar="PNG", help="save the frame with its stars labelled: a .png, .jpg or folder"
     )
@@ -160,7 +149,8 @@ def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("files", nargs="+", metavar="STARS.csv", help="lists of stars")
     parser.add_argument("--width", type=whole(*PIXELS), required=True, metavar="W", help="frame, px")
     parser.add_argument("--height", type=whole(*PIXELS), required=True, metavar="H", help="frame, px")
-    add_choices(parser)
+    parser.add_argument("--json", action="store_true", help="one line of JSON per list")
+    add_options(parser, *BATCH)
     parser.set_defaults(run=run_identify)
 
 
@@ -182,8 +172,8 @@ def add_detect_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " input.",
     )
     parser.add_argument("file", metavar="FILE", help="a frame of the night sky")
-    add_detector(parser)
-    add_settings(parser, OF_DETECTOR)
+    add_options(parser, "--detector", "--methods")
+    add_options(parser, "--set", help="an option of the detector; may be repeated")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run_detect)
 

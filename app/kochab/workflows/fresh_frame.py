@@ -45,11 +45,7 @@ def fresh_frame(camera: CameraSource, patience_s: float = PATIENCE_S) -> Task[Fr
     A frame's own time proves it. Where clocks disagree or a frame has no time, the second frame
     to arrive is taken: a camera begins one exposure when the one before is over.
 
-    Raises
-    ------
-    NoAnswerError
-        No frame came within ``patience_s``.
-
+    Raises NoAnswerError when no frame came within ``patience_s``.
     """
     since, end = camera.now_utc(), time.monotonic() + patience_s
     camera.next_frame(0.0)  # what was ready already
@@ -111,11 +107,7 @@ class FileFrames:
     def solve_now(self) -> Task[Solution | NoSolution]:
         """The next frame's solution.
 
-        Raises
-        ------
-        NoMoreFramesError
-            All have been used.
-
+        Raises NoMoreFramesError when all have been used.
         """
         if self._halves and self._frame is not None:
             return (yield from self._half(self._frame))
@@ -150,11 +142,7 @@ class FileFrames:
 def image_files(paths: Sequence[str | Path]) -> list[Path]:
     """The files, and of folders the newest few, newest first.
 
-    Raises
-    ------
-    UsageError
-        There is none.
-
+    Raises UsageError when there is none.
     """
     from kochab.frames import SUFFIXES
 

@@ -39,11 +39,7 @@ def named_target(name: str, time_utc: datetime) -> Target:
 
     Proper motion is applied up to ``time_utc``.
 
-    Raises
-    ------
-    UsageError
-        Nothing in the catalogue has this name.
-
+    Raises UsageError when nothing in the catalogue has this name.
     """
     from kochab.sky import open_catalogue
     from kochab.sky.apparent import julian_years
@@ -64,11 +60,7 @@ def target_at(ra_deg: float, dec_deg: float) -> Target:
 def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep) -> Task[Pointing]:
     """Slew within the guard and return when the mount is at rest; cancelling stops it.
 
-    Raises
-    ------
-    kochab.core.errors.RefusedError
-        The guard or the mount refuses; one sentence.
-
+    Raises RefusedError when the guard or the mount refuses; one sentence.
     """
     yield Progress("goto", 0.0, target.name)
     yield from mount.slew(*mount.to_mount(target.ra_deg, target.dec_deg))

@@ -45,11 +45,7 @@ def nudge(
     East and west are angles of the RA axis: on the sky they are smaller by the cosine of the
     declination. Cancelling stops the mount.
 
-    Raises
-    ------
-    RefusedError
-        The guard or the mount refuses, or the mount can neither pulse nor move.
-
+    Raises RefusedError when the guard or the mount refuses, or the mount can neither pulse nor move.
     """
     if amount_arcsec < LEAST_ARCSEC:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
@@ -145,11 +141,7 @@ def turn_to_bring(
 
     ``matrix_of_date`` (3, 3) takes ICRS to the equator the mount turns about.
 
-    Raises
-    ------
-    RefusedError
-        No turn of these axes does it, as beside the pole.
-
+    Raises RefusedError when no turn of these axes does it, as beside the pole.
     """
     of_date_to_camera = solution.attitude.matrix @ matrix_of_date.T  # of date -> camera
     star = matrix_of_date @ solution.sky_at(np.array([star_px], dtype=np.float64))[0]

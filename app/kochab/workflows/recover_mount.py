@@ -59,12 +59,8 @@ def recover_mount(
     and to an earlier frame, ``armed`` one to the largest step. ``taken`` gives when the last solved
     frame was taken (UTC, mid-exposure), None when it has no time.
 
-    Raises
-    ------
-    RefusedError
-        No two frames agree, a frame has no time or is too early, the guard forbids the sync, or
-        the mount rejects it.
-
+    Raises RefusedError when no two frames agree, a frame has no time or is too early, the guard forbids the
+    sync, or the mount rejects it.
     """
     if Ability.SYNC in mount.lacks and not only_look:
         raise RefusedError(mount.lacks[Ability.SYNC])

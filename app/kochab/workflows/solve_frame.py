@@ -66,11 +66,7 @@ def solve_star_list(
 ) -> Task[Solution | NoSolution]:
     """Read the list at ``path``, of a frame ``width`` by ``height`` px, and solve it.
 
-    Raises
-    ------
-    UsageError
-        The list cannot be used; one sentence says why.
-
+    Raises UsageError when the list cannot be used; one sentence says why.
     """
     start = perf_counter()
     yield Progress("read", 0.0, str(path))
@@ -86,11 +82,8 @@ def read_star_list(path: str | Path, width: int, height: int) -> Detections:
     that is no number is a header: when it names ``x`` and ``y`` (and ``flux``) those columns are
     taken wherever they are. Without flux the list is brightest first. A star twice counts once.
 
-    Raises
-    ------
-    UsageError
-        No such file, not text, no stars, wrong columns, or a star that is no place in the frame.
-
+    Raises UsageError when the file is missing, is no text, has no stars or wrong columns, or a star is outside
+    the frame.
     """
     rows = _rows(Path(path))
     columns, rows = _columns(rows, Path(path).name)

@@ -109,11 +109,8 @@ def accept_sync(
 
     The offset slew moves the telescope to the position that the mount reports now.
 
-    Raises
-    ------
-    RefusedError
-        The guard forbids it, it needs a confirmation, or the telescope has moved since the offer.
-
+    Raises RefusedError when the guard forbids it, it needs a confirmation, or the telescope has moved since the
+    offer.
     """
     yield Progress("sync", 0.0, offer.in_words)
     _same_place(mount, offer)
@@ -147,11 +144,7 @@ def sync_done(offer: SyncOffer) -> SyncDone:
 def require_allowed(mount: Guard, preview: Preview, confirmed: bool) -> None:
     """Raise the guard's objection to a sync, before it is sent.
 
-    Raises
-    ------
-    RefusedError
-        One sentence of the guard.
-
+    Raises RefusedError with the guard's sentence.
     """
     against = [*preview.refusals, *(() if confirmed else preview.confirmations)]
     if against:
@@ -192,11 +185,7 @@ def solves_apart_arcsec(one: Solution, other: Solution) -> float:
 def undo_sync(mount: Guard) -> Task[str]:
     """Restore the alignment that the mount had before the last sync; one sentence on what changed.
 
-    Raises
-    ------
-    kochab.core.errors.RefusedError
-        There is no sync to undo, or the guard or the mount refuses.
-
+    Raises RefusedError when there is no sync to undo, or the guard or the mount refuses.
     """
     yield Progress("undo")
     before = with_retries(mount.position)

@@ -7,15 +7,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.options import (
-    add_camera_choice,
-    add_detector,
-    add_mount_choice,
-    add_profile,
-    add_search,
-    capture_settings,
-    options_of,
-)
+from kochab.cli.options import CAMERA, MOUNT, SEARCH, add_options, capture_settings, options_of
 from kochab.cli.output import reporting_failures, with_progress
 from kochab.core.errors import UsageError
 from kochab.core.mount import Home
@@ -58,8 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int], moves: tuple[str, ...] = ()) -> None:
     """Add what every action that talks to a mount needs; ``moves`` are its safety switches."""
-    add_mount_choice(parser)
-    add_profile(parser)
+    add_options(parser, *MOUNT, "--profile")
     parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
     parser.add_argument(
         "--home",
@@ -129,10 +120,9 @@ def add_camera(parser: argparse.ArgumentParser, files: bool = False) -> None:
     """Add the options of a camera and of the solver, and ``--frames`` for ``files``."""
     if files:
         parser.add_argument("--frames", nargs="+", metavar="F", help="files or folders of frames taken just now")
-    add_camera_choice(parser)
+    add_options(parser, *CAMERA)
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
-    add_search(parser)
-    add_detector(parser)
+    add_options(parser, *SEARCH, "--detector")
     parser.set_defaults(timeout=SOLVE_TIMEOUT_S)
 
 
@@ -140,11 +130,7 @@ def add_camera(parser: argparse.ArgumentParser, files: bool = False) -> None:
 def mount_frames(args: argparse.Namespace) -> Iterator[MountFrames]:
     """What the arguments mean; a camera is opened, and given back at the end.
 
-    Raises
-    ------
-    UsageError
-        Neither frames nor a camera, or both.
-
+    Raises UsageError when neither frames nor a camera are given, or both.
     """
     from kochab.workflows.fresh_frame import FileFrames, solver_of
 

@@ -50,11 +50,7 @@ def options_json(options: SolveOptions) -> Json:
 def options_from(stored: Any) -> SolveOptions:
     """The options of :func:`options_json`; what this version does not know is left out.
 
-    Raises
-    ------
-    UsageError
-        They are of kinds that options cannot be.
-
+    Raises UsageError when they are of kinds that options cannot be.
     """
     try:
         kinds = get_type_hints(SolveOptions)
@@ -97,11 +93,7 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
 
     A last line that was cut off, as when the computer went down, is left out.
 
-    Raises
-    ------
-    UsageError
-        The folder holds no session that can be read.
-
+    Raises UsageError when the folder holds no session that can be read.
     """
     try:
         about = json.loads((folder / SESSION).read_text("utf-8"))
@@ -139,11 +131,7 @@ class Recorder:
     ``about`` is what is to be remembered of camera and solver; ``solve`` in it should be
     :func:`~kochab.workflows.live.session.options_json`, so that a replay solves alike.
 
-    Raises
-    ------
-    UsageError
-        The folder cannot be written, holds files already, or its disk is nearly full.
-
+    Raises UsageError when the folder cannot be written, holds files already, or its disk is nearly full.
     """
 
     def __init__(
@@ -292,11 +280,7 @@ def recorded_options(folder: Path) -> SolveOptions:
 def replay(folder: Path, engine: LiveEngine) -> Generator[Progress | Replayed, None, None]:
     """Solve every frame of the session in ``folder`` again, in order.
 
-    Raises
-    ------
-    kochab.core.errors.KochabError
-        The folder holds no session, or one of its frames is missing or unreadable.
-
+    Raises KochabError when the folder holds no session, or one of its frames is missing or unreadable.
     """
     _, lines = read_session(folder)
     for number, line in enumerate(lines, 1):

@@ -53,12 +53,8 @@ def live_solve(capture: Capture, engine: LiveEngine, frames: int | None = None) 
     least ten times a second while waiting. Closing the generator stops the camera; it is also
     stopped after ``frames`` looked at.
 
-    Raises
-    ------
-    kochab.core.errors.DeviceError
-        The camera cannot be opened, is silent, or was unplugged: one sentence, after the last
-        frame it gave.
-
+    Raises DeviceError when the camera cannot be opened, is silent, or was unplugged: one sentence, after the
+    last frame it gave.
     """
     stream = _Stream(capture)
     yield Progress("open camera")
@@ -152,11 +148,8 @@ class ProfiledTracker:
     def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
         """Take one frame in.
 
-        Raises
-        ------
-        kochab.core.errors.KochabError
-            The kept profile cannot be read, or the one before this size of frame not be kept.
-
+        Raises KochabError when the kept profile cannot be read, or the one before this size of frame not be
+        kept.
         """
         size = (frame.width, frame.height)
         if self._tracker is None or size != self._size:
@@ -168,11 +161,7 @@ class ProfiledTracker:
     def keep(self) -> Path | None:
         """Write what was learned; None when nothing was, or nothing is to be kept.
 
-        Raises
-        ------
-        kochab.core.errors.KochabError
-            It cannot be written.
-
+        Raises KochabError when it cannot be written.
         """
         profile = self.profile
         if not self.name or profile is None or not profile.frames:

@@ -192,11 +192,7 @@ def measure_axis(
 
     ``before`` is what is known of the tube's droop.
 
-    Raises
-    ------
-    NotMeasuredError
-        Frames stop coming or have no solution, or they give no axis.
-
+    Raises NotMeasuredError when frames stop coming or have no solution, or they give no axis.
     """
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     watch = RestWatch(source, settings, controls)
@@ -316,11 +312,7 @@ def second_sweep(
     Nobody may touch the bolts between the two. ``first`` comes back as it is, and an update says
     why, when no other declination would help from there.
 
-    Raises
-    ------
-    kochab.workflows.polar.sources.NotMeasuredError
-        Frames stop coming or have no solution, or the second sweep gives no axis.
-
+    Raises NotMeasuredError when frames stop coming or have no solution, or the second sweep gives no axis.
     """
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     measurement = first.measurement

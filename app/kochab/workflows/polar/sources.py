@@ -60,11 +60,7 @@ def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sig
 
     Frames given as one sweep, but at two declinations far apart, are taken as two.
 
-    Raises
-    ------
-    UsageError
-        A frame has no time.
-
+    Raises UsageError when a frame has no time.
     """
     sightings = []
     for file, sweep in zip(files, sweeps, strict=True):
@@ -98,11 +94,7 @@ def _declination_deg(sighting: Sighting) -> float:
 def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
     """Where the frames were taken: as ``given``, or as all their headers say.
 
-    Raises
-    ------
-    UsageError
-        No frame has a site, or two disagree.
-
+    Raises UsageError when no frame has a site, or two disagree.
     """
     if given is not None:
         return given
@@ -191,11 +183,7 @@ class RestWatch:
     def next(self, patient: bool = False) -> Task[LocalAttitude]:
         """The next solved frame; ``patient`` waits for ever, as for a hand.
 
-        Raises
-        ------
-        NotMeasuredError
-            Too many frames in a row have no solution, or none come.
-
+        Raises NotMeasuredError when too many frames in a row have no solution, or none come.
         """
         empty = 0
         while True:

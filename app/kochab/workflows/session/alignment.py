@@ -116,11 +116,7 @@ SLOWEST_DEG_S = 0.1  # a sweep at less would take a quarter of an hour
 def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
     """Turns at the mount's own rate nearest to two degrees a second.
 
-    Raises
-    ------
-    RefusedError
-        The mount cannot be moved at a rate, or by none that is fast enough.
-
+    Raises RefusedError when the mount cannot be moved at a rate, or by none that is fast enough.
     """
     lacking = guard.lacks.get(Ability.MOVE)
     if lacking is not None:
@@ -228,11 +224,7 @@ def _site_of_frames(camera: CameraSource) -> Task[Site]:
 def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
     """Solve every file, then measure.
 
-    Raises
-    ------
-    KochabError
-        One sentence with what to do.
-
+    Raises KochabError with one sentence on what to do.
     """
     if len(wish.files) < 2:
         raise UsageError("Polar alignment needs two frames or more: add another.")
@@ -283,11 +275,7 @@ def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpda
 def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
     """What ``wish`` says, from the first frame to the last; with a ``guard`` the mount turns.
 
-    Raises
-    ------
-    KochabError
-        One sentence with what to do.
-
+    Raises KochabError with one sentence on what to do.
     """
 
     def told(step: Progress) -> Progress:
