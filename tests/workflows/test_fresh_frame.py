@@ -10,7 +10,7 @@ from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution
-from kochab.workflows.fresh_frame import fresh_frame, lost_in_space, solver_of
+from kochab.workflows.fresh_frame import CameraFrames, fresh_frame, lost_in_space
 
 NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
 
@@ -66,10 +66,9 @@ def test_the_place_in_the_header_is_not_believed() -> None:
     assert left.scale_arcsec_px == (6.0, 7.0)
 
 
-def test_every_answer_is_shown_to_who_wants_to_see() -> None:
-    seen = []
-    camera = Camera([frame("waiting"), frame("a"), frame("b")])
-    solve_now = solver_of(camera, seen=lambda frame, result: seen.append((frame.path, result)))
-    result = run(solve_now())
-    assert isinstance(result, NoSolution)
-    assert seen == [("b", result)]
+def test_the_time_of_the_last_frame_is_told_unless_only_its_file_dates_it() -> None:
+    for of_file, told in ((False, NOW + timedelta(seconds=3.0)), (True, None)):
+        coming = [frame("waiting"), frame("a", -9.0), frame("b", 3.0, time_of_file=of_file)]
+        frames = CameraFrames(Camera(coming))
+        assert isinstance(run(frames.solve_now()), NoSolution)
+        assert frames.time_utc == told

@@ -3,7 +3,6 @@
 import argparse
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,22 +26,16 @@ def number_above_zero(text: str) -> float:
     return value
 
 
-def within(text: str, low: float, high: float, unit: str) -> float:
-    """An argument that must be a number from ``low`` to ``high``."""
-    value = number(text)
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
-    return value
-
-
 def between(low: float, high: float, unit: str) -> Callable[[str], float]:
     """What reads an argument that must be a number from ``low`` to ``high``."""
-    return partial(within, low=low, high=high, unit=unit)
 
+    def read(text: str) -> float:
+        value = number(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g} {unit}")
+        return value
 
-def field_deg(text: str) -> float:
-    """An argument that must be the width of a flat picture."""
-    return within(text, 0.001, 170.0, "deg")
+    return read
 
 
 def whole(low: int, high: int | None = None, what: str = "count") -> Callable[[str], int]:
@@ -118,7 +111,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--baud": {"type": whole(300, 4_000_000, "baud rate"), "metavar": "N", "help": "baud rate (default: the driver's)"},
     "--epoch": {"choices": ["J2000", "date"], "help": "equinox of the mount's coordinates"},
     "--site": {"type": site, "metavar": "LAT,LON[,H]", "help": "degrees, east positive, metres"},
-    "--fov": {"type": field_deg, "metavar": "DEG", "help": "width of the frame in degrees, good to a tenth"},
+    "--fov": {
+        "type": between(0.001, 170.0, "deg"),  # what a flat picture can show
+        "metavar": "DEG",
+        "help": "width of the frame in degrees, good to a tenth",
+    },
     "--scale": {
         "type": between(0.001, 36000.0, "arcsec a pixel"),
         "metavar": "ARCSEC_PX",

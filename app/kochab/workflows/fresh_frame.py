@@ -2,10 +2,11 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from kochab.core.capture import CameraSource
 from kochab.core.errors import NoAnswerError, UsageError
 from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import NoSolution, Solution, SolveNow
+from kochab.core.solution import NoSolution, Solution
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import merged_hint, solve_detections, solve_frame
 
@@ -21,22 +22,35 @@ SLICE_S = 0.2
 PATIENCE_S = 90.0
 
 
-def solver_of(
-    camera: CameraSource,
-    options: SolveOptions | None = None,
-    patience_s: float = PATIENCE_S,
-    seen: Callable[[Frame, Solution | NoSolution], None] | None = None,
-) -> SolveNow:
-    """Solves a fresh frame of ``camera``; ``seen`` is called with every frame and its result."""
+class SolvedFrames(Protocol):
+    """Solves one frame after the other; ``time_utc`` and ``site`` are what the last one says itself.
 
-    def solve_now() -> Task[Solution | NoSolution]:
-        frame = lost_in_space((yield from fresh_frame(camera, patience_s)))
-        result = yield from solve_frame(frame, options)
-        if seen is not None:
-            seen(frame, result)
+    ``used`` names the files that were solved.
+    """
+
+    time_utc: datetime | None
+    site: Site | None
+    used: list[str]
+
+    def solve_now(self) -> Task[Solution | NoSolution]:
+        """The next frame's solution."""
+
+
+class CameraFrames:
+    """Solves fresh frames of a camera; one that only its file dates has no time of its own."""
+
+    def __init__(self, camera: CameraSource, options: SolveOptions | None = None) -> None:
+        self.time_utc: datetime | None = None
+        self.site: Site | None = None
+        self.used: list[str] = []
+        self._camera, self._options = camera, options
+
+    def solve_now(self) -> Task[Solution | NoSolution]:
+        """The solution of a frame begun after this call."""
+        frame = lost_in_space((yield from fresh_frame(self._camera)))
+        result = yield from solve_frame(frame, self._options)
+        self.time_utc = None if frame.hint.time_of_file else frame.hint.time_utc
         return result
-
-    return solve_now
 
 
 def fresh_frame(camera: CameraSource, patience_s: float = PATIENCE_S) -> Task[Frame]:

@@ -2,8 +2,8 @@
 
 import argparse
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import closing, contextmanager
+from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +14,9 @@ from kochab.core.mount import Home
 from kochab.gear.actions import ACTIONS
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
-    from kochab.core.frame import Frame, Site
-    from kochab.core.solution import SolveNow
     from kochab.gear.mounts.guard import Guard
     from kochab.gear.mounts.motion_plan import Preview
+    from kochab.workflows.fresh_frame import SolvedFrames
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "list": ("status:add_ports_action", "list the serial ports and their likely mounts"),
@@ -106,16 +103,6 @@ NOTHING_SENT = "preview only; add --yes to carry it out"
 SOLVE_TIMEOUT_S = 30.0
 
 
-@dataclass(slots=True)
-class MountFrames:
-    """What solves frames; of the last one, when it was taken and where, if it says so itself."""
-
-    solve_now: "SolveNow"
-    taken: "Callable[[], datetime | None]"
-    site: "Callable[[], Site | None]"
-    used: Callable[[], list[str]]
-
-
 def add_camera(parser: argparse.ArgumentParser, files: bool = False) -> None:
     """Add the options of a camera and of the solver, and ``--frames`` for ``files``."""
     if files:
@@ -127,12 +114,12 @@ def add_camera(parser: argparse.ArgumentParser, files: bool = False) -> None:
 
 
 @contextmanager
-def mount_frames(args: argparse.Namespace) -> Iterator[MountFrames]:
+def mount_frames(args: argparse.Namespace) -> Iterator["SolvedFrames"]:
     """What the arguments mean; a camera is opened, and given back at the end.
 
     Raises UsageError when neither frames nor a camera are given, or both.
     """
-    from kochab.workflows.fresh_frame import FileFrames, solver_of
+    from kochab.workflows.fresh_frame import CameraFrames, FileFrames
 
     with_files = "frames" in args
     files = args.frames if with_files else None
@@ -141,26 +128,10 @@ def mount_frames(args: argparse.Namespace) -> Iterator[MountFrames]:
         raise UsageError(f"Give the source of the frames: {frames}--folder DIR or --source NAME.")
     options = options_of(args, args.detector)
     if files is not None:
-        found = FileFrames(files, options)
-        yield MountFrames(found.solve_now, lambda: found.time_utc, lambda: found.site, lambda: list(found.used))
+        yield FileFrames(files, options)
         return
-    from kochab.core.frame import Hint
     from kochab.gear.cameras import open_camera
 
     source, address = (args.source, args.address) if args.folder is None else ("folder", args.folder)
-    camera = open_camera(source, address, capture_settings(args))
-    last = Hint()
-
-    def see(frame: "Frame", _: object) -> None:
-        nonlocal last
-        last = frame.hint
-
-    try:
-        yield MountFrames(
-            solver_of(camera, options, seen=see),
-            lambda: None if last.time_of_file else last.time_utc,
-            lambda: None,
-            list,
-        )
-    finally:
-        camera.close()
+    with closing(open_camera(source, address, capture_settings(args))) as camera:
+        yield CameraFrames(camera, options)

@@ -49,7 +49,7 @@ def run_recover(args: argparse.Namespace) -> int:
 
         def site_known() -> None:
             if guard.site is None and not args.no_site:
-                guard.site, told = _site(seeing.site(), guard)
+                guard.site, told = _site(seeing.site, guard)
                 notes.extend(told)
 
         def solve_now() -> Any:
@@ -58,10 +58,15 @@ def run_recover(args: argparse.Namespace) -> int:
             return found
 
         task = recover_mount(
-            guard, solve_now, confirmed=args.yes, armed=args.arm, only_look=args.dry_run or asked, taken=seeing.taken
+            guard,
+            solve_now,
+            confirmed=args.yes,
+            armed=args.arm,
+            only_look=args.dry_run or asked,
+            taken=lambda: seeing.time_utc,
         )
         done = with_progress("recover", task)
-        told = {**_json(done, seeing.used(), notes), **where(args, guard)}
+        told = {**_json(done, seeing.used, notes), **where(args, guard)}
         asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks
     tell(told, "\n  ".join([*_lines(told), *([NOTHING_SENT] if asked else [])]), args.json)
     return 0
@@ -143,7 +148,7 @@ def run_disagree(args: argparse.Namespace) -> int:
         solved = with_progress("disagree", seeing.solve_now())
         if isinstance(solved, NoSolution):
             raise NoAnswerError(f"The frame has no solution, {solved.reason}: {solved.advice}")
-        sighting = sighted(guard, solved, seeing.taken() if args.frames else None, args.site or seeing.site())
+        sighting = sighted(guard, solved, seeing.time_utc if args.frames else None, args.site or seeing.site)
         found = investigate([sighting])
         told = {**_cause_json(found), **where(args, guard)}
     told["solved_ra_deg"], told["solved_dec_deg"] = solved.ra_dec_deg
