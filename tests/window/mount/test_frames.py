@@ -15,7 +15,7 @@ from kochab.gear.mount_events import FrameTaken, SolvedPosition
 from kochab.gear.session import CameraSelection
 from kochab.workflows.fresh_frame import fresh_frame
 from kochab.workflows.session import mount_camera as eyes
-from kochab.workflows.session.mount_camera import FrameSolved, MountCamera, frame_solver
+from kochab.workflows.session.mount_camera import MountCamera, frame_solver
 from kochab.workflows.solve_frame import SolvedFrame
 from tests.window.fakes import fake_solution, no_solution, star_field
 from tests.window.mount_bench import connected
@@ -93,9 +93,9 @@ def test_what_is_seen_is_told_with_what_the_mount_said(camera, answers, result):
     assert run(frame_solver(MountCamera(WISH), guard, told.append)()) is result
     shown, *place, seen = told
     assert isinstance(shown, FrameTaken)
-    assert isinstance(seen, FrameSolved)
-    assert seen.solved.frame is shown.frame
-    assert seen.solved.frame.hint.centre_deg is None, "a mount's word must not lead the solver"
+    assert isinstance(seen, SolvedFrame)
+    assert seen.frame is shown.frame
+    assert seen.frame.hint.centre_deg is None, "a mount's word must not lead the solver"
     if isinstance(result, Solution):
         assert isinstance(place[0], SolvedPosition)
         assert place[0].mount_deg == (1.0, 2.0)

@@ -43,14 +43,15 @@ from kochab.window.job import Job, Jobs
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.workflows.session import mount_orders
-from kochab.workflows.session.mount_camera import FrameSolved, MountCamera, frame_solver
+from kochab.workflows.session.mount_camera import MountCamera, frame_solver
 from kochab.workflows.session.wiring import Wiring
+from kochab.workflows.solve_frame import SolvedFrame
 
 
 class Connection(QObject):
     """One open line at a time, in its thread; of one being closed only the end is passed on."""
 
-    received = Signal(object)  # a MountEvent or FrameSolved
+    received = Signal(object)  # a MountEvent or SolvedFrame
     closed = Signal(str, str)  # why, empty when a person closed it, and a farewell
     _posted = Signal(object)
 
@@ -186,8 +187,8 @@ class MountCameraFrames:
                 return  # the Live view shows its camera's frames, this one too
             self._frames += 1
             self._session.show(event.frame, f"Camera frame {self._frames}")
-        elif isinstance(event, FrameSolved):
-            self._session.answer(event.solved)
+        elif isinstance(event, SolvedFrame):
+            self._session.answer(event)
 
     def learn(self, sightings: tuple[MountSighting, ...]) -> None:
         """Keep the offsets seen, for the next diagnosis."""

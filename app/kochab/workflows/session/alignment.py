@@ -16,7 +16,15 @@ from kochab.core.mount import Ability
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution
 from kochab.gear.mounts.guard import Guard
-from kochab.gear.session import CameraSelection, MountSelection, OpenCamera, Practice, StartPractice
+from kochab.gear.session import (
+    EXPOSURE_S,
+    PRACTICE_FOV_DEG,
+    CameraSelection,
+    MountSelection,
+    OpenCamera,
+    Practice,
+    StartPractice,
+)
 from kochab.polar.error import total_in_words
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
@@ -129,7 +137,6 @@ def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
 
 # -- The alignment with a camera: opened, used and given back in the thread that runs it -------
 
-PRACTICE_FOV_DEG = 4.0  # wide enough for the patterns that are shipped
 FIRST_FRAME_S = 60.0
 SOLVE_S = 5.0  # a frame that was exposed while a hand turned the axis must not hold up the next
 LEAST_TURN_DEG = 30.0
@@ -181,7 +188,10 @@ def options_of(wish: AlignmentRequest) -> AlignOptions:
 
 def _place(wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack) -> CameraPlace:
     if wish.source is FrameSource.PRACTICE:
-        return _of_practice(_practice(tools, opened), wish)
+        practice = _practice(tools, opened)
+        exposure_s = EXPOSURE_S if wish.camera is None else wish.camera.exposure_s
+        camera = CameraSelection("simulated", practice.camera, exposure_s)
+        return CameraPlace(camera, practice.rig.config.site, practice.rig.clock.now_utc)
     if wish.camera is None:
         raise UsageError("Choose a camera.")
     return CameraPlace(wish.camera, wish.site, partial(datetime.now, UTC))
@@ -197,12 +207,6 @@ def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
         opened.callback(practice.stop)
     tools.practising(practice)
     return practice
-
-
-def _of_practice(practice: Practice, wish: AlignmentRequest) -> CameraPlace:
-    exposure_s = 2.0 if wish.camera is None else wish.camera.exposure_s
-    camera = CameraSelection("simulated", practice.camera, exposure_s)
-    return CameraPlace(camera, practice.rig.config.site, practice.rig.clock.now_utc)
 
 
 def _site_of_frames(camera: CameraSource) -> Task[Site]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import datetime
 
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
@@ -16,16 +15,9 @@ from kochab.gear.session import CameraSelection, OpenCamera
 from kochab.solver import SolveOptions
 from kochab.workflows.fresh_frame import fresh_frame, lost_in_space
 from kochab.workflows.goto_target import with_retries
-from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
+from kochab.workflows.solve_frame import solve_open_frame
 
 LIMIT_S = 40.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrameSolved:
-    """What was found in the frame that the camera gave."""
-
-    solved: SolvedFrame
 
 
 class MountCamera(CameraSource):
@@ -98,11 +90,11 @@ class MountCamera(CameraSource):
         return self._camera
 
 
-def frame_solver(eye: MountCamera, guard: Guard, tell: Callable[[object], None]) -> SolveNow:
+def frame_solver(camera: MountCamera, guard: Guard, tell: Callable[[object], None]) -> SolveNow:
     """What takes a fresh frame, shows it, solves it, and tells what was seen."""
 
     def solve_now() -> Task[Solution | NoSolution]:
-        frame = lost_in_space((yield from fresh_frame(eye)))
+        frame = lost_in_space((yield from fresh_frame(camera)))
         tell(FrameTaken(frame))
         said = None
         with suppress(DeviceError):
@@ -111,7 +103,7 @@ def frame_solver(eye: MountCamera, guard: Guard, tell: Callable[[object], None])
         solved = yield from solve_open_frame(frame, SolveOptions(timeout_s=LIMIT_S))
         if isinstance(solved.result, Solution) and said is not None:
             tell(SolvedPosition(solved.result, said, guard.clock()))
-        tell(FrameSolved(solved))
+        tell(solved)
         return solved.result
 
     return solve_now
