@@ -115,7 +115,7 @@ def test_the_covariance_is_that_of_many_runs(turns, rho):
         inside68 += d2 < 2.2957
         inside95 += d2 < 5.9915
         chi2.append(fit.chi2)
-        off = basis @ (fit.axis_in_camera - seen_true)
+        off = basis @ (fit.reference.T @ fit.axis - seen_true)
         in_camera.append(off @ np.linalg.solve(basis @ fit.camera_covariance @ basis.T, off))
     assert np.mean(in_camera) == pytest.approx(2.0, abs=0.3)
     assert 0.62 < inside68 / runs < 0.74

@@ -90,7 +90,7 @@ def test_a_camera_is_carried_to_the_ground_with_its_roll():
         assert angle_between(local.matrix @ ray, seen) < 3.0 * ARCSEC
     assert np.linalg.det(local.matrix) == pytest.approx(1.0)
     assert local.label == "one"
-    assert local.altitude_deg == pytest.approx(Horizon(SITE, WHEN).altitude_deg(attitude.boresight), abs=1e-3)
+    assert local.altitude_deg == pytest.approx(Horizon(SITE, WHEN).altaz_deg(attitude.boresight)[0], abs=1e-3)
 
 
 def test_an_attitude_without_errors_cannot_be_weighed():

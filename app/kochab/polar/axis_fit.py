@@ -88,11 +88,6 @@ class AxisFit:
         gaps = np.diff(np.append(around, around[0] + full))
         return float(full - gaps.max())
 
-    @property
-    def axis_in_camera(self) -> Floats:
-        """The axis (3,) in camera axes, which no turn about it changes."""
-        return np.asarray(self.reference.T @ self.axis)
-
 
 def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
     """The axis that two or more attitudes turned about.
@@ -279,6 +274,6 @@ def _moving_axis(fit: AxisFit, what: str) -> Floats:
     boresight = np.array([0.0, 0.0, 1.0])
     if what == "camera":
         return boresight
-    across = np.cross(boresight, fit.axis_in_camera)
+    across = np.cross(boresight, fit.reference.T @ fit.axis)  # no turn about the axis moves it in the camera
     length = float(np.linalg.norm(across))
     return across / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])

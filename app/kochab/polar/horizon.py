@@ -67,10 +67,6 @@ class Horizon:
         level = np.sin(zenith_distance)
         return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
 
-    def altitude_deg(self, vector: Floats) -> float:
-        """Altitude, degrees, of one ICRS unit vector (3,), refracted."""
-        return self.altaz_deg(vector)[0]
-
     def altaz_deg(self, vector: Floats) -> tuple[float, float]:
         """Refracted altitude and azimuth (from north through east), degrees, of an ICRS unit vector (3,)."""
         east, north, up = self.observed(vector)[0]

@@ -28,7 +28,13 @@ def add_status_action(actions: "argparse._SubParsersAction[Any]", name: str, tex
 
 def _position(args: argparse.Namespace) -> int:
     with guarded_mount(args) as guard:
-        told = {**where(args, guard), **_state(guard), "epoch_doubt": guard.epoch_doubt()}
+        lacks = {str(ability): reason for ability, reason in guard.lacks.items()}
+        told = {
+            **where(args, guard),
+            "state": asdict(guard.state()),
+            "lacks": lacks,
+            "epoch_doubt": guard.epoch_doubt(),
+        }
     lines = [
         told["name"],
         f"{radec(told['ra_deg'], told['dec_deg'])}  (J2000)",
@@ -75,19 +81,6 @@ def where(args: argparse.Namespace, guard: "Guard") -> Json:
         "mount_dec_deg": here.dec_deg,
         "epoch": str(here.epoch),
     }
-
-
-def _state(guard: "Guard") -> Json:
-    state = guard.state()
-    told = {
-        "slewing": state.slewing,
-        "parked": state.parked,
-        "aligned": state.aligned,
-        "tracking": state.tracking,
-        "pier_side": None if state.pier_side is None else str(state.pier_side),
-        "home_confirmed": state.home_confirmed,
-    }
-    return {"state": told, "lacks": {str(k): v for k, v in guard.lacks.items()}}
 
 
 # -- ``kochab mount list`` and ``kochab mount probe`` ------------------------------------------

@@ -68,14 +68,9 @@ class DriftMeter:
         centres = np.array([c for _, c in self._points])
         axes = _east_north(centres[-1])
         offsets = centres @ axes.T * ARCSEC  # (N, 2) of the gnomonic plane, small angles
-        minutes = (times - times.mean()) / 60.0
-        spread = float(minutes @ minutes)
-        slope = minutes @ (offsets - offsets.mean(axis=0)) / spread
-        rest = offsets - offsets.mean(axis=0) - minutes[:, None] * slope
-        sigma = np.sqrt((rest**2).sum(axis=0) / (len(times) - 2) / spread)
-        return Drift(
-            float(slope[0]), float(slope[1]), float(sigma[0]), float(sigma[1]), float(times[-1] - times[0]), len(times)
-        )
+        line, covariance = np.polyfit((times - times.mean()) / 60.0, offsets, 1, cov=True)
+        (ra, dec), (ra_sigma, dec_sigma) = line[0].tolist(), np.sqrt(covariance[0, 0]).tolist()
+        return Drift(ra, dec, ra_sigma, dec_sigma, float(times[-1] - times[0]), len(times))
 
 
 def _east_north(direction: Floats) -> Floats:
