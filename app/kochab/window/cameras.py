@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QSignalBlocker, Signal
-from PySide6.QtWidgets import QDoubleSpinBox, QLineEdit, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QWidget
 
 from kochab.core.capture import CameraDevice, CaptureSettings
 from kochab.core.progress import Progress, Task
@@ -13,7 +13,17 @@ from kochab.gear.cameras.shared_cameras import Share, SharedCameras
 from kochab.gear.session import CameraSelection
 from kochab.window.job import Job, Jobs
 from kochab.window.shell.dialogs import ask_folder
-from kochab.window.widgets import button, choice_box, column, label, narrow_box, row
+from kochab.window.widgets import (
+    button,
+    choice_box,
+    column,
+    label,
+    narrow_box,
+    number_field,
+    row,
+    show_text,
+    text_field,
+)
 
 
 class Cameras(QObject):
@@ -100,21 +110,14 @@ class CameraBox(QWidget):
         super().__init__()
         self._at_once = at_once
         self._note = self._missed = ""
-        self.source = choice_box("Kind of camera", (), 0)
-        for name in ("", *sources) if at_once else sources:
-            self.source.addItem(TITLES.get(name, name), name)
+        kinds = ("", *sources) if at_once else sources
+        self.source = choice_box("Kind of camera", {TITLES.get(name, name): name for name in kinds}, 0)
         self.found = narrow_box("Cameras that were found", 12)
         self.look = button("F&ind", self.search, tip="Search for cameras of this kind")
-        self.address = QLineEdit()
-        self.address.setAccessibleName("Address of the camera")
+        self.address = text_field("Address of the camera")
         self.folder = button("F&older…", self._ask_folder, tip="Choose the folder to watch")
-        self.exposure = QDoubleSpinBox()
-        self.exposure.setAccessibleName("Exposure in seconds")
-        self.exposure.setRange(*EXPOSURE_S)
-        self.exposure.setDecimals(3)
+        self.exposure = number_field("Exposure in seconds", *EXPOSURE_S, 2.0, 3, " s")
         self.exposure.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
-        self.exposure.setSuffix(" s")
-        self.exposure.setValue(2.0)
         self.status = label("", "muted", wrap=True)
         column(
             row(label("Camera"), (self.source, 1), self.exposure),
@@ -238,6 +241,4 @@ class CameraBox(QWidget):
         self._show_status()
 
     def _show_status(self) -> None:
-        text = self._note or self._missed
-        self.status.setText(text)
-        self.status.setVisible(bool(text))
+        show_text(self.status, self._note or self._missed)

@@ -1,8 +1,8 @@
 """Small widgets that several panes are made of."""
 
 import locale
-from collections.abc import Callable, Iterable
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
 
 from PySide6.QtCore import QEvent, QLocale, QObject, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter
@@ -10,16 +10,20 @@ from PySide6.QtWidgets import (
     QAbstractSpinBox,
     QApplication,
     QBoxLayout,
+    QCheckBox,
     QComboBox,
     QDoubleSpinBox,
+    QFormLayout,
     QFrame,
     QGridLayout,
     QHBoxLayout,
     QLabel,
     QLayout,
+    QLineEdit,
     QProgressBar,
     QPushButton,
     QScrollArea,
+    QTabWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -37,10 +41,73 @@ def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
     return made
 
 
-def value_label(name: str) -> QLabel:
+def text_field(name: str, example: str = "", tip: str = "") -> QLineEdit:
+    """A field for a text; it shows ``example`` while it is empty."""
+    made = QLineEdit()
+    made.setAccessibleName(name)
+    made.setPlaceholderText(example)
+    made.setToolTip(tip)
+    return made
+
+
+def number_field(
+    name: str, low: float, high: float, value: float, decimals: int = 0, unit: str = "", tip: str = ""
+) -> QDoubleSpinBox:
+    """A field for a number between ``low`` and ``high``, with its unit."""
+    made = QDoubleSpinBox()
+    made.setDecimals(decimals)
+    made.setRange(low, high)
+    made.setValue(value)
+    made.setSuffix(unit)
+    made.setAccessibleName(name)
+    made.setToolTip(tip)
+    return made
+
+
+def switch(text: str, tip: str = "") -> QCheckBox:
+    """A box to tick; ``text`` carries its mnemonic."""
+    made = QCheckBox(text)
+    made.setToolTip(tip)
+    return made
+
+
+def field_values(fields: Mapping[str, QWidget]) -> dict[str, Any]:
+    """What fields show, by their names, as :func:`fill_fields` takes it and JSON can keep it."""
+    return {name: _value_of(field) for name, field in fields.items()}
+
+
+def _value_of(field: QWidget) -> str | float | bool:
+    match field:
+        case QCheckBox():
+            return field.isChecked()
+        case QComboBox():
+            return field.currentText()
+        case QLineEdit():
+            return field.text()
+        case QDoubleSpinBox():
+            return field.value()
+    raise TypeError(field)
+
+
+def fill_fields(fields: Mapping[str, QWidget], saved: Mapping[str, Any]) -> None:
+    """Show saved values; one that is missing or damaged leaves its field as it is."""
+    for name, field in fields.items():
+        match field, saved.get(name):
+            case QCheckBox(), bool() as on:
+                field.setChecked(on)
+            case QComboBox(), str() as text if (at := field.findText(text)) >= 0:
+                field.setCurrentIndex(at)
+            case QLineEdit(), str() as text:
+                field.setText(text)
+            case QDoubleSpinBox(), int() | float() as number:
+                field.setValue(number)
+
+
+def value_label(name: str, tip: str = "") -> QLabel:
     """A label whose text can be selected with the mouse."""
     made = label(wrap=True)
     made.setAccessibleName(name)
+    made.setToolTip(tip)
     made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     return made
@@ -56,29 +123,32 @@ def position_labels() -> tuple[QLabel, QLabel]:
 
 
 def facts_grid(spacing: int, *rows: tuple[str, QLabel]) -> QGridLayout:
-    """Titles and values in two columns, the second as wide as can be."""
+    """Titles and values in two columns, the second as wide as can be; a title has its value's tip."""
     grid = QGridLayout()
     grid.setHorizontalSpacing(12)
     grid.setVerticalSpacing(spacing)
     grid.setColumnStretch(1, 1)
-    for row, (title, value) in enumerate(rows):
-        grid.addWidget(label(title, "muted"), row, 0)
-        grid.addWidget(value, row, 1)
+    for at, (title, value) in enumerate(rows):
+        name = label(title, "muted")
+        name.setToolTip(value.toolTip())
+        grid.addWidget(name, at, 0)
+        grid.addWidget(value, at, 1)
     return grid
 
 
-def choice_box(name: str, choices: Iterable[str], letters: int = 8) -> QComboBox:
-    """A box to choose one of ``choices`` from."""
+def choice_box(name: str, choices: Iterable[str] | Mapping[str, object], letters: int = 8) -> QComboBox:
+    """A box to choose one of ``choices`` from; those of a mapping carry their values as data."""
     made = QComboBox()
-    made.addItems(list(choices))
+    for text in choices:
+        made.addItem(text, choices[text] if isinstance(choices, Mapping) else None)
     made.setAccessibleName(name)
     made.setMinimumContentsLength(letters)
     return made
 
 
-def narrow_box(name: str, letters: int) -> QComboBox:
+def narrow_box(name: str, letters: int, choices: Iterable[str] | Mapping[str, object] = ()) -> QComboBox:
     """A box to choose from that asks for room for so many letters, however long its texts are."""
-    made = choice_box(name, (), letters)
+    made = choice_box(name, choices, letters)
     made.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     return made
 
@@ -135,6 +205,16 @@ def scrolled(inside: QWidget) -> QScrollArea:
     return area
 
 
+def tab_pages(name: str, *pages: tuple[str, QWidget]) -> QTabWidget:
+    """Pages under tabs with these titles."""
+    made = QTabWidget()
+    made.setDocumentMode(True)
+    made.setAccessibleName(name)
+    for title, inside in pages:
+        made.addTab(inside, title)
+    return made
+
+
 def clear_layout(layout: QLayout) -> None:
     """Remove every widget of ``layout``."""
     while (item := layout.takeAt(0)) is not None:
@@ -144,41 +224,64 @@ def clear_layout(layout: QLayout) -> None:
 
 
 Margins = tuple[int, int, int, int]  # left, top, right, bottom
-Part = QWidget | QLayout | tuple[QWidget, int] | int | None
+Part = QWidget | QLayout | tuple[QWidget | QLayout, int] | int | None
 
 
-def row(*parts: Part, spacing: int | None = None) -> QHBoxLayout:
-    """Parts side by side: widgets, layouts, ``(widget, stretch)``, px of space, None to stretch."""
-    return _fill(QHBoxLayout(), parts, spacing)
+def row(
+    *parts: Part, on: QWidget | None = None, spacing: int | None = None, margins: Margins | None = None
+) -> QHBoxLayout:
+    """Parts side by side, as the layout of ``on`` or to be added to another.
+
+    They are widgets, layouts, ``(widget or layout, stretch)``, px of space, and None to stretch.
+    """
+    return _fill(QHBoxLayout(on) if on is not None else QHBoxLayout(), parts, spacing, margins)
 
 
 def column(
     *parts: Part, on: QWidget | None = None, spacing: int | None = None, margins: Margins | None = None
 ) -> QVBoxLayout:
-    """The same from top to bottom, as the layout of ``on`` or to be added to another."""
-    made = _fill(QVBoxLayout(on) if on is not None else QVBoxLayout(), parts, spacing)
-    if margins is not None:
-        made.setContentsMargins(*margins)
-    return made
+    """The same from top to bottom."""
+    return _fill(QVBoxLayout(on) if on is not None else QVBoxLayout(), parts, spacing, margins)
 
 
-def _fill(layout: Box, parts: tuple[Part, ...], spacing: int | None) -> Box:
+def _fill(layout: Box, parts: tuple[Part, ...], spacing: int | None, margins: Margins | None) -> Box:
     if spacing is not None:
         layout.setSpacing(spacing)
+    if margins is not None:
+        layout.setContentsMargins(*margins)
     for part in parts:
-        if part is None:
+        inside, stretch = part if isinstance(part, tuple) else (part, 0)
+        if inside is None:
             layout.addStretch(1)
-        elif isinstance(part, int):
-            layout.addSpacing(part)
-        elif isinstance(part, QLayout):
-            layout.addLayout(part)
+        elif isinstance(inside, int):
+            layout.addSpacing(inside)
+        elif isinstance(inside, QLayout):
+            layout.addLayout(inside, stretch)
         else:
-            layout.addWidget(*part) if isinstance(part, tuple) else layout.addWidget(part)
+            layout.addWidget(inside, stretch)
     return layout
 
 
+def form(*rows: tuple[str, QWidget | QLayout], spacing: int = 8) -> QFormLayout:
+    """Fields below each other, each beside its title."""
+    made = QFormLayout()
+    made.setHorizontalSpacing(12)
+    made.setVerticalSpacing(spacing)
+    for title, field in rows:
+        made.addRow(title, field)
+    return made
+
+
+class Page(QWidget):
+    """A part of the window that the style sheet knows as ``page``."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("page")
+
+
 def page() -> QWidget:
-    """A part of the window with its background."""
+    """A part of the window with its background, which Qt paints for its own class alone."""
     made = QWidget()
     made.setObjectName("page")
     return made
@@ -211,8 +314,18 @@ def set_property(widget: QWidget, name: str, value: object) -> None:
 
 
 def set_role(widget: QWidget, role: str) -> None:
-    """Give ``widget`` another of the style sheet's roles."""
-    set_property(widget, "role", role)
+    """Give ``widget`` one of the style sheet's roles."""
+    if widget.property("role") != role:  # each change costs a look at the style sheet
+        set_property(widget, "role", role)
+
+
+def show_text(target: QLabel, text: str, role: str | None = None) -> None:
+    """Show a text, in a role of the style sheet if one is given; an empty text hides its label."""
+    if target.text() != text:  # each change costs a layout
+        target.setText(text)
+    target.setVisible(bool(text))
+    if role is not None:
+        set_role(target, role)
 
 
 INSET_PX = 5  # as much as a text field's

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, QSize, Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QSizePolicy, QSlider, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QSlider
 
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame
+from kochab.window.widgets import Page, row, switch
 
 if TYPE_CHECKING:
     from kochab.window.charts.histogram_plot import HistogramPlot
@@ -62,19 +63,17 @@ STEPS = 1000
 DECADES = 4.0  # brightness runs from linear to four decades of lift
 
 
-class StretchStrip(QWidget):
+class StretchStrip(Page):
     """Emits the stretch to use; linear while automatic is off and no slider was moved."""
 
     changed = Signal(object)  # Stretch
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._automatic = ScreenStretch()
         self.histogram = Histogram()
-        self.auto = QCheckBox("Auto stretch")
+        self.auto = switch("Auto stretch", "Stretch the image so that faint stars show (T)")
         self.auto.setChecked(True)
-        self.auto.setToolTip("Stretch the image so that faint stars show (T)")
         self.black, self.bright = self._slider("Black point"), self._slider("Brightness")
         self.auto.toggled.connect(self._auto_toggled)
         for slider in (self.black, self.bright):
@@ -82,16 +81,11 @@ class StretchStrip(QWidget):
         grid = QGridLayout()
         grid.setVerticalSpacing(2)
         grid.setHorizontalSpacing(8)
-        for row, (title, slider) in enumerate((("Blac&k", self.black), ("Bri&ght", self.bright))):
-            grid.addWidget(name := QLabel(title), row, 0)
+        for at, (title, slider) in enumerate((("Blac&k", self.black), ("Bri&ght", self.bright))):
+            grid.addWidget(name := QLabel(title), at, 0)
             name.setBuddy(slider)
-            grid.addWidget(slider, row, 1)
-        line = QHBoxLayout(self)
-        line.setContentsMargins(10, 6, 10, 6)
-        line.setSpacing(14)
-        line.addWidget(self.histogram, 2)
-        line.addWidget(self.auto)
-        line.addLayout(grid, 1)
+            grid.addWidget(slider, at, 1)
+        row((self.histogram, 2), self.auto, (grid, 1), on=self, spacing=14, margins=(10, 6, 10, 6))
         self.setEnabled(False)
 
     def show_picture(self, picture: FrameImage | RenderedFrame) -> None:

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QGridLayout, QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QGridLayout, QListWidget, QListWidgetItem
 
 from kochab.core.errors import UsageError
 from kochab.lab.laboratory.comparison import Choice, ComparedPart, allowed, names_of, options_for, paper_for
 from kochab.window.panels.method_options import OptionsForm
-from kochab.window.widgets import choice_box, label, scrolled
+from kochab.window.widgets import Page, choice_box, label, scrolled
 
 ROW_PX = 6  # of a row, above and below its text
 CHECKED = {True: Qt.CheckState.Checked, False: Qt.CheckState.Unchecked}
@@ -29,19 +29,16 @@ class MethodChoice:
     faults: dict[str, str] = field(default_factory=dict)
 
 
-class MethodsPanel(QWidget):
+class MethodsPanel(Page):
     """A list to tick for each kind, beside the options of the highlighted one."""
 
     kind_changed = Signal()
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._chosen = {kind: MethodChoice(names_of(kind)) for kind in ComparedPart}
         self._shown = ""
-        self.kinds = choice_box("Compare", (), 10)
-        for kind, title in TITLES.items():
-            self.kinds.addItem(title, kind)
+        self.kinds = choice_box("Compare", {title: kind for kind, title in TITLES.items()}, 10)
         self.list = QListWidget()
         self.list.setSpacing(1)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)

@@ -5,13 +5,13 @@ from collections.abc import Callable, Sequence
 
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QGridLayout, QWidget
+from PySide6.QtWidgets import QGridLayout
 
 from kochab.lab.laboratory.comparison import ComparedPart, names_of
 from kochab.lab.laboratory.curves import SWEEPS, Point, sweeps_of
 from kochab.window.charts.chart import Chart, Legend
 from kochab.window.charts.series import ChartAxis, Series
-from kochab.window.widgets import column
+from kochab.window.widgets import Page, column
 
 Height = Callable[[Point], float | None]
 HEIGHTS: dict[ComparedPart, tuple[ChartAxis, Height]] = {
@@ -36,13 +36,12 @@ DRAW_EVERY_MS = 50
 NARROW, WIDE, WIDE_PX = 2, 3, 1000  # columns, and from which width on there are more
 
 
-class Plots(QWidget):
+class Plots(Page):
     """Charts over one legend; every method keeps its colour, dashes and marker."""
 
     def __init__(self, kind: ComparedPart) -> None:
         super().__init__()
         self.kind = kind
-        self.setObjectName("page")
         self.points: dict[tuple[str, float, str], Point] = {}
         up, self._height = HEIGHTS[kind]
         self.charts = {name: Chart(TITLES[name], _across(name), up) for name in sweeps_of(kind)}

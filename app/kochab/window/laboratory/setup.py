@@ -3,10 +3,10 @@
 from enum import StrEnum
 from typing import Any
 
-from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout
 
 from kochab.lab.laboratory.comparison import FieldSettings
-from kochab.window.widgets import choice_box, column, label
+from kochab.window.widgets import Page, choice_box, column, field_values, fill_fields, label, number_field
 
 NO_SKY = "Simulated fields are not available here."
 
@@ -40,16 +40,16 @@ NUMBERS: dict[str, tuple[str, str, float, float, float, int, str]] = {
 }
 
 
-class LaboratorySetupPanel(QWidget):
+class LaboratorySetupPanel(Page):
     """The fields of :data:`NUMBERS` with the source of the stars and the hints."""
 
     def __init__(self, can_simulate: bool) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.can_simulate = can_simulate
         self.source = choice_box("Stars from", StarSource, 10)
         self.hints = choice_box("Known in advance", Hints, 10)
         self.numbers = {name: _number(*made[1:]) for name, made in NUMBERS.items()}
+        self._kept = {**self.numbers, "source": self.source, "hints": self.hints}
         titles = ("Stars from", "Known", *(title for title, *_ in NUMBERS.values()))
         grid = QGridLayout()
         grid.setHorizontalSpacing(10)
@@ -87,29 +87,17 @@ class LaboratorySetupPanel(QWidget):
         return StarSource(self.source.currentText()) is StarSource.FIELD
 
     def state(self) -> dict[str, Any]:
-        kept: dict[str, Any] = {name: field.value() for name, field in self.numbers.items()}
-        return kept | {"source": self.source.currentText(), "hints": self.hints.currentText()}
+        return field_values(self._kept)
 
     def restore(self, kept: dict[str, Any]) -> None:
         """Choose what was kept, as far as it still makes sense."""
-        for name, field in self.numbers.items():
-            if isinstance(value := kept.get(name), int | float):
-                field.setValue(float(value))
-        if self.can_simulate:
-            self.source.setCurrentText(str(kept.get("source", StarSource.FRAME)))
-        self.hints.setCurrentText(str(kept.get("hints", Hints.SCALE)))
+        fill_fields(self._kept, kept if self.can_simulate else {**kept, "source": StarSource.FRAME})
 
     def _enable(self) -> None:
         self.numbers["seed"].setEnabled(self.from_field)
 
 
 def _number(tip: str, low: float, high: float, value: float, decimals: int, unit: str) -> QDoubleSpinBox:
-    made = QDoubleSpinBox()
-    made.setDecimals(decimals)
-    made.setRange(low, high)
+    made = number_field(tip, low, high, value, decimals, unit, tip)
     made.setSingleStep(10.0 ** (1 - decimals) if decimals > 1 else 1.0)
-    made.setValue(value)
-    made.setSuffix(unit)
-    made.setAccessibleName(tip)
-    made.setToolTip(tip)
     return made

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
+from PySide6.QtWidgets import QSplitter, QWidget
 
 from kochab.core.errors import UsageError
 from kochab.core.progress import PREPARING, Progress, Task
@@ -20,7 +20,7 @@ from kochab.window.laboratory.setup import Hints, LaboratorySetupPanel
 from kochab.window.laboratory.table import TrialTable
 from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
-from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, set_role
+from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 
 
 class LaboratoryExporter(QObject):
@@ -76,22 +76,17 @@ class _Relay(QObject):
     point = Signal(object)
 
 
-class LaboratoryView(QWidget):
+class LaboratoryView(Page):
     """Set-up above, table and curves below."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._services = services
         self.setup = LaboratorySetupPanel(services.wiring.fields is not None)
         self.methods = MethodsPanel()
         self.table = TrialTable()
         self.plots = Plots(ComparedPart.METHOD)
-        self.tabs = QTabWidget()
-        self.tabs.setDocumentMode(True)
-        self.tabs.setAccessibleName("Laboratory results")
-        self.tabs.addTab(self.table, "Table")
-        self.tabs.addTab(self.plots, "Curves")
+        self.tabs = tab_pages("Laboratory results", ("Table", self.table), ("Curves", self.plots))
         self.status = label(READY, "muted", wrap=True)
         self.bar = ProgressBar("Progress of the Laboratory")
         self.compare = button("Compare", self.run_comparison, "main", "One row for each method")
@@ -108,11 +103,7 @@ class LaboratoryView(QWidget):
         self._idle()
 
     def _lay_out(self) -> None:
-        top = QTabWidget()
-        top.setDocumentMode(True)
-        top.setAccessibleName("Laboratory set-up")
-        top.addTab(self.methods, "Methods")
-        top.addTab(scrolled(self.setup), "Stars")
+        top = tab_pages("Laboratory set-up", ("Methods", self.methods), ("Stars", scrolled(self.setup)))
         buttons = row(self.compare, self.draw, self.stop, None, self.export.csv, self.export.png)
         below = QWidget()
         column(buttons, self.bar, self.status, (self.tabs, 1), on=below, margins=(0, 4, 0, 0))
@@ -239,6 +230,4 @@ class LaboratoryView(QWidget):
         self.draw.setEnabled(not self.stop.isEnabled() and self._simulated() is not None)
 
     def _say(self, text: str, role: str) -> None:
-        self.status.setText(text)
-        if self.status.property("role") != role:
-            set_role(self.status, role)
+        show_text(self.status, text, role)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
-from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QGridLayout, QLineEdit, QSpinBox, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QGridLayout
 
 from kochab.core.capture import CaptureLimits, CaptureSettings
 from kochab.gear.session import CameraSelection
@@ -12,7 +12,18 @@ from kochab.window.cameras import CameraBox
 from kochab.window.image.stretch_strip import AXIS_POWER, Histogram
 from kochab.window.live.rendering import Levels
 from kochab.window.live.status_text import fixed_settings, levels_text
-from kochab.window.widgets import column, label, row
+from kochab.window.widgets import (
+    Page,
+    column,
+    field_values,
+    fill_fields,
+    label,
+    number_field,
+    row,
+    show_text,
+    switch,
+    text_field,
+)
 
 if TYPE_CHECKING:
     from kochab.window.charts.histogram_plot import HistogramPlot
@@ -23,26 +34,20 @@ UNSET = -1.0
 LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
 
 
-class SettingFields(QWidget):
+class SettingFields(Page):
     """Exposure, gain and binning; the lowest value of each is the camera's default."""
 
     changed = Signal()
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
-        self.exposure = _number("Exposure", LONGEST_S, 4, " s")
-        self.gain = _number("Gain, in the camera’s units", MOST_GAIN, 1)
-        self.binning = QSpinBox()
-        self.binning.setRange(0, MOST_BINNING)
-        self.binning.setSpecialValueText(DEFAULT)
-        self.binning.setAccessibleName("Binning")
+        self.exposure = number_field("Exposure", 0.0, LONGEST_S, 0.0, 4, " s")
+        self.gain = number_field("Gain, in the camera’s units", UNSET, MOST_GAIN, UNSET, 1)
+        self.binning = number_field("Binning", 0, MOST_BINNING, 0)
         self.in_force = label("", "muted", wrap=True)
-        self.fields: dict[str, QAbstractSpinBox] = {
-            "exposure": self.exposure,
-            "gain": self.gain,
-            "binning": self.binning,
-        }
+        self.fields = {"exposure": self.exposure, "gain": self.gain, "binning": self.binning}
+        for field in (self.exposure, self.gain):
+            field.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setHorizontalSpacing(10)
@@ -51,10 +56,9 @@ class SettingFields(QWidget):
             grid.addWidget(label(name.capitalize(), "muted"), 0, at)
             grid.addWidget(field, 1, at)
             grid.setColumnStretch(at, 1)
-        grid.addWidget(self.in_force, 2, 0, 1, 3)
-        for field in (self.exposure, self.gain):
+            field.setSpecialValueText(DEFAULT)
             field.valueChanged.connect(lambda _: self.changed.emit())
-        self.binning.valueChanged.connect(lambda _: self.changed.emit())
+        grid.addWidget(self.in_force, 2, 0, 1, 3)
         self.show_limits(None, CaptureSettings())
 
     def settings(self) -> CaptureSettings:
@@ -62,7 +66,7 @@ class SettingFields(QWidget):
         return CaptureSettings(
             self.exposure.value() if self.exposure.value() > 0 else None,
             self.gain.value() if self.gain.value() > UNSET else None,
-            self.binning.value() or None,
+            round(self.binning.value()) or None,
         )
 
     def show_limits(self, limits: CaptureLimits | None, in_force: CaptureSettings) -> None:
@@ -77,33 +81,7 @@ class SettingFields(QWidget):
             self.exposure.setMaximum(known.exposure_s[1] if known.exposure_s else LONGEST_S)
             self.gain.setMaximum(known.gain[1] if known.gain else MOST_GAIN)
             self.binning.setMaximum(known.binning[1] if known.binning else MOST_BINNING)
-        self.in_force.setText("" if limits is None else _in_force_text(in_force, reasons))
-        self.in_force.setVisible(bool(self.in_force.text()))
-
-    def state(self) -> dict[str, Any]:
-        """The settings to save."""
-        now = self.settings()
-        return {"exposure": now.exposure_s, "gain": now.gain, "binning": now.binning}
-
-    def restore(self, saved: dict[str, Any]) -> None:
-        """Show saved settings; damaged ones become the default."""
-        for field, name, unset in ((self.exposure, "exposure", 0.0), (self.gain, "gain", UNSET)):
-            value = saved.get(name)
-            field.setValue(float(value) if isinstance(value, int | float) else unset)
-        binning = saved.get("binning")
-        self.binning.setValue(binning if isinstance(binning, int) else 0)
-
-
-def _number(name: str, most: float, decimals: int, unit: str = "") -> QDoubleSpinBox:
-    made = QDoubleSpinBox()
-    made.setDecimals(decimals)
-    made.setRange(0.0 if unit else UNSET, most)
-    made.setSpecialValueText(DEFAULT)
-    made.setSuffix(unit)
-    made.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
-    made.setAccessibleName(name)
-    made.setValue(made.minimum())
-    return made
+        show_text(self.in_force, "" if limits is None else _in_force_text(in_force, reasons))
 
 
 def _in_force_text(now: CaptureSettings, reasons: dict[str, str]) -> str:
@@ -156,20 +134,18 @@ class CameraChoice:
     settings: CaptureSettings
 
 
-class CameraPanel(QWidget):
+class CameraPanel(Page):
     """The choice of a camera and its settings; opens nothing itself."""
 
     settings_wanted = Signal(object)  # CaptureSettings
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.box = CameraBox()
-        self.lens = QLineEdit()
-        self.lens.setAccessibleName("Name of camera and lens")
-        self.lens.setPlaceholderText("name it to save its calibration")
-        self.reconnect = QCheckBox("Reconnect auto&matically")
+        self.lens = text_field("Name of camera and lens", "name it to save its calibration")
+        self.reconnect = switch("Reconnect auto&matically")
         self.fields = SettingFields()
+        self._kept = {"lens": self.lens, "again": self.reconnect, **self.fields.fields}
         self.levels = LevelView()
         self.levels_status = label("", "muted", wrap=True)
         self._settle = QTimer(self)
@@ -210,20 +186,11 @@ class CameraPanel(QWidget):
 
     def state(self) -> dict[str, Any]:
         """The choice to save."""
-        return {
-            "source": self.box.kind,
-            "where": self.box.address.text(),
-            "lens": self.lens.text(),
-            "again": self.reconnect.isChecked(),
-            **self.fields.state(),
-        }
+        return {"source": self.box.kind, "where": self.box.address.text(), **field_values(self._kept)}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Show a saved choice, as far as it still exists."""
-        source, where, lens = (saved.get(name) for name in ("source", "where", "lens"))
+        source, where = saved.get("source"), saved.get("where")
         if isinstance(source, str) and isinstance(where, str):
             self.box.show_selection(CameraSelection(source, where))
-        if isinstance(lens, str):
-            self.lens.setText(lens)
-        self.reconnect.setChecked(saved.get("again") is True)
-        self.fields.restore(saved)
+        fill_fields(self._kept, saved)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QSize
-from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy
 
 from kochab.core.angle_text import AngleStyle, age_text
 from kochab.core.arrays import Floats
@@ -14,7 +14,7 @@ from kochab.window.charts.plot_area import PlotArea
 from kochab.window.live import status_text
 from kochab.window.live.sky_points import SkyPoints, Trail
 from kochab.window.live.status_text import NOTHING
-from kochab.window.widgets import column, facts_grid, label, position_labels, set_role, value_label
+from kochab.window.widgets import Page, column, facts_grid, label, position_labels, set_role, show_text, value_label
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.live_stream import Lens
 
@@ -96,26 +96,18 @@ ROWS = {
 STOPPED = "OLD: last pointing before the camera stopped"
 
 
-class PointingPanel(QWidget):
+class PointingPanel(Page):
     """Rewritten a few times a second, so that the age runs on without new frames."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.angle_style = AngleStyle.SEXAGESIMAL
         self.ra, self.dec = position_labels()
         self.old = label("", "old", wrap=True)
         self.doubt = label("", "wrong", wrap=True)
-        self.values: dict[str, QLabel] = {}
         self.chart = SkyChart()
-        grid = facts_grid(4, ("RA", self.ra), ("Dec", self.dec))
-        for row, (title, tip) in enumerate(ROWS.items(), 2):
-            name, value = label(title, "muted"), value_label(title)
-            name.setToolTip(tip)
-            value.setToolTip(tip)
-            grid.addWidget(name, row, 0)
-            grid.addWidget(value, row, 1)
-            self.values[title] = value
+        self.values = {title: value_label(title, tip) for title, tip in ROWS.items()}
+        grid = facts_grid(4, ("RA", self.ra), ("Dec", self.dec), *self.values.items())
         column(self.old, grid, self.doubt, (self.chart, 1), on=self, spacing=8, margins=(10, 10, 10, 10))
         self.clear()
 
@@ -123,8 +115,8 @@ class PointingPanel(QWidget):
         """Nothing is known."""
         for value in (self.ra, self.dec, *self.values.values()):
             write(value, NOTHING)
-        self.old.setVisible(False)
-        self.doubt.setVisible(False)
+        show_text(self.old, "")
+        show_text(self.doubt, "")
         self.chart.clear()
 
     def show_update(
@@ -151,10 +143,8 @@ class PointingPanel(QWidget):
         }.items():
             write(self.values[title], text)
         self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
-        write(self.old, f"OLD: pointing of {age} ago. The current pointing is unknown.")
-        self.old.setVisible(old)
-        write(self.doubt, lens.doubt)
-        self.doubt.setVisible(bool(lens.doubt))
+        show_text(self.old, f"OLD: pointing of {age} ago. The current pointing is unknown." if old else "")
+        show_text(self.doubt, lens.doubt)
         centre = status_text.pointing_vector(update)
         if centre is not None:
             self.chart.show_pointing(centre, old)
@@ -167,16 +157,13 @@ class PointingPanel(QWidget):
         for title, value in self.values.items():
             if title != "Lens":
                 write(value, NOTHING)
-        write(self.old, STOPPED)
-        self.old.setVisible(True)
+        show_text(self.old, STOPPED)
         if self.chart.trail.here is not None:
             self.chart.show_pointing(self.chart.trail.here, old=True)
 
     def _mute_position(self, old: bool) -> None:
-        role = "muted" if old else "value"
         for value in (self.ra, self.dec):
-            if value.property("role") != role:
-                set_role(value, role)
+            set_role(value, "muted" if old else "value")
 
 
 def write(target: QLabel, text: str) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QTabWidget, QWidget
 
 from kochab.core.capture import CameraSource, CaptureSettings
 from kochab.core.progress import Progress, Task
@@ -23,33 +22,27 @@ from kochab.window.live.sky_points import sky_points
 from kochab.window.live.status_text import StreamStatus, recorded_text
 from kochab.window.shell.dialogs import ask_folder
 from kochab.window.shell.views import Services
-from kochab.window.widgets import button, column, label, row, scrolled, set_role
+from kochab.window.widgets import Page, button, column, label, row, scrolled, show_text, switch, tab_pages
 from kochab.workflows.live.solve import LiveEngine
 from kochab.workflows.session.live_stream import Recorded, Stream, StreamRequest
 
 NO_RECORDER = "Recording is not available in this window."
 
 
-class RecordPanel(QWidget):
+class RecordPanel(Page):
     """The recording switch: frames and solutions are saved to a folder."""
 
     wanted = Signal(object)  # Path | None
 
     def __init__(self, can_record: bool) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.folder = Path.home() / "Kochab"
-        self.switch = QCheckBox("&Record frames and solutions")
+        self.switch = switch("&Record frames and solutions")
         self.switch.setEnabled(can_record)
         self.switch.toggled.connect(self._toggled)
         self.choose = button("Fold&er…", self._ask, tip="Choose the folder for recordings")
         self.status = label("", "muted", wrap=True)
-        grid = QGridLayout(self)
-        grid.setContentsMargins(0, 0, 0, 0)
-        grid.setColumnStretch(0, 1)
-        grid.addWidget(self.switch, 0, 0)
-        grid.addWidget(self.choose, 0, 1)
-        grid.addWidget(self.status, 1, 0, 1, 2)
+        column(row((self.switch, 1), self.choose), self.status, on=self, margins=(0, 0, 0, 0))
         self.use_folder(self.folder)
 
     def show_state(self, state: Recorded | None) -> None:
@@ -83,12 +76,11 @@ READY = "Choose a camera, then press Start."
 POINTING = 1  # its tab
 
 
-class LiveView(QWidget):
+class LiveView(Page):
     """Runs one camera at a time; the headline, Start and Stop are always in sight."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._services = services
         self.display = LiveDisplay(services, self)
         self.stream: Stream | None = None
@@ -117,11 +109,7 @@ class LiveView(QWidget):
         self.message.setVisible(False)
         self.start = button("&Start", self.begin, "main", "Open the camera and solve its frames")
         self.stop = button("Sto&p", self.end, tip="Close the camera; the last frame stays open")
-        self.tabs = QTabWidget()
-        self.tabs.setDocumentMode(True)
-        self.tabs.setAccessibleName("Live")
-        self.tabs.addTab(scrolled(self.camera), "Camera")
-        self.tabs.addTab(scrolled(self.pointing), "Pointing")
+        self.tabs = tab_pages("Live", ("Camera", scrolled(self.camera)), ("Pointing", scrolled(self.pointing)))
         top = row((self.title, 1), self.start, self.stop)
         parts = (top, self.text, self.message, (self.tabs, 1), self.record)
         column(*parts, on=self, spacing=6, margins=(10, 8, 10, 8))
@@ -280,20 +268,14 @@ class LiveView(QWidget):
             self.stop.setFocus()
 
     def _show_status(self, status: StreamStatus) -> None:
-        write(self.title, status.title)
-        if self.title.property("role") != status.role:
-            set_role(self.title, status.role)
-        write(self.text, status.text)
-        self.text.setVisible(bool(status.text))
+        show_text(self.title, status.title, status.role)
+        show_text(self.text, status.text)
 
     def _show_message(self, sentence: str, role: str = "") -> None:
         """One sentence that stays until the next; all of them are in the log."""
         if sentence:
             self._services.log.info("%s", sentence)
-        self.message.setText(sentence)
-        self.message.setVisible(bool(sentence))
-        if self.message.property("role") != role:
-            set_role(self.message, role)
+        show_text(self.message, sentence, role)
 
     def _save(self) -> None:
         saved = {**self.camera.state(), "record": str(self.record.folder)}

@@ -3,7 +3,7 @@
 from functools import partial
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QHBoxLayout, QLineEdit, QWidget
+from PySide6.QtWidgets import QComboBox, QWidget
 
 from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import UsageError
@@ -15,7 +15,7 @@ from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.probe import Diagnosis, PortInfo
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, Meridian, MountSelection
 from kochab.window.job import Job, Jobs
-from kochab.window.widgets import button, column, label, narrow_box, row
+from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field
 
 BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
 EPOCH_TIP = "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
@@ -47,23 +47,16 @@ class ConnectBox(QWidget):
         for done in (self.profile.textActivated, typed.returnPressed):  # Qt tells of a new name by the latter
             done.connect(lambda *_: self.profile_chosen.emit(self.profile.currentText().strip()))
         self.port = _combo("Port of the mount", "a device, COM3 or socket://HOST:PORT")
-        self.driver = _combo("Driver of the mount")
-        for name, driver in DRIVERS.loaded().items():
-            self.driver.addItem(driver.title, name)
+        drivers = {driver.title: name for name, driver in DRIVERS.loaded().items()}
+        self.driver = narrow_box("Driver of the mount", 8, drivers)
         self.baud = _combo("Baud rate", "9600")
         self.baud.addItems(BAUDS)
-        self.epoch = _combo("Epoch of the mount's coordinates")
-        self.epoch.addItems(list(EPOCHS))
+        self.epoch = narrow_box("Epoch of the mount's coordinates", 8, EPOCHS)
         self.epoch.setToolTip(EPOCH_TIP)
-        self.site = QLineEdit()
-        self.site.setAccessibleName("Site of the mount")
-        self.site.setPlaceholderText("48.14, 11.58 (sets the horizon limit)")
-        self.site.setToolTip(SITE_TIP)
+        self.site = text_field("Site of the mount", "48.14, 11.58 (sets the horizon limit)", SITE_TIP)
         self.site.editingFinished.connect(self._site_typed)
-        self.home = QCheckBox("At home: tube at the pole, counterweight down")
-        self.home.setToolTip(HOME_TIP)
-        self.equatorial = QCheckBox("AZ-GTi on an equatorial wedge")
-        self.equatorial.setToolTip(WEDGE_TIP)
+        self.home = switch("At home: tube at the pole, counterweight down", HOME_TIP)
+        self.equatorial = switch("AZ-GTi on an equatorial wedge", WEDGE_TIP)
         self.driver.currentIndexChanged.connect(self._show_questions)
         self.connect_button = button("Connect", self._connect, "main", "Open the port. Nothing moves.")
         self.find_button = button(
@@ -80,17 +73,16 @@ class ConnectBox(QWidget):
         self._show_questions()
 
     def _lay_out(self) -> None:
-        form = QFormLayout()
-        form.setHorizontalSpacing(12)
-        form.setVerticalSpacing(6)
-        form.addRow("Profile", self.profile)
-        form.addRow("Port", self.port)
-        form.addRow("Driver", self.driver)
-        line = row((self.baud, 1), label("Epoch"), (self.epoch, 1), spacing=10)
-        form.addRow("Baud rate", line)
-        form.addRow("Your site", self.site)
+        fields = form(
+            ("Profile", self.profile),
+            ("Port", self.port),
+            ("Driver", self.driver),
+            ("Baud rate", row((self.baud, 1), label("Epoch"), (self.epoch, 1), spacing=10)),
+            ("Your site", self.site),
+            spacing=6,
+        )
         buttons = row(self.connect_button, self.find_button, None)
-        parts = (form, self.home, self.equatorial, buttons, self.practice_button)
+        parts = (fields, self.home, self.equatorial, buttons, self.practice_button)
         column(*parts, on=self, spacing=8, margins=(0, 0, 0, 0))
 
     def show_profiles(self, names: list[str], chosen: str) -> None:
@@ -172,16 +164,12 @@ class ConnectBox(QWidget):
             self.trouble.emit(str(error))
 
 
-def _combo(name: str, example: str = "") -> QComboBox:
-    """A list to choose from; with an ``example`` it can be typed in, too."""
+def _combo(name: str, example: str) -> QComboBox:
+    """A list to choose from or to type in, where an ``example`` stands while it is empty."""
     made = narrow_box(name, 8)
-    made.setEditable(bool(example))
-    if example:
-        made.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        field = made.lineEdit()
-        assert field is not None
-        field.setAccessibleName(name)
-        field.setPlaceholderText(example)
+    made.setEditable(True)
+    made.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+    made.setLineEdit(text_field(name, example))
     return made
 
 
@@ -251,15 +239,10 @@ class MeridianBox(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.choice = narrow_box("What the mount does at the meridian", 8)
+        self.choice = narrow_box("What the mount does at the meridian", 8, [str(one) for one in Meridian])
         self.choice.setToolTip(TIP)
-        for meridian in Meridian:
-            self.choice.addItem(str(meridian), meridian)
         self.choice.activated.connect(lambda _: self.chosen.emit(self.meridian))
-        line = QHBoxLayout(self)
-        line.setContentsMargins(0, 0, 0, 0)
-        line.addWidget(label("Meridian"))
-        line.addWidget(self.choice, 1)
+        row(label("Meridian"), (self.choice, 1), on=self, margins=(0, 0, 0, 0))
 
     @property
     def meridian(self) -> Meridian:

@@ -5,20 +5,10 @@ from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QCompleter,
-    QDoubleSpinBox,
-    QGridLayout,
-    QHBoxLayout,
-    QLineEdit,
-    QPushButton,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction
-from kochab.window.widgets import column, label, row
+from kochab.window.widgets import choice_box, column, label, number_field, row, set_property, text_field
 
 
 class Explanation(QObject):
@@ -56,9 +46,7 @@ class Explanation(QObject):
         control.setToolTip(self.reason or self._tip)
         control.setAccessibleDescription(f"Not available. {self.reason}" if off else self._tip)
         if bool(control.property("off")) != off:
-            control.setProperty("off", off)
-            control.style().unpolish(control)
-            control.style().polish(control)
+            set_property(control, "off", off)
 
 
 class ExplainedButton(QPushButton):
@@ -125,14 +113,10 @@ class NudgePad(QWidget):
 
     def __init__(self, beside: QWidget) -> None:
         super().__init__()
-        self.step = QComboBox()
-        self.step.setAccessibleName("Step of a nudge")
+        self.step = choice_box("Step of a nudge", STEPS_ARCSEC, 0)
         self.step.setToolTip("How far one press moves the mount")
-        for text, arcsec in STEPS_ARCSEC.items():
-            self.step.addItem(text, arcsec)
         self.step.setCurrentText(FIRST)
-        self.rate = QComboBox()
-        self.rate.setAccessibleName("Rate of a nudge")
+        self.rate = choice_box("Rate of a nudge", (), 0)
         self.rate.setToolTip("How fast; auto takes the slowest suitable rate of the mount")
         self.rate.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.show_rates(())
@@ -149,11 +133,7 @@ class NudgePad(QWidget):
         grid.addWidget(self.step, 1, 1)
         hint, below = label(HINT, "muted", wrap=True), row(self.rate, beside, None)
         title = column(label("Nudge", "heading"), hint, None, below)
-        line = QHBoxLayout(self)
-        line.setContentsMargins(0, 0, 0, 0)
-        line.setSpacing(14)
-        line.addLayout(grid)
-        line.addLayout(title, 1)
+        row(grid, (title, 1), on=self, spacing=14, margins=(0, 0, 0, 0))
 
     def show_rates(self, rates_deg_s: tuple[float, ...]) -> None:
         """Offer the mount's rates."""
@@ -201,9 +181,7 @@ class GoBox(QWidget):
 
     def __init__(self, beside: QWidget) -> None:
         super().__init__()
-        self.target = QLineEdit()
-        self.target.setAccessibleName("Target")
-        self.target.setPlaceholderText("M 42, Vega, HIP 32349, or 5h35m17s -5d23m (J2000)")
+        self.target = text_field("Target", "M 42, Vega, HIP 32349, or 5h35m17s -5d23m (J2000)")
         self._names = QStringListModel(self)
         self.completer = QCompleter(self._names, self)
         self.completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
@@ -213,13 +191,8 @@ class GoBox(QWidget):
         self.centre = ExplainedButton(
             "Centre", self._centre, "Slew there, plate solve, and correct until the target is centred", "main"
         )
-        self.tolerance = QDoubleSpinBox()
-        self.tolerance.setAccessibleName("Centring tolerance, arcseconds")
-        self.tolerance.setRange(*TOLERANCE_ARCSEC)
-        self.tolerance.setDecimals(0)
-        self.tolerance.setValue(60.0)
+        self.tolerance = number_field("Centring tolerance, arcseconds", *TOLERANCE_ARCSEC, 60.0, 0, "″")
         self.tolerance.setPrefix("to ")
-        self.tolerance.setSuffix("″")
         self.target.returnPressed.connect(self.goto.click)
         above = row(label("Go to", "heading"), (self.target, 1))
         below = row(self.goto, self.centre, self.tolerance, beside, None)

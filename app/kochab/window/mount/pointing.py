@@ -13,7 +13,7 @@ from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.mounts.coordinates import wrapped
 from kochab.window.themes import Colours, theme_colours
-from kochab.window.widgets import Part, button, column, draw_text, facts_grid, label, row, set_role, value_label
+from kochab.window.widgets import Part, button, column, draw_text, facts_grid, label, row, show_text, value_label
 from kochab.workflows.sync_mount import SyncOffer
 
 RINGS = {
@@ -162,8 +162,7 @@ class PointingBox(QWidget):
                 grid.addWidget(value, line, at)
             grid.setColumnStretch(at, 1)
         numbers = column(label("Mount is off by", "muted"), self.total, self.parts, self.age, None)
-        offset = row(self.arrow, spacing=14)
-        offset.addLayout(numbers, 1)
+        offset = row(self.arrow, (numbers, 1), spacing=14)
         column(row((self.state, 1), beside), grid, offset, on=self, margins=(0, 0, 0, 0))
 
     def show_known(self, known: MountSnapshot, style: AngleStyle) -> None:
@@ -178,10 +177,7 @@ class PointingBox(QWidget):
         self.arrow.show_offset(offset, known.moved_since)
         age = "" if sight is None else f"Frame solved at {sight.when:%H:%M:%S} UTC"
         self.age.setText(f"OLD: the mount has moved since. {age}" if known.moved_since else age)
-        role = "wrong" if known.phase == "lost" else ""
-        if self.state.property("role") != role:
-            set_role(self.state, role)
-        self.state.setText(state_text(known))
+        show_text(self.state, state_text(known), "wrong" if known.phase == "lost" else "")
 
 
 PHASES = {
@@ -249,8 +245,7 @@ class SyncDialog(QDialog):
         self.arrow = OffsetArrow()
         self.arrow.show_offset(offset)
         preview = offer.preview
-        line = row(self.arrow)
-        line.addLayout(_numbers(offer, offset, mount_deg, style), 1)
+        line = row(self.arrow, (_numbers(offer, offset, mount_deg, style), 1))
         parts: list[Part] = [label(f"Mount is off by {size_text(offset.total_deg)}", "heading"), line]
         for sentences, role in ((preview.refusals, "wrong"), (preview.confirmations, "wrong"), (preview.warnings, "")):
             parts += [label(sentence, role, wrap=True) for sentence in sentences]

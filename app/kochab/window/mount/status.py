@@ -5,13 +5,13 @@ from time import monotonic
 
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QApplication, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QApplication, QWidget
 
 from kochab.gear.actions import action
 from kochab.gear.mount_events import MountSnapshot
 from kochab.window.mount.connection import MountControl
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.widgets import button, label, set_role
+from kochab.window.widgets import button, label, row, set_role
 
 KEY = "Esc"
 SAME_S = 0.1
@@ -70,11 +70,7 @@ class MountStatus(QWidget):
         self.text.setAccessibleName("Mount")
         tip = f"Stop the mount now ({KEY} from anywhere)"
         self.stop = button(f"Stop mount ({KEY})", control.stop, "small", tip)
-        line = QHBoxLayout(self)
-        line.setContentsMargins(10, 0, 0, 0)
-        line.setSpacing(8)
-        line.addWidget(self.text)
-        line.addWidget(self.stop)
+        row(self.text, self.stop, on=self, spacing=8, margins=(10, 0, 0, 0))
         window.status.addPermanentWidget(self)
         self._key = StopKey(self._pressed, self)
         window.closing.connect(lambda: self._key.listen(False))
@@ -88,8 +84,7 @@ class MountStatus(QWidget):
         name = "" if known.connected is None else known.connected.name
         self.text.setToolTip(", ".join(w for w in (name, known.port, known.user) if name and w))
         role = "bad" if known.alarm else {"lost": "wrong", "off": "muted"}.get(known.phase, "")
-        if self.text.property("role") != role:
-            set_role(self.text, role)
+        set_role(self.text, role)
         self.stop.setVisible(known.phase not in ("off", "leaving"))
 
     def _pressed(self) -> None:

@@ -1,7 +1,9 @@
 """The Mount view: connect, compare, sync, goto, centre, nudge and stop."""
 
+from functools import partial
+
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QCheckBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
@@ -15,19 +17,32 @@ from kochab.window.mount.controls import ExplainedButton, ExplainedSwitch, GoBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
 from kochab.window.shell.views import Services
-from kochab.window.widgets import Part, ProgressBar, button, card, column, label, page, row, rule, scrolled, set_role
+from kochab.window.widgets import (
+    Page,
+    Part,
+    ProgressBar,
+    button,
+    card,
+    column,
+    label,
+    page,
+    row,
+    rule,
+    scrolled,
+    show_text,
+    switch,
+)
 from kochab.workflows.session.mount_orders import names_to_offer
 from kochab.workflows.sync_mount import SyncOffer
 
 ALIGNING = "Polar alignment (F4) is using the mount"
 
 
-class MountView(QWidget):
+class MountView(Page):
     """Cards that scroll; the message, the progress and Stop are always in sight below."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._services = services
         self.control = services.mount
         self.orders = MountActions(self.control)
@@ -56,8 +71,7 @@ class MountView(QWidget):
         )
         self.pad = NudgePad(self.bring)
         self.tracking = ExplainedSwitch("Tracking", "Follow the sky at the sidereal rate")
-        self.after = QCheckBox("Solve after slew")
-        self.after.setToolTip("Take and solve a frame after each goto or nudge")
+        self.after = switch("Solve after slew", "Take and solve a frame after each goto or nudge")
         self.go = GoBox(self.after)
         self.meridian = MeridianBox()
         self.pointing = PointingBox(self.tracking)
@@ -100,8 +114,8 @@ class MountView(QWidget):
     def _connect(self) -> None:
         control, orders, box, cameras = self.control, self.orders, self.connect_box, self._services.cameras
         for explanation in (*(one.explanation for one in self.explained.values()), self.tracking.explanation):
-            explanation.shown.connect(self._explain)
-        self.pad.explained.connect(self._explain)
+            explanation.shown.connect(partial(show_text, self.why))
+        self.pad.explained.connect(partial(show_text, self.why))
         for speaker in (control, self.move_star, self._finder):
             speaker.message.connect(self.say)
         control.changed.connect(self._show)
@@ -196,15 +210,8 @@ class MountView(QWidget):
 
     def say(self, sentence: str, role: str) -> None:
         """One sentence that stays until the next."""
-        if not sentence:
-            return
-        self.message.setText(sentence)
-        if self.message.property("role") != role:
-            set_role(self.message, role)
-
-    def _explain(self, reason: str) -> None:
-        self.why.setText(reason)
-        self.why.setVisible(bool(reason))
+        if sentence:
+            show_text(self.message, sentence, role)
 
     def _show(self) -> None:
         known, why = self.control.known, reasons_against(self.control.situation)

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QFormLayout, QLineEdit, QWidget
+from PySide6.QtWidgets import QFormLayout, QLineEdit
 
 from kochab.core.angle_text import parse_dec_deg, parse_positive, parse_ra_deg, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
 from kochab.solver import SolveOptions
 from kochab.window.panels.method_options import MethodGroup
-from kochab.window.widgets import button, column, label, row
+from kochab.window.widgets import Page, button, column, form, label, row, show_text, switch, text_field
 
 SPREAD = 0.2  # either way of a typed field or scale: people read them off a lens or a label
 NEAR_RADIUS_DEG = 10.0
@@ -43,7 +43,7 @@ class FrameHints:
         return Hint(scale_arcsec_px=span, centre_deg=self.centre_deg, source="typed")
 
 
-class HintsPanel(QWidget):
+class HintsPanel(Page):
     """Fields for hints, all optional: they save time and never decide."""
 
     solve_wanted = Signal()
@@ -51,7 +51,6 @@ class HintsPanel(QWidget):
 
     def __init__(self, methods: list[str], detectors: list[str]) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.fov = self._field("Field of view in degrees", "e.g. 1.2")
         self.scale = self._field("Pixel scale in arcseconds per pixel", "e.g. 3.6")
         self.ra = self._field("Right ascension", "5h35m17s or 83.82")
@@ -64,15 +63,11 @@ class HintsPanel(QWidget):
         self.site.editingFinished.connect(self._site_typed)
         self.methods = MethodGroup(methods, detectors)
         self.method, self.detector = self.methods.method, self.methods.detector
-        self.header = QCheckBox("&Use the coordinates in the header first")
+        self.header = switch("&Use the coordinates in the header first")
         self.header.setChecked(True)
         self.wrong = label("", "wrong", wrap=True)
         self.wrong.setVisible(False)
-        form = QFormLayout()
-        form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
-        form.setHorizontalSpacing(12)
-        form.setVerticalSpacing(8)
-        for title, widget in (
+        fields = form(
             ("Field &width, °", self.fov),
             ("&Pixel scale, ″/px", self.scale),
             ("RA &near", self.ra),
@@ -80,10 +75,10 @@ class HintsPanel(QWidget):
             ("Rad&ius, °", self.radius),
             ("Time &limit, s", self.timeout),
             ("&Your site", self.site),
-        ):
-            form.addRow(title, widget)
+        )
+        fields.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
         solve, clear = (button("S&olve with these", self.solve_wanted.emit, "main"), button("Clea&r", self.clear))
-        parts = (label(ADVICE, "muted", wrap=True), form, self.header, self.wrong, row(solve, clear, None))
+        parts = (label(ADVICE, "muted", wrap=True), fields, self.header, self.wrong, row(solve, clear, None))
         column(*parts, self.methods, None, on=self, spacing=10, margins=(12, 12, 12, 12))
 
     def options(self, width_px: int) -> SolveOptions:
@@ -103,22 +98,18 @@ class HintsPanel(QWidget):
         text = self.site.text().strip()
         try:
             self.site_given.emit(parse_site(text) if text else None)
-            self._show_fault("")
+            show_text(self.wrong, "")
         except UsageError as error:
-            self._show_fault(str(error))
-
-    def _show_fault(self, sentence: str) -> None:
-        self.wrong.setText(sentence)
-        self.wrong.setVisible(bool(sentence))
+            show_text(self.wrong, str(error))
 
     def checked_options(self, width_px: int) -> SolveOptions | None:
         """The same, or None with the fault shown here."""
         try:
             options = self.options(width_px)
         except UsageError as error:
-            self._show_fault(str(error))
+            show_text(self.wrong, str(error))
             return None
-        self._show_fault("")
+        show_text(self.wrong, "")
         return options
 
     def hints(self) -> FrameHints:
@@ -144,12 +135,9 @@ class HintsPanel(QWidget):
         self.timeout.setText(LIMIT_S)
         self.header.setChecked(True)
         self.methods.reset()
-        self._show_fault("")
+        show_text(self.wrong, "")
 
     def _field(self, name: str, example: str) -> QLineEdit:
-        field = QLineEdit()
-        field.setPlaceholderText(example)
-        field.setAccessibleName(name)
-        field.setToolTip(f"{name}: {example}")
+        field = text_field(name, example, f"{name}: {example}")
         field.returnPressed.connect(self.solve_wanted)
         return field

@@ -3,11 +3,11 @@
 import logging
 
 from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QDockWidget, QPlainTextEdit, QWidget
+from PySide6.QtWidgets import QDockWidget, QPlainTextEdit, QWidget
 
 from kochab.gear.journal import versions
 from kochab.window.job import fault_text
-from kochab.window.widgets import button, column, copy_text, fixed_font_family, page, row
+from kochab.window.widgets import button, column, copy_text, fixed_font_family, page, row, switch
 
 MOST_LINES = 5000
 
@@ -51,8 +51,7 @@ class LogPanel(QDockWidget):
         self.lines.setMaximumBlockCount(MOST_LINES)
         self.lines.setAccessibleName("Log")
         self.lines.setStyleSheet(f"font-family: '{fixed_font_family()}', monospace;")
-        self.details = QCheckBox("Show details")
-        self.details.setToolTip("Also show every command to the mount, byte by byte")
+        self.details = switch("Show details", "Also show every command to the mount, byte by byte")
         self.details.toggled.connect(lambda on: self.handler.setLevel(logging.DEBUG if on else logging.INFO))
         tip = "Pack the journal, versions and settings, without passwords or your exact site"
         save = button("Save a report…", self.report_wanted.emit, tip=tip)

@@ -4,26 +4,25 @@ from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QGridLayout, QGroupBox, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QGroupBox, QLineEdit, QWidget
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.errors import UsageError
 from kochab.core.registry import Option, options_of
 from kochab.identification import IDENTIFIERS
 from kochab.window.shell.dialogs import redden_caret
-from kochab.window.widgets import choice_box, clear_layout, label, set_property
+from kochab.window.widgets import Page, choice_box, clear_layout, column, form, label, set_property, show_text
 
 NOTHING = "No options."
 
 
-class OptionsForm(QWidget):
+class OptionsForm(Page):
     """Fields for a method's :class:`kochab.core.registry.Option`; an empty one means the default."""
 
     changed = Signal()
 
     def __init__(self, options: Sequence[Option] = ()) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._options: tuple[Option, ...] = ()
         self.fields: dict[str, QWidget] = {}
         self._grid = QGridLayout(self)
@@ -148,16 +147,8 @@ class MethodGroup(QGroupBox):
         self.method.currentTextChanged.connect(self._show_method)
         self.paper = label("", "muted", wrap=True)
         self.options = OptionsForm()
-        form = QFormLayout()
-        form.setHorizontalSpacing(12)
-        form.setVerticalSpacing(8)
-        form.addRow("&Method", self.method)
-        form.addRow("Dete&ctor", self.detector)
-        form.addRow("&Attitude", self.attitude)
-        column = QVBoxLayout(self)
-        column.addLayout(form)
-        column.addWidget(self.paper)
-        column.addWidget(self.options)
+        boxes = form(("&Method", self.method), ("Dete&ctor", self.detector), ("&Attitude", self.attitude))
+        column(boxes, self.paper, self.options, on=self)
         self.paper.hide()
         self.options.hide()
 
@@ -187,5 +178,4 @@ class MethodGroup(QGroupBox):
             options, paper = (), str(error)
         self.options.show_options(options)
         self.options.setVisible(bool(options))
-        self.paper.setText(paper)
-        self.paper.setVisible(bool(paper))
+        show_text(self.paper, paper)

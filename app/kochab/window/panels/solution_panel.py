@@ -28,6 +28,7 @@ from kochab.window.widgets import (
     row,
     rule,
     set_role,
+    show_text,
     value_label,
 )
 from kochab.workflows.solution_text import (
@@ -59,9 +60,7 @@ class SolutionPanel(QWidget):
         self._style = AngleStyle.SEXAGESIMAL
         self.old = label("", "old", wrap=True)
         self.ra, self.dec = position_labels()
-        self.style_box = narrow_box("Angle format", 7)
-        for style, title in STYLES.items():
-            self.style_box.addItem(title, style)
+        self.style_box = narrow_box("Angle format", 7, {title: style for style, title in STYLES.items()})
         self.style_box.currentIndexChanged.connect(self._style_picked)
         self.values: dict[str, QLabel] = {}
         self._grid = facts_grid(5)
@@ -73,8 +72,7 @@ class SolutionPanel(QWidget):
         """Show a pointing; ``old`` marks it as an earlier frame's."""
         self._solution, self._source = solution, source
         source = short_name(source) or "an earlier frame"
-        self.old.setText(f"OLD: last solution, from {source}")
-        self.old.setVisible(old)
+        show_text(self.old, f"OLD: last solution, from {source}" if old else "")
         for value in (self.ra, self.dec):
             set_role(value, "value_old" if old else "value")
         self._write()
@@ -182,9 +180,7 @@ class StateCard(QFrame):
         """How many stars matched, and how likely that is by chance."""
         odds = false_alarm_text(solution.log10_false_alarm)
         self._say("Solved", f"{len(solution.stars)} stars matched (chance match: {odds})", role="good")
-        if solution.warnings:
-            self.advice.setText("\n".join(solution.warnings))
-            self.advice.setVisible(True)
+        show_text(self.advice, "\n".join(solution.warnings))
 
     def show_failure(self, failure: NoSolution, source: str = "") -> None:
         """Why there is no solution, and what to do about it."""
@@ -211,10 +207,8 @@ class StateCard(QFrame):
         self._failure = None
         self.title.setText(title)
         set_role(self.title, role if role != "good" else "heading")
-        self.text.setText(breakable(text))
-        self.text.setVisible(bool(text))
-        self.advice.setText(advice)
-        self.advice.setVisible(bool(advice))
+        show_text(self.text, breakable(text))
+        show_text(self.advice, advice)
         clear_layout(self._numbers)
         for b in (self.again, self.hints, self.copy):
             b.setVisible(False)

@@ -13,11 +13,11 @@ from PySide6.QtCore import (
     Signal,
 )
 from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QLineEdit, QTableView, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from kochab.core.angle_text import AngleStyle, dec_text, ra_text
 from kochab.core.solution import NamedStar
-from kochab.window.widgets import column, copy_text, label
+from kochab.window.widgets import Page, column, copy_text, label, text_field
 
 Index = QModelIndex | QPersistentModelIndex
 UNEVEN = (0, 1)  # columns whose texts differ in length: names and numbers
@@ -156,22 +156,19 @@ class StarFilter(QSortFilterProxyModel):
         self.sourceModel().sort(column, order)
 
 
-class StarTable(QWidget):
+class StarTable(Page):
     """Sortable, filterable; ``picked`` carries the index into ``solution.stars``, or None."""
 
     picked = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.model = StarModel()
         self.proxy = StarFilter()
         self.proxy.setSourceModel(self.model)
         self.proxy.setFilterRole(FILTER_ROLE)
         self.proxy.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
-        self.filter = QLineEdit()
-        self.filter.setPlaceholderText("Filter by name or number")
-        self.filter.setAccessibleName("Filter stars")
+        self.filter = text_field("Filter stars", "Filter by name or number")
         self.filter.setClearButtonEnabled(False)
         self.filter.textChanged.connect(self.proxy.setFilterFixedString)
         self.table = self._table()

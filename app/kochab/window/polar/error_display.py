@@ -18,7 +18,7 @@ from kochab.polar.error import (
 from kochab.polar.horizon import name_of
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.themes import theme_colours
-from kochab.window.widgets import card, column, draw_text, label, row, value_label
+from kochab.window.widgets import Page, card, column, draw_text, label, row, show_text, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
 
@@ -209,10 +209,8 @@ class Numbers(QWidget):
         self.spinner.turn(old or (state.running and state.stage != "adjust"))
         self.age.setText(age_text(state, now_s))
         self.reminder.setVisible(state.stage == "adjust")
-        self.more.setText(more_text(state))
-        self.more.setVisible(bool(self.more.text()))
-        self.findings.setText("\n".join(f"⚠ {primes(finding.text)}" for finding in state.findings))
-        self.findings.setVisible(bool(state.findings))
+        show_text(self.more, more_text(state))
+        show_text(self.findings, "\n".join(f"⚠ {primes(finding.text)}" for finding in state.findings))
 
 
 def total_text(error: PolarError) -> str:
@@ -274,12 +272,11 @@ def age_text(state: AlignmentState, now_s: float) -> str:
 BESIDE = 68  # letters wide, from which on numbers and drawing stand side by side
 
 
-class AlignPage(QWidget):
+class AlignPage(Page):
     """The instruction, the numbers, and the drawing beside them or, in a narrow view, below."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.pole = label("", "muted", wrap=True)
         self.words = label("", "heading", wrap=True)
         self.words.setAccessibleName("Instruction")
@@ -305,8 +302,7 @@ class AlignPage(QWidget):
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         self.words.setText(primes(state.words))
-        self.detail.setText(primes(state.detail))
-        self.detail.setVisible(bool(state.detail))
+        show_text(self.detail, primes(state.detail))
         self.numbers.show_state(state, now_s)
         self.target.show_state(state)
 

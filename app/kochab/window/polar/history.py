@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QBuffer, QIODevice, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
-from PySide6.QtWidgets import QComboBox, QPlainTextEdit, QWidget
+from PySide6.QtWidgets import QComboBox, QPlainTextEdit
 
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
@@ -17,7 +17,7 @@ from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.polar.error_display import primes, typeset
 from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
-from kochab.window.widgets import button, column, label, row
+from kochab.window.widgets import Page, button, column, label, row
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
@@ -118,12 +118,11 @@ NOTHING = "No alignment measured tonight."
 KINDS = "Web page (*.html);;PDF (*.pdf)"
 
 
-class HistoryPage(QWidget):
+class HistoryPage(Page):
     """The alignments since the window opened, the newest in front."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._services = services
         self.histories: list[History] = []
         self.which = QComboBox()

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
-from PySide6.QtWidgets import QCheckBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from kochab.core.progress import Progress, Task
 from kochab.window.job import Job
 from kochab.window.shell.dialogs import is_red
 from kochab.window.shell.views import Services
-from kochab.window.widgets import button, column, copy_text, label, row, set_role, value_label
+from kochab.window.widgets import Page, button, column, copy_text, label, row, show_text, switch, value_label
 from kochab.workflows.session.alignment_state import AlignmentState
 from kochab.workflows.session.wiring import PolarPage
 
@@ -78,18 +78,17 @@ class QrCode(QWidget):
         painter.end()
 
 
-class PhonePanel(QWidget):
+class PhonePanel(Page):
     """Switches the page on and off and shows its address; ``switched`` says which."""
 
     switched = Signal(bool)
 
     def __init__(self, services: Services, host: str | None = None) -> None:
         super().__init__()
-        self.setObjectName("page")
         self.page = services.wiring.phone_page() if services.wiring.phone_page else None
         self._services, self._host = services, host
         self._job: Job | None = None
-        self.switch = QCheckBox("Show on a pho&ne")
+        self.switch = switch("Show on a pho&ne")
         self.switch.toggled.connect(self._toggle)
         self.switch.setEnabled(self.page is not None)
         self.state = label("Off.", "muted", wrap=True)
@@ -147,11 +146,10 @@ class PhonePanel(QWidget):
         self.code.update()
         for part in (self.code, self.copy, self.url):
             part.setVisible(on)
-        self.state.setText("On. Anyone on this network with the link can view." if on else "Off.")
-        set_role(self.state, "good" if on else "muted")
+        state = "On. Anyone on this network with the link can view." if on else "Off."
+        show_text(self.state, state, "good" if on else "muted")
         self.switched.emit(on)
 
     def _failed(self, sentence: str) -> None:
         self.switch.setChecked(False)
-        self.state.setText(sentence)
-        set_role(self.state, "wrong")
+        show_text(self.state, sentence, "wrong")

@@ -5,17 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QDoubleSpinBox,
-    QFormLayout,
-    QGridLayout,
-    QLineEdit,
-    QListWidget,
-    QListWidgetItem,
-    QSpinBox,
-    QWidget,
-)
+from PySide6.QtWidgets import QFormLayout, QGridLayout, QListWidget, QListWidgetItem, QWidget
 
 from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
@@ -28,7 +18,19 @@ from kochab.window.cameras import CameraBox
 from kochab.window.polar.alignment_run import NO_MOUNT
 from kochab.window.shell.dialogs import ask_frames
 from kochab.window.shell.views import Services
-from kochab.window.widgets import button, column, label, narrow_box
+from kochab.window.widgets import (
+    Page,
+    button,
+    column,
+    field_values,
+    fill_fields,
+    form,
+    label,
+    narrow_box,
+    number_field,
+    switch,
+    text_field,
+)
 from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
 
 SWEEP = Qt.ItemDataRole.UserRole
@@ -72,22 +74,21 @@ POLES = {
 }
 PLANNED = 0.0
 NO_SITE = "Set your site to see the target's altitude."
+EXPOSURE_TIP = "Applies to every view of this camera during the alignment"
 SECOND_TIP = "Measures flexure, which a single sweep cannot tell from the axis error"
 SECOND = "Frames of a second sweep at another declination, to measure flexure"
 NAME = "polar"  # in the settings
 
 
-class AlignmentSetupPanel(QWidget):
+class AlignmentSetupPanel(Page):
     """The fields; :meth:`request` reads them."""
 
     message = Signal(str, str)  # a sentence and its role
 
     def __init__(self, services: Services) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._services = services
-        self.source = narrow_box("Source of the frames", 8)
-        self.source.addItems([str(s) for s in FrameSource])
+        self.source = narrow_box("Source of the frames", 8, [str(s) for s in FrameSource])
         if services.wiring.practice is None:
             self.source.removeItem(0)
         self.files = FrameList()
@@ -96,30 +97,30 @@ class AlignmentSetupPanel(QWidget):
         self.add_open = button("Use &open frame", self._add_open_frame)
         self.clear = button("Clea&r", self.files.clear)
         self.camera = CameraBox(n for n in SOURCES if n != "simulated")  # that one has its own mount
-        self.exposure = QDoubleSpinBox()
-        self.exposure.setRange(0.05, 60.0)
-        self.exposure.setSuffix(" s")
-        self.exposure.setValue(2.0)
-        self.exposure.setAccessibleName("Exposure")
-        self.exposure.setToolTip("Applies to every view of this camera during the alignment")
-        self.hand = narrow_box("Who turns the RA axis", 8)
-        self.hand.addItems([str(h) for h in AxisTurnedBy])
-        self.site = _text("Your site", "48.14, 11.58 (empty: as the frames say)")
-        self.pole = narrow_box("Pole", 8)
-        self.pole.addItems(list(POLES.values()))
+        self.exposure = number_field("Exposure", 0.05, 60.0, 2.0, 2, " s", EXPOSURE_TIP)
+        self.hand = narrow_box("Who turns the RA axis", 8, [str(h) for h in AxisTurnedBy])
+        self.site = text_field("Your site", "48.14, 11.58 (empty: as the frames say)")
+        self.pole = narrow_box("Pole", 8, POLES.values())
         self.pole_name = label("", "muted", wrap=True)
-        self.goal = _number("Goal", 10, 600, 30, "″")
-        self.turn = _number("Rotation in RA", 0, 120, 0, "°")
+        self.goal = number_field("Goal", 10, 600, 30, 0, "″")
+        self.turn = number_field("Rotation in RA", 0, 120, PLANNED, 0, "°")
         self.turn.setSpecialValueText("planned from the first frame")
         self.turn.setSingleStep(5)
-        self.second = QCheckBox("measure with a second sweep")
+        self.second = switch("measure with a second sweep", SECOND_TIP)
         self.second.setAccessibleName("Second sweep at another declination")
-        self.second.setToolTip(SECOND_TIP)
-        self.fov = _text("Field of view", "width in degrees, optional")
+        self.fov = text_field("Field of view", "width in degrees, optional")
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountSelection | None = None
-        self._boxes = {"source": self.source, "hand": self.hand, "pole": self.pole}
-        self._numbers = {"goal": self.goal, "turn": self.turn}
+        self._kept = {
+            "source": self.source,
+            "hand": self.hand,
+            "pole": self.pole,
+            "goal": self.goal,
+            "turn": self.turn,
+            "exposure": self.exposure,
+            "fov": self.fov,
+            "second": self.second,
+        }
         self._lay_out()
         self.source.currentIndexChanged.connect(self._enable)
         self.pole.currentIndexChanged.connect(self._name_pole)
@@ -133,15 +134,12 @@ class AlignmentSetupPanel(QWidget):
         self._enable()
 
     def _lay_out(self) -> None:
-        self.form = form = QFormLayout()
-        form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
-        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
         self.file_row = QWidget()
         grid = QGridLayout(self.file_row)
         for place, made in enumerate((self.add, self.add_check, self.add_open, self.clear)):
             grid.addWidget(made, place // 2, place % 2)
         grid.setContentsMargins(0, 0, 0, 0)
-        for title, field in (
+        self.form = form(
             ("Frames from", self.source),
             ("", self.files),
             ("", self.file_row),
@@ -155,10 +153,11 @@ class AlignmentSetupPanel(QWidget):
             ("Rotation", self.turn),
             ("Flexure", self.second),
             ("Field of view", self.fov),
-        ):
-            form.addRow(title, field)
-        form.insertRow(3, self.camera)
-        column(label(ADVICE, "muted", wrap=True), form, None, on=self, margins=(12, 12, 12, 12))
+        )
+        self.form.insertRow(3, self.camera)
+        self.form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
+        self.form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+        column(label(ADVICE, "muted", wrap=True), self.form, None, on=self, margins=(12, 12, 12, 12))
 
     @property
     def chosen_source(self) -> FrameSource:
@@ -172,7 +171,7 @@ class AlignmentSetupPanel(QWidget):
 
     def request(self) -> AlignmentRequest:
         """What was chosen; UsageError says what is wrong."""
-        site, fov, turn = self.site.text().strip(), self.fov.text().strip(), float(self.turn.value())
+        site, fov, turn = self.site.text().strip(), self.fov.text().strip(), self.turn.value()
         return AlignmentRequest(
             self.chosen_source,
             self.chosen_pole,
@@ -182,7 +181,7 @@ class AlignmentSetupPanel(QWidget):
             CameraSelection(self.camera.kind, self.camera.address.text().strip(), self.exposure.value()),
             AxisTurnedBy(self.hand.currentText()),
             self._known_mount,
-            float(self.goal.value()),
+            self.goal.value(),
             None if turn == PLANNED else turn,
             fov_deg=parse_positive(fov, "The field of view", 170.0) if fov else None,
             second_sweep=self.second.isChecked(),
@@ -235,29 +234,15 @@ class AlignmentSetupPanel(QWidget):
 
     def save(self) -> None:
         """Remember what was chosen, except files and the site."""
-        kept: dict[str, object] = {name: box.currentText() for name, box in self._boxes.items()}
-        kept |= {name: number.value() for name, number in self._numbers.items()}
-        kept |= {"kind": self.camera.kind, "address": self.camera.address.text()}
-        kept |= {"exposure": self.exposure.value(), "fov": self.fov.text(), "second": self.second.isChecked()}
-        self._services.settings.keep(NAME, json.dumps(kept))
+        camera = {"kind": self.camera.kind, "address": self.camera.address.text()}
+        self._services.settings.keep(NAME, json.dumps(field_values(self._kept) | camera))
 
     def _restore(self) -> None:
         """As last time; damaged values stay at their defaults."""
         saved = self._services.settings.table(NAME)
-        for name, box in self._boxes.items():
-            index = box.findText(str(saved.get(name, "")))
-            if index >= 0:
-                box.setCurrentIndex(index)
+        fill_fields(self._kept, saved)
         if isinstance(saved.get("kind"), str) and isinstance(saved.get("address"), str):
             self.camera.show_selection(CameraSelection(saved["kind"], saved["address"]))
-        if isinstance(saved.get("fov"), str):
-            self.fov.setText(saved["fov"])
-        self.second.setChecked(saved.get("second") is True)
-        for name, number in self._numbers.items():
-            if isinstance(saved.get(name), int):
-                number.setValue(saved[name])
-        if isinstance(saved.get("exposure"), int | float):
-            self.exposure.setValue(float(saved["exposure"]))
 
 
 def mount_text(selection: MountSelection | None, known: MountSnapshot) -> str:
@@ -268,19 +253,3 @@ def mount_text(selection: MountSelection | None, known: MountSnapshot) -> str:
     if selection is None:
         return NO_MOUNT
     return f"{selection.driver} on {selection.port}: connects when you begin."
-
-
-def _number(name: str, low: int, high: int, value: int, unit: str) -> QSpinBox:
-    made = QSpinBox()
-    made.setRange(low, high)
-    made.setValue(value)
-    made.setSuffix(unit)
-    made.setAccessibleName(name)
-    return made
-
-
-def _text(name: str, example: str) -> QLineEdit:
-    made = QLineEdit()
-    made.setAccessibleName(name)
-    made.setPlaceholderText(example)
-    return made

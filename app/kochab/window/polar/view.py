@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
-from PySide6.QtWidgets import QApplication, QTabWidget, QWidget
+from PySide6.QtWidgets import QApplication
 
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
@@ -21,7 +21,7 @@ from kochab.window.polar.phone import PhonePanel
 from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
 from kochab.window.polar.sound_cues import Cues, SoundCues
 from kochab.window.shell.views import Services
-from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, set_role
+from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import AlignmentState, absorb
@@ -31,12 +31,11 @@ REFRESH_MS = 250
 PHONE = 3  # its tab
 
 
-class PolarView(QWidget):
+class PolarView(Page):
     """Passes buttons to the alignment under way and shows its state on every page."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._services = services
         self.state = AlignmentState()
         self.controls = PolarControls()
@@ -74,16 +73,8 @@ class PolarView(QWidget):
         self.cancel = button("Cancel", self.stop, tip="End the alignment; a turning mount stops")
 
     def _lay_out(self) -> None:
-        self.tabs = QTabWidget()
-        self.tabs.setDocumentMode(True)
-        self.tabs.setAccessibleName("Polar alignment")
-        for widget, name in (
-            (self.setup, "Set up"),
-            (self.page, "Align"),
-            (self.history, "Tonight"),
-            (self.phone, "Phone"),
-        ):
-            self.tabs.addTab(scrolled(widget), name)
+        pages = {"Set up": self.setup, "Align": self.page, "Tonight": self.history, "Phone": self.phone}
+        self.tabs = tab_pages("Polar alignment", *((name, scrolled(inside)) for name, inside in pages.items()))
         first = row(self.start, self.done, self.turn_for_me, self.cancel, (self.bar, 1), None)
         second = row(self.again, self.use_frames, self.second, self.at_bolts, self.sound, None)
         parts = ((self.tabs, 1), self.message, self.served, first, second)
@@ -275,15 +266,11 @@ class PolarView(QWidget):
 
     def say(self, text: str, role: str) -> None:
         """One sentence that stays until the next; an empty one removes it."""
-        self.message.setText(text)
-        self.message.setVisible(bool(text))
-        if self.message.property("role") != role:
-            set_role(self.message, role)
+        show_text(self.message, text, role)
 
     def _show_served(self, on: bool) -> None:
         """Whether the phone page is on, in sight from every tab."""
-        self.served.setText(f"Phone page is ON: {self.phone.url.text()}" if on else "")
-        self.served.setVisible(on)
+        show_text(self.served, f"Phone page is ON: {self.phone.url.text()}" if on else "")
         self.tabs.setTabText(PHONE, "Phone: ON" if on else "Phone")
 
     def showEvent(self, event: QShowEvent) -> None:

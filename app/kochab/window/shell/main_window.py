@@ -4,7 +4,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QChildEvent, QSize, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
-from PySide6.QtWidgets import QMainWindow, QSplitter, QStackedWidget, QTabWidget, QWidget
+from PySide6.QtWidgets import QMainWindow, QSplitter, QStackedWidget, QWidget
 
 from kochab.window.image.frame_view import FrameView
 from kochab.window.image.stretch_strip import StretchStrip
@@ -15,7 +15,7 @@ from kochab.window.panels.star_table import StarTable
 from kochab.window.shell.menus import Menus, make_actions, make_toolbar
 from kochab.window.shell.status import Status
 from kochab.window.shell.welcome import Sample, Welcome
-from kochab.window.widgets import column, page, scrolled
+from kochab.window.widgets import column, page, scrolled, tab_pages
 
 SIDE_PX, LEAST_SIDE_PX = 400, 320
 LEAST_FRAME_PX = 420  # beside the side; a frame that is smaller is better seen alone
@@ -36,14 +36,10 @@ class Workspace(QSplitter):
         self.solution = SolutionPanel()
         self.stars = StarTable()
         self.hints = HintsPanel(methods, detectors)
-        self.tabs = QTabWidget()
-        self.tabs.setAccessibleName("Frame details")
-        self.tabs.setDocumentMode(True)
         first = page()
         column(self.card, self.solution, None, on=first, spacing=12, margins=(12, 12, 12, 12))
-        self.tabs.addTab(scrolled(first), "Solution")
-        self.tabs.addTab(self.stars, "Stars")
-        self.tabs.addTab(scrolled(self.hints), "Hints, method")
+        tabs = ("Solution", scrolled(first)), ("Stars", self.stars), ("Hints, method", scrolled(self.hints))
+        self.tabs = tab_pages("Frame details", *tabs)
         for index in range(self.tabs.count()):
             self.tabs.setTabToolTip(index, f"Alt+{index + 1}")
         self.tabs.setMinimumWidth(LEAST_SIDE_PX)

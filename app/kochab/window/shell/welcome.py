@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QEvent, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QIcon, QImage, QPainter, QPixmap
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from kochab.core import data_folder
 from kochab.core.angle_text import short_name
 from kochab.core.progress import Progress, Task
 from kochab.frames import SUFFIXES
 from kochab.window.themes import BASE_POINT
-from kochab.window.widgets import Part, button, clear_layout, column, label, page, row, rule, scrolled
+from kochab.window.widgets import Page, Part, button, clear_layout, column, label, page, row, rule, scrolled
 
 WIDTH, HEIGHT, GAP = 96, 64, 10
 
@@ -119,7 +119,7 @@ LEAST_PX = 320  # of a sample: its picture and its name
 WIDEST_PX = 680  # of the page, with letters of the normal size
 
 
-class Welcome(QWidget):
+class Welcome(Page):
     """Open a frame, try a sample, or take up a recent file."""
 
     open_wanted = Signal()
@@ -128,7 +128,6 @@ class Welcome(QWidget):
 
     def __init__(self, samples: list[Sample]) -> None:
         super().__init__()
-        self.setObjectName("page")
         self._recent = QVBoxLayout()
         self._recent.setSpacing(0)
         self._recent_title = label("Recent", "heading")
@@ -158,9 +157,7 @@ class Welcome(QWidget):
             spacing=10,
         )
         centred = page()
-        middle = QHBoxLayout(centred)
-        middle.setContentsMargins(24, 8, 24, 8)
-        middle.addStretch(1)
+        middle = row(None, on=centred, margins=(24, 8, 24, 8))
         middle.addWidget(self._inside, 99, Qt.AlignmentFlag.AlignVCenter)
         middle.addStretch(1)
         column(scrolled(centred), on=self, margins=(0, 0, 0, 0))  # scrolled for a small screen
