@@ -73,10 +73,11 @@ def switch(text: str, tip: str = "") -> QCheckBox:
 
 def field_values(fields: Mapping[str, QWidget]) -> dict[str, Any]:
     """What fields show, by their names, as :func:`fill_fields` takes it and JSON can keep it."""
-    return {name: _value_of(field) for name, field in fields.items()}
+    return {name: field_value(field) for name, field in fields.items()}
 
 
-def _value_of(field: QWidget) -> str | float | bool:
+def field_value(field: QWidget) -> str | float | bool:
+    """What one field shows."""
     match field:
         case QCheckBox():
             return field.isChecked()

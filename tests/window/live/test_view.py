@@ -311,10 +311,10 @@ def test_what_is_found_fills_the_address(qtbot):
     panel.box.show_found(
         "webcam", [CameraDevice("webcam", "/dev/video0", "A webcam"), CameraDevice("webcam", "/dev/video2", "Another")]
     )
-    assert panel.choice().address == "/dev/video0"
+    assert panel.box.selection.address == "/dev/video0"
     panel.box.found.setCurrentIndex(1)
     panel.box.found.activated.emit(1)
-    assert panel.choice().address == "/dev/video2"
+    assert panel.box.selection.address == "/dev/video2"
     panel.box.show_found("webcam", [])
     assert "address" in panel.box.status.text()
 
@@ -354,11 +354,11 @@ def test_choices_are_kept_for_the_next_start(qtbot, make_window, engine, tmp_pat
     window.close()
     _, commands = make_window(engine)
     commands.views.show("live")
-    kept = commands.views.docks["live"].view.camera.choice()
-    assert (kept.source, kept.address, kept.profile) == ("folder", str(tmp_path), "guide scope")
-    assert kept.reconnect
-    assert kept.settings.exposure_s == 2.5
-    assert kept.settings.gain is None
+    kept = commands.views.docks["live"].view.camera
+    assert (kept.box.kind, kept.box.address.text(), kept.lens.text()) == ("folder", str(tmp_path), "guide scope")
+    assert kept.reconnect.isChecked()
+    assert kept.fields.settings().exposure_s == 2.5
+    assert kept.fields.settings().gain is None
 
 
 @pytest.mark.parametrize("kept", ["{", "[]", '{"exposure": "x", "where": 3, "source": "none"}'])

@@ -9,7 +9,6 @@ tracked a second, and the milliseconds from mid-exposure until a frame with its 
 import json
 import sys
 import tempfile
-from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic, process_time, sleep
@@ -24,10 +23,10 @@ from PySide6.QtWidgets import QApplication
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.frame import Frame, Hint
 from kochab.window.application import Garbage, build
-from kochab.window.live.frame_display import Rendered
 from kochab.window.live.view import LiveView
 from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
+from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.live_stream import StreamRequest
 
 WARM_LIMIT_S = 60.0
@@ -74,36 +73,6 @@ class GivenFrames(CameraSource):
         """Nothing is held."""
 
 
-@dataclass(slots=True)
-class DrawTally:
-    """What was drawn while it counted."""
-
-    latency_ms: list[float] = field(default_factory=list)
-    drawn: int = 0
-    tracked: int = 0
-
-    def add(self, ready: Rendered, latency_ms: float | None) -> None:
-        """One drawing, of a frame with its solution or without."""
-        self.drawn += 1
-        if ready.update is not None and latency_ms is not None:
-            self.latency_ms.append(latency_ms)
-            self.tracked += ready.update.mode == "tracking"
-
-    def as_json(self, seconds: float, cores: float) -> dict[str, Any]:
-        """Rates over ``seconds``."""
-        latency = self.latency_ms or [float("nan")]
-        return {
-            "frames": self.drawn,
-            "drawn_s": self.drawn / seconds,
-            "tracked_s": self.tracked / seconds,
-            "cores": cores,
-            "median_ms": float(np.median(latency)),
-            "p95_ms": float(np.percentile(latency, 95)),
-            "worst_ms": float(max(latency)),
-            "platform": QGuiApplication.platformName(),
-        }
-
-
 def measure(view: LiveView, source: GivenFrames, seconds: float) -> dict[str, Any]:
     """Run ``source`` in the view and count for ``seconds``, once it is tracked."""
     view.run(StreamRequest(lambda: source, source.name))
@@ -111,14 +80,25 @@ def measure(view: LiveView, source: GivenFrames, seconds: float) -> dict[str, An
     while not _tracks(view) and monotonic() - begun < WARM_LIMIT_S and view.stream is not None:
         _pass(0.1)
     _pass(WARM_S)
-    tally = DrawTally()
-    connection = view.display.drawn.connect(lambda ready: tally.add(ready, view.display.latency_ms))
+    drawn: list[tuple[LiveUpdate | None, float | None]] = []
+    connection = view.display.drawn.connect(lambda ready: drawn.append((ready.update, view.display.latency_ms)))
     wall, spent = monotonic(), process_time()
     _pass(seconds)
     wall, spent = monotonic() - wall, process_time() - spent
     view.display.drawn.disconnect(connection)
     view.end()
-    return tally.as_json(wall, spent / wall)
+    solved = [(update.mode, ms) for update, ms in drawn if update is not None and ms is not None]
+    latency_ms = [ms for _, ms in solved] or [float("nan")]
+    return {
+        "frames": len(drawn),
+        "drawn_s": len(drawn) / wall,
+        "tracked_s": sum(mode == "tracking" for mode, _ in solved) / wall,
+        "cores": spent / wall,
+        "median_ms": float(np.median(latency_ms)),
+        "p95_ms": float(np.percentile(latency_ms, 95)),
+        "worst_ms": max(latency_ms),
+        "platform": QGuiApplication.platformName(),
+    }
 
 
 def _tracks(view: LiveView) -> bool:

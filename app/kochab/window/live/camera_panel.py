@@ -1,6 +1,5 @@
 """The camera of the Live view: its exposure, gain and binning, and its histogram."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
@@ -123,17 +122,6 @@ class LevelView(Histogram):
 SETTLE_MS = 300  # a mouse wheel changes a field many times; the camera is set once after the last
 
 
-@dataclass(frozen=True, slots=True)
-class CameraChoice:
-    """The camera to open, and how."""
-
-    source: str
-    address: str
-    profile: str
-    reconnect: bool
-    settings: CaptureSettings
-
-
 class CameraPanel(Page):
     """The choice of a camera and its settings; opens nothing itself."""
 
@@ -161,12 +149,6 @@ class CameraPanel(Page):
             spacing=8,
             margins=(10, 10, 10, 10),
         )
-
-    def choice(self) -> CameraChoice:
-        """The camera to open, and how."""
-        lens, reconnect = self.lens.text().strip(), self.reconnect.isChecked()
-        address = self.box.address.text().strip()
-        return CameraChoice(self.box.kind, address, lens, reconnect, self.fields.settings())
 
     def show_limits(self, limits: CaptureLimits, in_force: CaptureSettings) -> None:
         """Limits of the open camera and the settings it uses now."""

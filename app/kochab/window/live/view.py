@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
 from PySide6.QtGui import QShowEvent
 
-from kochab.core.capture import CameraSource, CaptureSettings
+from kochab.core.capture import CaptureSettings
 from kochab.core.progress import Progress, Task
 from kochab.gear.session import CameraSelection
 from kochab.window.cameras import TITLES
@@ -133,15 +134,13 @@ class LiveView(Page):
 
     def begin(self) -> None:
         """Open the chosen camera."""
-        choice, cameras = self.camera.choice(), self._services.cameras
-
-        def opened() -> CameraSource:
-            return cameras.open(choice.source, choice.address, choice.settings)
-
-        cameras.choose(choice.source, choice.address)
-        name = " ".join((TITLES.get(choice.source, choice.source), choice.address)).strip()
+        panel, cameras = self.camera, self._services.cameras
+        source, address = panel.box.kind, panel.box.address.text().strip()
+        opened = partial(cameras.open, source, address, panel.fields.settings())
+        cameras.choose(source, address)
+        name = f"{TITLES.get(source, source)} {address}".strip()
         self._save()
-        self.run(StreamRequest(opened, name, choice.profile, choice.reconnect))
+        self.run(StreamRequest(opened, name, panel.lens.text().strip(), panel.reconnect.isChecked()))
 
     def run(self, request: StreamRequest, make_engine: Callable[[], LiveEngine] | None = None) -> None:
         """Run any camera, with another engine than the tracker if given."""

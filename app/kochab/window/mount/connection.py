@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
 
 from PySide6.QtCore import QObject, Signal
 
@@ -202,21 +201,6 @@ class MountCameraFrames:
 PRACTISE_LATER = "A mount is connected. Disconnect it before you practise."
 
 
-class MountServices(Protocol):
-    """What the mount's owner uses of :class:`kochab.window.shell.views.Services`."""
-
-    @property
-    def settings(self) -> WindowSettings: ...
-    @property
-    def session(self) -> Session: ...
-    @property
-    def jobs(self) -> Jobs: ...
-    @property
-    def wiring(self) -> Wiring: ...
-    @property
-    def cameras(self) -> Cameras: ...
-
-
 class MountControl(QObject):
     """Connects the mount, gives it orders and keeps what is known of it, for all views."""
 
@@ -226,28 +210,30 @@ class MountControl(QObject):
     ended = Signal(object)  # OrderDone or OrderFailed, after every order
     stopping = Signal()
 
-    def __init__(self, services: MountServices) -> None:
-        super().__init__(services.jobs)
+    def __init__(
+        self, settings: WindowSettings, session: Session, jobs: Jobs, wiring: Wiring, cameras: Cameras
+    ) -> None:
+        super().__init__(jobs)
         self.known = MountSnapshot()
-        self.frames = MountCameraFrames(services.session, services.cameras)
+        self.frames = MountCameraFrames(session, cameras)
         self.by_hand = False  # a person turns the RA axis for a polar alignment
-        self._services = services
-        self._connection = Connection(services.jobs, self)
+        self._settings, self._wiring, self._cameras = settings, wiring, cameras
+        self._connection = Connection(jobs, self)
         self._tasks: dict[str, MountTask] = {}
         self._connection.received.connect(self._receive)
         self._connection.closed.connect(self._closed)
-        services.jobs.closing.connect(self.stop)
+        jobs.closing.connect(self.stop)
 
     def connect_mount(self, selection: MountSelection) -> None:
         """Open a mount."""
-        self.begin(port_opening(selection, self._services.settings.site, self.limits), selection.port)
+        self.begin(port_opening(selection, self._settings.site, self.limits), selection.port)
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
         if self.known.phase != "off":
             self.message.emit(PRACTISE_LATER, "wrong")
             return
-        start = self._services.wiring.practice
+        start = self._wiring.practice
         if start is None:
             self.message.emit("No simulated telescope in this program.", "wrong")
             return
@@ -278,10 +264,10 @@ class MountControl(QObject):
     def _closed(self, sentence: str, farewell: str) -> None:
         practised, self.known = self.known.practice, MountSnapshot()
         if practised:
-            saved, camera = current_profile(self._services.settings).camera, self.frames.camera
+            saved, camera = current_profile(self._settings).camera, self.frames.camera
             self.use_camera(saved if saved.source else None)
             if camera is not None:
-                self._services.cameras.forget(camera.wish.source, camera.wish.address)
+                self._cameras.forget(camera.wish.source, camera.wish.address)
         for name in list(self._tasks):
             self._tasks.pop(name).end(OrderFailed(name, sentence, stopped=not sentence))
         text = sentence or f"Disconnected, mount stopped. {farewell}"
@@ -344,20 +330,20 @@ class MountControl(QObject):
 
     def use_site(self, site: Site | None) -> None:
         """The site, which sets the guard's horizon limit."""
-        self._services.settings.keep_site(site)
+        self._settings.keep_site(site)
         if self._line is not None and not self.known.practice:
             self._line.order("site", mount_orders.use_site(site))
 
     def use_meridian(self, meridian: Meridian) -> None:
         """What the mount does at the meridian, from the next motion on."""
-        keep_profile(self._services.settings, meridian=meridian)
+        keep_profile(self._settings, meridian=meridian)
         if self._line is not None:
             self._line.order("meridian", mount_orders.use_limits(self.limits))
 
     @property
     def limits(self) -> Limits:
         """The limits of the next guard."""
-        return current_profile(self._services.settings).limits
+        return current_profile(self._settings).limits
 
     def solver(self, guard: Guard) -> SolveNow:
         """Takes and solves a frame in the line's thread, and shows it in this one."""
@@ -385,7 +371,7 @@ class MountControl(QObject):
         match event:
             case PracticeStarted():
                 self.use_camera(CameraSelection("simulated", event.camera))
-                self._services.cameras.choose("simulated", event.camera)
+                self._cameras.choose("simulated", event.camera)
             case Connected():
                 self.message.emit(f"Connected to {event.name}.", "good")
             case EpochDoubted():

@@ -4,16 +4,28 @@ from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QGroupBox, QLineEdit, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QGroupBox, QLineEdit, QWidget
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.errors import UsageError
 from kochab.core.registry import Option, options_of
 from kochab.identification import IDENTIFIERS
 from kochab.window.shell.dialogs import redden_caret
-from kochab.window.widgets import Page, choice_box, clear_layout, column, form, label, set_property, show_text
+from kochab.window.widgets import (
+    Page,
+    choice_box,
+    clear_layout,
+    column,
+    field_value,
+    fill_fields,
+    form,
+    label,
+    set_property,
+    show_text,
+)
 
 NOTHING = "No options."
+SHOWN_AS_THEY_ARE = ("switch", "choice")  # kinds of options; all others are typed
 
 
 class OptionsForm(Page):
@@ -55,8 +67,12 @@ class OptionsForm(Page):
 
     def fill(self, values: dict[str, Any]) -> None:
         """Show ``values`` of some options and the defaults of all others."""
+        shown = {option.name: option.value for option in self._options} | values
         for option in self._options:
-            self._show(option, values.get(option.name, option.value))
+            if option.kind not in SHOWN_AS_THEY_ARE:
+                value = shown[option.name]
+                shown[option.name] = "" if value == option.value else _text(option, value)
+        fill_fields(self.fields, shown)
 
     def _field(self, option: Option) -> QWidget:
         made: QWidget
@@ -79,24 +95,12 @@ class OptionsForm(Page):
         return made
 
     def _value(self, option: Option) -> Any:
-        field = self.fields[option.name]
-        if isinstance(field, QCheckBox):
-            return field.isChecked()
-        if isinstance(field, QComboBox):
-            return field.currentText()
-        assert isinstance(field, QLineEdit)
-        text = field.text().strip().replace("−", "-")
+        shown = field_value(self.fields[option.name])
+        if option.kind in SHOWN_AS_THEY_ARE:
+            return shown
+        text = str(shown).strip().replace("−", "-")
         # The default as it is shown may be rounded.
         return option.parse(_points(option, text)) if text not in ("", option.value_text) else option.value
-
-    def _show(self, option: Option, value: Any) -> None:
-        field = self.fields[option.name]
-        if isinstance(field, QCheckBox):
-            field.setChecked(bool(value))
-        elif isinstance(field, QComboBox):
-            field.setCurrentText(str(value))
-        elif isinstance(field, QLineEdit):
-            field.setText("" if value == option.value else _text(option, value))
 
     def _check(self, option: Option) -> None:
         wrong = False

@@ -53,7 +53,8 @@ class Services:
         from kochab.window.mount.connection import MountControl
         from kochab.window.mount.status import MountStatus
 
-        control, window = MountControl(self), self.panes.window()
+        control = MountControl(self.settings, self.session, self.jobs, self.wiring, self.cameras)
+        window = self.panes.window()
         assert isinstance(window, MainWindow)
         MountStatus(control, window)
         return control
