@@ -107,3 +107,9 @@ class FakeEngine:
         extra = np.random.default_rng(5).uniform((0, 0), (frame.width, frame.height), (12, 2))
         found = Detections.from_list(np.vstack([xy, extra]), frame.width, frame.height)
         return FakeSolved(frame, found, result)
+
+
+def brightness(picture, stretch, shift=0.0):
+    """Look-up table from stored values of an opened frame, ``shift`` too high, to brightness."""
+    levels = 256 if picture.mono[0].dtype == np.uint8 else 65536
+    return stretch.table(levels, picture.low + shift, picture.high + shift)

@@ -7,6 +7,7 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.frames.stretch import SKY_LEVEL
 from kochab.window.image.frame_image import ScreenStretch, automatic, prepare
+from tests.window.fakes import brightness
 
 
 @given(st.floats(0, 0.9), st.floats(0.0001, 0.9999))
@@ -30,7 +31,7 @@ def test_a_grey_sky_of_three_different_levels_is_shown_grey():
     rng = np.random.default_rng(3)
     colour = np.stack([rng.normal(m, 5, (64, 64)) for m in (300, 200, 120)], -1).astype(np.uint16)
     picture = run(prepare(Frame(colour.mean(axis=2).astype(np.uint16), colour=colour)))
-    tables = [picture.table(picture.auto, shift) for shift in picture.sky_shift]
+    tables = [brightness(picture, picture.auto, shift) for shift in picture.sky_shift]
     shown = [np.median(t[colour[..., c]]) for c, t in enumerate(tables)]
     assert np.ptp(shown) < 12
 
@@ -41,7 +42,7 @@ def test_every_kind_of_pixel_becomes_a_picture(dtype):
     picture = run(prepare(Frame(pixels)))
     assert picture.mono[0].shape == (301, 403)
     assert picture.mono[0].dtype in (np.uint8, np.uint16)
-    shown = picture.table(picture.auto)[picture.mono[0]]
+    shown = brightness(picture, picture.auto)[picture.mono[0]]
     assert 20 < np.median(shown) < 110
 
 
@@ -62,7 +63,7 @@ def test_values_that_are_not_numbers_are_black():
 @pytest.mark.parametrize("value", [0.0, 7.0, np.nan])
 def test_a_flat_frame_is_shown(value):
     picture = run(prepare(Frame(np.full((40, 40), value, dtype=np.float32))))
-    assert np.isfinite(picture.table(picture.auto)).all()
+    assert np.isfinite(brightness(picture, picture.auto)).all()
 
 
 def test_the_pyramid_averages_four_pixels():

@@ -9,7 +9,9 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.frames import split
 from kochab.window.image.frame_image import ScreenStretch, prepare
-from kochab.window.live.rendering import BLUE, GREEN, RED, DisplaySettings, LiveRenderer, Tables, channels
+from kochab.window.image.screen_image import BLUE, GREEN, RED, Tables
+from kochab.window.live.rendering import DisplaySettings, LiveRenderer, channels
+from tests.window.fakes import brightness
 
 SKIES = {"R": 900.0, "G": 1400.0, "B": 700.0}
 STAR = {"R": 9000.0, "G": 4000.0, "B": 2500.0}  # a red one, 40 px wide
@@ -82,7 +84,7 @@ def test_eight_bits_are_as_bright_in_colour_as_in_grey():
     assert np.median(coloured) == pytest.approx(np.median(grey), abs=8)  # a step of 8 bits
     assert coloured.max() > 200
     opened = run(prepare(frame))
-    green = opened.table(opened.auto, opened.sky_shift[1])[opened.colour[0][..., 1]]
+    green = brightness(opened, opened.auto, opened.sky_shift[1])[opened.colour[0][..., 1]]
     assert np.median(green) == pytest.approx(np.median(coloured), abs=8)
     assert np.std(green[:100, :100]) == pytest.approx(np.std(coloured[:100, :100]), rel=0.2)
 
@@ -92,7 +94,7 @@ def test_a_mosaic_looks_as_an_opened_one_does():
     opened, made = run(prepare(frame)), LiveRenderer()
     shown = made.picture(frame, DisplaySettings(stretch)).memory
     for number, shift in enumerate(opened.sky_shift):
-        there = opened.table(stretch, shift)[opened.colour[1][..., number]]
+        there = brightness(opened, stretch, shift)[opened.colour[1][..., number]]
         here = shown >> (16 - 8 * number) & 255
         assert np.median(here) == pytest.approx(np.median(there), abs=8)
 

@@ -19,6 +19,7 @@ from kochab.window.live.rendering import DisplaySettings, LiveRenderer, binned, 
 from kochab.window.live.sky_plot import hammer, pieces
 from kochab.window.live.sky_points import MOST, Trail, sky_points
 from kochab.workflows.session.live_stream import Recording, Stream, StreamRequest
+from tests.window.fakes import brightness
 from tests.workflows.live_sources import CAMERA, Clockwork, Told, refusal
 
 
@@ -58,7 +59,7 @@ def test_a_live_frame_looks_as_an_opened_one_does():
     opened, made = run(prepare(Frame(noise))), LiveRenderer()
     for stretch in (ScreenStretch(0.0, 0.5), ScreenStretch(0.1, 0.01)):
         shown = made.picture(Frame(noise), DisplaySettings(stretch)).memory & 0xFF
-        assert np.abs(shown.astype(int) - opened.table(stretch)[noise]).max() <= 8
+        assert np.abs(shown.astype(int) - brightness(opened, stretch)[noise]).max() <= 8
     automatic = made.picture(Frame(noise), DisplaySettings())
     assert automatic.auto.black == pytest.approx(opened.auto.black, abs=0.05)
     assert automatic.histogram.sum() > 10_000

@@ -73,11 +73,6 @@ class FrameImage:
         k = int(np.floor(np.log2(1.0 / scale))) if scale < 1.0 else 0
         return min(max(k, 0), len(self.mono) - 1)
 
-    def table(self, stretch: ScreenStretch, shift: float = 0.0) -> NDArray[np.uint8]:
-        """Look-up table from stored values, ``shift`` too high, to brightness."""
-        levels = 256 if self.mono[0].dtype == np.uint8 else 65536
-        return stretch.table(levels, self.low + shift, self.high + shift)
-
 
 def prepare(frame: Frame) -> Task[FrameImage]:
     """Build the :class:`FrameImage` of a frame; a few hundred ms for 61 MP."""

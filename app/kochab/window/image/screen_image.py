@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QRectF
-from PySide6.QtGui import QImage, qRgb
+from PySide6.QtGui import QImage
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Array, Floats
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 
 SMALLEST, LARGEST = 1.0 / 64.0, 48.0
@@ -92,7 +92,49 @@ class RenderedFrame:
         return self.image, QRectF(viewport.dx, viewport.dy, wide, high)
 
 
-RED_TABLE = [qRgb(i, 0, 0) for i in range(256)]
+OPAQUE = 0xFF000000
+GREY, RED, GREEN, BLUE = 0x010101, 0x010000, 0x000100, 0x000001
+"""What one step of brightness adds to 0xffRRGGBB."""
+
+Planes = tuple[Array, ...]
+Parts = tuple[tuple[int, float], ...]
+
+
+class Tables:
+    """Look-up tables from stored values to a QImage's colours; the last ones are kept."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._made: tuple[NDArray[np.uint32], ...] = ()
+
+    def coloured(
+        self, planes: Planes, stretch: ScreenStretch, span: tuple[float, float], parts: Parts, gain: float = 1.0
+    ) -> NDArray[np.uint32]:
+        """0xffRRGGBB (H, W) of ``planes``, each (H, W) of stored values, uint8 or uint16.
+
+        ``span`` are the values the stretch calls 0 and 1, ``gain`` times those of the picture.
+        ``parts`` has for each plane its light, as :data:`GREY`, and how far it is too high.
+        """
+        tables = self.get(planes[0].dtype, stretch, span, parts, gain)
+        first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True))
+        for other in others:
+            first |= other
+        return np.asarray(first)
+
+    def get(
+        self, kind: np.dtype[Any], stretch: ScreenStretch, span: tuple[float, float], parts: Parts, gain: float = 1.0
+    ) -> tuple[NDArray[np.uint32], ...]:
+        """A table for each of ``parts``; the sum of their values is the colour of a pixel."""
+        key = (kind, stretch, span, parts, gain)
+        if key != self._key:
+            levels = 256 if kind == np.uint8 else 65536
+            made = []
+            for number, (light, shift) in enumerate(parts):
+                low, high = ((end + shift) / gain for end in span)
+                bright = stretch.table(levels, low, high).astype(np.uint32) * np.uint32(light)
+                made.append(bright + np.uint32(0 if number else OPAQUE))
+            self._made, self._key = tuple(made), key
+        return self._made
 
 
 class ScreenImage:
@@ -103,18 +145,18 @@ class ScreenImage:
         self._stretch = ScreenStretch()
         self._colour = True
         self._red = False
-        self._tables: list[NDArray[np.uint8]] = []  # mono, or red, green, blue
+        self._tables = Tables()
         self._key: object = None
         self._made: tuple[QImage, QRectF] | None = None
-        self._pixels: NDArray[np.uint8] | None = None  # QImage borrows this memory
+        self._pixels: NDArray[np.uint32] | None = None  # QImage borrows this memory
 
     def set_picture(self, picture: FrameImage | RenderedFrame | None) -> None:
         self.picture = picture
-        self._tables, self._made, self._key = [], None, None
+        self._made, self._key = None, None
 
     def set_look(self, stretch: ScreenStretch, colour: bool, red: bool) -> None:
         self._stretch, self._colour, self._red = stretch, colour, red
-        self._tables, self._key = [], None
+        self._key = None
 
     def render(self, viewport: Viewport, ratio: float) -> tuple[QImage, QRectF] | None:
         """The image and where it goes on the widget (logical px); None when none is in sight."""
@@ -145,25 +187,14 @@ class ScreenImage:
         return image, target
 
     def _to_image(self, picture: FrameImage, crop: NDArray[Any], in_colour: bool) -> QImage:
-        if not self._tables:
-            shifts = picture.sky_shift if in_colour else (0.0,)
-            self._tables = [picture.table(self._stretch, shift) for shift in shifts]
-        pixels = np.empty(crop.shape, dtype=np.uint8)
+        planes: Planes = (crop,)
+        parts: Parts = ((RED if self._red else GREY, 0.0),)
         if in_colour:
-            for c, table in enumerate(self._tables):
-                pixels[..., c] = table[crop[..., c]]
-        else:
-            np.take(self._tables[0], crop, out=pixels, mode="clip")
-        self._pixels = pixels
-        h, w = crop.shape[:2]
-        if in_colour:
-            return QImage(pixels.data, w, h, 3 * w, QImage.Format.Format_RGB888)
-        if self._red:
-            image = QImage(pixels.data, w, h, w, QImage.Format.Format_Indexed8)
-            image.setColorTable(RED_TABLE)
-            # Scaling an indexed image would not interpolate; the conversion owns its memory.
-            return image.convertToFormat(QImage.Format.Format_RGB32)
-        return QImage(pixels.data, w, h, w, QImage.Format.Format_Grayscale8)
+            planes = tuple(crop[..., c] for c in range(3))
+            parts = tuple(zip((RED, GREEN, BLUE), picture.sky_shift, strict=True))
+        self._pixels = pixels = self._tables.coloured(planes, self._stretch, (picture.low, picture.high), parts)
+        high, wide = pixels.shape
+        return QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGB32)
 
 
 class LabelSpace:

@@ -12,7 +12,7 @@ from kochab.core.arrays import Array
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.window.image.frame_image import BINS, ScreenStretch, automatic, storable
-from kochab.window.image.screen_image import RenderedFrame
+from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, Tables
 
 SMALLEST_PX = 200
 
@@ -79,43 +79,6 @@ def _cells(mosaic: Array, pattern: str) -> tuple[Array, Array, Array]:
     first, second = at["G"]
     green = (first >> 1) + (second >> 1) + (first & second & 1)
     return at["R"][0], green, at["B"][0]
-
-
-OPAQUE = 0xFF000000
-GREY, RED, GREEN, BLUE = 0x010101, 0x010000, 0x000100, 0x000001
-"""What one step of brightness adds to 0xffRRGGBB."""
-
-
-class Tables:
-    """Look-up tables from stored values to a QImage's colours; the last ones are kept."""
-
-    def __init__(self) -> None:
-        self._key: object = None
-        self._made: tuple[NDArray[np.uint32], ...] = ()
-
-    def get(
-        self,
-        kind: np.dtype[Any],
-        stretch: ScreenStretch,
-        span: tuple[float, float],
-        parts: tuple[tuple[int, float], ...],
-        gain: float = 1.0,
-    ) -> tuple[NDArray[np.uint32], ...]:
-        """A table for each of ``parts``: its light, as :data:`GREY`, and how far it is too high.
-
-        ``span`` are the values the stretch calls 0 and 1, ``gain`` times those of the picture. The
-        sum of all tables' values is the colour of a pixel.
-        """
-        key = (kind, stretch, span, parts, gain)
-        if key != self._key:
-            levels = 256 if kind == np.uint8 else 65536
-            made = []
-            for number, (light, shift) in enumerate(parts):
-                low, high = ((end + shift) / gain for end in span)
-                bright = stretch.table(levels, low, high).astype(np.uint32) * np.uint32(light)
-                made.append(bright + np.uint32(0 if number else OPAQUE))
-            self._made, self._key = tuple(made), key
-        return self._made
 
 
 STATISTICS_EVERY_S = 0.5
@@ -190,19 +153,10 @@ class LiveRenderer:
         return self._coloured(found.planes, settings, ((RED, red), (GREEN, green), (BLUE, blue)), found.gain)
 
     def _coloured(
-        self,
-        planes: tuple[Array, ...],
-        settings: DisplaySettings,
-        parts: tuple[tuple[int, float], ...],
-        gain: float = 1.0,
+        self, planes: Planes, settings: DisplaySettings, parts: Parts, gain: float = 1.0
     ) -> NDArray[np.uint32]:
         """0xffRRGGBB (H, W) of planes (H, W) of stored values."""
-        stretch = settings.stretch or self._auto
-        tables = self._tables.get(planes[0].dtype, stretch, self._range, parts, gain)
-        first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True))
-        for other in others:
-            first |= other
-        return np.asarray(first)
+        return self._tables.coloured(planes, settings.stretch or self._auto, self._range, parts, gain)
 
     def _measure(self, frame: Frame, stored: Array, settings: DisplaySettings) -> None:
         """Another automatic stretch and other levels; a range that sliders stand on is held."""
