@@ -114,9 +114,9 @@ def value_label(name: str, tip: str = "") -> QLabel:
     return made
 
 
-def position_labels() -> tuple[QLabel, QLabel]:
+def position_labels(name: str = "Right ascension") -> tuple[QLabel, QLabel]:
     """Where a right ascension and a declination are shown, large."""
-    made = value_label("Right ascension"), value_label("Declination")
+    made = value_label(name), value_label("Declination")
     for value in made:
         value.setProperty("role", "value")
         value.setWordWrap(False)

@@ -9,7 +9,7 @@ import pytest
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
 from kochab.lab.bench.polar_rig import make_rig
-from kochab.polar.error import altitude_in_words
+from kochab.polar.error import altitude_in_words, total_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.rotations import ARCSEC
 from kochab.polar.tutor import BoltTutor, Knob
@@ -24,7 +24,6 @@ from kochab.window.polar.error_display import (
     azimuth_cure,
     azimuth_text,
     more_text,
-    total_text,
 )
 from kochab.window.polar.sound_cues import Cue, Cues, SoundCues, speech_text
 from kochab.workflows.polar.align import AdjustingEnd, adjust
@@ -133,13 +132,13 @@ def test_an_old_number_is_called_old():
 def test_cures_undo_the_error(altitude, azimuth, cures):
     off = error(altitude, azimuth)
     assert (altitude_cure(off), azimuth_cure(off)) == cures
-    assert total_text(off).startswith("73″ ± ")
+    assert total_in_words(off).startswith("73″ ± ")
 
 
 def test_one_uncertainty_is_told_everywhere_and_it_counts_flexure(qtbot):
     seen = error(60.0, 60.0, sigma_arcsec=3.0)
     off = replace(seen, flexure=np.diag([1.0, 1.0]) * (30.0 * ARCSEC) ** 2)
-    assert total_text(off) == "73″ ± 30″"
+    assert total_in_words(off) == "73″ ± 30″"
     page = PhonePage("token")
     page.show("", off)
     served = page.answer("/token/now.json")

@@ -26,10 +26,10 @@ def columns_of(kind: ComparedPart) -> dict[str, Callable[[Trial], CellText]]:
     """The columns of a table of this kind, by title."""
     more: dict[str, Callable[[Trial], CellText]] = {}
     if kind is ComparedPart.DETECTOR:
-        more = {"Found": _found, "True": _true}
+        more = {"Found": lambda t: _count(None if t.found is None else t.found.stars), "True": _true}
     elif kind is ComparedPart.ATTITUDE:
         more = {"From the fit": _from_fit}
-    more |= {"Matches": _matches, "Wrong": _wrong}
+    more |= {"Matches": _matches, "Wrong": lambda t: _count(t.wrong)}
     if kind is not ComparedPart.METHOD:
         more["RMS"] = _rms
     return {
@@ -67,12 +67,8 @@ def _matches(t: Trial) -> CellText:
     return CellText(f"{t.matches}" if t.answered else NOTHING, float(t.matches))
 
 
-def _wrong(t: Trial) -> CellText:
-    return CellText(NOTHING, LAST) if t.wrong is None else CellText(f"{t.wrong}", t.wrong)
-
-
-def _found(t: Trial) -> CellText:
-    return CellText(NOTHING, LAST) if t.found is None else CellText(f"{t.found.stars}", t.found.stars)
+def _count(count: int | None) -> CellText:
+    return CellText(NOTHING, LAST) if count is None else CellText(f"{count}", count)
 
 
 def _true(t: Trial) -> CellText:

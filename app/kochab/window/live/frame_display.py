@@ -93,7 +93,7 @@ class LiveDisplay(QObject):
         self._timer.setSingleShot(True)
         self._timer.timeout.connect(self._draw)
         self._ready.connect(self._draw_soon)
-        for signal in (services.view.zoomed, services.panes.strip.changed, services.looks.changed):
+        for signal in (services.panes.view.zoomed, services.panes.strip.changed, services.looks.changed):
             signal.connect(self._configure)
 
     def begin(self, name: str) -> RenderQueue:
@@ -134,7 +134,7 @@ class LiveDisplay(QObject):
     def _configure(self, _: object = None) -> None:
         if self.queue is None:
             return
-        strip, view = self._services.panes.strip, self._services.view
+        strip, view = self._services.panes.strip, self._services.panes.view
         stretch = None if strip.auto.isChecked() else strip.stretch
         scale = view.viewport.scale * view.devicePixelRatioF()
         self.queue.settings = DisplaySettings(stretch, self._services.looks.is_night, scale, self._in_colour)
@@ -165,7 +165,7 @@ class LiveDisplay(QObject):
             session.opened.emit(ready.frame)
             self._services.panes.strip.show_picture(ready.picture)
             self._configure()
-        self._services.view.repaint()
+        self._services.panes.view.repaint()
         now = monotonic()
         self.moments.append(now)
         if ready.update is not None:

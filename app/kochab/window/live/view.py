@@ -1,6 +1,7 @@
 """The Live view: a camera runs, its frames are solved, and its pointing is shown."""
 
 import json
+import logging
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -72,6 +73,7 @@ class RecordPanel(Page):
             self.use_folder(path)
 
 
+log = logging.getLogger("kochab")
 WRITE_EVERY_MS = 200
 READY = "Choose a camera, then press Start."
 POINTING = 1  # its tab
@@ -273,7 +275,7 @@ class LiveView(Page):
     def _show_message(self, sentence: str, role: str = "") -> None:
         """One sentence that stays until the next; all of them are in the log."""
         if sentence:
-            self._services.log.info("%s", sentence)
+            log.info("%s", sentence)
         show_text(self.message, sentence, role)
 
     def _save(self) -> None:

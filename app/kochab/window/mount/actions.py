@@ -149,7 +149,7 @@ class MoveStarMode(QObject):
 
     def __init__(self, services: Services, control: MountControl, orders: MountActions) -> None:
         super().__init__(control)
-        self._view, self._frames, self._orders = services.view, control.frames, orders
+        self._view, self._frames, self._orders = services.panes.view, control.frames, orders
         control.stopping.connect(self.end)
         self._on = False
         self._star: tuple[float, float] | None = None

@@ -34,6 +34,12 @@ class Explanation(QObject):
             if self._control.hasFocus():
                 self.shown.emit(reason)
 
+    def allows(self) -> bool:
+        """Whether the control can be used now; if not, its reason is shown."""
+        if self.reason:
+            self.shown.emit(self.reason)
+        return not self.reason
+
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.FocusIn:
             self.shown.emit(self.reason)
@@ -67,9 +73,7 @@ class ExplainedButton(QPushButton):
         return self.explanation.reason
 
     def _click(self) -> None:
-        if self.reason:
-            self.explanation.shown.emit(self.reason)
-        else:
+        if self.explanation.allows():
             self._pressed()
 
 
@@ -88,9 +92,7 @@ class ExplainedSwitch(QCheckBox):
         return self.explanation.reason
 
     def nextCheckState(self) -> None:
-        if self.reason:
-            self.explanation.shown.emit(self.reason)
-        else:
+        if self.explanation.allows():
             self.wanted.emit(not self.isChecked())
 
 

@@ -13,7 +13,18 @@ from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.mounts.coordinates import wrapped
 from kochab.window.themes import Colours, theme_colours
-from kochab.window.widgets import Part, button, column, draw_text, facts_grid, label, row, show_text, value_label
+from kochab.window.widgets import (
+    Part,
+    button,
+    column,
+    draw_text,
+    facts_grid,
+    label,
+    position_labels,
+    row,
+    show_text,
+    value_label,
+)
 from kochab.workflows.sync_mount import SyncOffer
 
 RINGS = {
@@ -140,11 +151,8 @@ class PointingBox(QWidget):
 
     def __init__(self, beside: QWidget) -> None:
         super().__init__()
-        self.mount = [value_label("Mount reports, right ascension"), value_label("Declination")]
-        self.sky = [value_label("Plate solve, right ascension"), value_label("Declination")]
-        for value in (*self.mount, *self.sky):
-            value.setProperty("role", "value")
-            value.setWordWrap(False)
+        self.mount = position_labels("Mount reports, right ascension")
+        self.sky = position_labels("Plate solve, right ascension")
         self.state = value_label("State of the mount")
         self.total, self.parts = value_label("Offset"), value_label("Offset, both parts")
         self.total.setProperty("role", "value")
@@ -221,7 +229,7 @@ def words_of(state: MountState) -> list[str]:
     return words
 
 
-def _write(labels: list[QLabel], place: tuple[float, float] | None, style: AngleStyle, empty: str) -> None:
+def _write(labels: tuple[QLabel, QLabel], place: tuple[float, float] | None, style: AngleStyle, empty: str) -> None:
     texts = (empty, "") if place is None else (ra_text(place[0], style), dec_text(place[1], style))
     for one, text in zip(labels, texts, strict=True):
         one.setText(text)

@@ -8,10 +8,9 @@ from PySide6.QtCore import QRectF, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
-from kochab.polar.error import PolarError
+from kochab.polar.error import PolarError, angle_in_words, total_in_words
 from kochab.polar.tutor import Knob
 from kochab.window.polar.bolts_painting import STEP_DEG, STEP_MS, Face, paint_face
-from kochab.window.polar.error_display import primes, total_text, typeset
 from kochab.window.themes import theme_colours
 from kochab.workflows.session.alignment_state import AlignmentState
 
@@ -69,7 +68,7 @@ class BoltsView(QWidget):
         error = self.state.error
         if error is None:
             return "–"
-        return typeset(error.total_arcsec if self._over else _of(error, self.knob))
+        return angle_in_words(error.total_arcsec if self._over else _of(error, self.knob))
 
     def way(self) -> str:
         """The arrow in words."""
@@ -117,10 +116,10 @@ class BoltsView(QWidget):
         shape = "" if error is None else "done" if self._over else "arrow"
         return Face(
             "Total" if self._over else title,
-            "" if error is None else f"total {total_text(error)}",
+            "" if error is None else f"total {total_in_words(error)}",
             self.digits(),
             old if self.old else self.way(),
-            primes(state.words) or "Start an alignment first.",
+            state.words or "Start an alignment first.",
             f"{keys}    ({self.sounding})" if self.sounding else keys,
             "wheel" if self._waiting else shape,
             self.knob,

@@ -1,7 +1,6 @@
 """The Align page: what to do, the polar error in numbers, and the axis drawn around its pole."""
 
 import math
-import re
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
@@ -24,7 +23,6 @@ from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
 
 RINGS_ARCSEC = (30.0, 60.0, 300.0, 1800.0, 7200.0, 36000.0)
 REACHES_ARCSEC = (45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
-SECONDS, MINUTES = re.compile(r'(?<=\d)"'), re.compile(r"(?<=\d)'")
 LEAST_RING_PX = 12.0
 LEAST_ELLIPSE_PX = 2.5
 
@@ -142,16 +140,6 @@ def ring_name(arcsec: float) -> str:
     return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
 
 
-def primes(text: str) -> str:
-    """Replace ' and " by primes."""
-    return SECONDS.sub("″", MINUTES.sub("′", text))
-
-
-def typeset(arcsec: float) -> str:
-    """``45″``, ``12.5′`` or ``1.25°``."""
-    return primes(angle_in_words(arcsec))
-
-
 NONE = "–"
 
 
@@ -195,7 +183,11 @@ class Numbers(QWidget):
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         error, old = state.error, state.old(now_s)
-        for value, text_of in ((self.total, total_text), (self.altitude, altitude_text), (self.azimuth, azimuth_text)):
+        for value, text_of in (
+            (self.total, total_in_words),
+            (self.altitude, altitude_text),
+            (self.azimuth, azimuth_text),
+        ):
             value.setText(NONE if error is None else text_of(error))
         for line, line_of in (
             (self.split, split_text),
@@ -210,12 +202,7 @@ class Numbers(QWidget):
         self.age.setText(age_text(state, now_s))
         self.reminder.setVisible(state.stage == "adjust")
         show_text(self.more, more_text(state))
-        show_text(self.findings, "\n".join(f"⚠ {primes(finding.text)}" for finding in state.findings))
-
-
-def total_text(error: PolarError) -> str:
-    """The angle between axis and pole with its uncertainty (1σ)."""
-    return primes(total_in_words(error))
+        show_text(self.findings, "\n".join(f"⚠ {finding.text}" for finding in state.findings))
 
 
 def split_text(error: PolarError) -> str:
@@ -234,7 +221,7 @@ def azimuth_text(error: PolarError) -> str:
 
 
 def _signed(arcsec: float, sigma_arcsec: float) -> str:
-    return f"{'+' if arcsec >= 0 else '−'}{typeset(arcsec)} ± {typeset(sigma_arcsec)}"
+    return f"{'+' if arcsec >= 0 else '−'}{angle_in_words(arcsec)} ± {angle_in_words(sigma_arcsec)}"
 
 
 def altitude_cure(error: PolarError) -> str:
@@ -301,8 +288,8 @@ class AlignPage(Page):
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
-        self.words.setText(primes(state.words))
-        show_text(self.detail, primes(state.detail))
+        self.words.setText(state.words)
+        show_text(self.detail, state.detail)
         self.numbers.show_state(state, now_s)
         self.target.show_state(state)
 

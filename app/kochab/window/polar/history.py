@@ -11,10 +11,10 @@ from PySide6.QtWidgets import QComboBox, QPlainTextEdit
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
 from kochab.frames.atomic_file import write_atomically
+from kochab.polar.error import angle_in_words
 from kochab.polar.report import STYLE, Entry, History, report_html, write_report
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
-from kochab.window.polar.error_display import primes, typeset
 from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, column, label, row
@@ -201,14 +201,14 @@ def _summary(measured: list[Entry]) -> str:
     if not measured:
         return NOTHING
     first, last = measured[0], measured[-1]
-    text = f"{last.time_utc:%H:%M} UTC: {typeset(last.total_arcsec)} from the pole"
+    text = f"{last.time_utc:%H:%M} UTC: {angle_in_words(last.total_arcsec)} from the pole"
     if first is last:
         return f"{text}, measured once."
-    return f"{text}, {typeset(first.total_arcsec)} at first, measured {len(measured)} times."
+    return f"{text}, {angle_in_words(first.total_arcsec)} at first, measured {len(measured)} times."
 
 
 def _line(entry: Entry) -> str:
-    sigma = typeset(entry.sigma_total_arcsec)
+    sigma = angle_in_words(entry.sigma_total_arcsec)
     what = "Measured." if entry.kind == "measured" else "Instruction:"
-    moment, error = f"{entry.time_utc:%H:%M:%S}", typeset(entry.total_arcsec)
-    return f"{moment}  {error} ± {sigma}  {what} {primes(entry.text)}"
+    moment, error = f"{entry.time_utc:%H:%M:%S}", angle_in_words(entry.total_arcsec)
+    return f"{moment}  {error} ± {sigma}  {what} {entry.text}"

@@ -93,16 +93,8 @@ class Commands(QObject):
         wiring = wiring or Wiring()
         jobs = Jobs(self.window, self.window.closing)
         self.exporter = FrameExporter(self.window, self.session, jobs, wiring.to_json)
-        self.services = Services(
-            self.settings,
-            self.session,
-            self.looks,
-            jobs,
-            wiring,
-            self._say,
-            self.window.workspace.view,
-            self.window.workspace,
-        )
+        panes = self.window.workspace
+        self.services = Services(self.settings, self.session, self.looks, jobs, wiring, self._say, panes)
         self.views = Views(self.window, self.services)
         self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
         self._restore()

@@ -1,6 +1,5 @@
 """The views of the Tools menu: each a dock, built when first shown, and what every view is given."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -11,7 +10,6 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QTabWidget, QWidget
 
-from kochab.window.image.frame_view import FrameView
 from kochab.window.job import Jobs
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
@@ -26,15 +24,12 @@ if TYPE_CHECKING:
     from kochab.window.mount.connection import MountControl
 
 
-log = logging.getLogger("kochab")
-
-
 @dataclass(frozen=True)
 class Services:
     """What a view may use of the window.
 
-    ``say`` shows a sentence in the status bar for a while; ``view`` is the open image within its
-    ``panes``. ``mount`` is the one owner of the mount's line, ``cameras`` of every camera.
+    ``say`` shows a sentence in the status bar for a while; ``panes`` hold the open image.
+    ``mount`` is the one owner of the mount's line, ``cameras`` of every camera.
     """
 
     settings: WindowSettings
@@ -43,9 +38,7 @@ class Services:
     jobs: Jobs
     wiring: Wiring
     say: Callable[[str], None]
-    view: FrameView
     panes: Workspace
-    log: logging.Logger = log
 
     @cached_property
     def mount(self) -> "MountControl":
