@@ -217,33 +217,25 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> str:
     return Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(names)
 
 
-def _palette(c: Colours) -> QPalette:
+# Names of Qt's palette roles, by the colour they have in every theme.
+ROLES = {
+    "window": "Window Shadow",
+    "surface": "Base",
+    "raised": "AlternateBase Button ToolTipBase Midlight",
+    "hover": "Light",
+    "line": "Mid Dark",
+    "text": "WindowText Text ButtonText BrightText ToolTipText",
+    "muted": "PlaceholderText",
+    "accent": "Highlight Link LinkVisited Accent",
+    "on_accent": "HighlightedText",
+}
+
+
+def _palette(colours: Colours) -> QPalette:
     palette = QPalette()
-    role = QPalette.ColorRole
-    for target, colour in {
-        role.Window: c.window,
-        role.Base: c.surface,
-        role.AlternateBase: c.raised,
-        role.Button: c.raised,
-        role.WindowText: c.text,
-        role.Text: c.text,
-        role.ButtonText: c.text,
-        role.BrightText: c.text,
-        role.ToolTipBase: c.raised,
-        role.ToolTipText: c.text,
-        role.PlaceholderText: c.muted,
-        role.Highlight: c.accent,
-        role.HighlightedText: c.on_accent,
-        role.Link: c.accent,
-        role.LinkVisited: c.accent,
-        role.Accent: c.accent,
-        role.Light: c.hover,
-        role.Midlight: c.raised,
-        role.Mid: c.line,
-        role.Dark: c.line,
-        role.Shadow: c.window,
-    }.items():
-        palette.setColor(target, QColor(colour))
-    for target in (role.WindowText, role.Text, role.ButtonText):
-        palette.setColor(QPalette.ColorGroup.Disabled, target, QColor(c.faint))
+    for name, colour in asdict(colours).items():
+        for role in ROLES.get(name, "").split():
+            palette.setColor(QPalette.ColorRole[role], QColor(colour))
+    for role in ("WindowText", "Text", "ButtonText"):
+        palette.setColor(QPalette.ColorGroup.Disabled, QPalette.ColorRole[role], QColor(colours.faint))
     return palette

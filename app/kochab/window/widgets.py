@@ -125,16 +125,26 @@ def position_labels(name: str = "Right ascension") -> tuple[QLabel, QLabel]:
 
 def facts_grid(spacing: int, *rows: tuple[str, QLabel]) -> QGridLayout:
     """Titles and values in two columns, the second as wide as can be; a title has its value's tip."""
-    grid = QGridLayout()
-    grid.setHorizontalSpacing(12)
-    grid.setVerticalSpacing(spacing)
-    grid.setColumnStretch(1, 1)
-    for at, (title, value) in enumerate(rows):
-        name = label(title, "muted")
+    titles = [label(title, "muted") for title, _ in rows]
+    for name, (_, value) in zip(titles, rows, strict=True):
         name.setToolTip(value.toolTip())
-        grid.addWidget(name, at, 0)
-        grid.addWidget(value, at, 1)
-    return grid
+    values = (value for _, value in rows)
+    return grid(*zip(titles, values, strict=True), across=12, down=spacing, stretch=(0, 1))
+
+
+def grid(
+    *rows: Iterable[QWidget], across: int = 10, down: int = 4, stretch: Iterable[int] = (), on: QWidget | None = None
+) -> QGridLayout:
+    """Rows of widgets below each other, px apart; ``stretch`` is that of each column."""
+    made = QGridLayout(on)
+    made.setHorizontalSpacing(across)
+    made.setVerticalSpacing(down)
+    for at, widgets in enumerate(rows):
+        for place, widget in enumerate(widgets):
+            made.addWidget(widget, at, place)
+    for place, share in enumerate(stretch):
+        made.setColumnStretch(place, share)
+    return made
 
 
 def choice_box(name: str, choices: Iterable[str] | Mapping[str, object], letters: int = 8) -> QComboBox:

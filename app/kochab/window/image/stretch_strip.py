@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, QSize, Qt, Signal
-from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QSlider
+from PySide6.QtWidgets import QLabel, QSizePolicy, QSlider
 
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame
-from kochab.window.widgets import Page, row, switch
+from kochab.window.widgets import Page, grid, row, switch
 
 if TYPE_CHECKING:
     from kochab.window.charts.histogram_plot import HistogramPlot
@@ -78,14 +78,11 @@ class StretchStrip(Page):
         self.auto.toggled.connect(self._auto_toggled)
         for slider in (self.black, self.bright):
             slider.valueChanged.connect(self._moved)
-        grid = QGridLayout()
-        grid.setVerticalSpacing(2)
-        grid.setHorizontalSpacing(8)
-        for at, (title, slider) in enumerate((("Blac&k", self.black), ("Bri&ght", self.bright))):
-            grid.addWidget(name := QLabel(title), at, 0)
-            name.setBuddy(slider)
-            grid.addWidget(slider, at, 1)
-        row((self.histogram, 2), self.auto, (grid, 1), on=self, spacing=14, margins=(10, 6, 10, 6))
+        black, bright = QLabel("Blac&k"), QLabel("Bri&ght")
+        black.setBuddy(self.black)
+        bright.setBuddy(self.bright)
+        sliders = grid((black, self.black), (bright, self.bright), across=8, down=2)
+        row((self.histogram, 2), self.auto, (sliders, 1), on=self, spacing=14, margins=(10, 6, 10, 6))
         self.setEnabled(False)
 
     def show_picture(self, picture: FrameImage | RenderedFrame) -> None:

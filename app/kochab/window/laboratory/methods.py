@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QGridLayout, QListWidget, QListWidgetItem
+from PySide6.QtWidgets import QListWidget, QListWidgetItem
 
 from kochab.core.errors import UsageError
 from kochab.lab.laboratory.comparison import Choice, ComparedPart, allowed, names_of, options_for, paper_for
 from kochab.window.panels.method_options import OptionsForm
-from kochab.window.widgets import Page, choice_box, label, scrolled
+from kochab.window.widgets import Page, choice_box, grid, label, scrolled
 
 ROW_PX = 6  # of a row, above and below its text
 CHECKED = {True: Qt.CheckState.Checked, False: Qt.CheckState.Unchecked}
@@ -46,14 +46,10 @@ class MethodsPanel(Page):
         self.list.setMinimumHeight(rows * (self.list.fontMetrics().height() + ROW_PX))
         self.options = OptionsForm()
         self.paper = label("", "muted", wrap=True)
-        grid = QGridLayout(self)
-        grid.setContentsMargins(8, 8, 8, 8)
-        grid.setHorizontalSpacing(10)
-        for place, (above, below) in enumerate(((self.kinds, self.list), (self.paper, scrolled(self.options)))):
-            grid.addWidget(above, 0, place)
-            grid.addWidget(below, 1, place)
-            grid.setColumnStretch(place, 2 + place)
-        grid.setRowStretch(1, 1)
+        above, below = (self.kinds, self.paper), (self.list, scrolled(self.options))
+        panes = grid(above, below, down=6, stretch=(2, 3), on=self)
+        panes.setContentsMargins(8, 8, 8, 8)
+        panes.setRowStretch(1, 1)
         self.options.changed.connect(self._keep)
         self.list.currentItemChanged.connect(self._show)
         self.list.itemChanged.connect(self._keep_ticks)

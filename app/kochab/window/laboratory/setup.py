@@ -3,10 +3,10 @@
 from enum import StrEnum
 from typing import Any
 
-from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout
+from PySide6.QtWidgets import QDoubleSpinBox
 
 from kochab.lab.laboratory.comparison import FieldSettings
-from kochab.window.widgets import Page, choice_box, column, field_values, fill_fields, label, number_field
+from kochab.window.widgets import Page, choice_box, column, field_values, fill_fields, grid, label, number_field
 
 NO_SKY = "Simulated fields are not available here."
 
@@ -51,18 +51,13 @@ class LaboratorySetupPanel(Page):
         self.numbers = {name: _number(*made[1:]) for name, made in NUMBERS.items()}
         self._kept = {**self.numbers, "source": self.source, "hints": self.hints}
         titles = ("Stars from", "Known", *(title for title, *_ in NUMBERS.values()))
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(10)
-        grid.setVerticalSpacing(5)
-        grid.setColumnStretch(1, 1)
-        grid.setColumnStretch(3, 1)
         fields = (self.source, self.hints, *self.numbers.values())
-        for place, (title, field) in enumerate(zip(titles, fields, strict=True)):
-            grid.addWidget(label(title), place // 2, place % 2 * 2)
-            grid.addWidget(field, place // 2, place % 2 * 2 + 1)
+        cells = [cell for title, field in zip(titles, fields, strict=True) for cell in (label(title), field)]
+        rows = (cells[at : at + 4] for at in range(0, len(cells), 4))
+        form = grid(*rows, down=5, stretch=(0, 1, 0, 1))
         self.source.setEnabled(can_simulate)
         why = () if can_simulate else (label(NO_SKY, "muted", wrap=True),)
-        column(grid, *why, None, on=self, margins=(8, 8, 8, 8))
+        column(form, *why, None, on=self, margins=(8, 8, 8, 8))
         self.source.currentIndexChanged.connect(self._enable)
         self._enable()
 

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
-from PySide6.QtWidgets import QAbstractSpinBox, QGridLayout
+from PySide6.QtWidgets import QAbstractSpinBox
 
 from kochab.core.capture import CaptureLimits, CaptureSettings
 from kochab.gear.session import CameraSelection
@@ -16,6 +16,7 @@ from kochab.window.widgets import (
     column,
     field_values,
     fill_fields,
+    grid,
     label,
     number_field,
     row,
@@ -47,17 +48,12 @@ class SettingFields(Page):
         self.fields = {"exposure": self.exposure, "gain": self.gain, "binning": self.binning}
         for field in (self.exposure, self.gain):
             field.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
-        grid = QGridLayout(self)
-        grid.setContentsMargins(0, 0, 0, 0)
-        grid.setHorizontalSpacing(10)
-        grid.setVerticalSpacing(4)
-        for at, (name, field) in enumerate(self.fields.items()):
-            grid.addWidget(label(name.capitalize(), "muted"), 0, at)
-            grid.addWidget(field, 1, at)
-            grid.setColumnStretch(at, 1)
+        for field in self.fields.values():
             field.setSpecialValueText(DEFAULT)
             field.valueChanged.connect(lambda _: self.changed.emit())
-        grid.addWidget(self.in_force, 2, 0, 1, 3)
+        titles = [label(name.capitalize(), "muted") for name in self.fields]
+        fields = grid(titles, self.fields.values(), stretch=(1, 1, 1))
+        column(fields, self.in_force, on=self, spacing=4, margins=(0, 0, 0, 0))
         self.show_limits(None, CaptureSettings())
 
     def settings(self) -> CaptureSettings:

@@ -19,6 +19,7 @@ from kochab.window.widgets import (
     column,
     draw_text,
     facts_grid,
+    grid,
     label,
     position_labels,
     row,
@@ -161,17 +162,11 @@ class PointingBox(QWidget):
         self._lay_out(beside)
 
     def _lay_out(self, beside: QWidget) -> None:
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(16)
-        grid.setVerticalSpacing(2)
-        for at, (title, values) in enumerate((("Mount reports", self.mount), ("Plate solve", self.sky))):
-            grid.addWidget(label(title, "muted"), 0, at)
-            for line, value in enumerate(values, 1):
-                grid.addWidget(value, line, at)
-            grid.setColumnStretch(at, 1)
+        titles = label("Mount reports", "muted"), label("Plate solve", "muted")
+        positions = grid(titles, *zip(self.mount, self.sky, strict=True), across=16, down=2, stretch=(1, 1))
         numbers = column(label("Mount is off by", "muted"), self.total, self.parts, self.age, None)
         offset = row(self.arrow, (numbers, 1), spacing=14)
-        column(row((self.state, 1), beside), grid, offset, on=self, margins=(0, 0, 0, 0))
+        column(row((self.state, 1), beside), positions, offset, on=self, margins=(0, 0, 0, 0))
 
     def show_known(self, known: MountSnapshot, style: AngleStyle) -> None:
         """Show a snapshot."""

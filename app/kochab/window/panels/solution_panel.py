@@ -22,6 +22,7 @@ from kochab.window.widgets import (
     copy_text,
     facts_grid,
     fixed_font_family,
+    grid,
     label,
     narrow_box,
     position_labels,
@@ -156,18 +157,11 @@ class StateCard(QFrame):
         self.advice.setStyleSheet("font-weight: 600;")
         self._failure: NoSolution | None = None
         self._source = ""
-        self._numbers = QGridLayout()
-        self._numbers.setHorizontalSpacing(12)
-        self._numbers.setVerticalSpacing(3)
-        self._numbers.setColumnStretch(1, 1)
+        self._numbers = facts_grid(3)
         self.again = button("Solve agai&n", self.again_wanted.emit)
         self.hints = button("G&ive a hint…", self.hints_wanted.emit, tip="Pixel scale, field or position")
         self.copy = button("Copy re&port", self._copy)
-        buttons = QGridLayout()
-        buttons.setSpacing(8)
-        for i, b in enumerate((self.again, self.hints, self.copy)):
-            buttons.addWidget(b, i // 2, i % 2)
-        buttons.setColumnStretch(2, 1)
+        buttons = grid((self.again, self.hints), (self.copy,), across=8, down=8, stretch=(0, 0, 1))
         parts = (self.title, self.text, self.advice, self._numbers, buttons)
         column(*parts, on=self, spacing=6, margins=(12, 10, 12, 10))
         self._say("No image", "Open an image of the night sky.")

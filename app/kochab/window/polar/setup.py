@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFormLayout, QGridLayout, QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QFormLayout, QListWidget, QListWidgetItem, QWidget
 
 from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
@@ -25,6 +25,7 @@ from kochab.window.widgets import (
     field_values,
     fill_fields,
     form,
+    grid,
     label,
     narrow_box,
     number_field,
@@ -135,10 +136,8 @@ class AlignmentSetupPanel(Page):
 
     def _lay_out(self) -> None:
         self.file_row = QWidget()
-        grid = QGridLayout(self.file_row)
-        for place, made in enumerate((self.add, self.add_check, self.add_open, self.clear)):
-            grid.addWidget(made, place // 2, place % 2)
-        grid.setContentsMargins(0, 0, 0, 0)
+        files = grid((self.add, self.add_check), (self.add_open, self.clear), across=6, down=6, on=self.file_row)
+        files.setContentsMargins(0, 0, 0, 0)
         self.form = form(
             ("Frames from", self.source),
             ("", self.files),

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QGridLayout, QSpacerItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QSpacerItem, QVBoxLayout, QWidget
 
 from kochab import __version__
 from kochab.core.angle_text import short_name
@@ -19,7 +19,7 @@ from kochab.window.shell.menus import MARKS, SPECS, connect
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
-from kochab.window.widgets import label
+from kochab.window.widgets import grid, label
 from kochab.workflows.session.wiring import Wiring
 
 LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
@@ -50,18 +50,13 @@ def about(parent: QWidget) -> QDialog:
 def keyboard(parent: QWidget) -> QDialog:
     """Every keyboard shortcut."""
     box, column = _box(parent, "Keyboard")
-    grid = QGridLayout()
-    grid.setHorizontalSpacing(18)
-    grid.setVerticalSpacing(3)
     rows = [(s.keys.replace(" ", ", "), s.text.replace("&", "").rstrip("…")) for s in SPECS if s.keys]
     rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
     rows += KEYS
     half = (len(rows) + 1) // 2
-    for i, (keys, text) in enumerate(rows):
-        row, column_number = i % half, i // half * 2
-        grid.addWidget(label(keys, "muted"), row, column_number)
-        grid.addWidget(label(text), row, column_number + 1)
-    column.insertLayout(0, grid)
+    lines = ([*rows[i], *(rows[half + i] if half + i < len(rows) else ())] for i in range(half))
+    cells = ([label(text, "" if i % 2 else "muted") for i, text in enumerate(line)] for line in lines)
+    column.insertLayout(0, grid(*cells, across=18, down=3))
     return box
 
 

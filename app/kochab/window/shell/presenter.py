@@ -44,7 +44,7 @@ class Presenter(QObject):
         s.solved.connect(self._solved)
         s.unsolved.connect(self._unsolved)
         s.failed.connect(self._failed)
-        s.stopped.connect(self._stopped)
+        s.stopped.connect(panes.card.show_stopped)
         s.idle.connect(self._idle)
         panes.view.hovered.connect(self._hovered)
         panes.view.clicked.connect(self._clicked)
@@ -139,9 +139,6 @@ class Presenter(QObject):
         if known.frame is None:  # facts of the frame before must not seem to be this one's
             self.window.status.forget_frame()
             self.panes.strip.forget_picture()
-
-    def _stopped(self) -> None:
-        self.panes.card.show_stopped()
 
     def _idle(self) -> None:
         known = self.session.known
