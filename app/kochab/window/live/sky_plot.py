@@ -10,7 +10,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors
 from kochab.window.charts.histogram_plot import StillPlot
 from kochab.window.live.sky_points import SkyPoints, Trail
-from kochab.window.themes import Colours
+from kochab.window.themes import Colours, theme_colours
 
 
 def hammer(vectors: Floats, centre_ra_deg: float) -> Floats:
@@ -61,7 +61,6 @@ class SkyPlot(StillPlot):
         for part in (*below, *self._hours.values(), *above):
             self.addItem(part, ignoreBounds=True)
         self._centre_ra_deg = 0.0
-        self._colours: Colours | None = None
         self._old = False
 
     def show_sky(self, points: SkyPoints | None, centre_ra_deg: float) -> None:
@@ -96,7 +95,6 @@ class SkyPlot(StillPlot):
 
     def set_colours(self, colours: Colours) -> None:
         """The colours of a theme."""
-        self._colours = colours
         self.setBackground(colours.window)
         self._edge.setPen(pg.mkPen(colours.line))
         self._edge.setBrush(pg.mkBrush(colours.sky))
@@ -109,9 +107,8 @@ class SkyPlot(StillPlot):
         self._dress_here()
 
     def _dress_here(self) -> None:
-        if self._colours is not None:
-            style = Qt.PenStyle.DotLine if self._old else Qt.PenStyle.SolidLine
-            self._here.setPen(pg.mkPen(self._colours.centre, width=2.0, style=style))
+        style = Qt.PenStyle.DotLine if self._old else Qt.PenStyle.SolidLine
+        self._here.setPen(pg.mkPen(theme_colours().centre, width=2.0, style=style))
 
     def _lines(self, lines: list[Floats]) -> Floats:
         """Lines through directions, each (N, 3), as x and y (2, M) with gaps between."""

@@ -1,7 +1,5 @@
 """The tab with hints for a solve, and the choice of methods."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFormLayout, QLineEdit
@@ -21,26 +19,6 @@ SITE_TIP = (
     "Used to show altitude and azimuth under the cursor."
 )
 ADVICE = "All optional. Hints speed up solving; a wrong hint only costs time."
-
-
-@dataclass(frozen=True, slots=True)
-class FrameHints:
-    """What was typed, parsed."""
-
-    fov_deg: float | None = None
-    scale_arcsec_px: float | None = None
-    centre_deg: tuple[float, float, float] | None = None
-
-    def hint(self, width_px: int) -> Hint | None:
-        """As a hint for a frame ``width_px`` wide; None when nothing was typed."""
-        scale = self.scale_arcsec_px
-        if scale is None and self.fov_deg is not None and width_px > 0:
-            focal_px = width_px / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0)
-            scale = float(np.degrees(1.0 / focal_px) * 3600.0)
-        if scale is None and self.centre_deg is None:
-            return None
-        span = None if scale is None else (scale * (1 - SPREAD), scale * (1 + SPREAD))
-        return Hint(scale_arcsec_px=span, centre_deg=self.centre_deg, source="typed")
 
 
 class HintsPanel(Page):
@@ -86,7 +64,7 @@ class HintsPanel(Page):
         timeout = self.timeout.text().strip()
         return SolveOptions(
             **self.methods.choices(),
-            hint=self.hints().hint(width_px),
+            hint=self._hint(width_px),
             use_header=self.header.isChecked(),
             timeout_s=parse_positive(timeout, "The time limit", 86400.0) if timeout else None,
         )
@@ -112,21 +90,25 @@ class HintsPanel(Page):
         show_text(self.wrong, "")
         return options
 
-    def hints(self) -> FrameHints:
-        """What was typed; UsageError says what is wrong."""
-        fov, scale = self.fov.text().strip(), self.scale.text().strip()
-        ra, dec, radius = (w.text().strip() for w in (self.ra, self.dec, self.radius))
+    def _hint(self, width_px: int) -> Hint | None:
+        """What was typed, for a frame ``width_px`` wide; None when nothing was, UsageError when it is wrong."""
+        typed = (self.fov, self.scale, self.ra, self.dec, self.radius)
+        fov, scale, ra, dec, radius = (field.text().strip() for field in typed)
         centre = None
         if ra or dec:
             if not (ra and dec):
                 raise UsageError("Enter both right ascension and declination.")
             within = parse_positive(radius, "The radius", 180.0) if radius else NEAR_RADIUS_DEG
             centre = (parse_ra_deg(ra), parse_dec_deg(dec), within)
-        return FrameHints(
-            parse_positive(fov, "The field of view", 170.0) if fov else None,
-            parse_positive(scale, "The pixel scale", 3600.0) if scale else None,
-            centre,
-        )
+        fov_deg = parse_positive(fov, "The field of view", 170.0) if fov else None
+        scale_arcsec_px = parse_positive(scale, "The pixel scale", 3600.0) if scale else None
+        if scale_arcsec_px is None and fov_deg is not None and width_px > 0:
+            focal_px = width_px / 2.0 / np.tan(np.radians(fov_deg) / 2.0)
+            scale_arcsec_px = float(np.degrees(1.0 / focal_px) * 3600.0)
+        if scale_arcsec_px is None and centre is None:
+            return None
+        span = None if scale_arcsec_px is None else (scale_arcsec_px * (1 - SPREAD), scale_arcsec_px * (1 + SPREAD))
+        return Hint(scale_arcsec_px=span, centre_deg=centre, source="typed")
 
     def clear(self) -> None:
         """Back to the defaults; the site stays."""

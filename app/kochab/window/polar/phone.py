@@ -44,6 +44,11 @@ def serving(page: PolarPage, host: str | None = None) -> Task[Served]:
 
 def _ending(page: PolarPage, starting: Job | None) -> Task[None]:
     yield Progress("phone")
+    _end(page, starting)
+
+
+def _end(page: PolarPage, starting: Job | None) -> None:
+    """Switch the page off, for good: one that is just being switched on would come after."""
     if starting is not None:
         starting.abandon()
         starting.join(5.0)
@@ -117,12 +122,8 @@ class PhonePanel(Page):
 
     def close_page(self) -> None:
         """Switch off at once, as when the window closes."""
-        if self._job is not None:
-            self._job.abandon()
-            self._job.join(5.0)
-            self._job = None
         if self.page is not None:
-            self.page.stop()
+            _end(self.page, self._job)
 
     def _toggle(self, on: bool) -> None:
         if self.page is None:
