@@ -39,8 +39,7 @@ class Background(QObject):
         self.job.finished.connect(lambda: self._status.background.setText(""))
         window.closing.connect(self._close)
         self._began: tuple[float, float] | None = None  # when, and at which share
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
+        self._timer = QTimer(self, singleShot=True)
         self._timer.timeout.connect(self.job.start)
         self._timer.start(after_ms)
 

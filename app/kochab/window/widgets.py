@@ -33,19 +33,16 @@ Box = TypeVar("Box", bound=QBoxLayout)
 
 def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
     """A label with one of the style sheet's roles."""
-    made = QLabel(text)
-    made.setTextFormat(Qt.TextFormat.PlainText)
+    made = QLabel(text, textFormat=Qt.TextFormat.PlainText, wordWrap=wrap)
     if role:
         made.setProperty("role", role)
-    made.setWordWrap(wrap)
     return made
 
 
 def text_field(name: str, example: str = "", tip: str = "") -> QLineEdit:
     """A field for a text; it shows ``example`` while it is empty."""
-    made = QLineEdit()
+    made = QLineEdit(placeholderText=example)
     made.setAccessibleName(name)
-    made.setPlaceholderText(example)
     made.setToolTip(tip)
     return made
 
@@ -54,11 +51,7 @@ def number_field(
     name: str, low: float, high: float, value: float, decimals: int = 0, unit: str = "", tip: str = ""
 ) -> QDoubleSpinBox:
     """A field for a number between ``low`` and ``high``, with its unit."""
-    made = QDoubleSpinBox()
-    made.setDecimals(decimals)
-    made.setRange(low, high)
-    made.setValue(value)
-    made.setSuffix(unit)
+    made = QDoubleSpinBox(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit)
     made.setAccessibleName(name)
     made.setToolTip(tip)
     return made
@@ -149,11 +142,10 @@ def grid(
 
 def choice_box(name: str, choices: Iterable[str] | Mapping[str, object], letters: int = 8) -> QComboBox:
     """A box to choose one of ``choices`` from; those of a mapping carry their values as data."""
-    made = QComboBox()
+    made = QComboBox(minimumContentsLength=letters)
     for text in choices:
         made.addItem(text, choices[text] if isinstance(choices, Mapping) else None)
     made.setAccessibleName(name)
-    made.setMinimumContentsLength(letters)
     return made
 
 
@@ -166,12 +158,10 @@ def narrow_box(name: str, letters: int, choices: Iterable[str] | Mapping[str, ob
 
 def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:
     """A push button; ``text`` carries its mnemonic."""
-    made = QPushButton(text)
+    made = QPushButton(text, autoDefault=False)
+    made.setToolTip(tip)
     if role:
         made.setProperty("role", role)
-    if tip:
-        made.setToolTip(tip)
-    made.setAutoDefault(False)
     made.clicked.connect(lambda: pressed())
     return made
 
@@ -207,9 +197,8 @@ class Column(QScrollArea):
 
 def scrolled(inside: QWidget) -> QScrollArea:
     """``inside`` in an area that scrolls up and down."""
-    area = Column()
+    area = Column(widgetResizable=True)
     area.setWidget(inside)
-    area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)
     area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -218,8 +207,7 @@ def scrolled(inside: QWidget) -> QScrollArea:
 
 def tab_pages(name: str, *pages: tuple[str, QWidget]) -> QTabWidget:
     """Pages under tabs with these titles."""
-    made = QTabWidget()
-    made.setDocumentMode(True)
+    made = QTabWidget(documentMode=True)
     made.setAccessibleName(name)
     for title, inside in pages:
         made.addTab(inside, title)
@@ -275,9 +263,7 @@ def _fill(layout: Box, parts: tuple[Part, ...], spacing: int | None, margins: Ma
 
 def form(*rows: tuple[str, QWidget | QLayout], spacing: int = 8) -> QFormLayout:
     """Fields below each other, each beside its title."""
-    made = QFormLayout()
-    made.setHorizontalSpacing(12)
-    made.setVerticalSpacing(spacing)
+    made = QFormLayout(horizontalSpacing=12, verticalSpacing=spacing)
     for title, field in rows:
         made.addRow(title, field)
     return made

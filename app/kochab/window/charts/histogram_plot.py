@@ -56,9 +56,8 @@ class HistogramPlot(StillPlot):
 
     def mark_shares(self, places: tuple[float, ...]) -> None:
         """Dotted lines at these places, 0 to 1."""
-        for place in places:
-            line = pg.InfiniteLine(pos=place)
-            self.shares.append(line)
+        self.shares = [pg.InfiniteLine(pos=place) for place in places]
+        for line in self.shares:
             self.addItem(line)
 
     def mark_full(self, on: bool) -> None:

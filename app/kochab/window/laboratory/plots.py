@@ -48,8 +48,7 @@ class Plots(Page):
         self.time = Chart("Time", _across("stars"), TIME)
         self.legend = Legend()
         self._stale: dict[str, None] = {}  # charts to be drawn again, in their turn
-        self._timer = QTimer(self)
-        self._timer.setInterval(DRAW_EVERY_MS)
+        self._timer = QTimer(self, interval=DRAW_EVERY_MS)
         self._timer.timeout.connect(self._draw_next)
         self._grid = QGridLayout()
         self._grid.setSpacing(6)

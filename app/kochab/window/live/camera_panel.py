@@ -132,9 +132,7 @@ class CameraPanel(Page):
         self._kept = {"lens": self.lens, "again": self.reconnect, **self.fields.fields}
         self.levels = LevelView()
         self.levels_status = label("", "muted", wrap=True)
-        self._settle = QTimer(self)
-        self._settle.setSingleShot(True)
-        self._settle.setInterval(SETTLE_MS)
+        self._settle = QTimer(self, singleShot=True, interval=SETTLE_MS)
         self._settle.timeout.connect(lambda: self.settings_wanted.emit(self.fields.settings()))
         self.fields.changed.connect(self._settle.start)
         column(

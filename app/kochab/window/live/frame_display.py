@@ -89,8 +89,7 @@ class LiveDisplay(QObject):
         self.latency_ms: float | None = None
         self._solved_s = 0.0
         self._drawn_s = 0.0
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
+        self._timer = QTimer(self, singleShot=True)
         self._timer.timeout.connect(self._draw)
         self._ready.connect(self._draw_soon)
         for signal in (services.panes.view.zoomed, services.panes.strip.changed, services.looks.changed):

@@ -90,8 +90,7 @@ class LiveView(Page):
         self.job: Job | None = None
         self._ending: Job | None = None
         self._changing_frame = False  # by this view itself, not by another
-        self._timer = QTimer(self)
-        self._timer.setInterval(WRITE_EVERY_MS)
+        self._timer = QTimer(self, interval=WRITE_EVERY_MS)
         self._timer.timeout.connect(self.write)
         self._build()
         self._connect()

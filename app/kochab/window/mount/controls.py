@@ -59,10 +59,9 @@ class ExplainedButton(QPushButton):
     """A button that explains why it cannot be used now."""
 
     def __init__(self, text: str, pressed: Callable[[], object], tip: str, role: str = "") -> None:
-        super().__init__(text)
+        super().__init__(text, autoDefault=False)
         self.explanation = Explanation(self, tip)
         self._pressed = pressed
-        self.setAutoDefault(False)
         if role:
             self.setProperty("role", role)
         self.clicked.connect(self._click)
@@ -185,9 +184,7 @@ class GoBox(QWidget):
         super().__init__()
         self.target = text_field("Target", "M 42, Vega, HIP 32349, or 5h35m17s -5d23m (J2000)")
         self._names = QStringListModel(self)
-        self.completer = QCompleter(self._names, self)
-        self.completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
-        self.completer.setFilterMode(Qt.MatchFlag.MatchStartsWith)
+        self.completer = QCompleter(self._names, self, caseSensitivity=Qt.CaseSensitivity.CaseInsensitive)
         self.target.setCompleter(self.completer)
         self.goto = ExplainedButton("Goto", self._goto, "Slew there by the mount’s own pointing")
         self.centre = ExplainedButton(

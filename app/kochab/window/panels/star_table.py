@@ -169,7 +169,6 @@ class StarTable(Page):
         self.proxy.setFilterRole(FILTER_ROLE)
         self.proxy.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
         self.filter = text_field("Filter stars", "Filter by name or number")
-        self.filter.setClearButtonEnabled(False)
         self.filter.textChanged.connect(self.proxy.setFilterFixedString)
         self.table = self._table()
         self.count = label("No stars identified yet", "muted")
@@ -179,7 +178,7 @@ class StarTable(Page):
         copy.activated.connect(self._copy)
 
     def _table(self) -> QTableView:
-        table = QTableView()
+        table = QTableView(showGrid=False, wordWrap=False)
         table.setAccessibleName("Identified stars")
         table.setModel(self.proxy)
         table.setSortingEnabled(True)
@@ -188,9 +187,7 @@ class StarTable(Page):
         table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         table.setAlternatingRowColors(True)
-        table.setShowGrid(False)
         table.setTabKeyNavigation(False)
-        table.setWordWrap(False)
         table.verticalHeader().hide()
         table.verticalHeader().setMinimumSectionSize(16)
         table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)

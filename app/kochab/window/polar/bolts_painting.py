@@ -88,8 +88,7 @@ class Spinner(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.angle_deg = 0
-        self._timer = QTimer(self)
-        self._timer.setInterval(STEP_MS)
+        self._timer = QTimer(self, interval=STEP_MS)
         self._timer.timeout.connect(self._step)
         self.setFixedSize(self.sizeHint())
         self.setAccessibleName("Waiting for a newer frame")

@@ -36,8 +36,7 @@ class BoltsView(QWidget):
         self.sounding = ""
         self._chosen: Knob | None = None
         self._angle_deg = 0
-        self._timer = QTimer(self)
-        self._timer.setInterval(STEP_MS)
+        self._timer = QTimer(self, interval=STEP_MS)
         self._timer.timeout.connect(self._turn_wheel)
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:

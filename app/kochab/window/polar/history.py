@@ -133,9 +133,7 @@ class HistoryPage(Page):
         self.chart = Chart(
             "Polar error over time", ChartAxis("time", "min"), ChartAxis("error", "arcsec", log=True), legend=True
         )
-        self.lines = QPlainTextEdit()
-        self.lines.setReadOnly(True)
-        self.lines.setTabChangesFocus(True)
+        self.lines = QPlainTextEdit(readOnly=True, tabChangesFocus=True)
         self.lines.setAccessibleName("Log of the alignment")
         top = row((self.which, 1), self.save)
         column(top, self.summary, (self.chart, 2), (self.lines, 3), on=self, margins=(12, 12, 12, 12))

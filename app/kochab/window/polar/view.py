@@ -90,8 +90,7 @@ class PolarView(Page):
         services.jobs.closing.connect(self._close)
         services.mount.changed.connect(self.setup.refresh)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
-        self._clock = QTimer(self)
-        self._clock.setInterval(REFRESH_MS)
+        self._clock = QTimer(self, interval=REFRESH_MS)
         self._clock.timeout.connect(self._show)
 
     def heightForWidth(self, width: int) -> int:

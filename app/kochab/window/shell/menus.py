@@ -63,10 +63,9 @@ def make_actions(window: QMainWindow) -> Actions:
     """All actions by name, with shortcuts that work wherever the focus is in ``window``."""
     made: Actions = {}
     for spec in SPECS:
-        action = QAction(spec.text, window)
+        # An icon in the menu would take the place of a switch's tick.
+        action = QAction(spec.text, window, checkable=spec.switch, iconVisibleInMenu=False)
         action.setObjectName(spec.name)
-        action.setCheckable(spec.switch)
-        action.setIconVisibleInMenu(False)  # it would take the place of a switch's tick
         action.setShortcuts([QKeySequence(k) for k in spec.keys.split()])
         if spec.short:
             action.setIconText(spec.short)
@@ -141,10 +140,8 @@ class Menus:
 
 def make_toolbar(window: QMainWindow, actions: Actions) -> QToolBar:
     """The toolbar: the frame, the view, the marks, night."""
-    bar = QToolBar("Tools", window)
+    bar = QToolBar("Tools", window, movable=False, iconSize=QSize(22, 22))
     bar.setObjectName("tools")
-    bar.setMovable(False)
-    bar.setIconSize(QSize(22, 22))
     bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
     groups = (
         ("open", "solve", "cancel"),
@@ -176,8 +173,7 @@ def _fill(menu: QMenu, actions: Actions, *names: str) -> None:
 def _choices(window: QMainWindow, menu: QMenu, titles: dict[str, str]) -> QActionGroup:
     group = QActionGroup(window)
     for name, title in titles.items():
-        action = menu.addAction(title)
-        action.setCheckable(True)
+        action = QAction(title, group, checkable=True)
         action.setData(name)
-        group.addAction(action)
+        menu.addAction(action)
     return group

@@ -122,10 +122,8 @@ class Views(QObject):
         if self.docks:
             self._window.tabifyDockWidget(next(iter(self.docks.values())), dock)
         dock.hide()
-        action = QAction(title, self._window)
+        action = QAction(title, self._window, checkable=True, shortcut=QKeySequence(keys))
         action.setObjectName(f"view_{name}")
-        action.setCheckable(True)
-        action.setShortcut(QKeySequence(keys))
         action.triggered.connect(lambda _=False: self.toggle(name))
         dock.visibilityChanged.connect(lambda _: action.setChecked(not dock.isHidden()))
         dock.visibilityChanged.connect(self._look)
