@@ -149,7 +149,7 @@ def icon(name: str, colour: str, faint: str) -> QIcon:
 
 
 @cache
-def write_glyphs(theme: str, text: str, muted: str, on_accent: str) -> str:
+def write_glyphs(theme: str, text: str, on_accent: str) -> str:
     """Files the style sheet refers to; returns their folder, with forward slashes."""
     folder = _folder() / theme
     folder.mkdir(exist_ok=True)
@@ -213,7 +213,7 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> str:
         "large": f"{point * 1.45:.1f}",
         "title": f"{point * 2.2:.1f}",
     }
-    names["glyphs"] = write_glyphs(name, colours.text, colours.muted, colours.on_accent)
+    names["glyphs"] = write_glyphs(name, colours.text, colours.on_accent)
     return Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(names)
 
 

@@ -27,7 +27,6 @@ class FrameView(QWidget):
     hovered = Signal(object)  # (x, y) image px, or None outside
     clicked = Signal(float, float, float)  # x, y image px and reach in px
     zoomed = Signal(float)  # screen px per image px
-    viewed = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -97,7 +96,6 @@ class FrameView(QWidget):
             viewport = viewport.held(self.picture.width, self.picture.height)
         self.viewport = viewport
         self.zoomed.emit(viewport.scale * self.devicePixelRatioF())
-        self.viewed.emit()
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:

@@ -91,7 +91,7 @@ def rates_text(update: LiveUpdate) -> str:
     quick = max(map(abs, rates)) * 3600.0 >= SLEW_ARCSEC_S
     factor, unit = (1.0, "°/s") if quick else (3600.0, "″/s")
     parts = [
-        f"{name} {_signed(rate * factor)} ± {_plain(sigma * factor)}"
+        f"{name} {_figures(rate * factor, '+')} ± {_figures(sigma * factor)}"
         for name, rate, sigma in zip("xyz", rates, sigmas, strict=True)
     ]
     return f"{',  '.join(parts)} {unit}"
@@ -102,8 +102,8 @@ def drift_texts(drift: Drift | None) -> tuple[str, str]:
     if drift is None:
         return NOTHING, NOTHING
     over = f"(over {drift.span_s:.0f} s)"
-    east = f"{_signed(drift.ra_arcsec_min)} ± {_plain(drift.ra_sigma)} ″/min  {over}"
-    return east, f"{_signed(drift.dec_arcsec_min)} ± {_plain(drift.dec_sigma)} ″/min  {over}"
+    east = f"{_figures(drift.ra_arcsec_min, '+')} ± {_figures(drift.ra_sigma)} ″/min  {over}"
+    return east, f"{_figures(drift.dec_arcsec_min, '+')} ± {_figures(drift.dec_sigma)} ″/min  {over}"
 
 
 def frame_rate_text(update: LiveUpdate) -> str:
@@ -173,13 +173,9 @@ def _duration(ms: float) -> str:
     return f"{ms:.0f} ms" if ms < 9_950 else f"{ms / 1e3:.0f} s"
 
 
-def _signed(value: float) -> str:
-    places = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2
-    return f"{value:+.{places}f}".replace("-", "−")
-
-
-def _plain(value: float) -> str:
+def _figures(value: float, sign: str = "") -> str:
+    """About three figures; with the ``sign`` "+" that is always written."""
     if not math.isfinite(value):
         return NOTHING
-    places = 0 if value >= 100 else 1 if value >= 10 else 2
-    return f"{value:.{places}f}"
+    places = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2
+    return f"{value:{sign}.{places}f}".replace("-", "−")

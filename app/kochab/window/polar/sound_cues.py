@@ -40,7 +40,7 @@ class Cues:
 
     def __init__(self, bell: Callable[[], None], find: Callable[[str], str | None] = shutil.which) -> None:
         self.on = False
-        self._bell, self._find = bell, find
+        self._bell = bell
         self._player = first_of(PLAYERS, find)
         self._voice = first_of(VOICES, find)
         self._folder: tempfile.TemporaryDirectory[str] | None = None
