@@ -16,7 +16,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.horizon import name_of
 from kochab.window.polar.bolts_painting import Spinner
-from kochab.window.themes import theme_colours
+from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import Page, card, column, draw_text, label, row, show_text, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
@@ -59,78 +59,69 @@ class AxisTarget(QWidget):
         return next((r for r in REACHES_ARCSEC if r > 1.1 * most), REACHES_ARCSEC[-1])
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        painter = QPainter(self)
+        painter, colours = QPainter(self), theme_colours()
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.fillRect(self.rect(), QColor(theme_colours().surface))
+        painter.fillRect(self.rect(), QColor(colours.surface))
         line = QFontMetricsF(self.font()).height()
         box = QRectF(self.rect()).adjusted(4, line + 4, -4, -line - 4)
         radius = min(box.width(), box.height()) / 2.0
-        centre, scale = box.center(), radius / self.reach_arcsec
-        self._rings(painter, centre, scale, radius)
-        self._names(painter, centre, radius, line)
-        painter.save()
-        painter.setClipRect(box)
+        scale = radius / self.reach_arcsec
+        painter.translate(box.center())  # the pole is at (0, 0) from here on
+        self._rings(painter, scale, radius, colours)
+        self._names(painter, radius, line, colours)
+        painter.setClipRect(box.translated(-box.center()))
         for before in self.state.measured[:-1] if not self.state.live else self.state.measured:
-            self._ellipse(painter, centre, scale, before, QColor(theme_colours().muted), 1.0)
-        self._trail(painter, centre, scale)
+            self._ellipse(painter, scale, before, QPen(QColor(colours.muted), 1.0))
+        painter.setPen(QPen(QColor(colours.muted), 1.2, Qt.PenStyle.DotLine))
+        painter.drawPolyline(QPolygonF([QPointF(x * scale, -y * scale) for x, y in self.state.trail]))
         if self.state.error is not None:
-            self._ellipse(painter, centre, scale, self.state.error, QColor(theme_colours().accent))
-            self._cross(painter, centre, scale, self.state.error)
-        painter.restore()
+            self._ellipse(painter, scale, self.state.error, QPen(QColor(colours.accent), 2.0))
+            self._cross(painter, _place(self.state.error, scale), colours)
         painter.end()
 
-    def _rings(self, painter: QPainter, centre: QPointF, scale: float, radius: float) -> None:
+    def _rings(self, painter: QPainter, scale: float, radius: float, colours: Colours) -> None:
         painter.setBrush(Qt.BrushStyle.NoBrush)
         for ring in RINGS_ARCSEC:
             size = ring * scale
             if not LEAST_RING_PX <= size <= 1.02 * radius:
                 continue
-            painter.setPen(QPen(QColor(theme_colours().grid), 1.2))
-            painter.drawEllipse(centre, size, size)
-            at = centre + QPointF(size * math.sin(0.6), -size * math.cos(0.6))
-            painter.setPen(QColor(theme_colours().text))
-            draw_text(painter, at, ring_name(ring), theme_colours().surface)
-        painter.setPen(QPen(QColor(theme_colours().good), 2))
-        painter.drawLine(centre + QPointF(-8, 0), centre + QPointF(8, 0))
-        painter.drawLine(centre + QPointF(0, -8), centre + QPointF(0, 8))
+            painter.setPen(QPen(QColor(colours.grid), 1.2))
+            painter.drawEllipse(QPointF(0, 0), size, size)
+            at = QPointF(size * math.sin(0.6), -size * math.cos(0.6))
+            painter.setPen(QColor(colours.text))
+            draw_text(painter, at, ring_name(ring), colours.surface)
+        painter.setPen(QPen(QColor(colours.good), 2))
+        painter.drawLine(-8, 0, 8, 0)
+        painter.drawLine(0, -8, 0, 8)
 
-    def _names(self, painter: QPainter, centre: QPointF, radius: float, line: float) -> None:
-        painter.setPen(QColor(theme_colours().muted))
-        wide = QRectF(centre.x() - 100, 0, 200, line)
+    def _names(self, painter: QPainter, radius: float, line: float, colours: Colours) -> None:
+        painter.setPen(QColor(colours.muted))
         middle = Qt.AlignmentFlag.AlignCenter
-        painter.drawText(wide.translated(0, centre.y() - radius - line - 2), middle, "too high")
-        painter.drawText(wide.translated(0, centre.y() + radius + 2), middle, "too low")
-        side = QRectF(6, centre.y() - 2.2 * line, self.width() - 12, line)
-        right, left = Qt.AlignmentFlag.AlignRight, Qt.AlignmentFlag.AlignLeft
-        painter.drawText(side, right, "clockwise")
-        painter.drawText(side, left, "anticlockwise")
+        painter.drawText(QRectF(-100, -radius - line - 2, 200, line), middle, "too high")
+        painter.drawText(QRectF(-100, radius + 2, 200, line), middle, "too low")
+        side = QRectF(6 - self.width() / 2.0, -2.2 * line, self.width() - 12, line)
+        painter.drawText(side, Qt.AlignmentFlag.AlignRight, "clockwise")
+        painter.drawText(side, Qt.AlignmentFlag.AlignLeft, "anticlockwise")
 
-    def _place(self, centre: QPointF, scale: float, error: PolarError) -> QPointF:
-        x, y = error.azimuth_on_sky_arcsec, error.altitude_arcsec
-        return centre + QPointF(x * scale, -y * scale)
-
-    def _ellipse(
-        self, painter: QPainter, centre: QPointF, scale: float, error: PolarError, colour: QColor, width: float = 2.0
-    ) -> None:
+    def _ellipse(self, painter: QPainter, scale: float, error: PolarError, pen: QPen) -> None:
         long, short, angle = error.with_flexure.ellipse_arcsec()
         painter.save()
-        painter.translate(self._place(centre, scale, error))
+        painter.translate(_place(error, scale))
         painter.rotate(-math.degrees(angle))
-        painter.setPen(QPen(colour, width))
+        painter.setPen(pen)
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.drawEllipse(QPointF(0, 0), max(long * scale, LEAST_ELLIPSE_PX), max(short * scale, LEAST_ELLIPSE_PX))
         painter.restore()
 
-    def _cross(self, painter: QPainter, centre: QPointF, scale: float, error: PolarError) -> None:
-        at = self._place(centre, scale, error)
-        painter.setPen(QPen(QColor(theme_colours().accent), 2.5))
+    def _cross(self, painter: QPainter, at: QPointF, colours: Colours) -> None:
+        painter.setPen(QPen(QColor(colours.accent), 2.5))
         for dx, dy in ((9, 0), (0, 9), (-9, 0), (0, -9)):
             painter.drawLine(at + QPointF(dx / 2.2, dy / 2.2), at + QPointF(dx, dy))
 
-    def _trail(self, painter: QPainter, centre: QPointF, scale: float) -> None:
-        points = [centre + QPointF(x * scale, -y * scale) for x, y in self.state.trail]
-        painter.setPen(QPen(QColor(theme_colours().muted), 1.2, Qt.PenStyle.DotLine))
-        painter.drawPolyline(QPolygonF(points))
+
+def _place(error: PolarError, scale: float) -> QPointF:
+    """Where the axis is, px from the pole."""
+    return QPointF(error.azimuth_on_sky_arcsec * scale, -error.altitude_arcsec * scale)
 
 
 def ring_name(arcsec: float) -> str:
