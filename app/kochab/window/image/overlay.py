@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF
-from PySide6.QtGui import QFont, QPainter
+from PySide6.QtGui import QPainter
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
@@ -32,7 +32,6 @@ class Overlay:
     """Paints detections and a solution; ``selected`` indexes ``solution.stars``."""
 
     switches: Switches = field(default_factory=Switches)
-    font: QFont | None = None
     selected: int | None = None
     solution: Solution | None = None
     detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
@@ -53,8 +52,6 @@ class Overlay:
 
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
-        if self.font is not None:
-            painter.setFont(self.font)
         brush = marks.Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
         on, solution = self.switches, self.solution
         edges = _edges(view, solution)

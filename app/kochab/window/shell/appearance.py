@@ -125,7 +125,6 @@ class Appearance(QObject):
         if name != "night":
             self._settings.keep("day_theme", name)
         colour_icons(self._actions, theme_colours())
-        self._overlay.font = app.font()
         _check(self._window.menus.themes, name)
         _check(self._window.menus.text_sizes, size)
         with QSignalBlocker(self._actions["night"]):
