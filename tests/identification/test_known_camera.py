@@ -151,7 +151,7 @@ def test_stars_that_crowd_where_the_detections_stand_make_it_less_certain(monkey
     field = random_field(open_catalogue(), np.random.default_rng(3), plan)
     hint, alarms = knowing(field.camera.scale_arcsec_px, 1e-3), []
     for crowd in (1.0, 3.0, 1e5):
-        monkeypatch.setattr("kochab.identification.triangles.crowding", lambda *_, crowd=crowd: crowd)
+        monkeypatch.setattr("kochab.identification.verification.crowding", lambda *_, crowd=crowd: crowd)
         found = run(Patterns(shipped(), ()).identify(field.detections, hint, 2016.0))
         alarms.append(getattr(found, "log10_false_alarm", None))
     plain, dense, densest = alarms

@@ -60,7 +60,7 @@ def test_stars_that_crowd_where_the_detections_stand_make_it_less_certain(monkey
     field = photograph(camera, attitude_from(84.0, 0.0, 70.0), 5, 0.3)
     alarms = []
     for crowd in (1.0, 3.0, 1e3):
-        monkeypatch.setattr("kochab.solver.few_stars.crowding", lambda *_, crowd=crowd: crowd)
+        monkeypatch.setattr("kochab.identification.verification.crowding", lambda *_, crowd=crowd: crowd)
         found = identify_few(field.detections, None, open_catalogue(), YEAR)
         alarms.append(found.log10_false_alarm if found else None)
     plain, dense, densest = alarms

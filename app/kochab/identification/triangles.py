@@ -20,9 +20,9 @@ from kochab.identification.verification import (
     ACCEPT_LOG10,
     CandidatePointing,
     Verdict,
-    crowding,
     log10_by_distance,
     support,
+    with_crowding,
 )
 
 # Triangles of detections among the catalogue's, when the scale is known: side, side, side. The
@@ -362,12 +362,14 @@ class KnownSearch:
         places = seen / depth
         gap = np.abs(self.points - places)
         closest = gap.min(axis=1)
-        alarm, radius = self._alarm(closest.tolist(), b, c, reach)
-        if alarm <= ACCEPT_LOG10:
-            witnesses = np.delete(self.xy, [b, c], axis=0)
-            expected = np.stack([places.real, places.imag], axis=1)
-            crowd = crowding(witnesses, expected, self.half, self.density)
-            alarm, radius = self._alarm(closest.tolist(), b, c, reach, crowd)
+        gaps = closest.tolist()
+        alarm, radius = with_crowding(
+            lambda crowd: self._alarm(gaps, b, c, reach, crowd),
+            np.delete(self.xy, [b, c], axis=0),
+            places.view(np.float64).reshape(-1, 2),
+            self.half,
+            self.density,
+        )
         self.least = min(self.least, alarm)
         if alarm > ACCEPT_LOG10:
             return None

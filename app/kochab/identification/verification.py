@@ -1,7 +1,9 @@
 """Verification of a proposed pointing, and its false-alarm probability."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -9,6 +11,8 @@ from kochab.attitude import small_rotation
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.identification.index import RA_STEPS, Volume
 from kochab.identification.quads import FieldStars, Hypotheses, directions
+
+T = TypeVar("T")
 
 # -- A quick look at many supposed pointings at once, before any is verified in full -----------
 
@@ -64,19 +68,25 @@ def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> Bools:
 #
 # Stars do not lie evenly. Where the detections crowd and so do the stars of an open cluster, many
 # agree at any pointing that lays the one on the other. So before a pointing is believed, N is
-# multiplied by how much denser the stars are where the detections stand (:func:`crowding`).
+# multiplied by how much denser the stars are where the detections stand (:func:`crowding`). The quads, the
+# triangles of a known scale, the last resort of few stars and the published methods are all judged so; a
+# tracker's windows hold one star each, and need it not (:mod:`kochab.solver.track_windows`).
 
 ACCEPT_LOG10 = -5.0
 """No pointing is believed that chance would give to one frame in so many, or more often."""
 
 NUDGE_RADIUS = 0.01  # over the frame's larger side
-NUDGE_RADII = (3.0, 4.5, 6.0, 8.0)
+NEAR_RADII, FAR_RADII = (1.5, 2.0), (3.0, 4.5, 6.0, 8.0)
 NUDGE_DIRECTIONS = 12
 """All stars are nudged by so many radii: too far for a right pointing to agree, yet near."""
-
+OVERLAP = 3.0
+"""The near nudges see each star so many times: so many hits are one."""
+CLEARLY_DENSER = 4.0
+"""Sigmas by which the stars must be denser near by than farther off for that to count."""
 
 _angles = np.arange(NUDGE_DIRECTIONS) * 2.0 * np.pi / NUDGE_DIRECTIONS
-NUDGES = (np.array(NUDGE_RADII)[:, None, None] * np.stack([np.cos(_angles), np.sin(_angles)], axis=1)).reshape(-1, 2)
+NUDGES = np.concatenate([r * np.stack([np.cos(_angles), np.sin(_angles)], axis=1) for r in NEAR_RADII + FAR_RADII])
+NEAR = len(NEAR_RADII) * NUDGE_DIRECTIONS  # the first so many
 
 
 def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float:
@@ -84,20 +94,37 @@ def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float
 
     ``seen`` (n, 2) are the detections that bear witness and ``stars`` (N, 2) where the catalogue's
     stars should be, px from the frame's middle; ``half`` (2,) is half the frame,
-    ``density`` in stars a square px. All stars are nudged together in 48 ways, by 3 to 8 radii,
-    of a hundredth of the frame's larger side each. The share of detections that then have a star
-    within a radius is compared with that of stars spread evenly.
+    ``density`` in stars a square px. All stars are nudged together in 48 ways, by 3 to 8 radii of a
+    hundredth of the frame's larger side, and those within a radius of a detection are counted and
+    compared with stars spread evenly. A cluster laid on a dense blob thins out within so many
+    radii: where stars are clearly denser at 1.5 and 2 radii, that is what counts.
     """
     radius_px = 2.0 * NUDGE_RADIUS * float(half.max())
-    places = (seen - radius_px * NUDGES[:, None]).reshape(-1, 2)
-    places = places[(np.abs(places) < half).all(axis=1)]  # beyond the rim nobody knows the stars
-    if len(stars) == 0 or len(places) == 0:
-        return 1.0
-    dx = places[:, 0, None] - stars[:, 0]
-    dy = places[:, 1, None] - stars[:, 1]
-    hits = int(((dx * dx + dy * dy).min(axis=1) < radius_px**2).sum())
-    even = -math.expm1(-density * math.pi * radius_px**2) * len(places)
-    return max(1.0, (hits + 1.0) / (even + 1.0))  # of few detections one hit proves nothing
+    inside = (np.abs(seen[:, None] - radius_px * NUDGES) < half).all(axis=2)  # beyond it nobody knows the stars
+    off = seen[:, None] - stars
+    i, j = ((off * off).sum(axis=2) < ((FAR_RADII[-1] + 1.0) * radius_px) ** 2).nonzero()
+    gap = off[i, j][:, None] - radius_px * NUDGES
+    hits = (((gap * gap).sum(axis=2) < radius_px**2) & inside[i]).sum(axis=0)
+    even = inside.sum(axis=0) * (density * math.pi * radius_px**2)
+    near, far = float(hits[:NEAR].sum()), float(hits[NEAR:].sum())
+    even_near, even_far = float(even[:NEAR].sum()), float(even[NEAR:].sum())
+    dense = max(1.0, (far + 1.0) / (even_far + 1.0))  # of few detections one hit proves nothing
+    alike = dense * even_near / OVERLAP
+    if near / OVERLAP > alike + CLEARLY_DENSER * math.sqrt(alike) + 2.0:
+        return (near + 1.0) / (even_near + 1.0)
+    return dense
+
+
+def with_crowding(
+    bound: Callable[[float], tuple[float, T]], seen: Floats, stars: Floats, half: Floats, density: float
+) -> tuple[float, T]:
+    """What ``bound`` says, log10 first, after the stars' :func:`crowding`: every verdict ends here.
+
+    ``bound`` takes the number by which to multiply the density. Where it would not be believed
+    without any crowding, that is not looked for.
+    """
+    even = bound(1.0)
+    return even if even[0] > ACCEPT_LOG10 else bound(crowding(seen, stars, half, density))
 
 
 def log10_tail(m: int, n: int, p: float) -> float:
@@ -263,9 +290,10 @@ def verify(
     """Check one pointing against the brightest ``use`` detections; None when too few match.
 
     ``proposers`` (4,) are the detections that suggested it and ``proposing_stars`` (4,) the stars
-    they would be: they are matched and refitted like the
-    others but do not count as evidence. ``reach_px`` is the first, widest radius;
-    evidence below ``enough`` (log10) needs no second way of judging.
+    they would be: they are matched and refitted like the others, but neither they count as
+    evidence nor the detections beside them, one of which their stars would find in any clump.
+    ``reach_px`` is the first, widest radius; evidence below ``enough`` (log10) needs no second way
+    of judging.
     """
     seen = view.xy[:use]
     corner = float(np.hypot(*view.half)) + reach_px
@@ -279,7 +307,8 @@ def verify(
         return None
     evidence = np.ones(len(seen), dtype=bool)
     evidence[proposers[proposers < len(seen)]] = False
-    tail, radius, (i, j, d2) = _agreement(seen, pointing.project(sky)[0], view.half, evidence, reach_px, free=4)
+    own = (number[:, None] == proposing_stars).any(axis=1)
+    tail, radius, (i, j, d2) = _agreement(seen, pointing.project(sky)[0], view.half, evidence, own, reach_px, free=4)
     agree = d2 < radius * radius
     i, j, d2 = i[agree], j[agree], d2[agree]
     if len(i) < FEWEST:
@@ -289,7 +318,7 @@ def verify(
         for _ in range(2):
             at = four.project(volume.stars[proposing_stars].astype(np.float64))
             four = refit(four, view.xy[proposers], *at, bend=False)
-        tail = min(tail, _agreement(seen, four.project(sky)[0], view.half, evidence, reach_px, free=0)[0])
+        tail = min(tail, _agreement(seen, four.project(sky)[0], view.half, evidence, own, reach_px, free=0)[0])
     rms = float(np.sqrt(d2.mean()))
     return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
 
@@ -316,22 +345,26 @@ def improve(
 
 
 def _agreement(
-    seen: Floats, expected: Floats, half: Floats, evidence: Bools, reach_px: float, free: int
+    seen: Floats, expected: Floats, half: Floats, evidence: Bools, own: Bools, reach_px: float, free: int
 ) -> tuple[float, float, tuple[Ints, Ints, Floats]]:
     """How unlikely chance makes it that ``seen`` (n, 2) agree so well with ``expected`` (N, 2), log10.
 
     Both are px from the frame's middle, ``half`` (2,) is half the frame. Also the radius of the least
     likely agreement, px, and the pairs within ``reach_px``, as :func:`pair` gives them. Only ``evidence``
-    (n,) counts; ``free`` numbers of the pointing were fitted to it, none when only the proposers were used.
+    (n,) counts, and no star of its ``own`` (N,) that proposed; ``free`` numbers of the pointing were
+    fitted to it, none when only the proposers were used.
     """
     inside = float((np.abs(expected) < half).all(axis=1).sum())
     pairs = pair(seen, expected, reach_px)
-    square = pairs[2][evidence[pairs[0]]]
+    square = pairs[2][evidence[pairs[0]] & ~own[pairs[1]]]
     witnesses, area = int(evidence.sum()), float(4.0 * half[0] * half[1])
-    best, radius = least_likely(square, witnesses, inside, area, reach_px, free)
-    if best < ACCEPT_LOG10:
-        inside *= crowding(seen[evidence], expected, half, inside / area)
-        best, radius = least_likely(square, witnesses, inside, area, reach_px, free)
+    best, radius = with_crowding(
+        lambda crowd: least_likely(square, witnesses, crowd * inside, area, reach_px, free),
+        seen[evidence],
+        expected,
+        half,
+        inside / area,
+    )
     return best, radius, pairs
 
 

@@ -17,7 +17,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.solution import Identification, Matches
 from kochab.identification.patterns import ROUGHLY
 from kochab.identification.quads import triad_axes
-from kochab.identification.verification import ACCEPT_LOG10, crowding
+from kochab.identification.verification import ACCEPT_LOG10, with_crowding
 from kochab.solver.matches import StarCatalogue, mutual_nearest, without_companions
 
 FEWEST, MOST, MOST_HINTED = 5, 6, 5
@@ -72,12 +72,15 @@ def identify_few(
         return None
     worst_px, matches, camera, places = min(found, key=lambda checked: checked[0])
     density = DEPTH * len(detections) / (detections.width * detections.height)
-    alarm = _alarm(detections, worst_px, density, tried)
-    if alarm <= ACCEPT_LOG10:
-        half = np.array([detections.width, detections.height]) / 2.0
-        witnesses = np.delete(detections.xy, _base(detections), axis=0)
-        density *= crowding(witnesses - half, places - half, half, density)
-        alarm = _alarm(detections, worst_px, density, tried)
+    half = np.array([detections.width, detections.height]) / 2.0
+    witnesses = np.delete(detections.xy, _base(detections), axis=0)
+    alarm, _ = with_crowding(
+        lambda crowd: (_alarm(detections, worst_px, crowd * density, tried), None),
+        witnesses - half,
+        places - half,
+        half,
+        density,
+    )
     if alarm > ACCEPT_LOG10:
         return None
     attitude = wahba(camera.unproject(matches.xy), matches.vectors)

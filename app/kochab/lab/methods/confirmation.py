@@ -21,7 +21,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import with_places
-from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, crowding, least_likely, pair, refit
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, least_likely, pair, refit, with_crowding
 from kochab.sky import open_catalogue
 
 WITNESSES = 40  # so many of the brightest detections may testify
@@ -74,7 +74,8 @@ def confirm(
         pointing = _refitted(start, seen[names.detection[two]], names.vectors[two])
         if abs(np.log(pointing.focal / focal_px)) < 0.1:
             others = np.delete(witnesses, names.detection[two][names.detection[two] < WITNESSES], 0)
-            best = min(best, _tail(pointing, others, sky, half, reach_px))
+            strange = ~np.isin(rows, names.rows[two])  # in a clump any detection finds the star that proposed
+            best = min(best, _tail(pointing, others, sky[strange], half, reach_px))
     parities = 2 if names.mirrored is None else 1
     alarm = min(0.0, best + np.log10(max(1, names.tried * parities)))
     if alarm > ACCEPT_LOG10:
@@ -125,10 +126,13 @@ def chance_of(
     accepted is counted again with the density of the stars where they crowd.
     """
     area, count = float(4.0 * half[0] * half[1]), float(stars)
-    tail, _ = least_likely(distance2, len(seen), count, area, reach_px, free, candidates)
-    if tail <= ACCEPT_LOG10:
-        count *= crowding(seen, places, half, count / area)
-        tail, _ = least_likely(distance2, len(seen), count, area, reach_px, free, candidates)
+    tail, _ = with_crowding(
+        lambda crowd: least_likely(distance2, len(seen), crowd * count, area, reach_px, free, candidates),
+        seen,
+        places,
+        half,
+        count / area,
+    )
     return tail
 
 
