@@ -100,7 +100,8 @@ def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float
     radii: where stars are clearly denser at 1.5 and 2 radii, that is what counts.
     """
     radius_px = 2.0 * NUDGE_RADIUS * float(half.max())
-    inside = (np.abs(seen[:, None] - radius_px * NUDGES) < half).all(axis=2)  # beyond it nobody knows the stars
+    # beyond the frame nobody knows the stars
+    inside = np.asarray((np.abs(seen[:, None] - radius_px * NUDGES) < half).all(axis=2))
     off = seen[:, None] - stars
     i, j = ((off * off).sum(axis=2) < ((FAR_RADII[-1] + 1.0) * radius_px) ** 2).nonzero()
     gap = off[i, j][:, None] - radius_px * NUDGES

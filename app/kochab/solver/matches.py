@@ -146,6 +146,46 @@ def extend(
     return _inliers(matches, fit)
 
 
+POOR_FIT = 0.0015
+"""Residuals of this RMS, over the frame's larger side, have a cause that the camera model lacks."""
+ALIKE = 0.002
+"""Matches this close, over the larger side, tell which of two models is right."""
+STRETCH_ROUNDS, FEWEST_TO_STRETCH = 8, 10
+
+
+def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarCatalogue, year: float) -> float | None:
+    """By what share a poorly fitted frame is longer one way than across; None when that is not why.
+
+    A stretched image agrees with the sky along a line or in a corner, and a fit of square pixels to
+    that part is turned by as much as the image is stretched: several degrees. So any linear map
+    from where the fit puts the stars to where they are seen is tried, and believed when it makes at
+    least twice as many stars agree.
+    """
+    camera = fit.camera
+    side = float(max(camera.width, camera.height))
+    if fit.rms_px < POOR_FIT * side:
+        return None
+    centre, radius = field_centre(camera, fit.attitude)
+    rows = catalogue.brightest(centre, min(radius, np.pi / 2), 2 * len(detections), year)
+    expected = camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
+    expected = expected[np.isfinite(expected).all(axis=1)]
+    before = len(mutual_nearest(detections.xy, expected, ALIKE * side)[0])
+    seen, place = matches.xy, camera.project(matches.vectors @ fit.attitude.matrix.T)
+    tolerance, linear = POOR_FIT * side * 6.0, np.eye(3)[:, :2]
+    for _ in range(STRETCH_ROUNDS):
+        if len(seen) < FEWEST_TO_STRETCH:
+            return None
+        design = np.column_stack([place, np.ones(len(place))])
+        linear = np.asarray(np.linalg.lstsq(design, seen, rcond=None)[0], dtype=np.float64)
+        moved = expected @ linear[:2] + linear[2]
+        i, j = mutual_nearest(detections.xy, moved, tolerance)
+        seen, place = detections.xy[i], expected[j]
+        tolerance = max(0.8 * tolerance, ALIKE * side)
+    after = len(mutual_nearest(detections.xy, moved, ALIKE * side)[0])
+    longer, shorter = np.linalg.svd(linear[:2], compute_uv=False)
+    return float(longer / shorter - 1.0) if after >= max(2 * before, FEWEST_TO_STRETCH) else None
+
+
 def _selected(matches: Matches, index: Bools | slice) -> Matches:
     return Matches(matches.detection[index], matches.star[index], matches.xy[index], matches.vectors[index])
 

@@ -17,6 +17,7 @@ from kochab.core.attitude import apart_deg, radec_deg
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
 from kochab.core.solution import Identification, Matches, NamedStar, NoSolution, Reason, Solution
+from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, SolveOptions
 from kochab.solver.matches import StarCatalogue
 
@@ -139,19 +140,19 @@ def _solve(
         ESTIMATORS.check(options.attitude)
     year = year_of(options.hint.time_utc if options.hint else None)
     refusal: NoSolution | None = None
-    attempts = _attempts(options) if len(detections) >= FEWEST_TO_TRY else ()
+    searches = 0
     try:
-        for hint in attempts:
-            found = yield from _identify(detections, options, hint, year, clock)
+        for search in _searches(detections, options, year, clock):
+            found = yield from search
+            searches += isinstance(found, Identification) or found.searched
             if isinstance(found, Identification):
-                yield Progress("attitude", 0.8)
-                return _finished(detections, found, year, options, clock, frame)
-            if refusal is None or found.searched:  # without the hint it may lack what it needs
+                # each search may be lucky: the second's bound is that of two
+                alarm = min(0.0, found.log10_false_alarm + math.log10(searches))
+                if alarm <= ACCEPT_LOG10:
+                    yield Progress("attitude", 0.8)
+                    return _finished(detections, replace(found, log10_false_alarm=alarm), year, options, clock, frame)
+            elif refusal is None or found.searched:  # without the hint it may lack what it needs
                 refusal = found
-        few = _few(detections, options, year, clock)
-        if few is not None:
-            yield Progress("attitude", 0.8)
-            return _finished(detections, few, year, options, clock, frame)
     except TimedOut:
         from kochab.solver.diagnosis import Evidence, timed_out
 
@@ -170,21 +171,33 @@ def _finished(
     options: SolveOptions,
     clock: Stopwatch,
     frame: Frame | None,
-) -> Solution:
+) -> Solution | NoSolution:
     with clock.stage("attitude"):
-        solution = _conclude(detections, found, year, options)
-    warnings = (frame.warnings if frame else ()) + solution.warnings
-    return replace(solution, elapsed_ms=clock.elapsed_ms(), warnings=warnings)
+        result = _conclude(detections, found, year, options)
+    warnings = (frame.warnings if frame else ()) + result.warnings
+    return replace(result, detections=len(detections), elapsed_ms=clock.elapsed_ms(), warnings=warnings)
 
 
-def _few(detections: Detections, options: SolveOptions, year: float, clock: Stopwatch) -> Identification | None:
-    """The last resort of the default method when stars are few."""
-    if options.method != DEFAULT_METHOD:
-        return None
+def _searches(
+    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
+) -> Iterator[Task[Identification | NoSolution]]:
+    """The searches to make in order: by the hint, blind, and the last resort when stars are few."""
+    if len(detections) >= FEWEST_TO_TRY:
+        for hint in _attempts(options):
+            yield _identify(detections, options, hint, year, clock)
+    if options.method == DEFAULT_METHOD:
+        yield _identify_few(detections, options, year, clock)
+
+
+def _identify_few(
+    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
+) -> Task[Identification | NoSolution]:
     from kochab.solver.few_stars import identify_few
 
+    yield Progress("identify", 0.7)
     with clock.stage("identify"):
-        return identify_few(detections, options.hint, _catalogue(), year)
+        found = identify_few(detections, options.hint, _catalogue(), year)
+    return found or NoSolution(Reason.NO_PATTERN_AGREED, "", "nothing")
 
 
 @cache
@@ -216,8 +229,10 @@ def _identify(
         return (yield from clock.watch(identifier.identify(detections, hint, year)))
 
 
-def _conclude(detections: Detections, found: Identification, year: float, options: SolveOptions) -> Solution:
-    from kochab.solver.matches import centroid_sigma, extend
+def _conclude(
+    detections: Detections, found: Identification, year: float, options: SolveOptions
+) -> Solution | NoSolution:
+    from kochab.solver.matches import centroid_sigma, extend, stretch
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
@@ -226,6 +241,15 @@ def _conclude(detections: Detections, found: Identification, year: float, option
     matches, fit = extend(
         usable, found, catalogue, year, distortion=options.distortion, focal=focal, worst_px=options.worst_px
     )
+    stretched = stretch(usable, matches, fit, catalogue, year)
+    if stretched is not None:
+        return NoSolution(
+            Reason.DISTORTION_TOO_STRONG,
+            f"The image is stretched by {100.0 * stretched:.1f} % in one direction, its pixels are not square: "
+            "resize it back, then solve again.",
+            tried=f"{len(matches)} stars matched in a part of the frame",
+            measured={"stretch_share": stretched},
+        )
     seen = matches
     warnings: tuple[str, ...] = ()
     if options.aberration:
@@ -238,8 +262,7 @@ def _conclude(detections: Detections, found: Identification, year: float, option
         sigma = centroid_sigma(usable)[seen.detection]
         fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
         warnings += (doubt,) if doubt else ()
-    solution = build_solution(matches, fit, found, catalogue)
-    return replace(solution, detections=len(detections), warnings=warnings)
+    return replace(build_solution(matches, fit, found, catalogue), warnings=warnings)
 
 
 def geometric_fit(
