@@ -1,5 +1,7 @@
 """The three ways to an axis: exact without noise, invariant where they must be, honest with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from kochab.core.attitude import angle_between
-from kochab.polar.axis_fit import axis_of_two, fit_axis
+from kochab.polar.axis_fit import axis_of_two, find_movement, fit_axis
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
 
@@ -127,3 +129,93 @@ def test_a_turn_of_more_than_half_a_circle_is_measured_the_right_way_round():
     mount = Mount(40.0, 300.0, -500.0)
     fit = fit_axis(mount.see([0, 100, 200]), mount.pole)
     assert np.degrees(fit.turn_rad) == pytest.approx(200.0, abs=1e-6)
+
+
+# -- What moved between the frames ---------------------------------------------------------------
+
+
+def moved(mount, what, arcsec, after, rng=None, turns=(0, 20, 40, 60)):
+    """The frames of a sweep in which one axis of the camera turned before frame ``after``."""
+    axis = np.array([0.0, 0.0, 1.0])
+    if what == "declination":
+        axis = np.cross(axis, mount.attitude(0.0).T @ mount.axis)
+        axis /= np.linalg.norm(axis)
+    turn = Rotation.from_rotvec(axis * arcsec * ARCSEC).as_matrix()
+    return mount.see(turns, rng, after=(after, turn))
+
+
+@pytest.mark.parametrize("what", ["declination", "camera"])
+@pytest.mark.parametrize("arcsec", [900.0, -900.0, 40000.0])
+@pytest.mark.parametrize("after", [1, 3])
+def test_without_noise_a_movement_is_found_with_its_sign_and_the_axis_is_right(what, arcsec, after):
+    mount = Mount(40.0, 600.0, 400.0)
+    seen = moved(mount, what, arcsec, after)
+    found = find_movement(seen, fit_axis(seen, mount.pole), mount.pole)
+    assert (found.what, found.before, found.after) == (what, f"frame {after}", f"frame {after + 1}")
+    assert found.angle_arcsec == pytest.approx(arcsec, abs=1.0)
+    assert angle_between(found.fit.axis, mount.axis) < 1.0 * ARCSEC
+    assert found.fit.chi2 < 0.1
+
+
+@pytest.mark.parametrize("what", ["declination", "camera"])
+def test_one_sigma_off_a_movement_costs_one_in_chi_square(what):
+    mount = Mount(40.0, 600.0, 400.0)
+    seen = moved(mount, what, 900.0, 2, np.random.default_rng(11))
+    found = find_movement(seen, fit_axis(seen, mount.pole), mount.pole)
+    for off in (-found.sigma_arcsec, found.sigma_arcsec):
+        back = moved(mount, what, -found.angle_arcsec - off, 0)[0].matrix
+        undo = mount.attitude(0.0).T @ back
+        other = fit_axis([replace(a, matrix=a.matrix @ undo) if k > 1 else a for k, a in enumerate(seen)], mount.pole)
+        assert other.chi2 - found.fit.chi2 == pytest.approx(1.0, rel=0.02)
+
+
+def test_frames_without_a_name_are_counted_from_one():
+    mount = Mount(40.0, 600.0, 400.0)
+    seen = [replace(a, label="") for a in moved(mount, "camera", 1800.0, 2)]
+    found = find_movement(seen, fit_axis(seen, mount.pole), mount.pole)
+    assert (found.before, found.after) == ("frame 2", "frame 3")
+
+
+def test_flexure_and_noise_are_no_movement():
+    """A shift below half an arcminute is wind; two frames show nothing; quiet ones need nothing."""
+    mount = Mount(40.0, 600.0, 400.0, sigma=0.2, sigma_roll=0.5)
+    for arcsec, named in ((20.0, False), (45.0, True)):
+        seen = moved(mount, "declination", arcsec, 2)
+        assert (find_movement(seen, fit_axis(seen, mount.pole), mount.pole) is not None) is named
+    quiet = mount.see([0, 20, 40, 60], np.random.default_rng(2))
+    assert find_movement(quiet, fit_axis(quiet, mount.pole), mount.pole) is None
+    two = mount.see([0, 40])
+    assert find_movement(two, fit_axis(two, mount.pole), mount.pole) is None
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_the_freedom_is_two_a_frame_less_four_and_the_chance_that_of_chi_square(count):
+    mount = Mount(40.0, 600.0, 400.0)
+    fit = fit_axis(mount.see(np.linspace(0, 60, count), np.random.default_rng(4)), mount.pole)
+    assert fit.freedom == 2 * count - 4
+    if count == 2:
+        assert fit.chance == 1.0
+    else:
+        from scipy.stats import chi2
+
+        assert fit.chance == pytest.approx(chi2.sf(fit.chi2, fit.freedom))
+        assert 0.0 < fit.chance < 1.0
+
+
+def test_residuals_are_angles_and_weighted_ones_sigmas():
+    """A roll that is off by ten of its own sigmas is so in sigmas, and as large as that in angle."""
+    mount = Mount(40.0, 600.0, 400.0, rho_deg=40.0)
+    seen = mount.see([0, 20, 40, 60, 80])
+    turn = Rotation.from_euler("z", 200.0 * ARCSEC).as_matrix()
+    seen[2] = replace(seen[2], matrix=seen[2].matrix @ turn)
+    fit = fit_axis(seen, mount.pole)
+    sigma = np.array([2.0, 2.0, 20.0])
+    np.testing.assert_allclose(fit.weighted * sigma, fit.residuals / ARCSEC, rtol=1e-6, atol=1e-6)
+    assert abs(fit.weighted[2, 2]) == np.abs(fit.weighted).max()
+    assert fit.residuals[2, 2] / ARCSEC == pytest.approx(-200.0, rel=0.35)
+
+
+def test_turns_on_both_sides_of_the_first_frame_span_their_sum():
+    mount = Mount(40.0, 300.0, -500.0)
+    fit = fit_axis(mount.see([0, -70, 50]), mount.pole)
+    assert np.degrees(fit.turn_rad) == pytest.approx(120.0, abs=1e-6)

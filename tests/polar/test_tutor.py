@@ -222,3 +222,115 @@ def test_errors_have_words_that_hold_from_every_side():
     assert "too low: raise the axis" in altitude_in_words(south)
     assert "too far west: rotate the mount anticlockwise" in azimuth_in_words(south)
     assert angle_in_words(7200.0) == "2.00°"
+
+
+@pytest.mark.parametrize(("sigmas", "seen"), [(3.9, False), (4.1, True)])
+def test_a_change_is_seen_from_four_sigmas_of_two_readings_on(sigmas, seen):
+    """The azimuth knob's own arcseconds are longer than the sky's, and its noise with them."""
+    for knob, before in ((Knob.ALTITUDE, (4000.0, 10.0)), (Knob.AZIMUTH, (10.0, 4000.0))):
+        tutor = BoltTutor()
+        told = tutor.advise(error_at(*before), noise_arcsec=(5.0, 5.0))
+        assert told.knob is knob
+        knob_share = 1.0 if knob is Knob.ALTITUDE else np.cos(alt_az(error_at(*before).axis)[0])
+        change = sigmas * np.sqrt(2.0) * 5.0 / knob_share
+        after = (4000.0 - change, 10.0) if knob is Knob.ALTITUDE else (10.0, 4000.0 - change)
+        tutor.advise(error_at(*after), noise_arcsec=(5.0, 5.0))
+        bolt = tutor.bolts[knob]
+        assert (bolt.arcsec_a_turn is not None) is seen
+        if seen:
+            assert bolt.arcsec_a_turn == pytest.approx(-change / told.turns, rel=1e-3)
+
+
+def test_how_far_the_hand_really_turned_counts_when_it_is_known():
+    tutor = BoltTutor()
+    tutor.advise(error_at(2000.0, 0.0))
+    tutor.advise(error_at(1600.0, 0.0), turned=0.5)
+    assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(-800.0)
+
+
+def test_a_new_measurement_teaches_nothing_of_the_bolt():
+    tutor = BoltTutor()
+    tutor.advise(error_at(2000.0, 0.0))
+    tutor.measured_again()
+    tutor.advise(error_at(1600.0, 0.0))
+    assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn is None
+
+
+@pytest.mark.parametrize(("degrees", "learns"), [(9.5, False), (10.5, True)])
+def test_turns_below_ten_degrees_say_nothing_of_the_thread(degrees, learns):
+    """A hand is a degree off: a tenth of such a turn."""
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
+    after = bolt.learned(degrees / 360.0, 3000.0 * degrees / 360.0, 0.1)
+    assert after.arcsec_a_turn == pytest.approx(2500.0 if learns else 2000.0)
+
+
+@pytest.mark.parametrize(("sigmas", "mended"), [(14.0, False), (16.0, True)])
+def test_a_sure_thread_is_mended_only_by_a_clear_reading(sigmas, mended):
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
+    after = bolt.learned(1.0, 2200.0, 2200.0 / sigmas)
+    assert after.arcsec_a_turn == pytest.approx(2100.0 if mended else 2000.0)
+
+
+def test_before_it_is_sure_the_larger_reading_is_right():
+    """Backlash only ever makes a turn look smaller; a reading that goes on without a reversal is sure."""
+    first = ALTITUDE_BOLT.learned(0.25, 300.0, 1.0)  # a part went into its backlash
+    assert (first.arcsec_a_turn, first.sure, first.direction) == (1200.0, False, 1)
+    larger, smaller = first.learned(0.5, 1000.0, 1.0), first.learned(0.5, 500.0, 1.0)
+    assert (larger.arcsec_a_turn, larger.sure) == (2000.0, True)
+    assert (smaller.arcsec_a_turn, smaller.sure) == (1200.0, True)
+
+
+def test_backlash_is_never_more_than_half_a_turn_nor_less_than_none():
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
+    assert bolt.learned(-2.0, -1000.0, 1.0).backlash_turns == 0.5
+    assert bolt.learned(-0.5, -1200.0, 1.0).backlash_turns == 0.0
+    swallowed = bolt.learned(-0.2, 0.0, 1.0).learned(-0.2, 0.0, 1.0).learned(-0.2, 0.0, 1.0)
+    assert (swallowed.backlash_turns, swallowed.taken_turns) == (0.5, pytest.approx(0.6))
+
+
+def test_backlash_that_is_taken_up_already_is_not_turned_again():
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.25, 1, 0.15)
+    assert bolt.needed(1000.0) == pytest.approx(-0.5 - (0.8 * 0.25 - 0.15))
+    assert replace(bolt, taken_turns=0.3).needed(1000.0) == pytest.approx(-0.5)
+    assert bolt.needed(-1000.0) == pytest.approx(0.5)
+
+
+def test_an_unsure_bolt_goes_six_tenths_a_sure_one_nine_and_near_the_pole_all_the_way():
+    def asked(error_arcsec, sure):
+        usual = {"arcsec_a_turn": 2000.0, "sure": sure, "direction": -1}
+        tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
+        return tutor.advise(error_at(error_arcsec, 0.0, sigma=0.1)).turns
+
+    assert asked(5000.0, False) == pytest.approx(-1.5)
+    assert asked(5000.0, True) == pytest.approx(-2.25)
+    near = 3.0 * 15.0 / np.sqrt(2.0)  # three tolerances
+    assert asked(0.98 * near, True) == pytest.approx(sayable(-0.98 * near / 2000.0))
+    assert asked(1.02 * near, True) == pytest.approx(sayable(-0.9 * 1.02 * near / 2000.0))
+    assert asked(40000.0, True) == -6.0  # then measure again
+
+
+def test_the_test_nudge_is_a_quarter_turn_and_half_of_it_for_a_small_error():
+    assert BoltTutor().advise(error_at(910.0, 0.0)).turns == 0.25
+    assert BoltTutor().advise(error_at(890.0, 0.0)).turns == 0.125
+
+
+def test_the_tolerance_is_a_share_of_the_goal_or_one_sigma():
+    tutor = BoltTutor(goal_arcsec=30.0)
+    assert tutor.tolerance_arcsec(error_at(100.0, 0.0), Knob.ALTITUDE) == pytest.approx(30.0 / np.sqrt(2.0))
+    pole = pole_direction(Site(45.0, 0.0))
+    unsure = PolarError(pole, pole, np.diag([40.0, 70.0]) ** 2 * ARCSEC**2)
+    assert tutor.tolerance_arcsec(unsure, Knob.ALTITUDE) == pytest.approx(40.0)
+    assert tutor.tolerance_arcsec(unsure, Knob.AZIMUTH) == pytest.approx(70.0)
+
+
+def test_a_coarse_thread_is_left_where_a_hand_cannot_do_better():
+    """Two degrees of 9000 arcsec a turn are 50: 0.7 of them stay, yet no more than 1.7 tolerances."""
+
+    def step(arcsec_a_turn, off_arcsec):
+        usual = {"arcsec_a_turn": arcsec_a_turn, "sure": True, "direction": 1}
+        tutor = BoltTutor(goal_arcsec=15.0, bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
+        return tutor.advise(error_at(-off_arcsec, 60.0, sigma=0.1)).knob
+
+    for coarse, limit in ((3600.0, 14.0), (9000.0, 1.7 * 15.0 / np.sqrt(2.0))):
+        assert step(coarse, 0.97 * limit) is Knob.AZIMUTH
+        assert step(coarse, 60.0) is not None
