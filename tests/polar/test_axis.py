@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kochab.core.attitude import angle_between
 from kochab.polar.axis_fit import axis_of_two, find_movement, fit_axis
+from kochab.polar.rotations import alt_az, tangents
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
 
@@ -219,3 +220,17 @@ def test_turns_on_both_sides_of_the_first_frame_span_their_sum():
     mount = Mount(40.0, 300.0, -500.0)
     fit = fit_axis(mount.see([0, -70, 50]), mount.pole)
     assert np.degrees(fit.turn_rad) == pytest.approx(120.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("place", [(0.3, -0.5, 0.7), (-0.2, 0.9, -0.1), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_the_tangents_of_a_direction_are_across_it_and_point_up_and_clockwise(place):
+    axis = np.array(place) / np.linalg.norm(place)
+    upward, clockwise = tangents(axis)
+    np.testing.assert_allclose(
+        np.stack([upward, clockwise, axis]) @ np.stack([upward, clockwise, axis]).T, np.eye(3), atol=1e-12
+    )
+    if abs(axis[2]) < 1.0:
+        alt, az = alt_az(axis)
+        higher, further = alt_az(axis + 1e-4 * upward), alt_az(axis + 1e-4 * clockwise)
+        assert higher[0] - alt == pytest.approx(1e-4, rel=1e-3)
+        assert (further[1] - az) * np.cos(alt) == pytest.approx(1e-4, rel=1e-3)

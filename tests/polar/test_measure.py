@@ -244,6 +244,8 @@ def test_how_far_ra_has_to_turn(turn, kind):
 
 def test_a_quarter_degree_gives_no_axis_at_all():
     assert isinstance(measured(Mount(sigma=0.2, sigma_roll=1.0), [0, 0.24]), NoAxis)
+    small_steps = measured(Mount(sigma=0.2, sigma_roll=1.0), [0, 0.2, 0.4])
+    assert isinstance(small_steps, Measurement)
 
 
 @pytest.mark.parametrize(("altitude", "low"), [(14.0, True), (16.0, False), (0.5, True)])

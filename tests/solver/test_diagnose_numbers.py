@@ -89,6 +89,19 @@ def test_a_fisheye_is_blamed_beyond_a_hundred_degrees_and_only_when_it_shows_sta
     assert doctor(stars(19), beyond).reason is Reason.NO_PATTERN_AGREED
 
 
+@pytest.mark.parametrize(("expected", "small"), [(9.5, True), (10.5, False)])
+def test_a_field_in_which_the_catalogue_has_fewer_than_ten_stars_is_too_small(expected: float, small: bool) -> None:
+    from kochab.sky import open_catalogue
+
+    width_deg = np.sqrt(expected / 0.75 * 41253.0 / len(open_catalogue()))
+    scale = np.degrees(2.0 * np.tan(np.radians(width_deg / 2.0)) / W) * 3600.0
+    found = doctor(stars(), Hint(scale_arcsec_px=(scale, scale)))
+    assert found.measured["stars_expected"] == pytest.approx(expected)
+    assert (found.reason is Reason.FIELD_TOO_SMALL) is small
+    if small:
+        assert f"{width_deg:.2f} deg wide" in found.advice
+
+
 def test_the_stars_expected_grow_with_the_field_and_stop_at_the_whole_sky() -> None:
     """Without a place the mean over the sky: 41253 square degrees hold the whole catalogue."""
     from kochab.sky import open_catalogue
@@ -195,6 +208,9 @@ def test_specks_and_vast_patches_are_no_trails() -> None:
     pixels[400:520, 300:620] = 5000.0  # 8 % of the frame
     assert measure_trails(Bins(pixels, 1)).count == 6
     assert measure_trails(Bins(np.zeros((H, W)), 1)).count == 0
+    only_specks = noisy(200.0, 1.0)
+    only_specks[300, 300:305] = 5000.0
+    assert measure_trails(Bins(only_specks, 1)).count == 0
 
 
 @pytest.mark.parametrize("radius", [3.0, 8.0])

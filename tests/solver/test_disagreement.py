@@ -255,3 +255,92 @@ def test_the_offset_is_told_from_the_mount_to_the_sky() -> None:
 def _anywhere(rng):
     v = unit_vectors(rng.uniform(0.0, 360.0), np.degrees(np.arcsin(rng.uniform(-0.95, 0.95))))
     return np.asarray(v)
+
+
+@pytest.mark.parametrize(("arcsec", "agrees"), [(115.0, True), (125.0, False)])
+def test_two_arcminutes_are_agreement(arcsec, agrees) -> None:
+    ra, dec = of_date(SKIES[0])
+    found = investigate([sighting(SKIES[0], (ra, dec + arcsec / 3600.0))])
+    assert found.agrees is agrees
+    assert found.offset_arcsec == pytest.approx(arcsec, abs=0.5)
+    assert (found.cause == "") or not agrees
+
+
+@pytest.mark.parametrize(
+    ("hours", "minutes"), [(0.3, "18 min ahead of"), (-0.5, "30 min behind"), (1.5, "90 min ahead of")]
+)
+def test_a_clock_off_by_no_whole_hour_is_told_in_minutes(hours, minutes) -> None:
+    said = said_by(SKIES[1], clock_h=hours)
+    told = SiteReport(site=SITE, time_utc=TIME + timedelta(hours=hours))
+    found = investigate([sighting(SKIES[1], said, beliefs=told)])
+    assert (found.cause, found.suspects[0].residual_arcsec < 60.0) == ("clock", True)
+    assert minutes in found.sentence
+
+
+@pytest.mark.parametrize("off_s", [50.0, 3600.0, -3595.0, 7230.0])
+def test_whole_hours_and_less_than_a_minute_are_no_clock_that_runs_wrong(off_s) -> None:
+    told = SiteReport(site=SITE, time_utc=TIME + timedelta(seconds=off_s))
+    found = investigate([sighting(SKIES[1], said_by(SKIES[1], clock_h=off_s / 3600.0), beliefs=told)])
+    assert "clock" not in {suspect.name for suspect in found.suspects}
+
+
+def test_the_mounts_own_clock_confirms_or_denies_an_hour() -> None:
+    """The same offset of one hour: likelier when the mount's clock shows it, unlikely when it is right."""
+    said = jitter(said_by(SKIES[0], clock_h=1.0), 15.0)
+
+    def score(**beliefs):
+        found = investigate([sighting(SKIES[0], said, beliefs=SiteReport(**beliefs))])
+        return next(s.score for s in found.suspects if s.name == "summer time")
+
+    silent, shown, denied = score(), score(time_utc=TIME + timedelta(hours=1)), score(time_utc=TIME)
+    odds = [x / (1.0 - x) for x in (denied, silent, shown)]
+    assert denied < silent < shown
+    assert odds[1] / odds[0] > 5.0
+
+
+@pytest.mark.parametrize("own", [SITE, SOUTH])
+def test_the_mounts_own_site_confirms_or_denies_the_hemisphere(own) -> None:
+    sky = (200.0, 25.0)
+    ra, dec = of_date(sky)
+    other = replace(own, latitude_deg=-own.latitude_deg)
+    scores = []
+    for site in (own, None, other):
+        found = investigate([sighting(sky, jitter((ra, -dec), 10.0), site=own, beliefs=SiteReport(site=site))])
+        share = sum(s.score for s in found.suspects if s.name == "hemisphere")
+        scores.append(share / (1.0 - share))
+    denied, silent, confirmed = scores
+    assert silent / denied == pytest.approx(50.0, rel=0.05)
+    assert confirmed / silent == pytest.approx(20.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("away_deg", "named"), [(0.1, False), (0.4, True), (-0.4, True)])
+def test_a_site_that_is_told_nearby_is_the_same(away_deg, named) -> None:
+    for site, cause in (
+        (replace(SITE, longitude_deg=SITE.longitude_deg + away_deg), "site longitude"),
+        (replace(SITE, latitude_deg=SITE.latitude_deg + away_deg), "site latitude"),
+    ):
+        told = [sighting(SKIES[1], of_date(SKIES[1]), beliefs=SiteReport(site=site))]
+        assert (cause in {s.name for s in investigate(told).suspects}) is named
+
+
+def test_the_cone_is_told_in_arcminutes_on_either_side() -> None:
+    """Half a degree of cone: at a declination of 60 the right ascension is off by a whole one."""
+    seen = []
+    for hour, sky_dec in ((2.0, 60.0), (-2.0, 60.0), (3.0, 5.0), (-3.0, 5.0)):
+        sky = ((sidereal(SITE, TIME) - 15.0 * hour) % 360.0, sky_dec)
+        ra, dec = of_date(sky)
+        off = np.sign(hour) * 0.5 / np.cos(np.radians(dec))
+        seen.append(sighting(sky, ((ra + off) % 360.0, dec)))
+    found = investigate(seen)
+    assert found.cause == "cone error"
+    assert "30 arcmin on either side" in found.sentence
+    assert found.suspects[0].residual_arcsec < 30.0
+
+
+@pytest.mark.parametrize(
+    ("arcsec", "words"), [(125.0, "2.1 arcmin"), (5900.0, "98.3 arcmin"), (6100.0, "1.7 deg"), (90.0, "90 arcsec")]
+)
+def test_an_offset_has_the_unit_that_suits_it(arcsec, words) -> None:
+    ra, dec = of_date(SKIES[0])
+    sentence = investigate([sighting(SKIES[0], (ra, dec + arcsec / 3600.0))]).sentence
+    assert words in sentence

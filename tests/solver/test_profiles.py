@@ -129,3 +129,74 @@ def test_what_cannot_be_read_or_written_is_said_in_a_sentence(tmp_path) -> None:
     file.write_text("")
     with pytest.raises(KochabError, match="cannot be saved"):
         save_profile(profile, file / "below")
+
+
+def test_a_new_profile_believes_a_twentieth_of_everything() -> None:
+    """Of the focal length and of the frame's long side; distortion by what it does at the corner."""
+    camera = Camera.centred(1280, 960, 3000.0)
+    sigma = new_profile("lens", camera).sigma
+    corner = np.hypot(1280, 960) / 2.0 / 3000.0
+    assert sigma["focal_px"] == pytest.approx(150.0)
+    assert (sigma["cx"], sigma["cy"]) == (pytest.approx(64.0), pytest.approx(64.0))
+    assert sigma["k1"] * corner**2 == pytest.approx(0.1)
+    assert sigma["k2"] * corner**4 == pytest.approx(0.1)
+    assert (sigma["p1"] * corner, sigma["p2"] * corner) == (pytest.approx(0.01), pytest.approx(0.01))
+
+
+def test_the_hint_is_a_hundredth_wide_or_five_sigmas() -> None:
+    sure, unsure = learned(20, np.random.default_rng(6)), new_profile("lens", TRUTH)
+    for profile, factor in ((sure, 1.01), (unsure, 1.25)):
+        low, high = profile.hint.scale_arcsec_px
+        assert np.sqrt(low * high) == pytest.approx(profile.camera.scale_arcsec_px)
+        assert np.sqrt(high / low) == pytest.approx(factor)
+
+
+def test_frames_add_their_information_until_the_oldest_fade() -> None:
+    rng = np.random.default_rng(8)
+    profile = learned(3, rng)
+    told = evidence(profile, *seen(TRUTH, rng), SIGMA)
+    for frames, keep in ((3, 1.0), (399, 1.0), (400, 1.0 - 1.0 / 400.0)):
+        after = updated_profile(replace(profile, frames=frames), told)
+        np.testing.assert_allclose(after.information, keep * profile.information + told.information)
+        assert after.frames == frames + 1
+
+
+def test_a_frame_twice_as_noisy_says_a_quarter_and_none_is_better_than_a_fiftieth_of_a_pixel() -> None:
+    stars = seen(TRUTH, np.random.default_rng(9))
+    one, two, best, better = (
+        evidence(learned(3, np.random.default_rng(9)), *stars, s) for s in (0.1, 0.2, 0.02, 0.001)
+    )
+    np.testing.assert_allclose(two.information, one.information / 4.0)
+    np.testing.assert_allclose(better.information, best.information)
+    np.testing.assert_allclose(best.vector, one.vector * 25.0)
+
+
+def test_the_chance_of_frames_that_are_right_is_spread_evenly() -> None:
+    """Of a profile with its own uncertainty: a tenth of the frames has a chance below a tenth, or fewer."""
+    rng = np.random.default_rng(10)
+    profile = learned(30, rng)
+    chances = np.array([evidence(profile, *seen(TRUTH, rng), SIGMA).chance for _ in range(60)])
+    assert 0.35 < np.mean(chances) < 0.85
+    assert np.mean(chances < 0.1) < 0.2
+    off = [evidence(profile, *seen(replace(TRUTH, cx=650.0 + d), rng), SIGMA) for d in (0.0, 20.0)]
+    assert off[1].chance < 1e-6 < off[0].chance
+
+
+def test_what_a_contradiction_moves_is_told_in_pixels() -> None:
+    """A focal length a hundredth longer moves the stars by a hundredth of their distance from the centre."""
+    rng = np.random.default_rng(12)
+    profile = learned(40, rng)
+    xy, vectors, attitude = seen(replace(TRUTH, focal_px=3030.0), rng, 400, 0.02)
+    told = evidence(profile, xy, vectors, attitude, 0.02)
+    distance = np.sqrt(np.mean(np.sum((xy - [TRUTH.cx, TRUTH.cy]) ** 2, axis=1)))
+    assert told.shift_px == pytest.approx(0.01 * distance, rel=0.1)
+    for chance, shift, contradicts in ((1e-7, 0.6, True), (1e-7, 0.4, False), (1e-5, 0.6, False)):
+        assert replace(told, chance=chance, shift_px=shift).contradicts is contradicts
+
+
+def test_a_name_makes_a_file_name_whatever_is_in_it(tmp_path) -> None:
+    assert profile_path("ASI 294/MC: Pro!", 1280, 960, tmp_path).name.startswith("asi-294-mc-pro-1280x960-")
+    assert profile_path("***", 1, 2, tmp_path).name.startswith("camera-1x2-")
+    long = profile_path("x" * 300, 1, 2, tmp_path).name
+    assert long.startswith("x" * 40 + "-1x2-")
+    assert len(long) < 70
