@@ -222,14 +222,15 @@ def test_texts() -> dict[Path, str]:
 
 
 def tests_of(module: str) -> list[Path]:
-    """The test files of the module's own room, and those elsewhere that name it; the slow ones stay out."""
+    """The test files of the module's own room; those elsewhere that name it only when none of the room does."""
     room = module.split(".")[1:]
     folders = [REPOSITORY.joinpath("tests", *room[:k]) for k in range(len(room), 0, -1)]
     own = next(folder for folder in folders if folder.is_dir())
     direct = (f"from {module} ", f"{module}.", f"import {module}")
     named = {path for path, text in test_texts().items() if any(words in text for words in direct)}
+    inside = {path for path in test_texts() if own in path.parents}
     slow = {path for path in named if any(REPOSITORY / "tests" / folder in path.parents for folder in SLOW)}
-    return [path for path in test_texts() if own in path.parents or path in named - slow]
+    return sorted(inside if named & inside else inside | (named - slow))
 
 
 class Copy:

@@ -241,13 +241,14 @@ def sync_evidence(plan: Plan) -> Findings:
     allowed = limits.solves_agree_arcsec
     centres = [unit_vectors(*centre) for centre in e.centres_deg]
     target = unit_vectors(*plan.target_icrs_deg)
-    apart = max(separation_deg(a, b) for a, b in combinations(centres, 2)) * 3600.0
-    away = min(separation_deg(target, centre) for centre in centres) * 3600.0
+    # NumPy's extremes keep what is not a number; Python's lose it behind the first value.
+    apart = float(np.max([separation_deg(a, b) for a, b in combinations(centres, 2)])) * 3600.0
+    away = float(np.min([separation_deg(target, centre) for centre in centres])) * 3600.0
     if not apart <= allowed:
         yield refuse(f"The solves differ by {apart:.0f}″ (limit {allowed:g}″). Wait, then solve again.")
     elif not away <= allowed:
         yield refuse(f"The sync is {away:.0f}″ from the solved position. Solve again.")
-    rms_px, false_alarm = max(e.rms_px), max(e.log10_false_alarm)
+    rms_px, false_alarm = float(np.max(e.rms_px)), float(np.max(e.log10_false_alarm))
     if not rms_px <= limits.worst_rms_px:
         yield refuse(f"The solve's residual is {rms_px:.1f} px (limit {limits.worst_rms_px:g} px).")
     if not false_alarm <= limits.worst_log10_false_alarm:

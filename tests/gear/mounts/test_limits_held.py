@@ -1,0 +1,323 @@
+"""Every limit of the guard from both sides: a little within is allowed, a little beyond is not."""
+
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.frame import Site
+from kochab.core.mount import Direction, Epoch, MountState, PierSide, Pointing
+from kochab.gear.mounts.coordinates import (
+    altitude_deg,
+    epoch_of,
+    from_altaz,
+    from_mount_epoch,
+    sidereal_deg,
+    sun_vector,
+    to_mount_epoch,
+    utc_of,
+)
+from kochab.gear.mounts.motion_plan import Limits, SyncEvidence, great_circle, turned
+from kochab.gear.mounts.motion_policy import MotionPolicy, with_paths
+from kochab.gear.mounts.slew_supervisor import SupervisedMotion, allowed_region, may_flip, slew_limit_s
+from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, at
+
+READY = MountState(slewing=False, parked=False, aligned=True, tracking=True)
+FORK = {"crosses_meridian": True}
+
+
+def policy(time_utc=NIGHT, site=SITE, **limits):
+    return MotionPolicy(site, Limits(**limits), lambda: time_utc)
+
+
+def here(hour_deg, dec_deg):
+    return Pointing(*at(hour_deg, dec_deg), Epoch.DATE)
+
+
+def goto(start, target, state=READY, **limits):
+    """What forbids a slew between hour angles and declinations."""
+    _, preview = policy(**limits).goto(here(*start), state, at(*target))
+    return preview.refusals
+
+
+def high(altitude):
+    """Hour angle and declination so high, on the meridian in the south."""
+    return -0.5, altitude - (90.0 - SITE.latitude_deg)
+
+
+# -- Altitude, hour angle, length ---------------------------------------------------------------
+
+
+def test_five_degrees_above_the_horizon_are_the_lowest() -> None:
+    assert goto((-20.0, 40.0), high(5.1)) == ()
+    (refusal,) = goto((-20.0, 40.0), high(4.9))
+    assert refusal == "The target is 4.9 deg high, the limit is 5 deg."
+
+
+def test_the_highest_altitude_is_held_too() -> None:
+    assert goto((-20.0, 10.0), high(79.9), highest_altitude_deg=80.0) == ()
+    (refusal,) = goto((-20.0, 10.0), high(80.1), highest_altitude_deg=80.0)
+    assert refusal == "The target is 80.1 deg high, the upper limit is 80 deg."
+
+
+def test_a_way_that_rises_too_high_between_two_low_ends_is_refused() -> None:
+    """Both ends at hour angles of two hours stand at 60 deg; the way between them passes the zenith."""
+    start, target = (-30.0, 50.0), (30.0, 50.0)
+    assert goto(start, target, **FORK) == ()
+    (refusal,) = goto(start, target, highest_altitude_deg=80.0, **FORK)
+    assert "The path would rise to" in refusal
+
+
+@pytest.mark.parametrize(("hour", "refused"), [(59.8, False), (60.2, True), (-44.8, False), (-45.2, True)])
+def test_the_hour_angles_allowed_are_those_of_the_way(hour, refused) -> None:
+    found = goto((0.5 * np.sign(hour), 20.0), (hour, 20.0), hour_angle_deg=(-45.0, 60.0))
+    assert bool(found) is refused
+    if refused:
+        assert f"reaches hour angle {hour / 15.0:+.1f} h, the limits are -3.0 to +4.0 h" in found[0]
+
+
+def test_the_longest_slew_is_a_third_of_the_circle() -> None:
+    assert goto((-60.0, 0.0), (59.9, 0.0), **FORK) == ()
+    (refusal,) = goto((-60.0, 0.0), (60.2, 0.0), **FORK)
+    assert "slew of 120.2 deg is longer than the 120 allowed" in refusal
+
+
+@pytest.mark.parametrize(
+    ("state", "action", "allowed"),
+    [
+        (replace(READY, parked=True), "goto", False),
+        (replace(READY, slewing=True), "goto", False),
+        (replace(READY, slewing=True), "pulse", True),
+        (replace(READY, aligned=False), "goto", False),
+        (replace(READY, aligned=None, parked=None, slewing=None), "goto", True),
+        (replace(READY, home_confirmed=False), "goto", False),
+        (replace(READY, home_confirmed=False), "move", True),
+        (replace(READY, home_confirmed=True), "goto", True),
+    ],
+)
+def test_what_a_state_forbids(state, action, allowed) -> None:
+    rules = policy()
+    if action == "goto":
+        preview = rules.goto(here(-20.0, 40.0), state, at(-25.0, 40.0))[1]
+    else:
+        preview = rules.move(action, here(-20.0, 40.0), state, Direction.NORTH, 1.0, 1.5)[1]
+    assert preview.allowed is allowed
+
+
+def test_a_move_past_the_meridian_has_fifteen_degrees() -> None:
+    west = replace(READY, pier_side=PierSide.WEST)
+    for angle, allowed in ((24.9, True), (25.1, False)):
+        _, preview, _ = policy().move("move", here(-10.0, 40.0), west, Direction.WEST, angle, 1.0)
+        assert preview.allowed is allowed
+
+
+# -- The Sun --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("away", "refused"), [(30.2, False), (29.8, True)])
+def test_thirty_degrees_from_the_sun_are_kept(away, refused) -> None:
+    ra, dec = radec_deg(sun_vector(NOON))
+    rules = policy(NOON, crosses_meridian=True)
+    _, preview = rules.goto(Pointing(ra, dec + 50.0, Epoch.DATE), READY, (ra, dec + away))
+    assert preview.allowed is not refused
+
+
+@pytest.mark.parametrize(("margin", "refused"), [(0.1, True), (-0.1, False)])
+def test_the_sun_is_no_matter_ten_degrees_below_the_horizon(margin, refused) -> None:
+    """The limit is moved beside the Sun's own altitude of a summer noon."""
+    ra, dec = radec_deg(sun_vector(NOON))
+    height = float(altitude_deg(np.atleast_2d(sun_vector(NOON)), SITE, NOON)[0])
+    rules = policy(NOON, sun_up_deg=height - margin, crosses_meridian=True)
+    _, preview = rules.goto(Pointing(ra, dec + 50.0, Epoch.DATE), READY, (ra, dec + 10.0))
+    assert preview.allowed is not refused
+    assert Limits().sun_up_deg == -10.0
+
+
+# -- A sync ----------------------------------------------------------------------------------------
+
+TARGET = (-30.0, 40.0)
+
+
+def sync(start, target, evidence=None, *, by_hand=True, armed=False, state=READY, **limits):
+    return policy(**limits).sync(here(*start), state, at(*target), evidence, by_hand, armed)
+
+
+@pytest.mark.parametrize(
+    ("step", "confirmed", "refused"),
+    [(4.9, False, False), (5.1, True, False), (19.9, True, False), (20.1, False, True)],
+)
+def test_a_sync_asks_from_five_degrees_and_refuses_from_twenty(step, confirmed, refused) -> None:
+    found = sync((-30.0, 40.0 - step), TARGET)
+    assert (bool(found.confirmations), bool(found.refusals)) == (confirmed, refused)
+    armed = sync((-30.0, 40.0 - step), TARGET, armed=True)
+    assert (armed.allowed, bool(armed.confirmations)) == (True, step > 5.0)
+    guessed = sync((-30.0, 40.0 - step), TARGET, state=replace(READY, home_confirmed=False), by_hand=False)
+    assert not any("would shift" in refusal for refusal in guessed.refusals)
+
+
+@pytest.mark.parametrize(("dec", "warned"), [(84.9, False), (85.1, True)])
+def test_near_the_pole_a_sync_hardly_corrects_right_ascension(dec, warned) -> None:
+    found = sync((-30.0, dec - 1.0), (-30.0, dec))
+    assert any("hardly corrects right ascension" in warning for warning in found.warnings) is warned
+
+
+@pytest.mark.parametrize(("altitude", "refused"), [(0.1, False), (-0.1, True)])
+def test_a_sync_is_above_the_horizon(altitude, refused) -> None:
+    hour, dec = high(altitude)
+    assert bool(sync((hour, dec + 1.0), (hour, dec)).refusals) is refused
+
+
+def solves(apart_arcsec=0.0, away_arcsec=0.0, rms_px=0.5, alarm=-20.0, count=2):
+    """Solves about the target, so far apart in declination and from it in right ascension."""
+    ra, dec = from_mount_epoch(here(*TARGET), NIGHT)
+    ra += away_arcsec / 3600.0 / np.cos(np.radians(dec))
+    centres = [(ra, dec + (k / max(count - 1, 1) - 0.5) * apart_arcsec / 3600.0) for k in range(count)]
+    return SyncEvidence(tuple(centres), (0.1,) * (count - 1) + (rms_px,), (-20.0,) * (count - 1) + (alarm,))
+
+
+@pytest.mark.parametrize(
+    ("evidence", "refusal"),
+    [
+        (solves(), ""),
+        (None, "not 0"),
+        (solves(count=1), "not 1"),
+        (solves(apart_arcsec=118.0), ""),
+        (solves(apart_arcsec=122.0), "differ by 122″"),
+        (solves(apart_arcsec=122.0, count=3), "differ by 122″"),
+        (solves(away_arcsec=118.0), ""),
+        (solves(away_arcsec=122.0), "122″ from the solved position"),
+        (solves(rms_px=1.95), ""),
+        (solves(rms_px=2.05), "residual is 2.0 px"),
+        (solves(rms_px=float("nan")), "residual"),
+        (solves(alarm=float("nan")), "chance match"),
+        (solves(away_arcsec=float("nan")), "differ by"),
+        (replace(solves(count=3), centres_deg=((10.0, 0.0), (10.0, 0.0), (float("nan"), 0.0))), "differ by"),
+        (solves(alarm=-5.1), ""),
+        (solves(alarm=-4.9), "chance match"),
+        (replace(solves(), rms_px=(0.1,)), "incomplete"),
+    ],
+)
+def test_the_solves_that_a_sync_needs(evidence, refusal) -> None:
+    found = sync((-30.0, 39.0), TARGET, evidence, by_hand=False)
+    assert bool(found.refusals) is bool(refusal)
+    assert refusal in "".join(found.refusals)
+
+
+def test_a_preview_says_how_far_east_and_north_it_goes() -> None:
+    """East is towards greater right ascension, shortened by the declination it goes to."""
+    found = sync((-30.0, 38.0), (-31.0, 40.0))
+    assert found.east_deg == pytest.approx(np.cos(np.radians(40.0)))
+    assert found.north_deg == pytest.approx(2.0)
+    assert found.offset_deg == pytest.approx(apart_deg(found.from_deg, found.to_deg))
+
+
+# -- Ways, and what may be seen on them -----------------------------------------------------------
+
+
+def test_a_great_circle_is_the_shortest_way_in_steps_of_a_degree() -> None:
+    path = great_circle((10.0, 0.0), (10.0, 60.0))
+    assert len(path) == 61
+    ra, dec = zip(*(radec_deg(v) for v in path), strict=True)
+    assert ra == pytest.approx([10.0] * 61)
+    assert dec == pytest.approx(np.arange(61.0))
+    assert len(great_circle((10.0, 0.0), (10.0, 0.0))) == 2
+    assert len(great_circle((10.0, 0.0), (190.0, 0.0))) == 2  # there is no shortest way
+
+
+def test_both_axes_turn_at_one_speed_until_each_arrives() -> None:
+    path = [radec_deg(v) for v in turned((100.0, 10.0), -20.0, 40.0)]
+    assert len(path) == 41
+    assert path[10] == pytest.approx((90.0, 20.0))
+    assert path[30] == pytest.approx((80.0, 40.0))
+    assert path[-1] == pytest.approx((80.0, 50.0))
+
+
+def plan_of(start, target, state=READY, **limits):
+    return with_paths(policy(**limits).plan("goto", here(*start), state, at(*target)))
+
+
+@pytest.mark.parametrize(("aside", "stray"), [(4.8, False), (5.3, True)])
+def test_five_degrees_beside_its_region_a_telescope_has_strayed(aside, stray) -> None:
+    """Beside a slew along the hour circle: its region is that line and the way by altitude and azimuth."""
+    plan = replace(plan_of((-60.0, 20.0), (-60.0, 30.0)), site=None, limits=Limits(allow_without_site=True, **FORK))
+    seen = SupervisedMotion(plan, allowed_region(plan))
+    off = aside / np.cos(np.radians(25.0))
+    found = seen.finding(Pointing(*at(-60.0 + off, 25.0), Epoch.DATE), NIGHT + timedelta(seconds=10))
+    assert bool(found) is stray
+    if stray:
+        assert "wrong way, 5 deg off its path" in found
+
+
+@pytest.mark.parametrize(("moved", "jumped"), [(44.5, False), (45.5, True)])
+def test_twenty_degrees_a_second_and_five_beside_are_faster_than_any_motor(moved, jumped) -> None:
+    plan = plan_of((-60.0, 0.0), (30.0, 0.0), **FORK)
+    seen = SupervisedMotion(plan, allowed_region(plan))
+    found = seen.finding(Pointing(*at(-60.0 + moved, 0.0), Epoch.DATE), NIGHT + timedelta(seconds=2))
+    assert (found is not None and "jumped by" in found) is jumped
+    there = SupervisedMotion(plan, allowed_region(plan))
+    assert there.finding(Pointing(*at(29.7, 0.0), Epoch.DATE), NIGHT) is None  # a late answer: it has arrived
+
+
+def test_a_change_of_the_pier_side_is_found_unless_it_was_allowed() -> None:
+    west = replace(READY, pier_side=PierSide.WEST)
+    plan = plan_of((-60.0, 20.0), (-50.0, 30.0), west)
+    seen = SupervisedMotion(plan, allowed_region(plan))
+    assert seen.side_finding(PierSide.WEST) is None
+    assert seen.side_finding(None) is None
+    assert "from the west to the east side" in seen.side_finding(PierSide.EAST)
+    for limits in ({"allow_flip": True}, FORK):
+        free = SupervisedMotion(replace(plan, limits=Limits(**limits)), allowed_region(plan))
+        assert free.side_finding(PierSide.EAST) is None
+
+
+def test_a_slew_has_half_a_minute_and_the_time_of_its_longer_axis() -> None:
+    assert slew_limit_s(plan_of((-60.0, 20.0), (-50.0, 45.0))) == pytest.approx(30.0 + 25.0 / 0.25)
+    assert slew_limit_s(plan_of((-60.0, 20.0), (-20.0, 25.0))) == pytest.approx(30.0 + 40.0 / 0.25)
+    assert slew_limit_s(plan_of((-80.0, 20.0), (-10.0, 25.0))) == 240.0
+
+
+@pytest.mark.parametrize(("hour", "flips"), [(-0.5, False), (0.5, True), (29.5, True), (30.5, False)])
+def test_a_mount_that_followed_past_the_meridian_may_still_flip_back(hour, flips) -> None:
+    target = hour + 5.0 if hour > 0.0 else hour - 5.0
+    assert may_flip(plan_of((hour, 20.0), (target, 20.0))) is flips
+    known = replace(READY, pier_side=PierSide.WEST)
+    assert not may_flip(plan_of((hour, 20.0), (target, 20.0), known))
+
+
+# -- The epoch that a mount's own altitude and azimuth show ---------------------------------------
+
+
+@pytest.mark.parametrize("from_south", [False, True])
+@pytest.mark.parametrize(("off_arcmin", "known"), [(0.0, True), (3.8, True), (4.3, False)])
+def test_an_epoch_is_known_within_four_arcminutes(from_south, off_arcmin, known) -> None:
+    """At a place where date and J2000 are 20 arcmin apart."""
+    ra, dec = at(-40.0, 20.0)
+    altitude = np.degrees(
+        np.arcsin(
+            np.sin(np.radians(50.0)) * np.sin(np.radians(dec))
+            + np.cos(np.radians(50.0)) * np.cos(np.radians(dec)) * np.cos(np.radians(-40.0))
+        )
+    )
+    azimuth = np.degrees(
+        np.arctan2(
+            -np.cos(np.radians(dec)) * np.sin(np.radians(-40.0)),
+            np.cos(np.radians(50.0)) * np.sin(np.radians(dec))
+            - np.sin(np.radians(50.0)) * np.cos(np.radians(dec)) * np.cos(np.radians(-40.0)),
+        )
+    )
+    assert from_altaz(altitude, azimuth, SITE, NIGHT) == pytest.approx((ra, dec), abs=1e-9)
+    shown = (altitude + off_arcmin / 60.0, (azimuth + 180.0 * from_south) % 360.0)
+    assert epoch_of(Pointing(ra, dec, Epoch.DATE), shown, SITE, NIGHT) is (Epoch.DATE if known else None)
+    j2000 = from_mount_epoch(Pointing(ra, dec, Epoch.DATE), NIGHT)
+    assert epoch_of(Pointing(*j2000, Epoch.DATE), shown, SITE, NIGHT) is (Epoch.J2000 if known else None)
+
+
+def test_local_time_east_of_greenwich_is_ahead() -> None:
+    assert utc_of(2026, 1, 1, 1, 30, 15, 2.0).isoformat() == "2025-12-31T23:30:15+00:00"
+    assert utc_of(2026, 1, 1, 1, 30, 15, -5.5).isoformat() == "2026-01-01T07:00:15+00:00"
+    assert to_mount_epoch(365.0, 10.0, Epoch.J2000, NIGHT) == (5.0, 10.0)
+    assert from_mount_epoch(Pointing(365.0, 10.0, Epoch.J2000), NIGHT) == (5.0, 10.0)
+    later = sidereal_deg(Site(0.0, 10.0), NIGHT) - sidereal_deg(Site(0.0, 0.0), NIGHT)
+    assert later % 360.0 == pytest.approx(10.0)
