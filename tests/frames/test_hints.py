@@ -28,7 +28,7 @@ def hint(comments=None, **values):
 
 def exif_hint(size=(6000, 4000), gps=None, main=None, **photo):
     tags = {int(k[1:]): v for k, v in photo.items()}
-    return hint_from_exif(Exif(main or {}, tags, gps or {}), size)[0]
+    return hint_from_exif(Exif({**(main or {}), **tags}, gps or {}), size)[0]
 
 
 def holds(span, value):
@@ -212,7 +212,7 @@ def test_exif_clocks():
     gps = {29: "2024:03:05", 7: (20.0, 0.0, 5.0)}
     fix = exif_hint(gps=gps, _36867="2024:03:05 21:00:07")
     assert fix.time_utc == datetime(2024, 3, 5, 20, 0, 5, tzinfo=UTC)
-    got, _, warnings = hint_from_exif(Exif({}, {36867: "2024:03:05 21:00:00"}, {}), (60, 40))
+    got, _, warnings = hint_from_exif(Exif({36867: "2024:03:05 21:00:00"}), (60, 40))
     assert got.time_utc == datetime(2024, 3, 5, 21, tzinfo=UTC)
     assert "time zone" in warnings[0]
 
@@ -308,7 +308,7 @@ _ANY = st.one_of(
     st.dictionaries(st.sampled_from([1, 2, 3, 4, 5, 6, 7, 29]), _ANY),
 )
 def test_no_exif_can_break_the_reader(main, photo, gps):
-    got, _, _ = hint_from_exif(Exif(main, photo, gps), (600, 400))
+    got, _, _ = hint_from_exif(Exif({**main, **photo}, gps), (600, 400))
     assert got.site is None or abs(got.site.latitude_deg) <= 90
 
 

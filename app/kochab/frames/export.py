@@ -48,16 +48,6 @@ def ds9_regions(solution: Solution) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_csv(solution: Solution, path: str | os.PathLike[str]) -> None:
-    """Write `stars_csv`; raises OSError when that is not possible."""
-    write_atomically(path, stars_csv(solution))
-
-
-def write_regions(solution: Solution, path: str | os.PathLike[str]) -> None:
-    """Write `ds9_regions`; raises OSError when that is not possible."""
-    write_atomically(path, ds9_regions(solution))
-
-
 def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write the stretched frame with its stars, grid and north: a JPEG by its suffix, else a PNG.
 

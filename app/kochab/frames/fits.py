@@ -22,8 +22,8 @@ import numpy as np
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
-from kochab.frames.hints import hint_from_keywords
-from kochab.frames.samples import MAX_BYTES, bayer_pattern, check_size, clipping_level, finite, native, split
+from kochab.frames.hints import frame_with_keywords
+from kochab.frames.samples import MAX_BYTES, check_size, native
 from kochab.frames.sandbox import leave_to_sandbox
 
 BLOCK = 2880
@@ -209,26 +209,13 @@ def _read(file: BinaryIO, path: Path, packed_bytes: int) -> Frame:
     packed = image.compressed or isinstance(file, gzip.GzipFile)
     wanted, notes = _choose(image.shape, abs(image.bitpix) // 8, packed_bytes if packed else None)
     read = _decompress if image.compressed else _read_plain
-    samples = read(file, image, wanted)
-    samples = samples.reshape(wanted)
+    samples = read(file, image, wanted).reshape(wanted)
     if len(wanted) == 3 and wanted[0] in (3, 4) and wanted[2] > 4:
         samples = np.moveaxis(samples, 0, -1)
-    pixels, colour, _ = split(samples)
-    pixels, gaps = finite(pixels)
     if header.unparsed:
         names = ", ".join(dict.fromkeys(header.unparsed[:8]))
         notes = (*notes, f"The FITS header has cards that break the standard: {names}.")
-    hint, doubts = hint_from_keywords(header.values, header.comments, pixels.shape)
-    return Frame(
-        pixels,
-        colour,
-        bayer_pattern(header.values, pixels.shape[0]) if colour is None else None,
-        _saturation(header, pixels.dtype),
-        str(path),
-        hint,
-        (*notes, *gaps, *doubts),
-        dict(header.values),
-    )
+    return frame_with_keywords(samples, path, header.values, header.comments, notes, _saturation(header))
 
 
 def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
@@ -397,9 +384,6 @@ def _check_tiles(image: FitsImage, wanted: tuple[int, ...], available: int) -> N
         raise FrameError("is cut short: its table of tiles is not all there.")
 
 
-def _saturation(header: Header, dtype: np.dtype[Any]) -> float | None:
-    for name in ("SATURATE", "SATLEVEL", "DATAMAX"):
-        level = header.number(name, 0.0)
-        if 0.0 < level < 1e9:
-            return level
-    return clipping_level(dtype)
+def _saturation(header: Header) -> float | None:
+    levels = (header.number(name, 0.0) for name in ("SATURATE", "SATLEVEL", "DATAMAX"))
+    return next((level for level in levels if 0.0 < level < 1e9), None)

@@ -11,7 +11,7 @@ from typing import Any
 
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame, Hint, Site
-from kochab.frames.samples import finite, split
+from kochab.frames.samples import bayer_pattern, clipping_level, finite, split
 
 # Every hint passes these limits; what no camera, clock or site can have becomes None.
 
@@ -140,11 +140,9 @@ def hint_from_keywords(
     scale, scale_from = _scale(values, comments)
     field_deg = scale[1] * math.hypot(height, width) / 3600.0 if scale else 0.0
     centre, centre_from = _centre(values, comments, scale, field_deg, (height, width))
-    exposure = exposure_or_none(_first_number(values, ("EXPTIME", "EXPOSURE", "EXP_TIME", "ITIME", "ELAPTIME")))
+    exposure = exposure_or_none(_number(values, "EXPTIME", "EXPOSURE", "EXP_TIME", "ITIME", "ELAPTIME"))
     time = _time(values, exposure)
-    doubts: tuple[str, ...] = ()
-    if values.get("DATE-OBS") and time is None:
-        doubts = ("DATE-OBS in the header is not a valid date.",)
+    doubtful = bool(values.get("DATE-OBS")) and time is None
     hint = Hint(
         scale_arcsec_px=scale,
         centre_deg=centre,
@@ -154,7 +152,7 @@ def hint_from_keywords(
         camera=_text(values, _CAMERAS),
         source=", ".join(dict.fromkeys(s for s in (scale_from, centre_from) if s)),
     )
-    return hint, doubts
+    return hint, ("DATE-OBS in the header is not a valid date.",) * doubtful
 
 
 def _scale(values: Keywords, comments: Mapping[str, str]) -> tuple[tuple[float, float] | None, str]:
@@ -250,7 +248,7 @@ def _time(values: Keywords, exposure_s: float | None) -> datetime | None:
     for name in ("DATE-AVG", "DATE-MID"):
         if middle := aware_utc(str(values.get(name) or "")):
             return middle
-    if middle := utc_of_mjd(_first_number(values, ("MJD-AVG", "MJD-MID"))):
+    if middle := utc_of_mjd(_number(values, "MJD-AVG", "MJD-MID")):
         return middle
     half = timedelta(seconds=(exposure_s or 0.0) / 2.0)
     start = _start(values)
@@ -275,7 +273,7 @@ def _start(values: Keywords) -> datetime | None:
 def _site(values: Keywords) -> Site | None:
     latitude = next((d for n in _LATITUDES if (d := _degrees(values.get(n))) is not None), None)
     longitude = next((d for n in _LONGITUDES if (d := _degrees(values.get(n))) is not None), None)
-    return site_or_none(latitude, longitude, _first_number(values, _HEIGHTS))
+    return site_or_none(latitude, longitude, _number(values, *_HEIGHTS))
 
 
 def _degrees(value: Any) -> float | None:
@@ -293,17 +291,14 @@ def _degrees(value: Any) -> float | None:
     return None if number is None else sign * number
 
 
-def _number(values: Keywords, name: str) -> float | None:
-    return number_or_none(values.get(name))
+def _number(values: Keywords, *names: str) -> float | None:
+    """The first of the keywords that is a number."""
+    return next((n for name in names if (n := number_or_none(values.get(name))) is not None), None)
 
 
 def _number_or(values: Keywords, name: str, default: float) -> float:
     number = _number(values, name)
     return default if number is None else number
-
-
-def _first_number(values: Keywords, names: tuple[str, ...]) -> float | None:
-    return next((n for name in names if (n := _number(values, name)) is not None), None)
 
 
 def _text(values: Keywords, names: tuple[str, ...]) -> str:
@@ -319,47 +314,27 @@ _SPREAD_FROM_35MM = 0.2
 
 @dataclass(slots=True)
 class Exif:
-    """The three tag directories of EXIF: number -> value."""
+    """The tags of the image and of its exposure, and those of the satellite fix: number -> value."""
 
-    main: dict[int, Any] = field(default_factory=dict)
-    photo: dict[int, Any] = field(default_factory=dict)
+    tags: dict[int, Any] = field(default_factory=dict)
     gps: dict[int, Any] = field(default_factory=dict)
 
 
-def exif_from_bytes(source: bytes | Path | None) -> Exif:
-    """Tags of a block that begins like a TIFF (or ``Exif``), or of a TIFF-like file."""
+def exif_of(source: Any) -> Exif:
+    """Tags of a `PIL.Image.Exif`, of a block of bytes that begins like a TIFF (or ``Exif``), or of a TIFF-like file."""
     from PIL import Image
 
-    block = Image.Exif()
-    if not source:
-        return Exif()
+    block = source if isinstance(source, Image.Exif) else Image.Exif()
     try:
+        if isinstance(source, Path):
+            with source.open("rb") as file:
+                block.load_from_fp(file)
+                return exif_of(block)
         if isinstance(source, bytes):
             block.load(source)
-            return exif_of(block)
-        with source.open("rb") as file:
-            block.load_from_fp(file)
-            return exif_of(block)
+        return Exif({**block, **block.get_ifd(0x8769)}, dict(block.get_ifd(0x8825)))
     except Exception:  # a damaged block is no hint, and no reason to refuse the picture
         return Exif()
-
-
-def exif_of(block: Any) -> Exif:
-    """Tags of a `PIL.Image.Exif`."""
-    try:
-        return Exif(dict(block), dict(block.get_ifd(0x8769)), dict(block.get_ifd(0x8825)))
-    except Exception:  # the same
-        return Exif()
-
-
-def frame_with_exif(
-    samples: Array, path: Path, exif: "Exif", size: tuple[int, int], notes: tuple[str, ...] = ()
-) -> Frame:
-    """The frame of a decoded image and what its camera wrote beside it."""
-    pixels, colour, saturation = split(samples)
-    pixels, gaps = finite(pixels)
-    hint, header, doubts = hint_from_exif(exif, size)
-    return Frame(pixels, colour, None, saturation, str(path), hint, (*notes, *gaps, *doubts), header)
 
 
 def hint_from_exif(exif: Exif, size: tuple[int, int]) -> tuple[Hint, dict[str, Any], tuple[str, ...]]:
@@ -371,12 +346,12 @@ def hint_from_exif(exif: Exif, size: tuple[int, int]) -> tuple[Hint, dict[str, A
         The header holds the few tags people know by name, as text or numbers.
 
     """
-    both = {**exif.main, **exif.photo}
-    scale, source = _exif_scale(both, size)
-    exposure = exposure_or_none(_ratio(both.get(33434)))
-    time, doubts = _exif_time(both, exif.gps, exposure)
-    camera = " ".join(dict.fromkeys(f"{_exif_text(both.get(271))} {_exif_text(both.get(272))}".split()))
-    lens = _exif_text(both.get(42036))
+    tags = exif.tags
+    scale, source = _exif_scale(tags, size)
+    exposure = exposure_or_none(_ratio(tags.get(33434)))
+    time, doubts = _exif_time(tags, exif.gps, exposure)
+    camera = " ".join(dict.fromkeys(f"{_exif_text(tags.get(271))} {_exif_text(tags.get(272))}".split()))
+    lens = _exif_text(tags.get(42036))
     hint = Hint(
         scale_arcsec_px=scale,
         time_utc=time,
@@ -387,8 +362,8 @@ def hint_from_exif(exif: Exif, size: tuple[int, int]) -> tuple[Hint, dict[str, A
     )
     names = {271: "Make", 272: "Model", 42036: "LensModel", 36867: "DateTimeOriginal"}
     numbers = {37386: "FocalLength", 33434: "ExposureTime", 34855: "ISO", 33437: "FNumber"}
-    header: dict[str, Any] = {n: _exif_text(both[t]) for t, n in names.items() if _exif_text(both.get(t))}
-    header |= {n: v for t, n in numbers.items() if (v := _ratio(both.get(t))) is not None}
+    header: dict[str, Any] = {n: text for t, n in names.items() if (text := _exif_text(tags.get(t)))}
+    header |= {n: v for t, n in numbers.items() if (v := _ratio(tags.get(t))) is not None}
     return hint, header, doubts
 
 
@@ -436,15 +411,8 @@ def _exif_time(
 
 
 def _satellite_time(gps: dict[int, Any]) -> datetime | None:
-    parts = gps.get(7)
-    if not isinstance(parts, tuple | list) or len(parts) != 3:
-        return None
-    numbers = [_ratio(p) for p in parts]
-    day = aware_utc(_exif_text(gps.get(29)).replace(":", "-"))
-    if day is None or any(n is None or not 0 <= n < 61 for n in numbers):
-        return None
-    hours, minutes, seconds = (float(n or 0.0) for n in numbers)
-    return day.astimezone(UTC) + timedelta(hours=hours, minutes=minutes, seconds=seconds)
+    day, hours = aware_utc(_exif_text(gps.get(29)).replace(":", "-")), _dms(gps.get(7))
+    return None if day is None or hours is None or not 0.0 <= hours < 25.0 else day + timedelta(hours=hours)
 
 
 def _exif_site(gps: dict[int, Any]) -> Site | None:
@@ -461,13 +429,10 @@ def _exif_site(gps: dict[int, Any]) -> Site | None:
 
 
 def _dms(value: Any) -> float | None:
-    if not isinstance(value, tuple | list) or len(value) != 3:
-        return None
-    parts = [_ratio(p) for p in value]
-    if any(p is None for p in parts):
-        return None
-    degrees, minutes, seconds = (float(p or 0.0) for p in parts)
-    return degrees + minutes / 60.0 + seconds / 3600.0
+    """Degrees or hours, minutes and seconds as a number of the first."""
+    parts = [_ratio(part) for part in value] if isinstance(value, tuple | list) else []
+    known = [part for part in parts if part is not None]
+    return known[0] + known[1] / 60.0 + known[2] / 3600.0 if len(parts) == len(known) == 3 else None
 
 
 def _ratio(value: Any) -> float | None:
@@ -482,3 +447,34 @@ def _exif_text(value: Any) -> str:
     if isinstance(value, bytes):
         value = value.decode("latin-1")
     return value.strip(" \x00") if isinstance(value, str) else ""
+
+
+# -- A frame with what its file says of it -----------------------------------------------------
+
+
+def frame_with_keywords(
+    samples: Array,
+    path: Path,
+    values: Keywords,
+    comments: Mapping[str, str],
+    notes: tuple[str, ...],
+    saturation: float | None = None,
+    pattern: str | None = None,
+) -> Frame:
+    """The frame of samples beside a FITS header; what is None is taken from the header and the samples' type."""
+    pixels, colour, _ = split(samples)
+    pixels, gaps = finite(pixels)
+    hint, doubts = hint_from_keywords(values, comments, pixels.shape)
+    bayer = (pattern or bayer_pattern(values, len(pixels))) if colour is None else None
+    level = saturation or clipping_level(pixels.dtype)
+    return Frame(pixels, colour, bayer, level, str(path), hint, (*notes, *gaps, *doubts), dict(values))
+
+
+def frame_with_exif(
+    samples: Array, path: Path, exif: Exif, size: tuple[int, int], notes: tuple[str, ...] = ()
+) -> Frame:
+    """The frame of a decoded image and what its camera wrote beside it."""
+    pixels, colour, saturation = split(samples)
+    pixels, gaps = finite(pixels)
+    hint, header, doubts = hint_from_exif(exif, size)
+    return Frame(pixels, colour, None, saturation, str(path), hint, (*notes, *gaps, *doubts), header)

@@ -12,7 +12,7 @@ from PIL import Image, ImageOps
 
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
-from kochab.frames.hints import exif_from_bytes, exif_of, frame_with_exif
+from kochab.frames.hints import exif_of, frame_with_exif
 from kochab.frames.samples import check_size
 from kochab.frames.sandbox import Outside, leave_to_sandbox
 
@@ -140,7 +140,7 @@ def read_heif(path: Path) -> Frame:
         check_size(*image.size, 6, path.stat().st_size)
         samples = np.asarray(image)
         block = image.info.get("exif")
-        exif = exif_from_bytes(block if isinstance(block, bytes) else None)
+        exif = exif_of(block)
     except (FrameError, MemoryError):
         raise
     except Exception:  # libheif's words are for programmers

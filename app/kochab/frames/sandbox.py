@@ -13,7 +13,6 @@ import os
 import pickle
 import signal
 import struct
-import subprocess
 import sys
 import threading
 import time
@@ -172,6 +171,8 @@ class _Sandbox:
     """One process, and the thread that waits for its answer."""
 
     def __init__(self) -> None:
+        import subprocess  # some milliseconds of each start, for files that come here alone
+
         no_window = 0x08000000 if os.name == "nt" else 0  # else a console flashes up
         # -P: a file pickle.py beside the frames is not Python's. One thread: each reserves memory.
         self._process = subprocess.Popen(
@@ -216,8 +217,10 @@ class _Sandbox:
     def kill(self) -> None:
         """End the process, whatever it does."""
         self._process.kill()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(1.0)
+        for _ in range(100):  # one that waits for a dead network drive ends when that answers
+            if not self.alive:
+                break
+            time.sleep(0.01)
         if self._thread is not None:
             self._thread.join(1.0)
         for pipe in (self._process.stdin, self._process.stdout):

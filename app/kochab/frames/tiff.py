@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
-from kochab.frames.hints import Exif, exif_from_bytes, frame_with_exif, hint_from_exif
+from kochab.frames.hints import Exif, exif_of, frame_with_exif, hint_from_exif
 from kochab.frames.samples import check_size, split
 from kochab.frames.sandbox import leave_to_sandbox
 
@@ -43,7 +43,7 @@ def read_tiff(path: Path) -> Frame:
     if inverted and samples.dtype.kind == "u":
         samples = np.iinfo(samples.dtype).max - samples
     notes = (f"Only the first of {count} pages is read.",) if count > 1 else ()
-    return frame_with_exif(samples, path, exif_from_bytes(path), (samples.shape[1], len(samples)), notes)
+    return frame_with_exif(samples, path, exif_of(path), (samples.shape[1], len(samples)), notes)
 
 
 def _samples(page: Any) -> tuple[NDArray[Any], bool]:
@@ -152,18 +152,15 @@ def _exif(path: Path) -> Exif:
     with path.open("rb") as file:
         head = file.read(_EXIF_SEARCH_BYTES)
     if head[4:8] == b"ftyp":
-        merged = exif_from_bytes(None)
+        merged = Exif()
         for box in (b"CMT1", b"CMT2", b"CMT4"):
             at = head.find(box)
             if at > 4:
                 (size,) = struct.unpack(">I", head[at - 4 : at])
-                block = exif_from_bytes(head[at + 4 : at - 4 + size])
-                if box == b"CMT4":
-                    merged.gps.update(block.main)
-                else:
-                    (merged.main if box == b"CMT1" else merged.photo).update(block.main)
+                tags = exif_of(head[at + 4 : at - 4 + size]).tags
+                (merged.gps if box == b"CMT4" else merged.tags).update(tags)
         return merged
-    at = head.find(b"Exif\x00\x00") if head.startswith(b"FUJIFILM") else 0
-    if at < 0:
-        return exif_from_bytes(None)
-    return exif_from_bytes(head[at + 6 :] if at else path)
+    if not head.startswith(b"FUJIFILM"):
+        return exif_of(path)
+    at = head.find(b"Exif\x00\x00")
+    return exif_of(head[at + 6 :]) if at >= 0 else Exif()

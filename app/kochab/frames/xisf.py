@@ -12,8 +12,8 @@ import numpy as np
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.fits import parse_value
-from kochab.frames.hints import hint_from_keywords
-from kochab.frames.samples import bayer_pattern, check_size, clipping_level, finite, split
+from kochab.frames.hints import frame_with_keywords
+from kochab.frames.samples import check_size
 from kochab.frames.sandbox import leave_to_sandbox
 
 
@@ -35,20 +35,9 @@ def read_xisf(path: Path) -> Frame:
     except Exception:  # its XML and codecs fail in many ways when damaged
         raise FrameError("is a damaged or cut short XISF file.") from None
     values = _keywords(metas[0])
-    pixels, colour, _ = split(samples)
-    pixels, gaps = finite(pixels)
     notes = (f"Only the first of {len(metas)} images is read.",) if len(metas) > 1 else ()
-    hint, doubts = hint_from_keywords(values, {}, pixels.shape)
-    return Frame(
-        pixels,
-        colour,
-        (_pattern(file) or bayer_pattern(values, len(pixels))) if colour is None else None,
-        clipping_level(pixels.dtype) or 1.0,
-        str(path),
-        hint,
-        (*notes, *gaps, *doubts),
-        values,
-    )
+    saturation = 1.0 if samples.dtype.kind == "f" else None
+    return frame_with_keywords(samples, path, values, {}, notes, saturation, _pattern(file))
 
 
 def _opened(path: Path) -> Any:

@@ -10,7 +10,7 @@ from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import annotate, write_csv, write_regions
+from kochab.frames.export import annotate, ds9_regions, stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
 from kochab.window.job import Jobs
@@ -34,8 +34,10 @@ class Export:
 
 
 EXPORTS = (
-    Export("csv", "Stars as &CSV…", "-stars.csv", "CSV (*.csv)", lambda _, s, p: write_csv(s, p)),
-    Export("regions", "&DS9 regions…", ".reg", "DS9 regions (*.reg)", lambda _, s, p: write_regions(s, p)),
+    Export("csv", "Stars as &CSV…", "-stars.csv", "CSV (*.csv)", lambda _, s, p: write_atomically(p, stars_csv(s))),
+    Export(
+        "regions", "&DS9 regions…", ".reg", "DS9 regions (*.reg)", lambda _, s, p: write_atomically(p, ds9_regions(s))
+    ),
     Export("wcs", "&WCS header…", ".wcs", "WCS header (*.wcs)", lambda _, s, p: write_wcs(s, p)),
     Export(
         "fits",
