@@ -80,6 +80,9 @@ def polar(qtbot, settings):
         window.close()
         commands.looks.use_theme("dark", "normal")
         assert commands.session.close()
+    for thread in threading.enumerate():
+        if thread.name == "kochab-plots":  # loads the plotting library for the process, not for a window
+            thread.join(30.0)
     left = [t.name for t in threading.enumerate() if t.name.startswith(("kochab-", "polar-"))]
     assert not left
 
