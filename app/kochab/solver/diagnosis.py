@@ -58,6 +58,8 @@ def diagnose(evidence: Evidence, refusal: NoSolution | None, elapsed_ms: Mapping
     ``refusal`` is the identifier's own; it stands when the frame looks healthy.
     """
     _measure(evidence)
+    if refusal is not None and "log10_false_alarm" in refusal.measured:
+        evidence.measured["log10_false_alarm"] = refusal.measured["log10_false_alarm"]  # of the best pointing
     stated = (refusal.reason, refusal.advice) if refusal else (Reason.NO_PATTERN_AGREED, "")
     lacking = refusal is not None and not refusal.searched
     reason, advice = next(_findings(evidence), stated if lacking else _no_visible_fault(evidence, stated))

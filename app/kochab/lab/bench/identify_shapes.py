@@ -5,24 +5,14 @@ crowd together as stars do in an open cluster: a solver that assumes evenly spre
 or the Pleiades in them.
 """
 
-import time
 from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg
-from kochab.core.frame import Detections, Hint
-from kochab.core.progress import run as drive
-from kochab.core.solution import Solution
-from kochab.lab.bench import Report, timed
-from kochab.simulate.random_fields import random_direction
-from kochab.solver import SolveOptions
-from kochab.solver.pipeline import solve_detections
+from kochab.core.frame import Detections
 
 Shape = Callable[[np.random.Generator, int], Floats]
 """Makes offsets (N, 2) from the shape's centre, in units of about a quarter of the side."""
@@ -31,7 +21,6 @@ SIZE_PX = 1024
 COUNTS = (5, 3000)
 LEAST_PX = 5.0
 SEED = 20260301
-MODES = ("blind", "scale to 10 %", "scale to 2 %", "scale to 10 %, place to 5 deg")
 
 
 def plummer(rng: np.random.Generator, count: int) -> Floats:
@@ -142,49 +131,6 @@ def shape_list(shape: Shape, seed: int, number: int) -> Detections:
             apart[j] &= not apart[i]
         order = order[apart]
     return Detections.from_list(xy[order], SIZE_PX, SIZE_PX, flux[order])
-
-
-def options_of(mode: str, rng: np.random.Generator) -> SolveOptions:
-    """The hint of one list: none, a random scale, or a random scale and place."""
-    field_deg = float(np.exp(rng.uniform(np.log(0.8), np.log(40.0))))
-    ra, dec = radec_deg(random_direction(rng))
-    if mode == "blind":
-        return SolveOptions()
-    scale = 3600.0 * field_deg / SIZE_PX
-    factor = 1.02 if "2 %" in mode else 1.1
-    place = (ra, dec, 5.0) if "place" in mode else None
-    hint = Hint(scale_arcsec_px=(scale / factor, scale * factor), centre_deg=place)
-    return SolveOptions(hint=hint, blind_after_hint=False)
-
-
-def shape_rows(count: int, report: Report) -> list[dict[str, Any]]:
-    """Solve ``count`` lists of each shape in every mode; a row each, with the number solved."""
-    rows = []
-    for name in SHAPES:
-        report(f"{name}, {count} lists without truth ...")
-        rows += [_row(name, mode, count) for mode in MODES]
-    return rows
-
-
-def _row(name: str, mode: str, count: int) -> dict[str, Any]:
-    spent, wrong, claimed = [], 0, 0.0
-    seed = SEED + list(SHAPES).index(name)
-    rng = np.random.default_rng([seed, MODES.index(mode)])
-    for number in range(count):
-        points, options = shape_list(SHAPES[name], seed, number), options_of(mode, rng)
-        answer, seconds = timed(partial(drive, solve_detections(points, options)), time.perf_counter)
-        spent.append(seconds)
-        if isinstance(answer, Solution):
-            wrong += 1
-            claimed = min(claimed, answer.log10_false_alarm)
-    return refusal_row(name, mode, spent, wrong) | {"worst_claim": claimed}
-
-
-def refusal_row(fields: str, mode: str, spent_s: list[float], wrong: int) -> dict[str, Any]:
-    """A row of lists that all have to be refused, ``wrong`` of which were not."""
-    times = [1e3 * float(np.percentile(spent_s, part)) for part in (50, 99)]
-    counts = {"fields": fields, "mode": mode, "n": len(spent_s), "success": np.nan, "wrong": wrong}
-    return counts | {"median_ms": times[0], "p99_ms": times[1]}
 
 
 def _turned(rng: np.random.Generator, radius: Floats) -> Floats:
