@@ -8,7 +8,7 @@ import numpy as np
 from kochab.core.arrays import Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
-from kochab.simulate.exposure import AttitudeAt, ExposureLight, Paths, Sensitivity, StarPaths, background, starlight
+from kochab.simulate.exposure import AttitudeAt, ExposureLight, Paths, StarPaths, background, electrons, starlight
 from kochab.simulate.night_sky import Atmosphere, Glow, Weather
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
 from kochab.sky import Catalogue
@@ -49,11 +49,6 @@ class CameraConfig:
         plain = Camera.centred(self.width, self.height, float(focal), self.mirrored)
         return replace(plain, k1=self.k1, k2=self.k2, p1=self.p1, p2=self.p2)
 
-    @property
-    def sensitivity(self) -> Sensitivity:
-        """What the light becomes in electrons."""
-        return Sensitivity(self.zero_point_e_s, self.optics().scale_arcsec_px)
-
 
 class SkyCamera:
     """Takes frames; the same seed and the same exposures give the same pixels."""
@@ -87,31 +82,31 @@ class SkyCamera:
 
     def faintest(self, exposure_s: float) -> float:
         """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
-        pixel = self.config.sensitivity.scale_arcsec_px**2
-        dark = self.config.sensitivity.electrons(np.array(self.glow.dark_mag), exposure_s) * pixel
+        zero_point_e_s, pixel = self.config.zero_point_e_s, self.optics.scale_arcsec_px**2
+        dark = electrons(np.array(self.glow.dark_mag), zero_point_e_s, exposure_s) * pixel
         area = 4.0 * np.pi * (self.config.fwhm_px / FWHM_PER_SIGMA) ** 2
         lost = 2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2))
-        mag = 2.5 * np.log10(self.config.zero_point_e_s * exposure_s / lost)
+        mag = 2.5 * np.log10(zero_point_e_s * exposure_s / lost)
         return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
 
     def light(self, paths: Paths, attitude_at: AttitudeAt) -> ExposureLight:
         """The light of stars and sky in an exposure."""
-        return ExposureLight(paths, attitude_at, self.optics, self.config.sensitivity, self.glow, self.weather)
+        return ExposureLight(paths, attitude_at, self.optics, self.config.zero_point_e_s, self.glow, self.weather)
 
     def frame(self, attitude_at: AttitudeAt, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
         """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""
         paths = self.paths(attitude_at, start, exposure_s)
         light = self.light(paths, attitude_at)
-        electrons = background(light)
+        image_e = background(light)
         image = RenderedStar(self.config.fwhm_px, self.config.beta)
         cores, flux = paths.cores(0.4 * image.fwhm_px), starlight(light)
         places, shares = cores.reshape(-1, 2), np.tile(flux / len(cores), len(cores))
         seen = np.isfinite(places).all(axis=1) & (shares > 0.0)
-        add_stars(electrons, places[seen], shares[seen], image)
-        electrons.ravel()[self._hot] += (self._hot_e_s * exposure_s).astype(np.float32)
+        add_stars(image_e, places[seen], shares[seen], image)
+        image_e.ravel()[self._hot] += (self._hot_e_s * exposure_s).astype(np.float32)
         rays = int(self._rng.poisson(self.config.rays_per_minute * exposure_s / 60.0))
         sensor = replace(self.config.sensor, gain_e=gain_e) if gain_e else self.config.sensor
-        taken = expose(electrons, Sky(0.0, rays=rays), sensor, self._rng, self._noise(electrons.size))
+        taken = expose(image_e, Sky(0.0, rays=rays), sensor, self._rng, self._noise(image_e.size))
         return replace(taken, hint=self.hint(start, exposure_s))
 
     def hint(self, start: float, exposure_s: float) -> Hint:

@@ -106,16 +106,9 @@ class StarPaths:
 COARSE = (19, 25)  # rows and columns of places where the glow is worked out
 
 
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """Electrons a second of a V = 0 star above the air, and the pixel's side on the sky."""
-
-    zero_point_e_s: float
-    scale_arcsec_px: float
-
-    def electrons(self, mag: Floats, seconds: float) -> Floats:
-        """Electrons of stars of these magnitudes."""
-        return np.asarray(self.zero_point_e_s * seconds * 10.0 ** (-0.4 * mag))
+def electrons(mag: Floats, zero_point_e_s: float, seconds: float) -> Floats:
+    """Electrons (N,) of stars of these magnitudes (N,); one of V = 0 above the air gives the zero point a second."""
+    return np.asarray(zero_point_e_s * seconds * 10.0 ** (-0.4 * mag))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +118,7 @@ class ExposureLight:
     paths: Paths
     attitude_at: AttitudeAt
     optics: Camera
-    sensitivity: Sensitivity
+    zero_point_e_s: float
     glow: Glow
     weather: Weather | None
 
@@ -150,7 +143,7 @@ def starlight(light: ExposureLight) -> Floats:
     """Electrons (N,) that each star leaves on the sensor."""
     directions = light.paths.directions
     lost = light.glow.extinction * airmass(directions) + light.clouds(directions)
-    return light.sensitivity.electrons(light.paths.mag + lost, light.seconds)
+    return electrons(light.paths.mag + lost, light.zero_point_e_s, light.seconds)
 
 
 def sky_electrons(light: ExposureLight) -> Floats:
@@ -162,8 +155,8 @@ def sky_electrons(light: ExposureLight) -> Floats:
     directions = light.optics.unproject(pixels) @ light.attitude_at(light.middle)
     mag = surface_mag(directions, light.glow, sun_and_moon(light.paths.sky, light.middle))
     through = 10.0 ** (-0.4 * light.clouds(directions))
-    area = light.sensitivity.scale_arcsec_px**2
-    dark = light.sensitivity.electrons(mag, light.seconds) * area
+    area = light.optics.scale_arcsec_px**2
+    dark = electrons(mag, light.zero_point_e_s, light.seconds) * area
     # Clouds over towns or under the Moon scatter: the sky behind them grows brighter.
     lit = dark * (1.0 + (1.0 - through))
     return np.asarray(np.where(directions[:, 2] > 0.0, lit, 0.1 * dark).reshape(rows, columns))

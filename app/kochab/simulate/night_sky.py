@@ -67,13 +67,10 @@ class LocalSky:
         ra, dec = erfa.atciqz(*erfa.c2s(vectors), self._to_cirs)
         return float(np.degrees(ra - self._origins) % 360.0), float(np.degrees(dec))
 
-    def pole_enu(self, refracted: bool = True) -> Floats:
-        """The visible celestial pole (3,) of date, as seen through the air or without it."""
+    def pole_enu(self) -> Floats:
+        """The visible celestial pole (3,) of date, as seen through the air."""
         dec = np.pi / 2 if self._north else -np.pi / 2
-        through = self._to_observed.copy()
-        if not refracted:
-            through["refa"] = through["refb"] = 0.0
-        return _enu(*erfa.atioq(0.0, dec, through)[:2])
+        return _enu(*erfa.atioq(0.0, dec, self._to_observed)[:2])
 
 
 def _enu(azimuth: Floats, zenith: Floats) -> Floats:

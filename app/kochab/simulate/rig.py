@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
+import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
@@ -15,7 +16,7 @@ from kochab.simulate import night_sky
 from kochab.simulate.camera import CameraConfig, SkyCamera
 from kochab.simulate.exposure import star_list
 from kochab.simulate.mechanics.axis import GearErrors
-from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig, about_x, about_y
+from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig, X, Y, about
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.sky import Catalogue, open_catalogue
 
@@ -59,9 +60,9 @@ class MountTruth:
         """ICRS of the frame's principal point."""
         return self.attitude.ra_dec_deg
 
-    def axis_error(self, refracted: bool = True) -> AxisError:
-        """The axis against the pole as seen through the air, or without it."""
-        pole, axis = self.sky.pole_enu(refracted), self.axis_enu
+    def axis_error(self) -> AxisError:
+        """The axis against the pole as seen through the air."""
+        pole, axis = self.sky.pole_enu(), self.axis_enu
         high = float(night_sky.altitude_deg(axis) - night_sky.altitude_deg(pole))
         turned = float((night_sky.azimuth_deg(axis) - night_sky.azimuth_deg(pole) + 180.0) % 360.0 - 180.0)
         return AxisError(high * 3600.0, turned * 3600.0, separation_deg(axis, pole) * 3600.0)
@@ -149,7 +150,7 @@ class PracticeRig:
         """Rotation (3, 3) from observed directions (E, N, U) to camera axes, wind included."""
         view = self.mount.attitude_enu_to_camera(unix_s)
         x, y = self.weather.shake_rad(unix_s)
-        return np.asarray(about_x(x) @ about_y(y) @ view) if x or y else view
+        return np.asarray(about(X, x) @ about(Y, y) @ view) if x or y else view
 
     def frame(self, exposure_s: float = 1.0, gain_e: float = 0.0) -> Frame:
         """Expose from now on and give the frame; the clock goes on by the exposure."""
@@ -237,11 +238,10 @@ def random_place(
 
     The hour angle is within ``hours_deg``, the sine of the declination within ``most_sine`` of 0.
     """
-    p, lowest = np.radians(latitude_deg), np.sin(np.radians(lowest_deg))
+    latitude, lowest = np.radians([latitude_deg, lowest_deg])
     while True:
-        hour, sine = rng.uniform(*hours_deg), rng.uniform(-most_sine, most_sine)
-        dec = np.arcsin(sine)
-        if np.sin(p) * sine + np.cos(p) * np.cos(dec) * np.cos(np.radians(hour)) > lowest:
+        hour, dec = rng.uniform(*hours_deg), np.arcsin(rng.uniform(-most_sine, most_sine))
+        if erfa.hd2ae(np.radians(hour), dec, latitude)[1] > lowest:
             return float(hour), float(np.degrees(dec))
 
 

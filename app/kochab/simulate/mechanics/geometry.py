@@ -14,6 +14,7 @@ from kochab.core.arrays import Floats
 from kochab.core.frame import Site
 from kochab.simulate.mechanics.axis import GearErrors
 
+X, Y, Z = np.eye(3)
 CAMERA_TO_TUBE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -33,29 +34,18 @@ class Build:
     camera_roll_deg: float = 0.0
 
 
-def about_x(angle: float) -> Floats:
-    """Rotation (3, 3) about x by radians, right-handed."""
-    c, s = cos(angle), sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def about_y(angle: float) -> Floats:
-    """Rotation (3, 3) about y by radians, right-handed."""
-    c, s = cos(angle), sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def about_z(angle: float) -> Floats:
-    """Rotation (3, 3) about z by radians, right-handed."""
-    c, s = cos(angle), sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+def about(axis: Floats, angle: float) -> Floats:
+    """Rotation (3, 3) about a unit vector (3,) by radians, right-handed: Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * (cross @ cross))
 
 
 def mount_to_enu(altitude_deg: float, azimuth_deg: float) -> Floats:
     """Rotation (3, 3) of a mount whose polar axis' north end is at this altitude and azimuth."""
     a = radians(altitude_deg)
     level = np.array([[0.0, 1.0, 0.0], [-sin(a), 0.0, cos(a)], [cos(a), 0.0, sin(a)]])
-    return np.asarray(about_z(-radians(azimuth_deg)) @ level)
+    return np.asarray(about(Z, -radians(azimuth_deg)) @ level)
 
 
 def camera_to_enu(hour_deg: float, dec_deg: float, axis: Floats, build: Build) -> Floats:
@@ -66,12 +56,12 @@ def camera_to_enu(hour_deg: float, dec_deg: float, axis: Floats, build: Build) -
     :func:`mount_to_enu`.
     """
     tube = (
-        about_z(-radians(hour_deg))
-        @ about_x(radians(build.square_deg))
-        @ about_y(-radians(dec_deg))
-        @ about_z(radians(build.cone_deg))
+        about(Z, -radians(hour_deg))
+        @ about(X, radians(build.square_deg))
+        @ about(Y, -radians(dec_deg))
+        @ about(Z, radians(build.cone_deg))
     )
-    turned = CAMERA_TO_TUBE @ about_z(radians(build.camera_roll_deg))
+    turned = CAMERA_TO_TUBE @ about(Z, radians(build.camera_roll_deg))
     return _drooped(axis @ tube @ turned, build.flexure_arcsec)
 
 
@@ -85,10 +75,7 @@ def _drooped(camera: Floats, flexure_arcsec: float) -> Floats:
         return camera
     angle = radians(flexure_arcsec / 3600.0) * level
     # Right-handed about the direction to the right of the boresight this would raise it.
-    k = np.array([n, -e, 0.0]) / level
-    cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
-    bend = np.eye(3) - sin(angle) * cross + (1.0 - cos(angle)) * (cross @ cross)
-    return np.asarray(bend @ camera)
+    return np.asarray(about(np.array([n, -e, 0.0]) / level, -angle) @ camera)
 
 
 # -- The polar axis on its wedge, and the two bolts that move it -------------------------------

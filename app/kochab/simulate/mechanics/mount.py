@@ -3,6 +3,7 @@
 import math
 import threading
 
+import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
@@ -166,11 +167,6 @@ class EquatorialMount:
         _, dec = self.axes_deg()
         return PierSide.WEST if abs(dec) > 90.0 else PierSide.EAST
 
-    def _altitude_deg(self, hour_deg: float, dec_deg: float) -> float:
-        h, d, p = (math.radians(x) for x in (hour_deg, dec_deg, self.latitude_deg))
-        sine = math.sin(p) * math.sin(d) + math.cos(p) * math.cos(d) * math.cos(h)
-        return math.degrees(math.asin(max(-1.0, min(1.0, sine))))
-
     def _reachable(self, hour_deg: float, dec_deg: float, t: float) -> tuple[float, float] | None:
         """Encoder angles for a target: a short way on this side of the pier, else the side for it.
 
@@ -204,7 +200,7 @@ class EquatorialMount:
                 return "parked"
             t = self.clock.now_unix()
             hour = self.sidereal_deg(t) - ra_deg
-            if self._altitude_deg(hour, dec_deg) < 0.0:
+            if erfa.hd2ae(*np.radians([hour, dec_deg, self.latitude_deg]))[1] < 0.0:
                 return "below horizon"
             target = self._reachable(hour, dec_deg, t)
             if target is None:

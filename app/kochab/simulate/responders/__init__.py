@@ -10,8 +10,10 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any, ClassVar
+
+import erfa
 
 from kochab.simulate.mechanics.mount import EquatorialMount
 
@@ -82,8 +84,7 @@ class Controller:
 
 def open_responder(name: str, telescope: EquatorialMount) -> Controller:
     """The simulated controller registered as ``name``, over ``telescope``."""
-    module, _, cls = RESPONDERS[name].partition(":")
-    responder: Controller = getattr(import_module(module), cls)(telescope)
+    responder: Controller = resolve_name(RESPONDERS[name])(telescope)
     return responder
 
 
@@ -127,9 +128,5 @@ def horizontal_deg(telescope: EquatorialMount, latitude_deg: float) -> tuple[flo
     """Altitude, and azimuth from north over east in [0, 360), degrees, without air."""
     ra_deg, dec_deg = telescope.believed_deg()
     hour = math.radians(telescope.sidereal_deg() - ra_deg)
-    dec, p = math.radians(dec_deg), math.radians(latitude_deg)
-    east = -math.cos(dec) * math.sin(hour)
-    north = math.sin(dec) * math.cos(p) - math.cos(dec) * math.cos(hour) * math.sin(p)
-    up = math.sin(dec) * math.sin(p) + math.cos(dec) * math.cos(hour) * math.cos(p)
-    altitude = math.degrees(math.atan2(up, math.hypot(east, north)))
-    return altitude, math.degrees(math.atan2(east, north)) % 360.0
+    azimuth, altitude = erfa.hd2ae(hour, math.radians(dec_deg), math.radians(latitude_deg))
+    return math.degrees(altitude), math.degrees(azimuth) % 360.0

@@ -266,7 +266,7 @@ class AutostarResponder(Lx200Responder):
 
 RATES = tuple(k * SIDEREAL_DEG_S for k in (0.25, 0.5, 1, 2, 4, 8, 20, 48, 240, 480))
 UNSPECIFIED = 9
-REASONS = {"below horizon": 1, "overhead": 2, "parked": 4, "limits": 6, "moving": 8}
+REASONS = {"below horizon": 1, "overhead": 2, "parked": 4, "in goto": 5, "limits": 6, "moving": 8}
 
 
 class OnStepResponder(AutostarResponder):
@@ -327,9 +327,7 @@ class OnStepResponder(AutostarResponder):
         return "in goto" if self.telescope.slewing else super()._goto(ra_deg, dec_deg)
 
     def _code(self, reason: str | None) -> int:
-        if reason is None:
-            return 0
-        return 5 if reason == "in goto" else REASONS.get(reason, UNSPECIFIED)
+        return 0 if reason is None else REASONS.get(reason, UNSPECIFIED)
 
     def flags(self) -> bytes:
         """``:GU#``: what is not so has a letter too."""
