@@ -10,10 +10,8 @@ from kochab.gear.journal import open_journal
 
 if TYPE_CHECKING:
     from kochab.core.solution import Solution
-    from kochab.lab.laboratory.comparison import FieldSettings
     from kochab.server.phone_page import PhonePage
     from kochab.simulate.practice import PracticeNight
-    from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
     from kochab.workflows.live.update import LiveUpdate
 
 
@@ -60,7 +58,7 @@ def _window(paths: list[str]) -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    wiring = Wiring(_to_json, _practise, _simulated_field, _to_record, _simulated_picture, _phone_page)
+    wiring = Wiring(_to_json, _practise, _to_record, _phone_page)
     return run(paths, wiring=wiring)
 
 
@@ -87,32 +85,6 @@ def _practise(**wishes: Any) -> "PracticeNight":
     from kochab.simulate.practice import practise
 
     return practise(**wishes)
-
-
-def _simulated_field(wish: "FieldSettings", seeds: "Sequence[int]") -> "RandomField":
-    """A star field for the Laboratory, from the room that the window does not know."""
-    import numpy as np
-
-    from kochab.simulate.random_fields import random_field
-    from kochab.sky import open_catalogue
-
-    return random_field(open_catalogue(), np.random.default_rng(list(seeds)), _plan(wish))
-
-
-def _simulated_picture(wish: "FieldSettings", seeds: "Sequence[int]") -> "RandomImage":
-    """The same as a picture."""
-    import numpy as np
-
-    from kochab.simulate.random_fields import random_picture
-    from kochab.sky import open_catalogue
-
-    return random_picture(open_catalogue(), np.random.default_rng(list(seeds)), _plan(wish))
-
-
-def _plan(wish: "FieldSettings") -> "FieldPlan":
-    from kochab.simulate.random_fields import FieldPlan
-
-    return FieldPlan(wish.fov_deg, wish.size_px, wish.noise_px, wish.missing, wish.false, brightest=wish.stars)
 
 
 if __name__ == "__main__":

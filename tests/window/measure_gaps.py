@@ -18,11 +18,9 @@ import numpy as np
 from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
-from kochab.__main__ import _simulated_field
 from kochab.window.application import Background, Garbage, build
 from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
-from kochab.workflows.session.wiring import Wiring
 
 TICK_MS = 2
 LONG_S = 0.030
@@ -102,7 +100,7 @@ def main(*arguments):
         path = Path(home, "large.fits")
         size = make_frame(path, float(sizes[0]) if sizes else 61.0)
         engine = WorkflowEngine()
-        window, commands = build(engine, settings, wiring=Wiring(fields=_simulated_field))
+        window, commands = build(engine, settings)
         garbage, background = Garbage(), Background(window, engine)
         window.resize(1360, 860)
         window.show()

@@ -17,7 +17,7 @@ from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication
 
-from kochab.__main__ import _practise, _simulated_field, _simulated_picture
+from kochab.__main__ import _practise
 from kochab.core.solution import Solution
 from kochab.window.application import build
 from kochab.window.session import WorkflowEngine
@@ -72,7 +72,7 @@ def main(folder, *arguments):
     folder = Path(folder)
     with tempfile.TemporaryDirectory() as home:
         settings = WindowSettings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
-        wiring = Wiring(practice=_practise, fields=_simulated_field, pictures=_simulated_picture)
+        wiring = Wiring(practice=_practise)
         window, commands = build(WorkflowEngine(), settings, wiring=wiring)
         window.resize(1360, 860)
         window.show()

@@ -3,13 +3,10 @@
 import csv
 import io
 from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from kochab.__main__ import _simulated_field, _simulated_picture
 from kochab.attitude import small_rotation
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.errors import UsageError
@@ -18,7 +15,7 @@ from kochab.core.progress import Progress, run
 from kochab.core.registry import Registry
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
-from kochab.lab.laboratory import comparison, trials
+from kochab.lab.laboratory import comparison, scene, trials
 from kochab.lab.laboratory.comparison import (
     Choice,
     ComparedPart,
@@ -30,15 +27,20 @@ from kochab.lab.laboratory.comparison import (
     wrong_names,
 )
 from kochab.lab.laboratory.curves import POINTS, SWEEPS, TRIALS, curves, points_csv, sweeps_of, trials_csv
-from kochab.lab.laboratory.scene import scene_of_field, scene_of_picture
 from kochab.lab.laboratory.trials import try_method, with_fitted_pointing
+from kochab.simulate.random_fields import random_field
+from kochab.sky import open_catalogue
 
 EASY = FieldSettings(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
 
 
+def simulated_field(wish, seeds):
+    return random_field(open_catalogue(), np.random.default_rng(seeds), wish.plan())
+
+
 @pytest.fixture(scope="module")
 def easy():
-    return _simulated_field(EASY, (3, 1))
+    return simulated_field(EASY, (3, 1))
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +52,6 @@ def identification(easy, attitude=None):
     found = run(IDENTIFIERS.make("patterns").identify(easy.detections, None))
     assert isinstance(found, Identification)
     return found if attitude is None else replace(found, attitude=attitude)
-
-
-def fields(make=_simulated_field):
-    return partial(scene_of_field, make)
 
 
 def with_methods(detections, choices, hint, truth, **more):
@@ -149,10 +147,10 @@ class Slow:
 def slow(monkeypatch):
     Slow.made = Slow.closed = 0
     room = trials
-    monkeypatch.setattr(room, "IDENTIFIERS", SimpleNamespace(make=lambda name, **options: Slow(**options)))
-    monkeypatch.setattr(room, "allowed", lambda kind, name, options: options)
-    monkeypatch.setattr(room, "_used", set())
     registry = Registry("method", "kochab.methods", {"slow": f"{__name__}:Slow"})
+    monkeypatch.setattr(room, "IDENTIFIERS", registry)
+    monkeypatch.setattr(room, "checked", lambda method, options: options)
+    monkeypatch.setattr(room, "_used", set())
     monkeypatch.setitem(comparison.REGISTRIES, ComparedPart.METHOD, registry)
 
 
@@ -191,7 +189,7 @@ def test_an_option_that_is_not_there_is_refused(easy, truth):
 def test_every_method_can_stand_in_the_laboratory(method):
     """An empty list and a few points: no answer, no fault, whatever the method."""
     points = np.random.default_rng(1).uniform(0, 1000, (5, 2))
-    truth = FieldTruth(_simulated_field(EASY, (1,)).camera, attitude_from(0.0, 0.0, 0.0))
+    truth = FieldTruth(simulated_field(EASY, (1,)).camera, attitude_from(0.0, 0.0, 0.0))
     hint = scale_hint(truth, 10.0)
     for xy in (np.zeros((0, 2)), points[:2]):
         found = Detections.from_list(xy, 1024, 1024)
@@ -204,7 +202,7 @@ def test_curves_count_answers_and_grow_round_by_round():
     heard = []
     wish = FieldSettings(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
     choices = [Choice("patterns")]
-    points = run(curves(fields(), wish, ComparedPart.METHOD, choices, ("missing", "stars"), 2, tell=heard.append))
+    points = run(curves(wish, ComparedPart.METHOD, choices, ("missing", "stars"), 2, tell=heard.append))
     wanted = {(s, v) for s in ("missing", "stars") for v in SWEEPS[s].values}
     assert {(p.sweep, p.value) for p in points} == wanted
     assert len(heard) == 2 * len(wanted)
@@ -217,40 +215,42 @@ def test_curves_count_answers_and_grow_round_by_round():
     assert all(p.median_s > 0 for p in points)
 
 
-def test_the_same_seed_gives_the_same_fields_to_every_method():
+def watched_fields(monkeypatch):
+    """What the curves ask to be simulated, in a list that grows: settings and seeds."""
     asked = []
 
-    def field(wish, seeds):
-        asked.append((wish, tuple(seeds)))
-        return _simulated_field(wish, seeds)
+    def watched(wish, seeds):
+        asked.append((wish, seeds))
+        return scene_of_field(wish, seeds)
 
+    scene_of_field = scene.scene_of_field
+    monkeypatch.setattr(scene, "scene_of_field", watched)
+    return asked
+
+
+def test_the_same_seed_gives_the_same_fields_to_every_method(monkeypatch):
+    asked = watched_fields(monkeypatch)
     choices = [Choice("patterns"), Choice("neighbours")]
-    run(curves(fields(field), EASY, ComparedPart.METHOD, choices, ("noise_px",), 1, seed=5))
+    run(curves(EASY, ComparedPart.METHOD, choices, ("noise_px",), 1, seed=5))
     assert len(asked) == len(set(asked)) == len(SWEEPS["noise_px"].values)  # one for both methods
-    again = _simulated_field(*asked[0])
-    assert np.array_equal(again.detections.xy, _simulated_field(*asked[0]).detections.xy)
+    again = simulated_field(*asked[0])
+    assert np.array_equal(again.detections.xy, simulated_field(*asked[0]).detections.xy)
     assert len({seeds for _, seeds in asked}) == len(asked)
 
 
-def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields():
-    asked = set()
-
-    def field(wish, seeds):
-        asked.add((wish, tuple(seeds)))
-        return _simulated_field(wish, seeds)
-
+def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields(monkeypatch):
+    asked = watched_fields(monkeypatch)
     choices = [Choice("patterns"), Choice("voting")]
-    points = run(curves(fields(field), EASY, ComparedPart.METHOD, choices, ("margin_px",), 1))
+    points = run(curves(EASY, ComparedPart.METHOD, choices, ("margin_px",), 1))
     assert {p.name for p in points} == {"voting"}
     assert [p.value for p in points] == list(SWEEPS["margin_px"].values)
-    assert len(asked) == 1
+    assert len(set(asked)) == 1
 
 
 def test_curves_of_detectors_count_the_stars_they_found():
     wish = FieldSettings(fov_deg=25.0, stars=15, noise_px=0.05, false=0.0, missing=0.0, size_px=400)
-    pictures = partial(scene_of_picture, _simulated_picture)
     choices = [Choice("auto"), Choice("contours")]
-    points = run(curves(pictures, wish, ComparedPart.DETECTOR, choices, ("noise_px",), 2))
+    points = run(curves(wish, ComparedPart.DETECTOR, choices, ("noise_px",), 2))
     at = {(p.name, p.value): p for p in points}
     assert len(at) == 2 * len(SWEEPS["noise_px"].values)
     for name in ("auto", "contours"):
@@ -264,12 +264,12 @@ def test_curves_of_detectors_count_the_stars_they_found():
 
 def test_curves_of_estimators_tell_the_error_where_there_is_an_answer():
     choices = [Choice("fit"), Choice("triad")]
-    points = run(curves(fields(), EASY, ComparedPart.ATTITUDE, choices, ("noise_px",), 3))
+    points = run(curves(EASY, ComparedPart.ATTITUDE, choices, ("noise_px",), 3))
     at = {(p.name, p.value): p for p in points}
     assert at["fit", 4.0].off_arcsec > 10 * at["fit", 0.0].off_arcsec
     assert at["fit", 2.0].off_arcsec < at["triad", 2.0].off_arcsec
     assert all(p.found is None for p in points)
-    none = run(curves(fields(), EASY, ComparedPart.ATTITUDE, choices, ("noise_px",), 1, limit_s=-1.0))
+    none = run(curves(EASY, ComparedPart.ATTITUDE, choices, ("noise_px",), 1, limit_s=-1.0))
     assert len(none) == len(points)
     assert all(p.off_arcsec is None for p in none)
     assert all(p.median_s == p.right == p.wrong == 0 for p in none)
@@ -283,7 +283,7 @@ def test_tables_export_every_number(easy, truth):
     assert float(rows[0]["ra_deg"]) == pytest.approx(trials[0].ra_dec_deg[0], abs=1e-3)
     assert rows[1]["answered"] == "no"
     assert rows[1]["ra_deg"] == rows[1]["wrong"] == ""
-    points = run(curves(fields(), EASY, ComparedPart.METHOD, [Choice("patterns")], ("missing",), 1))
+    points = run(curves(EASY, ComparedPart.METHOD, [Choice("patterns")], ("missing",), 1))
     lines = list(csv.DictReader(io.StringIO(points_csv(points))))
     assert tuple(lines[0]) == POINTS
     assert [float(r["value"]) for r in lines] == list(SWEEPS["missing"].values)

@@ -5,23 +5,36 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.__main__ import _simulated_field
 from kochab.attitude import ESTIMATORS, small_rotation
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.errors import UsageError
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
-from kochab.lab.laboratory.comparison import FIT, Choice, ComparedPart, FieldSettings, FieldTruth, names_of, scale_hint
+from kochab.lab.laboratory.comparison import (
+    FIT,
+    REGISTRIES,
+    Choice,
+    ComparedPart,
+    FieldSettings,
+    FieldTruth,
+    scale_hint,
+)
 from kochab.lab.laboratory.scene import comparison, scene_of_field
 from kochab.lab.laboratory.trials import REFUSED, REPEATS, NamedStars, between, name_stars, try_attitude
+from kochab.simulate.random_fields import random_field
+from kochab.sky import open_catalogue
 
 ARCSEC = np.radians(1.0 / 3600.0)
 WISH = FieldSettings(fov_deg=20.0, stars=30, noise_px=0.2, false=0.1, missing=0.1)
 
 
+def simulated_field(wish, seeds):
+    return random_field(open_catalogue(), np.random.default_rng(seeds), wish.plan())
+
+
 @pytest.fixture(scope="module")
 def field():
-    return _simulated_field(WISH, (6,))
+    return simulated_field(WISH, (6,))
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +50,10 @@ def named(field, truth):
 
 
 def test_the_fit_comes_first_and_every_estimator_is_there():
-    assert names_of(ComparedPart.ATTITUDE) == [FIT, *ESTIMATORS]
+    assert list(REGISTRIES[ComparedPart.ATTITUDE]) == [FIT, *ESTIMATORS]
 
 
-@pytest.mark.parametrize("name", names_of(ComparedPart.ATTITUDE))
+@pytest.mark.parametrize("name", REGISTRIES[ComparedPart.ATTITUDE])
 def test_every_estimator_agrees_with_the_fit_within_its_own_errors(named, truth, name):
     trial = run(try_attitude(named, Choice(name), truth))
     assert trial.right
@@ -81,7 +94,7 @@ def test_stars_that_nobody_could_name_have_no_attitude_and_the_reason_is_told(tr
     assert (trial.answered, trial.right) == (False, False)
     assert (trial.reason, trial.advice) == (Reason.NO_PATTERN_AGREED, "everything")
     assert run(try_attitude(None, Choice(FIT), None)).reason == "timed out"
-    points = _simulated_field(FieldSettings(stars=3), (1,)).detections
+    points = simulated_field(FieldSettings(stars=3), (1,)).detections
     assert isinstance(run(name_stars(points, None, 2016.0, 20.0)), NoSolution)
 
 
@@ -96,9 +109,9 @@ def test_an_estimate_is_timed_over_several_and_can_be_stopped_between(named):
 def test_all_of_them_from_one_identification(truth):
     heard = []
     task = comparison(
-        scene_of_field(_simulated_field, WISH, (6,)),
+        scene_of_field(WISH, (6,)),
         ComparedPart.ATTITUDE,
-        [Choice(name) for name in names_of(ComparedPart.ATTITUDE)],
+        [Choice(name) for name in REGISTRIES[ComparedPart.ATTITUDE]],
         True,
         True,
         20.0,

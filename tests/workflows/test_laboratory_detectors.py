@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.__main__ import _simulated_field, _simulated_picture
 from kochab.core.errors import UsageError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run
@@ -18,25 +17,31 @@ from kochab.core.solution import Reason
 from kochab.detection import DETECTORS
 from kochab.lab.laboratory.comparison import (
     REACH_PX,
+    REGISTRIES,
     Choice,
     ComparedPart,
     FieldSettings,
     FieldTruth,
     counted,
-    names_of,
     scale_hint,
     try_detector,
 )
 from kochab.lab.laboratory.curves import trials_csv
 from kochab.lab.laboratory.scene import LARGEST_PX, Scene, comparison, scene_of_field, scene_of_picture
+from kochab.simulate.random_fields import random_picture
+from kochab.sky import open_catalogue
 
 BRIGHT = FieldSettings(fov_deg=20.0, stars=30, noise_px=0.03, false=0.1, missing=0.0, size_px=700)
 compared = partial(comparison, scale=True, place=False, limit_s=20.0, tell=lambda _: None)
 
 
+def simulated_picture(wish, seeds):
+    return random_picture(open_catalogue(), np.random.default_rng(seeds), wish.plan())
+
+
 @pytest.fixture(scope="module")
 def picture():
-    return _simulated_picture(BRIGHT, (9,))
+    return simulated_picture(BRIGHT, (9,))
 
 
 @pytest.fixture(scope="module")
@@ -47,12 +52,12 @@ def truth(picture):
 @pytest.fixture(scope="module")
 def trials():
     choices = [Choice(name) for name in DETECTORS]
-    scene = scene_of_picture(_simulated_picture, BRIGHT, (9,))
+    scene = scene_of_picture(BRIGHT, (9,))
     return {t.name: t for t in run(compared(scene, ComparedPart.DETECTOR, choices))}
 
 
 @pytest.mark.parametrize("name", DETECTORS)
-def test_every_detector_finds_the_bright_stars_of_a_simulated_picture(trials, name):
+def test_every_detector_finds_the_bright_stars_of_asimulated_picture(trials, name):
     trial = trials[name]
     assert trial.kind is ComparedPart.DETECTOR
     assert trial.right
@@ -103,7 +108,7 @@ def test_without_true_places_the_stars_are_only_counted(picture, truth):
 
 
 def test_a_wrong_picture_is_told_as_wrong(picture, truth):
-    elsewhere = replace(truth, attitude=_simulated_picture(BRIGHT, (5,)).attitude)
+    elsewhere = replace(truth, attitude=simulated_picture(BRIGHT, (5,)).attitude)
     trial = run(try_detector(picture.frame, Choice("auto"), Hint(), elsewhere))
     assert trial.right is False
     assert trial.wrong == trial.matches > 0
@@ -111,10 +116,10 @@ def test_a_wrong_picture_is_told_as_wrong(picture, truth):
 
 def test_a_list_of_stars_has_no_picture_and_a_huge_picture_is_refused():
     with pytest.raises(UsageError, match="no image"):
-        run(compared(scene_of_field(_simulated_field, BRIGHT, (1,)), ComparedPart.DETECTOR, [Choice("auto")]))
+        run(compared(scene_of_field(BRIGHT, (1,)), ComparedPart.DETECTOR, [Choice("auto")]))
     huge = replace(BRIGHT, size_px=LARGEST_PX + 1)
     with pytest.raises(UsageError, match="px wide at most"):
-        run(scene_of_picture(_simulated_picture, huge, (1,)))
+        run(scene_of_picture(huge, (1,)))
     with pytest.raises(UsageError, match="Open a frame first"):
         run(compared(None, ComparedPart.DETECTOR, [Choice("auto")]))
 
@@ -125,7 +130,7 @@ def test_a_frame_is_looked_at_by_the_default_where_nobody_did_before(picture, tr
         return Scene(frame=picture.frame, truth=truth)
 
     for kind in (ComparedPart.METHOD, ComparedPart.ATTITUDE):
-        (trial,) = run(compared(scene(), kind, [Choice(names_of(kind)[0])]))
+        (trial,) = run(compared(scene(), kind, [Choice(next(iter(REGISTRIES[kind])))]))
         assert trial.right
         assert trial.found is None
 

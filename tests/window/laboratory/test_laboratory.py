@@ -11,22 +11,19 @@ from PIL import Image
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QListWidget
 
-from kochab.__main__ import _simulated_field, _simulated_picture
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.progress import Progress
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.lab.laboratory import comparison, trials
-from kochab.lab.laboratory.comparison import ComparedPart, names_of
+from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart
 from kochab.window.application import build
 from kochab.window.laboratory.setup import Hints, StarSource
 from kochab.window.session import WorkflowEngine
 from kochab.window.shell.welcome import samples
-from kochab.workflows.session.wiring import Wiring
 from tests.window.test_night import assert_red
 
 LIMIT_MS = 30_000
-WIRING = Wiring(fields=_simulated_field, pictures=_simulated_picture)
 
 
 @pytest.fixture
@@ -34,8 +31,8 @@ def lab(qtbot, settings):
     """A window with its Laboratory open, and room to make another."""
     made = []
 
-    def make(wiring=None):
-        window, commands = build(WorkflowEngine(), settings, [], wiring or WIRING)
+    def make():
+        window, commands = build(WorkflowEngine(), settings, [])
         qtbot.addWidget(window)
         window.resize(1360, 860)
         window.show()
@@ -153,7 +150,7 @@ def test_detectors_and_estimators_on_the_open_frame(qtbot, lab):
         view.methods.choose(kind)
         view.compare.click()
         wait_for(qtbot, view)
-        assert [t.name for t in view.table.trials] == names_of(kind)
+        assert [t.name for t in view.table.trials] == list(REGISTRIES[kind])
         assert texts(view.table, 0)[0] == first
         assert extra in titles(view.table)
         assert all(t.right for t in view.table.trials)
@@ -189,7 +186,7 @@ def test_each_kind_keeps_its_own_choice(lab):
     _, view = lab()
     view.methods.tick(["voting"])
     view.methods.choose(ComparedPart.DETECTOR)
-    assert [c.name for c in view.methods.choices()] == names_of(ComparedPart.DETECTOR)
+    assert [c.name for c in view.methods.choices()] == list(REGISTRIES[ComparedPart.DETECTOR])
     view.methods.tick(["gaussian"])
     show(view, "gaussian")
     view.methods.options.fields["fwhm_px"].setText("4")
@@ -443,13 +440,6 @@ def test_what_was_kept_and_makes_no_sense_is_forgotten(settings, lab):
     settings.keep("laboratory", "not json")
     _, view = lab()
     assert view.setup.field_settings.fov_deg == 20.0
-
-
-def test_without_the_simulated_sky_the_frame_remains(lab):
-    _, view = lab(Wiring())
-    assert not view.setup.source.isEnabled()
-    assert not view.draw.isEnabled()
-    assert view.compare.isEnabled()
 
 
 def test_it_is_red_at_night_also_when_it_came_after(qtbot, lab):

@@ -19,11 +19,11 @@ from kochab.core.attitude import Attitude, radec_deg, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import PREPARING, Progress, Task
-from kochab.core.registry import Option, Registry, checked, options_of
+from kochab.core.registry import Registry, checked
 from kochab.core.solution import NoSolution, Solution
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
-from kochab.simulate.random_fields import RandomField, RandomImage
+from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
 from kochab.solver import SolveOptions
 from kochab.solver.matches import mutual_nearest
 from kochab.solver.pipeline import examine_frame
@@ -47,21 +47,6 @@ REGISTRIES: dict[ComparedPart, Registry[Any]] = {
         "attitude", ESTIMATORS.group, {FIT: "kochab.attitude.fit:refine", **ESTIMATORS.own}
     ),
 }
-
-
-def names_of(kind: ComparedPart) -> list[str]:
-    """All there are, the default first."""
-    return list(REGISTRIES[kind])
-
-
-def options_for(kind: ComparedPart, name: str) -> tuple[Option, ...]:
-    """What may be chosen about one of them; () when nothing is."""
-    return options_of(REGISTRIES[kind].load(name))
-
-
-def allowed(kind: ComparedPart, name: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` of its options, texts read as if typed; UsageError when one is wrong, or there is no such name."""
-    return checked(REGISTRIES[kind].load(name), values)
 
 
 def paper_for(kind: ComparedPart, name: str) -> str:
@@ -103,11 +88,9 @@ class FieldSettings:
     missing: float = 0.1
     size_px: int = 2048
 
-
-MakeField = Callable[[FieldSettings, Sequence[int]], RandomField]
-"""Makes a field at a random place; the same seeds make the same field."""
-MakePicture = Callable[[FieldSettings, Sequence[int]], RandomImage]
-"""The same as a picture: the faintest star is as bright as its noise of a position asks."""
+    def plan(self) -> FieldPlan:
+        """The same as the simulator takes it."""
+        return FieldPlan(self.fov_deg, self.size_px, self.noise_px, self.missing, self.false, brightest=self.stars)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -309,9 +292,9 @@ def try_detector(
     """Solve ``frame`` with this detector and all else as ever; the time is the detector's.
 
     As when methods are compared, a ``hint`` that helps is all that is searched. ``places`` (N, 2) px
-    are those of all stars in a simulated picture. UsageError as `allowed`.
+    are those of all stars in a simulated picture. UsageError as `checked`.
     """
-    options = allowed(ComparedPart.DETECTOR, choice.name, choice.options)
+    options = checked(REGISTRIES[ComparedPart.DETECTOR].load(choice.name), choice.options)
     DETECTORS.make(choice.name).detect(Frame(np.eye(64)))  # loading its libraries is not its time
     chosen: dict[str, Any] = {"detector": choice.name, "detector_options": options, "timeout_s": limit_s}
     solve_options = SolveOptions(hint=hint, use_header=False, blind_after_hint=False, **chosen)

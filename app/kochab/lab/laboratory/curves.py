@@ -15,11 +15,9 @@ from statistics import median
 from typing import Any
 
 from kochab.core.progress import Progress, Task
-from kochab.lab.laboratory.comparison import Choice, ComparedPart, FieldSettings, Trial, options_for, with_progress
-from kochab.lab.laboratory.scene import Scene, tries_on
-
-MakeScene = Callable[[FieldSettings, Sequence[int]], Task[Scene]]
-"""Makes a field, or a picture where detectors are compared."""
+from kochab.core.registry import options_of
+from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, FieldSettings, Trial, with_progress
+from kochab.lab.laboratory.scene import simulated_scene, tries_on
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,6 @@ class Point:
 
 
 def curves(
-    make_scene: MakeScene,
     wish: FieldSettings,
     kind: ComparedPart,
     choices: Sequence[Choice],
@@ -116,14 +113,15 @@ def curves(
             yield Progress("laboratory", done, shown)
             at, varied = wish, list(choices)
             if SWEEPS[name].option:  # methods without that option are left out
-                having = [c for c in choices if any(o.name == name for o in options_for(kind, c.name))]
+                known = {c.name: options_of(REGISTRIES[kind].load(c.name)) for c in choices}
+                having = [c for c in choices if name in (option.name for option in known[c.name])]
                 varied = [replace(c, options={**c.options, name: value}) for c in having]
             else:
                 changed: dict[str, Any] = {name: int(value) if name == "stars" else value}
                 at = replace(wish, **changed)
             if not varied:
                 continue
-            scene = yield from with_progress(make_scene(at, (seed, turn, _place(name, value))), done, shown)
+            scene = yield from with_progress(simulated_scene(kind, at, (seed, turn, _place(name, value))), done, shown)
             making = tries_on(scene, kind, varied, scene.hint(True, place_known), limit_s)
             tries = yield from with_progress(making, done, shown)
             for choice, task in zip(varied, tries, strict=True):

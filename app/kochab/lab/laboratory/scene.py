@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
+import numpy as np
+
 from kochab.core.arrays import Floats
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame, Hint
@@ -16,14 +18,14 @@ from kochab.lab.laboratory.comparison import (
     ComparedPart,
     FieldSettings,
     FieldTruth,
-    MakeField,
-    MakePicture,
     Trial,
     compare,
     scale_hint,
     try_detector,
 )
 from kochab.lab.laboratory.trials import name_stars, try_attitude, try_method
+from kochab.simulate.random_fields import random_field, random_picture
+from kochab.sky import open_catalogue
 from kochab.sky.apparent import julian_years
 from kochab.solver import UNKNOWN_YEAR
 
@@ -76,19 +78,25 @@ def scene_of_frame(
     return Scene(detections, frame, truth, believed=believed if believed is not None else frame.hint)
 
 
-def scene_of_field(make: MakeField, wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
+def simulated_scene(kind: ComparedPart, wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
+    """A field at a random place, the same for the same seeds; its picture where detectors are compared."""
+    made = scene_of_picture if kind is ComparedPart.DETECTOR else scene_of_field
+    return made(wish, seeds)
+
+
+def scene_of_field(wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
     """The stars of a simulated field, and the truth of it."""
     yield Progress("laboratory", None, "making a field")
-    field = make(wish, seeds)
+    field = random_field(open_catalogue(), np.random.default_rng(list(seeds)), wish.plan())
     return Scene(field.detections, truth=FieldTruth.of(field, wish))
 
 
-def scene_of_picture(make: MakePicture, wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
-    """The picture of a simulated field, and the truth of it."""
+def scene_of_picture(wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
+    """The same as a picture, whose faintest star is as bright as the noise of a position asks."""
     if wish.size_px > LARGEST_PX:
         raise UsageError(f"A simulated image is {LARGEST_PX} px wide at most.")
     yield Progress("laboratory", None, "making a picture")
-    picture = make(wish, seeds)
+    picture = random_picture(open_catalogue(), np.random.default_rng(list(seeds)), wish.plan())
     return Scene(frame=picture.frame, truth=FieldTruth.of(picture, wish), places=picture.places)
 
 

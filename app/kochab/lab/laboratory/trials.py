@@ -11,15 +11,16 @@ from kochab.attitude.fit import Fit, refine
 from kochab.core.attitude import Attitude
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
+from kochab.core.registry import checked
 from kochab.core.solution import Identification, NoSolution
 from kochab.identification import IDENTIFIERS
 from kochab.lab.laboratory.comparison import (
     FIT,
+    REGISTRIES,
     Choice,
     ComparedPart,
     FieldTruth,
     Trial,
-    allowed,
     sigma_of,
     solved_trial,
     timed,
@@ -39,8 +40,8 @@ def try_method(
     year: float = 2016.0,
     limit_s: float = 30.0,
 ) -> Task[Trial]:
-    """Run one method; a second time when the first had to make its tables. UsageError as `allowed`."""
-    options = allowed(ComparedPart.METHOD, choice.name, choice.options)
+    """Run one method; a second time when the first had to make its tables. UsageError as `checked`."""
+    options = checked(REGISTRIES[ComparedPart.METHOD].load(choice.name), choice.options)
     identifier = IDENTIFIERS.make(choice.name, **options)
     found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
     seconds, tables = sum(spent.values()), 0.0
@@ -118,8 +119,8 @@ def name_stars(
 
 
 def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: FieldTruth | None) -> Task[Trial]:
-    """Run one estimator, or the fit, on the named stars. UsageError as `allowed`."""
-    options = allowed(ComparedPart.ATTITUDE, choice.name, choice.options)
+    """Run one estimator, or the fit, on the named stars. UsageError as `checked`."""
+    options = checked(REGISTRIES[ComparedPart.ATTITUDE].load(choice.name), choice.options)
     if not isinstance(named, NamedStars):
         return unsolved_trial(ComparedPart.ATTITUDE, choice.name, named, truth)
 

@@ -7,7 +7,8 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QListWidget, QListWidgetItem
 
 from kochab.core.errors import UsageError
-from kochab.lab.laboratory.comparison import Choice, ComparedPart, allowed, names_of, options_for, paper_for
+from kochab.core.registry import checked, options_of
+from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, paper_for
 from kochab.window.panels.method_options import OptionsForm
 from kochab.window.widgets import Page, choice_box, grid, label, scrolled
 
@@ -36,13 +37,13 @@ class MethodsPanel(Page):
 
     def __init__(self) -> None:
         super().__init__()
-        self._chosen = {kind: MethodChoice(names_of(kind)) for kind in ComparedPart}
+        self._chosen = {kind: MethodChoice(list(REGISTRIES[kind])) for kind in ComparedPart}
         self._shown = ""
         self.kinds = choice_box("Compare", {title: kind for kind, title in TITLES.items()}, 10)
         self.list = QListWidget()
         self.list.setSpacing(1)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        rows = max(len(names_of(kind)) for kind in ComparedPart)
+        rows = max(len(REGISTRIES[kind]) for kind in ComparedPart)
         self.list.setMinimumHeight(rows * (self.list.fontMetrics().height() + ROW_PX))
         self.options = OptionsForm()
         self.paper = label("", "muted", wrap=True)
@@ -95,11 +96,11 @@ class MethodsPanel(Page):
     def _restore_kind(self, kind: ComparedPart, kept: dict[str, Any]) -> None:
         ticked, options = kept.get("ticked"), kept.get("options")
         if isinstance(ticked, list):
-            self._chosen[kind].ticked = [name for name in names_of(kind) if name in ticked]
+            self._chosen[kind].ticked = [name for name in REGISTRIES[kind] if name in ticked]
         for name, values in options.items() if isinstance(options, dict) else ():
             try:
                 plain = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-                self._chosen[kind].options[name] = allowed(kind, name, plain)
+                self._chosen[kind].options[name] = checked(REGISTRIES[kind].load(name), plain)
             except (UsageError, AttributeError):
                 continue
 
@@ -110,7 +111,7 @@ class MethodsPanel(Page):
         ticked = self._chosen[self.kind].ticked
         self.list.blockSignals(True)
         self.list.clear()
-        for name in names_of(self.kind):
+        for name in REGISTRIES[self.kind]:
             item = QListWidgetItem(name, self.list)
             item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
             item.setCheckState(CHECKED[name in ticked])
@@ -125,7 +126,7 @@ class MethodsPanel(Page):
             return
         name, chosen = item.text(), self._chosen[self.kind]
         self._shown = ""  # filling the fields is no change by the person
-        self.options.show_options(options_for(self.kind, name))
+        self.options.show_options(options_of(REGISTRIES[self.kind].load(name)))
         self.options.fill(chosen.options.get(name, {}))
         chosen.faults.pop(name, None)
         self._shown = name

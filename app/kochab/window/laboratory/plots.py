@@ -7,7 +7,7 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout
 
-from kochab.lab.laboratory.comparison import ComparedPart, names_of
+from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart
 from kochab.lab.laboratory.curves import SWEEPS, Point, sweeps_of
 from kochab.window.charts.chart import Chart, Legend
 from kochab.window.charts.series import ChartAxis, Series
@@ -98,14 +98,14 @@ class Plots(Page):
 
     def wrong_answers(self) -> dict[str, int]:
         """Number of wrong answers by method, without the zeros."""
-        counts = Counter(dict.fromkeys(names_of(self.kind), 0))
+        counts = Counter(dict.fromkeys(REGISTRIES[self.kind], 0))
         for point in self.points.values():
             counts[point.name] += point.wrong
         return {method: count for method, count in counts.items() if count}
 
     def _series(self, sweep: str, height: Height) -> tuple[Series, ...]:
         made = []
-        for method in names_of(self.kind):
+        for method in REGISTRIES[self.kind]:
             mine = {
                 key[1]: up
                 for key, point in self.points.items()
@@ -119,7 +119,7 @@ class Plots(Page):
         return tuple(made)
 
     def _style(self, method: str) -> int:
-        return names_of(self.kind).index(method)
+        return list(REGISTRIES[self.kind]).index(method)
 
 
 def _across(name: str) -> ChartAxis:

@@ -8,8 +8,6 @@ from PySide6.QtWidgets import QDoubleSpinBox
 from kochab.lab.laboratory.comparison import FieldSettings
 from kochab.window.widgets import Page, choice_box, column, field_values, fill_fields, grid, label, number_field
 
-NO_SKY = "Simulated fields are not available here."
-
 
 class StarSource(StrEnum):
     """Where the stars come from."""
@@ -43,9 +41,8 @@ NUMBERS: dict[str, tuple[str, str, float, float, float, int, str]] = {
 class LaboratorySetupPanel(Page):
     """The fields of :data:`NUMBERS` with the source of the stars and the hints."""
 
-    def __init__(self, can_simulate: bool) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.can_simulate = can_simulate
         self.source = choice_box("Stars from", StarSource, 10)
         self.hints = choice_box("Known in advance", Hints, 10)
         self.numbers = {name: _number(*made[1:]) for name, made in NUMBERS.items()}
@@ -55,9 +52,7 @@ class LaboratorySetupPanel(Page):
         cells = [cell for title, field in zip(titles, fields, strict=True) for cell in (label(title), field)]
         rows = (cells[at : at + 4] for at in range(0, len(cells), 4))
         form = grid(*rows, down=5, stretch=(0, 1, 0, 1))
-        self.source.setEnabled(can_simulate)
-        why = () if can_simulate else (label(NO_SKY, "muted", wrap=True),)
-        column(form, *why, None, on=self, margins=(8, 8, 8, 8))
+        column(form, None, on=self, margins=(8, 8, 8, 8))
         self.source.currentIndexChanged.connect(self._enable)
         self._enable()
 
@@ -86,7 +81,7 @@ class LaboratorySetupPanel(Page):
 
     def restore(self, kept: dict[str, Any]) -> None:
         """Choose what was kept, as far as it still makes sense."""
-        fill_fields(self._kept, kept if self.can_simulate else {**kept, "source": StarSource.FRAME})
+        fill_fields(self._kept, kept)
 
     def _enable(self) -> None:
         self.numbers["seed"].setEnabled(self.from_field)

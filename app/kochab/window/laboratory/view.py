@@ -1,7 +1,6 @@
 """The Laboratory: methods, detectors or estimators on the open frame or a simulated field."""
 
 import json
-from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, Signal
@@ -10,8 +9,8 @@ from PySide6.QtWidgets import QSplitter, QWidget
 from kochab.core.errors import UsageError
 from kochab.core.progress import PREPARING, Progress, Task
 from kochab.lab.laboratory.comparison import Choice, ComparedPart
-from kochab.lab.laboratory.curves import MakeScene, curves, points_csv, trials_csv
-from kochab.lab.laboratory.scene import Scene, comparison, scene_of_field, scene_of_frame, scene_of_picture
+from kochab.lab.laboratory.curves import curves, points_csv, trials_csv
+from kochab.lab.laboratory.scene import Scene, comparison, scene_of_frame, simulated_scene
 from kochab.window.charts.chart import image_of, write_image, write_text
 from kochab.window.job import Job
 from kochab.window.laboratory.methods import MethodsPanel
@@ -82,7 +81,7 @@ class LaboratoryView(Page):
     def __init__(self, services: Services) -> None:
         super().__init__()
         self._services = services
-        self.setup = LaboratorySetupPanel(services.wiring.fields is not None)
+        self.setup = LaboratorySetupPanel()
         self.methods = MethodsPanel()
         self.table = TrialTable()
         self.plots = Plots(ComparedPart.METHOD)
@@ -99,7 +98,6 @@ class LaboratoryView(Page):
         if kept := services.settings.table("laboratory"):
             self.setup.restore(kept)
             self.methods.restore(kept)
-        self.methods.kind_changed.connect(self._offer_curves)
         self._idle()
 
     def _lay_out(self) -> None:
@@ -133,8 +131,6 @@ class LaboratoryView(Page):
         self._start(task, 0)
 
     def run_curves(self) -> None:
-        make = self._simulated()
-        assert make is not None, "the button is off without it"
         if (choices := self._choices()) is None:
             return
         relay = self._begin()
@@ -142,7 +138,6 @@ class LaboratoryView(Page):
         self.plots.begin([choice.name for choice in choices])
         relay.point.connect(self.plots.add)
         task = curves(
-            make,
             self.setup.field_settings,
             self.methods.kind,
             choices,
@@ -162,17 +157,9 @@ class LaboratoryView(Page):
             self._say(str(error), "wrong")
             return None
 
-    def _simulated(self) -> MakeScene | None:
-        """Makes the simulated fields; None where there are none."""
-        fields, pictures = self._services.wiring.fields, self._services.wiring.pictures
-        if self.methods.kind is ComparedPart.DETECTOR:
-            return None if pictures is None else partial(scene_of_picture, pictures)
-        return None if fields is None else partial(scene_of_field, fields)
-
     def _scene(self) -> Task[Scene] | None:
-        make = self._simulated()
-        if self.setup.from_field and make is not None:
-            return make(self.setup.field_settings, (self.setup.number("seed"),))
+        if self.setup.from_field:
+            return simulated_scene(self.methods.kind, self.setup.field_settings, (self.setup.number("seed"),))
         known = self._services.session.known
         if known.frame is None:
             return None
@@ -222,12 +209,9 @@ class LaboratoryView(Page):
     def _idle(self) -> None:
         self.bar.setVisible(False)
         self.compare.setEnabled(True)
+        self.draw.setEnabled(True)
         self.stop.setEnabled(False)
-        self._offer_curves()
         self.export.enable()
-
-    def _offer_curves(self) -> None:
-        self.draw.setEnabled(not self.stop.isEnabled() and self._simulated() is not None)
 
     def _say(self, text: str, role: str) -> None:
         show_text(self.status, text, role)

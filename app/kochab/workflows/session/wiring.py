@@ -47,8 +47,7 @@ class Wiring:
     """Callables from outside; a view that is not given what it needs says so and offers less.
 
     ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
-    night, with the keywords of ``kochab.simulate.practice.practise``; call it in a job. ``fields``
-    makes the simulated star fields of the Laboratory, ``pictures`` the same as frames.
+    night, with the keywords of ``kochab.simulate.practice.practise``; call it in a job.
 
     ``to_record`` is the line of a live frame in a recording. ``phone_page`` makes the page of the
     polar error for phones.
@@ -56,7 +55,5 @@ class Wiring:
 
     to_json: ToJson | None = None
     practice: StartPractice | None = None
-    fields: Callable[..., Any] | None = None
     to_record: ToRecord | None = None
-    pictures: Callable[..., Any] | None = None
     phone_page: Callable[[], PolarPage] | None = None
