@@ -119,6 +119,25 @@ def test_what_is_safe_is_read_at_once(tmp_path, monkeypatch):
     assert len(files) == 5
 
 
+def test_a_name_is_told_from_the_folder_one_is_in(odd, tmp_path, monkeypatch):
+    read_frame(odd("quick_reader"))
+    (tmp_path / "night").mkdir()
+    (tmp_path / "night" / "here.odd").write_bytes(b"ODD1")
+    monkeypatch.chdir(tmp_path / "night")
+    assert read_frame("here.odd").path == "here.odd"
+    assert (tmp_path / "night" / "here.pid").exists()
+
+
+def test_no_process_to_be_had_is_a_sentence(odd, monkeypatch):
+    def none(*_, **__):
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(sandbox, "_kept", lambda: None)
+    monkeypatch.setattr(subprocess, "Popen", none)
+    with pytest.raises(FrameError, match=r"night.odd cannot be read: no process starts to read it \(Resource temp"):
+        read_frame(odd("quick_reader"))
+
+
 def test_the_process_ends_with_its_parent(odd):
     path = odd("stuck_reader")
     code = (

@@ -84,6 +84,8 @@ def _listen(calls: "SimpleQueue[bytes]") -> None:
     while True:
         try:
             sys.path[:] = pickle.load(sys.stdin.buffer)
+            with contextlib.suppress(OSError):
+                os.chdir(pickle.load(sys.stdin.buffer))
             calls.put(pickle.load(sys.stdin.buffer))
         except EOFError:
             os._exit(0)
@@ -141,7 +143,10 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
         The deadline has passed, or the process ended: it crashed, or the system ended it.
     """
     deadline = None if timeout_s is None else time.monotonic() + timeout_s
-    sandbox = _kept() or _Sandbox()
+    try:
+        sandbox = _kept() or _Sandbox()
+    except OSError as error:
+        raise FrameError(f"{name} cannot be read: no process starts to read it ({error.strerror}).") from None
     kept = False
     try:
         memory_bytes = max(LEAST_BYTES, min(MOST_BYTES, free_bytes() or MOST_BYTES))
@@ -160,10 +165,10 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
             _idle.append(sandbox)
         else:
             sandbox.kill()
-    value, error, trace = answer.result()
-    if error is not None:
+    value, fault, trace = answer.result()
+    if fault is not None:
         _logger.debug("In the process that reads %s: %s", name, trace)
-        raise error
+        raise fault
     return value  # type: ignore[no-any-return]
 
 
@@ -202,7 +207,8 @@ class _Sandbox:
             if not self._started:
                 pickle.dump(sys.path, stdin)
                 self._started = True
-            pickle.dump(sys.path, stdin)  # by now it may hold more
+            pickle.dump(sys.path, stdin)  # by now it may hold more, and we may be in another folder
+            pickle.dump(_folder(), stdin)
             pickle.dump(pickle.dumps(call), stdin)
             stdin.flush()
             answer.set_result(_received(stdout))
@@ -267,6 +273,14 @@ def _received(pipe: IO[bytes]) -> Any:
     sizes = struct.unpack(f"={count}Q", _filled(pipe, 8 * count))
     body, *buffers = [_filled(pipe, size) for size in sizes]
     return pickle.loads(body, buffers=buffers)
+
+
+def _folder() -> str:
+    """The current folder, from which a file's name may be told; the one to stay in when it is gone."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return os.curdir
 
 
 def _filled(pipe: IO[bytes], size: int) -> memoryview:
