@@ -78,8 +78,6 @@ def aware_utc(text: str) -> datetime | None:
     old = re.match(r"(\d{2})/(\d{2})/(\d{2})(T.*)?$", text)
     if old:
         text = f"19{old[3]}-{old[2]}-{old[1]}{old[4] or ''}"
-    # datetime reads six decimals at most, FITS programs write more
-    text = re.sub(r"(\.\d{6})\d+", r"\1", text)
     try:
         time = datetime.fromisoformat(text)
     except ValueError:

@@ -88,14 +88,13 @@ def read_raw(path: Path) -> Frame:
             raw.open_file(str(path))
             check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height), 2, path.stat().st_size)
             raw.unpack()
-            frame = _from_raw(raw)
+            pixels, colour, bayer, saturation, header = _from_raw(raw)
     except (FrameError, MemoryError):
         raise
     except rawpy.LibRawFileUnsupportedError:
         raise FrameError("is not a raw file that LibRaw knows.") from None
     except Exception:  # LibRaw's errors and what its bindings add
         raise FrameError("is a damaged or cut short raw file.") from None
-    pixels, colour, bayer, saturation, header = frame
     height, width = pixels.shape
     check_size(width, height)
     hint, said, doubts = hint_from_exif(_exif(path), (width, height))
@@ -103,23 +102,27 @@ def read_raw(path: Path) -> Frame:
 
 
 def _from_raw(raw: Any) -> tuple[NDArray[Any], NDArray[Any] | None, str | None, float | None, dict[str, Any]]:
-    import rawpy
-
-    mosaic = raw.raw_image_visible if raw.raw_type == rawpy.RawType.Flat else None
-    if mosaic is None or mosaic.ndim != 2 or raw.raw_pattern is None:
-        return (*_developed(raw), {})
-    if raw.raw_pattern.shape != (2, 2):
-        return (*_developed(raw), {})
-    letters = raw.color_desc.decode("ascii", "replace")
-    colours = np.asarray(raw.raw_colors_visible[:2, :2])
-    bayer = "".join(letters[int(i)] for i in colours.ravel())
-    if sorted(bayer) != ["B", "G", "G", "R"]:
-        return (*_developed(raw), {})
-    pixels = np.array(mosaic, order="C")
+    bayer = _bayer(raw)
+    if bayer is None:
+        pixels, colour, saturation = split(_developed(raw))
+        return pixels, colour, None, saturation, {}
+    pixels = np.array(raw.raw_image_visible, order="C")
     black = [float(b) for b in raw.black_level_per_channel]
-    _even_out(pixels, colours, black)
+    _even_out(pixels, np.asarray(raw.raw_colors_visible[:2, :2]), black)
     white = float(raw.white_level) if raw.white_level else None
     return pixels, None, bayer, white, {"BLACK": min(black, default=0.0)}
+
+
+def _bayer(raw: Any) -> str | None:
+    """The pattern from the visible pixel (0, 0); None when the sensor is no Bayer mosaic."""
+    import rawpy
+
+    flat = raw.raw_type == rawpy.RawType.Flat and raw.raw_image_visible.ndim == 2
+    if not flat or raw.raw_pattern is None or raw.raw_pattern.shape != (2, 2):
+        return None
+    letters = raw.color_desc.decode("ascii", "replace")
+    bayer = "".join(letters[int(i)] for i in raw.raw_colors_visible[:2, :2].ravel())
+    return bayer if sorted(bayer) == ["B", "G", "G", "R"] else None
 
 
 def _even_out(pixels: NDArray[Any], colours: NDArray[Any], black: list[float]) -> None:
@@ -132,19 +135,20 @@ def _even_out(pixels: NDArray[Any], colours: NDArray[Any], black: list[float]) -
                 np.subtract(np.maximum(part, excess), excess, out=part, casting="unsafe")
 
 
-def _developed(raw: Any) -> tuple[NDArray[Any], NDArray[Any] | None, None, float | None]:
+def _developed(raw: Any) -> NDArray[Any]:
+    """Colours (H, W, 3) as LibRaw interpolates them, linear, 16 bits."""
     import rawpy
 
-    rgb = raw.postprocess(
-        demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
-        user_flip=0,
-        gamma=(1, 1),
-        no_auto_bright=True,
-        use_camera_wb=True,
-        output_bps=16,
+    return np.asarray(
+        raw.postprocess(
+            demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
+            user_flip=0,
+            gamma=(1, 1),
+            no_auto_bright=True,
+            use_camera_wb=True,
+            output_bps=16,
+        )
     )
-    pixels, colour, saturation = split(rgb)
-    return pixels, colour, None, saturation
 
 
 def _exif(path: Path) -> Exif:
