@@ -129,7 +129,7 @@ def test_a_way_within_its_room_is_gone_to_its_end(patient) -> None:
     ("places", "sentence"),
     [
         (((-44.0, 40.0), (-48.0, 40.0), (-49.0, 40.0)), r"wrong way, \d deg off its path"),
-        (((-40.0, 47.0), (-40.0, 47.5)), "wrong way, 8 deg off its path"),
+        (((-40.0, 47.0), (-40.0, 47.8)), "wrong way, 8 deg off its path"),
         (((-30.0, 18.0), (-5.0, 12.0), (0.0, 12.0)), "wrong way"),
     ],
 )
