@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kochab.attitude import ESTIMATORS
+from kochab.attitude import ESTIMATORS, FLOOR_PX, directions, sigma_rad
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.errors import UsageError
@@ -140,3 +140,29 @@ def test_three_stars_leave_no_residual_to_judge_the_constants_by() -> None:
 def test_an_unknown_name_is_refused_with_the_names_there_are() -> None:
     with pytest.raises(UsageError, match="quest, plate_constants, triad"):
         ESTIMATORS.make("x")
+
+
+def test_of_m_stars_a_rotation_takes_three_of_two_m_measurements() -> None:
+    """The scatter of residuals over what freedom is left, never below the floor; a given error as it is."""
+    icrs = CAMERA.unproject(np.random.default_rng(2).uniform(0, 1999, (8, 2)))
+    residual = np.full((8, 3), 1e-3)
+    assert sigma_rad(icrs + residual, icrs, np.eye(3), CAMERA, None) == pytest.approx(1e-3 * np.sqrt(24.0 / 13.0))
+    assert sigma_rad(icrs[:2] + residual[:2], icrs[:2], np.eye(3), CAMERA, None) == pytest.approx(1e-3 * np.sqrt(6.0))
+    assert sigma_rad(icrs[:1] + residual[:1], icrs[:1], np.eye(3), CAMERA, None) == pytest.approx(1e-3 * np.sqrt(3.0))
+    assert sigma_rad(icrs, icrs, np.eye(3), CAMERA, None) == FLOOR_PX / 8000.0
+    assert sigma_rad(icrs, icrs, np.eye(3), CAMERA, 0.4) == 0.4 / 8000.0
+
+
+def test_lists_that_do_not_match_or_hold_no_numbers_are_refused() -> None:
+    xy = np.random.default_rng(2).uniform(0, 1999, (4, 2))
+    vectors = CAMERA.unproject(xy)
+    seen, icrs = directions(xy, vectors, CAMERA, 4)
+    np.testing.assert_allclose(seen, icrs)
+    for places, stars, fewest, sentence in (
+        (xy, vectors[:3], 2, "4 places do not match 3"),
+        (xy, vectors, 5, "needs 5 stars"),
+        (np.where(xy == xy[0, 0], np.nan, xy), vectors, 2, "not a number"),
+        (xy, np.where(vectors == vectors[0, 0], np.inf, vectors), 2, "not a number"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            directions(places, stars, CAMERA, fewest)

@@ -115,6 +115,7 @@ def test_at_first_the_velocity_is_zero_within_what_the_model_says() -> None:
     assert state.rates_sigma_deg_s == pytest.approx((0.1, 0.1, 0.1))
     assert np.allclose(state.attitude.covariance, np.eye(3) * SIGMA**2)
     assert (state.time_s, state.agility, state.contradicted) == (12.5, 1.0, False)
+    assert (state.chi2, state.step_s) == (0.0, 0.0)
 
 
 def test_a_second_of_wander_is_what_the_model_says() -> None:

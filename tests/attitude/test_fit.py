@@ -277,3 +277,71 @@ def test_a_worst_place_that_none_reaches_is_no_news_and_one_that_most_exceed_no_
     alone = fitted(field, distortion=False)
     fit = fitted(field, distortion=False, worst_px=worst_px)
     assert fit.camera.focal_px == pytest.approx(alone.camera.focal_px, rel=within)
+
+
+def test_a_prior_is_one_measurement_more() -> None:
+    """A focal length that the stars say anyway changes no residual; the roll's variance has one more freedom."""
+    field = simulate(6, 5, 10.0, 0.5)
+    alone = fitted(field, distortion=False)
+    own = FocalPrior(alone.camera.focal_px, 2e-4)
+    told = fitted(field, distortion=False, focal=own)
+    np.testing.assert_allclose(told.residuals_px, alone.residuals_px, atol=1e-3)
+    ratio = told.attitude.covariance[2, 2] / alone.attitude.covariance[2, 2]
+    assert ratio == pytest.approx(6.0 / 7.0, rel=0.05)
+
+
+def test_a_star_beyond_the_clip_is_no_inlier_though_it_weighs_a_little() -> None:
+    """Of the right ones a thousandth lies beyond 3.7 sigma; the rms is that of the inliers alone."""
+    field = simulate(9, 80, 10.0, 0.3)
+    ideal = field.camera.project(field.matches.vectors @ field.attitude.matrix.T)
+    for sigmas, kept in ((3.0, True), (4.6, False)):
+        xy = field.matches.xy.copy()
+        xy[0] = ideal[0] + 0.3 * sigmas * np.array([0.6, 0.8])
+        fit = fitted(replace(field, matches=replace(field.matches, xy=xy)), distortion=False)
+        assert bool(fit.inliers[0]) is kept
+        assert fit.inliers.mean() > 0.95
+        assert fit.rms_px == pytest.approx(np.sqrt(np.mean(np.sum(fit.residuals_px[fit.inliers] ** 2, axis=1))))
+
+
+@pytest.mark.parametrize(("off_px", "fitted_centre"), [(700.0, True), (800.0, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_principal_point_stays_in_the_middle_half_of_the_frame(off_px: float, fitted_centre: bool, axis: int) -> None:
+    off = (off_px, 0.0) if axis == 0 else (0.0, off_px * 2.0 / 3.0)
+    fit = fitted(simulate(5, 200, 60.0, 0.1, off_centre_px=off, guess_px=1.0))
+    assert ("cx" in fit.terms) is fitted_centre
+
+
+def test_one_round_gives_no_covariance_and_more_do() -> None:
+    field = simulate(4, 60)
+    assert fitted(field, rounds=1).attitude.covariance is None
+    assert fitted(field, rounds=2).attitude.covariance is not None
+
+
+def test_the_sigma_is_that_of_the_noise_over_the_stars() -> None:
+    """Two thirds of a pixel over a hundred stars: along x and y a root of a hundred of it."""
+    field = simulate(12, 100, 10.0, 0.6)
+    sigma = np.array(fitted(field, distortion=False).attitude.sigma_arcsec)
+    alone = 0.6 / 10.0 * field.camera.scale_arcsec_px
+    assert sigma[:2] == pytest.approx([alone, alone], rel=0.25)
+    radius2 = np.sum((field.matches.xy - [1499.5, 999.5]) ** 2)
+    assert sigma[2] == pytest.approx(np.degrees(0.6 / np.sqrt(radius2)) * 3600.0, rel=0.25)
+
+
+@pytest.mark.parametrize(("sigmas", "taken"), [(3.0, True), (5.0, False)])
+def test_a_focal_length_four_sigmas_from_the_stars_is_left_out(sigmas: float, taken: bool) -> None:
+    """Of both errors together, the stars' and its own."""
+    field = simulate(8, 60, 10.0, 0.3)
+    alone = fitted(field, distortion=False)
+    own = np.std([np.log(fitted(simulate(s, 60, 10.0, 0.3), distortion=False).camera.focal_px) for s in range(30)])
+    prior = FocalPrior(alone.camera.focal_px * np.exp(sigmas * np.hypot(own, own)), own)
+    moved = np.log(fitted(field, distortion=False, focal=prior).camera.focal_px / alone.camera.focal_px)
+    assert moved / own == pytest.approx(sigmas / np.sqrt(2.0) if taken else 0.0, abs=0.7 if taken else 1e-9)
+
+
+@pytest.mark.parametrize(("times", "counts"), [(5.0, True), (20.0, False)])
+def test_a_prior_ten_times_less_certain_than_the_stars_is_no_news(times: float, counts: bool) -> None:
+    field = simulate(8, 60, 10.0, 0.3)
+    alone = fitted(field, distortion=False).camera.focal_px
+    own = np.std([np.log(fitted(simulate(s, 60, 10.0, 0.3), distortion=False).camera.focal_px) for s in range(30)])
+    told = fitted(field, distortion=False, focal=FocalPrior(alone * np.exp(times * own), times * own)).camera.focal_px
+    assert bool(told != alone) is counts
