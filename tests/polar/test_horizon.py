@@ -7,7 +7,16 @@ import pytest
 
 from kochab.core.attitude import Attitude, angle_between, attitude_from, unit_vectors
 from kochab.core.frame import Site
-from kochab.polar.error import PolarError
+from kochab.polar.error import (
+    PolarError,
+    altitude_in_words,
+    angle_in_words,
+    azimuth_in_words,
+    sayable,
+    split_in_words,
+    total_in_words,
+    turns_in_words,
+)
 from kochab.polar.horizon import Horizon, Pole, Refraction, name_of, northern, pole_direction
 from kochab.polar.rotations import ARCSEC, alt_az
 from kochab.polar.sighting import Sighting, covariance_of, to_local
@@ -145,3 +154,142 @@ def test_the_air_is_as_thin_as_the_site_is_high(height_m, hpa):
 def test_the_totals_sigma_is_along_the_line_from_pole_to_axis():
     for shift, sigma in (((300.0, 0.0), 2.0), ((0.0, 300.0), 3.0)):
         assert error_with(*shift).sigma_total_arcsec == pytest.approx(sigma, rel=1e-3)
+
+
+@pytest.mark.parametrize("place", [(120.0, 35.0), (300.0, 60.0), (20.0, -10.0), (200.0, 89.0)])
+def test_altitude_and_azimuth_are_those_of_the_direction(place):
+    """Azimuth from north through east, in a whole circle."""
+    vector = unit_vectors(*place)
+    east, north, up = Horizon(SITE, WHEN).observed(vector)[0]
+    altitude, azimuth = Horizon(SITE, WHEN).altaz_deg(vector)
+    assert np.sin(np.radians(altitude)) == pytest.approx(up)
+    assert (np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth))) == (
+        pytest.approx(east / np.hypot(east, north)),
+        pytest.approx(north / np.hypot(east, north)),
+    )
+    assert 0.0 <= azimuth < 360.0
+
+
+def test_half_the_sky_has_an_azimuth_beyond_half_a_circle():
+    vectors = unit_vectors(np.arange(0.0, 360.0, 15.0), np.zeros(24))
+    azimuths = np.array([Horizon(SITE, WHEN).altaz_deg(v)[1] for v in vectors])
+    assert ((azimuths > 180.0).sum(), (azimuths < 180.0).sum()) == (12, 12)
+    assert azimuths.max() < 360.0
+
+
+# -- Numbers and words of an error ----------------------------------------------------------------
+
+
+def tilted(angle_rad=0.5, long=30.0, short=10.0, shift=(0.0, 0.0)):
+    """An error whose ellipse is tilted from azimuth towards altitude."""
+    error = error_with(*shift)
+    along, across = np.array([np.sin(angle_rad), np.cos(angle_rad)]), np.array([np.cos(angle_rad), -np.sin(angle_rad)])
+    covariance = (long**2 * np.outer(along, along) + short**2 * np.outer(across, across)) * ARCSEC**2
+    return PolarError(error.axis, error.pole, covariance, np.diag([16.0, 9.0]) * ARCSEC**2)
+
+
+def test_an_ellipse_holds_its_share_and_points_where_it_is_long():
+    long, short, angle = tilted().ellipse_arcsec()
+    assert (long, short) == (
+        pytest.approx(30.0 * np.sqrt(2.2957), rel=1e-3),
+        pytest.approx(10.0 * np.sqrt(2.2957), rel=1e-3),
+    )
+    assert np.tan(angle) == pytest.approx(np.tan(0.5))
+    assert tilted().ellipse_arcsec(0.95)[0] == pytest.approx(30.0 * np.sqrt(5.9915), rel=1e-3)
+
+
+def test_the_sigma_of_the_total_is_that_along_its_line():
+    """Along the ellipse it is the long one, across the short, and at the pole the mean of both."""
+    on_sky = np.cos(alt_az(pole_direction(SITE))[0])
+    for angle, sigma in ((0.5, 30.0), (0.5 + np.pi / 2.0, 10.0)):
+        shift = (1000.0 * np.sin(angle), 1000.0 * np.cos(angle) / on_sky)
+        assert tilted(shift=shift).sigma_total_arcsec == pytest.approx(sigma, rel=0.02)
+    assert tilted().sigma_total_arcsec == pytest.approx(np.sqrt((30.0**2 + 10.0**2) / 2.0))
+    assert tilted().uncertainty_arcsec == pytest.approx(np.hypot(30.0, 10.0))
+
+
+def test_flexure_comes_on_top_in_squares():
+    error = tilted(0.0, 30.0, 10.0, (500.0, 0.0))
+    assert error.flexure_arcsec == pytest.approx((4.0, 3.0))
+    assert error.flexure_total_arcsec == pytest.approx(5.0)
+    assert error.with_flexure.sigma_arcsec == pytest.approx((np.hypot(10.0, 4.0), np.hypot(30.0, 3.0)))
+    assert error.with_flexure.flexure_total_arcsec == 0.0
+    assert error.flexure_along_arcsec == pytest.approx(4.0, rel=1e-3)
+    assert error.sigma_total_arcsec == pytest.approx(10.0, rel=1e-3)
+    assert split_in_words(error) == "10″ measurement, 4″ possible flexure"
+    assert total_in_words(error) == "8.3′ ± 11″"
+
+
+@pytest.mark.parametrize(("sigmas", "below"), [(1.49, True), (1.54, False)])
+def test_an_error_is_below_its_uncertainty_inside_the_68_percent_ellipse(sigmas, below):
+    """A radius of 1.515 sigmas of two dimensions, in altitude and in azimuth on the sky."""
+    on_sky = np.cos(alt_az(pole_direction(SITE))[0])
+    for shift in ((2.0 * sigmas, 0.0), (0.0, 3.0 * sigmas / on_sky)):
+        error = error_with(*shift)
+        assert error.below_uncertainty is below
+        assert error.distance2(error.pole) == pytest.approx(sigmas**2, rel=1e-3)
+
+
+def test_an_azimuth_across_the_south_is_the_short_way_round():
+    """South of the equator the azimuth of the pole is where the count starts anew."""
+    pole = pole_direction(Site(-35.0, 0.0))
+    for shift in (600.0, -600.0):
+        error = error_with(100.0, shift, pole)
+        assert error.azimuth_arcsec == pytest.approx(shift, abs=1e-6)
+        assert error.distance2(pole) == pytest.approx(
+            50.0**2 + (shift * np.cos(alt_az(error.axis)[0]) / 3.0) ** 2, rel=1e-6
+        )
+
+
+@pytest.mark.parametrize(
+    ("arcsec", "words"),
+    [
+        (0.4, "0″"),
+        (-45.0, "45″"),
+        (99.4, "99″"),
+        (99.6, "1.7′"),
+        (5390.0, "89.8′"),
+        (5410.0, "1.50°"),
+        (-36000.0, "10.00°"),
+    ],
+)
+def test_angles_have_the_unit_that_suits_them(arcsec, words):
+    assert angle_in_words(arcsec) == words
+
+
+@pytest.mark.parametrize(
+    ("turns", "words"),
+    [
+        (1 / 180, "2°"),
+        (0.125, "an eighth of a turn"),
+        (0.5, "half a turn"),
+        (0.625, "five eighths of a turn"),
+        (0.75, "three quarters of a turn"),
+        (0.875, "seven eighths of a turn"),
+        (1.0, "one turn"),
+        (1.125, "one and an eighth turns"),
+        (3.5, "three and a half turns"),
+        (10.0, "ten turns"),
+        (11.0, "11 turns"),
+        (0.1, "36°"),
+        (0.0, "0°"),
+    ],
+)
+def test_every_eighth_of_a_turn_has_its_word(turns, words):
+    assert turns_in_words(turns) == turns_in_words(-turns) == words
+
+
+@pytest.mark.parametrize(
+    ("turns", "said"),
+    [(0.99, 0.875), (0.126, 0.125), (0.124, 44.0 / 360.0), (0.05, 15.0 / 360.0), (0.04, 14.0 / 360.0), (0.004, 0.0)],
+)
+def test_a_turn_is_said_in_eighths_then_in_fives_then_in_twos_of_a_degree(turns, said):
+    said = 40.0 / 360.0 if turns == 0.124 else said
+    assert sayable(turns) == pytest.approx(said)
+    assert sayable(-turns) == pytest.approx(-said)
+
+
+def test_what_to_do_is_said_with_one_sigma():
+    error = error_with(300.0, -400.0)
+    assert altitude_in_words(error) == "5.0′ ± 2″ too high: lower the axis"
+    assert azimuth_in_words(error) == "6.7′ ± 4″ too far west: rotate the mount clockwise, seen from above"

@@ -123,3 +123,52 @@ def test_a_clock_that_is_wrong_is_not_believed():
     assert free == 1.0
     assert 0.6 < inside < 0.77
     assert rms < 40.0
+
+
+@pytest.mark.parametrize(("degrees", "asked"), [(1.95, False), (2.05, True)])
+def test_two_degrees_are_a_large_move(degrees, asked):
+    mount = Mount(48.0, 0.0, 0.0)
+    seen = LivePhase(start(mount)).update(adjusted(mount, degrees * 3600.0, 0.0, 90, 0.0, 60.0))
+    assert (PolarFindingKind.REMEASURE in {f.kind for f in seen.findings}) is asked
+    assert seen.moved_deg == pytest.approx(degrees, rel=1e-3)
+
+
+@pytest.mark.parametrize(("degrees", "told"), [(0.45, False), (0.55, True), (-0.55, True)])
+def test_ra_has_slipped_half_a_degree_beyond_what_tracking_explains(degrees, told):
+    mount = Mount(48.0, 900.0, -900.0)
+    seen = LivePhase(start(mount)).update(adjusted(mount, 900.0, -900.0, 90, degrees, 0.0))
+    assert (PolarFindingKind.SLIPPING in {f.kind for f in seen.findings}) is told
+    assert np.degrees(seen.theta_rad) == pytest.approx(degrees, abs=1e-4)
+    beyond = degrees + np.sign(degrees) * SIDEREAL_DEG_S * 240.0
+    later = LivePhase(start(mount)).update(adjusted(mount, 900.0, -900.0, 90, beyond, 240.0))
+    assert (PolarFindingKind.SLIPPING in {f.kind for f in later.findings}) is told
+
+
+@pytest.mark.parametrize(("sigmas", "prior"), [(2.8, "standing"), (3.2, ""), (-2.8, "standing"), (-3.2, "")])
+def test_a_clock_is_believed_within_three_sigmas(sigmas, prior):
+    """Of the attitude's roll and the clock's own 20 arcsec; where both clocks may be right neither is."""
+    mount = Mount(48.0, 900.0, -900.0, sigma=0.1, sigma_roll=0.1, rho_deg=60.0)
+    off = sigmas * 20.0 / 3600.0
+    seen = LivePhase(start(mount)).update(adjusted(mount, 900.0, -900.0, 90, off, 600.0))
+    assert seen.prior == prior
+    soon = LivePhase(start(mount)).update(adjusted(mount, 900.0, -900.0, 90, 0.0, 1.0))
+    assert soon.prior == ""  # 15 arcsec apart
+
+
+@pytest.mark.parametrize(("arcsec", "prior"), [(70.0, ""), (90.0, "standing")])
+def test_the_other_clock_must_be_four_sigmas_worse(arcsec, prior):
+    mount = Mount(48.0, 900.0, -900.0, sigma=0.1, sigma_roll=0.1)
+    seconds = arcsec / 3600.0 / SIDEREAL_DEG_S
+    assert LivePhase(start(mount)).update(adjusted(mount, 900.0, -900.0, 90, 0.0, seconds)).prior == prior
+
+
+def test_the_error_is_the_frames_own_and_the_measurements():
+    """Both in squares: what a new frame adds shrinks with its errors, the measurement's share stays."""
+    mount = Mount(48.0, 900.0, -900.0)
+    live, frame = LivePhase(start(mount)), adjusted(mount, 900.0, -900.0, 90, 12.0, 60.0)
+    seen = live.update(frame)
+    sure = live.update(LocalAttitude(frame.matrix, frame.covariance / 1e6, frame.time_utc))
+    np.testing.assert_allclose(sure.frame_covariance, seen.frame_covariance / 1e6, rtol=1e-6, atol=1e-25)
+    shared = seen.error.covariance - seen.frame_covariance
+    np.testing.assert_allclose(sure.error.covariance - sure.frame_covariance, shared, rtol=1e-6, atol=1e-18)
+    assert np.linalg.eigvalsh(shared).min() > 0.0

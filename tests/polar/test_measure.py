@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kochab.polar.flexure import Droop
-from kochab.polar.horizon import Pole, Refraction
+from kochab.polar.horizon import Pole, Refraction, pole_direction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure_local, slipping
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.test_flexure import bent
@@ -291,3 +291,21 @@ def test_the_time_of_a_measurement_is_that_of_its_last_frame():
     assert found.time_utc == found.attitudes[-1].time_utc
     assert found.time_utc - found.attitudes[0].time_utc == timedelta(seconds=90)
     assert found.last_of_fit is found.attitudes[-1]
+
+
+@pytest.mark.parametrize(("pressure_hpa", "told"), [(170.0, False), (230.0, True)])
+def test_a_pole_is_doubted_when_the_air_lifts_it_by_an_arcminute(pressure_hpa, told):
+    """At a latitude of 14 degrees the usual air lifts it by four; a fifth of it is left so high up."""
+    mount = Mount(14.0, 600.0, 400.0)
+    settings = MeasureSettings(mount.site, Pole.REFRACTED, Refraction(pressure_hpa=pressure_hpa * 1.2))
+    lifted = (np.arcsin(pole_direction(settings.site, settings.pole, settings.refraction)[2]) / ARCSEC) - 14.0 * 3600.0
+    assert bool(lifted > 60.0) is told
+    assert 40.0 < lifted < 80.0
+    assert (PolarFindingKind.POLE in kinds(measure_local(mount.see([0, 20, 40, 60]), settings))) is told
+
+
+@pytest.mark.parametrize(("latitude", "told"), [(14.5, True), (15.5, False), (-14.5, True), (-15.5, False)])
+def test_the_pole_is_doubted_within_fifteen_degrees_of_the_equator(latitude, told):
+    mount = Mount(latitude, 600.0, 400.0)
+    found = measure_local(mount.see([0, 20, 40, 60]), MeasureSettings(mount.site, Pole.REFRACTED))
+    assert (PolarFindingKind.POLE in kinds(found)) is told
