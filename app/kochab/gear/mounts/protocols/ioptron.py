@@ -6,7 +6,6 @@ from datetime import UTC, datetime, timedelta
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, MountState, PierSide
 from kochab.gear.mounts.protocols import code_table, match, require
-from kochab.gear.mounts.serial_line import ProtocolError
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 TIME, ALTAZ = b":GUT#", b":GAC#"
@@ -86,10 +85,7 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
     """``:GUT#``: minutes of the zone, summer time, milliseconds of UTC since J2000 (JD 2451545)."""
     found = match(rb"([+-]\d{3})([01])(\d{13})#", reply, "time")
     require(abs(int(found[1])) <= 840, reply, "time")
-    try:
-        time_utc = J2000 + timedelta(milliseconds=int(found[3]))
-    except OverflowError:
-        raise ProtocolError(f"{reply!r} is no time.") from None
+    time_utc = J2000 + timedelta(milliseconds=int(found[3]))  # 13 digits reach the year 2316
     return time_utc, int(found[1]) / 60.0 + int(found[2])
 
 
