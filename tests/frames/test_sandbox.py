@@ -138,6 +138,33 @@ def test_no_process_to_be_had_is_a_sentence(odd, monkeypatch):
         read_frame(odd("quick_reader"))
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not show a process's limits")
+def test_its_time_is_bounded_anew_for_every_file(odd):
+    path = odd("quick_reader")
+    told = []
+    for timeout_s in (5.0, None, 3000.0):
+        read_frame(path, timeout_s)
+        limits = Path(f"/proc/{reader_of(path)}/limits").read_text()
+        told.append(next(line.split()[3] for line in limits.splitlines() if line.startswith("Max cpu time")))
+    assert int(told[0]) < 1000
+    assert told[1] == "unlimited"
+    assert int(told[2]) > 12_000
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows cannot fork")
+def test_a_forked_process_has_one_of_its_own(odd):
+    path = odd("quick_reader")
+    code = (
+        "import os, sys\nfrom pathlib import Path\nfrom kochab.frames import FORMATS, read_frame\n"
+        "FORMATS._others = {'odd': 'tests.frames.files:quick_reader'}\n"
+        "path = Path(sys.argv[1])\ntold = path.with_suffix('.pid')\nread_frame(path)\nfirst = told.read_text()\n"
+        "if os.fork() == 0:\n    read_frame(path)\n    os._exit(told.read_text() == first)\n"
+        "assert os.wait()[1] == 0\nread_frame(path)\nassert told.read_text() == first"
+    )
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_process_ends_with_its_parent(odd):
     path = odd("stuck_reader")
     code = (

@@ -116,10 +116,11 @@ def _bound(memory_bytes: int, timeout_s: float | None) -> None:
             taken = int(file.read().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (taken + memory_bytes, resource.getrlimit(resource.RLIMIT_AS)[1]))
         _limit_bytes = memory_bytes
-    if timeout_s is not None:
-        seconds = int(time.process_time() + 4.0 * timeout_s) + 60  # several threads may decode
-        with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+    with contextlib.suppress(OSError, ValueError):
+        most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+        # Several threads may decode at once.
+        seconds = most if timeout_s is None else int(time.process_time() + 4.0 * timeout_s) + 60
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, most))
 
 
 # -- Outside of it -----------------------------------------------------------------------------
@@ -236,6 +237,8 @@ class _Sandbox:
 
 
 _idle: list[_Sandbox] = []
+if hasattr(os, "register_at_fork"):  # two processes cannot share one's pipes
+    os.register_at_fork(after_in_child=_idle.clear)
 
 
 def _kept() -> _Sandbox | None:
