@@ -80,7 +80,7 @@ class Mutant:
     name: str
 
 
-NOT_TRIED = ("dataclass", "suppress", "TypeVar", "lru_cache")
+NOT_TRIED = ("dataclass", "suppress", "TypeVar", "lru_cache", "Progress")
 GUARD = 1e-6
 TURNED_ROUND: dict[type, type] = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
 UNITS = re.compile(r"_(deg|rad|arcsec|arcmin|px2?|s|ms|turns|share|sigma|sigmas)$|^(sigma|chi2|angle|length)$")
@@ -105,7 +105,8 @@ def _measured(node: ast.AST) -> bool:
     """Whether a term is a measured number, by its unit, its constant or its literal."""
     name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
     inside = any(_is_float(n) or (isinstance(n, ast.Name) and n.id in _float_constants()) for n in ast.walk(node))
-    return inside or UNITS.search(name) is not None
+    divided = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div)
+    return inside or divided or UNITS.search(name) is not None
 
 
 def _changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -139,7 +140,7 @@ def _changes(node: ast.AST) -> Iterator[ast.AST]:
 def _skipped(tree: ast.Module) -> set[int]:
     """Nodes whose change no test could notice, or should.
 
-    Annotations, Protocols, what a dataclass or a cache is given; asserts and ``strict=`` of a zip, which only check
+    Annotations, Protocols, what a dataclass, a cache or a progress report is given; asserts and ``strict=`` of a zip, which only check
     the code itself; numbers within the sentence of an error; ``axis=-1``, which is 1 of a table; a millionth and
     less, which twice as large guards a division or ends an iteration as well.
     """

@@ -345,3 +345,20 @@ def test_a_prior_ten_times_less_certain_than_the_stars_is_no_news(times: float, 
     own = np.std([np.log(fitted(simulate(s, 60, 10.0, 0.3), distortion=False).camera.focal_px) for s in range(30)])
     told = fitted(field, distortion=False, focal=FocalPrior(alone * np.exp(times * own), times * own)).camera.focal_px
     assert bool(told != alone) is counts
+
+
+@pytest.mark.parametrize(("stars", "heard"), [(3, False), (4, True)])
+def test_a_prior_is_heard_from_four_stars_on(stars: int, heard: bool) -> None:
+    """Three stars leave the focal length as it was given; the fourth lets it be fitted, prior and all."""
+    field = simulate(3, stars, 10.0, 0.5)
+    true = field.camera.focal_px
+    fit = fitted(field, distortion=False, focal=FocalPrior(true, 1e-7))
+    assert bool(abs(fit.camera.focal_px / true - 1.0) < 1e-6) is heard
+
+
+def test_two_rounds_weigh_the_matches_as_four_do_when_there_is_nothing_to_leave_out() -> None:
+    field = simulate(4, 40, 10.0, 0.3)
+    two, four, one = (fitted(field, distortion=False, rounds=r) for r in (2, 4, 1))
+    np.testing.assert_allclose(two.residuals_px, four.residuals_px, atol=1e-6)
+    np.testing.assert_allclose(two.attitude.covariance, four.attitude.covariance, rtol=1e-6)
+    assert np.abs(one.residuals_px - four.residuals_px).max() > 1e-4  # a least-squares fit, unweighted

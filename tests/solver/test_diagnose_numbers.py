@@ -237,3 +237,11 @@ def test_saturated_blended_and_cut_stars_say_nothing_of_the_focus() -> None:
         replace(found, xy=np.array([[5.0, 150.0]])),
     ):
         assert np.isnan(half_flux_diameter_px(frame, out))
+
+
+def test_pixels_that_are_not_finite_are_dark_bins() -> None:
+    pixels = np.full((60, 80), 7.0, np.float32)
+    pixels[3, 4], pixels[5, 6], pixels[7, 8] = np.inf, -np.inf, np.nan
+    bins = binned(Frame(pixels))
+    assert (bins.image[3, 4], bins.image[5, 6], bins.image[7, 8]) == (0.0, 0.0, 0.0)
+    assert np.count_nonzero(bins.image == 7.0) == 60 * 80 - 3
