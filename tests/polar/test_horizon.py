@@ -293,3 +293,12 @@ def test_what_to_do_is_said_with_one_sigma():
     error = error_with(300.0, -400.0)
     assert altitude_in_words(error) == "5.0′ ± 2″ too high: lower the axis"
     assert azimuth_in_words(error) == "6.7′ ± 4″ too far west: rotate the mount clockwise, seen from above"
+
+
+def test_refraction_is_that_of_the_eye_in_usual_air():
+    """In green light air of 15 °C bends by n - 1 = 2.779e-4 (Edlén 1966, Metrologia 2, 71); ours has 10 °C."""
+    a, _ = Refraction().constants(Site(0.0, 0.0, 0.0))
+    assert a == pytest.approx(2.779e-4 * 288.15 / 283.15, rel=0.005)
+    cold, thin = Refraction(temperature_c=-20.0), Refraction(pressure_hpa=700.0)
+    assert cold.constants(SITE)[0] / Refraction().constants(SITE)[0] == pytest.approx(283.15 / 253.15, rel=0.01)
+    assert thin.constants(SITE)[0] / a == pytest.approx(700.0 / 1013.25, rel=0.01)

@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports as serial_ports
 
-from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.errors import NoAnswerError, PortError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, PierSide
+from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import from_mount_epoch
+from kochab.gear.mounts.drivers.nexstar import NexStar
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher, altaz_objection, to_axes
-from kochab.gear.mounts.probe import list_ports, port_info
+from kochab.gear.mounts.probe import list_ports, port_info, probe_port
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import ProtocolError
 from tests.gear.mounts.bench import simulated
@@ -265,3 +267,34 @@ def test_an_unconfirmed_home_allows_a_nudge_of_two_degrees() -> None:
         for rate, seconds in ((1.0, 2.1), (3.0, 0.7)):
             with pytest.raises(RefusedError, match="home is not confirmed"):
                 m.move(Direction.NORTH, rate, seconds)
+
+
+@pytest.mark.parametrize(
+    ("model", "site", "mode"),
+    [(20, nex_site(50, 0, 0, 0, 8, 0, 0, 0), 2), (20, nex_site(33, 0, 0, 1, 151, 0, 0, 0), 3), (11, None, 1)],
+    ids=["AVX in the north", "AVX in the south", "a fork"],
+)
+def test_a_nexstar_that_never_tracked_gets_the_mode_of_its_kind_and_hemisphere(model, site, mode) -> None:
+    start = [(b"V", b"\x04\x15#"), (b"m", bytes([model]) + b"#"), (b"t", b"\x00#")]
+    asked = [] if site is None else [(b"w", site)]
+    with transcript(NexStar, [*start, *asked, (b"T" + bytes([mode]), b"#")]) as m:
+        m.track(True)
+
+
+def test_a_motor_board_that_counts_nothing_is_no_mount() -> None:
+    with (
+        pytest.raises(ProtocolError, match="answers 0 to a"),
+        transcript(SkyWatcher, [(b":a1\r", b"=000000\r")], site=SITE),
+    ):
+        pass
+
+
+def test_a_mount_in_the_network_is_asked_everything_once() -> None:
+    opened = []
+
+    def refuses(port, baud):
+        opened.append((port, baud))
+        raise PortError("Nobody is there.")
+
+    assert run(probe_port("socket://10.0.0.1:9999", refuses)).advice == "Nobody is there."
+    assert opened == [("socket://10.0.0.1:9999", 9600)]
