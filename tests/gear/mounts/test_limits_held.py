@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Direction, Epoch, MountState, PierSide, Pointing
+from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing
+from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import (
     altitude_deg,
     epoch_of,
@@ -22,7 +24,7 @@ from kochab.gear.mounts.coordinates import (
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence, great_circle, turned
 from kochab.gear.mounts.motion_policy import MotionPolicy, with_paths
 from kochab.gear.mounts.slew_supervisor import SupervisedMotion, allowed_region, may_flip, slew_limit_s
-from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, at
+from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, at, guarded
 
 READY = MountState(slewing=False, parked=False, aligned=True, tracking=True)
 FORK = {"crosses_meridian": True}
@@ -321,3 +323,63 @@ def test_local_time_east_of_greenwich_is_ahead() -> None:
     assert from_mount_epoch(Pointing(365.0, 10.0, Epoch.J2000), NIGHT) == (5.0, 10.0)
     later = sidereal_deg(Site(0.0, 10.0), NIGHT) - sidereal_deg(Site(0.0, 0.0), NIGHT)
     assert later % 360.0 == pytest.approx(10.0)
+
+
+# -- What a mount cannot do, and how long and far a motion may be -----------------------------------
+
+TARGET_DEG = at(-35.0, 40.0)
+
+
+@pytest.mark.parametrize(
+    ("ability", "do"),
+    [
+        (Ability.MOVE, lambda guard: guard.move(Direction.NORTH, 1.0, 1.0)),
+        (Ability.PULSE, lambda guard: guard.pulse(Direction.NORTH, 500)),
+        (Ability.TRACKING, lambda guard: guard.track(True)),
+        (Ability.GOTO, lambda guard: run(guard.slew(*TARGET_DEG))),
+        (Ability.SYNC, lambda guard: guard.sync(*TARGET_DEG, by_hand=True, confirmed=True)),
+    ],
+    ids=str,
+)
+def test_what_a_mount_lacks_is_refused_with_its_reason_before_a_byte(ability, do) -> None:
+    guard, mount = guarded()
+    do(guard)
+    assert mount.did
+    guard, mount = guarded()
+    mount.lacks = {ability: "Its hand control has no word for it."}
+    with pytest.raises(RefusedError, match="has no word for it"):
+        do(guard)
+    assert mount.did == []
+
+
+@pytest.mark.parametrize(("milliseconds", "allowed"), [(0, False), (1, True), (5000, True), (5001, False), (-1, False)])
+def test_a_guide_pulse_lasts_five_seconds_at_most(milliseconds, allowed) -> None:
+    guard, mount = guarded()
+    if allowed:
+        guard.pulse(Direction.EAST, milliseconds)
+    else:
+        with pytest.raises(RefusedError, match="1 to 5000 ms"):
+            guard.pulse(Direction.EAST, milliseconds)
+    assert bool(mount.did) is allowed
+
+
+@pytest.mark.parametrize(
+    ("rate", "seconds", "refusal"),
+    [
+        (0.1, 60.0, ""),
+        (0.1, 60.1, "at most 60 s"),
+        (0.1, 0.0, "out of range"),
+        (1.6, 59.0, ""),
+        (1.6, 59.6, "at most 95°"),
+        (0.0, 5.0, "out of range"),
+        (0.1, float("nan"), "out of range"),
+    ],
+)
+def test_a_move_lasts_a_minute_and_a_quarter_circle_at_most(rate, seconds, refusal) -> None:
+    guard, mount = guarded(-80.0, 60.0, past_meridian_deg=60.0)
+    if refusal:
+        with pytest.raises(RefusedError, match=refusal):
+            guard.move(Direction.WEST, rate, seconds)
+    else:
+        guard.move(Direction.WEST, rate, seconds)
+    assert bool(mount.did) is not bool(refusal)
