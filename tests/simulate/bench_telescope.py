@@ -71,6 +71,11 @@ class BenchTelescope:
             self._advance()
             return self._axes[0], self._axes[1]
 
+    def from_home_deg(self) -> tuple[float, float]:
+        """How far it believes to have turned since home, where it was switched on."""
+        hour, dec = (a + b for a, b in zip(self.axes_deg(), self._offset, strict=True))
+        return hour - 90.0, dec - math.copysign(90.0, self.latitude_deg)
+
     def believed_deg(self) -> tuple[float, float]:
         """RA and Dec of date."""
         hour_angle, dec = (a + b for a, b in zip(self.axes_deg(), self._offset, strict=True))

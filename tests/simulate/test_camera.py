@@ -58,7 +58,7 @@ def camera(config=SMALL, **more):
 
 def test_stars_are_where_erfa_and_the_camera_say():
     look, taker = view(), camera(replace(SMALL, zero_point_e_s=1e11))
-    paths = taker.paths(look, DARK, 0.001)
+    paths = taker.light(look, DARK, 0.001).paths
     sky = LocalSky(SITE, DARK + 0.0005)
     rows = catalogue().cone(sky.from_enu(look(DARK)[2]), np.radians(1.0), SMALL.faintest, 2027.0)
     year = julian_years(datetime.fromtimestamp(DARK, UTC))
@@ -74,7 +74,7 @@ def test_stars_are_where_erfa_and_the_camera_say():
 def test_a_trail_is_as_long_as_drift_times_exposure(drift, exposure):
     """``drift`` arcsec a second against the stars; the declination shortens it on the sky."""
     look = following(15.041 / 3600.0 + drift / 3600.0)
-    paths = camera().paths(look, DARK, exposure)
+    paths = camera().light(look, DARK, exposure).paths
     expected = drift * exposure * np.cos(np.radians(20.0)) / SMALL.optics().scale_arcsec_px
     assert length_px(paths) == pytest.approx(expected, rel=0.02, abs=0.05)
 
@@ -106,8 +106,8 @@ def test_air_takes_light_by_the_airmass():
     high, low = camera(), camera()
     for taker, altitude in ((high, 80.0), (low, 15.0)):
         look = view(altitude)
-        paths = taker.paths(look, DARK, 1.0)
-        light = taker.light(paths, look)
+        light = taker.light(look, DARK, 1.0)
+        paths = light.paths
         lost = -2.5 * np.log10(starlight(light) / (SMALL.zero_point_e_s * 10 ** (-0.4 * paths.mag)))
         expected = 0.2 * airmass(paths.directions)
         np.testing.assert_allclose(lost, expected, atol=1e-9)
@@ -146,9 +146,9 @@ def test_the_moon_and_twilight_brighten_the_sky_and_clouds_hide_stars():
     weather = Weather(WeatherConfig(banks=((0.0, 100.0, 3.0),)), DARK - 50.0)
     clear, cloudy = camera(), camera(weather=weather)
     look = view()
-    stars = [starlight(c.light(c.paths(look, DARK, 1.0), look)) for c in (clear, cloudy)]
+    stars = [starlight(c.light(look, DARK, 1.0)) for c in (clear, cloudy)]
     np.testing.assert_allclose(stars[1], stars[0] * 10 ** (-0.4 * 3.0), rtol=1e-9)
-    after = [starlight(c.light(c.paths(look, DARK + 200, 1.0), look)) for c in (clear, cloudy)]
+    after = [starlight(c.light(look, DARK + 200, 1.0)) for c in (clear, cloudy)]
     np.testing.assert_allclose(after[1], after[0])
 
 
@@ -181,7 +181,7 @@ def test_the_real_moon_and_sun_are_where_astropy_says():
 
 def test_the_sky_goes_on_smoothly_over_the_frame():
     taker, look = camera(), view(20.0)
-    light = taker.light(taker.paths(look, DARK, 1.0), look)
+    light = taker.light(look, DARK, 1.0)
     coarse, fine = sky_electrons(light), background(light)
     assert fine.shape == (240, 320)
     assert fine[0, 0] == pytest.approx(coarse[0, 0])
@@ -213,7 +213,7 @@ def test_what_is_lost_in_the_noise_is_not_drawn():
     taker = camera()
     assert taker.faintest(0.01) < taker.faintest(1.0) <= taker.faintest(600.0) == SMALL.faintest
     look = view()
-    short, long = (taker.paths(look, DARK, s).mag.max() for s in (0.01, 60.0))
+    short, long = (taker.light(look, DARK, s).paths.mag.max() for s in (0.01, 60.0))
     assert short <= taker.faintest(0.01) < long
 
 
@@ -232,7 +232,7 @@ def test_sensors_saturate_and_have_mosaics_and_gain():
 
 
 def test_a_frame_taken_while_it_slews_is_made_of_long_trails():
-    paths = camera().paths(following(2.0), DARK, 1.0)
+    paths = camera().light(following(2.0), DARK, 1.0).paths
     assert length_px(paths) > 300.0
     frame = camera().frame(following(2.0), DARK, 1.0)
     assert frame.pixels.shape == (240, 320)

@@ -8,7 +8,7 @@ import numpy as np
 from kochab.core.arrays import Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
-from kochab.simulate.exposure import AttitudeAt, ExposureLight, Paths, StarPaths, background, electrons, starlight
+from kochab.simulate.exposure import AttitudeAt, ExposureLight, StarPaths, background, electrons, starlight
 from kochab.simulate.night_sky import Atmosphere, Glow, Weather
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
 from kochab.sky import Catalogue
@@ -76,10 +76,6 @@ class SkyCamera:
         self._hot_e_s = np.exp(hot.uniform(low, high, len(self._hot)))
         self._pool: Floats32 | None = None
 
-    def paths(self, attitude_at: AttitudeAt, start: float, exposure_s: float) -> Paths:
-        """The stars of an exposure and where each goes over the sensor."""
-        return self._stars.over(self.optics, attitude_at, start, exposure_s, self.faintest(exposure_s))
-
     def faintest(self, exposure_s: float) -> float:
         """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
         zero_point_e_s, pixel = self.config.zero_point_e_s, self.optics.scale_arcsec_px**2
@@ -89,17 +85,17 @@ class SkyCamera:
         mag = 2.5 * np.log10(zero_point_e_s * exposure_s / lost)
         return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
 
-    def light(self, paths: Paths, attitude_at: AttitudeAt) -> ExposureLight:
-        """The light of stars and sky in an exposure."""
+    def light(self, attitude_at: AttitudeAt, start: float, exposure_s: float) -> ExposureLight:
+        """The light of stars and sky in an exposure from unix time ``start`` on."""
+        paths = self._stars.over(self.optics, attitude_at, start, exposure_s, self.faintest(exposure_s))
         return ExposureLight(paths, attitude_at, self.optics, self.config.zero_point_e_s, self.glow, self.weather)
 
     def frame(self, attitude_at: AttitudeAt, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
         """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""
-        paths = self.paths(attitude_at, start, exposure_s)
-        light = self.light(paths, attitude_at)
+        light = self.light(attitude_at, start, exposure_s)
         image_e = background(light)
         image = RenderedStar(self.config.fwhm_px, self.config.beta)
-        cores, flux = paths.cores(0.4 * image.fwhm_px), starlight(light)
+        cores, flux = light.paths.cores(0.4 * image.fwhm_px), starlight(light)
         places, shares = cores.reshape(-1, 2), np.tile(flux / len(cores), len(cores))
         seen = np.isfinite(places).all(axis=1) & (shares > 0.0)
         add_stars(image_e, places[seen], shares[seen], image)

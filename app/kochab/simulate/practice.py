@@ -12,8 +12,7 @@ from kochab.core.capture import CaptureSettings
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
 from kochab.simulate.camera_source import SimulatedCamera, announce, withdraw
-from kochab.simulate.responders import RESPONDERS, Controller, open_responder
-from kochab.simulate.responders.skywatcher import SkyWatcherResponder
+from kochab.simulate.responders import RESPONDERS, open_responder
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, practice_night, through, tonight
 from kochab.simulate.serial_line import Fault, Faults, Line, pty_line, socket_line
 
@@ -151,7 +150,7 @@ class PracticeNight:
         self._first = score(self.rig)
         self._over = threading.Event()
         serve = socket_line if socket else pty_line
-        self.line: Line = serve(responder_on(driver, self.rig), self.faults)
+        self.line: Line = serve(open_responder(driver, self.rig.mount), self.faults)
         self.trouble = ""
         self._writer: threading.Thread | None = None
         if folder is not None:
@@ -251,17 +250,6 @@ class PracticeNight:
                 return
             if self.rig.clock.rate == 0.0:
                 return
-
-
-def responder_on(driver: str, rig: PracticeRig) -> Controller:
-    """The far end of ``driver`` over the rig's mount.
-
-    A motor board knows only its counters: they read what the mount's computer believes.
-    """
-    responder = open_responder(driver, rig.mount)
-    if isinstance(responder, SkyWatcherResponder):
-        responder.count_from_home(rig.mount.from_home_deg())
-    return responder
 
 
 def practise(

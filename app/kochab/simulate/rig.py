@@ -166,7 +166,7 @@ class PracticeRig:
         """As :meth:`frame`, but what a detector would list, and the frame's hint."""
         start = self._expose(exposure_s)
         with self._lock:
-            light = self.camera.light(self.camera.paths(self.look, start, exposure_s), self.look)
+            light = self.camera.light(self.look, start, exposure_s)
             noise = self.config.camera.sensor.read_noise_e
             listed = star_list(light, self.config.camera.fwhm_px, noise, self._rng)
             return listed, self.camera.hint(start, exposure_s)

@@ -27,7 +27,7 @@ from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.simulate.mechanics.mount import EquatorialMount
-from kochab.simulate.practice import responder_on
+from kochab.simulate.responders import open_responder
 from kochab.simulate.rig import PracticeRig, misaligned, practice_night, random_place, tonight
 from kochab.simulate.serial_line import Fault, Faults, Line, pty_line, socket_line
 from kochab.sky import Catalogue
@@ -221,7 +221,7 @@ def mount_rig(seed: int, driver: str, catalogue: Catalogue, rendered: bool = Fal
     watched, faults = rig.mount, Faults(seed, late_s=LATE_S)
     assert isinstance(watched, WatchedMount)
     serve = socket_line if sys.platform == "win32" else pty_line
-    line = serve(responder_on(driver, rig), faults)
+    line = serve(open_responder(driver, rig.mount), faults)
     guard: Guard | None = None
 
     def opened(stop_first: bool = False) -> Mount:

@@ -101,8 +101,7 @@ class MotorAxis:
         self.gear = gear or GearErrors()
         self.acceleration = 2.0  # deg/s^2
         self.top_deg_s = 4.0
-        self._segments = [Segment(at, angle_deg, 0.0, 0.0, angle_deg, 0.0)]
-        self._starts = [at]
+        self.place(at, angle_deg)
 
     def motor_deg(self, t: float) -> float:
         """What the encoder reads."""

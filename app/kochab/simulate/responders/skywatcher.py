@@ -41,7 +41,8 @@ class BoardMotor:
         self.mode = (SLOW_SLEW, 0)
         self.period = 620
         self.target = MIDDLE
-        self._zero_deg = telescope.axes_deg()[axis]  # where the counter reads the middle
+        # where the counter reads the middle: as if switched on at home, where its computer believes that to be
+        self._zero_deg = telescope.axes_deg()[axis] - telescope.from_home_deg()[axis]
         self._slewing_to: float | None = None
         self._turning = False
         self._clock = (0, 1)
@@ -143,11 +144,6 @@ class SkyWatcherResponder(Controller):
             b"D": lambda _: low_first(round(TIMER_HZ * SIDEREAL_DAY_S / STEPS_TURN)),
             b"f": lambda motor: motor.status(),
         }
-
-    def count_from_home(self, from_home_deg: tuple[float, float]) -> None:
-        """Let the counters read as if it had been switched on at home and turned so far since."""
-        for motor, angle in zip(self.motors, from_home_deg, strict=True):
-            motor.set_steps(MIDDLE + round(angle * motor.steps_deg))
 
     def _answer(self, command: bytes) -> bytes:
         order, channel, data = command[:1], command[1:2], command[2:]
