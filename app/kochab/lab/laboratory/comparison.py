@@ -20,7 +20,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import PREPARING, Progress, Task
 from kochab.core.registry import Registry, checked
-from kochab.core.solution import NoSolution, Solution
+from kochab.core.solution import Identification, Matches, NoSolution, Solution
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
@@ -179,36 +179,27 @@ def scale_hint(truth: FieldTruth, radius_deg: float | None = None) -> Hint:
     return Hint(scale_arcsec_px=span, centre_deg=centre, source="laboratory")
 
 
-def unsolved_trial(
-    kind: ComparedPart, name: str, refusal: NoSolution | None, truth: FieldTruth | None, **more: Any
+def judged(
+    kind: ComparedPart, name: str, answer: Identification | NoSolution | None, truth: FieldTruth | None, **more: Any
 ) -> Trial:
-    """No answer and the reason for it; None when the time was over. ``more`` are fields of the trial."""
-    said = {"reason": TOO_LONG, "advice": "Allow it more time."}
-    if refusal is not None:
-        said = {"reason": str(refusal.reason), "advice": refusal.tried or refusal.advice}
-    right = None if truth is None else False
-    return Trial(kind, name, paper_for(kind, name), right=right, **said | more)
+    """What came of it, and what the truth says of that; ``more`` are fields of the trial.
 
-
-def solved_trial(
-    kind: ComparedPart,
-    name: str,
-    camera: Camera,
-    attitude: Attitude,
-    xy: Floats,
-    vectors: Floats,
-    truth: FieldTruth | None,
-    **more: Any,
-) -> Trial:
-    """An answer and what is to be said of it; ``more`` are fields of the trial.
-
-    The stars at ``xy`` (M, 2) px were taken for those at ICRS unit ``vectors`` (M, 3).
+    ``answer`` is the names and the pointing, the reason for none, or None when the time was over.
     """
-    if truth is not None:
-        right, off_arcsec = compare_pointing(camera, attitude, truth)
-        more |= {"right": right, "off_arcsec": off_arcsec, "wrong": wrong_names(xy, vectors, truth)}
-    more |= {"ra_dec_deg": radec_deg(_centre(camera, attitude)), "sigma_arcsec": sigma_of(attitude)}
-    return Trial(kind, name, paper_for(kind, name), matches=len(xy), **more)
+    if isinstance(answer, Identification):
+        names, pointing = answer.matches, (answer.camera, answer.attitude)
+        if truth is not None:
+            right, off_arcsec = compare_pointing(*pointing, truth)
+            wrong = wrong_names(names.xy, names.vectors, truth)
+            more |= {"right": right, "off_arcsec": off_arcsec, "wrong": wrong}
+        more |= {"matches": len(names), "log10_false_alarm": answer.log10_false_alarm}
+        more |= {"ra_dec_deg": radec_deg(_centre(*pointing)), "sigma_arcsec": sigma_of(answer.attitude)}
+    else:
+        said = {"reason": TOO_LONG, "advice": "Allow it more time."}
+        if answer is not None:
+            said = {"reason": str(answer.reason), "advice": answer.tried or answer.advice}
+        more = {"right": None if truth is None else False} | said | more
+    return Trial(kind, name, paper_for(kind, name), **more)
 
 
 def sigma_of(attitude: Attitude) -> tuple[float, float, float] | None:
@@ -303,12 +294,13 @@ def try_detector(
     result = examined.result
     measured: dict[str, Any] = {"found": counted(examined.detections.xy, places), "seconds": spent.get("detect", 0.0)}
     if not isinstance(result, Solution):
-        return unsolved_trial(ComparedPart.DETECTOR, choice.name, result, truth, **measured)
+        return judged(ComparedPart.DETECTOR, choice.name, result, truth, **measured)
     xy = np.array([(star.x, star.y) for star in result.stars])
     sky = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in result.stars]).T)
-    measured |= {"log10_false_alarm": result.log10_false_alarm, "rms_px": result.rms_px}
-    kind, pointing = ComparedPart.DETECTOR, (result.camera, result.attitude)
-    return solved_trial(kind, choice.name, *pointing, xy, sky, truth, **measured)
+    order = np.arange(len(xy), dtype=np.int64)  # which detection and which row of the catalogue is not asked
+    pointing = result.camera, result.attitude, result.log10_false_alarm, result.method
+    answer = Identification(Matches(order, order, xy, sky), *pointing)
+    return judged(ComparedPart.DETECTOR, choice.name, answer, truth, rms_px=result.rms_px, **measured)
 
 
 def counted(xy: Floats, places: Floats | None) -> DetectorScore:

@@ -21,10 +21,9 @@ from kochab.lab.laboratory.comparison import (
     ComparedPart,
     FieldTruth,
     Trial,
+    judged,
     sigma_of,
-    solved_trial,
     timed,
-    unsolved_trial,
 )
 from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
@@ -51,12 +50,8 @@ def try_method(
         seconds = sum(spent.values())
         tables = max(0.0, first - seconds)
     times: dict[str, Any] = {"seconds": seconds, "tables_s": tables}
-    if not isinstance(found, Identification):
-        return unsolved_trial(ComparedPart.METHOD, choice.name, found, truth, **times)
-    fitted = with_fitted_pointing(found)
-    answer = fitted.camera, fitted.attitude, found.matches.xy, found.matches.vectors
-    alarm = found.log10_false_alarm
-    return solved_trial(ComparedPart.METHOD, choice.name, *answer, truth, log10_false_alarm=alarm, **times)
+    answer = with_fitted_pointing(found) if isinstance(found, Identification) else found
+    return judged(ComparedPart.METHOD, choice.name, answer, truth, **times)
 
 
 _used: set[object] = set()
@@ -122,7 +117,7 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
     """Run one estimator, or the fit, on the named stars. UsageError as `checked`."""
     options = checked(REGISTRIES[ComparedPart.ATTITUDE].load(choice.name), choice.options)
     if not isinstance(named, NamedStars):
-        return unsolved_trial(ComparedPart.ATTITUDE, choice.name, named, truth)
+        return judged(ComparedPart.ATTITUDE, choice.name, named, truth)
 
     first, matches = named.fit(), named.found.matches
 
@@ -140,11 +135,10 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
     kind = ComparedPart.ATTITUDE
     measured: dict[str, Any] = {"seconds": spent / REPEATS}
     if refusal:
-        return unsolved_trial(kind, choice.name, None, truth, reason=REFUSED, advice=refusal, **measured)
-    measured |= {"log10_false_alarm": named.found.log10_false_alarm, "rms_px": fit.rms_px}
-    answer = fit.camera, fit.attitude, matches.xy, matches.vectors
+        return judged(kind, choice.name, None, truth, reason=REFUSED, advice=refusal, **measured)
+    answer = replace(named.found, camera=fit.camera, attitude=fit.attitude)
     gap = None if choice.name == FIT else between(fit.attitude, first.attitude)
-    return solved_trial(kind, choice.name, *answer, truth, from_fit_arcsec=gap, **measured)
+    return judged(kind, choice.name, answer, truth, rms_px=fit.rms_px, from_fit_arcsec=gap, **measured)
 
 
 def between(a: Attitude, b: Attitude) -> tuple[float, float]:
