@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 import numpy as np
@@ -141,6 +141,5 @@ def load_bench(name: str) -> Bench:
     """The function ``run(quick, report) -> BenchResult`` of a bench by name."""
     if name not in BENCHES:
         raise UsageError(f"There is no bench called {name}; there are {', '.join(BENCHES)}.")
-    module, function = BENCHES[name].split(":")
-    found: Bench = getattr(import_module(module), function)
+    found: Bench = resolve_name(BENCHES[name])
     return found

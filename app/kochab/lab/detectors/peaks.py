@@ -44,8 +44,6 @@ class MaximaDetector:
         top = flat.image == maximum_filter(flat.image, size=self.box_px)
         top &= flat.image > flat.threshold(self.sigmas, self.clipped)
         plateaus, count = label(top, np.ones((3, 3)))
-        if not count:
-            return no_detections(frame, flat)
         places = center_of_mass(top, plateaus, np.arange(1, count + 1))
         xy = np.array(places, dtype=np.float64).reshape(-1, 2)[:, ::-1]
         half = self.box_px // 2

@@ -198,8 +198,6 @@ class ContourDetector:
             return no_detections(frame)
         above = flat.image > flat.threshold(self.sigmas, self.clipped)
         regions, count = label(above, np.ones((3, 3)))
-        if not count:
-            return no_detections(frame, flat)
         y, x = np.nonzero(above)
         region, light = regions[y, x] - 1, flat.image[y, x].astype(np.float64)
         pixels = np.bincount(region, minlength=count).astype(np.float64)

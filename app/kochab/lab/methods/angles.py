@@ -18,7 +18,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
-from kochab.core.solution import Identification, NoSolution
+from kochab.identification import Answer
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused
 from kochab.lab.methods.pairs import Pairs, between, catalogue_pairs, spread
 
@@ -151,9 +151,7 @@ class PivotingMethod(AngularMethod):
     most: int = integer(10_000, "solutions", 10, 1_000_000, "figures with more are left out (6.1: 10,000)")
     as_printed: bool = switch(False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists")
 
-    def search(
-        self, detections: Detections, focal: float, hint: Hint | None, year: float
-    ) -> Task[Identification | NoSolution]:
+    def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
         """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, f"{self.figure}s of the catalogue")
         table = self.table(year)

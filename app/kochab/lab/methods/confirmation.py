@@ -20,7 +20,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
-from kochab.identification import with_places
+from kochab.identification import Answer, with_places
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, least_likely, pair, refit, with_crowding
 from kochab.sky import open_catalogue
 
@@ -71,7 +71,7 @@ def confirm(
     pairs = np.stack(np.triu_indices(len(named), 1), axis=1)
     widest = np.argsort(-np.hypot(*(named[pairs[:, 0]] - named[pairs[:, 1]]).T), kind="stable")
     for two in pairs[widest[:PROPOSERS]]:
-        pointing = _refitted(start, seen[names.detection[two]], names.vectors[two])
+        pointing = _refitted(start, named[two], names.vectors[two])
         if abs(np.log(pointing.focal / focal_px)) < 0.1:
             others = np.delete(witnesses, names.detection[two][names.detection[two] < WITNESSES], 0)
             strange = ~np.isin(rows, names.rows[two])  # in a clump any detection finds the star that proposed
@@ -80,7 +80,13 @@ def confirm(
     alarm = min(0.0, best + np.log10(max(1, names.tried * parities)))
     if alarm > ACCEPT_LOG10:
         return None
-    return _answer(detections, names, start, seen, reach_px, float(alarm), method)
+    pointing, kept = _fitted(start, named, names.vectors, reach_px)
+    if len(kept) < FEWEST:
+        return None
+    chosen = names.detection[kept]
+    matches = Matches(chosen, names.rows[kept], detections.xy[chosen], names.vectors[kept])
+    camera = Camera.centred(detections.width, detections.height, pointing.focal, pointing.mirrored)
+    return Identification(matches, camera, Attitude(pointing.matrix), float(alarm), method, max(1, names.tried))
 
 
 def _start(detections: Detections, names: CandidateNames, focal_px: float) -> CandidatePointing:
@@ -136,31 +142,19 @@ def chance_of(
     return tail
 
 
-def _answer(
-    detections: Detections,
-    names: CandidateNames,
-    start: CandidatePointing,
-    seen: Floats,
-    reach_px: float,
-    alarm: float,
-    method: str,
-) -> Identification | None:
-    """Fit rotation and focal length to the names, dropping the worst while it is too far off."""
-    kept = np.arange(len(names.detection))
+def _fitted(start: CandidatePointing, seen: Floats, vectors: Floats, reach_px: float) -> tuple[CandidatePointing, Ints]:
+    """Rotation and focal length by named stars at ``seen`` (M, 2) px, and those (K,) that agree with it.
+
+    The worst star is dropped while it is too far off, until fewer than ``FEWEST`` are left.
+    """
+    pointing, kept = start, np.arange(len(seen))
     while len(kept) >= FEWEST:
-        pointing = _refitted(start, seen[names.detection[kept]], names.vectors[kept])
-        gap = pointing.project(names.vectors[kept])[0] - seen[names.detection[kept]]
-        off = np.hypot(gap[:, 0], gap[:, 1])
-        limit = max(ODD_PX, ODD * float(np.median(off)))
-        if off.max() <= min(reach_px, limit):
+        pointing = _refitted(start, seen[kept], vectors[kept])
+        off = np.hypot(*(pointing.project(vectors[kept])[0] - seen[kept]).T)
+        if off.max() <= min(reach_px, max(ODD_PX, ODD * float(np.median(off)))):
             break
         kept = np.delete(kept, off.argmax())
-    else:
-        return None
-    chosen = names.detection[kept]
-    matches = Matches(chosen, names.rows[kept], detections.xy[chosen], names.vectors[kept])
-    camera = Camera.centred(detections.width, detections.height, pointing.focal, pointing.mirrored)
-    return Identification(matches, camera, Attitude(pointing.matrix), alarm, method, max(1, names.tried))
+    return pointing, kept
 
 
 # -- What the published methods need before they can begin, and how they refuse -----------------
@@ -186,24 +180,24 @@ def table_deg(detections: Detections, focal_px: float) -> float:
 class AngularMethod(ABC):
     """A method that compares angles between stars, so that it has to know the scale.
 
-    ``fewest`` is how many stars it can work with.
+    ``fewest`` is how many stars it can work with, ``needs`` what a person is asked for without a scale.
     """
 
     fewest: ClassVar[int]
+    needs: ClassVar[str] = "Give the field of view: this method compares angles."
 
-    def identify(
-        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
-    ) -> Task[Identification | NoSolution]:
+    def identify(self, detections: Detections, hint: Hint | None = None, year: float = 2016.0) -> Task[Answer]:
         """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
         return with_places(detections, lambda listed: self._begin(listed, hint, year))
 
-    def _begin(self, listed: Detections, hint: Hint | None, year: float) -> Task[Identification | NoSolution]:
+    def _begin(self, listed: Detections, hint: Hint | None, year: float) -> Task[Answer]:
         focal = self.focal_px(listed, hint)
         if focal is None:
-            advice = "Give the field of view: this method compares angles."
-            return refused(listed, "nothing: the scale is unknown", advice)
+            return refused(listed, "nothing: the scale is unknown", self.needs)
         if len(listed) < self.fewest:
-            return too_few(listed, self.fewest)
+            tried = f"{len(listed)} stars, at least {self.fewest} are needed"
+            advice = "Expose longer or point at a richer part of the sky."
+            return NoSolution(Reason.TOO_FEW_STARS, advice, tried, len(listed))
         return (yield from self.search(listed, focal, hint, year))
 
     def focal_px(self, detections: Detections, hint: Hint | None) -> float | None:
@@ -211,17 +205,8 @@ class AngularMethod(ABC):
         return known_focal(hint)
 
     @abstractmethod
-    def search(
-        self, detections: Detections, focal: float, hint: Hint | None, year: float
-    ) -> Task[Identification | NoSolution]:
+    def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
         """Name the stars of detections that all have a place, at a focal length in px."""
-
-
-def too_few(detections: Detections, fewest: int) -> NoSolution:
-    """Fewer stars than the method can work with."""
-    tried = f"{len(detections)} stars, at least {fewest} are needed"
-    advice = "Expose longer or point at a richer part of the sky."
-    return NoSolution(Reason.TOO_FEW_STARS, advice, tried, len(detections))
 
 
 def refused(detections: Detections, tried: str, advice: str = "") -> NoSolution:

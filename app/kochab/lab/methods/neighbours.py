@@ -21,7 +21,7 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
-from kochab.core.solution import Identification, NoSolution
+from kochab.identification import Answer
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused
 from kochab.lab.methods.pairs import angles_between, spread
@@ -201,9 +201,7 @@ class Neighbours(AngularMethod):
     colour_term: float = number(0.0, "mag", -2.0, 2.0, "sensor minus V magnitude, for each B-V")
     circle: bool = switch(False, "only the circle within the frame is the picture")
 
-    def search(
-        self, detections: Detections, focal: float, hint: Hint | None, year: float
-    ) -> Task[Identification | NoSolution]:
+    def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
         """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "neighbours of every catalogue star")
         table = self.table(year)

@@ -19,24 +19,25 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number
-from kochab.core.solution import Identification, Matches, NoSolution
-from kochab.identification import with_places
+from kochab.core.solution import Identification, Matches
+from kochab.identification import Answer
 from kochab.identification.predictional_estimate import expected_px, predictional_estimate
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, improve, pair
-from kochab.lab.methods.confirmation import chance_of, known_focal, refused, too_few
+from kochab.lab.methods.confirmation import AngularMethod, chance_of, refused
 from kochab.sky import open_catalogue
 
-FEWEST = 6
 LOOKED_AT = 40  # so many predictions, the best supported first, are refined
 BATCH = 256
 SCALES = (1.0, 0.93, 1.075)  # a hint's range is a tenth to either side
 
 
 @dataclass(frozen=True, slots=True)
-class Predict:
+class Predict(AngularMethod):
     """The method and its options."""
 
     paper: ClassVar[str] = "Liebe 1992, Predictional Estimate"
+    fewest: ClassVar[int] = 6
+    needs: ClassVar[str] = "Give coordinates and the field of view: this method refines a known pointing."
 
     stars: int = integer(40, "stars", 6, 200, "brightest detections matched")
     roll_deg: float | None = number(
@@ -46,20 +47,12 @@ class Predict:
     reach: float = number(0.25, "", 0.05, 0.5, "least distance that may match, over the stars' mean distance")
     most: int = integer(150_000, "predictions", 100, 1_000_000, "tried at most")
 
-    def identify(
-        self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
-    ) -> Task[Identification | NoSolution]:
-        """Name the stars of one frame; see :class:`kochab.identification.Identifier`."""
-        return with_places(detections, lambda listed: self._search(listed, hint, year))
-
-    def _search(self, detections: Detections, hint: Hint | None, year: float) -> Task[Identification | NoSolution]:
-        focal, xy = known_focal(hint), detections.xy[: self.stars]
-        if focal is None or hint is None or hint.centre_deg is None:
-            advice = "Give coordinates and the field of view: this method refines a known pointing."
-            return refused(detections, "nothing: there is no prediction", advice)
-        if len(xy) < FEWEST:
-            return too_few(detections, FEWEST)
+    def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
+        """Name the stars of detections that all have a place, at a focal length in px."""
+        if hint is None or hint.centre_deg is None:
+            return refused(detections, "nothing: there is no prediction", self.needs)
         yield Progress("identify", 0.0, "the expected stars")
+        xy = detections.xy[: self.stars]
         ra, dec, radius = hint.centre_deg
         camera = Camera.centred(detections.width, detections.height, focal)
         attitude, radius_rad = attitude_from(ra, dec, self.roll_deg or 0.0), float(np.radians(radius))

@@ -19,7 +19,8 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number, pair, switch
-from kochab.core.solution import Identification, NoSolution
+from kochab.core.solution import Identification
+from kochab.identification import Answer
 from kochab.lab.fixed_point import FixedPointOverflowError
 from kochab.lab.methods import triad_tests, triads_fixed_point
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, known_focal, refused, table_deg
@@ -155,9 +156,7 @@ class Triads(AngularMethod):
             return known_focal(hint)
         return detections.width / 2.0 / float(np.tan(np.radians(self.field_deg[0]) / 2.0))
 
-    def search(
-        self, detections: Detections, focal: float, hint: Hint | None, year: float
-    ) -> Task[Identification | NoSolution]:
+    def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
         """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "pairs of catalogue stars")
         pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
@@ -167,21 +166,18 @@ class Triads(AngularMethod):
         if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
             plan = [(GLANCE, focal * scale) for scale in scales] + plan[:LIKELIEST]
         most = tried = 0
-        allowance = TriadBudget(self.most * 1_000_000)
-
-        def at_scale(stars: int, length: float, budget: TriadBudget) -> Task[tuple[Identification | None, int, int]]:
-            return self._at_scale(detections.take(slice(0, stars)), detections, pairs, length, year, tried, budget)
-
+        budget = TriadBudget(self.most * 1_000_000)
         try:
             for stars, length in plan:
-                found, named_, looked = yield from at_scale(stars, length, allowance)
+                found, named_, looked = yield from self._at_scale(stars, detections, pairs, length, year, tried, budget)
                 tried += 2 * looked
                 most = max(most, named_)
                 if found is None:
                     continue
                 if stars < self.stars:  # the scale is known now: the others' turn
-                    budget = TriadBudget(allowance.left + GRACE)
-                    whole, _, _ = yield from at_scale(self.stars, found.camera.focal_px, budget)
+                    more = TriadBudget(budget.left + GRACE)
+                    length = found.camera.focal_px
+                    whole, _, _ = yield from self._at_scale(self.stars, detections, pairs, length, year, tried, more)
                     return whole or found
                 return found
         except FixedPointOverflowError as error:
@@ -196,8 +192,8 @@ class Triads(AngularMethod):
 
     def _at_scale(
         self,
-        bright: Detections,
-        everyone: Detections,
+        stars: int,
+        detections: Detections,
         pairs: Pairs,
         focal: float,
         year: float,
@@ -206,8 +202,9 @@ class Triads(AngularMethod):
     ) -> Task[tuple[Identification | None, int, int]]:
         """The answer with one focal length, px, how many got names, the pairs looked at a parity.
 
-        ``bright`` are the detections that form triads, ``before`` the pairs looked at until now.
+        The ``stars`` brightest detections form triads; ``before`` pairs were looked at until now.
         """
+        bright = detections.take(slice(0, stars))
         tests = Tests(*np.radians([self.separation_deg, self.rotation_deg, self.enclosed_deg]))
         reach = max(np.radians(self.separation_deg) * focal, 3.0)
         pixel = 1.0 / focal
@@ -218,14 +215,14 @@ class Triads(AngularMethod):
         sight = TriadDetections.of(bright, focal, False, self.field_deg)
         separation = triads_fixed_point.separations(sight) if fixed else sight.separation
         unit = triads_fixed_point.DEGREES if fixed else AngleUnit()
-        seen, stars, looked = yield from triads_by_separation(pairs, separation, tests.separation, unit, allowance)
+        seen, real, looked = yield from triads_by_separation(pairs, separation, tests.separation, unit, allowance)
         most = 0
         for mirrored in (False, True):
             sight = TriadDetections.of(bright, focal, mirrored, self.field_deg)
             if fixed:
-                triads = triads_fixed_point.passing_triads(sight, seen, stars, pairs, tests)
+                triads = triads_fixed_point.passing_triads(sight, seen, real, pairs, tests)
             else:
-                triads = triad_tests.passing_triads(sight, seen, stars, pairs, tests, self.planar)
+                triads = triad_tests.passing_triads(sight, seen, real, pairs, tests, self.planar)
             groups = group_by_rotation(triads, np.radians(self.group_deg))
             for group in groups:
                 if len(group) < len(groups[0]):
@@ -237,7 +234,7 @@ class Triads(AngularMethod):
                 rows, vectors = pairs.rows[taken[kept]], pairs.vectors[taken[kept]]
                 tried = 2 * (before + (1 + mirrored) * looked)  # each pair both ways round
                 names = CandidateNames(kept, rows, vectors, tried, mirrored)
-                found = confirm(everyone, names, focal, reach, year, "triads")
+                found = confirm(detections, names, focal, reach, year, "triads")
                 if found is not None:
                     return found, most, looked
         return None, most, looked

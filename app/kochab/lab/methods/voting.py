@@ -17,7 +17,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number
-from kochab.core.solution import Identification, NoSolution
+from kochab.identification import Answer
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused, table_deg
 from kochab.lab.methods.pairs import Pairs, angles_between, between, catalogue_pairs, spread
 
@@ -37,9 +37,7 @@ class Voting(AngularMethod):
     margin_px: float = number(2.464, "px", 0.1, 20.0, "error allowed in a separation (chapter 7: 2.464)")
     mag_limit: float = number(5.9, "mag V", 3.0, 6.5, "faintest catalogue star (5.3.1: 5.9)")
 
-    def search(
-        self, detections: Detections, focal: float, hint: Hint | None, year: float
-    ) -> Task[Identification | NoSolution]:
+    def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
         """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "pairs of catalogue stars")
         pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
