@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from kochab.attitude.fit import refine
-from kochab.core.attitude import attitude_from
+from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.camera import Camera
 from kochab.sky import open_catalogue
-from kochab.solver.matches import extend
+from kochab.solver.matches import catalogue_sigma_rad, extend, with_catalogue_error
 
 from .fields import YEAR, orion, photograph, told
 
@@ -88,3 +88,14 @@ def test_a_last_fit_that_ran_away_is_made_again_without_what_carried_it(monkeypa
     assert made[-2:] == [(4, True), (4, False)]
     assert fit.rms_px < 0.35
     assert right.mean() > 0.97
+
+
+def test_a_catalogue_place_is_less_certain_with_every_year() -> None:
+    """Exact places of Tycho-2 stars: its motions alone, to 1 mas a year in common, make 35 mas by 2026."""
+    bright, faint = np.array([6.0]), np.array([11.5])
+    arcsec = [np.degrees(catalogue_sigma_rad(faint, year)[0]) * 3600.0 for year in (1991.25, 2026.25)]
+    assert arcsec == pytest.approx([0.042, np.hypot(0.042, 0.0875)], rel=0.05)
+    assert catalogue_sigma_rad(bright, 2026.25) < 0.5 * catalogue_sigma_rad(faint, 2026.25)
+    exact = Attitude(np.eye(3), np.zeros((3, 3)))
+    assert with_catalogue_error(exact, 2026.25).sigma_arcsec == pytest.approx((0.035, 0.035, 0.0))
+    assert with_catalogue_error(Attitude(np.eye(3)), 2026.25).covariance is None

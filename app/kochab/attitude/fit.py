@@ -11,6 +11,7 @@ from kochab.attitude.least_squares import (
     FOCAL,
     PARAMETERS,
     FitState,
+    Normal,
     columns,
     distortion_supported,
     project_with_jacobian,
@@ -136,6 +137,7 @@ def refine(
     rounds: int = 4,
     focal: FocalPrior | None = None,
     worst_px: float | None = None,
+    floor_px: float = 0.0,
 ) -> Fit:
     """Fit rotation, focal length and whatever else the matches support.
 
@@ -158,6 +160,8 @@ def refine(
     worst_px : float, optional
         Largest centroid error to accept, three sigma of a coordinate, however many stars show a
         larger one.
+    floor_px : float, optional
+        What the places are believed to be no better than, however small the residuals are.
 
     Returns
     -------
@@ -202,7 +206,7 @@ def refine(
             free, state = _without_outliers(pulled.descend(free), base, distortion, rounds)
     if rounds > 1:
         state = _reweighted(state, free)
-    return _fit_of(state, free, covariance=rounds > 1)
+    return _fit_of(state, free, max(floor_px, FLOOR_PX) if rounds > 1 else None)
 
 
 def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, FitState]:
@@ -291,13 +295,13 @@ def _downhill_step(
     return state, left, jacobian
 
 
-def _fit_of(state: FitState, free: Indices, covariance: bool) -> Fit:
+def _fit_of(state: FitState, free: Indices, floor_px: float | None) -> Fit:
     residual = state.residuals()
     inliers = _inliers(state, len(free)) if state.share > 0.0 else state.inliers
     length2 = np.square(residual[inliers]).sum(axis=1)
     return Fit(
         state.camera,
-        Attitude(state.matrix, _covariance(state, free) if covariance else None),
+        Attitude(state.matrix, None if floor_px is None else _covariance(state, free, floor_px)),
         residual,
         math.sqrt(float(length2.sum()) / max(len(length2), 1)),
         inliers,
@@ -305,15 +309,55 @@ def _fit_of(state: FitState, free: Indices, covariance: bool) -> Fit:
     )
 
 
-def _covariance(state: FitState, free: Indices) -> Floats:
+# -- Uncertainty: noise, as the residuals show it, and what the camera model leaves unexplained ----
+# The noise of M stars averages out as they say when it is each star's own. What a lens does that the model
+# lacks does not: neighbours are off together. So the frame is cut into blocks, each is left out in turn, and
+# how far the answer moves is the variance of all that differs from block to block (the delete-a-group
+# jackknife: Shao and Tu 1995, section 2.3; blocks, as the errors are correlated: Kuensch 1989, Ann. Stat. 17).
+# Nine blocks tell a variance to a half, so theirs counts with what the residuals say, as so many degrees of freedom.
+
+BLOCKS = 3  # to a side of the frame
+FEWEST_BLOCKS = 6
+FEWEST_FOR_BLOCKS = 16
+RESIDUALS_COUNT = 6.0
+"""Degrees of freedom with which the residuals' variance is believed; the blocks have one less than blocks."""
+
+
+def _covariance(state: FitState, free: Indices, floor_px: float) -> Floats:
     """Of the small rotation (3, 3), rad^2."""
     flat, normal = state.linear()
     short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
     freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
-    spread = normal.only(free).inverse() * wider * max(variance, FLOOR_PX**2)
+    fitted = normal.only(free)
     to_rotation = _as_rotation(state.camera)[:, free]
-    return np.asarray(to_rotation @ spread @ to_rotation.T)
+    spread = to_rotation @ fitted.inverse() @ to_rotation.T * (wider * max(variance, floor_px**2))
+    excess = _excess_of_blocks(state, fitted, flat, to_rotation, np.diag(spread))
+    return np.asarray(spread * np.sqrt(excess[:, None] * excess))
+
+
+def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation: Floats, variance: Floats) -> Floats:
+    """By how much the blocks' variance of the rotation (3,) exceeds ``variance`` (3,), at least 1."""
+    plain = np.ones(3)
+    counted = np.flatnonzero(state.counts > 0.0)
+    if len(counted) < FEWEST_FOR_BLOCKS:
+        return plain
+    size = np.array([state.camera.width, state.camera.height])
+    cell = np.clip(state.matches.xy * BLOCKS // size, 0, BLOCKS - 1).astype(np.int64) @ [1, BLOCKS]
+    names = np.unique(cell[counted])
+    if len(names) < FEWEST_BLOCKS:
+        return plain
+    rows, twice = fitted.rows / fitted.scale[:, None], np.concatenate([cell, cell])
+    parts = [np.flatnonzero(twice == name) for name in names]
+    without = np.stack([fitted.matrix - rows[:, part] @ rows[:, part].T for part in parts])
+    pulls = np.stack([rows[:, part] @ flat[part] for part in parts])
+    without += 1e-9 * np.eye(len(rows))  # a term that one block alone had told
+    turns = (np.linalg.solve(without, pulls[:, :, None])[:, :, 0] / fitted.scale) @ to_rotation.T
+    between = (len(names) - 1.0) / len(names) * np.square(turns - turns.mean(axis=0)).sum(axis=0)
+    ratio = between / np.maximum(variance, 1e-300)
+    ratio[:2] = ratio[:2].mean()
+    freedom = len(names) - 1.0
+    return np.asarray(np.maximum(1.0, (freedom * ratio + RESIDUALS_COUNT) / (freedom + RESIDUALS_COUNT)))
 
 
 def _median(values: Floats) -> float:

@@ -53,9 +53,15 @@ class Normal:
             matrix.ravel()[:: len(matrix) + 1] += damping
         return np.asarray(np.linalg.solve(matrix, (self.rows @ residual) / self.scale) / self.scale)
 
-    def remainder(self, residual: Floats) -> float:
-        """Sum of squares left of residuals (N,) after a linear step."""
-        left = residual - self.step(residual) @ self.rows
+    def held_out(self, residual: Floats) -> float:
+        """Sum of squares left of residuals (N,) when each is predicted by a step made without it.
+
+        The sum of squares of Allen (1974, Technometrics 16, 125): a residual grows by what its own
+        leverage had taken off it.
+        """
+        rows = self.rows / self.scale[:, None]
+        leverage = (rows * np.linalg.solve(self.matrix, rows)).sum(axis=0)
+        left = (residual - self.step(residual) @ self.rows) / np.maximum(1.0 - leverage, 0.05)
         return float(left @ left)
 
     def inverse(self) -> Floats:
@@ -269,8 +275,16 @@ class FitState:
 
 # -- Which distortion terms the stars support --------------------------------------------------
 
-LADDER: tuple[tuple[tuple[str, ...], int], ...] = ((("k1",), 8), (("k2",), 14), (("cx", "cy"), 14), (("p1", "p2"), 18))
-"""Terms tried one after the other, each with the fewest stars that may support it."""
+Terms = tuple[str, ...]
+SIDEWAYS: tuple[tuple[Terms, int], ...] = ((("cx", "cy"), 14), (("p1", "p2"), 18))
+LADDER: tuple[tuple[tuple[Terms, int], ...], ...] = (
+    ((("k1",), 8),),
+    ((("k1", "k2"), 14),),  # they may hide each other
+    ((("k2",), 14),),
+    SIDEWAYS,  # much the same to a narrow field: the better one first
+    SIDEWAYS,
+)
+"""Terms tried one after the other, of each step's the better ones, with the fewest stars that may support them."""
 LARGEST_CHANCE = 1e-4
 """A term stays when chance alone would improve the fit as much with less than this probability."""
 K1 = PARAMETERS.index("k1")
@@ -284,22 +298,38 @@ def columns(names: tuple[str, ...]) -> Indices:
 def supported_terms(state: FitState, base: Indices) -> tuple[Indices, FitState]:
     """``base`` and the terms that the inliers support, and the state at their optimum.
 
-    Terms are tested to first order at the state; the last ones are dropped again when they lead
-    to an impossible camera.
+    Terms are tested to first order at the state, by residuals and then by those of stars that are
+    held out; the last ones are dropped again when they lead to an impossible camera.
     """
     residual, normal = state.linear()
     given = np.array([getattr(state.camera, t) - getattr(state.plain, t) for t in PARAMETERS[4:]])
     residual = residual + given @ normal.rows[4:]  # as if no term were set
     count, chosen = int(state.inliers.sum()), [base]
-    now = normal.only(base).remainder(residual)
-    for names, fewest in LADDER:
-        if count < fewest or (names == ("k2",) and K1 not in chosen[-1]):
+    pulls, square = (normal.rows @ residual) / normal.scale, float(residual @ residual)
+
+    def remainder(free: Indices) -> float:
+        """Sum of squares left after a linear step of these terms."""
+        pull = pulls.take(free)
+        step = np.linalg.solve(normal.matrix.take(free, axis=0).take(free, axis=1), pull)
+        return max(square - float(step @ pull), 1e-12 * square)
+
+    now, held_out = remainder(base), None
+    for choices in LADDER:
+        better = []
+        for names, fewest in choices:
+            new = columns(names)
+            if count >= fewest and not np.isin(new, chosen[-1]).any() and (names != ("k2",) or K1 in chosen[-1]):
+                more = np.sort(np.append(chosen[-1], new))
+                better.append((remainder(more), more))
+        then, more = min(better, key=lambda t: t[0], default=(now, base))
+        if not better or chance(now, then, 2 * count - len(more)) >= LARGEST_CHANCE:
             continue
-        more = np.sort(np.append(chosen[-1], columns(names)))
-        then = normal.only(more).remainder(residual)
-        if chance(now, then, 2 * count - len(more)) < LARGEST_CHANCE:
+        # residuals fall with any term; those of stars that had no part in the fit only with a right one
+        before = held_out if held_out is not None else normal.only(chosen[-1]).held_out(residual)
+        after = normal.only(more).held_out(residual)
+        if chance(before, after, 2 * count - len(more)) < LARGEST_CHANCE:
             chosen.append(more)
-            now = then
+            now, held_out = then, after
     for free in reversed(chosen[1:]):
         tried = _plain_but(state, free).descend(free)
         if sane(tried.camera) and _centre_plausible(tried.camera):

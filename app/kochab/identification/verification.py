@@ -75,6 +75,8 @@ def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> Bools:
 ACCEPT_LOG10 = -5.0
 """No pointing is believed that chance would give to one frame in so many, or more often."""
 
+WORTH_COUNTING_LOG10 = -2.0
+"""A refused pointing's bound is right down to here, which the bench holds against what it promises."""
 NUDGE_RADIUS = 0.01  # over the frame's larger side
 NEAR_RADII, FAR_RADII = (1.5, 2.0), (3.0, 4.5, 6.0, 8.0)
 NUDGE_DIRECTIONS = 12
@@ -121,11 +123,11 @@ def with_crowding(
 ) -> tuple[float, T]:
     """What ``bound`` says, log10 first, after the stars' :func:`crowding`: every verdict ends here.
 
-    ``bound`` takes the number by which to multiply the density. Where it would not be believed
-    without any crowding, that is not looked for.
+    ``bound`` takes the number by which to multiply the density. What is likely even without any
+    crowding is left as it is.
     """
     even = bound(1.0)
-    return even if even[0] > ACCEPT_LOG10 else bound(crowding(seen, stars, half, density))
+    return even if even[0] > WORTH_COUNTING_LOG10 else bound(crowding(seen, stars, half, density))
 
 
 def log10_tail(m: int, n: int, p: float) -> float:

@@ -138,8 +138,18 @@ def extend(
         step = max(1, len(matches) // ENOUGH_TO_GROW)  # enough, bright and faint, to place the others
         few = _selected(matches, slice(None, None, step))
         fit = refine(few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1)
-    matched_sigma = sigma[matches.detection] if matches is not found.matches else None
-    last = partial(refine, matches, fit.camera, fit.attitude, matched_sigma, focal=focal, worst_px=worst_px)
+    catalogue_px = fit.camera.focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
+    matched_sigma = np.hypot(sigma[matches.detection], catalogue_px) if matches is not found.matches else None
+    last = partial(
+        refine,
+        matches,
+        fit.camera,
+        fit.attitude,
+        matched_sigma,
+        focal=focal,
+        worst_px=worst_px,
+        floor_px=float(np.median(catalogue_px)),
+    )
     fit = last(distortion=distortion)
     if not fit.rms_px <= LARGEST_TOLERANCE_PX:  # farther than any match was taken from: it ran away
         fit = min(last(distortion=False), fit, key=lambda f: f.rms_px)
@@ -184,6 +194,32 @@ def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarC
     after = len(mutual_nearest(detections.xy, moved, ALIKE * side)[0])
     longer, shorter = np.linalg.svd(linear[:2], compute_uv=False)
     return float(longer / shorter - 1.0) if after >= max(2 * before, FEWEST_TO_STRETCH) else None
+
+
+# -- What the catalogue itself may be off by at the frame's epoch -----------------------------------
+# Hipparcos (V < 8, nearly all that are so bright): 1 mas and 1 mas/yr. Tycho-2: 7 mas to V 9 and 60 mas for the
+# faintest at 1991.25, motions to 2.5 mas/yr (Hoeg et al. 2000, A&A 355, L27). Neighbouring motions share an error of
+# about 1 mas/yr, which no number of stars averages out.
+
+CATALOGUE_EPOCH = 1991.25
+HIPPARCOS_MAG, BRIGHT_MAG, FAINT_MAG = 8.0, 9.0, 12.0
+ZONAL_ARCSEC_YR = 0.001
+
+
+def catalogue_sigma_rad(mag: Floats, year: float) -> Floats:
+    """One-sigma errors (N,) of catalogue places of V ``mag`` (N,) at a Julian year, a coordinate."""
+    place = 0.007 * (0.06 / 0.007) ** np.clip((mag - BRIGHT_MAG) / (FAINT_MAG - BRIGHT_MAG), 0.0, 1.0)
+    hipparcos = mag < HIPPARCOS_MAG
+    motion = np.where(hipparcos, 0.001, 0.0025) * (year - CATALOGUE_EPOCH)
+    return np.asarray(np.radians(np.hypot(np.where(hipparcos, 0.001, place), motion) / 3600.0))
+
+
+def with_catalogue_error(attitude: Attitude, year: float) -> Attitude:
+    """The attitude with what the catalogue's places of a region may share, in its covariance."""
+    if attitude.covariance is None:
+        return attitude
+    shared = np.radians(ZONAL_ARCSEC_YR * (year - CATALOGUE_EPOCH) / 3600.0) ** 2
+    return replace(attitude, covariance=attitude.covariance + np.diag([shared, shared, 0.0]))
 
 
 def _selected(matches: Matches, index: Bools | slice) -> Matches:

@@ -232,7 +232,7 @@ def _identify(
 def _conclude(
     detections: Detections, found: Identification, year: float, options: SolveOptions
 ) -> Solution | NoSolution:
-    from kochab.solver.matches import centroid_sigma, extend, stretch
+    from kochab.solver.matches import centroid_sigma, extend, stretch, with_catalogue_error
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
@@ -262,6 +262,7 @@ def _conclude(
         sigma = centroid_sigma(usable)[seen.detection]
         fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
         warnings += (doubt,) if doubt else ()
+    fit = replace(fit, attitude=with_catalogue_error(fit.attitude, year))
     return replace(build_solution(matches, fit, found, catalogue), warnings=warnings)
 
 

@@ -25,6 +25,7 @@ from kochab.identification.index_build import make_fine
 from kochab.identification.patterns import Patterns
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.bench.identify_hostile import hostile_goals, hostile_rows, refusal_row
+from kochab.lab.bench.identify_sigma import sigma_goals, sigma_rows
 from kochab.lab.laboratory.comparison import FieldTruth, compare_pointing
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_field, random_points
 from kochab.sky import open_catalogue
@@ -100,8 +101,9 @@ def run(quick: bool, report: Report) -> BenchResult:
         rows.append(_stress(name, plan, count // 10))
     report("random points ...")
     refused, noise = _random_lists(500 if quick else 5000)
-    shapes = hostile_rows(quick, report)
-    return BenchResult("identify", [*rows, *noise, *shapes], goals(rows, refused, shapes))
+    shapes, sigmas = hostile_rows(quick, report), sigma_rows(quick, report)
+    told = [*goals(rows, refused, shapes), *sigma_goals(sigmas)]
+    return BenchResult("identify", [*rows, *noise, *shapes, *sigmas], told)
 
 
 def _both_ways(plan: FieldPlan, name: str, count: int) -> list[dict[str, Any]]:
