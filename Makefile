@@ -6,6 +6,7 @@
 #   make house    the numbers of the house (modules, lines, circles of imports), each with its limit
 #   make resolve  every dependency has a wheel for Python 3.11, 3.12 and 3.13
 #   make lint     the checks alone          make format   put the source in order
+#   make coverage   every test, and the share of each room's lines that they execute
 #   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make system   install Qt's system libraries           make clean    remove what was made
@@ -20,9 +21,10 @@ TESTS ?= tests
 ANY_DAY ?=
 BENCH ?= identify --quick
 MUTANTS ?=
+export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house mutants resolve run test test-any-day lint style types patterns format bench system clean qt
+.PHONY: house coverage mutants resolve run test test-any-day lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
@@ -51,6 +53,14 @@ types: $(STAMP)
 # Asks the package index, about a minute.
 resolve: $(STAMP)
 	@KOCHAB_RESOLVE=1 $(BIN)/python -m pytest -n 0 tests/test_wheel.py -k every_dependency
+
+# Counting lines makes the tests a third slower, so `make test` does without.
+coverage: $(STAMP) patterns qt
+	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
+	  -n auto --maxprocesses 4 --dist worksteal --cov=kochab --cov-report= $(TESTS)
+	@for room in app/kochab/[a-z]*/; do \
+	  printf '%-16s%3s %%\n' $$(basename $$room) $$($(BIN)/coverage report --include="$$room*" --format=total); done
+	@printf '%-16s%3s %%\n' everything $$($(BIN)/coverage report --format=total)
 
 house: $(STAMP)
 	@$(BIN)/python -m tests.house
