@@ -193,3 +193,10 @@ def test_the_agility_stays_between_a_tracking_and_the_wildest_mount() -> None:
     assert updated(wild, seen_off(wild, (0.0, 7200.0, 0.0)), MotionModel()).agility == 1e10
     later = predicted(replace(quiet_state(1e-6, 1e-12), agility=1e10), 101.0, MotionModel())
     assert later.rates_sigma_deg_s == pytest.approx((55.6,) * 3, rel=1e-3)
+
+
+def test_unless_told_otherwise_a_mount_turns_by_two_arcminutes_a_second_and_wanders_by_two_arcseconds() -> None:
+    state = begin(Attitude(np.eye(3), np.eye(3) * SIGMA**2), 0.0, MotionModel())
+    assert state.rates_sigma_deg_s == pytest.approx((1.0 / 30.0,) * 3)
+    later = predicted(quiet_state(1e-6, 1e-12), 101.0, MotionModel())
+    assert later.rates_sigma_deg_s == pytest.approx((2.0 / 3600.0,) * 3)

@@ -245,3 +245,10 @@ def test_pixels_that_are_not_finite_are_dark_bins() -> None:
     bins = binned(Frame(pixels))
     assert (bins.image[3, 4], bins.image[5, 6], bins.image[7, 8]) == (0.0, 0.0, 0.0)
     assert np.count_nonzero(bins.image == 7.0) == 60 * 80 - 3
+
+
+def test_a_pixel_at_the_clipping_level_is_saturated() -> None:
+    pixels = np.full((H, W), 1000, np.uint16)
+    pixels[:, :400] = 40000
+    frame = Frame(pixels, saturation=40000.0)
+    assert measure_light(frame, binned(frame)).saturated_share == pytest.approx(0.5, abs=0.01)

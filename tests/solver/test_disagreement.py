@@ -344,3 +344,24 @@ def test_an_offset_has_the_unit_that_suits_it(arcsec, words) -> None:
     ra, dec = of_date(SKIES[0])
     sentence = investigate([sighting(SKIES[0], (ra, dec + arcsec / 3600.0))]).sentence
     assert words in sentence
+
+
+def test_every_hour_of_the_day_is_one_time_zone() -> None:
+    """Half a day either way: thirteen hours ahead are eleven behind."""
+    found = investigate([sighting(SKIES[0], said_by(SKIES[0], clock_h=5.0))])
+    hours = sorted(
+        float(s.evidence.split("clock is ")[1].split(" h")[0]) for s in found.suspects if "clock is" in s.evidence
+    )
+    assert hours == sorted([*range(1, 13), *range(1, 12)])
+
+
+@pytest.mark.parametrize("aligned", [False, None])
+def test_a_mount_that_says_it_is_not_aligned_is_believed_more_than_one_at_the_pole(aligned) -> None:
+    said = (of_date(SKIES[0])[0], 89.9)
+    found = investigate([sighting(SKIES[0], said, aligned=aligned)])
+    suspect = next(s for s in found.suspects if s.name == "not aligned")
+    odds = suspect.score / (1.0 - suspect.score)
+    assert ("reports that it is not aligned" in suspect.evidence) is (aligned is False)
+    other = investigate([sighting(SKIES[0], said, aligned=None if aligned is False else False)])
+    score = next(s.score for s in other.suspects if s.name == "not aligned")
+    assert (score / (1.0 - score)) / odds == pytest.approx(1 / 20.0 if aligned is False else 20.0, rel=0.01)
