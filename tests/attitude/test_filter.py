@@ -200,3 +200,9 @@ def test_unless_told_otherwise_a_mount_turns_by_two_arcminutes_a_second_and_wand
     assert state.rates_sigma_deg_s == pytest.approx((1.0 / 30.0,) * 3)
     later = predicted(quiet_state(1e-6, 1e-12), 101.0, MotionModel())
     assert later.rates_sigma_deg_s == pytest.approx((2.0 / 3600.0,) * 3)
+
+
+def test_a_frame_contradicts_by_chance_once_in_ten_thousand() -> None:
+    from scipy.stats import chi2
+
+    assert chi2.sf(MotionModel().gate, 3) == pytest.approx(1e-4, rel=0.02)

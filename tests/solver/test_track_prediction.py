@@ -207,3 +207,10 @@ def test_fewer_than_half_of_the_finds_are_no_agreement():
     assert looked(20, 12, np.random.default_rng(6)) is not None
     assert looked(40, 14, np.random.default_rng(6)) is None
     assert looked(3, 3, np.random.default_rng(6)) is None
+
+
+def test_a_neighbourhood_of_a_very_wide_field_ends_short_of_a_quarter_of_the_sky() -> None:
+    wide = Camera.centred(640, 480, 250.0)
+    sky = Neighbourhood(open_catalogue(), wide, Attitude(FIRST), 2026.0, 4.0, 8.0)
+    assert sky.field_rad > 1.0
+    assert sky.radius == 1.5
