@@ -8,6 +8,7 @@
 #   make lint     the checks alone          make format   put the source in order
 #   make coverage   every test, and the share of each room's lines that they execute
 #   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
+#   make fuzz     spoilt inputs of every kind against all that reads them    (make fuzz FUZZ="read --minutes 5")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make system   install Qt's system libraries           make clean    remove what was made
 
@@ -21,10 +22,11 @@ TESTS ?= tests
 ANY_DAY ?=
 BENCH ?= identify --quick
 MUTANTS ?=
+FUZZ ?=
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house coverage mutants resolve run test test-any-day lint style types patterns format bench system clean qt
+.PHONY: house coverage fuzz mutants resolve run test test-any-day lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
@@ -67,6 +69,10 @@ house: $(STAMP)
 
 mutants: $(STAMP) patterns
 	@$(BIN)/python -m tests.mutants $(MUTANTS)
+
+# 200,000 of them in about half an hour; what fails is kept in tests/fuzz/corpus and tried by every `make test`.
+fuzz: $(STAMP) patterns
+	@$(BIN)/python -m tests.fuzz $(FUZZ)
 
 patterns: $(STAMP)
 	@$(BIN)/python -m tests.patterns

@@ -1,0 +1,51 @@
+"""What once went wrong, and a few new mutants of every input (``make fuzz`` tries many)."""
+
+from random import Random
+
+import pytest
+
+from tests.fuzz.runner import CORPUS, attempt, run, seeds_of, slug, targets
+
+TARGETS = targets()
+SLUGS = {slug(target): target for target in TARGETS.values()}
+SEED = 20
+
+
+@pytest.mark.parametrize("path", sorted(CORPUS.iterdir()), ids=lambda path: path.name)
+def test_what_once_went_wrong(path, tmp_path) -> None:
+    found = attempt(SLUGS[path.name.split(".")[0]], path.read_bytes(), tmp_path)
+    assert not found
+
+
+@pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS)
+def test_good_inputs_pass(target, tmp_path) -> None:
+    for seed in seeds_of(target)[:2]:
+        assert not attempt(target, seed, tmp_path)
+
+
+def test_a_few_mutants_of_everything() -> None:
+    tallies = list(run([(target.name, target.quick, 60.0) for target in TARGETS.values()], SEED, keep=False))
+    assert [tally.mutants for tally in tallies] == [target.quick for target in TARGETS.values()]
+    assert not [fault for tally in tallies for fault in tally.faults]
+
+
+# -- The runner itself notices what it is there for ---------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("check", "said"), [("raises", "KeyError"), ("crashes", "SIGKILL"), ("hangs", "hung"), ("grows", "grew by 1.1 GB")]
+)
+def test_what_must_not_be_is_a_fault_and_the_run_goes_on(check, said, monkeypatch) -> None:
+    monkeypatch.setattr("tests.fuzz.runner.EXTRA", f"tests.fuzz.faulty:{check}")
+    if check == "hangs":
+        monkeypatch.setattr("tests.fuzz.runner.HANG_S", 1.0)
+    (tally,) = run([("extra", 2, 60.0)], SEED, keep=False)
+    assert (tally.mutants, len(tally.faults)) == (2, 2)
+    assert all(said in text for _, text in tally.faults)
+
+
+def test_mutants_come_again() -> None:
+    for target in TARGETS.values():
+        seeds = seeds_of(target)
+        made = [[target.mutate(Random(f"{k}"), seeds) for k in range(5)] for _ in range(2)]
+        assert made[0] == made[1]
