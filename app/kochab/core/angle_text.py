@@ -96,7 +96,7 @@ def unbroken(text: str) -> str:
 
 
 def short_name(name: str, most: int = 44) -> str:
-    """A file's name with its middle left out where it is long: both ends tell files apart."""
+    """A name, or what a person typed, with its middle left out where it is long: both ends tell files apart."""
     if len(name) <= most:
         return name
     return f"{name[: most * 3 // 5]}…{name[-(most - most * 3 // 5 - 1) :]}"
@@ -156,7 +156,7 @@ def parse_ra_deg(text: str) -> float:
     hours = "h" in text.lower() or (len(numbers) > 1 and not re.search(r"[d°]", text.lower()))
     value = _sexagesimal(numbers) * (15.0 if hours else 1.0)
     if negative or not 0.0 <= value <= 360.0:
-        raise UsageError(f"{text.strip()} is not a right ascension; give 0 to 360° or 0h to 24h.")
+        raise UsageError(f"{short_name(text.strip())} is not a right ascension; give 0 to 360° or 0h to 24h.")
     return value % 360.0
 
 
@@ -165,7 +165,7 @@ def parse_dec_deg(text: str) -> float:
     numbers, negative = _numbers(text, "declination")
     value = _sexagesimal(numbers) * (-1.0 if negative else 1.0)
     if not -90.0 <= value <= 90.0 or "h" in text.lower():
-        raise UsageError(f"{text.strip()} is not a declination; give −90° to +90°.")
+        raise UsageError(f"{short_name(text.strip())} is not a declination; give −90° to +90°.")
     return value
 
 
@@ -180,10 +180,10 @@ def parse_site(text: str) -> Site:
     except ValueError:
         parts = []
     if len(parts) not in (2, 3):
-        raise UsageError(f"“{text.strip()}” is not a site; give {wanted}.")
+        raise UsageError(f"“{short_name(text.strip())}” is not a site; give {wanted}.")
     latitude, longitude, height = (*parts, 0.0)[:3]
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0 and -500.0 <= height <= 9000.0):
-        raise UsageError(f"{text.strip()} is not on the Earth; give {wanted}.")
+        raise UsageError(f"{short_name(text.strip())} is not on the Earth; give {wanted}.")
     return Site(latitude, round((longitude + 180.0) % 360.0 - 180.0, 9), height)
 
 
@@ -218,7 +218,7 @@ def _numbers(text: str, what: str) -> tuple[list[float], bool]:
     clean = text.strip().replace("−", "-").replace(",", ".")
     pattern = r"[+-]?\d+(\.\d+)?([\s:hmsd°'\"′″]+\d+(\.\d+)?){0,2}[\s:hmsd°'\"′″]*"
     if not re.fullmatch(pattern, clean, re.IGNORECASE):
-        raise UsageError(f"“{text.strip()}” is not a {what}.")
+        raise UsageError(f"“{short_name(text.strip())}” is not a {what}.")
     return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", clean)], clean.startswith("-")
 
 

@@ -156,6 +156,7 @@ def _continue(header: Header, name: str, body: str) -> None:
 
 _TYPES = {8: ">u1", 16: ">i2", 32: ">i4", 64: ">i8", -32: ">f4", -64: ">f8"}
 _MAX_HDUS = 1000
+_MOST_BYTES = 1 << 60  # of one part: beyond, no file can be positioned
 _MAX_FIELDS = 999  # FITS standard 4.0, section 7.3.1
 _MAX_TILE_PX = 1 << 24  # of a tile that spans several planes
 _CHUNK_BYTES = 1 << 19
@@ -235,6 +236,8 @@ def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
         size = abs(header.integer("BITPIX", 8)) // 8 * header.integer("GCOUNT", 1)
         whole = header.shape()
         size *= header.integer("PCOUNT", 0) + (math.prod(whole) if whole else 0)
+        if size > _MOST_BYTES:
+            raise FrameError(f"is a damaged FITS file: it claims {size:.2g} bytes of data.")
         file.seek(data + max(0, -(-size // BLOCK) * BLOCK))
 
 

@@ -123,7 +123,7 @@ class EquipmentProfile:
 
 
 def from_json(told: dict[str, Any]) -> EquipmentProfile:
-    """The profile of :meth:`EquipmentProfile.as_json`; ValueError, TypeError or UsageError when damaged."""
+    """The profile of :meth:`EquipmentProfile.as_json`; when damaged UsageError, Value-, Type- or ArithmeticError."""
     values = {f.name: told[f.name] for f in fields(EquipmentProfile) if told.get(f.name) is not None}
     return EquipmentProfile(**{name: READERS[name](value) for name, value in values.items()})
 
@@ -222,7 +222,7 @@ def _read(path: Path) -> EquipmentProfile:
         return from_json(json.loads(path.read_text("utf-8")))
     except OSError as error:
         raise KochabError(f"{path} cannot be read: {error.strerror}.") from error
-    except (ValueError, TypeError, AttributeError, RecursionError, UsageError) as error:
+    except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError, UsageError) as error:
         raise KochabError(f"{path} is damaged: delete it, or save this profile again.") from error
 
 

@@ -72,6 +72,7 @@ def _bisect(ra: NDArray[np.uint32], start: Ints, stop: Ints, value: int, right: 
 
 
 MAS = np.radians(1.0 / 3.6e6)
+MOST_PM_ARCSEC = 1000.0  # a year; Barnard's star moves by 10.4
 
 
 def open_catalogue(path: str | Path | None = None) -> "Catalogue":
@@ -95,9 +96,20 @@ class Catalogue:
         column = self.container.column
         self._ra, self._dec, self._pm_ra, self._pm_dec = map(column, ("ra", "dec", "pm_ra", "pm_dec"))
         self._mag, self._bv, self._flag, self._zones = map(column, ("mag", "bv", "flag", "zones"))
-        self.max_pm_arcsec = float(self.container.facts["max_pm_arcsec"])
-        if int(self._zones[-1]) != len(self._ra):
+        self.max_pm_arcsec = self.container.facts.get("max_pm_arcsec", -1.0)
+        moves = isinstance(self.max_pm_arcsec, float) and 0.0 <= self.max_pm_arcsec < MOST_PM_ARCSEC
+        if not (moves and self._indexed()):
             raise self._damaged()
+
+    def _indexed(self) -> bool:
+        """Whether every column has a value for each star, and the zones hold all of them in order."""
+        stars = (self._ra, self._dec, self._pm_ra, self._pm_dec, self._mag, self._bv, self._flag)
+        if {len(column) for column in stars} != {len(self._ra)} or any(c.dtype.kind not in "iu" for c in stars):
+            return False
+        if len(self._zones) != (len(TIER_EDGES_MMAG) + 1) * ZONES + 1 or self._zones.dtype.kind not in "iu":
+            return False
+        steps = np.diff(self._zones.astype(np.int64), append=len(self._ra))
+        return bool((steps >= 0).all()) and int(steps[-1]) == 0
 
     def __len__(self) -> int:
         return len(self._ra)

@@ -24,6 +24,7 @@ from kochab.sky.catalogue_file import (
     write_container,
     write_deep,
     write_manifest,
+    write_whole,
 )
 from kochab.sky.catalogue_merge import merge
 from kochab.sky.catalogue_sources import (
@@ -132,7 +133,7 @@ def write_objects(database: Path, path: Path) -> int:
         number = f"{_number(mag)}\t{_number(size)}"
         messier = f"M{int(messier)}" if messier else ""
         lines.append(f"{short}\t{kind}\t{place}\t{number}\t{messier}\t{common or ''}")
-    path.write_text("\n".join(lines) + "\n", "utf-8", newline="\n")
+    write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
     return len(rows)
 
 
@@ -160,7 +161,7 @@ def write_lines(figures: Path, path: Path) -> int:
             else:
                 chains.append([a, b])
         out += [f"{cells[0]}\t{' '.join(chain)}" for chain in chains]
-    path.write_text("\n".join(out) + "\n", "utf-8", newline="\n")
+    write_whole(path, ["\n".join([*out, ""]).encode("utf-8")])
     return segments
 
 
@@ -256,5 +257,4 @@ def write_names(path: Path, src: Sources) -> None:
         for hip, (name, designation, also) in sorted(src.names.items())
         if hip in known
     ]
-    text = "\n".join(["hip\tname\tdesignation\talso", *rows]) + "\n"
-    path.write_text(text, "utf-8", newline="\n")
+    write_whole(path, ["\n".join(["hip\tname\tdesignation\talso", *rows, ""]).encode("utf-8")])

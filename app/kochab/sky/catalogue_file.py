@@ -15,7 +15,7 @@ import json
 import mmap
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,21 +43,27 @@ class Container:
             raise CatalogueError(f"The star catalogue {path} is missing.") from None
         except (OSError, ValueError) as error:
             raise CatalogueError(f"The star catalogue {path} cannot be opened: {error}.") from None
-        self.facts, self._start = self._header()
-        self._sections: dict[str, list[Any]] = self.facts.pop("sections")
-        ends = [o + np.dtype(t).itemsize * n for o, t, n in self._sections.values()]
+        damaged = CatalogueError(f"{path} is not a Kochab star catalogue, or is damaged.")
+        text = self._header()
+        if text is None:
+            raise damaged
+        self._start = _aligned(16 + len(text))
+        try:
+            self.facts: dict[str, Any] = json.loads(text)
+            self._sections = {str(name): _section(*told) for name, told in self.facts.pop("sections").items()}
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            raise damaged from None
+        ends = [o + t.itemsize * n for o, t, n in self._sections.values()]
         if len(self._map) != self._start + max(ends, default=0):
             raise CatalogueError(f"The star catalogue {path} is cut short or has been altered.")
 
-    def _header(self) -> tuple[dict[str, Any], int]:
-        damaged = CatalogueError(f"{self.path} is not a Kochab star catalogue, or is damaged.")
+    def _header(self) -> bytes | None:
+        """The JSON, None when it is not as it was written."""
         if len(self._map) < 16 or self._map[:8] != MAGIC:
-            raise damaged
+            return None
         length, crc = struct.unpack("<II", self._map[8:16])
         text = self._map[16 : 16 + length]
-        if len(text) != length or zlib.crc32(text) != crc:
-            raise damaged
-        return json.loads(text), _aligned(16 + length)
+        return text if len(text) == length and zlib.crc32(text) == crc else None
 
     def column(self, name: str) -> Array:
         """The column ``name``, read-only, read from disk only where it is touched."""
@@ -71,6 +77,14 @@ class Container:
         return name in self._sections
 
 
+def _section(offset: int, dtype: str, count: int) -> tuple[int, np.dtype[Any], int]:
+    """A column's place; ValueError when it can be none."""
+    kind = np.dtype(dtype)
+    if not (isinstance(offset, int) and isinstance(count, int) and min(offset, count) >= 0 and kind.kind in "iufS"):
+        raise ValueError("no column")
+    return offset, kind, count
+
+
 def write_container(path: Path, facts: Mapping[str, Any], columns: Mapping[str, Array]) -> None:
     """Write ``columns`` and ``facts``; the same input gives the same bytes."""
     sections: dict[str, list[Any]] = {}
@@ -80,13 +94,25 @@ def write_container(path: Path, facts: Mapping[str, Any], columns: Mapping[str, 
         sections[name] = [offset, dtype.str, len(column)]
         offset = _aligned(offset + dtype.itemsize * len(column))
     text = json.dumps({**facts, "sections": sections}, sort_keys=True).encode("ascii")
+    head = MAGIC + struct.pack("<II", len(text), zlib.crc32(text)) + text
+    write_whole(path, _aligned_parts(head, columns.values()))
+
+
+def _aligned_parts(head: bytes, columns: Iterable[Array]) -> Iterator[bytes]:
+    at = len(head)
+    yield head
+    for column in columns:
+        part = b"\0" * (-at % ALIGN) + np.ascontiguousarray(column, column.dtype.newbyteorder("<")).tobytes()
+        at += len(part)
+        yield part
+
+
+def write_whole(path: Path, parts: Iterable[bytes]) -> None:
+    """Write a file that appears whole or not at all; CatalogueError when it cannot be written."""
     temporary = path.with_name(path.name + ".part")
     try:
         with open(temporary, "wb") as file:
-            file.write(MAGIC + struct.pack("<II", len(text), zlib.crc32(text)) + text)
-            for column in columns.values():
-                file.write(b"\0" * (-file.tell() % ALIGN))
-                file.write(np.ascontiguousarray(column, column.dtype.newbyteorder("<")).tobytes())
+            file.writelines(parts)
         temporary.replace(path)
     except OSError as error:
         why = error.strerror or error
@@ -211,7 +237,7 @@ def write_manifest(folder: Path, facts: Mapping[str, Any]) -> dict[str, Any]:
     files = {path.name: {"bytes": path.stat().st_size, "sha256": sha256(path)} for path in paths}
     manifest = {**facts, "files": files}
     text = json.dumps(manifest, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
-    (folder / "manifest.json").write_text(text, "utf-8", newline="\n")
+    write_whole(folder / "manifest.json", [text.encode("utf-8")])
     return manifest
 
 

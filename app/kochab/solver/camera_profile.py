@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from kochab.attitude import FLOOR_PX, small_rotation, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
@@ -177,6 +178,8 @@ def _chance(profile: Profile, information: Floats, vector: Floats) -> float:
 # -- Camera profiles on disk: one JSON file for each camera, lens and size of frame ------------
 
 PROFILE_FORMAT = 1
+_DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, LinAlgError)
+"""What comes of reading a file that holds other things than it should."""
 
 
 def profile_folder() -> Path:
@@ -239,13 +242,17 @@ def load_profile(name: str, width: int, height: int, folder: Path | None = None)
         content = json.loads(path.read_text("utf-8"))
         information = np.array(content["information"], dtype=np.float64)
         camera = Camera(**content["camera"])
+        profile = Profile(name, camera, information, int(content["frames"]))
         if content["terms"] != list(TERMS) or information.shape != (len(TERMS), len(TERMS)):
             raise ValueError("other terms")
-        if (camera.width, camera.height) != (width, height):
-            raise ValueError("another size")
+        if (camera.width, camera.height) != (width, height) or content["name"] != name:
+            raise ValueError("another camera")
         np.linalg.cholesky(information)
-        return Profile(str(content["name"]), camera, information, int(content["frames"]))
-    except (OSError, ValueError, KeyError, TypeError, np.linalg.LinAlgError) as error:
+        numbers = [*asdict(camera).values(), *profile.sigma.values()]
+        if not np.isfinite(numbers).all() or camera.focal_px <= 0.0 or profile.frames < 0:
+            raise ValueError("numbers that no camera has")
+        return profile
+    except _DAMAGED as error:
         raise KochabError(f"{path} is not a camera profile; delete it to start a new one.") from error
 
 

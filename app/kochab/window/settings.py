@@ -21,12 +21,18 @@ class WindowSettings:
     def __init__(self, store: QSettings | None = None) -> None:
         self._store = store or QSettings(QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window")
 
+    def _value(self, name: str, default: Any = None) -> Any:
+        try:
+            return self._store.value(name, default)
+        except RuntimeError:  # of a type of Qt's that Python does not know
+            return default
+
     def flag(self, name: str, default: bool) -> bool:
-        value = self._store.value(name, default)
+        value = self._value(name, default)
         return value if isinstance(value, bool) else str(value).lower() in ("true", "1", "yes")
 
     def text(self, name: str, default: str) -> str:
-        value = self._store.value(name, default)
+        value = self._value(name, default)
         return value if isinstance(value, str) else default
 
     def table(self, name: str) -> dict[str, Any]:
@@ -39,7 +45,7 @@ class WindowSettings:
 
     def data(self, name: str) -> QByteArray | None:
         """Bytes, such as a window's geometry."""
-        value = self._store.value(name)
+        value = self._value(name)
         return value if isinstance(value, QByteArray) else None
 
     def keep(self, name: str, value: Any) -> None:
@@ -47,7 +53,7 @@ class WindowSettings:
 
     def as_dict(self) -> dict[str, str]:
         """Every setting as text, for a report; without bytes such as a window's geometry."""
-        values = {name: self._store.value(name) for name in self._store.allKeys()}
+        values = {name: self._value(name) for name in self._store.allKeys()}
         return {name: str(value) for name, value in values.items() if not isinstance(value, QByteArray)}
 
     def write(self) -> None:
@@ -80,7 +86,7 @@ class WindowSettings:
     @property
     def recent(self) -> list[Path]:
         """Files opened of late, newest first."""
-        value = self._store.value("recent", [])
+        value = self._value("recent", [])
         names = value if isinstance(value, list) else [value]
         return [Path(n) for n in names if isinstance(n, str) and n][:MOST_RECENT]
 

@@ -107,7 +107,7 @@ class AlpacaCamera(ExposingCamera):
         self._sensor = int(self._get("sensortype", 0))
         self._binned = 1  # so many pixels a side are one
         self._mosaic = int(self._get("bayeroffsetx", 0)), int(self._get("bayeroffsety", 0))
-        self._most = int(self._get("maxadu", 0)) or None  # the level at which it clips, where it says so
+        self._most = max(0, int(self._get("maxadu", 0))) or None  # the level at which it clips, where it says so
         self._limits = self._ranges()
         low, high = self._limits.exposure_s or (0.0, 3600.0)
         self.exposure_s = min(max(1.0, low), high)
@@ -184,6 +184,8 @@ class AlpacaCamera(ExposingCamera):
     def _hint(self, exposed: Exposure) -> Hint:
         """When it was exposed by the server's clock, else by ours."""
         seconds = float(self._get("lastexposureduration", exposed.seconds))
+        if not 0.0 <= seconds < 1e6:
+            seconds = exposed.seconds
         begun, told = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
         with suppress(ValueError):
             begun = datetime.fromisoformat(told.strip().rstrip("Z")).replace(tzinfo=UTC)

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from socket import gaierror
 from time import monotonic
 
+from kochab.core.angle_text import short_name
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
 
@@ -72,7 +73,7 @@ def net_address(text: str, default_port: int) -> NetAddress:
         host, _, port = server.partition(":")
     number = int(port) if port.isascii() and port.isdigit() else (0 if port else default_port)
     if not 1 <= number <= 65535:
-        raise PortError(f"'{port}' is not a port; write the address as host:{default_port}.")
+        raise PortError(f"'{short_name(port)}' is not a port; write the address as host:{default_port}.")
     return NetAddress(host or "localhost", number, rest.strip("/"))
 
 

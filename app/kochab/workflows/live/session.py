@@ -17,6 +17,7 @@ from types import UnionType
 from typing import IO, Any, get_args, get_origin, get_type_hints
 
 from kochab import __version__
+from kochab.core.angle_text import short_name
 from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Frame, Hint, Site
@@ -98,7 +99,7 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
     try:
         about = json.loads((folder / SESSION).read_text("utf-8"))
         text = (folder / LINES).read_text("utf-8")
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise UsageError(f"{folder} is not a recorded session: it has no readable {SESSION} and {LINES}.") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise UsageError(f"The session in {folder} was recorded by another version of Kochab.")
@@ -111,7 +112,7 @@ def _lines(text: str, folder: Path) -> list[Json]:
     for number, line in enumerate(given, 1):
         try:
             row = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             row = None
         if isinstance(row, dict) and isinstance(row.get("frame_file"), str):
             rows.append(row)
@@ -298,8 +299,8 @@ def _frame(path: Path, line: Json) -> Task[tuple[Frame, bool]]:
 
     try:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        raise FrameError(f"Can't read {path} of the session: missing or damaged.") from None
+    except (OSError, ValueError):  # or no name that a file can have
+        raise FrameError(f"Can't read {short_name(path.name)} of the session: missing or damaged.") from None
     return (yield from reading(path)), digest == line.get("sha256")
 
 
