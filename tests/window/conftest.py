@@ -91,7 +91,7 @@ def make_window(qtbot, settings, tmp_path):
     yield make
     for commands in made:
         commands.window.close()
-        assert commands.session.close()
+        assert commands.session.jobs.join()
     for thread in threading.enumerate():
         if thread.name == "kochab-plots":  # loads the plotting library for the process, not for a window
             thread.join(30.0)

@@ -89,4 +89,4 @@ def test_closing_in_the_middle_of_a_real_solve(qtbot, real, tmp_path):
     with qtbot.waitSignal(commands.session.solving, timeout=LIMIT_MS):
         commands.open(path)
     window.close()
-    assert commands.session.close(20.0)
+    assert commands.session.jobs.join(20.0)

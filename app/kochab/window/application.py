@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication
 from kochab.core.progress import PREPARING, Progress
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
-from kochab.window.job import Job
+from kochab.window.job import Job, Jobs
 from kochab.window.session import Session, WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.commands import Commands
@@ -113,7 +113,7 @@ def build(
     """A window wired to ``engine``; it is not shown yet."""
     offered = samples() if sample_frames is None else sample_frames
     window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)
-    presenter = Presenter(window, Session(engine, window), settings)
+    presenter = Presenter(window, Session(engine, Jobs(window, window.closing)), settings)
     return window, Commands(presenter, offered, wiring)
 
 
@@ -133,11 +133,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
         commands.open(Path(paths[0]))
     else:
         commands.add_thumbnails()
-    # Python handles Ctrl+C only when it runs, so the event loop lets it now and then.
-    signal.signal(signal.SIGINT, lambda *_: window.close())
-    pulse = QTimer()
-    pulse.start(300)
-    pulse.timeout.connect(lambda: None)
+    signal.signal(signal.SIGINT, lambda *_: window.close())  # handled when Python runs: at a tick of Garbage
     code = app.exec()
     garbage.stop()
     background.job.join(5.0)

@@ -218,8 +218,7 @@ class CameraBox(QWidget):
 
     def _ask_folder(self) -> None:
         start = self.address.text() or str(Path.home())
-        path = ask_folder(self.window(), start, "Folder to watch")
-        if path is not None:
+        if (path := ask_folder(self.window(), start, "Folder to watch")) is not None:
             self.address.setText(str(path))
             self._emit()
 

@@ -131,6 +131,11 @@ class Jobs(QObject):
         self.closing.emit()  # a view may want to stop a mount first
         for job in self._jobs:
             job.abandon()
-        for job in self._jobs:
-            if not job.join(JOIN_S):
-                log.warning("%s did not end in time", job.name)
+        self.join()
+
+    def join(self, limit_s: float = JOIN_S) -> bool:
+        """Wait at most ``limit_s`` for each job; whether all have ended."""
+        late = [job.name for job in self._jobs if not job.join(limit_s)]
+        for name in late:
+            log.warning("%s did not end in time", name)
+        return not late

@@ -18,7 +18,7 @@ from kochab.identification import IDENTIFIERS
 from kochab.solver import SolveOptions
 from kochab.window.image.frame_image import FrameImage, prepare
 from kochab.window.image.screen_image import RenderedFrame
-from kochab.window.job import Job
+from kochab.window.job import Job, Jobs
 
 if TYPE_CHECKING:
     from kochab.workflows.solve_frame import SolvedFrame
@@ -70,7 +70,6 @@ class WorkflowEngine:
 
 
 log = logging.getLogger("kochab")
-JOIN_S = 3.0
 
 
 @dataclass(slots=True)
@@ -111,18 +110,18 @@ class Session(QObject):
     stopped = Signal()  # cancelled by the person
     idle = Signal()
 
-    def __init__(self, engine: WorkflowEngine, parent: QObject | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, engine: WorkflowEngine, jobs: Jobs) -> None:
+        super().__init__(jobs)
+        self.jobs = jobs
         self.known = Known()
         self.streams = False  # whether a camera's frames are shown as they come
         self.options_for: Callable[[Frame], SolveOptions | None] = lambda _: None
         self._engine = engine
-        self._jobs: dict[str, Job] = {}
-        self._ending: list[Job] = []
+        self._running: dict[str, Job] = {}  # by their kind
 
     @property
     def busy(self) -> bool:
-        return bool(self._jobs)
+        return bool(self._running)
 
     def open(self, path: Path | str) -> None:
         """Read a file, show it, and solve it."""
@@ -133,7 +132,7 @@ class Session(QObject):
 
     def _renew(self, **known: Any) -> None:
         """Forget the open frame but for the last solution."""
-        for kind in list(self._jobs):
+        for kind in list(self._running):
             self._drop(kind)
         old, self.streams = self.known, False
         self.known = Known(last_good=old.last_good, last_good_from=old.last_good_from, **known)
@@ -162,7 +161,7 @@ class Session(QObject):
         """Take the solution of the frame given to :meth:`show`; that of another frame is dropped."""
         if solved.frame is self.known.frame:
             self._has_result(solved)
-            if not self._jobs:
+            if not self._running:
                 self.idle.emit()
 
     def begin_stream(self, name: str) -> None:
@@ -182,31 +181,21 @@ class Session(QObject):
 
     def cancel(self) -> None:
         """Stop reading or solving; the image of a frame that was read is still shown."""
-        for kind, job in self._jobs.items():
+        for kind, job in self._running.items():
             if kind != "display":
                 job.cancel()
 
-    def close(self, limit_s: float = JOIN_S) -> bool:
-        """Stop everything and wait a little; whether every thread has ended."""
-        for kind in list(self._jobs):
-            self._drop(kind)
-        return not [job for job in self._ending if not job.join(limit_s)]
-
     def _start(self, kind: str, task: Task[Any], succeeded: Callable[[Any], None]) -> None:
-        job = Job(task, kind)
-        self._jobs[kind] = job
+        self._running[kind] = job = self.jobs.run(task, kind)
         job.progressed.connect(self.progressed)
         job.failed.connect(self._has_failed)
         job.cancelled.connect(self.stopped)
         job.succeeded.connect(succeeded)
-        job.finished.connect(self._has_finished)
-        job.start()
+        job.finished.connect(lambda: self._has_finished(kind))
 
     def _drop(self, kind: str) -> None:
-        job = self._jobs.pop(kind, None)
-        if job is not None:
+        if (job := self._running.pop(kind, None)) is not None:
             job.abandon()
-            self._ending = [j for j in self._ending if j.running] + [job]
 
     def _has_read(self, timed: tuple[Frame, float]) -> None:
         self.known.frame, self.known.read_ms = timed
@@ -242,11 +231,9 @@ class Session(QObject):
         log.error("%s", sentence)
         self.failed.emit(sentence)
 
-    def _has_finished(self) -> None:
-        ended = [kind for kind, job in self._jobs.items() if job is self.sender()]
-        for kind in ended:
-            self._ending = [j for j in self._ending if j.running] + [self._jobs.pop(kind)]
-        if ended and not self._jobs:
+    def _has_finished(self, kind: str) -> None:
+        del self._running[kind]  # an older one of its kind was abandoned, and says nothing any more
+        if not self._running:
             self.idle.emit()
 
 

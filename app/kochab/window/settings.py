@@ -1,7 +1,6 @@
 """What the window remembers between starts."""
 
 import json
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,6 @@ from PySide6.QtCore import QByteArray, QSettings
 
 from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Site
-from kochab.window.image.overlay import Switches
 
 MOST_RECENT = 10
 LARGEST = 2**31 - 1  # what Qt counts with; neither infinity nor NaN is below it
@@ -75,13 +73,6 @@ class WindowSettings:
         from kochab.gear.profiles import keep_profile
 
         keep_profile(self, site=site)
-
-    def switches(self) -> Switches:
-        return Switches(**{f.name: self.flag(f"marks/{f.name}", True) for f in fields(Switches)})
-
-    def keep_switches(self, switches: Switches) -> None:
-        for f in fields(Switches):
-            self.keep(f"marks/{f.name}", getattr(switches, f.name))
 
     @property
     def recent(self) -> list[Path]:

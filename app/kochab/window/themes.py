@@ -3,10 +3,11 @@
 import atexit
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from string import Template
+from typing import Any
 
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPainterPath, QPalette, QPen, QPixmap
@@ -15,68 +16,41 @@ from PySide6.QtWidgets import QApplication
 from kochab.core import data_folder
 
 
+def _shades(dark: str, light: str, night: str) -> Any:
+    """A colour's three values, by the names of their themes."""
+    return field(metadata={"dark": dark, "light": light, "night": night})
+
+
 @dataclass(frozen=True, slots=True)
 class Colours:
-    """One theme, as ``#rrggbb``."""
+    """One theme, as ``#rrggbb``. Night holds red light alone: its green and blue are exactly 0."""
 
-    window: str
-    surface: str
-    raised: str
-    hover: str
-    line: str
-    faint: str  # what cannot be used now
-    text: str
-    muted: str
-    accent: str
-    on_accent: str
-    good: str
-    bad: str
-    sky: str  # behind the frame
-    detected: str
-    identified: str
-    selected: str
-    grid: str
-    grid_text: str
-    centre: str
-    halo: str  # behind labels on the frame
-    stop: str  # the one button that stops a mount
-    on_stop: str
-
-
-# Night holds red light alone: its green and blue are exactly 0.
-_COLOURS = """
-                dark    light   night
-    window      #1a1d23 #eef0f3 #000000
-    surface     #22262e #ffffff #0c0000
-    raised      #2d323c #e3e7ec #240000
-    hover       #383f4b #d5dbe3 #3a0000
-    line        #3d4450 #b9c1cc #5c0000
-    faint       #6b7686 #8d97a5 #860000
-    text        #e8ebf0 #1a1f27 #ff0000
-    muted       #a3adbd #515b69 #dc0000
-    accent      #56b4f9 #0a63b0 #ff0000
-    on_accent   #06141f #ffffff #000000
-    good        #5fd39a #17703f #ff0000
-    bad         #ff8a7a #b3261e #ff0000
-    sky         #0c0e11 #0c0e11 #000000
-    detected    #f0b440 #f0b440 #c00000
-    identified  #62d6ff #62d6ff #ff0000
-    selected    #ffffff #ffffff #ff0000
-    grid        #86a8cc #86a8cc #960000
-    grid_text   #b4cbe4 #b4cbe4 #e00000
-    centre      #ff7ab0 #ff7ab0 #ff0000
-    halo        #0c0e11 #0c0e11 #000000
-    stop        #c62828 #c62828 #ff0000
-    on_stop     #ffffff #ffffff #000000
-"""
+    window: str = _shades("#1a1d23", "#eef0f3", "#000000")
+    surface: str = _shades("#22262e", "#ffffff", "#0c0000")
+    raised: str = _shades("#2d323c", "#e3e7ec", "#240000")
+    hover: str = _shades("#383f4b", "#d5dbe3", "#3a0000")
+    line: str = _shades("#3d4450", "#b9c1cc", "#5c0000")
+    faint: str = _shades("#6b7686", "#8d97a5", "#860000")  # what cannot be used now
+    text: str = _shades("#e8ebf0", "#1a1f27", "#ff0000")
+    muted: str = _shades("#a3adbd", "#515b69", "#dc0000")
+    accent: str = _shades("#56b4f9", "#0a63b0", "#ff0000")
+    on_accent: str = _shades("#06141f", "#ffffff", "#000000")
+    good: str = _shades("#5fd39a", "#17703f", "#ff0000")
+    bad: str = _shades("#ff8a7a", "#b3261e", "#ff0000")
+    sky: str = _shades("#0c0e11", "#0c0e11", "#000000")  # behind the frame
+    detected: str = _shades("#f0b440", "#f0b440", "#c00000")
+    identified: str = _shades("#62d6ff", "#62d6ff", "#ff0000")
+    selected: str = _shades("#ffffff", "#ffffff", "#ff0000")
+    grid: str = _shades("#86a8cc", "#86a8cc", "#960000")
+    grid_text: str = _shades("#b4cbe4", "#b4cbe4", "#e00000")
+    centre: str = _shades("#ff7ab0", "#ff7ab0", "#ff0000")
+    halo: str = _shades("#0c0e11", "#0c0e11", "#000000")  # behind labels on the frame
+    stop: str = _shades("#c62828", "#c62828", "#ff0000")  # the one button that stops a mount
+    on_stop: str = _shades("#ffffff", "#ffffff", "#000000")
 
 
-def _themes() -> dict[str, Colours]:
-    titles, *lines = (line.split() for line in _COLOURS.strip().splitlines())
-    return {title: Colours(**{line[0]: line[i] for line in lines}) for i, title in enumerate(titles, 1)}
-
-
-THEMES = _themes()
+THEME_TITLES = {"dark": "&Dark", "light": "&Light", "night": "&Night (red light only)"}
+THEMES = {theme: Colours(**{f.name: f.metadata[theme] for f in fields(Colours)}) for theme in THEME_TITLES}
 _CURRENT = "kochab_theme"  # the property of the application that names its theme
 
 
@@ -85,8 +59,6 @@ def theme_colours() -> Colours:
     app = QApplication.instance()
     return THEMES[(app.property(_CURRENT) if app is not None else None) or "dark"]
 
-
-THEME_TITLES = {"dark": "&Dark", "light": "&Light", "night": "&Night (red light only)"}
 
 # Each glyph on a 24 x 24 grid: "M x y" and "L x y" strokes, "O x y r" circles, "." is a dot.
 GLYPHS: dict[str, str] = {
@@ -125,10 +97,8 @@ def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
     painter = QPainter(picture)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     painter.scale(picture.width() / 24.0, picture.height() / 24.0)
-    pen = QPen(QColor(colour), 3.2 if name in BOLD else 1.7)
-    pen.setCapStyle(Qt.PenCapStyle.RoundCap)
-    pen.setJoinStyle(Qt.PenJoinStyle.RoundJoin)
-    painter.setPen(pen)
+    width, round_cap, round_join = 3.2 if name in BOLD else 1.7, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin
+    painter.setPen(QPen(QColor(colour), width, Qt.PenStyle.SolidLine, round_cap, round_join))
     path, dots = _parse(GLYPHS[name])
     painter.drawPath(path)
     painter.setBrush(QColor(colour))
@@ -137,6 +107,13 @@ def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
     painter.end()
     picture.setDevicePixelRatio(ratio)
     return picture
+
+
+def translucent(colour: str, alpha: int) -> QColor:
+    """A colour, ``alpha`` 0..255 of it opaque."""
+    made = QColor(colour)
+    made.setAlpha(alpha)
+    return made
 
 
 def icon(name: str, colour: str, faint: str) -> QIcon:
@@ -185,6 +162,7 @@ def _parse(text: str) -> tuple[QPainterPath, list[QPointF]]:
 
 TEXT_SIZES = {"small": 0.9, "normal": 1.0, "large": 1.25, "huge": 1.6}
 BASE_POINT = 10.0
+STYLE_SIZES = {"point": 1.0, "small": 0.9, "large": 1.45, "title": 2.2}  # the style sheet's, in points of the text
 
 
 def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> str:
@@ -206,15 +184,10 @@ def apply_theme(app: QApplication, name: str, text_size: str = "normal") -> str:
     font.setStyleStrategy(QFont.StyleStrategy.NoSubpixelAntialias)
     app.setFont(font)
     app.setPalette(_palette(colours))
-    names = {
-        **asdict(colours),
-        "point": f"{point:.1f}",
-        "small": f"{point * 0.9:.1f}",
-        "large": f"{point * 1.45:.1f}",
-        "title": f"{point * 2.2:.1f}",
-    }
-    names["glyphs"] = write_glyphs(name, colours.text, colours.on_accent)
-    return Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8")).substitute(names)
+    sizes = {role: f"{point * times:.1f}" for role, times in STYLE_SIZES.items()}
+    glyphs = write_glyphs(name, colours.text, colours.on_accent)
+    sheet = Template((data_folder("resources") / "style.qss").read_text(encoding="utf-8"))
+    return sheet.substitute(asdict(colours), **sizes, glyphs=glyphs)
 
 
 # Names of Qt's palette roles, by the colour they have in every theme.
@@ -233,9 +206,9 @@ ROLES = {
 
 def _palette(colours: Colours) -> QPalette:
     palette = QPalette()
-    for name, colour in asdict(colours).items():
-        for role in ROLES.get(name, "").split():
-            palette.setColor(QPalette.ColorRole[role], QColor(colour))
+    for name, roles in ROLES.items():
+        for role in roles.split():
+            palette.setColor(QPalette.ColorRole[role], QColor(getattr(colours, name)))
     for role in ("WindowText", "Text", "ButtonText"):
         palette.setColor(QPalette.ColorGroup.Disabled, QPalette.ColorRole[role], QColor(colours.faint))
     return palette

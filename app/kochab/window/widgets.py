@@ -29,39 +29,38 @@ from PySide6.QtWidgets import (
 )
 
 Box = TypeVar("Box", bound=QBoxLayout)
+Named = TypeVar("Named", bound=QWidget)
+
+
+def named(made: Named, name: str, tip: str = "") -> Named:
+    """A widget with its name for screen readers, and its tip."""
+    made.setAccessibleName(name)
+    made.setToolTip(tip)
+    return made
 
 
 def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
     """A label with one of the style sheet's roles."""
     made = QLabel(text, textFormat=Qt.TextFormat.PlainText, wordWrap=wrap)
-    if role:
-        made.setProperty("role", role)
+    made.setProperty("role", role or None)  # None is no property
     return made
 
 
 def text_field(name: str, example: str = "", tip: str = "") -> QLineEdit:
     """A field for a text; it shows ``example`` while it is empty."""
-    made = QLineEdit(placeholderText=example)
-    made.setAccessibleName(name)
-    made.setToolTip(tip)
-    return made
+    return named(QLineEdit(placeholderText=example), name, tip)
 
 
 def number_field(
     name: str, low: float, high: float, value: float, decimals: int = 0, unit: str = "", tip: str = ""
 ) -> QDoubleSpinBox:
     """A field for a number between ``low`` and ``high``, with its unit."""
-    made = QDoubleSpinBox(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit)
-    made.setAccessibleName(name)
-    made.setToolTip(tip)
-    return made
+    return named(QDoubleSpinBox(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit), name, tip)
 
 
 def switch(text: str, tip: str = "") -> QCheckBox:
     """A box to tick; ``text`` carries its mnemonic."""
-    made = QCheckBox(text)
-    made.setToolTip(tip)
-    return made
+    return named(QCheckBox(text), "", tip)
 
 
 def field_values(fields: Mapping[str, QWidget]) -> dict[str, Any]:
@@ -99,9 +98,7 @@ def fill_fields(fields: Mapping[str, QWidget], saved: Mapping[str, Any]) -> None
 
 def value_label(name: str, tip: str = "") -> QLabel:
     """A label whose text can be selected with the mouse."""
-    made = label(wrap=True)
-    made.setAccessibleName(name)
-    made.setToolTip(tip)
+    made = named(label(wrap=True), name, tip)
     made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     return made
@@ -145,8 +142,7 @@ def choice_box(name: str, choices: Iterable[str] | Mapping[str, object], letters
     made = QComboBox(minimumContentsLength=letters)
     for text in choices:
         made.addItem(text, choices[text] if isinstance(choices, Mapping) else None)
-    made.setAccessibleName(name)
-    return made
+    return named(made, name)
 
 
 def narrow_box(name: str, letters: int, choices: Iterable[str] | Mapping[str, object] = ()) -> QComboBox:
@@ -158,10 +154,8 @@ def narrow_box(name: str, letters: int, choices: Iterable[str] | Mapping[str, ob
 
 def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:
     """A push button; ``text`` carries its mnemonic."""
-    made = QPushButton(text, autoDefault=False)
-    made.setToolTip(tip)
-    if role:
-        made.setProperty("role", role)
+    made = named(QPushButton(text, autoDefault=False), "", tip)
+    made.setProperty("role", role or None)  # None is no property
     made.clicked.connect(lambda: pressed())
     return made
 
@@ -207,8 +201,7 @@ def scrolled(inside: QWidget) -> QScrollArea:
 
 def tab_pages(name: str, *pages: tuple[str, QWidget]) -> QTabWidget:
     """Pages under tabs with these titles."""
-    made = QTabWidget(documentMode=True)
-    made.setAccessibleName(name)
+    made = named(QTabWidget(documentMode=True), name)
     for title, inside in pages:
         made.addTab(inside, title)
     return made
@@ -318,8 +311,7 @@ def set_role(widget: QWidget, role: str) -> None:
 
 def show_text(target: QLabel, text: str, role: str | None = None) -> None:
     """Show a text, in a role of the style sheet if one is given; an empty text hides its label."""
-    if target.text() != text:  # each change costs a layout
-        target.setText(text)
+    target.setText(text)
     target.setVisible(bool(text))
     if role is not None:
         set_role(target, role)
@@ -355,9 +347,7 @@ def accept_decimal_comma(within: QWidget) -> None:
 
 class _CommaAsPoint(QObject):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
-            return False
-        if event.text() != ",":
+        if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent) or event.text() != ",":
             return False
         point = QKeyEvent(QEvent.Type.KeyPress, event.key(), event.modifiers(), ".")
         QApplication.sendEvent(watched, point)

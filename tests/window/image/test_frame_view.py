@@ -109,7 +109,7 @@ def test_keys_zoom_move_and_switch(qtbot, opened):
     assert view.viewport.dx < dx
     assert commands.actions["grid"].isChecked()
     qtbot.keyClick(view, Qt.Key.Key_G)
-    assert not commands.presenter.overlay.switches.grid
+    assert not commands.presenter.overlay.on["grid"]
 
 
 def painted(overlay, view=None):
@@ -126,7 +126,7 @@ def test_each_mark_can_be_switched(qtbot, mark):
     overlay = Overlay()
     overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
     every = painted(overlay)
-    setattr(overlay.switches, mark, False)
+    overlay.on[mark] = False
     without = painted(overlay)
     assert (every != without).any()
     assert every.sum() > without.sum() or mark in ("names", "grid")
@@ -136,7 +136,7 @@ def test_nothing_is_marked_when_everything_is_off(qtbot):
     overlay = Overlay()
     overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
     for mark in ("detected", "identified", "names", "grid", "centre", "compass"):
-        setattr(overlay.switches, mark, False)
+        overlay.on[mark] = False
     assert painted(overlay).sum() == 0
 
 
@@ -157,10 +157,10 @@ def test_a_star_is_circled_once_unless_identified_ones_are_off(qtbot):
     overlay = Overlay()
     overlay.show(np.array([[s.x, s.y] for s in solution.stars]), solution)
     for mark in ("names", "grid", "centre", "compass"):
-        setattr(overlay.switches, mark, False)
+        overlay.on[mark] = False
     amber = QColor(theme_colours().detected)
     assert not shows(painted(overlay), amber)
-    overlay.switches.identified = False
+    overlay.on["identified"] = False
     assert shows(painted(overlay), amber)
 
 

@@ -44,7 +44,7 @@ def lab(qtbot, settings):
     for window, commands in made:
         window.close()
         commands.looks.use_theme("dark", "normal")
-        assert commands.session.close()
+        assert commands.session.jobs.join()
     assert not [t for t in threading.enumerate() if t.name.startswith("kochab-")]
 
 

@@ -48,12 +48,12 @@ def seen(frame, **look):
 def test_a_bayer_cell_becomes_one_pixel_of_its_own_colour(pattern):
     frame = mosaic(pattern, noise=0.0)
     found = channels(frame, frame.pixels, 1.0)
-    for plane, letter in zip(found.planes, "RGB", strict=True):
+    for plane, letter in zip(found, "RGB", strict=True):
         assert plane.shape == (200, 300)
         assert plane[10, 10] == SKIES[letter]
         assert plane[100, 150] == STAR[letter]
-    assert channels(frame, frame.pixels, 0.5).planes[0].shape == (200, 300)
-    assert channels(frame, frame.pixels, 0.25).planes[0].shape == (200, 300)  # 200 px at least
+    assert channels(frame, frame.pixels, 0.5)[0].shape == (200, 300)
+    assert channels(frame, frame.pixels, 0.25)[0].shape == (200, 300)  # 200 px at least
 
 
 @pytest.mark.parametrize("frame", [mosaic(), mosaic(kind=np.int32), rgb(), rgb(np.uint16)])

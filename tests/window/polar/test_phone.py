@@ -28,7 +28,7 @@ def view(qtbot, settings):
     view.phone._host = "127.0.0.1"
     yield view
     window.close()
-    assert commands.session.close()
+    assert commands.session.jobs.join()
     assert not view.phone.on
 
 

@@ -79,7 +79,7 @@ def polar(qtbot, settings):
     for window, commands in made:
         window.close()
         commands.looks.use_theme("dark", "normal")
-        assert commands.session.close()
+        assert commands.session.jobs.join()
     for thread in threading.enumerate():
         if thread.name == "kochab-plots":  # loads the plotting library for the process, not for a window
             thread.join(30.0)

@@ -1,5 +1,6 @@
 """A frame prepared for the screen: a pyramid of binned copies, its statistics, and its stretch."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,7 +46,7 @@ def automatic(stored: NDArray[np.generic]) -> tuple[ScreenStretch, float, float]
 
 SAMPLE = 400_000
 BINS = 256
-STRIP_ROWS = 512  # a strip at a time, so that a task can be cancelled and memory stays low
+STRIP_ROWS = 256  # a strip at a time, so that a task can be cancelled and memory stays low
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,35 +90,46 @@ def prepare(frame: Frame) -> Task[FrameImage]:
         colour = yield from _from_mosaic(frame, base)
     auto, low, high = automatic(mono[min(1, len(mono) - 1)] if frame.bayer else base)
     yield Progress("display", 0.9)
-    sky = float(np.median(mono[-1]))
-    histogram = _histogram(base, low, high)
+    counts = histogram(sampled(base, SAMPLE), low, high)
     shift = (0.0, 0.0, 0.0)
     if colour and auto.mid < 0.5:
-        red, green, blue = (float(np.median(colour[-1][..., c])) - sky for c in range(3))
-        shift = (red, green, blue)
-    return FrameImage(frame.width, frame.height, mono, colour, low, high, histogram, auto, shift)
+        shift = sky_shift(np.moveaxis(colour[-1], -1, 0), sky_level(mono[-1]))
+    return FrameImage(frame.width, frame.height, mono, colour, low, high, counts, auto, shift)
 
 
-def _histogram(base: Array, low: float, high: float) -> NDArray[np.float64]:
+def sampled(pixels: Array, most: int) -> Array:
+    """About ``most`` pixels of (H, W, ...)."""
+    step = max(1, int(np.sqrt(pixels.shape[0] * pixels.shape[1] / most))) | 1  # odd: sees all colours of a mosaic
+    return pixels[::step, ::step]
+
+
+def histogram(values: Array, low: float, high: float) -> NDArray[np.float64]:
     """Counts (BINS,) over the cube root of low..high; few levels are spread, not left as spikes."""
-    step = max(1, int(np.sqrt(base.size / SAMPLE)))
-    step += 1 - step % 2  # an odd step sees all four colours of a mosaic
-    sample = np.asarray(base[::step, ::step], dtype=np.float64).ravel()
-    if base.dtype == np.uint8:
-        counts = np.bincount(sample.astype(np.intp), minlength=256)
+    if values.dtype == np.uint8:
+        counts = np.bincount(values.ravel(), minlength=256)
         at = low + (high - low) * (np.arange(BINS) / (BINS - 1)) ** 3
         return np.interp(at, np.arange(256), counts)
-    unit = np.clip((sample - low) / (high - low), 0.0, 1.0)
-    counts, _ = np.histogram(np.cbrt(unit), bins=BINS, range=(0.0, 1.0))
-    return counts.astype(np.float64)
+    share = np.clip((values - low) / max(high - low, 1e-9), 0.0, 1.0, dtype=np.float64)
+    return np.bincount((np.cbrt(share).ravel() * (BINS - 1)).astype(np.intp), minlength=BINS).astype(np.float64)
+
+
+def sky_level(values: Array) -> float:
+    """The mean of the middle half of ``values``: a median that is no whole number."""
+    low, high = np.percentile(values, (25, 75))
+    return float(np.mean(values[(values >= low) & (values <= high)]))
+
+
+def sky_shift(planes: Iterable[Array], sky: float) -> tuple[float, float, float]:
+    """What the skies of the red, green and blue ``planes`` stand above the mean ``sky``, to be shown grey."""
+    red, green, blue = (sky_level(plane) - sky for plane in planes)
+    return red, green, blue
 
 
 def storable(pixels: Array) -> Task[Array]:
     """The same image as uint8 or uint16; other types are scaled around the sky level."""
     if pixels.dtype in (np.dtype(np.uint8), np.dtype(np.uint16)):
         return pixels
-    step = max(1, int(np.sqrt(pixels.shape[0] * pixels.shape[1] / SAMPLE)))
-    sample = np.asarray(pixels[::step, ::step], dtype=np.float64)
+    sample = np.asarray(sampled(pixels, SAMPLE), dtype=np.float64)
     sample = sample[np.isfinite(sample)]
     if not sample.size:
         sample = np.zeros(1)
@@ -142,17 +154,21 @@ def _pyramid(base: Array) -> Task[tuple[Array, ...]]:
 
 
 def _halve(a: Array) -> Task[Array]:
-    """Means of 2 x 2 pixels; a last odd row or column is dropped."""
-    h, w = a.shape[0] // 2 * 2, a.shape[1] // 2 * 2
-    out = np.empty((h // 2, w // 2, *a.shape[2:]), dtype=a.dtype)
-    for y in range(0, h, STRIP_ROWS):
-        s = a[y : min(y + STRIP_ROWS, h), :w]
-        total = s[0::2, 0::2].astype(np.uint32)
-        for part in (s[1::2, 0::2], s[0::2, 1::2], s[1::2, 1::2]):
-            total += part
-        out[y // 2 : y // 2 + len(total)] = total >> 2
-        yield Progress("display", y / h)
+    out = np.empty((a.shape[0] // 2, a.shape[1] // 2, *a.shape[2:]), dtype=a.dtype)
+    for y in range(0, len(out), STRIP_ROWS):
+        out[y : y + STRIP_ROWS] = halved(a[2 * y : 2 * (y + STRIP_ROWS)])
+        yield Progress("display", y / len(out))
     return out
+
+
+def halved(a: Array) -> Array:
+    """Means of 2 x 2 pixels of (H, W, ...), uint8 or uint16; a last odd row or column is dropped."""
+    high, wide = a.shape[0] // 2 * 2, a.shape[1] // 2 * 2
+    kind = np.uint16 if a.dtype == np.uint8 else np.uint32
+    rows = np.add(a[0:high:2, :wide], a[1:high:2, :wide], dtype=kind)
+    total = rows[:, 0::2] + rows[:, 1::2]
+    total >>= 2
+    return total.astype(a.dtype)
 
 
 def _from_mosaic(frame: Frame, base: Array) -> Task[tuple[Array, ...]]:

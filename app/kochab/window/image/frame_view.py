@@ -69,8 +69,8 @@ class FrameView(QWidget):
         if picture is not None:
             self._look(self.viewport.fitted(picture.width, picture.height))
 
-    def actual_pixels(self) -> None:
-        self._zoom(1.0 / self.devicePixelRatioF() / self.viewport.scale)
+    def actual_pixels(self, at: QPointF | None = None) -> None:
+        self._zoom(1.0 / self.devicePixelRatioF() / self.viewport.scale, at)
 
     def zoom_in(self) -> None:
         self._zoom(1.5)
@@ -156,10 +156,8 @@ class FrameView(QWidget):
         self.unsetCursor()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        if self.picture is None:
-            return
-        if self._fits:
-            self._zoom(1.0 / self.devicePixelRatioF() / self.viewport.scale, event.position())
+        if self._fits and self.picture is not None:
+            self.actual_pixels(event.position())
         else:
             self.fit()
 
@@ -174,10 +172,7 @@ class FrameView(QWidget):
             super().keyPressEvent(event)
 
     def _hover(self, position: QPointF) -> None:
-        picture = self.picture
-        if picture is None:
-            self.hovered.emit(None)
-            return
         x, y = self.viewport.to_image(position.x(), position.y())
-        inside = -0.5 <= x < picture.width - 0.5 and -0.5 <= y < picture.height - 0.5
+        size = self.picture
+        inside = size is not None and -0.5 <= x < size.width - 0.5 and -0.5 <= y < size.height - 0.5
         self.hovered.emit((x, y) if inside else None)

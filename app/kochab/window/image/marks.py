@@ -12,7 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.image.sky_grid import GridLine, label
-from kochab.window.themes import Colours
+from kochab.window.themes import Colours, translucent
 
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
 MOST_CIRCLES = 4000
@@ -31,9 +31,7 @@ class Brush:
     space: LabelSpace
 
     def pen(self, colour: str, width: float, alpha: int = 255) -> None:
-        shade = QColor(colour)
-        shade.setAlpha(alpha)
-        self.painter.setPen(QPen(shade, width))
+        self.painter.setPen(QPen(translucent(colour, alpha), width))
         self.painter.setBrush(Qt.BrushStyle.NoBrush)
 
     def text(self, at: QPointF, text: str, colour: str) -> None:
@@ -57,9 +55,7 @@ def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[
     ground = box.adjusted(-AROUND_X, -AROUND_Y, AROUND_X, AROUND_Y)
     picture = QPixmap(*(int(np.ceil(side * ratio)) for side in (ground.width(), ground.height())))
     picture.setDevicePixelRatio(ratio)
-    shade = QColor(halo)
-    shade.setAlpha(165)
-    picture.fill(shade)
+    picture.fill(translucent(halo, 165))
     painter = QPainter(picture)
     painter.setFont(written)
     painter.setPen(QColor(colour))
@@ -100,9 +96,7 @@ def _ring(colour: str, alpha: int, radius: float, width: float, ratio: float) ->
     picture.fill(Qt.GlobalColor.transparent)
     painter = QPainter(picture)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-    shade = QColor(colour)
-    shade.setAlpha(alpha)
-    painter.setPen(QPen(shade, width))
+    painter.setPen(QPen(translucent(colour, alpha), width))
     middle = picture.deviceIndependentSize().width() / 2.0
     painter.drawEllipse(QPointF(middle, middle), radius, radius)
     painter.end()

@@ -14,24 +14,14 @@ from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.image.sky_grid import GridLine, grid_lines, paint_compass
 from kochab.window.themes import theme_colours
 
-
-@dataclass(slots=True)
-class Switches:
-    """Which marks are painted."""
-
-    detected: bool = True
-    identified: bool = True
-    names: bool = True
-    centre: bool = True
-    grid: bool = True
-    compass: bool = True
+MARKS = ("detected", "identified", "names", "grid", "centre", "compass")
 
 
 @dataclass(slots=True)
 class Overlay:
-    """Paints detections and a solution; ``selected`` indexes ``solution.stars``."""
+    """Paints detections and a solution: those of :data:`MARKS` that are ``on``; ``selected`` indexes its stars."""
 
-    switches: Switches = field(default_factory=Switches)
+    on: dict[str, bool] = field(default_factory=lambda: dict.fromkeys(MARKS, True))
     selected: int | None = None
     solution: Solution | None = None
     detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
@@ -53,35 +43,34 @@ class Overlay:
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
         brush = marks.Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
-        on, solution = self.switches, self.solution
+        solution = self.solution
         edges = _edges(view, solution)
-        lines = self._grid(view, solution) if on.grid else []
+        lines = self._grid(view, solution) if self.on["grid"] else []
         marks.sky_lines(brush, lines, edges)
-        if on.detected:
+        if self.on["detected"]:
             # An identified star has its own circle, unless that kind is switched off.
-            xy = self._others if on.identified else self.detected
+            xy = self._others if self.on["identified"] else self.detected
             marks.circles(brush, xy, brush.colours.detected, marks.DETECTED_PX, 1.0)
         if solution is not None:
             self._solved(brush, solution, lines, edges)
 
     def _solved(self, brush: marks.Brush, solution: Solution, lines: list[GridLine], edges: QRectF) -> None:
-        on = self.switches
-        if on.identified:
+        if self.on["identified"]:
             marks.circles(brush, self._stars, brush.colours.identified, marks.IDENTIFIED_PX, 1.5)
-        if on.centre:
+        if self.on["centre"]:
             camera = solution.camera
             x, y = brush.view.to_screen(np.array([(camera.width - 1) / 2, (camera.height - 1) / 2]))
             for colour, width, alpha in ((brush.colours.halo, 4.5, 140), (brush.colours.centre, 1.8, 255)):
                 brush.pen(colour, width, alpha)
                 marks.cross(brush, x, y, 6.0, 18.0)
-        if on.compass:
+        if self.on["compass"]:
             paint_compass(brush.painter, brush.view, solution, brush.colours, brush.space)
         if self.selected is not None and self.selected < len(solution.stars):
             star = solution.stars[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])
             marks.selection(brush, at, star.name or star.id)
         marks.sky_labels(brush, lines, edges)
-        if on.names:
+        if self.on["names"]:
             marks.names(brush, solution, self._stars)
 
     def _grid(self, view: Viewport, solution: Solution | None) -> list[GridLine]:

@@ -108,30 +108,29 @@ class Tables:
         self._made: tuple[NDArray[np.uint32], ...] = ()
 
     def coloured(
-        self, planes: Planes, stretch: ScreenStretch, span: tuple[float, float], parts: Parts, gain: float = 1.0
+        self, planes: Planes, stretch: ScreenStretch, span: tuple[float, float], parts: Parts
     ) -> NDArray[np.uint32]:
         """0xffRRGGBB (H, W) of ``planes``, each (H, W) of stored values, uint8 or uint16.
 
-        ``span`` are the values the stretch calls 0 and 1, ``gain`` times those of the picture.
-        ``parts`` has for each plane its light, as :data:`GREY`, and how far it is too high.
+        ``span`` are the values the stretch calls 0 and 1; ``parts`` has for each plane its light, as
+        :data:`GREY`, and how far it is too high.
         """
-        tables = self.get(planes[0].dtype, stretch, span, parts, gain)
+        tables = self.get(planes[0].dtype, stretch, span, parts)
         first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True))
         for other in others:
             first |= other
         return np.asarray(first)
 
     def get(
-        self, kind: np.dtype[Any], stretch: ScreenStretch, span: tuple[float, float], parts: Parts, gain: float = 1.0
+        self, kind: np.dtype[Any], stretch: ScreenStretch, span: tuple[float, float], parts: Parts
     ) -> tuple[NDArray[np.uint32], ...]:
         """A table for each of ``parts``; the sum of their values is the colour of a pixel."""
-        key = (kind, stretch, span, parts, gain)
+        key = (kind, stretch, span, parts)
         if key != self._key:
             levels = 256 if kind == np.uint8 else 65536
             made = []
             for number, (light, shift) in enumerate(parts):
-                low, high = ((end + shift) / gain for end in span)
-                bright = stretch.table(levels, low, high).astype(np.uint32) * np.uint32(light)
+                bright = stretch.table(levels, span[0] + shift, span[1] + shift).astype(np.uint32) * np.uint32(light)
                 made.append(bright + np.uint32(0 if number else OPAQUE))
             self._made, self._key = tuple(made), key
         return self._made

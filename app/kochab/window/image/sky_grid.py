@@ -11,7 +11,7 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
 from kochab.window.image.screen_image import LabelSpace, Viewport
-from kochab.window.themes import Colours
+from kochab.window.themes import Colours, translucent
 
 DEC_STEPS_DEG = (30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 360)
 _PARTS_OF_AN_HOUR = (1, 2, 3, 6, 12, 30, 60, 120, 180, 360, 720, 1800, 3600)
@@ -108,17 +108,13 @@ def _projected(solution: Solution, lines: list[GridLine], middle: Floats, near: 
 def label(line: GridLine) -> str:
     """The line's value, as fine as its step needs."""
     if line.kind == "ra":
-        seconds = round(line.value_deg * 240.0) % 86400
-        h, m, s = seconds // 3600, seconds // 60 % 60, seconds % 60
-        if line.step_deg >= 15.0 and not m and not s:
-            return f"{h}h"
-        return f"{h}h {m:02d}m" if line.step_deg >= 0.25 and not s else f"{h}h {m:02d}m {s:02d}s"
-    sign = "−" if line.value_deg < 0 else "+"
-    seconds = round(abs(line.value_deg) * 3600.0)
-    d, m, s = seconds // 3600, seconds // 60 % 60, seconds % 60
-    if line.step_deg >= 1.0:
-        return f"{sign}{d}°"
-    return f"{sign}{d}° {m:02d}′" if not s else f"{sign}{d}° {m:02d}′ {s:02d}″"
+        sign, units, whole_deg, turn = "", "hms", 15.0, 24
+    else:
+        sign, units, whole_deg, turn = "−" if line.value_deg < 0 else "+", "°′″", 1.0, 360
+    minutes, s = divmod(round(abs(line.value_deg) / whole_deg * 3600.0), 60)
+    whole, m = divmod(minutes, 60)
+    places = 3 if s or line.step_deg < whole_deg / 60.0 else 2 if m or line.step_deg < whole_deg else 1
+    return " ".join((f"{sign}{whole % turn}{units[0]}", f"{m:02d}{units[1]}", f"{s:02d}{units[2]}")[:places])
 
 
 LENGTH_PX = 32.0
@@ -132,9 +128,7 @@ def paint_compass(painter: QPainter, view: Viewport, solution: Solution, colours
     at = QPointF(view.width - MARGIN_PX - 10, MARGIN_PX + 10)
     space.place(QRectF(at.x() - MARGIN_PX, at.y() - MARGIN_PX, 2 * MARGIN_PX, 2 * MARGIN_PX))
     arrows = ((north, "N", 2.4), (east, "E", 1.6))
-    edge = QColor(colours.halo)
-    edge.setAlpha(190)
-    for shade, more in ((edge, EDGE_PX), (QColor(colours.identified), 0.0)):
+    for shade, more in ((translucent(colours.halo, 190), EDGE_PX), (QColor(colours.identified), 0.0)):
         for way, letter, width in arrows:
             _arrow(painter, at, way, QPen(shade, width + more))
             _letter(painter, at, way, letter, shade, ground=more > 0.0)

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QLabel, QSizePolicy, QSlider
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame
-from kochab.window.widgets import Page, grid, row, switch
+from kochab.window.widgets import Page, grid, named, row, switch
 
 if TYPE_CHECKING:
     from kochab.window.charts.histogram_plot import HistogramPlot
@@ -125,9 +125,8 @@ class StretchStrip(Page):
         self.changed.emit(self.stretch)
 
     def _slider(self, name: str) -> QSlider:
-        slider = QSlider(Qt.Orientation.Horizontal)
+        slider = named(QSlider(Qt.Orientation.Horizontal), name)
         slider.setRange(0, STEPS)
         slider.setPageStep(STEPS // 20)
         slider.setMinimumWidth(60)
-        slider.setAccessibleName(name)
         return slider

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 DEFAULT = "default"
 UNSET = -1.0
-LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
+MOST = LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
 
 
 class SettingFields(Page):
@@ -67,15 +67,14 @@ class SettingFields(Page):
     def show_limits(self, limits: CaptureLimits | None, in_force: CaptureSettings) -> None:
         """Restrict the fields to the camera's limits; None while no camera is open."""
         reasons = {} if limits is None else fixed_settings(limits)
-        for name, field in self.fields.items():
+        known = limits or CaptureLimits()
+        ranges = known.exposure_s, known.gain, known.binning
+        for (name, field), limit, most in zip(self.fields.items(), ranges, MOST, strict=True):
             field.setEnabled(name not in reasons)
             field.setToolTip(reasons.get(name, ""))
             field.setAccessibleDescription(reasons.get(name, ""))
-        known = limits or CaptureLimits()
-        with QSignalBlocker(self.exposure), QSignalBlocker(self.gain), QSignalBlocker(self.binning):
-            self.exposure.setMaximum(known.exposure_s[1] if known.exposure_s else LONGEST_S)
-            self.gain.setMaximum(known.gain[1] if known.gain else MOST_GAIN)
-            self.binning.setMaximum(known.binning[1] if known.binning else MOST_BINNING)
+            with QSignalBlocker(field):
+                field.setMaximum(limit[1] if limit else most)
         show_text(self.in_force, "" if limits is None else _in_force_text(in_force, reasons))
 
 

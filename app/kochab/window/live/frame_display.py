@@ -156,7 +156,7 @@ class LiveDisplay(QObject):
         if self.queue.settings.colour != self._in_colour:
             self._configure()
         self._drawn_s = monotonic()
-        first = self.shown is None or _size(self.shown.frame) != _size(ready.frame)
+        first = self.shown is None or self.shown.frame.pixels.shape != ready.frame.pixels.shape
         self.shown = ready
         session = self._services.session
         session.stream(ready.frame, ready.picture, _result(ready))
@@ -186,10 +186,6 @@ class LiveDisplay(QObject):
 
 def _result(ready: Rendered) -> Solution | NoSolution | None:
     return None if ready.update is None else ready.update.result
-
-
-def _size(frame: Frame) -> tuple[int, int]:
-    return frame.width, frame.height
 
 
 def _detections(frame: Frame, result: Solution | NoSolution) -> Detections:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QSize
-from PySide6.QtWidgets import QLabel, QSizePolicy
+from PySide6.QtWidgets import QSizePolicy
 
 from kochab.core.angle_text import AngleStyle, age_text
 from kochab.core.arrays import Floats
@@ -114,7 +114,7 @@ class PointingPanel(Page):
     def clear(self) -> None:
         """Nothing is known."""
         for value in (self.ra, self.dec, *self.values.values()):
-            write(value, NOTHING)
+            value.setText(NOTHING)
         show_text(self.old, "")
         show_text(self.doubt, "")
         self.chart.clear()
@@ -125,9 +125,8 @@ class PointingPanel(Page):
         """Show the latest update; may be called again with the same one, which has aged."""
         now = monotonic()
         old, good = status_text.is_old(update, now), update.last_good
-        ra, dec = status_text.position_texts(update, self.angle_style)
-        write(self.ra, ra)
-        write(self.dec, dec)
+        for value, text in zip((self.ra, self.dec), status_text.position_texts(update, self.angle_style), strict=True):
+            value.setText(text)
         self._mute_position(old)
         east, north = status_text.drift_texts(None if old else update.drift)
         age = age_text(good.age_s(now)) if good is not None else NOTHING
@@ -141,7 +140,7 @@ class PointingPanel(Page):
             "Latency": status_text.latency_text(update, screen_ms),
             "Lens": status_text.lens_text(lens, name),
         }.items():
-            write(self.values[title], text)
+            self.values[title].setText(text)
         self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
         show_text(self.old, f"OLD: pointing of {age} ago. The current pointing is unknown." if old else "")
         show_text(self.doubt, lens.doubt)
@@ -156,7 +155,7 @@ class PointingPanel(Page):
         self._mute_position(True)
         for title, value in self.values.items():
             if title != "Lens":
-                write(value, NOTHING)
+                value.setText(NOTHING)
         show_text(self.old, STOPPED)
         if self.chart.trail.here is not None:
             self.chart.show_pointing(self.chart.trail.here, old=True)
@@ -164,9 +163,3 @@ class PointingPanel(Page):
     def _mute_position(self, old: bool) -> None:
         for value in (self.ra, self.dec):
             set_role(value, "muted" if old else "value")
-
-
-def write(target: QLabel, text: str) -> None:
-    """Set a text only when it has changed: each costs a layout."""
-    if target.text() != text:
-        target.setText(text)

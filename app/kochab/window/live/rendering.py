@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from time import monotonic
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,17 @@ from PySide6.QtGui import QImage
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame
 from kochab.core.progress import run
-from kochab.window.image.frame_image import BINS, ScreenStretch, automatic, storable
+from kochab.window.image.frame_image import (
+    BINS,
+    ScreenStretch,
+    automatic,
+    halved,
+    histogram,
+    sampled,
+    sky_level,
+    sky_shift,
+    storable,
+)
 from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, Tables
 
 SMALLEST_PX = 200
@@ -24,50 +33,25 @@ def binned(stored: Array, scale: float, mosaic: bool = False) -> Array:
     """
     must = mosaic
     while (scale <= 0.5 and min(stored.shape) >= 2 * SMALLEST_PX) or (must and min(stored.shape) >= 2):
-        high, wide = stored.shape[0] // 2 * 2, stored.shape[1] // 2 * 2
-        kind = np.uint16 if stored.dtype == np.uint8 else np.uint32
-        rows = np.add(stored[0:high:2, :wide], stored[1:high:2, :wide], dtype=kind)
-        total = rows[:, 0::2] + rows[:, 1::2]
-        total >>= 2
-        stored = total.astype(stored.dtype)
+        stored = halved(stored)
         scale, must = scale * 2.0, False
     return stored
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Channels:
-    """``planes`` are red, green and blue (H, W); ``gain`` times a value is one of ``pixels``."""
-
-    planes: tuple[Array, Array, Array]
-    gain: float = 1.0
-
-    def skies(self) -> tuple[float, float, float]:
-        """The levels of the sky, in the units of the frame's ``pixels``."""
-        red, green, blue = (self.gain * sky_level(p[::3, ::3]) for p in self.planes)
-        return red, green, blue
-
-
-def sky_level(values: Array) -> float:
-    """The mean of the middle half of ``values``: a median that is no whole number."""
-    low, high = np.percentile(values, (25, 75))
-    return float(np.mean(values[(values >= low) & (values <= high)]))
-
-
-def channels(frame: Frame, stored: Array, scale: float) -> Channels | None:
-    """The colours of a frame at ``scale`` screen px a px of the frame; None when it has none.
+def channels(frame: Frame, stored: Array, scale: float) -> Planes | None:
+    """Red, green and blue (H, W) of a frame at ``scale`` screen px a px of the frame; None when it has none.
 
     ``stored`` are its pixels as they are shown. The four pixels of a Bayer cell become one.
     """
     if frame.colour is not None:
         colour = run(storable(frame.colour))
-        # Luminance of 8 bits is kept whole, as R + 2 G + B.
-        gain = 4.0 if colour.dtype == np.uint8 and stored.dtype == np.uint16 else 1.0
-        red, green, blue = (binned(colour[..., c], scale) for c in range(3))
-        return Channels((red, green, blue), gain)
+        planes = tuple(binned(colour[..., c], scale) for c in range(3))
+        if colour.dtype == np.uint8 and stored.dtype == np.uint16:
+            return tuple(plane.astype(np.uint16) << 2 for plane in planes)  # as R + 2 G + B, the luminance, is
+        return planes
     if frame.bayer is None or len(frame.bayer) != 4 or min(stored.shape) < 2:
         return None
-    red, green, blue = (binned(p, 2.0 * scale) for p in _cells(stored, frame.bayer))
-    return Channels((red, green, blue))
+    return tuple(binned(p, 2.0 * scale) for p in _cells(stored, frame.bayer))
 
 
 def _cells(mosaic: Array, pattern: str) -> tuple[Array, Array, Array]:
@@ -123,7 +107,7 @@ class LiveRenderer:
         self._range = (0.0, 1.0)
         self._histogram = np.zeros(BINS)
         self._measured_s = float("-inf")
-        self._shifts = (0.0, 0.0, 0.0)
+        self._shift = (0.0, 0.0, 0.0)
         self._tables = Tables()
 
     def picture(self, frame: Frame, settings: DisplaySettings) -> RenderedFrame:
@@ -133,54 +117,32 @@ class LiveRenderer:
         if now - self._measured_s >= STATISTICS_EVERY_S:
             self._measured_s = now
             self._measure(frame, stored, settings)
-        pixels = self._in_colour(frame, stored, settings)
-        if pixels is None:
-            shown = binned(stored, settings.scale, bool(frame.bayer))
-            light = ((RED if settings.red else GREY, 0.0),)
-            pixels = self._coloured((shown,), settings, light)
+        in_colour = settings.colour and not settings.red
+        planes = channels(frame, stored, settings.scale) if in_colour else None
+        parts: Parts = tuple(zip((RED, GREEN, BLUE), self._shift, strict=True))
+        if planes is None:
+            planes = (binned(stored, settings.scale, bool(frame.bayer)),)
+            parts = ((RED if settings.red else GREY, 0.0),)
+        pixels = self._tables.coloured(planes, settings.stretch or self._auto, self._range, parts)
         high, wide = pixels.shape
         image = QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGB32)
         return RenderedFrame(frame.width, frame.height, image, self._auto, self._histogram, pixels)
 
-    def _in_colour(self, frame: Frame, stored: Array, settings: DisplaySettings) -> NDArray[np.uint32] | None:
-        """The pixels of a colour frame, None when it is to be shown grey or red."""
-        if settings.red or not settings.colour:
-            return None
-        found = channels(frame, stored, settings.scale)
-        if found is None:
-            return None
-        red, green, blue = self._shifts
-        return self._coloured(found.planes, settings, ((RED, red), (GREEN, green), (BLUE, blue)), found.gain)
-
-    def _coloured(
-        self, planes: Planes, settings: DisplaySettings, parts: Parts, gain: float = 1.0
-    ) -> NDArray[np.uint32]:
-        """0xffRRGGBB (H, W) of planes (H, W) of stored values."""
-        return self._tables.coloured(planes, settings.stretch or self._auto, self._range, parts, gain)
-
     def _measure(self, frame: Frame, stored: Array, settings: DisplaySettings) -> None:
         """Another automatic stretch and other levels; a range that sliders stand on is held."""
-        step = max(1, int(np.sqrt(stored.size / SAMPLE)))
-        step += 1 - step % 2  # an odd step sees all four colours of a mosaic
-        sample = stored[::step, ::step]
+        sample = sampled(stored, SAMPLE)
         if settings.stretch is None or self._range == (0.0, 1.0):
             # A mosaic's sky is that of its mean colour.
-            whole = binned(stored, 0.5, True)[::step, ::step] if frame.bayer else sample
+            whole = sampled(binned(stored, 0.5, True), SAMPLE) if frame.bayer else sample
             self._auto, low, high = automatic(np.ascontiguousarray(whole))
             self._range = (low, high)
-            self._shifts = self._sky_shifts(frame, stored, sky_level(whole))
-        low, high = self._range
-        self._histogram = _counts((sample - low) / max(high - low, 1e-9))
-        raw = np.asarray(frame.pixels[::step, ::step], dtype=np.float64)
+            planes = None if self._auto.mid >= 0.5 else channels(frame, stored, 1.0)
+            self._shift = (0.0, 0.0, 0.0)
+            if planes is not None:
+                self._shift = sky_shift((plane[::3, ::3] for plane in planes), sky_level(whole))
+        self._histogram = histogram(sample, *self._range)
+        raw = np.asarray(sampled(frame.pixels, SAMPLE), dtype=np.float64)
         self.levels = levels_of(raw[np.isfinite(raw)], full_scale(frame))
-
-    def _sky_shifts(self, frame: Frame, stored: Array, sky: float) -> tuple[float, float, float]:
-        """What the skies of red, green and blue stand above the mean one, to be shown grey."""
-        few = None if self._auto.mid >= 0.5 else channels(frame, stored, 1.0)
-        if few is None:
-            return 0.0, 0.0, 0.0
-        red, green, blue = few.skies()
-        return red - sky, green - sky, blue - sky
 
 
 def full_scale(frame: Frame) -> float:
@@ -199,10 +161,4 @@ def levels_of(values: NDArray[np.float64], full: float) -> Levels:
     shares = values / full
     top = float(np.partition(shares, -2)[-2]) if shares.size > 1 else float(shares[0])
     clipped = float(np.mean(shares >= 0.98))
-    return Levels(_counts(shares), float(np.median(shares)), top, clipped)
-
-
-def _counts(shares: NDArray[Any]) -> NDArray[np.float64]:
-    """Counts (BINS,) of shares over the cube root of 0..1."""
-    across = np.cbrt(np.clip(shares, 0.0, 1.0, dtype=np.float64)).ravel() * (BINS - 1)
-    return np.bincount(across.astype(np.intp), minlength=BINS).astype(np.float64)
+    return Levels(histogram(shares, 0.0, 1.0), float(np.median(shares)), top, clipped)

@@ -3,14 +3,14 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPainterPath, QTransform
+from PySide6.QtGui import QPainterPath, QTransform
 from PySide6.QtWidgets import QGraphicsEllipseItem
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors
 from kochab.window.charts.histogram_plot import StillPlot
 from kochab.window.live.sky_points import SkyPoints, Trail
-from kochab.window.themes import Colours, theme_colours
+from kochab.window.themes import Colours, theme_colours, translucent
 
 
 def hammer(vectors: Floats, centre_ra_deg: float) -> Floats:
@@ -98,8 +98,8 @@ class SkyPlot(StillPlot):
         self.setBackground(colours.window)
         self._edge.setPen(pg.mkPen(colours.line))
         self._edge.setBrush(pg.mkBrush(colours.sky))
-        self._grid.setPen(pg.mkPen(_faint(colours.grid, GRID_ALPHA)))
-        self._figures.setPen(pg.mkPen(_faint(colours.grid, FIGURES_ALPHA)))
+        self._grid.setPen(pg.mkPen(translucent(colours.grid, GRID_ALPHA)))
+        self._figures.setPen(pg.mkPen(translucent(colours.grid, FIGURES_ALPHA)))
         self._stars.setBrush(colours.grid_text)
         self._trail.setPen(pg.mkPen(colours.detected, width=1.6))
         for text in self._hours.values():
@@ -122,12 +122,6 @@ def _grid_lines(centre_ra_deg: float) -> list[Floats]:
     up = np.linspace(-90.0, 90.0, 37)
     parallels = [unit_vectors(around, np.full(73, d)) for d in (-60.0, -30.0, 0.0, 30.0, 60.0)]
     return parallels + [unit_vectors(np.full(37, r), up) for r in np.arange(0.0, 360.0, 45.0)]
-
-
-def _faint(colour: str, alpha: int) -> QColor:
-    made = QColor(colour)
-    made.setAlpha(alpha)
-    return made
 
 
 def _cross_hair() -> QPainterPath:

@@ -19,7 +19,7 @@ from kochab.window.job import Job
 from kochab.window.live import status_text
 from kochab.window.live.camera_panel import CameraPanel
 from kochab.window.live.frame_display import LiveDisplay
-from kochab.window.live.pointing_panel import PointingPanel, write
+from kochab.window.live.pointing_panel import PointingPanel
 from kochab.window.live.sky_points import sky_points
 from kochab.window.live.status_text import StreamStatus, recorded_text
 from kochab.window.shell.dialogs import ask_folder
@@ -51,7 +51,7 @@ class RecordPanel(Page):
         """Frames recorded so far; the switch goes off when the recording has ended by itself."""
         if state is None:
             return
-        write(self.status, recorded_text(state))
+        self.status.setText(recorded_text(state))
         if not state.going_on and self.switch.isChecked():
             with QSignalBlocker(self.switch):
                 self.switch.setChecked(False)
@@ -68,8 +68,7 @@ class RecordPanel(Page):
         self.wanted.emit(self.folder if on else None)
 
     def _ask(self) -> None:
-        path = ask_folder(self.window(), str(self.folder), "Folder for recordings")
-        if path is not None:
+        if (path := ask_folder(self.window(), str(self.folder), "Folder for recordings")) is not None:
             self.use_folder(path)
 
 
@@ -164,11 +163,8 @@ class LiveView(Page):
         self._show_status(StreamStatus("Opening the camera", request.name, "heading"))
         self._timer.start()
 
-    def end(self) -> None:
-        """Stop at once; the camera is closed by its own thread."""
-        self._end(keep=True)
-
-    def _end(self, keep: bool) -> None:
+    def end(self, keep: bool = True) -> None:
+        """Stop at once, and ``keep`` the last frame open; the camera is closed by its own thread."""
         job, stream = self.job, self.stream
         self.job = self.stream = None
         self._timer.stop()
@@ -237,14 +233,14 @@ class LiveView(Page):
         self._show_message(sentence, "wrong")
         if job is self.job:
             self.write()
-            self._end(keep=True)
+            self.end()
 
     def _finished(self, job: Job, stream: Stream) -> None:
         for sentence in stream.said:
             self._show_message(sentence, str(self.message.property("role") or ""))
         self.record.show_state(stream.recording.state)
         if job is self.job:
-            self._end(keep=True)
+            self.end()
         if job is self._ending:
             self._ending = None
             self._show_idle()
@@ -252,7 +248,7 @@ class LiveView(Page):
     def _make_way(self, _: object) -> None:
         """A file was opened, or another view shows a frame."""
         if not self._changing_frame and self.stream is not None:
-            self._end(keep=False)
+            self.end(keep=False)
             self._show_message("Live stopped because another frame was opened.")
 
     def _show_idle(self) -> None:

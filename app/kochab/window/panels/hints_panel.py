@@ -29,14 +29,16 @@ class HintsPanel(Page):
 
     def __init__(self, methods: list[str], detectors: list[str]) -> None:
         super().__init__()
-        self.fov = self._field("Field of view in degrees", "e.g. 1.2")
-        self.scale = self._field("Pixel scale in arcseconds per pixel", "e.g. 3.6")
-        self.ra = self._field("Right ascension", "5h35m17s or 83.82")
-        self.dec = self._field("Declination", "-5d23m or -5.39")
-        self.radius = self._field("Search radius in degrees", f"default {NEAR_RADIUS_DEG:g}")
-        self.timeout = self._field("Time limit in seconds", "no limit if empty")
+        self._fields = form()
+        self._fields.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
+        self.fov = self._field("Field &width, °", "Field of view in degrees", "e.g. 1.2")
+        self.scale = self._field("&Pixel scale, ″/px", "Pixel scale in arcseconds per pixel", "e.g. 3.6")
+        self.ra = self._field("RA &near", "Right ascension", "5h35m17s or 83.82")
+        self.dec = self._field("&Dec near", "Declination", "-5d23m or -5.39")
+        self.radius = self._field("Rad&ius, °", "Search radius in degrees", f"default {NEAR_RADIUS_DEG:g}")
+        self.timeout = self._field("Time &limit, s", "Time limit in seconds", "no limit if empty")
         self.timeout.setText(LIMIT_S)
-        self.site = self._field("Your site", "48.14, 11.58: latitude, longitude")
+        self.site = self._field("&Your site", "Your site", "48.14, 11.58: latitude, longitude")
         self.site.setToolTip(SITE_TIP)
         self.site.editingFinished.connect(self._site_typed)
         self.methods = MethodGroup(methods, detectors)
@@ -45,18 +47,8 @@ class HintsPanel(Page):
         self.header.setChecked(True)
         self.wrong = label("", "wrong", wrap=True)
         self.wrong.setVisible(False)
-        fields = form(
-            ("Field &width, °", self.fov),
-            ("&Pixel scale, ″/px", self.scale),
-            ("RA &near", self.ra),
-            ("&Dec near", self.dec),
-            ("Rad&ius, °", self.radius),
-            ("Time &limit, s", self.timeout),
-            ("&Your site", self.site),
-        )
-        fields.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
         solve, clear = (button("S&olve with these", self.solve_wanted.emit, "main"), button("Clea&r", self.clear))
-        parts = (label(ADVICE, "muted", wrap=True), fields, self.header, self.wrong, row(solve, clear, None))
+        parts = (label(ADVICE, "muted", wrap=True), self._fields, self.header, self.wrong, row(solve, clear, None))
         column(*parts, self.methods, None, on=self, spacing=10, margins=(12, 12, 12, 12))
 
     def options(self, width_px: int) -> SolveOptions:
@@ -82,12 +74,12 @@ class HintsPanel(Page):
 
     def checked_options(self, width_px: int) -> SolveOptions | None:
         """The same, or None with the fault shown here."""
+        options, wrong = None, ""
         try:
             options = self.options(width_px)
         except UsageError as error:
-            show_text(self.wrong, str(error))
-            return None
-        show_text(self.wrong, "")
+            wrong = str(error)
+        show_text(self.wrong, wrong)
         return options
 
     def _hint(self, width_px: int) -> Hint | None:
@@ -119,7 +111,9 @@ class HintsPanel(Page):
         self.methods.reset()
         show_text(self.wrong, "")
 
-    def _field(self, name: str, example: str) -> QLineEdit:
+    def _field(self, title: str, name: str, example: str) -> QLineEdit:
+        """A field in the form, beside its title."""
         field = text_field(name, example, f"{name}: {example}")
         field.returnPressed.connect(self.solve_wanted)
+        self._fields.addRow(title, field)
         return field

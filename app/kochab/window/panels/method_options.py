@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QGroupBox, QLineEdit, QWidget
+from PySide6.QtWidgets import QCheckBox, QGroupBox, QLineEdit, QWidget
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.errors import UsageError
@@ -19,6 +19,7 @@ from kochab.window.widgets import (
     field_value,
     fill_fields,
     form,
+    grid,
     label,
     set_property,
     show_text,
@@ -37,11 +38,8 @@ class OptionsForm(Page):
         super().__init__()
         self._options: tuple[Option, ...] = ()
         self.fields: dict[str, QWidget] = {}
-        self._grid = QGridLayout(self)
+        self._grid = grid(across=10, down=5, stretch=(0, 1), on=self)
         self._grid.setContentsMargins(0, 0, 0, 0)
-        self._grid.setHorizontalSpacing(10)
-        self._grid.setVerticalSpacing(5)
-        self._grid.setColumnStretch(1, 1)
         self.show_options(options)
 
     def show_options(self, options: Sequence[Option]) -> None:

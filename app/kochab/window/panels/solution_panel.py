@@ -3,16 +3,8 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from kochab.core.angle_text import (
-    AngleStyle,
-    breakable,
-    dec_text,
-    false_alarm_text,
-    ra_text,
-    radec_plain,
-    short_name,
-    unbroken,
-)
+from kochab.core import angle_text
+from kochab.core.angle_text import AngleStyle, breakable, short_name, unbroken
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
 from kochab.window.widgets import (
@@ -32,15 +24,7 @@ from kochab.window.widgets import (
     show_text,
     value_label,
 )
-from kochab.workflows.solution_text import (
-    attitude_forms,
-    attitude_plain,
-    failure_plain,
-    measured_rows,
-    rows,
-    summary,
-    times_text,
-)
+from kochab.workflows import solution_text
 
 STYLES = {
     AngleStyle.SEXAGESIMAL: "hours (hms)",
@@ -106,18 +90,17 @@ class SolutionPanel(QWidget):
         if s is None:
             return
         ra, dec = s.ra_dec_deg
-        self.ra.setText(ra_text(ra, self._style))
-        self.dec.setText(dec_text(dec, self._style))
-        for title, text, why in rows(s):
+        self.ra.setText(angle_text.ra_text(ra, self._style))
+        self.dec.setText(angle_text.dec_text(dec, self._style))
+        for title, text, why in solution_text.rows(s):
             if title not in self.values:
                 at = self._grid.rowCount()
                 self.values[title] = value_label(title)
                 self._grid.addWidget(label(title, "muted"), at, 0, Qt.AlignmentFlag.AlignTop)
                 self._grid.addWidget(self.values[title], at, 1)
-            shown = self.values[title]
-            shown.setText(unbroken(text))
-            shown.setToolTip(why)
-        for (title_label, value), (name, text) in zip(self.forms, attitude_forms(s), strict=True):
+            self.values[title].setText(unbroken(text))
+            self.values[title].setToolTip(why)
+        for (title_label, value), (name, text) in zip(self.forms, solution_text.attitude_forms(s), strict=True):
             title_label.setText(name)
             value.setText(text)
 
@@ -128,15 +111,15 @@ class SolutionPanel(QWidget):
 
     def copy_position(self) -> None:
         if self._solution is not None:
-            copy_text(radec_plain(*self._solution.ra_dec_deg, self._style))
+            copy_text(angle_text.radec_plain(*self._solution.ra_dec_deg, self._style))
 
     def copy_attitude(self) -> None:
         if self._solution is not None:
-            copy_text(attitude_plain(self._solution))
+            copy_text(solution_text.attitude_plain(self._solution))
 
     def copy_all(self) -> None:
         if self._solution is not None:
-            copy_text(summary(self._solution, self._style, self._source))
+            copy_text(solution_text.summary(self._solution, self._style, self._source))
 
 
 LONGEST = 120  # letters of a stage's detail
@@ -172,7 +155,7 @@ class StateCard(QFrame):
 
     def show_solution(self, solution: Solution) -> None:
         """How many stars matched, and how likely that is by chance."""
-        odds = false_alarm_text(solution.log10_false_alarm)
+        odds = angle_text.false_alarm_text(solution.log10_false_alarm)
         self._say("Solved", f"{len(solution.stars)} stars matched (chance match: {odds})", role="good")
         show_text(self.advice, "\n".join(solution.warnings))
 
@@ -181,7 +164,7 @@ class StateCard(QFrame):
         tried = f"Tried: {failure.tried}" if failure.tried else ""
         self._say(f"No solution: {failure.reason}", tried, failure.advice, role="bad")
         self._failure, self._source = failure, source
-        numbers = [*measured_rows(failure), ("time", times_text(failure.elapsed_ms))]
+        numbers = [*solution_text.measured_rows(failure), ("time", solution_text.times_text(failure.elapsed_ms))]
         for at, (name, value) in enumerate(numbers):
             self._numbers.addWidget(label(name, "muted"), at, 0, Qt.AlignmentFlag.AlignTop)
             self._numbers.addWidget(label(unbroken(value), wrap=True), at, 1)
@@ -211,4 +194,4 @@ class StateCard(QFrame):
 
     def _copy(self) -> None:
         if self._failure is not None:
-            copy_text(failure_plain(self._failure, self._source))
+            copy_text(solution_text.failure_plain(self._failure, self._source))

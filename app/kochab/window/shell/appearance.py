@@ -5,9 +5,10 @@ from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 from shiboken6 import isValid
 
+from kochab.window.image.overlay import MARKS
 from kochab.window.shell.dialogs import redden_caret
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.menus import MARKS, colour_icons
+from kochab.window.shell.menus import colour_icons
 from kochab.window.shell.presenter import Presenter
 from kochab.window.themes import THEMES, apply_theme, theme_colours
 
@@ -100,7 +101,8 @@ class Appearance(QObject):
 
     def _restore(self) -> None:
         for name in MARKS:
-            self._actions[name].setChecked(getattr(self._overlay.switches, name))
+            self._overlay.on[name] = self._settings.flag(f"marks/{name}", True)
+            self._actions[name].setChecked(self._overlay.on[name])
         automatic = self._settings.flag("stretch", True)
         self._actions["stretch"].setChecked(automatic)
         self._panes.strip.auto.setChecked(automatic)
@@ -153,8 +155,8 @@ class Appearance(QObject):
         self._panes.view.set_look(self._panes.strip.stretch, colour, self.is_night)
 
     def show_mark(self, name: str, on: bool) -> None:
-        setattr(self._overlay.switches, name, on)
-        self._settings.keep_switches(self._overlay.switches)
+        self._settings.keep(f"marks/{name}", on)
+        self._overlay.on[name] = on
         self._panes.view.update()
 
     def _stretched(self, _: object) -> None:

@@ -4,22 +4,22 @@ import time
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QSpacerItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
 
 from kochab import __version__
 from kochab.core.angle_text import short_name
 from kochab.core.solution import Solution
 from kochab.frames import SUFFIXES
 from kochab.gear.journal import save_report
-from kochab.window.job import Jobs
+from kochab.window.image.overlay import MARKS
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.dialogs import ask_open, ask_save, save_task, tell, without_icons
 from kochab.window.shell.exports import FrameExporter
-from kochab.window.shell.menus import MARKS, SPECS, connect
+from kochab.window.shell.menus import SPECS, connect
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
-from kochab.window.widgets import grid, label
+from kochab.window.widgets import Part, column, grid, label, row
 from kochab.workflows.session.wiring import Wiring
 
 LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
@@ -41,38 +41,31 @@ KEYS = [
 
 def about(parent: QWidget) -> QDialog:
     """Version and licence."""
-    box, column = _box(parent, "About Kochab")
-    for text, role in zip(ABOUT, ("title", "", "muted"), strict=True):
-        column.insertWidget(column.count() - 1, label(text, role, wrap=True))
-    return box
+    lines = zip(ABOUT, ("title", "", "muted"), strict=True)
+    return _box(parent, "About Kochab", *(label(text, role, wrap=True) for text, role in lines))
 
 
 def keyboard(parent: QWidget) -> QDialog:
     """Every keyboard shortcut."""
-    box, column = _box(parent, "Keyboard")
     rows = [(s.keys.replace(" ", ", "), s.text.replace("&", "").rstrip("…")) for s in SPECS if s.keys]
     rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
     rows += KEYS
     half = (len(rows) + 1) // 2
     lines = ([*rows[i], *(rows[half + i] if half + i < len(rows) else ())] for i in range(half))
     cells = ([label(text, "" if i % 2 else "muted") for i, text in enumerate(line)] for line in lines)
-    column.insertLayout(0, grid(*cells, across=18, down=3))
-    return box
+    return _box(parent, "Keyboard", grid(*cells, across=18, down=3))
 
 
-def _box(parent: QWidget, title: str) -> tuple[QDialog, QVBoxLayout]:
+def _box(parent: QWidget, title: str, *parts: Part) -> QDialog:
+    """A dialog of these parts above a button that closes it."""
     box = QDialog(parent)
     box.setWindowTitle(title)
     box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-    column = QVBoxLayout(box)
-    column.setContentsMargins(20, 20, 20, 16)
-    column.setSpacing(12)
-    column.addSpacerItem(QSpacerItem(LEAST_PX, 0))
     buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
     without_icons(buttons.buttons())
     buttons.rejected.connect(box.reject)
-    column.addWidget(buttons)
-    return box, column
+    column(*parts, row(LEAST_PX, None), buttons, on=box, spacing=12, margins=(20, 20, 20, 16))
+    return box
 
 
 class Commands(QObject):
@@ -86,8 +79,8 @@ class Commands(QObject):
         self.actions = self.window.actions_by_name
         self.looks = Appearance(presenter)
         wiring = wiring or Wiring()
-        jobs = Jobs(self.window, self.window.closing)
-        self.exporter = FrameExporter(self.window, self.session, jobs, wiring.to_json)
+        jobs = self.session.jobs
+        self.exporter = FrameExporter(self.window, self.session, wiring.to_json)
         panes = self.window.workspace
         self.services = Services(self.settings, self.session, self.looks, jobs, wiring, self._say, panes)
         self.views = Views(self.window, self.services)
@@ -101,14 +94,10 @@ class Commands(QObject):
         self._enable()
 
     def _restore(self) -> None:
-        keep, window = self.settings, self.window
-        for name, restore in (
-            ("geometry", window.restoreGeometry),
-            ("state", window.restoreState),
-            ("splitter", window.workspace.restoreState),
-        ):
-            saved = keep.data(name)
-            if saved is not None:
+        window, panes = self.window, self.window.workspace
+        parts = {"geometry": window.restoreGeometry, "state": window.restoreState, "splitter": panes.restoreState}
+        for name, restore in parts.items():
+            if (saved := self.settings.data(name)) is not None:
                 restore(saved)
         self.actions["log"].setChecked(not window.log.isHidden())
 
@@ -169,8 +158,7 @@ class Commands(QObject):
 
     def choose(self) -> None:
         start = self.settings.text("folder", str(Path.home()))
-        path = ask_open(self.window, start, _kinds())
-        if path is not None:
+        if (path := ask_open(self.window, start, _kinds())) is not None:
             self.open(path)
 
     def open(self, path: Path) -> None:
@@ -198,8 +186,7 @@ class Commands(QObject):
 
     def save_report(self) -> None:
         """Ask where to, and pack the journal, versions and settings there."""
-        path = ask_save(self.window, Path.home() / "kochab-report.zip", "ZIP (*.zip)")
-        if path is not None:
+        if (path := ask_save(self.window, Path.home() / "kochab-report.zip", "ZIP (*.zip)")) is not None:
             settings = self.settings.as_dict()
             job = self.services.jobs.run(save_task(lambda: save_report(path, settings), path), "report")
             job.succeeded.connect(lambda p: self._say(f"Saved {p.name}. Attach it to your bug report."))
@@ -256,7 +243,6 @@ class Commands(QObject):
         keep.keep("splitter", window.workspace.saveState())
         keep.keep("closed", time.strftime("%Y-%m-%d"))
         keep.write()
-        self.session.close()
 
 
 def _is_fits(path: Path | None) -> bool:

@@ -55,32 +55,26 @@ def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
 
 def ask_open(parent: QWidget, folder: str, kinds: str) -> Path | None:
     """The file to open, or None."""
-    dialog = QFileDialog(parent, "Open an image", folder, kinds)
-    dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-    return next(iter(_answer(dialog)), None)
+    return _answer(QFileDialog(parent, "Open an image", folder, kinds, fileMode=QFileDialog.FileMode.ExistingFile))
 
 
 def ask_frames(parent: QWidget, folder: str, title: str, kinds: str) -> list[Path]:
     """The files to use; none when the person cancels."""
-    dialog = QFileDialog(parent, title, folder, kinds)
-    dialog.setFileMode(QFileDialog.FileMode.ExistingFiles)
-    return _answer(dialog)
+    return _answers(QFileDialog(parent, title, folder, kinds, fileMode=QFileDialog.FileMode.ExistingFiles))
 
 
 def ask_save(parent: QWidget, path: Path, kinds: str) -> Path | None:
     """Where to write, or None; asks again before an existing file is replaced."""
-    dialog = QFileDialog(parent, "Export", str(path.parent), kinds)
-    dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+    dialog = QFileDialog(parent, "Export", str(path.parent), kinds, acceptMode=QFileDialog.AcceptMode.AcceptSave)
     dialog.selectFile(path.name)
-    return next(iter(_answer(dialog)), None)
+    return _answer(dialog)
 
 
 def ask_folder(parent: QWidget, folder: str, title: str) -> Path | None:
     """A folder, or None."""
-    dialog = QFileDialog(parent, title, folder)
-    dialog.setFileMode(QFileDialog.FileMode.Directory)
+    dialog = QFileDialog(parent, title, folder, fileMode=QFileDialog.FileMode.Directory)
     dialog.setOption(QFileDialog.Option.ShowDirsOnly)
-    return next(iter(_answer(dialog)), None)
+    return _answer(dialog)
 
 
 def tell(parent: QWidget, title: str, text: str) -> None:
@@ -99,11 +93,14 @@ def without_icons(buttons: Iterable[QAbstractButton]) -> None:
         made.setIcon(QIcon())
 
 
-def _answer(dialog: QFileDialog) -> list[Path]:
+def _answer(dialog: QFileDialog) -> Path | None:
+    return next(iter(_answers(dialog)), None)
+
+
+def _answers(dialog: QFileDialog) -> list[Path]:
     if is_red():  # the system's own dialog would be in its own colours
         dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
         dialog.setGraphicsEffect(RedLight(dialog))
-    accepted = dialog.exec()
-    chosen = [Path(name) for name in dialog.selectedFiles()] if accepted else []
+    chosen = [Path(name) for name in dialog.selectedFiles()] if dialog.exec() else []
     dialog.deleteLater()
     return chosen

@@ -13,7 +13,6 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import annotate, ds9_regions, stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
-from kochab.window.job import Jobs
 from kochab.window.session import Session
 from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.main_window import MainWindow
@@ -40,11 +39,7 @@ EXPORTS = (
     ),
     Export("wcs", "&WCS header…", ".wcs", "WCS header (*.wcs)", lambda _, s, p: write_wcs(s, p)),
     Export(
-        "fits",
-        "&FITS copy with WCS…",
-        "-solved.fits",
-        "FITS (*.fits)",
-        lambda frame, s, p: write_solved_copy(s, frame.path, p),
+        "fits", "&FITS copy with WCS…", "-solved.fits", "FITS (*.fits)", lambda f, s, p: write_solved_copy(s, f.path, p)
     ),
     Export("picture", "Annotated &image…", "-annotated.png", "PNG (*.png)", annotate),
 )
@@ -55,9 +50,9 @@ class FrameExporter(QObject):
 
     wrote = Signal(Path)
 
-    def __init__(self, window: MainWindow, session: Session, jobs: Jobs, to_json: ToJson | None) -> None:
+    def __init__(self, window: MainWindow, session: Session, to_json: ToJson | None) -> None:
         super().__init__(window)
-        self._window, self._session, self._jobs = window, session, jobs
+        self._window, self._session = window, session
         self.kinds = {kind.name: kind for kind in EXPORTS}
         if to_json is not None:  # the same object as the command line's
 
@@ -72,8 +67,7 @@ class FrameExporter(QObject):
 
     def ask(self, kind: Export) -> None:
         base = self._session.known.path or Path("frame")
-        path = ask_save(self._window, base.with_name(base.stem + kind.ending), kind.kinds)
-        if path is not None:
+        if (path := ask_save(self._window, base.with_name(base.stem + kind.ending), kind.kinds)) is not None:
             self.write(kind, path)
 
     def write(self, kind: Export, path: Path) -> None:
@@ -87,7 +81,7 @@ class FrameExporter(QObject):
             refuse_input(path, [source] if source else [])
             return (yield from save_task(lambda: kind.write(frame, solution, path), path))
 
-        job = self._jobs.run(task(), f"export-{kind.name}")
+        job = self._session.jobs.run(task(), f"export-{kind.name}")
         job.succeeded.connect(self._done)
         job.failed.connect(lambda sentence: tell(self._window, "Export", sentence))
 

@@ -128,8 +128,7 @@ class MainWindow(QMainWindow):
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
-        paths = _files(event)
-        if paths:
+        if paths := _files(event):
             event.acceptProposedAction()
             self.files_dropped.emit(paths)
 

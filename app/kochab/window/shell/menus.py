@@ -9,6 +9,7 @@ from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMainWindow, QMenu, QToolBar
 
 from kochab.core.angle_text import short_name
+from kochab.window.image.overlay import MARKS
 from kochab.window.themes import GLYPHS, TEXT_SIZES, THEME_TITLES, Colours, icon
 
 
@@ -56,7 +57,6 @@ SPECS = (
     Spec("report", "Save a &report…", "", "Pack the journal and versions for a bug report"),
 )
 Actions = dict[str, QAction]
-MARKS = ("detected", "identified", "names", "grid", "centre", "compass")
 
 
 def make_actions(window: QMainWindow) -> Actions:

@@ -25,7 +25,7 @@ class Presenter(QObject):
     def __init__(self, window: MainWindow, session: Session, settings: WindowSettings) -> None:
         super().__init__(window)
         self.window, self.session, self.settings = window, session, settings
-        self.overlay = Overlay(switches=settings.switches())
+        self.overlay = Overlay()
         self.style = settings.angle_style
         self.panes = panes = window.workspace
         panes.view.marks = self.overlay.paint

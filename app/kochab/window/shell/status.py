@@ -45,9 +45,8 @@ class Status(QStatusBar):
         self.place = label("")
         self.place.setAccessibleName("Under the cursor")
         self.zoom = label("", "muted")
-        self.addWidget(self.doing)
-        self.addWidget(self.bar)
-        self.addWidget(self.cancel)
+        for widget in (self.doing, self.bar, self.cancel):
+            self.addWidget(widget)
         for widget in (self.background, self.place, self.frame, self.zoom):
             self.addPermanentWidget(widget)
         self.show_idle("Ready")
@@ -57,13 +56,13 @@ class Status(QStatusBar):
         self.doing.setText(f"{text}…")
         self.doing.setToolTip(progress.detail)
         self.bar.show_share(progress.fraction)
-        self.bar.setVisible(True)
-        self.cancel.setVisible(True)
+        self.bar.show()
+        self.cancel.show()
 
     def show_idle(self, text: str) -> None:
         self.doing.setText(text)
-        self.bar.setVisible(False)
-        self.cancel.setVisible(False)
+        self.bar.hide()
+        self.cancel.hide()
 
     def show_frame(self, text: str, tip: str) -> None:
         """Size of the open frame, and its reader's warnings."""

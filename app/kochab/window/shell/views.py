@@ -112,13 +112,13 @@ class Views(QObject):
         window.setTabPosition(Qt.DockWidgetArea.RightDockWidgetArea, QTabWidget.TabPosition.North)
         self.docks: dict[str, ViewDock] = {}
         self.actions: dict[str, QAction] = {}
-        for name, (title, keys, _) in VIEWS.items():
-            self._add(name, title, keys, services)
+        for name in VIEWS:
+            self._add(name, services)
 
-    def _add(self, name: str, title: str, keys: str, services: Services) -> None:
+    def _add(self, name: str, services: Services) -> None:
+        title, keys, _ = VIEWS[name]
         dock = ViewDock(name, title.replace("&", ""), services, self._window)
-        area = Qt.DockWidgetArea.RightDockWidgetArea
-        self._window.addDockWidget(area, dock)
+        self._window.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, dock)
         if self.docks:
             self._window.tabifyDockWidget(next(iter(self.docks.values())), dock)
         dock.hide()
@@ -132,8 +132,13 @@ class Views(QObject):
         self._window.addAction(action)
         self.docks[name], self.actions[name] = dock, action
 
+    @property
+    def empty(self) -> bool:
+        """Whether no view is docked in the window."""
+        return all(dock.isHidden() or dock.isFloating() for dock in self.docks.values())
+
     def _look(self, _: bool) -> None:
-        if all(dock.isHidden() or dock.isFloating() for dock in self.docks.values()):
+        if self.empty:
             self.emptied.emit()
 
     def toggle(self, name: str) -> None:
@@ -148,11 +153,10 @@ class Views(QObject):
     def show(self, name: str) -> None:
         """Bring a view to the front and give it the focus."""
         dock = self.docks[name]
-        alone = all(d.isHidden() or d.isFloating() for d in self.docks.values())
+        alone = self.empty
         dock.show()
         dock.raise_()
         if alone and not dock.isFloating():
-            wanted = round(self._window.width() * SHARE)
-            self._window.resizeDocks([dock], [wanted], Qt.Orientation.Horizontal)
+            self._window.resizeDocks([dock], [round(self._window.width() * SHARE)], Qt.Orientation.Horizontal)
         if dock.view is not None:
             dock.view.setFocus()
