@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kochab.core.attitude import Attitude, apart_deg, attitude_from, radec_deg, unit_vectors
+from kochab.core.attitude import Attitude, apart_deg, attitude_from, east_north, radec_deg, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.solution import Solution
 
@@ -126,3 +126,14 @@ def test_sigma_names_the_axis_that_moves_the_boresight():
     attitude = Attitude(np.eye(3), np.diag([1.0, 4.0, 100.0]) * arcsec**2)
     assert attitude.sigma_arcsec == pytest.approx((2.0, 1.0, 10.0))
     assert np.isnan(Attitude(np.eye(3)).sigma_arcsec).all()
+
+
+@pytest.mark.parametrize("dec", [-90.0, -30.0, 0.0, 80.0, 90.0])
+def test_east_and_north_stand_on_a_direction_and_on_each_other(dec) -> None:
+    direction = unit_vectors(200.0, dec)
+    east, north = east_north(direction)
+    np.testing.assert_allclose(np.cross(east, north), direction, atol=1e-12)
+    assert abs(east[2]) < 1e-12
+    nearer = unit(direction + 1e-3 * north)
+    assert abs(dec) == 90.0 or nearer[2] > direction[2]
+    assert np.linalg.norm(nearer) == pytest.approx(1.0)

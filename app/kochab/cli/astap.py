@@ -19,6 +19,7 @@ import numpy as np
 from kochab.cli.batch import attempt
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
+from kochab.core.attitude import east_north
 from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
@@ -209,9 +210,7 @@ def _cards(solution: Solution) -> dict[str, str]:
 def _cd_at_centre(solution: Solution) -> tuple[tuple[float, float], tuple[float, float]]:
     """Degrees of (east, north) a pixel of (x, y), by a step of a pixel each way."""
     camera = solution.camera
-    ra, dec = np.radians(solution.ra_dec_deg)
-    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
+    east, north = east_north(solution.centre_vector)
     middle = np.array([camera.width - 1.0, camera.height - 1.0]) / 2.0
     steps = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
     rays = camera.unproject(middle + steps) @ solution.attitude.matrix

@@ -81,6 +81,18 @@ def unit_vectors(ra_deg: Floats | float, dec_deg: Floats | float) -> Floats:
     return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
 
 
+def unit(vectors: Floats) -> Floats:
+    """The same vectors (..., 3) with length one."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def east_north(direction: Floats) -> Floats:
+    """Unit vectors (2, 3) to the east and to the north of a direction (3,); at a pole, those of RA 0."""
+    ra = np.arctan2(direction[1], direction[0])
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    return np.stack([east, np.cross(direction, east)])
+
+
 def radec_deg(vector: Floats) -> tuple[float, float]:
     """RA in [0, 360) and Dec, degrees, of one vector (3,)."""
     x, y, z = np.asarray(vector).tolist()

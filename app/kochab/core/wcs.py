@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, east_north
 from kochab.core.camera import Camera
 
 if TYPE_CHECKING:
@@ -70,9 +70,7 @@ def astropy_wcs(camera: Camera, attitude: Attitude) -> "WCS":
 def _cd_matrix(camera: Camera, attitude: Attitude) -> Floats:
     """Degrees of (east, north) on the tangent plane a pixel of (x, y)."""
     matrix = attitude.matrix
-    ra, dec = np.radians(attitude.ra_dec_deg)
-    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
+    east, north = east_north(attitude.boresight)
     axes = matrix[:2] * np.array([[-1.0 if camera.mirrored else 1.0], [1.0]])
     return np.asarray(np.degrees(np.stack([axes @ east, axes @ north]) / camera.focal_px))
 

@@ -13,7 +13,7 @@ import numpy as np
 from kochab.attitude import directions, sigma_rad, small_rotation
 from kochab.attitude.filter import rotation_vector
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, radec_deg, unit_vectors
+from kochab.core.attitude import Attitude, east_north, radec_deg, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.registry import choice, integer, number
 
@@ -61,8 +61,7 @@ class Triad:
 
 def _axes(first: Floats, second: Floats) -> Floats:
     """Rows r1, r2, r3 (3, 3) of equations 5.8 to 5.16."""
-    across = np.cross(first, second)
-    across /= np.linalg.norm(across)
+    across = unit(np.cross(first, second))
     return np.stack([first, across, np.cross(first, across)])
 
 
@@ -105,9 +104,8 @@ class PlateConstants:
         for _ in range(self.most_rounds):
             standard = standard_coordinates(icrs, centre)
             constants = np.linalg.lstsq(design, standard - xy, rcond=None)[0]  # (3, 2)
-            east, north = tangents(centre)
-            new = centre + constants[2, 0] * east + constants[2, 1] * north  # equations 2.18 to 2.21
-            new = new / np.linalg.norm(new)
+            east, north = east_north(centre)
+            new = unit(centre + constants[2, 0] * east + constants[2, 1] * north)  # equations 2.18 to 2.21
             if float(np.linalg.norm(new - centre)) < tolerance:
                 break
             centre = new
@@ -121,19 +119,12 @@ class PlateConstants:
         return Attitude(_matrix(centre, roll, new), _plate_covariance(design, residual, roll, turn))
 
 
-def tangents(centre: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors east and north (3,) at a direction (3,); at a pole, those of RA 0."""
-    ra = np.arctan2(centre[1], centre[0])
-    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    return east, np.cross(centre, east)
-
-
 def standard_coordinates(icrs: Floats, centre: Floats) -> Floats:
     """Standard coordinates (M, 2) xi, eta about a centre: 2.16 and 2.17 as vectors."""
     depth = icrs @ centre
     if depth.min() < 0.01:
         raise ValueError("The stars are not in one half of the sky.")
-    return np.stack([icrs @ axis for axis in tangents(centre)], axis=1) / depth[:, None]
+    return np.asarray(icrs @ east_north(centre).T) / depth[:, None]
 
 
 def _first_centre(xy: Floats, icrs: Floats) -> Floats:
@@ -145,7 +136,7 @@ def _first_centre(xy: Floats, icrs: Floats) -> Floats:
     mean = icrs.mean(axis=0)
     if np.linalg.norm(mean) < 1e-6:
         raise ValueError("The stars are not in one half of the sky.")
-    mean = mean / np.linalg.norm(mean)
+    mean = unit(mean)
     zero = radec_deg(mean)[0]
     ra = np.degrees(np.arctan2(icrs[:, 1], icrs[:, 0])) - zero
     angles = np.stack([(ra + 180.0) % 360.0 - 180.0, np.degrees(np.arcsin(icrs[:, 2]))], axis=1)
@@ -162,10 +153,9 @@ def _matrix(centre: Floats, roll: float, boresight: Floats) -> Floats:
 
     From there it is carried the last little way to the ``boresight`` (3,).
     """
-    east, north = tangents(centre)
+    east, north = east_north(centre)
     x = np.cos(roll) * east + np.sin(roll) * north
-    x -= (x @ boresight) * boresight
-    x /= np.linalg.norm(x)
+    x = unit(x - (x @ boresight) * boresight)
     return np.stack([x, np.cross(boresight, x), boresight])
 
 

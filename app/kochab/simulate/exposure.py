@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from kochab.core.arrays import Floats, Floats32
+from kochab.core.attitude import unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Site
 from kochab.simulate.night_sky import Atmosphere, Glow, LocalSky, Weather, airmass, sun_and_moon, surface_mag
@@ -72,8 +73,7 @@ class StarPaths:
         first, last = (end.to_enu(self._vectors) for end in ends)
         part = np.linspace(-1.0, 1.0, samples)[:, None, None]
         # the parabola through the directions at the beginning, the middle and the end
-        bent = now + 0.5 * part * (last - first) + 0.5 * part * part * (first - 2.0 * now + last)
-        bent /= np.linalg.norm(bent, axis=2, keepdims=True)
+        bent = unit(now + 0.5 * part * (last - first) + 0.5 * part * part * (first - 2.0 * now + last))
         xy = camera.project(bent @ views.transpose(0, 2, 1))
         margin = 40.0  # px: a star this far outside still lights the edge
         with np.errstate(invalid="ignore"):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, attitude_from, radec_deg
+from kochab.core.attitude import Attitude, attitude_from, radec_deg, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
@@ -43,8 +43,7 @@ class RandomField:
 
 def random_direction(rng: np.random.Generator) -> Floats:
     """A unit vector (3,), evenly over the sphere."""
-    z = rng.normal(size=3)
-    return np.asarray(z / np.linalg.norm(z))
+    return unit(rng.normal(size=3))
 
 
 def random_attitude(rng: np.random.Generator) -> Attitude:

@@ -10,7 +10,7 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, attitude_from, radec_deg, separation_deg, unit_vectors
+from kochab.core.attitude import Attitude, attitude_from, radec_deg, separation_deg, unit, unit_vectors
 from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.simulate import night_sky
 from kochab.simulate.camera import CameraConfig, SkyCamera
@@ -186,9 +186,8 @@ class PracticeRig:
         # as a fit over the whole frame does.
         beside = sky.from_enu(camera_axes[2] + 1e-3 * camera_axes[:2]) - boresight
         beside -= (beside @ boresight)[:, None] * boresight
-        right, down = beside / np.linalg.norm(beside, axis=1, keepdims=True)
-        x = right + np.cross(down, boresight)
-        x /= np.linalg.norm(x)
+        right, down = unit(beside)
+        x = unit(right + np.cross(down, boresight))
         attitude = Attitude(np.stack([x, np.cross(boresight, x), boresight]))
         return MountTruth(t, attitude, sky.of_date(boresight), camera_axes, self.mount.wedge.axis_enu(), sky)
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
@@ -94,11 +94,8 @@ class Predict(AngularMethod):
         inside = np.hypot(dx, dy) <= radius_rad + step
         order = np.argsort(np.hypot(dx, dy)[inside], kind="stable")
         axes = np.stack([dx[inside], dy[inside], np.ones(int(inside.sum()))], axis=1)[order]
-        axes = axes @ centre.matrix
-        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        ra, dec = np.degrees(np.arctan2(axes[:, 1], axes[:, 0])), np.degrees(np.arcsin(axes[:, 2]))
-        places = zip(ra.tolist(), dec.tolist(), strict=True)
-        return np.array([attitude_from(a, d, roll).matrix for a, d in places for roll in rolls.tolist()])
+        places = [radec_deg(axis) for axis in axes @ centre.matrix]
+        return np.array([attitude_from(*place, roll).matrix for place in places for roll in rolls.tolist()])
 
 
 def _sky(attitude: Attitude, camera: Camera, radius_rad: float, seen: int, year: float) -> tuple[Ints, Floats]:

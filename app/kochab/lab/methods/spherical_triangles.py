@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import unit
 from kochab.core.errors import UsageError
 from kochab.core.registry import integer
 from kochab.identification.table_cache import Arrays, cached_table
@@ -87,8 +88,7 @@ def polar_moment(corners: Floats) -> Floats:
     plane; Radon's seven points (1948) are exact to the fifth degree. The leading term is the flat
     triangle's ``A (a^2 + b^2 + c^2) / 36``.
     """
-    centre = corners.sum(axis=-2)
-    centre /= np.linalg.norm(centre, axis=-1, keepdims=True)
+    centre = unit(corners.sum(axis=-2))
     normal = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
     volume = np.abs((normal * corners[..., 0, :]).sum(axis=-1)) / 2.0  # flat area times h
     point = POINTS @ corners

@@ -7,7 +7,7 @@ from time import monotonic
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg
+from kochab.core.attitude import east_north
 from kochab.core.solution import NoSolution, Solution
 from kochab.solver.tracker import Mode, TrackUpdate
 from kochab.workflows.live.capture import Shot
@@ -66,18 +66,11 @@ class DriftMeter:
     def _line(self) -> Drift:
         times = np.array([t for t, _ in self._points])
         centres = np.array([c for _, c in self._points])
-        axes = _east_north(centres[-1])
+        axes = east_north(centres[-1])
         offsets = centres @ axes.T * ARCSEC  # (N, 2) of the gnomonic plane, small angles
         line, covariance = np.polyfit((times - times.mean()) / 60.0, offsets, 1, cov=True)
         (ra, dec), (ra_sigma, dec_sigma) = line[0].tolist(), np.sqrt(covariance[0, 0]).tolist()
         return Drift(ra, dec, ra_sigma, dec_sigma, float(times[-1] - times[0]), len(times))
-
-
-def _east_north(direction: Floats) -> Floats:
-    """Unit vectors (2, 3) to the east and to the north of an ICRS direction (3,)."""
-    ra = np.radians(radec_deg(direction)[0])
-    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    return np.stack([east, np.cross(direction, east)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

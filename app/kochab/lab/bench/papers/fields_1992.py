@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.simulate.random_fields import RandomField, random_attitude
@@ -101,8 +101,7 @@ def picture(
         turn, far = rng.uniform(0, 2 * np.pi), worst * rng.uniform(1.0, 2.0)
         off[k] = far * np.array([np.cos(turn), np.sin(turn)])
     # moved across themselves by small angles
-    east = np.cross([0.0, 1.0, 0.0], body[inside])
-    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    east = unit(np.cross([0.0, 1.0, 0.0], body[inside]))
     xy = lens.project(body[inside] + off[:, :1] * east + off[:, 1:] * np.cross(body[inside], east))
     false = _disc(rng, situation.false) * PIXELS / 2.0 + (PIXELS - 1) / 2.0
     xy = np.concatenate([xy, false])

@@ -17,13 +17,12 @@ import numpy as np
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude, unit_vectors
+from kochab.core.attitude import Attitude, east_north, unit, unit_vectors
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.lab.bench.papers import Published, robotic_stages
 from kochab.lab.bench.papers.robotic_stages import MARGIN_PX, STARS, fields, options, pairs_of, plain
-from kochab.lab.estimators import tangents
 from kochab.lab.methods.voting import recognise
 from kochab.simulate.random_fields import RandomField
 from kochab.solver.pipeline import solve_detections
@@ -106,8 +105,7 @@ def by_default(field: RandomField) -> Outcome:
     vectors = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in answer.stars]).T)
     # the attitude at the frame's middle, whatever principal point was fitted
     z = answer.centre_vector
-    y = answer.attitude.matrix[1] - z * float(answer.attitude.matrix[1] @ z)
-    y /= np.linalg.norm(y)
+    y = unit(answer.attitude.matrix[1] - z * float(answer.attitude.matrix[1] @ z))
     return replace(_judged(field, seen, vectors), attitude=Attitude(np.stack([np.cross(y, z), y, z])))
 
 
@@ -213,7 +211,7 @@ def _estimated(name: str, field: RandomField, named: Outcome) -> Attitude:
 def _off_deg(found: Attitude, true: Attitude) -> Floats:
     """Errors (3,) deg of ``found`` along right ascension, along declination, about the axis."""
     step = found.boresight - true.boresight
-    across = [float(np.degrees(step @ axis)) for axis in tangents(true.boresight)]
+    across = [float(np.degrees(step @ axis)) for axis in east_north(true.boresight)]
     return np.array([*across, (found.roll_deg - true.roll_deg + 180.0) % 360.0 - 180.0])
 
 

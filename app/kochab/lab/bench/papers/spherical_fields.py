@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import unit
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Better, Published, fastest
 from kochab.lab.methods.angles import Angles, angle_table
@@ -121,8 +122,7 @@ def field_of(sky: Floats, rng: np.random.Generator, noise: float, poles: bool = 
     """Stars of a random field, their measured directions (n, 3) in ICRS axes, and its middle."""
     z = random_pointing(rng, poles)
     near = np.flatnonzero(sky @ z > np.cos(np.radians(FIELD_DEG / 2.0)))
-    body = sky[near] + rng.normal(0.0, noise, (len(near), 3))
-    return near, body / np.linalg.norm(body, axis=1, keepdims=True), z
+    return near, unit(sky[near] + rng.normal(0.0, noise, (len(near), 3))), z
 
 
 def random_pointing(rng: np.random.Generator, poles: bool) -> Floats:
@@ -180,9 +180,7 @@ class QuadTree:
         heights = []
         for k in range(3):
             a, b, c = (self.corners[:, (k + i) % 3] for i in range(3))
-            normal = np.cross(a, b)
-            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-            heights.append(np.degrees(np.arcsin(np.abs((normal * c).sum(-1)))))
+            heights.append(np.degrees(np.arcsin(np.abs((unit(np.cross(a, b)) * c).sum(-1)))))
         return float(np.min(heights))
 
 
@@ -190,8 +188,7 @@ def quad_tree(level: int) -> QuadTree:
     """The tree whose leaves are ``level`` divisions, the four first ones counted as the first."""
     corners = FOUR[np.array(FACES)]
     for _ in range(level - 1):
-        middle = corners + np.roll(corners, -1, axis=1)
-        middle /= np.linalg.norm(middle, axis=2, keepdims=True)
+        middle = unit(corners + np.roll(corners, -1, axis=1))
         back = np.roll(middle, 1, axis=1)
         outer = np.stack([corners, middle, back], axis=2)  # a child at each corner
         corners = np.concatenate([outer, middle[:, None]], axis=1).reshape(-1, 3, 3)
@@ -224,8 +221,7 @@ def quad_tree_rows(pairs: Pairs) -> list[dict[str, Any]]:
 def _cost(tree: QuadTree, node: Ints, pairs: Pairs) -> list[dict[str, Any]]:
     """The time to find the stars within 4 degrees of a direction, both ways."""
     rng = np.random.default_rng(1)
-    towards = rng.normal(size=(QUERIES, 3))
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    towards = unit(rng.normal(size=(QUERIES, 3)))
     members = [np.flatnonzero(node == k) for k in range(len(tree.corners))]
     touching = (tree.numbers[:, None, :, None] == tree.numbers[None, :, None, :]).any(axis=(2, 3))
     around = [np.concatenate([members[k] for k in np.flatnonzero(line)]) for line in touching]

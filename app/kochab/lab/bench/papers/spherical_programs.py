@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core.attitude import unit
 from kochab.lab.bench.papers import Published, share_error
 from kochab.lab.bench.papers import spherical_fields as fields
 from kochab.lab.methods.angles import FigureTable, angles_of
@@ -88,8 +89,7 @@ def all_tables(seed: int) -> dict[ProgramStep, Tables]:
 
 def random_tables(seed: int) -> Tables:
     """Those of as many stars strewn evenly over the sky."""
-    stars = np.random.default_rng([seed, fields.STARS]).normal(size=(fields.STARS, 3))
-    stars /= np.linalg.norm(stars, axis=1, keepdims=True)
+    stars = unit(np.random.default_rng([seed, fields.STARS]).normal(size=(fields.STARS, 3)))
     pairs = make_pairs(np.arange(fields.STARS), stars, np.radians(fields.LIMIT_DEG))
     triangles = triangles_of(pairs, make_triangles(pairs, fields.LIMIT_DEG))
     return {"angles": angles_of(pairs), "spherical_triangles": triangles}
