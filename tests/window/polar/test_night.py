@@ -46,7 +46,7 @@ def test_nothing_but_a_sentence_is_seen_before_anything_was_measured(page):
 
 
 def test_a_measurement_has_bars_and_what_was_seen_has_none(qtbot, page):
-    history = History(entries=[entry(0, 600.0, "measured", 'It may bend by 17" more.')])
+    history = History(entries=[entry(0, 600.0, "measured", "It may bend by 17″ more.")])
     history.entries += [entry(60, 300.0, "live"), entry(120, 100.0, "live")]
     history.entries.append(entry(180, 50.0, "measured"))
     page.keep(history)
