@@ -204,13 +204,13 @@ def test_the_wheel_turns_while_the_number_is_old_and_stops(qtbot):
     numbers = Numbers()
     qtbot.addWidget(numbers)
     numbers.show_state(adjusting(300.0, 20.0), 1.0)
-    assert not numbers.spinner.turning
+    assert not numbers.spinner.wheel.isActive()
     numbers.show_state(adjusting(300.0, 20.0), 100.0)
-    assert numbers.spinner.turning
-    before = numbers.spinner.angle_deg
-    qtbot.waitUntil(lambda: numbers.spinner.angle_deg != before, timeout=5_000)
+    assert numbers.spinner.wheel.isActive()
+    before = numbers.spinner.wheel.angle_deg
+    qtbot.waitUntil(lambda: numbers.spinner.wheel.angle_deg != before, timeout=5_000)
     numbers.show_state(AlignmentState("done", error=error(3.0, 3.0)), 200.0)
-    assert not numbers.spinner.turning
+    assert not numbers.spinner.wheel.isActive()
 
 
 # Cues.

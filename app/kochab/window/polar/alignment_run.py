@@ -15,7 +15,7 @@ from kochab.polar.tutor import Instruction, Knob
 from kochab.window.job import Job
 from kochab.window.mount.connection import PRACTISE_LATER, MountTask
 from kochab.window.shell.views import Services
-from kochab.workflows.polar.update import PolarControls
+from kochab.workflows.polar.update import PolarControls, TurnInstruction
 from kochab.workflows.session.alignment import (
     AlignmentRequest,
     AlignmentTools,
@@ -47,26 +47,12 @@ class AlignmentRun(QObject):
         super().__init__(parent)
         self.controls = PolarControls()
         self._services, self._request = services, request
-        self._mount = services.mount
-        self._tools = AlignmentTools(
-            self.controls,
-            self.step.emit,
-            self.kept.emit,
-            self.practising.emit,
-            services.wiring.practice,
-            lambda: self._mount.practice,
-            services.cameras.open,
-        )
+        self._mount = mount = services.mount
+        told, start = (self.step.emit, self.kept.emit, self.practising.emit), services.wiring.practice
+        self._tools = AlignmentTools(self.controls, *told, start, lambda: mount.practice, services.cameras.open)
 
     def start(self) -> Job | MountTask:
-        """Start; the job returned tells of its end and can be cancelled.
-
-        Raises
-        ------
-        KochabError
-            It cannot start now; one sentence.
-
-        """
+        """Start; the job returned tells of its end and can be cancelled. KochabError says why it cannot start now."""
         request = self._request
         if request.source is FrameSource.FILES:
             return self._services.jobs.run(alignment_task(request, self._tools), POLAR)
@@ -116,10 +102,10 @@ class AlignmentRun(QObject):
 
 ARCMIN_A_TURN = (15.0, 60.0)
 AXES = {
-    Direction.WEST: ("ra", 1.0),
-    Direction.EAST: ("ra", -1.0),
-    Direction.NORTH: ("dec", 1.0),
-    Direction.SOUTH: ("dec", -1.0),
+    Direction.WEST: ("ra", "RA", 1.0),
+    Direction.EAST: ("ra", "RA", -1.0),
+    Direction.NORTH: ("dec", "declination", 1.0),
+    Direction.SOUTH: ("dec", "declination", -1.0),
 }
 TURN_SIGMA = 0.05  # of every turn: a person does not turn exactly
 SLACK_TURNS = 1.0 / 360.0
@@ -139,26 +125,21 @@ class PracticeAdjuster:
     def turn(self, state: AlignmentState) -> str:
         """Make the turn that is asked for, and say what was turned."""
         if state.turn_instruction is not None:
-            return self._turn_axis(state)
-        instruction = state.instruction
-        if instruction is None or instruction.knob is None:
+            return self._turn_axis(state.turn_instruction)
+        if state.instruction is None or state.instruction.knob is None:
             return "Nothing to turn now."
-        return self._turn_bolt(instruction, instruction.knob)
+        return self._turn_bolt(state.instruction, state.instruction.knob)
 
-    def _turn_axis(self, state: AlignmentState) -> str:
-        assert state.turn_instruction is not None
-        axis, sign = AXES[state.turn_instruction.direction]
+    def _turn_axis(self, asked: TurnInstruction) -> str:
+        axis, name, sign = AXES[asked.direction]
         if axis == "dec" and self._practice.rig.mount.pier_side is PierSide.WEST:
             sign = -sign  # declination runs the other way on that side of the pier
-        degrees = sign * state.turn_instruction.degrees * self._random.gauss(1.0, TURN_SIGMA)
+        degrees = sign * asked.degrees * self._random.gauss(1.0, TURN_SIGMA)
         self._practice.do(f"{axis} {degrees:.3f}")
-        name = "RA" if axis == "ra" else "declination"
         return f"Turned {name} by {abs(degrees):.0f}°."
 
     def _turn_bolt(self, instruction: Instruction, knob: Knob) -> str:
-        turns = instruction.turns * self._random.gauss(1.0, TURN_SIGMA)
-        turns += self._random.gauss(0.0, SLACK_TURNS)
-        arcmin = turns * self._arcmin[knob]
+        turns = instruction.turns * self._random.gauss(1.0, TURN_SIGMA) + self._random.gauss(0.0, SLACK_TURNS)
         name = "alt" if knob is Knob.ALTITUDE else "az"
-        self._practice.do(f"{name} {arcmin:.5f}")
+        self._practice.do(f"{name} {turns * self._arcmin[knob]:.5f}")
         return f"Turned the {instruction.bolt}."

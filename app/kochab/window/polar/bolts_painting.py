@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt, QTimer
+from PySide6.QtCore import QPointF, QRectF, Qt, QTimer
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
@@ -82,42 +82,41 @@ def _pen(colour: QColor, width: float, cap: Qt.PenCapStyle = Qt.PenCapStyle.Roun
 STEP_MS, STEP_DEG, ARC_DEG = 80, 30, 270
 
 
-class Spinner(QWidget):
-    """A small wheel that turns while the number is old; invisible otherwise."""
+class Wheel(QTimer):
+    """The angle of a wheel on ``widget``, which turns while the number is old."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, widget: QWidget) -> None:
+        super().__init__(widget, interval=STEP_MS)
         self.angle_deg = 0
-        self._timer = QTimer(self, interval=STEP_MS)
-        self._timer.timeout.connect(self._step)
-        self.setFixedSize(self.sizeHint())
-        self.setAccessibleName("Waiting for a newer frame")
-
-    def sizeHint(self) -> QSize:
-        side = self.fontMetrics().height() + 2
-        return QSize(side, side)
-
-    @property
-    def turning(self) -> bool:
-        """Whether it turns."""
-        return self._timer.isActive()
+        self._widget = widget
+        self.timeout.connect(self._step)
 
     def turn(self, on: bool) -> None:
         """Start or stop."""
-        if on != self.turning:
-            self._timer.start() if on else self._timer.stop()
-            self.update()
+        if on != self.isActive():
+            self.start() if on else self.stop()
+            self._widget.update()
 
     def _step(self) -> None:
         self.angle_deg = (self.angle_deg + STEP_DEG) % 360
-        self.update()
+        self._widget.update()
+
+
+class Spinner(QWidget):
+    """A small wheel, invisible while it does not turn."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wheel = Wheel(self)
+        side = self.fontMetrics().height() + 2
+        self.setFixedSize(side, side)
+        self.setAccessibleName("Waiting for a newer frame")
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        if not self.turning:
-            return
-        painter = QPainter(self)
-        draw_wheel(painter, QRectF(self.rect()), self.angle_deg, QColor(theme_colours().accent))
-        painter.end()
+        if self.wheel.isActive():
+            painter = QPainter(self)
+            draw_wheel(painter, QRectF(self.rect()), self.wheel.angle_deg, QColor(theme_colours().accent))
+            painter.end()
 
 
 def draw_wheel(painter: QPainter, box: QRectF, angle_deg: int, colour: QColor) -> None:
@@ -131,6 +130,7 @@ def draw_wheel(painter: QPainter, box: QRectF, angle_deg: int, colour: QColor) -
 
 DIGITS_SHARE = 1.0 / 3.0
 """Of the screen's height: 8 cm on a laptop, 1.5 degrees at three metres."""
+LEAST_PX = 8  # no letter is smaller
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,12 +154,15 @@ def paint_face(painter: QPainter, box: QRectF, face: Face, font: QFont, colours:
     drawing = _Drawing(painter, face, font, colours, box.height())
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     painter.fillRect(box, QColor(colours.window))
-    wide, high = box.width(), box.height()
-    edge = 0.03 * high
-    drawing.head(QRectF(edge, edge, wide - 2 * edge, 0.10 * high))
-    drawing.number(QRectF(edge, 0.15 * high, wide - 2 * edge, 0.46 * high), angle_deg)
-    drawing.words(QRectF(edge, 0.63 * high, wide - 2 * edge, 0.28 * high))
-    drawing.foot(QRectF(edge, 0.93 * high, wide - 2 * edge, 0.05 * high))
+    edge = 0.03 * box.height()
+
+    def band(top: float, high: float) -> QRectF:
+        return QRectF(edge, top * box.height(), box.width() - 2 * edge, high * box.height())
+
+    drawing.head(band(0.03, 0.10))
+    drawing.number(band(0.15, 0.46), angle_deg)
+    drawing.words(band(0.63, 0.28))
+    drawing.foot(band(0.93, 0.05))
 
 
 def digit_font(base: QFont, digits: str, screen_px: float, width_px: float) -> QFont:
@@ -171,7 +174,7 @@ def digit_font(base: QFont, digits: str, screen_px: float, width_px: float) -> Q
     cap = metrics.capHeight() or 70.0
     size = 100.0 * DIGITS_SHARE * screen_px / cap
     wide = metrics.horizontalAdvance(digits) * size / 100.0
-    font.setPixelSize(max(8, int(size * min(1.0, width_px / max(wide, 1.0)))))
+    font.setPixelSize(max(LEAST_PX, int(size * min(1.0, width_px / max(wide, 1.0)))))
     return font
 
 
@@ -198,9 +201,7 @@ class _Drawing:
         if face.old:
             self._outlined(text, font, colour)
         else:
-            painter.setFont(font)
-            painter.setPen(colour)
-            painter.drawText(text, Qt.AlignmentFlag.AlignCenter, face.digits)
+            self._write(text, Qt.AlignmentFlag.AlignCenter, face.digits, font, self._colours.text)
         if face.shape == "wheel":
             draw_wheel(painter, _square(shape, 0.45), angle_deg, QColor(self._colours.text))
         elif face.shape == "done":
@@ -216,11 +217,8 @@ class _Drawing:
 
     def foot(self, box: QRectF) -> None:
         """What the keys do."""
-        font = QFont(self._font)
-        font.setPixelSize(max(9, int(0.52 * box.height())))
-        self._painter.setFont(font)
-        self._painter.setPen(QColor(self._colours.muted))
-        self._painter.drawText(box, Qt.AlignmentFlag.AlignCenter, self._face.keys)
+        font = self._sized(0.52 * box.height())
+        self._write(box, Qt.AlignmentFlag.AlignCenter, self._face.keys, font, self._colours.muted)
 
     def _outlined(self, box: QRectF, font: QFont, colour: QColor) -> None:
         """Hollow digits: an old number, whatever the colours."""
@@ -233,27 +231,30 @@ class _Drawing:
 
     def _line(self, box: QRectF, text: str, side: Qt.AlignmentFlag, share: float, bold: bool = False) -> None:
         """A line ``share`` of the box high, or as high as its width allows."""
-        font = QFont(self._font)
-        font.setBold(bold)
-        font.setPixelSize(max(8, int(share * box.height())))
+        font = self._sized(share * box.height(), bold)
         wide = QFontMetricsF(font).horizontalAdvance(text)
         if wide > box.width():
-            font.setPixelSize(max(8, int(font.pixelSize() * box.width() / wide)))
-        self._painter.setFont(font)
-        self._painter.setPen(QColor(self._colours.text))
-        self._painter.drawText(box, side | Qt.AlignmentFlag.AlignVCenter, text)
+            font = self._sized(font.pixelSize() * box.width() / wide, bold)
+        self._write(box, side | Qt.AlignmentFlag.AlignVCenter, text, font, self._colours.text)
 
     def _wrapped(self, box: QRectF, text: str) -> None:
         """Text over several lines, as large as it fits."""
         wrap = int(Qt.TextFlag.TextWordWrap) | int(Qt.AlignmentFlag.AlignCenter)
-        font = QFont(self._font)
-        size = max(8, int(0.36 * box.height()))
-        while size > 8:
-            font.setPixelSize(size)
+        font = self._sized(0.36 * box.height())
+        while font.pixelSize() > LEAST_PX:
             needed = QFontMetricsF(font).boundingRect(box, wrap, text)
             if needed.height() <= box.height() and needed.width() <= box.width() + 1:
                 break
-            size -= max(1, size // 12)
+            font.setPixelSize(font.pixelSize() - max(1, font.pixelSize() // 12))
+        self._write(box, wrap, text, font, self._colours.text)
+
+    def _sized(self, size_px: float, bold: bool = False) -> QFont:
+        font = QFont(self._font)
+        font.setBold(bold)
+        font.setPixelSize(max(LEAST_PX, int(size_px)))
+        return font
+
+    def _write(self, box: QRectF, flags: int, text: str, font: QFont, colour: str) -> None:
         self._painter.setFont(font)
-        self._painter.setPen(QColor(self._colours.text))
-        self._painter.drawText(box, wrap, text)
+        self._painter.setPen(QColor(colour))
+        self._painter.drawText(box, flags, text)

@@ -4,13 +4,13 @@ Arrows mean the same from every side of the mount: up and down in altitude, the 
 seen from above in azimuth. Shapes and words carry everything that colours do.
 """
 
-from PySide6.QtCore import QRectF, Qt, QTimer, Signal
+from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
 from kochab.polar.error import PolarError, angle_in_words, total_in_words
 from kochab.polar.tutor import Knob
-from kochab.window.polar.bolts_painting import STEP_DEG, STEP_MS, Face, paint_face
+from kochab.window.polar.bolts_painting import Face, Wheel, paint_face
 from kochab.window.themes import theme_colours
 from kochab.workflows.session.alignment_state import AlignmentState
 
@@ -35,17 +35,14 @@ class BoltsView(QWidget):
         self.old = False
         self.sounding = ""
         self._chosen: Knob | None = None
-        self._angle_deg = 0
-        self._timer = QTimer(self, interval=STEP_MS)
-        self._timer.timeout.connect(self._turn_wheel)
+        self._wheel = Wheel(self)
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state; a new instruction chooses its own axis."""
         if state.instruction is not self.state.instruction:
             self._chosen = None
         self.state, self.old = state, state.old(now_s)
-        if self._waiting != self._timer.isActive():
-            self._timer.start() if self._waiting else self._timer.stop()
+        self._wheel.turn(self._waiting)
         self.setAccessibleDescription(f"{self.digits()} {self.way()}. {state.words}")
         self.update()
 
@@ -128,12 +125,8 @@ class BoltsView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        paint_face(painter, QRectF(self.rect()), self.face, self.font(), theme_colours(), self._angle_deg)
+        paint_face(painter, QRectF(self.rect()), self.face, self.font(), theme_colours(), self._wheel.angle_deg)
         painter.end()
-
-    def _turn_wheel(self) -> None:
-        self._angle_deg = (self._angle_deg + STEP_DEG) % 360
-        self.update()
 
 
 def _of(error: PolarError, knob: Knob) -> float:

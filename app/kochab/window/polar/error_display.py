@@ -189,7 +189,7 @@ class Numbers(QWidget):
         self.split.setVisible(error is not None)
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
-        self.spinner.turn(old or (state.running and state.stage != "adjust"))
+        self.spinner.wheel.turn(old or (state.running and state.stage != "adjust"))
         self.age.setText(age_text(state, now_s))
         self.reminder.setVisible(state.stage == "adjust")
         show_text(self.more, more_text(state))

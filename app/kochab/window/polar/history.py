@@ -28,11 +28,7 @@ RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 def writing(path: Path, history: History) -> Task[Path]:
     """Write the web page and its JSON, or a PDF when the name ends so; takes 0.1 s, so in a job.
 
-    Raises
-    ------
-    KochabError
-        The file cannot be written.
-
+    Raises KochabError when the file cannot be written.
     """
     yield Progress("report", None, path.name)
     if path.suffix.lower() != ".pdf":
@@ -49,24 +45,13 @@ def writing(path: Path, history: History) -> Task[Path]:
 
 
 def write_pdf_report(path: Path, history: History) -> None:
-    """The same page on paper, A4.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-
-    """
+    """The same page on paper, A4; OSError when the file cannot be written."""
     paper = QBuffer()  # QPdfWriter reports no error when a file cannot be written
     paper.open(QIODevice.OpenModeFlag.WriteOnly)
     writer = QPdfWriter(paper)
     writer.setResolution(DPI)
-    margins = QMarginsF(MARGIN_MM, MARGIN_MM, MARGIN_MM, MARGIN_MM)
-    page = QPageSize(QPageSize.PageSizeId.A4)
-    layout = QPageLayout(page, QPageLayout.Orientation.Portrait, margins)
-    layout.setUnits(QPageLayout.Unit.Millimeter)
-    layout.setMargins(margins)
-    writer.setPageLayout(layout)
+    writer.setPageSize(QPageSize(QPageSize.PageSizeId.A4))
+    writer.setPageMargins(QMarginsF(MARGIN_MM, MARGIN_MM, MARGIN_MM, MARGIN_MM), QPageLayout.Unit.Millimeter)
     writer.setTitle("Polar alignment")
     document = page_document(history)
     document.documentLayout().setPaintDevice(writer)

@@ -1,7 +1,6 @@
 """Serves the polar error to a phone on the local network; off by default."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
@@ -21,25 +20,15 @@ WHAT = (
 )
 QUIET = 4  # empty modules around a QR code, as ISO/IEC 18004 requires
 
-Rows = Sequence[Sequence[int]]
+Rows = Sequence[Sequence[int]]  # of a QR code: 0 or 1, from the top
 
 
-@dataclass(frozen=True, slots=True)
-class Served:
-    """Where the page is, and its QR code as rows of 0 and 1."""
-
-    url: str
-    rows: tuple[tuple[int, ...], ...]
-
-
-def serving(page: PolarPage, host: str | None = None) -> Task[Served]:
-    """Switch the page on; in a job, because segno loads slowly."""
+def serving(page: PolarPage, host: str | None = None) -> Task[Rows]:
+    """Switch the page on and return the QR code of its address; in a job, because segno loads slowly."""
     yield Progress("phone")
     import segno
 
-    url = page.start(host)
-    code = segno.make(url, error="m", micro=False)
-    return Served(url, tuple(tuple(int(bool(bit)) for bit in row) for row in code.matrix))
+    return segno.make(page.start(host), error="m", micro=False).matrix
 
 
 def _ending(page: PolarPage, starting: Job | None) -> Task[None]:
@@ -101,7 +90,7 @@ class PhonePanel(Page):
         self.copy = button("Copy address", lambda: copy_text(self.url.text()))
         self.code = QrCode()
         self._lay_out()
-        self._show(None)
+        self._show(())
         services.jobs.closing.connect(self.close_page)
 
     def _lay_out(self) -> None:
@@ -134,16 +123,16 @@ class PhonePanel(Page):
             job.succeeded.connect(self._show)
             job.failed.connect(self._failed)
             return
-        self._show(None)
+        self._show(())
         self.switch.setEnabled(False)  # until it is really off, which takes a tenth of a second
         off = self._services.jobs.run(_ending(self.page, self._job), "phone-off")
         off.finished.connect(lambda: self.switch.setEnabled(True))
 
-    def _show(self, served: Served | None) -> None:
-        shown = served if served is not None and self.switch.isChecked() else Served("", ())
-        on = bool(shown.url)
-        self.url.setText(shown.url)
-        self.code.rows = shown.rows
+    def _show(self, code: Rows) -> None:
+        """Show the address and its QR code; without one, that the page is off."""
+        on = bool(code) and self.page is not None and self.switch.isChecked()
+        self.url.setText(self.page.url if self.page is not None and on else "")
+        self.code.rows = code if on else ()
         self.code.update()
         for part in (self.code, self.copy, self.url):
             part.setVisible(on)

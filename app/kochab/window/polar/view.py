@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
@@ -27,6 +28,12 @@ from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import AlignmentState, absorb
 
 READY = "Choose the source of the frames, then begin."
+REPLIES = {
+    PolarButton.TURNED: "Waiting for a new frame.",
+    PolarButton.REMEASURE: "Measuring again after this frame.",
+    PolarButton.ENOUGH: "",
+    PolarButton.SECOND_SWEEP: "A second sweep at another declination follows, to measure flexure.",
+}
 REFRESH_MS = 250
 PHONE = 3  # its tab
 
@@ -59,14 +66,15 @@ class PolarView(Page):
         self._show_idle()
 
     def _make_buttons(self) -> None:
+        turned, measure, enough, sweep = (partial(self.press, pressed) for pressed in REPLIES)
         self.start = button("&Begin", self.begin, "main", "Measure, adjust, and measure again")
-        self.done = button("&Done", self.confirm_turned, tip="I have made this turn (Space)")
+        self.done = button("&Done", turned, tip="I have made this turn (Space)")
         self.turn_for_me = button(
             "Turn it &for me", self.turn_practice, tip="Let the practice telescope make this turn"
         )
-        self.again = button("&Measure again", self.remeasure, tip="Stop adjusting and measure the axis now")
-        self.use_frames = button("Use &these frames", self.finish_sweep, tip="Continue with the frames taken so far")
-        self.second = button("Second s&weep", self.sweep_again, tip=SECOND_TIP)
+        self.again = button("&Measure again", measure, tip="Stop adjusting and measure the axis now")
+        self.use_frames = button("Use &these frames", enough, tip="Continue with the frames taken so far")
+        self.second = button("Second s&weep", sweep, tip=SECOND_TIP)
         self.at_bolts = button("At the bo&lts", self.show_bolts, tip="Full screen, readable from three metres (F7)")
         self.sound = button("So&unds", self.switch_sounds, tip=f"Sound cues at the mount: {self.cues.description}")
         self.sound.setCheckable(True)
@@ -83,8 +91,8 @@ class PolarView(Page):
     def _connect(self) -> None:
         services = self._services
         self.setup.message.connect(self.say)
-        self.bolts.done.connect(self.confirm_turned)
-        self.bolts.remeasure.connect(self.remeasure)
+        self.bolts.done.connect(self.done.click)
+        self.bolts.remeasure.connect(self.again.click)
         self.bolts.sounds.connect(self.sound.click)
         self.phone.switched.connect(self._show_served)
         services.jobs.closing.connect(self._close)
@@ -113,28 +121,11 @@ class PolarView(Page):
         self.page.show_pole(request)
         self._follow(job)
 
-    def confirm_turned(self) -> None:
-        """The turn that was asked for is made."""
-        if self.state.running:
-            self.controls.press(PolarButton.TURNED)
-            self.say("Waiting for a new frame.", "muted")
-
-    def remeasure(self) -> None:
-        """Stop adjusting and measure again now."""
-        if self.state.stage == "adjust":
-            self.controls.press(PolarButton.REMEASURE)
-            self.say("Measuring again after this frame.", "muted")
-
-    def finish_sweep(self) -> None:
-        """Continue with the frames taken so far."""
-        if self.state.running:
-            self.controls.press(PolarButton.ENOUGH)
-
-    def sweep_again(self) -> None:
-        """A second sweep, at another declination, after the present one."""
-        if self.state.running:
-            self.controls.press(PolarButton.SECOND_SWEEP)
-            self.say("A second sweep at another declination follows, to measure flexure.", "muted")
+    def press(self, pressed: PolarButton) -> None:
+        """Pass a button on to the alignment under way; the axis is measured again while adjusting alone."""
+        if self.state.running and (pressed is not PolarButton.REMEASURE or self.state.stage == "adjust"):
+            self.controls.press(pressed)
+            self.say(REPLIES[pressed] or self.message.text(), "muted")
 
     def turn_practice(self) -> None:
         """Let the practice telescope make the turn that is asked for."""
@@ -144,7 +135,7 @@ class PolarView(Page):
             text = self.adjuster.turn(self.state)
         except KochabError as error:
             text = str(error)
-        self.confirm_turned()
+        self.press(PolarButton.TURNED)
         self.say(text, "muted")
 
     def switch_sounds(self) -> None:
