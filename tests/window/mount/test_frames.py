@@ -107,7 +107,7 @@ def test_a_frame_is_taken_shown_and_compared(qtbot, opened, camera, answers):
     window, commands = opened
     with connected(qtbot, commands) as mount:
         mount.control.use_camera(WISH)
-        assert mount.view.take.reason == ""
+        assert mount.view.take.explanation.reason == ""
         answers.extend([no_solution(), fake_solution(600, 400)])
         mount.view.take.click()
         qtbot.waitUntil(lambda: any("trailed" in s for s in mount.said), timeout=15_000)
@@ -170,4 +170,4 @@ def test_practice_is_offered_only_where_there_is_a_simulated_telescope(qtbot, ma
     view = commands.views.docks["mount"].view
     assert "No simulated telescope" in view.message.text()
     assert not view.connect_box.practice_button.isVisible()
-    assert view.stop.reason == why.CONNECT
+    assert view.stop.explanation.reason == why.CONNECT

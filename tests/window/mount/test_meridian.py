@@ -8,8 +8,8 @@ from tests.window.mount_bench import connected
 
 
 def choose(view, meridian):
-    view.meridian.show_meridian(meridian)
-    view.meridian.choice.activated.emit(view.meridian.choice.currentIndex())
+    view.meridian.setCurrentText(meridian)
+    view.meridian.textActivated.emit(view.meridian.currentText())
 
 
 def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, settings):
@@ -36,7 +36,7 @@ def test_what_was_chosen_is_in_force_from_the_first_motion_after_a_restart(qtbot
     _, commands = make_window(engine)
     commands.views.show("mount")
     view = commands.views.docks["mount"].view
-    assert view.meridian.meridian is Meridian.FLIPS
+    assert view.meridian.currentText() == Meridian.FLIPS
     with simulated("nexstar") as bench:
         guard = port_opening(MountSelection(bench.port, "nexstar"), SITE, view.control.limits)()
         with guard:

@@ -55,10 +55,10 @@ def test_polar_alignment_connects_the_mount_for_every_view(qtbot, polar):
     qtbot.waitUntil(lambda: mount.control.known.doing.stage == "turn", timeout=60_000)
     assert mount.control.known.phase == "on"
     assert mount.name.text().startswith("Practice: ")
-    assert mount.pad.buttons[Direction.NORTH].reason == mount.go.goto.reason
-    assert "polar alignment (F4), which turns the RA axis" in mount.go.goto.reason
+    assert mount.pad.buttons[Direction.NORTH].explanation.reason == mount.go.goto.explanation.reason
+    assert "polar alignment (F4), which turns the RA axis" in mount.go.goto.explanation.reason
     assert corner(commands).text.text() == "Practice mount: polar alignment"
-    assert mount.stop.reason == ""
+    assert mount.stop.explanation.reason == ""
     with pytest.raises(RefusedError, match="polar alignment"):
         mount.control.order("goto", lambda guard: iter(()))
     telescope = nights.made[-1].rig.mount
@@ -88,7 +88,7 @@ def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
     qtbot.keyClick(view.cancel, Qt.Key.Key_Escape)
     drive(view)
     assert mount.control.known.phase == "on", "who opened it closes it"
-    assert mount.go.goto.reason == ""
+    assert mount.go.goto.explanation.reason == ""
     view.setup.source.setCurrentText(FrameSource.CAMERA)
     view.begin()
     assert view.message.text() == OTHER_SKY
@@ -105,17 +105,17 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
     view.begin()
     qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
     assert len(nights.made) == 1
-    assert mount.go.goto.reason == mount.go.centre.reason == why.BY_HAND
-    assert mount.pad.buttons[Direction.NORTH].reason == why.BY_HAND
-    assert mount.pad.buttons[Direction.EAST].reason == "", "that is a way to turn the RA axis"
-    assert mount.stop.reason == ""
+    assert mount.go.goto.explanation.reason == mount.go.centre.explanation.reason == why.BY_HAND
+    assert mount.pad.buttons[Direction.NORTH].explanation.reason == why.BY_HAND
+    assert mount.pad.buttons[Direction.EAST].explanation.reason == "", "that is a way to turn the RA axis"
+    assert mount.stop.explanation.reason == ""
     with pytest.raises(RefusedError, match="by hand"):
         mount.control.order("goto", lambda guard: iter(()))
     mount.orders.nudge(Direction.NORTH, 60.0)
     assert mount.message.text() == why.BY_HAND
     view.cancel.click()
     drive(view)
-    assert mount.go.goto.reason == ""
+    assert mount.go.goto.explanation.reason == ""
     assert mount.control.known.phase == "on"
     assert nights.made[0].rig.frame(0.1) is not None
 

@@ -30,7 +30,7 @@ def test_before_a_mount_is_connected_everything_says_why(qtbot, opened):
     view = commands.views.docks["mount"].view
     assert view.connection.isVisible()
     assert not view.moving.isVisible()
-    assert view.stop.reason == why.CONNECT
+    assert view.stop.explanation.reason == why.CONNECT
     assert view.stop.toolTip() == why.CONNECT
     view.stop.setFocus()
     assert view.why.isVisible()
@@ -59,9 +59,9 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
         assert apart_deg(of_date, mount.bench.start) < 0.5  # SynScan's are of J2000
         assert mount.view.pointing.mount[0].text()[2] == "h"
         assert "idle" in mount.view.pointing.state.text() or "racking" in (mount.view.pointing.state.text())
-        assert mount.view.stop.reason == ""
-        assert mount.view.take.reason == why.Need.CAMERA.value
-        assert bool(mount.view.tracking.reason) == (
+        assert mount.view.stop.explanation.reason == ""
+        assert mount.view.take.explanation.reason == why.Need.CAMERA.value
+        assert bool(mount.view.tracking.explanation.reason) == (
             "tracking on and off" in {str(a) for a in mount.opening.guard.lacks}
         )
 
@@ -83,7 +83,7 @@ def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):
     with connected(qtbot, commands, "lx200") as mount:
         tracking = mount.view.tracking
         reason = next(iter(r for a, r in mount.opening.guard.lacks.items() if "tracking" in a))
-        assert tracking.toolTip() == tracking.reason == reason
+        assert tracking.toolTip() == tracking.explanation.reason == reason
         assert reason in tracking.accessibleDescription()
         tracking.setFocus()
         assert mount.view.why.isVisible()
@@ -115,7 +115,7 @@ def test_the_guard_refuses_in_one_sentence(qtbot, opened):
         mount.view.go.goto.click()
         qtbot.waitUntil(lambda: any("deg" in s for s in mount.said), timeout=20_000)
         assert not mount.telescope.log
-        assert mount.view.go.goto.reason == ""
+        assert mount.view.go.goto.explanation.reason == ""
 
 
 @pytest.mark.parametrize("where", ["field", "frame", "button", "corner", "live", "polar"])
@@ -175,13 +175,13 @@ def test_a_pulled_cable_is_told_and_the_window_goes_on(qtbot, opened):
         mount.bench.line.unplug()
         qtbot.waitUntil(lambda: mount.control.known.phase == "lost", timeout=15_000)
         assert "CONNECTION LOST" in mount.view.pointing.state.text()
-        assert mount.view.go.goto.reason == why.LOST
-        assert mount.view.stop.reason == ""
+        assert mount.view.go.goto.explanation.reason == why.LOST
+        assert mount.view.stop.explanation.reason == ""
         mount.view.stop.click()
         qtbot.waitUntil(lambda: any("cut its power" in s for s in mount.said), timeout=15_000)
         mount.bench.line.plug()
         qtbot.waitUntil(lambda: mount.control.known.phase == "on", timeout=20_000)
-        qtbot.waitUntil(lambda: mount.view.go.goto.reason == "", timeout=15_000)
+        qtbot.waitUntil(lambda: mount.view.go.goto.explanation.reason == "", timeout=15_000)
 
 
 def test_a_stop_that_does_not_help_is_said_in_capitals_until_the_mount_stands(qtbot, opened):
@@ -273,7 +273,7 @@ def test_a_nudge_at_a_chosen_rate_is_one_bounded_move(qtbot, opened):
         before = mount.control.known.report.icrs_deg
         pad.buttons[Direction.SOUTH].click()
         qtbot.waitUntil(lambda: mount.control.known.busy == "nudge dec", timeout=5_000)
-        assert "nudging" in pad.buttons[Direction.NORTH].reason
+        assert "nudging" in pad.buttons[Direction.NORTH].explanation.reason
         qtbot.waitUntil(lambda: any("one move of" in s for s in mount.said), timeout=30_000)
         moved = (mount.control.known.report.icrs_deg[1] - before[1]) * 60.0
         assert -30.0 < moved < -10.0
@@ -304,7 +304,7 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
         assert "only if the telescope has not moved" in texts
         dialog.yes.click()
         qtbot.waitUntil(lambda: any(s.startswith("Synced") for s in mount.said), timeout=15_000)
-        qtbot.waitUntil(lambda: mount.view.undo.reason == "", timeout=10_000)
+        qtbot.waitUntil(lambda: mount.view.undo.explanation.reason == "", timeout=10_000)
         assert apart_deg(mount.control.known.report.icrs_deg, sky) * 3600.0 < 120.0
         mount.view.undo.click()
         qtbot.waitUntil(lambda: any("Sync undone" in s for s in mount.said[1:]), timeout=15_000)

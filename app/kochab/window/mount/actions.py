@@ -19,6 +19,7 @@ from kochab.workflows.nudge import Nudged, Turn
 from kochab.workflows.session import mount_orders
 from kochab.workflows.sync_mount import SyncDone, SyncOffer, undo_sync
 
+MOST_SIGHTINGS = 6
 SYNC_FIRST = "Use Sync… first to review it."
 
 
@@ -128,13 +129,13 @@ class MountActions(QObject):
                 seen_last = known.sight.solution is result.solution
                 known.moved_since = not seen_last or result.end is CentringEnd.REFUSED
             case (Disagreement(), sightings):
-                self._frames.learn(sightings)
+                self._frames.sightings = sightings[-MOST_SIGHTINGS:]
             case str() if name == "undo":
                 self._resynced()
 
     def _resynced(self) -> None:
         self._control.known.has_synced()
-        self._frames.forget()
+        self._frames.sightings = ()  # which the sync has changed
 
 
 FIRST = "Click the star in the frame (Esc cancels). Click it twice to centre it."

@@ -1,4 +1,4 @@
-"""Which mount on which port, how it is found, and what it does at the meridian."""
+"""Which mount on which port, and how it is found."""
 
 from functools import partial
 
@@ -13,7 +13,7 @@ from kochab.core.progress import Progress
 from kochab.gear import session as equipment
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.probe import Diagnosis, PortInfo
-from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, Meridian, MountSelection
+from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
 from kochab.window.job import Job, Jobs
 from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field
 
@@ -224,31 +224,3 @@ class Finder(QObject):
             self._box.show_found(mount)
             self._box.connect_button.setFocus()
         self.message.emit(equipment.search_text(found), "good" if mount else "wrong")
-
-
-TIP = (
-    "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
-    "alt-azimuth mount goes on without a flip."
-)
-
-
-class MeridianBox(QWidget):
-    """What the mount does at the meridian; ``chosen`` when a person changes it."""
-
-    chosen = Signal(object)  # Meridian
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.choice = narrow_box("What the mount does at the meridian", 8, [str(one) for one in Meridian])
-        self.choice.setToolTip(TIP)
-        self.choice.activated.connect(lambda _: self.chosen.emit(self.meridian))
-        row(label("Meridian"), (self.choice, 1), on=self, margins=(0, 0, 0, 0))
-
-    @property
-    def meridian(self) -> Meridian:
-        """The chosen one."""
-        return list(Meridian)[self.choice.currentIndex()]
-
-    def show_meridian(self, meridian: Meridian) -> None:
-        """Show it, without a signal."""
-        self.choice.setCurrentIndex(list(Meridian).index(meridian))

@@ -47,67 +47,6 @@ from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solve_frame import SolvedFrame
 
 
-class Connection(QObject):
-    """One open line at a time, in its thread; of one being closed only the end is passed on."""
-
-    received = Signal(object)  # a MountEvent or SolvedFrame
-    closed = Signal(str, str)  # why, empty when a person closed it, and a farewell
-    _posted = Signal(object)
-
-    def __init__(self, jobs: Jobs, parent: QObject) -> None:
-        super().__init__(parent)
-        self.line: MountLine | None = None
-        self._jobs = jobs
-        self._opening: Opening | None = None
-        self._job: Job | None = None
-        self._posted.connect(self._receive)
-
-    @property
-    def practice(self) -> Practice | None:
-        """The practice telescope at the other end, once it has started."""
-        return self._opening.practice if self._opening is not None else None
-
-    def open(self, opening: Opening, on_end: Callable[[], None]) -> None:
-        """Open a line; ``on_end`` is called in its thread when it is closed."""
-
-        def over() -> None:
-            on_end()
-            opening.over()
-
-        line = MountLine(opening, lambda event: self.post(line, event), over)
-        self.line, self._opening = line, opening
-        self._job = job = self._jobs.run(line.run(), "mount")
-        job.failed.connect(lambda sentence: self._over(job, sentence))
-        job.cancelled.connect(lambda: self._over(job, ""))
-
-    def close(self) -> bool:
-        """Stop what moves and close the port; whether there is anything to wait for."""
-        if self._job is None:
-            return False
-        if self.line is not None:
-            self.line.stop()
-        self._job.cancel()
-        self.line = None
-        return True
-
-    def post(self, line: MountLine | None, event: object) -> None:
-        """Pass an event on from the line's threads."""
-        with suppress(RuntimeError):  # the window is gone
-            self._posted.emit((line, event))
-
-    def _receive(self, posted: tuple[MountLine | None, object]) -> None:
-        line, event = posted
-        if line is self.line:
-            self.received.emit(event)
-
-    def _over(self, job: Job, sentence: str) -> None:
-        if job is not self._job:
-            return
-        farewell = self._opening.farewell if self._opening is not None else ""
-        self._job = self.line = self._opening = None
-        self.closed.emit(sentence, farewell)
-
-
 class MountTask(QObject):
     """One order, with a job's signals: ``succeeded``, ``failed`` or ``cancelled``, then ``finished``."""
 
@@ -137,16 +76,13 @@ class MountTask(QObject):
         self.deleteLater()
 
 
-MOST_SIGHTINGS = 6
-
-
 class MountCameraFrames:
-    """The camera on the mount, its frames, and the offsets seen on them."""
+    """The camera on the mount, its frames, and the offsets seen on them, for the next diagnosis."""
 
-    def __init__(self, session: Session, cameras: Cameras) -> None:
+    def __init__(self, session: Session) -> None:
         self.camera: MountCamera | None = None
         self.sightings: tuple[MountSighting, ...] = ()
-        self._session, self._cameras = session, cameras
+        self._session = session
         self._frames = 0
 
     @property
@@ -154,19 +90,6 @@ class MountCameraFrames:
         """The solution of the open frame."""
         result = self._session.known.result
         return result if isinstance(result, Solution) else None
-
-    def use(self, selection: CameraSelection | None) -> MountCamera | None:
-        """Use this camera from now on; returns the one before, for its thread to close.
-
-        Another exposure of the same camera holds for the other views that use it, too.
-        """
-        before = self.camera
-        if selection is None:
-            self.camera = None
-            return before
-        same = before is not None and before.wish.camera == selection.camera
-        self.camera = MountCamera(selection, self._cameras.open, insists=same)
-        return before
 
     def close(self) -> None:
         """Close the camera until the next frame; in the thread of the line."""
@@ -189,39 +112,33 @@ class MountCameraFrames:
         elif isinstance(event, SolvedFrame):
             self._session.answer(event)
 
-    def learn(self, sightings: tuple[MountSighting, ...]) -> None:
-        """Keep the offsets seen, for the next diagnosis."""
-        self.sightings = sightings[-MOST_SIGHTINGS:]
-
-    def forget(self) -> None:
-        """Forget the offsets, which a sync has changed."""
-        self.sightings = ()
-
 
 PRACTISE_LATER = "A mount is connected. Disconnect it before you practise."
 
 
 class MountControl(QObject):
-    """Connects the mount, gives it orders and keeps what is known of it, for all views."""
+    """Connects the mount, one open line at a time, gives it orders and keeps what is known of it, for all views."""
 
     changed = Signal()
     message = Signal(str, str)  # a sentence and its role
     progressed = Signal(object)  # Progress, or None when nothing is under way
     ended = Signal(object)  # OrderDone or OrderFailed, after every order
     stopping = Signal()
+    _posted = Signal(object, object)  # a line, and its MountEvent or SolvedFrame
 
     def __init__(
         self, settings: WindowSettings, session: Session, jobs: Jobs, wiring: Wiring, cameras: Cameras
     ) -> None:
         super().__init__(jobs)
         self.known = MountSnapshot()
-        self.frames = MountCameraFrames(session, cameras)
+        self.frames = MountCameraFrames(session)
         self.by_hand = False  # a person turns the RA axis for a polar alignment
-        self._settings, self._wiring, self._cameras = settings, wiring, cameras
-        self._connection = Connection(jobs, self)
+        self._settings, self._jobs, self._wiring, self._cameras = settings, jobs, wiring, cameras
+        self._line: MountLine | None = None
+        self._opening: Opening | None = None
+        self._job: Job | None = None  # it runs the line, also while that is being closed
         self._tasks: dict[str, MountTask] = {}
-        self._connection.received.connect(self._receive)
-        self._connection.closed.connect(self._closed)
+        self._posted.connect(self._receive)
         jobs.closing.connect(self.stop)
 
     def connect_mount(self, selection: MountSelection) -> None:
@@ -237,31 +154,50 @@ class MountControl(QObject):
         if start is None:
             self.message.emit("No simulated telescope in this program.", "wrong")
             return
-        self.begin(PracticeOpening(start, lambda event: self._connection.post(self._line, event), self.limits), "")
+        self.begin(PracticeOpening(start, lambda event: self._post(self._line, event), self.limits), "")
         self.known.practice = True
         self.changed.emit()
 
     @property
     def practice(self) -> Practice | None:
         """The practice telescope that is connected, once it has started."""
-        return self._connection.practice
+        return self._opening.practice if self._opening is not None else None
 
     def begin(self, opening: Opening, port: str) -> None:
         """Open a line; the one before is closed."""
         self.disconnect_mount()
         self.known = MountSnapshot("connecting", port)
-        self._connection.open(opening, self.frames.close)
+
+        def over() -> None:  # in the line's thread
+            self.frames.close()
+            opening.over()
+
+        line = MountLine(opening, lambda event: self._post(line, event), over)
+        self._line, self._opening = line, opening
+        self._job = job = self._jobs.run(line.run(), "mount")
+        job.failed.connect(lambda sentence: self._closed(job, sentence))
+        job.cancelled.connect(lambda: self._closed(job, ""))
         self.message.emit("Connecting…", "muted")
         self.changed.emit()
 
     def disconnect_mount(self) -> None:
         """Stop what moves and close the port; a practice telescope ends with it."""
-        if self._connection.close():
-            self.stopping.emit()
-            self.known.phase = "leaving"
-            self.changed.emit()
+        if self._job is None:
+            return
+        if self._line is not None:
+            self._line.stop()
+        self._job.cancel()
+        self._line = None
+        self.stopping.emit()
+        self.known.phase = "leaving"
+        self.changed.emit()
 
-    def _closed(self, sentence: str, farewell: str) -> None:
+    def _closed(self, job: Job, sentence: str) -> None:
+        """The line is closed: by a person, or for a reason."""
+        if job is not self._job:
+            return
+        farewell = self._opening.farewell if self._opening is not None else ""
+        self._job = self._line = self._opening = None
         practised, self.known = self.known.practice, MountSnapshot()
         if practised:
             saved, camera = current_profile(self._settings).camera, self.frames.camera
@@ -275,21 +211,11 @@ class MountControl(QObject):
         self.progressed.emit(None)
         self.changed.emit()
 
-    @property
-    def _line(self) -> MountLine | None:
-        return self._connection.line
-
     def order(self, name: str, make: MakeTask, outlives: Outlives = never) -> MountTask:
         """Do this on the guard, in the line's thread; one order at a time.
 
         A line being opened does it once it is open. ``outlives`` tells from the order's progress
-        whether it waits for a lost line or ends.
-
-        Raises
-        ------
-        RefusedError
-            No mount is connected, or another order is under way; one sentence.
-
+        whether it waits for a lost line or ends. RefusedError says that no mount is connected, or what is under way.
         """
         why = reason_against_order(name, self.situation)
         if self._line is None or why:
@@ -319,11 +245,14 @@ class MountControl(QObject):
         self.changed.emit()
 
     def use_camera(self, selection: CameraSelection | None) -> None:
-        """Use this camera from now on."""
-        camera = self.frames.camera
-        if camera is not None and selection == camera.wish:
+        """Use this camera from now on; another exposure of the same holds for the other views that use it, too."""
+        before, new = self.frames.camera, None
+        if before is not None and selection == before.wish:
             return
-        before = self.frames.use(selection)
+        if selection is not None:
+            same = before is not None and before.wish.camera == selection.camera
+            new = MountCamera(selection, self._cameras.open, insists=same)
+        self.frames.camera = new
         if before is not None and self._line is not None:
             self._line.order("camera", mount_orders.close_camera(before))
         self.changed.emit()
@@ -348,7 +277,7 @@ class MountControl(QObject):
     def solver(self, guard: Guard) -> SolveNow:
         """Takes and solves a frame in the line's thread, and shows it in this one."""
         line = self._line
-        return self.frames.solver(guard, lambda event: self._connection.post(line, event))
+        return self.frames.solver(guard, lambda event: self._post(line, event))
 
     @property
     def situation(self) -> MountSituation:
@@ -365,7 +294,14 @@ class MountControl(QObject):
             self.by_hand,
         )
 
-    def _receive(self, event: object) -> None:
+    def _post(self, line: MountLine | None, event: object) -> None:
+        """Pass an event on from the line's threads."""
+        with suppress(RuntimeError):  # the window is gone
+            self._posted.emit(line, event)
+
+    def _receive(self, line: MountLine | None, event: object) -> None:
+        if line is not self._line:  # it is being closed: only its end matters
+            return
         self.known.hear(event)
         self.frames.show(event)
         match event:

@@ -66,11 +66,6 @@ class ExplainedButton(QPushButton):
             self.setProperty("role", role)
         self.clicked.connect(self._click)
 
-    @property
-    def reason(self) -> str:
-        """Why it cannot be used now; empty when it can."""
-        return self.explanation.reason
-
     def _click(self) -> None:
         if self.explanation.allows():
             self._pressed()
@@ -84,11 +79,6 @@ class ExplainedSwitch(QCheckBox):
     def __init__(self, text: str, tip: str) -> None:
         super().__init__(text)
         self.explanation = Explanation(self, tip)
-
-    @property
-    def reason(self) -> str:
-        """Why it cannot be used now; empty when it can."""
-        return self.explanation.reason
 
     def nextCheckState(self) -> None:
         if self.explanation.allows():

@@ -28,20 +28,7 @@ from kochab.window.widgets import (
 )
 from kochab.workflows.sync_mount import SyncOffer
 
-RINGS = {
-    "10″": 10 / 3600,
-    "30″": 30 / 3600,
-    "1′": 1 / 60,
-    "3′": 3 / 60,
-    "10′": 10 / 60,
-    "30′": 0.5,
-    "1°": 1.0,
-    "3°": 3.0,
-    "10°": 10.0,
-    "30°": 30.0,
-    "90°": 90.0,
-    "180°": 180.0,
-}
+RINGS_ARCSEC = (10, 30, 60, 180, 600, 1800, 3600, 3 * 3600, 10 * 3600, 30 * 3600, 90 * 3600, 180 * 3600)
 SHARE = 0.82  # of the half width: the radius of the ring
 
 
@@ -75,9 +62,16 @@ def size_text(angle_deg: float) -> str:
     return f"{size * 60:.1f}′" if size >= 1 / 60 else f"{size * 3600:.0f}″"
 
 
-def ring(total_deg: float) -> tuple[str, float]:
-    """Name and radius of the smallest ring around the arrow."""
-    return next(((n, r) for n, r in RINGS.items() if total_deg <= r * 1.001), ("180°", 180.0))
+def ring_arcsec(total_deg: float) -> int:
+    """Radius of the smallest ring around an arrow of this length."""
+    return next((r for r in RINGS_ARCSEC if total_deg * 3600.0 <= r * 1.001), RINGS_ARCSEC[-1])
+
+
+def ring_name(arcsec: float) -> str:
+    """``30″``, ``5′`` or ``2°``."""
+    if arcsec < 60.0:
+        return f"{arcsec:.0f}″"
+    return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
 
 
 class OffsetArrow(QWidget):
@@ -124,12 +118,12 @@ class OffsetArrow(QWidget):
         draw_text(painter, middle - QPointF(0, radius), "N", colours.surface)
         draw_text(painter, middle - QPointF(radius, 0), "E", colours.surface)
         if self._offset is not None:
-            name, _ = ring(self._offset.total_deg)
+            name = ring_name(ring_arcsec(self._offset.total_deg))
             draw_text(painter, middle + QPointF(0, radius), name, colours.surface)
 
     def _arrow(self, painter: QPainter, middle: QPointF, radius: float, offset: Offset, colours: Colours) -> None:
         colour = QColor(colours.faint if self._old else colours.accent)
-        long = radius * min(1.0, offset.total_deg / ring(offset.total_deg)[1])
+        long = radius * min(1.0, offset.total_deg * 3600.0 / ring_arcsec(offset.total_deg))
         angle = math.atan2(offset.north_deg, -offset.east_deg)
         along = QPointF(math.cos(angle), -math.sin(angle))
         tip = middle + along * long

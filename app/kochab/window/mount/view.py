@@ -12,7 +12,7 @@ from kochab.gear.profiles import choose_profile, current_profile, save_selection
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
 from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
-from kochab.window.mount.connect_box import ConnectBox, Finder, MeridianBox
+from kochab.window.mount.connect_box import ConnectBox, Finder
 from kochab.window.mount.controls import ExplainedButton, ExplainedSwitch, GoBox, NudgePad
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
@@ -25,6 +25,7 @@ from kochab.window.widgets import (
     card,
     column,
     label,
+    narrow_box,
     page,
     row,
     rule,
@@ -35,6 +36,10 @@ from kochab.window.widgets import (
 from kochab.workflows.session.mount_orders import names_to_offer
 from kochab.workflows.sync_mount import SyncOffer
 
+MERIDIAN_TIP = (
+    "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
+    "alt-azimuth mount goes on without a flip."
+)
 ALIGNING = "Polar alignment (F4) is using the mount"
 
 
@@ -73,7 +78,8 @@ class MountView(Page):
         self.tracking = ExplainedSwitch("Tracking", "Follow the sky at the sidereal rate")
         self.after = switch("Solve after slew", "Take and solve a frame after each goto or nudge")
         self.go = GoBox(self.after)
-        self.meridian = MeridianBox()
+        self.meridian = narrow_box("What the mount does at the meridian", 8, Meridian)
+        self.meridian.setToolTip(MERIDIAN_TIP)
         self.pointing = PointingBox(self.tracking)
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
         self.stop = ExplainedButton(f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop")
@@ -105,7 +111,7 @@ class MountView(Page):
         frames = row(self.take, self.sync, self.undo, self.diagnose, None)
         self.connection = _card(self.connect_box)
         self.compared = _card(self.pointing, frames, self.camera)
-        self.moving = _card(self.go, self.meridian, rule(), self.pad)
+        self.moving = _card(self.go, row(label("Meridian"), (self.meridian, 1)), rule(), self.pad)
         inside, top = page(), row((self.name, 1), self.leave)
         parts = (top, self.connection, self.compared, self.moving, None)
         column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))
@@ -135,7 +141,7 @@ class MountView(Page):
         self.go.centre_wanted.connect(orders.centre)
         self.pad.nudge_wanted.connect(orders.nudge)
         self.tracking.wanted.connect(orders.track)
-        self.meridian.chosen.connect(control.use_meridian)
+        self.meridian.textActivated.connect(lambda text: control.use_meridian(Meridian(text)))
         session = self._services.session
         for signal in (session.solved, session.unsolved, session.opened):
             signal.connect(lambda _=None: self._show())
@@ -153,7 +159,7 @@ class MountView(Page):
         self.connect_box.show_profiles([one.name for one in saved_profiles()[0]], profile.name)
         self.connect_box.show_selection(profile.mount)
         self.connect_box.show_site(profile.site)
-        self.meridian.show_meridian(profile.meridian or Meridian.STAYS)
+        self.meridian.setCurrentText(profile.meridian or Meridian.STAYS)
         if not self.control.known.practice:
             camera = profile.camera
             if camera_of_other_view is not None:

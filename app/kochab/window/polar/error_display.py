@@ -15,6 +15,7 @@ from kochab.polar.error import (
     total_in_words,
 )
 from kochab.polar.horizon import name_of
+from kochab.window.mount.pointing import ring_name
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import Page, card, column, draw_text, label, row, show_text, value_label
@@ -122,13 +123,6 @@ class AxisTarget(QWidget):
 def _place(error: PolarError, scale: float) -> QPointF:
     """Where the axis is, px from the pole."""
     return QPointF(error.azimuth_on_sky_arcsec * scale, -error.altitude_arcsec * scale)
-
-
-def ring_name(arcsec: float) -> str:
-    """``30″``, ``5′`` or ``2°``."""
-    if arcsec < 60.0:
-        return f"{arcsec:.0f}″"
-    return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
 
 
 NONE = "–"
