@@ -302,7 +302,7 @@ def test_curves_of_another_kind_have_another_measure(qtbot, lab, kind, name, axi
         assert len(line.x) >= 2
         assert np.isfinite(line.y).all()
     assert all(y > 0 for y in view.plots.time.series[0].y)
-    assert view.export.csv.isEnabled()
+    assert view.csv.isEnabled()
     view.methods.choose(ComparedPart.METHOD)
     view.methods.tick(["patterns"])
     view.draw.click()
@@ -373,14 +373,14 @@ def test_closing_the_window_ends_a_run(qtbot, lab, monkeypatch):
 
 def test_export_of_both_tabs(qtbot, lab, tmp_path):
     _, view = lab()
-    assert not view.export.csv.isEnabled()
+    assert not view.csv.isEnabled()
     field_setup(view, "patterns")
     view.run_comparison()
     wait_for(qtbot, view)
-    assert view.export.csv.isEnabled()
+    assert view.csv.isEnabled()
     table, picture, broken = tmp_path / "t.csv", tmp_path / "t.png", tmp_path / "no" / "t.csv"
-    view.export.write("csv", table)
-    view.export.write("png", picture)
+    view.write("csv", table)
+    view.write("png", picture)
     qtbot.waitUntil(lambda: table.exists() and picture.exists(), timeout=LIMIT_MS)
     qtbot.waitUntil(lambda: not view._services.jobs._jobs[-1].running, timeout=LIMIT_MS)
     (row,) = csv.DictReader(io.StringIO(table.read_text("utf-8")))
@@ -391,7 +391,7 @@ def test_export_of_both_tabs(qtbot, lab, tmp_path):
         assert len(np.unique(np.asarray(image.convert("L")))) > 10
     told = []
     job_before = view._services.jobs._jobs[-1]
-    view.export.write("csv", broken)
+    view.write("csv", broken)
     job = view._services.jobs._jobs[-1]
     assert job is not job_before
     job.failed.connect(told.append)

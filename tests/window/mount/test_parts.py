@@ -167,7 +167,7 @@ def test_the_serial_doctor_s_words_name_the_mount_or_the_fix():
 
 
 def test_home_is_asked_of_a_motor_board_only_and_anew_every_time(qtbot, settings):
-    box = ConnectBox(can_practise=False)
+    box = ConnectBox(None, can_practise=False)
     qtbot.addWidget(box)
     wishes = []
     box.connect_wanted.connect(wishes.append)

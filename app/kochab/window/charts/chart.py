@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,14 +40,14 @@ class Legend(PlotArea):
         self._names = names
         self.describe(", ".join(name for name, _ in names))
         self._fit()
-        self.refill()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._fit()
         super().resizeEvent(event)
 
     def sizeHint(self) -> QSize:
-        return QSize(300, self._rows() * self._line_px())
+        rows = math.ceil(len(self._names) / self._columns())
+        return QSize(300, rows * (self.fontMetrics().height() + AROUND_PX))
 
     def make_plot(self) -> "LegendPlot":
         from kochab.window.charts.line_plot import LegendPlot
@@ -57,23 +58,14 @@ class Legend(PlotArea):
         self.plot.show_names(self._names, self._columns())
 
     def _fit(self) -> None:
-        height = self._rows() * self._line_px()
-        if self.height() != height:
-            self.setFixedHeight(height)
-        if self.plot is not None:
-            self.plot.set_columns(self._columns())
+        self.setFixedHeight(self.sizeHint().height())
+        self.refill()
 
     def _columns(self) -> int:
         """How many names fit side by side."""
         metrics = self.fontMetrics()
         widest = max((metrics.horizontalAdvance(name) for name, _ in self._names), default=0)
         return max(1, min(len(self._names), self.width() // (widest + SAMPLE_PX)))
-
-    def _rows(self) -> int:
-        return -(-len(self._names) // self._columns())
-
-    def _line_px(self) -> int:
-        return self.fontMetrics().height() + AROUND_PX
 
 
 RATIO = 2.0  # pixels of the picture for one of the screen

@@ -218,9 +218,6 @@ class LegendPlot(pg.GraphicsView):
         self._legend.setColumnCount(columns)
         self.set_colours(theme_colours())
 
-    def set_columns(self, columns: int) -> None:
-        self._legend.setColumnCount(columns)
-
     def set_colours(self, colours: Colours) -> None:
         self.setBackground(colours.window)
         for line, style in self._lines:

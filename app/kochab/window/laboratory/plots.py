@@ -104,19 +104,14 @@ class Plots(Page):
         return {method: count for method, count in counts.items() if count}
 
     def _series(self, sweep: str, height: Height) -> tuple[Series, ...]:
-        made = []
-        for method in REGISTRIES[self.kind]:
-            mine = {
-                key[1]: up
-                for key, point in self.points.items()
-                if key[0] == sweep and key[2] == method and (up := height(point)) is not None
-            }
-            if mine:
-                x = sorted(mine)
-                across = tuple(value * (100.0 if sweep in SHARES else 1.0) for value in x)
-                up_there = tuple(mine[value] for value in x)
-                made.append(Series(method, across, up_there, self._style(method)))
-        return tuple(made)
+        times = 100.0 if sweep in SHARES else 1.0
+        lines: dict[str, dict[float, float]] = {method: {} for method in REGISTRIES[self.kind]}
+        for (of, value, method), point in self.points.items():
+            if of == sweep and (up := height(point)) is not None:
+                lines[method][times * value] = up
+        drawn = {method: sorted(line.items()) for method, line in lines.items() if line}
+        columns = {method: tuple(zip(*line, strict=True)) for method, line in drawn.items()}
+        return tuple(Series(method, x, y, self._style(method)) for method, (x, y) in columns.items())
 
     def _style(self, method: str) -> int:
         return list(REGISTRIES[self.kind]).index(method)

@@ -1,7 +1,6 @@
 """The Laboratory's table: a row for each method, detector or estimator."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
@@ -13,18 +12,24 @@ LAST = float("inf")
 NOTHING = "–"
 
 
-@dataclass(frozen=True, slots=True)
-class CellText:
-    """A cell: its text, what it sorts by if not that, and its tooltip."""
+class TrialCell(QTableWidgetItem):
+    """A cell: its text, the number it sorts by where it has one, and its tooltip if that is not the text."""
 
-    text: str
-    rank: float | None = None
-    tip: str = ""
+    def __init__(self, text: str, rank: float | None = None, tip: str = "") -> None:
+        super().__init__(text)
+        self.rank = rank
+        self.setToolTip(tip or text)
+        self.setFlags(Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsEnabled)
+
+    def __lt__(self, other: QTableWidgetItem) -> bool:
+        if isinstance(other, TrialCell) and self.rank is not None and other.rank is not None:
+            return self.rank < other.rank
+        return self.text() < other.text()
 
 
-def columns_of(kind: ComparedPart) -> dict[str, Callable[[Trial], CellText]]:
+def columns_of(kind: ComparedPart) -> dict[str, Callable[[Trial], TrialCell]]:
     """The columns of a table of this kind, by title."""
-    more: dict[str, Callable[[Trial], CellText]] = {}
+    more: dict[str, Callable[[Trial], TrialCell]] = {}
     if kind is ComparedPart.DETECTOR:
         more = {"Found": lambda t: _count(None if t.found is None else t.found.stars), "True": _true}
     elif kind is ComparedPart.ATTITUDE:
@@ -33,100 +38,76 @@ def columns_of(kind: ComparedPart) -> dict[str, Callable[[Trial], CellText]]:
     if kind is not ComparedPart.METHOD:
         more["RMS"] = _rms
     return {
-        kind.capitalize(): lambda t: CellText(t.name),
+        kind.capitalize(): lambda t: TrialCell(t.name),
         "Answer": _answer,
         **more,
         "Time": _time,
         "Sigma": _sigma,
-        "Reason": lambda t: CellText(t.reason, None, t.advice),
-        "Paper": lambda t: CellText(t.paper),
+        "Reason": lambda t: TrialCell(t.reason, None, t.advice),
+        "Paper": lambda t: TrialCell(t.paper),
     }
 
 
-def answer(t: Trial) -> str:
+def _answer(t: Trial) -> TrialCell:
     """Right, wrong or none; the pointing where the truth is not known."""
-    if not t.answered or t.ra_dec_deg is None:
-        return "none"
-    if t.right is None:
-        return radec_text(*t.ra_dec_deg, AngleStyle.SEXAGESIMAL)
-    off = angle_text((t.off_arcsec or 0.0) / 3600.0)
-    return f"right, {off} off" if t.right else f"WRONG, {off} off"
-
-
-def _answer(t: Trial) -> CellText:
-    # Right answers first, then those without a known truth, then wrong ones, then none.
-    rank = {True: 0.0, None: 1.0, False: 2.0}[t.right] if t.answered else 3.0
     if t.ra_dec_deg is None:
-        return CellText(answer(t), rank, t.advice)
-    odds = false_alarm_text(t.log10_false_alarm if t.log10_false_alarm is not None else LAST)
-    where = radec_text(*t.ra_dec_deg, AngleStyle.SEXAGESIMAL)
-    return CellText(answer(t), rank, f"{where}\nchance match: {odds}")
+        return TrialCell("none", 3.0, t.advice)
+    where, off = radec_text(*t.ra_dec_deg, AngleStyle.SEXAGESIMAL), angle_text((t.off_arcsec or 0.0) / 3600.0)
+    # Right answers first, then those without a known truth, then wrong ones, then none.
+    texts = {True: (f"right, {off} off", 0.0), None: (where, 1.0), False: (f"WRONG, {off} off", 2.0)}
+    odds = false_alarm_text(LAST if t.log10_false_alarm is None else t.log10_false_alarm)
+    return TrialCell(*texts[t.right], f"{where}\nchance match: {odds}")
 
 
-def _matches(t: Trial) -> CellText:
-    return CellText(f"{t.matches}" if t.answered else NOTHING, float(t.matches))
+def _matches(t: Trial) -> TrialCell:
+    return TrialCell(f"{t.matches}" if t.answered else NOTHING, float(t.matches))
 
 
-def _count(count: int | None) -> CellText:
-    return CellText(NOTHING, LAST) if count is None else CellText(f"{count}", count)
+def _count(count: int | None) -> TrialCell:
+    return TrialCell(NOTHING, LAST) if count is None else TrialCell(f"{count}", count)
 
 
-def _true(t: Trial) -> CellText:
+def _true(t: Trial) -> TrialCell:
     found = t.found
     if found is None or found.true is None:
-        return CellText(NOTHING, LAST, "Known for simulated fields only")
+        return TrialCell(NOTHING, LAST, "Known for simulated fields only")
     place = "" if found.error_px is None else f", positions {found.error_px:.2f} px off"
     tip = f"{found.true} of {found.there} stars found{place}"
-    return CellText(f"{found.true} of {found.there}", -found.true, tip)
+    return TrialCell(f"{found.true} of {found.there}", -found.true, tip)
 
 
-def _rms(t: Trial) -> CellText:
+def _rms(t: Trial) -> TrialCell:
     if t.rms_px is None:
-        return CellText(NOTHING, LAST)
-    return CellText(f"{t.rms_px:.2f} px", t.rms_px, "Residual of the matched stars")
+        return TrialCell(NOTHING, LAST)
+    return TrialCell(f"{t.rms_px:.2f} px", t.rms_px, "Residual of the matched stars")
 
 
-def _from_fit(t: Trial) -> CellText:
+def _from_fit(t: Trial) -> TrialCell:
     if t.from_fit_arcsec is None:
-        return CellText(NOTHING, 0.0 if t.answered else LAST)
+        return TrialCell(NOTHING, 0.0 if t.answered else LAST)
     away, roll = t.from_fit_arcsec
     tip = f"{arcsec_text(away)} on the sky, {arcsec_text(roll)} in roll"
-    return CellText(arcsec_text(away), away, f"Difference from the fit: {tip}")
+    return TrialCell(arcsec_text(away), away, f"Difference from the fit: {tip}")
 
 
-def _time(t: Trial) -> CellText:
+def _time(t: Trial) -> TrialCell:
     spent = duration_text(t.seconds)
     tables = duration_text(t.tables_s)
     first = f"; building its tables took {tables}, once" if t.tables_s > 0 else ""
-    return CellText(spent, t.seconds, f"{spent} processor time{first}")
+    return TrialCell(spent, t.seconds, f"{spent} processor time{first}")
 
 
-def _sigma(t: Trial) -> CellText:
+def _sigma(t: Trial) -> TrialCell:
     if t.sigma_arcsec is None:
-        return CellText(NOTHING, LAST, "Too few matches" if t.answered else "")
+        return TrialCell(NOTHING, LAST, "Too few matches" if t.answered else "")
     x, y, roll = (arcsec_text(value) for value in t.sigma_arcsec)
     most = max(t.sigma_arcsec[:2])
-    return CellText(arcsec_text(most), most, f"From the matches’ residuals: {x} × {y}, roll {roll}")
+    return TrialCell(arcsec_text(most), most, f"From the matches’ residuals: {x} × {y}, roll {roll}")
 
 
 def duration_text(seconds: float) -> str:
     """A processor time, in microseconds below 1 ms."""
     return f"{1e6 * seconds:.0f} µs" if 0 < seconds < 1e-3 else milliseconds_text(1e3 * seconds)
-
-
-class _Cell(QTableWidgetItem):
-    """A cell that sorts by a number where it has one."""
-
-    def __init__(self, cell: CellText) -> None:
-        super().__init__(cell.text)
-        self.rank = cell.rank
-        self.setToolTip(cell.tip or cell.text)
-        self.setFlags(Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsEnabled)
-
-    def __lt__(self, other: QTableWidgetItem) -> bool:
-        if isinstance(other, _Cell) and self.rank is not None and other.rank is not None:
-            return self.rank < other.rank
-        return self.text() < other.text()
 
 
 class TrialTable(QTableWidget):
@@ -161,6 +142,6 @@ class TrialTable(QTableWidget):
         row = self.rowCount()
         self.insertRow(row)
         for column, say in enumerate(self._columns.values()):
-            self.setItem(row, column, _Cell(say(trial)))
+            self.setItem(row, column, say(trial))
         self.setSortingEnabled(True)  # by no column until one is clicked
         self.resizeColumnsToContents()

@@ -21,50 +21,6 @@ from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 
-
-class LaboratoryExporter(QObject):
-    """Exports the tab in front: numbers as CSV, its image as PNG."""
-
-    def __init__(self, view: "LaboratoryView", services: Services) -> None:
-        super().__init__(view)
-        self._view, self._services = view, services
-        self.csv = button("CSV…", lambda: self._ask("csv"), tip="The numbers, for a spreadsheet")
-        self.png = button("PNG…", lambda: self._ask("png"), tip="The image, at twice the size")
-        self.csv.setAccessibleName("Export as CSV")
-        self.png.setAccessibleName("Export as PNG")
-        view.tabs.currentChanged.connect(self.enable)
-
-    @property
-    def curves(self) -> bool:
-        return self._view.tabs.currentIndex() == 1
-
-    def enable(self, _: int = 0) -> None:
-        some = bool(self._view.plots.points if self.curves else self._view.table.trials)
-        self.csv.setEnabled(some)
-        self.png.setEnabled(some)
-
-    def _ask(self, ending: str) -> None:
-        folder = Path(self._services.settings.text("folder", str(Path.home())))
-        name = "laboratory-curves" if self.curves else "laboratory-table"
-        kinds = f"{ending.upper()} (*.{ending})"
-        path = ask_save(self._view.window(), folder / f"{name}.{ending}", kinds)
-        if path is not None:
-            self.write(ending, path)
-
-    def write(self, ending: str, path: Path) -> None:
-        """Write the tab in front to ``path``, in a thread."""
-        view = self._view
-        if ending == "png":
-            task = write_image(image_of(view.tabs.currentWidget()), path)
-        else:
-            points = list(view.plots.points.values())
-            text = points_csv(points) if self.curves else trials_csv(view.table.trials)
-            task = write_text(text, path)
-        job = self._services.jobs.run(task, "export")
-        job.succeeded.connect(lambda p: self._services.say(f"Saved {p.name}"))
-        job.failed.connect(lambda sentence: tell(view.window(), "Export", sentence))
-
-
 READY = "Compare methods on the same stars, or plot how they cope with worse data."
 
 
@@ -91,7 +47,11 @@ class LaboratoryView(Page):
         self.compare = button("Compare", self.run_comparison, "main", "One row for each method")
         self.draw = button("Draw curves", self.run_curves, tip="Simulated fields with more and more noise")
         self.stop = button("Stop", self._stop, tip="Stop and keep the results so far")
-        self.export = LaboratoryExporter(self, services)
+        self.csv = button("CSV…", lambda: self._ask("csv"), tip="The numbers, for a spreadsheet")
+        self.png = button("PNG…", lambda: self._ask("png"), tip="The image, at twice the size")
+        self.csv.setAccessibleName("Export as CSV")
+        self.png.setAccessibleName("Export as PNG")
+        self.tabs.currentChanged.connect(self._enable_export)
         self.job: Job | None = None
         self._relay = _Relay(self)
         self._lay_out()
@@ -102,7 +62,7 @@ class LaboratoryView(Page):
 
     def _lay_out(self) -> None:
         top = tab_pages("Laboratory set-up", ("Methods", self.methods), ("Stars", scrolled(self.setup)))
-        buttons = row(self.compare, self.draw, self.stop, None, self.export.csv, self.export.png)
+        buttons = row(self.compare, self.draw, self.stop, None, self.csv, self.png)
         below = QWidget()
         column(buttons, self.bar, self.status, (self.tabs, 1), on=below, margins=(0, 4, 0, 0))
         parts = QSplitter(Qt.Orientation.Vertical)
@@ -211,7 +171,35 @@ class LaboratoryView(Page):
         self.compare.setEnabled(True)
         self.draw.setEnabled(True)
         self.stop.setEnabled(False)
-        self.export.enable()
+        self._enable_export()
 
     def _say(self, text: str, role: str) -> None:
         show_text(self.status, text, role)
+
+    @property
+    def curves_shown(self) -> bool:
+        """Whether the curves are in front, not the table."""
+        return self.tabs.currentIndex() == 1
+
+    def _enable_export(self) -> None:
+        some = bool(self.plots.points if self.curves_shown else self.table.trials)
+        self.csv.setEnabled(some)
+        self.png.setEnabled(some)
+
+    def _ask(self, ending: str) -> None:
+        folder = Path(self._services.settings.text("folder", str(Path.home())))
+        name = "laboratory-curves" if self.curves_shown else "laboratory-table"
+        path = ask_save(self.window(), folder / f"{name}.{ending}", f"{ending.upper()} (*.{ending})")
+        if path is not None:
+            self.write(ending, path)
+
+    def write(self, ending: str, path: Path) -> None:
+        """Write the tab in front in a thread: its numbers as csv, or its image as png."""
+        if ending == "csv":
+            points = list(self.plots.points.values())
+            task = write_text(points_csv(points) if self.curves_shown else trials_csv(self.table.trials), path)
+        else:
+            task = write_image(image_of(self.tabs.currentWidget()), path)
+        job = self._services.jobs.run(task, "export")
+        job.succeeded.connect(lambda p: self._services.say(f"Saved {p.name}"))
+        job.failed.connect(lambda sentence: tell(self.window(), "Export", sentence))

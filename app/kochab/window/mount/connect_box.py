@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from kochab.core.angle_text import parse_site, site_text
@@ -29,17 +29,19 @@ SITE_TIP = "Latitude, longitude in degrees, north and east positive; never sent 
 
 
 class ConnectBox(QWidget):
-    """Port, driver, baud rate, epoch and site of a mount that is not connected yet."""
+    """Port, driver, baud rate, epoch and site of a mount that is not connected yet, and the search for it."""
 
     connect_wanted = Signal(object)  # MountSelection
     practice_wanted = Signal()
-    find_wanted = Signal()
     site_given = Signal(object)  # Site, or None
     profile_chosen = Signal(str)  # a name, empty for none
-    trouble = Signal(str)
+    message = Signal(str, str)  # a sentence and its role
+    progressed = Signal(object)  # Progress of a search, or None when it is over
 
-    def __init__(self, can_practise: bool) -> None:
+    def __init__(self, jobs: Jobs, can_practise: bool) -> None:
         super().__init__()
+        self._jobs = jobs
+        self._search: Job | None = None
         self.profile = _combo("Equipment profile", "none: type a name to keep this equipment")
         self.profile.setToolTip("Camera, mount, site and limits under one name, for every view")
         typed = self.profile.lineEdit()
@@ -60,7 +62,7 @@ class ConnectBox(QWidget):
         self.driver.currentIndexChanged.connect(self._show_questions)
         self.connect_button = button("Connect", self._connect, "main", "Open the port. Nothing moves.")
         self.find_button = button(
-            "Find my mount", self.find_wanted.emit, "", "Ask every port which mount is there. Nothing moves."
+            "Find my mount", self.search, "", "Ask every port which mount is there. Nothing moves."
         )
         self.practice_button = button(
             "Practice with a simulated telescope",
@@ -122,10 +124,6 @@ class ConnectBox(QWidget):
         self.baud.setCurrentText(DRIVER_DEFAULT if baud is None else str(baud))
         self.epoch.setCurrentText(DRIVER_DEFAULT if epoch is None else str(epoch))
 
-    def show_found(self, found: Diagnosis) -> None:
-        """Fill the fields with a mount that answered."""
-        self.show_selection(MountSelection(found.port, found.driver, found.baud or None))
-
     def show_site(self, site: Site | None) -> None:
         """Fill in the site."""
         self.site.setText(site_text(site) if site is not None else "")
@@ -140,7 +138,7 @@ class ConnectBox(QWidget):
                 *self._confirmed(),
             )
         except UsageError as error:
-            self.trouble.emit(str(error))
+            self.message.emit(str(error), "wrong")
             return
         for question in (self.home, self.equatorial):
             question.setChecked(False)  # true of this moment only, so asked every time
@@ -161,7 +159,46 @@ class ConnectBox(QWidget):
         try:
             self.site_given.emit(parse_site(text) if text else None)
         except UsageError as error:
-            self.trouble.emit(str(error))
+            self.message.emit(str(error), "wrong")
+
+    @property
+    def searching(self) -> bool:
+        """Whether a search for mounts is under way."""
+        return self._search is not None
+
+    def list_ports(self) -> None:
+        """List the ports, without asking anything of them."""
+        self._jobs.run(equipment.find_ports(), "ports").succeeded.connect(self.show_ports)
+
+    def search(self) -> None:
+        """Search every port for a mount; a search under way is ended."""
+        self.cancel_search()
+        self._search = job = self._jobs.run(equipment.find_mounts(self.chosen_port), "find")
+        job.progressed.connect(self.progressed)
+        job.succeeded.connect(self._found)
+        job.failed.connect(lambda sentence: self.message.emit(sentence, "wrong"))
+        job.cancelled.connect(lambda: self.message.emit("Search cancelled.", "muted"))
+        job.finished.connect(partial(self._over, job))
+        self.progressed.emit(Progress("looking for ports"))
+
+    def cancel_search(self) -> None:
+        """End the search."""
+        if self._search is not None:
+            self._search.cancel()
+
+    def _over(self, job: Job) -> None:
+        if job is self._search:
+            self._search = None
+            self.progressed.emit(None)
+
+    def _found(self, result: tuple[list[PortInfo], list[Diagnosis]]) -> None:
+        listed, found = result
+        self.show_ports(listed)
+        mount = next((one for one in found if one.found), None)
+        if mount is not None:
+            self.show_selection(MountSelection(mount.port, mount.driver, mount.baud or None))
+            self.connect_button.setFocus()
+        self.message.emit(equipment.search_text(found), "good" if mount else "wrong")
 
 
 def _combo(name: str, example: str) -> QComboBox:
@@ -171,56 +208,3 @@ def _combo(name: str, example: str) -> QComboBox:
     made.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
     made.setLineEdit(text_field(name, example))
     return made
-
-
-class Finder(QObject):
-    """Finds ports and mounts for a :class:`ConnectBox`, one search at a time."""
-
-    message = Signal(str, str)  # a sentence and its role
-    progressed = Signal(object)  # Progress, or None when it is over
-
-    def __init__(self, box: ConnectBox, jobs: Jobs) -> None:
-        super().__init__(box)
-        self._box, self._jobs = box, jobs
-        self._job: Job | None = None
-        box.find_wanted.connect(self.find)
-
-    @property
-    def running(self) -> bool:
-        """Whether a search is under way."""
-        return self._job is not None
-
-    def list_ports(self) -> None:
-        """List the ports, without asking anything of them."""
-        job = self._jobs.run(equipment.find_ports(), "ports")
-        job.succeeded.connect(self._box.show_ports)
-
-    def find(self) -> None:
-        """Search every port for a mount."""
-        self.cancel()
-        self._job = job = self._jobs.run(equipment.find_mounts(self._box.chosen_port), "find")
-        job.progressed.connect(self.progressed)
-        job.succeeded.connect(self._found)
-        job.failed.connect(lambda sentence: self.message.emit(sentence, "wrong"))
-        job.cancelled.connect(lambda: self.message.emit("Search cancelled.", "muted"))
-        job.finished.connect(partial(self._over, job))
-        self.progressed.emit(Progress("looking for ports"))
-
-    def cancel(self) -> None:
-        """End the search."""
-        if self._job is not None:
-            self._job.cancel()
-
-    def _over(self, job: Job) -> None:
-        if job is self._job:
-            self._job = None
-            self.progressed.emit(None)
-
-    def _found(self, result: tuple[list[PortInfo], list[Diagnosis]]) -> None:
-        listed, found = result
-        self._box.show_ports(listed)
-        mount = next((one for one in found if one.found), None)
-        if mount is not None:
-            self._box.show_found(mount)
-            self._box.connect_button.setFocus()
-        self.message.emit(equipment.search_text(found), "good" if mount else "wrong")

@@ -96,12 +96,6 @@ class MountCameraFrames:
         if self.camera is not None:
             self.camera.close()
 
-    def solver(self, guard: Guard, tell: Callable[[object], None]) -> SolveNow:
-        """Takes and solves a frame in the thread of the line; ``tell`` is called there, too."""
-        if self.camera is None:
-            raise RefusedError("No camera is chosen.")
-        return frame_solver(self.camera, guard, tell)
-
     def show(self, event: object) -> None:
         """Show a frame, or its solution."""
         if isinstance(event, FrameTaken):
@@ -276,8 +270,10 @@ class MountControl(QObject):
 
     def solver(self, guard: Guard) -> SolveNow:
         """Takes and solves a frame in the line's thread, and shows it in this one."""
-        line = self._line
-        return self.frames.solver(guard, lambda event: self._post(line, event))
+        line, camera = self._line, self.frames.camera
+        if camera is None:
+            raise RefusedError("No camera is chosen.")
+        return frame_solver(camera, guard, lambda event: self._post(line, event))
 
     @property
     def situation(self) -> MountSituation:

@@ -12,7 +12,7 @@ from kochab.gear.profiles import choose_profile, current_profile, save_selection
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
 from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
-from kochab.window.mount.connect_box import ConnectBox, Finder
+from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.controls import ExplainedButton, ExplainedSwitch, GoBox, NudgePad
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
@@ -54,14 +54,13 @@ class MountView(Page):
         self.move_star = MoveStarMode(services, self.control, self.orders)
         self._make_controls()
         self._lay_out()
-        self._finder = Finder(self.connect_box, services.jobs)
         self._connect()
         self._restore()
         self._show()
 
     def _make_controls(self) -> None:
         orders, control = self.orders, self.control
-        self.connect_box = ConnectBox(self._services.wiring.practice is not None)
+        self.connect_box = ConnectBox(self._services.jobs, self._services.wiring.practice is not None)
         self.camera = CameraBox(at_once=True)
         self.take = ExplainedButton("Take a frame", orders.take_frame, "See where the mount really points")
         self.sync = ExplainedButton("Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main")
@@ -83,7 +82,7 @@ class MountView(Page):
         self.pointing = PointingBox(self.tracking)
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
         self.stop = ExplainedButton(f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop")
-        self.cancel_find = button("Cancel", lambda: None)
+        self.cancel_find = button("Cancel", self.connect_box.cancel_search)
         self.name = label("", "heading", wrap=True)
         self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
         self.bar = ProgressBar("Progress of the mount")
@@ -122,18 +121,16 @@ class MountView(Page):
         for explanation in (*(one.explanation for one in self.explained.values()), self.tracking.explanation):
             explanation.shown.connect(partial(show_text, self.why))
         self.pad.explained.connect(partial(show_text, self.why))
-        for speaker in (control, self.move_star, self._finder):
+        for speaker in (control, self.move_star, box):
             speaker.message.connect(self.say)
         control.changed.connect(self._show)
-        control.progressed.connect(self._show_order)
+        control.progressed.connect(self._show_progress)
         orders.offered.connect(self._offer)
-        self._finder.progressed.connect(self._show_search)
-        self.cancel_find.clicked.connect(self._finder.cancel)
+        box.progressed.connect(self._show_progress)
         box.connect_wanted.connect(self._connect_mount)
         box.practice_wanted.connect(self.practise)
         box.site_given.connect(control.use_site)
         box.profile_chosen.connect(self._use_profile)
-        box.trouble.connect(lambda sentence: self.say(sentence, "wrong"))
         self.camera.chosen.connect(self._use_camera)
         self.camera.follow(cameras)
         cameras.chosen.connect(self._adopt_camera)
@@ -181,7 +178,7 @@ class MountView(Page):
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
         self.connect_box.show_site(self._services.settings.site)
-        self._finder.list_ports()
+        self.connect_box.list_ports()
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
@@ -202,13 +199,10 @@ class MountView(Page):
 
     def _adopt_camera(self, source: str, address: str) -> None:
         """Use the camera that another view has chosen; a practice telescope keeps its own."""
-        if self.control.known.practice:
-            return
         selection = CameraSelection(source, address, self.camera.exposure.value())
-        if selection != self.camera.selection:
+        if selection != self.camera.selection and not self.control.known.practice:
             self.camera.show_selection(selection)
-            save_selection(self._services.settings, selection)
-            self.control.use_camera(selection)
+            self._use_camera(selection)
 
     def _solve_after(self, on: bool) -> None:
         self.orders.auto_frame = on
@@ -245,7 +239,7 @@ class MountView(Page):
         if selection != self.camera.selection:
             self.camera.show_selection(selection or CameraSelection("", "", self.camera.exposure.value()))
         self.camera.show_note("" if camera is None else camera.exposure_told)
-        if not known.busy and not self._finder.running:
+        if not known.busy and not self.connect_box.searching:
             self.bar.setVisible(False)
 
     def _title(self) -> str:
@@ -255,18 +249,13 @@ class MountView(Page):
         name = known.connected.name if known.connected is not None else "Connecting"
         return f"Practice: {name}" if known.practice else name
 
-    def _show_order(self, progress: Progress | None) -> None:
-        self._show_progress(progress, ALIGNING if self.control.known.busy == POLAR else "")
-
-    def _show_search(self, progress: Progress | None) -> None:
-        self.cancel_find.setVisible(progress is not None)
-        self._show_progress(progress)
-
-    def _show_progress(self, progress: Progress | None, user: str = "") -> None:
-        """Show progress, None when it is over; ``user`` is what uses the mount."""
+    def _show_progress(self, progress: Progress | None) -> None:
+        """Show the progress of an order or a search, None when it is over."""
         self.bar.setVisible(progress is not None)
+        self.cancel_find.setVisible(self.connect_box.searching)
         if progress is None:
             return
+        user = ALIGNING if self.control.known.busy == POLAR else ""
         self.bar.show_share(progress.fraction)
         words = (user, progress.stage if user else progress.stage.capitalize(), progress.detail)
         self.say(": ".join(w.rstrip(".…") for w in words if w) + "…", "muted")

@@ -168,18 +168,15 @@ class Numbers(QWidget):
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         error, old = state.error, state.old(now_s)
-        for value, text_of in (
-            (self.total, total_in_words),
-            (self.altitude, altitude_text),
-            (self.azimuth, azimuth_text),
+        for shown, text_of, without in (
+            (self.total, total_in_words, NONE),
+            (self.split, split_text, ""),
+            (self.altitude, altitude_text, NONE),
+            (self.altitude_cure, altitude_cure, ""),
+            (self.azimuth, azimuth_text, NONE),
+            (self.azimuth_cure, azimuth_cure, ""),
         ):
-            value.setText(NONE if error is None else text_of(error))
-        for line, line_of in (
-            (self.split, split_text),
-            (self.altitude_cure, altitude_cure),
-            (self.azimuth_cure, azimuth_cure),
-        ):
-            line.setText("" if error is None else line_of(error))
+            shown.setText(without if error is None else text_of(error))
         self.split.setVisible(error is not None)
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
@@ -257,9 +254,7 @@ class AlignPage(Page):
         self.target = AxisTarget()
         box = card()
         column(self.pole, self.words, self.detail, on=box)
-        self.parts = QBoxLayout(QBoxLayout.Direction.LeftToRight)
-        self.parts.addWidget(self.numbers, 2)
-        self.parts.addWidget(self.target, 3)
+        self.parts = row((self.numbers, 2), (self.target, 3))
         column(box, on=self, margins=(4, 8, 4, 4)).addLayout(self.parts, 1)
 
     def show_pole(self, request: AlignmentRequest) -> None:
@@ -280,6 +275,4 @@ class AlignPage(Page):
 
     def resizeEvent(self, event: object) -> None:
         wide = self.width() > BESIDE * self.fontMetrics().averageCharWidth()
-        direction = QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom
-        if self.parts.direction() != direction:
-            self.parts.setDirection(direction)
+        self.parts.setDirection(QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom)

@@ -31,13 +31,9 @@ def serving(page: PolarPage, host: str | None = None) -> Task[Rows]:
     return segno.make(page.start(host), error="m", micro=False).matrix
 
 
-def _ending(page: PolarPage, starting: Job | None) -> Task[None]:
-    yield Progress("phone")
-    _end(page, starting)
-
-
-def _end(page: PolarPage, starting: Job | None) -> None:
+def ending(page: PolarPage, starting: Job | None) -> Task[None]:
     """Switch the page off, for good: one that is just being switched on would come after."""
+    yield Progress("phone")
     if starting is not None:
         starting.abandon()
         starting.join(5.0)
@@ -99,11 +95,6 @@ class PhonePanel(Page):
         made.addWidget(self.code, 1, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
         made.addStretch(1)
 
-    @property
-    def on(self) -> bool:
-        """Whether the page is served."""
-        return self.page is not None and self.page.running
-
     def show_state(self, state: AlignmentState) -> None:
         """Update the page."""
         if self.page is not None:
@@ -112,7 +103,8 @@ class PhonePanel(Page):
     def close_page(self) -> None:
         """Switch off at once, as when the window closes."""
         if self.page is not None:
-            _end(self.page, self._job)
+            for _ in ending(self.page, self._job):
+                pass
 
     def _toggle(self, on: bool) -> None:
         if self.page is None:
@@ -125,7 +117,7 @@ class PhonePanel(Page):
             return
         self._show(())
         self.switch.setEnabled(False)  # until it is really off, which takes a tenth of a second
-        off = self._services.jobs.run(_ending(self.page, self._job), "phone-off")
+        off = self._services.jobs.run(ending(self.page, self._job), "phone-off")
         off.finished.connect(lambda: self.switch.setEnabled(True))
 
     def _show(self, code: Rows) -> None:
