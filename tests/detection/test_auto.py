@@ -204,3 +204,13 @@ def test_detectors_are_chosen_by_name():
     assert all(hasattr(DETECTORS.make(name), "detect") for name in DETECTORS)
     with pytest.raises(UsageError, match="no detector 'x'; choose one of auto, clusters"):
         DETECTORS.make("x")
+
+
+def test_four_stars_of_unlike_sizes_are_no_crash():
+    """The usual size was taken between the second and the third, where no star is."""
+    frames = [
+        render(400, 400, np.array([place]), np.array([9e4]), RenderedStar(fwhm), seed=3)
+        for place, fwhm in (((80.0, 90.0), 2.4), ((300.0, 80.0), 2.6), ((90.0, 310.0), 8.4), ((310.0, 300.0), 9.0))
+    ]
+    pixels = np.max([frame.pixels for frame in frames], axis=0)
+    assert len(detect(Frame(pixels))) == 4

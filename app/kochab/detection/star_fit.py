@@ -321,7 +321,7 @@ def _usual_moments(view: PreparedFrame, xy: Floats, half: int) -> tuple[Floats |
     if good.sum() < 3:
         return None, 0.0
     area = np.sqrt(np.maximum(shapes.xx * shapes.yy - shapes.xy**2, 1e-6))
-    usual = np.percentile(area[good], 40)
+    usual = np.percentile(area[good], 40, method="lower")  # between two of unlike size there is none
     near = good & (area > usual / 1.6) & (area < usual * 1.6)
     xx, yy, xy_ = (float(np.median(m[near])) for m in (shapes.xx, shapes.yy, shapes.xy))
     return np.array([[xx, xy_], [xy_, yy]]), float(good.mean())
