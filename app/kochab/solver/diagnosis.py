@@ -23,11 +23,14 @@ FEWEST_CATALOGUE_STARS = 10
 CLEAR_SNR = 8.0
 """Fainter detections may be noise when there is nothing else."""
 TRAILED_ASPECT = 2.2
+SHORTEST_ARC_PX = 10.0
+"""Patches that point in all directions are trails, around a pole, only when they are so long."""
 TRAILED_ELONGATION = 1.8
 DAY_SHARE = 0.45
 WHITE_SHARE = 0.8
 FLAT_CONTRAST = 4.0
-GLARE_SHARE = 0.002
+GLARE_SHARE, LARGE_GLARE_SHARE = 0.002, 0.01
+FEW_BESIDE_GLARE = 20
 OUT_OF_FOCUS_PX = 12.0
 FISHEYE_DEG = 100.0
 SKY_DEG2 = 41253.0
@@ -113,10 +116,11 @@ def _measure(evidence: Evidence) -> None:
 def _findings(case: Evidence) -> Iterator[Finding]:
     """Every finding the numbers support, the most telling first."""
     yield from _no_stars(case)
-    yield from _glare(case)
     yield from _trailing(case)
     yield from _daylight(case)
+    yield from _glare(case, LARGE_GLARE_SHARE)
     yield from _focus(case)
+    yield from _glare(case, GLARE_SHARE)  # no larger than a star out of focus
     yield from _field(case)
     if len(case.detections) < FEWEST_STARS:
         yield (
@@ -135,6 +139,7 @@ def _no_stars(case: Evidence) -> Iterator[Finding]:
     if light.background_share > (DAY_SHARE if clear < 3 else WHITE_SHARE):
         yield from _daylight(case)
     if clear < 3 and light.contrast < FLAT_CONTRAST:
+        yield from _focus(case)  # discs hardly stand out
         yield (
             Reason.CLOUDED_OR_DARK,
             "No stars above the background: check for clouds, a closed cover or dew, then expose longer.",
@@ -153,7 +158,10 @@ def _daylight(case: Evidence) -> Iterator[Finding]:
 
 def _trailing(case: Evidence) -> Iterator[Finding]:
     trails, d = case.trails, case.detections
-    if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT:
+    least_px = case.measured.get("fwhm_px", 0.0)  # shorter than a star is wide, it is no trail
+    if trails is not None and not math.isfinite(trails.angle_deg):
+        least_px = max(least_px, SHORTEST_ARC_PX)
+    if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT and trails.length_px > least_px:
         case.measured["trail_px"] = trails.length_px
         _note(case.measured, "trail_angle_deg", trails.angle_deg)
         at = f" at {trails.angle_deg:.0f} deg" if math.isfinite(trails.angle_deg) else " in arcs"
@@ -203,16 +211,17 @@ def _field(case: Evidence) -> Iterator[Finding]:
         )
 
 
-def _glare(case: Evidence) -> Iterator[Finding]:
-    light = case.light
-    if light is None or light.background_share > DAY_SHARE:
+def _glare(case: Evidence, least: float) -> Iterator[Finding]:
+    """Something bright, where few stars are left: a cluster, a nebula or Polaris hides none."""
+    light, stars = case.light, len(case.detections)
+    if light is None or light.background_share > DAY_SHARE or stars >= FEW_BESIDE_GLARE:
         return
-    if GLARE_SHARE < light.glare_share < 0.4 and light.glare_aspect < 2.0:
+    if least < light.glare_share < 0.4 and light.glare_aspect < 2.0:
         case.measured["glare_share"] = light.glare_share
         yield (
             Reason.TOO_FEW_STARS,
-            f"A bright patch, perhaps the Moon, covers {100 * light.glare_share:.1f} % of the "
-            "frame and hides the stars: point away from it.",
+            f"Only {stars} stars found: a bright patch (the Moon, a lamp, one very bright object) covers "
+            f"{100 * light.glare_share:.1f} % of the frame. Point away from it.",
         )
 
 

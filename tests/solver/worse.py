@@ -1,0 +1,118 @@
+"""Real frames made worse in one known way, for the doctor's reasons."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from kochab.core.frame import Frame, Hint
+from kochab.core.solution import Reason
+
+
+def _levels(frame: Frame) -> tuple[np.ndarray, float, float, float]:
+    """Pixels as floats, their clipping level, background and noise."""
+    pixels = frame.pixels.astype(np.float32)
+    whole = frame.pixels.dtype.kind in "iu"
+    clip = float(frame.saturation or (np.iinfo(frame.pixels.dtype).max if whole else np.nanmax(pixels)))
+    sky = float(np.nanmedian(pixels))
+    noise = max(1.4826 * float(np.nanmedian(np.abs(pixels - sky))), 0.004 * clip)
+    return np.nan_to_num(pixels, nan=sky), clip, sky, noise
+
+
+def _with(frame: Frame, pixels: np.ndarray, clip: float, hint: Hint | None = None) -> Frame:
+    pixels = np.clip(pixels, 0, clip)
+    if frame.pixels.dtype.kind in "iu":
+        pixels = np.round(pixels)
+    return replace(frame, pixels=np.ascontiguousarray(pixels.astype(frame.pixels.dtype)), hint=hint or Hint())
+
+
+def _blurred(frame: Frame, kernel: np.ndarray, rng: np.random.Generator) -> Frame:
+    """The light spread by a kernel, the read-out's noise as it was."""
+    from scipy.signal import oaconvolve
+
+    pixels, clip, sky, noise = _levels(frame)
+    light = oaconvolve(pixels - sky, (kernel / kernel.sum()).astype(np.float32), mode="same")
+    return _with(frame, sky + 6.0 * light + rng.normal(0.0, noise, pixels.shape), clip)
+
+
+def trailed(frame: Frame, rng: np.random.Generator) -> Frame:
+    """A mount that moved while the shutter was open."""
+    length, angle = rng.uniform(0.03, 0.06) * frame.width, rng.uniform(0.0, np.pi)
+    half = int(np.ceil(length / 2.0)) + 1
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    along, across = x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle)
+    return _blurred(frame, ((np.abs(across) < 1.0) & (np.abs(along) < length / 2.0)) * 1.0, rng)
+
+
+def defocused(frame: Frame, rng: np.random.Generator) -> Frame:
+    """Stars as discs of some 40 px."""
+    radius = rng.uniform(16.0, 24.0)
+    half = int(radius) + 1
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    return _blurred(frame, (np.hypot(x, y) < radius) * 1.0, rng)
+
+
+def bright_sky(frame: Frame, rng: np.random.Generator) -> Frame:
+    """Daylight, dusk or cloud."""
+    pixels, clip, sky, noise = _levels(frame)
+    day = clip * rng.uniform(0.55, 0.9)
+    return _with(frame, day + 0.05 * (pixels - sky) + rng.normal(0.0, 3.0 * noise, pixels.shape), clip)
+
+
+def dark(frame: Frame, rng: np.random.Generator) -> Frame:
+    """A cap left on."""
+    pixels, clip, sky, noise = _levels(frame)
+    return _with(frame, min(sky, 0.2 * clip) + rng.normal(0.0, noise, pixels.shape), clip)
+
+
+def few_stars(frame: Frame, rng: np.random.Generator) -> Frame:
+    """Thin cloud: four stars are left."""
+    pixels, clip, sky, noise = _levels(frame)
+    out = sky + rng.normal(0.0, noise, pixels.shape).astype(np.float32)
+    y, x = np.mgrid[: frame.height, : frame.width].astype(np.float32)
+    for cx, cy in rng.uniform([0.1, 0.1], [0.9, 0.9], (4, 2)) * [frame.width, frame.height]:
+        out += 0.4 * clip * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2.0 * 1.4**2))
+    return _with(frame, out, clip)
+
+
+def moonlit(frame: Frame, rng: np.random.Generator) -> Frame:
+    """The Moon in a halo that drowns all but a handful of stars."""
+    few = few_stars(frame, rng)
+    pixels, clip, _, _ = _levels(few)
+    y, x = np.mgrid[: frame.height, : frame.width]
+    away = np.hypot(x - rng.uniform(0.3, 0.7) * frame.width, y - rng.uniform(0.3, 0.7) * frame.height)
+    radius = rng.uniform(0.06, 0.12) * frame.height
+    halo = 0.3 * clip / (1.0 + (away / (2.0 * radius)) ** 2)
+    return _with(frame, np.where(away < radius, clip, pixels + halo), clip)
+
+
+def small_field(frame: Frame, rng: np.random.Generator) -> Frame:
+    """Ten arcminutes, told by the header."""
+    out = shuffled(frame, rng)
+    scale = 600.0 / frame.width
+    return replace(out, hint=Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1)))
+
+
+def shuffled(frame: Frame, rng: np.random.Generator) -> Frame:
+    """Healthy stars in places where there are none: tiles of the frame, exchanged and turned over."""
+    pixels, clip, sky, _ = _levels(frame)
+    size = max(frame.width, frame.height) // 14 // 2 * 2
+    rows, columns = frame.height // size, frame.width // size
+    out = pixels[: rows * size, : columns * size]
+    tiles = out.reshape(rows, size, columns, size).swapaxes(1, 2).reshape(-1, size, size)
+    tiles += sky - np.median(tiles, axis=(1, 2), keepdims=True)  # else their seams are lines
+    tiles = np.stack([np.rot90(tile[:, ::-1], rng.integers(4)) for tile in tiles[rng.permutation(len(tiles))]])
+    out = tiles.reshape(rows, columns, size, size).swapaxes(1, 2).reshape(rows * size, columns * size)
+    return _with(frame, out, clip)
+
+
+WORSE = {
+    "trailed": (trailed, {Reason.TRAILED}),
+    "defocused": (defocused, {Reason.OUT_OF_FOCUS}),
+    "bright sky": (bright_sky, {Reason.CLOUDED_OR_DARK}),
+    "dark": (dark, {Reason.CLOUDED_OR_DARK, Reason.TOO_FEW_STARS}),
+    "few stars": (few_stars, {Reason.TOO_FEW_STARS}),
+    "moonlit": (moonlit, {Reason.TOO_FEW_STARS}),
+    "small field": (small_field, {Reason.FIELD_TOO_SMALL}),
+    "shuffled": (shuffled, {Reason.NO_PATTERN_AGREED}),
+}
+"""What was done to the frame, and the reasons that are right."""
