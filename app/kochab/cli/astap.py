@@ -3,10 +3,9 @@
 Facts: the options and the ``.ini`` of ASTAP's manual, "command line". Options that steer ASTAP's
 own search are read and left alone; what is believed of the field is a hint here as well.
 
-``-r`` is a bound, as it is for ASTAP, which looks no farther than that from where it starts:
-``-ra`` and ``-spd``, else the position in the file's header. An answer whose centre lies farther
-away is refused. Without ``-r`` (ASTAP's own default is 180, the whole sky), with one that is not
-above zero, or without a start position, there is no bound.
+``-r`` is a bound, as it is for ASTAP, which looks no farther than that from where it starts: ``-ra`` and ``-spd``,
+else the position in the file's header. An answer whose centre lies farther away is refused. Without ``-r`` (ASTAP's
+own default is 180, the whole sky), with one that is not above zero, or without a start position, there is no bound.
 """
 
 import math
@@ -66,8 +65,7 @@ def run(arguments: Sequence[str]) -> int:
         say(str(error))
         return 1
     outcome = attempt(order.file, lambda: with_progress(order.file, _answered(order)))
-    failed = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")}
-    told = failed if "error" in outcome else outcome
+    told = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")} if "error" in outcome else outcome
     told["CMDLINE"] = " ".join(("kochab", *arguments))
     try:
         _write_ini(order.base, told)
@@ -125,8 +123,7 @@ def _solved(order: AstapRequest) -> Task[tuple[Frame, Solution | NoSolution]]:
     hint = _hint(order, frame.height)
     options = SolveOptions(hint=hint if hint.helps else None, timeout_s=TIMEOUT_S)
     solved = yield from solve_open_frame(frame, options)
-    bounded = within_radius(solved.result, _bound(order, frame.hint))
-    return frame, with_doubts(bounded, options)
+    return frame, with_doubts(within_radius(solved.result, _bound(order, frame.hint)), options)
 
 
 def _bound(order: AstapRequest, header: Hint) -> tuple[float, float, float] | None:

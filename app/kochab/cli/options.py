@@ -245,8 +245,7 @@ def everything() -> str:
     for kind in KINDS:
         prefix = "" if kind == "method" else f"{kind}."
         for name, found in _registry(kind).loaded().items():
-            paper = getattr(found, "paper", "")
-            about = "the default" if name in DEFAULTS else paper
+            about = "the default" if name in DEFAULTS else getattr(found, "paper", "")
             lines.append(f"--{kind} {name}{f'   ({about})' if about else ''}")
             for option in options_of(found):
                 absent = f": {option.none}" if option.none else ""

@@ -110,16 +110,14 @@ def run(args: argparse.Namespace) -> int:
     options = SolveOptions(hint=scale, fov_deg=args.fov, timeout_s=args.timeout)
     tried = [_solve(path, options) for path in paths]
     if bad := [one for one in tried if isinstance(one, UnusableFrame)]:
-        code = max(one.code for one in bad)
-        return _fail(" ".join(one.told for one in bad), args.json, code, bad)
+        return _fail(" ".join(one.told for one in bad), args.json, max(one.code for one in bad), bad)
     files = [one for one in tried if isinstance(one, SolvedFile)]
     sweeps = [0] * len(args.files) + [1] * len(args.check)
     try:
         site, sightings = site_of(files, args.site), sightings_of(files, sweeps)
     except UsageError as error:
         return _fail(str(error), args.json, 2)
-    air = Refraction(args.pressure, args.temperature)
-    result = measure(sightings, MeasureSettings(site, Pole(args.pole), air))
+    result = measure(sightings, MeasureSettings(site, Pole(args.pole), Refraction(args.pressure, args.temperature)))
     if isinstance(result, NoAxis):
         return _fail(result.sentence, args.json, 1)
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings]

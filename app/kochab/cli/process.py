@@ -15,9 +15,8 @@ from kochab.core.errors import printable
 def make_ready() -> None:
     """Let neither a closed stream nor a file's strange name cost an answer.
 
-    What a stream's encoding has no letter for is written as an escape; a stream that was closed
-    by whoever started us (or is not there, as in a Windows program without a console) is
-    replaced by one that takes everything.
+    What a stream's encoding has no letter for is written as an escape; a stream that was closed by whoever started us
+    (or is not there, as in a Windows program without a console) is replaced by one that takes everything.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)

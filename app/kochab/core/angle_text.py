@@ -149,8 +149,7 @@ def _split(value: float, places: int, wrap: int | None) -> tuple[int, int, float
 def parse_ra_deg(text: str) -> float:
     """Right ascension in degrees from ``83.8``, ``83.8d``, ``5h35m17s`` or ``5:35:17``.
 
-    A bare number is degrees; three numbers, or an ``h``, are hours. UsageError when it is neither
-    or out of range.
+    A bare number is degrees; three numbers, or an ``h``, are hours. UsageError when it is neither or out of range.
     """
     numbers, negative = _numbers(text, "right ascension")
     hours = "h" in text.lower() or (len(numbers) > 1 and not re.search(r"[d°]", text.lower()))

@@ -132,6 +132,5 @@ def attitude_from(ra_deg: float, dec_deg: float, roll_deg: float) -> Attitude:
     z = unit_vectors(ra_deg, dec_deg)
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
     north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
-    up = np.cos(roll) * north + np.sin(roll) * east
-    y = -up
+    y = -(np.cos(roll) * north + np.sin(roll) * east)
     return Attitude(np.stack([np.cross(y, z), y, z]))

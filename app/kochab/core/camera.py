@@ -7,9 +7,8 @@ Camera axes: x right, y down, z out along the boresight. A point of the tangent 
     ud = u radial + 2 p1 u v + p2 (r2 + 2 u^2)
     vd = v radial + p1 (r2 + 2 v^2) + 2 p2 u v
 
-and the pixel is ``x = cx + s f ud, y = cy + f vd`` with ``s = -1`` for a mirrored frame, else +1.
-A mirrored camera's x axis therefore points to the left of the screen, so that the attitude
-stays a proper rotation.
+and the pixel is ``x = cx + s f ud, y = cy + f vd`` with ``s = -1`` for a mirrored frame, else +1. A mirrored camera's
+x axis therefore points to the left of the screen, so that the attitude stays a proper rotation.
 """
 
 from dataclasses import dataclass
@@ -47,8 +46,7 @@ class Camera:
     @property
     def fov_deg(self) -> tuple[float, float]:
         """Width and height of the undistorted field, edge to edge."""
-        half = np.arctan(np.array([self.width, self.height]) / (2.0 * self.focal_px))
-        w, h = np.degrees(2.0 * half)
+        w, h = np.degrees(2.0 * np.arctan(np.array([self.width, self.height]) / (2.0 * self.focal_px)))
         return float(w), float(h)
 
     def project(self, vectors: Floats) -> Floats:

@@ -46,11 +46,7 @@ class CameraSource(Protocol):
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """Apply what can be applied and return what is in force.
 
-        Raises
-        ------
-        RefusedError
-            A value is out of range, cannot be set on this camera, or was not accepted.
-
+        Raises `RefusedError` when a value is out of range, cannot be set on this camera, or was not accepted.
         """
 
     def next_frame(self, timeout_s: float) -> Frame | None:
@@ -59,13 +55,8 @@ class CameraSource(Protocol):
         ``frame.hint.time_utc`` is mid-exposure as well as it is known. Older frames that were
         not fetched are dropped.
 
-        Raises
-        ------
-        LineLostError
-            The camera, its server or its folder went away, or has been silent for too long.
-        RefusedError
-            The camera refused to expose.
-
+        Raises `LineLostError` when the camera, its server or its folder went away or has been silent for too long, and
+        `RefusedError` when the camera refused to expose.
         """
 
     def close(self) -> None:

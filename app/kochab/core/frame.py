@@ -84,11 +84,10 @@ class Frame:
 class Detections(Table):
     """Stars of one frame, brightest first; all per-star arrays share the length N.
 
-    ``xy`` (N, 2) float64 px, (0, 0) is the centre of the first pixel, x right, y down.
-    ``flux`` (N,) in the frame's units above background; ``snr`` (N,); ``fwhm_px`` (N,);
-    ``elongation`` (N,) major over minor axis, 1 is round; ``angle_rad`` (N,) of the major axis
-    from +x towards +y; ``saturated`` and ``blended`` (N,) bool.
-    ``background`` and ``noise`` are the frame's median level and RMS per pixel.
+    ``xy`` (N, 2) float64 px, (0, 0) is the centre of the first pixel, x right, y down. ``flux`` (N,) in the frame's
+    units above background; ``snr`` (N,); ``fwhm_px`` (N,); ``elongation`` (N,) major over minor axis, 1 is round;
+    ``angle_rad`` (N,) of the major axis from +x towards +y; ``saturated`` and ``blended`` (N,) bool. ``background``
+    and ``noise`` are the frame's median level and RMS per pixel.
     """
 
     width: int

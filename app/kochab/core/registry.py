@@ -49,8 +49,7 @@ class Option:
             return "on or off"
         if self.kind == "choice":
             return " or ".join(self.choices)
-        words = {"pair": "two numbers", "integer": "whole number", "number": "number"}
-        what = words[self.kind]
+        what = {"pair": "two numbers", "integer": "whole number", "number": "number"}[self.kind]
         span = f"{what} from {self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''}"
         return f"{span}, or none" if self.none else span
 
@@ -99,8 +98,7 @@ class Option:
         parts = value if isinstance(value, tuple) else (value,)
         if len(parts) != (2 if self.kind == "pair" else 1):
             return False
-        whole = self.kind == "integer"
-        return all(_is_number(part, whole) and self.low <= part <= self.high for part in parts)
+        return all(_is_number(part, self.kind == "integer") and self.low <= part <= self.high for part in parts)
 
 
 def _is_number(value: object, whole: bool) -> bool:
@@ -168,10 +166,9 @@ def checked(method: type, values: Mapping[str, Any]) -> dict[str, Any]:
 class Registry(Mapping[str, str], Generic[T]):
     """Things of one kind by name, each as ``"module:Class"``, which is imported when it is used.
 
-    ``own`` are the program's, the default first. Other packages, and the program's own wing of
-    published methods, add theirs as entry points of ``group``. Installed packages are searched
-    only for a name that is not in ``own``, and when all names are listed. A package that cannot be
-    used costs one warning in the log.
+    ``own`` are the program's, the default first. Other packages, and the program's own wing of published methods, add
+    theirs as entry points of ``group``. Installed packages are searched only for a name that is not in ``own``, and
+    when all names are listed. A package that cannot be used costs one warning in the log.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, str]) -> None:

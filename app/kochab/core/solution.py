@@ -74,10 +74,9 @@ class NamedStar:
 class Solution:
     """A pointing with its evidence. Angles are ICRS (J2000) and belong to the frame's centre.
 
-    ``camera`` and ``attitude`` are the fitted model that projects stars to pixels: that attitude
-    is the optical axis', where the lens is symmetric, which may be pixels or arcminutes from the
-    centre. :attr:`centre_attitude` is the rotation that goes with :attr:`ra_dec_deg` and
-    :attr:`roll_deg`. The covariance of both is that of the centre.
+    ``camera`` and ``attitude`` are the fitted model that projects stars to pixels: that attitude is the optical
+    axis', where the lens is symmetric, which may be pixels or arcminutes from the centre. :attr:`centre_attitude` is
+    the rotation that goes with :attr:`ra_dec_deg` and :attr:`roll_deg`. The covariance of both is that of the centre.
     """
 
     camera: Camera
@@ -100,8 +99,7 @@ class Solution:
         above, z, below = self.camera.unproject(np.array([self.camera.width - 1, self.camera.height - 1]) / 2 + steps)
         x = np.cross(below - above, z)
         x /= np.linalg.norm(x)
-        turn = np.stack([x, np.cross(z, x), z])
-        return Attitude(turn @ self.attitude.matrix, self.attitude.covariance)
+        return Attitude(np.stack([x, np.cross(z, x), z]) @ self.attitude.matrix, self.attitude.covariance)
 
     @property
     def centre_vector(self) -> Floats:

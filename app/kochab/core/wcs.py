@@ -26,9 +26,8 @@ _GRID = 41
 def wcs_cards(camera: Camera, attitude: Attitude) -> list[tuple[str, Any, str]]:
     """A pointing as FITS cards (keyword, value, comment), in the order they are written.
 
-    The reference point is the principal point. Distortion becomes ``A``, ``B`` (pixel to sky)
-    and ``AP``, ``BP`` (sky to pixel) of the lowest order that is good to 0.005 px on the whole
-    frame, or of order 9.
+    The reference point is the principal point. Distortion becomes ``A``, ``B`` (pixel to sky) and ``AP``, ``BP`` (sky
+    to pixel) of the lowest order that is good to 0.005 px on the whole frame, or of order 9.
     """
     ra, dec = attitude.ra_dec_deg
     cd = _cd_matrix(camera, attitude)
@@ -102,8 +101,7 @@ def _grids(camera: Camera) -> tuple[Floats, Floats]:
     if np.count_nonzero(seen) > len(seen) // 2:
         pixels, flat = pixels[seen], flat[seen]
     sign = np.array([-1.0 if camera.mirrored else 1.0, 1.0])
-    ideal = sign * camera.focal_px * flat
-    return pixels - np.array([camera.cx, camera.cy]), ideal
+    return pixels - np.array([camera.cx, camera.cy]), sign * camera.focal_px * flat
 
 
 def _fold_radius(camera: Camera) -> float:

@@ -1,8 +1,7 @@
 """One thread owns the mount's line: it polls the mount and does one order at a time.
 
-Nothing of Qt: the view runs :meth:`MountLine.run` in a job, and hears of it in the frozen words
-of :mod:`kochab.gear.mount_events`. Stop does not pass through here at all; see
-:meth:`MountLine.stop`.
+Nothing of Qt: the view runs :meth:`MountLine.run` in a job, and hears of it in the frozen words of
+:mod:`kochab.gear.mount_events`. Stop does not pass through here at all; see :meth:`MountLine.stop`.
 """
 
 import logging
@@ -102,8 +101,7 @@ class MountLine:
         self._stops += 1
         guard = self._guard
         if guard is not None:
-            thread = threading.Thread(target=self._stop, args=(guard,), name="kochab-stop", daemon=True)
-            thread.start()
+            threading.Thread(target=self._stop, args=(guard,), name="kochab-stop", daemon=True).start()
 
     def _stop(self, guard: Guard) -> None:
         try:
@@ -117,11 +115,7 @@ class MountLine:
     def run(self) -> Task[None]:
         """Open the mount, serve orders until closed, then stop what moves and give the port back.
 
-        Raises
-        ------
-        kochab.core.errors.KochabError
-            The mount cannot be opened; one sentence with what to do.
-
+        Raises `KochabError` when the mount cannot be opened: one sentence with what to do.
         """
         try:
             yield Progress("connecting")
@@ -168,8 +162,7 @@ class MountLine:
             self._tell(OrderFailed(order.name, str(error), stopped=self._given_up(order)))
         else:
             self._look(guard, now=True)
-            told = OrderDone(order.name, result) if ended else OrderFailed(order.name, STOPPED, stopped=True)
-            self._tell(told)
+            self._tell(OrderDone(order.name, result) if ended else OrderFailed(order.name, STOPPED, stopped=True))
 
     def _given_up(self, order: MountOrder) -> bool:
         return order.stops != self._stops

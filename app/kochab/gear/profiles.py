@@ -46,11 +46,7 @@ class EquipmentProfile:
     ``source`` is a name of :data:`kochab.gear.cameras.SOURCES`, ``driver`` one of
     :data:`kochab.gear.mounts.DRIVERS`. ``pixel_size_um`` is of one pixel before binning.
 
-    Raises
-    ------
-    UsageError
-        A value is out of its :data:`BOUNDS`.
-
+    Raises `UsageError` when a value is out of its :data:`BOUNDS`.
     """
 
     name: str
@@ -272,11 +268,7 @@ def current_profile(settings: Remembered) -> EquipmentProfile:
 def choose_profile(settings: Remembered, name: str) -> None:
     """Use this profile from now on; a new name begins with what is used now, "" with no profile.
 
-    Raises
-    ------
-    KochabError
-        Its file is damaged, or a new one cannot be written.
-
+    Raises `KochabError` when its file is damaged, or a new one cannot be written.
     """
     if name and load_profile(name) is None:
         save_profile(replace(current_profile(settings), name=name))

@@ -106,11 +106,7 @@ def guarded(
 
     ``stop_first`` sends the bytes of Stop before anything is asked.
 
-    Raises
-    ------
-    DeviceError
-        With one sentence and what to do.
-
+    Raises `DeviceError` with one sentence and what to do.
     """
     clock = clock or utc_now
     settings = MountSettings(epoch=selection.epoch, site=site, clock=clock, equatorial=selection.equatorial)
@@ -123,13 +119,8 @@ def guarded(
 def complete(selection: MountSelection) -> Task[MountSelection]:
     """The same with the port and the driver found where none was chosen; nothing moves.
 
-    Raises
-    ------
-    UsageError
-        No such driver, or several ports of which one has to be chosen.
-    DeviceError
-        There is no port, or no mount answers on it.
-
+    Raises `UsageError` when there is no such driver, or one of several ports has to be chosen, and `DeviceError` when
+    there is no port, or no mount answers on it.
     """
     if selection.driver:
         DRIVERS.check(selection.driver)

@@ -1,10 +1,9 @@
 """The axis of two or more attitudes with its covariance, and what moved when they share none.
 
-The model of attitude k is Rot(a, theta_k) R_0, with theta_0 = 0. Unknown are the axis a (two
-numbers), the turns (N - 1) and the reference attitude R_0 (three). The residual is the rotation
-vector from the measured to the modelled attitude in that camera's own axes, weighted with the
-inverse of its covariance, so that a poor roll counts little. Three equations a frame leave
-2 N - 4 degrees of freedom: none for two frames.
+The model of attitude k is Rot(a, theta_k) R_0, with theta_0 = 0. Unknown are the axis a (two numbers), the turns (N -
+1) and the reference attitude R_0 (three). The residual is the rotation vector from the measured to the modelled
+attitude in that camera's own axes, weighted with the inverse of its covariance, so that a poor roll counts little.
+Three equations a frame leave 2 N - 4 degrees of freedom: none for two frames.
 """
 
 from collections.abc import Sequence
@@ -50,11 +49,10 @@ SMALLEST_STEP_RAD = 1e-10
 class AxisFit:
     """An axis and what it was fitted with.
 
-    ``axis`` (3,) in E, N, U points to the elevated pole's side. ``turns_rad`` (N,) are right-handed
-    about it, from the first frame. ``reference`` (3, 3) is the first attitude as fitted.
-    ``residuals`` (N, 3) rad about each camera's axes; ``weighted`` (N, 3) the same in sigmas.
-    ``covariance`` (2, 2) rad^2 is of the axis along (altitude, azimuth on the sky).
-    ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a.
+    ``axis`` (3,) in E, N, U points to the elevated pole's side. ``turns_rad`` (N,) are right-handed about it, from
+    the first frame. ``reference`` (3, 3) is the first attitude as fitted. ``residuals`` (N, 3) rad about each
+    camera's axes; ``weighted`` (N, 3) the same in sigmas. ``covariance`` (2, 2) rad^2 is of the axis along (altitude,
+    azimuth on the sky). ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a.
     """
 
     axis: Floats
@@ -90,24 +88,11 @@ class AxisFit:
 
 
 def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
-    """The axis that two or more attitudes turned about.
+    """The axis that two or more attitudes of one sweep turned about, in any order; the mount may have tracked between.
 
-    Parameters
-    ----------
-    attitudes
-        N >= 2 of them, of one sweep, in any order; the mount may have tracked between or not.
-    towards : (3,)
-        The elevated pole in E, N, U: decides which end of the axis is meant, and nothing else.
+    ``towards`` (3,), the elevated pole in E, N, U, decides which end of the axis is meant, and nothing else.
 
-    Returns
-    -------
-    AxisFit
-
-    Raises
-    ------
-    ValueError
-        Fewer than two attitudes, or no two of them differ.
-
+    Raises `ValueError` when there are fewer than two attitudes, or no two of them differ.
     """
     if len(attitudes) < 2:
         raise ValueError("An axis needs two attitudes or more.")
@@ -154,8 +139,7 @@ def _turn_about(axis: Floats, matrix: Floats) -> float:
 def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats) -> tuple[Floats, Floats]:
     """Weighted residuals (N, 3) and their Jacobian (3 N, N + 4).
 
-    Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the
-    turns but the first.
+    Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the turns but the first.
     """
     count = len(turns)
     basis = np.stack([np.cross(axis, t) for t in tangents(axis)], axis=1)
@@ -233,8 +217,7 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
     ]
     best = min(suppositions, key=lambda m: m.fit.chi2)
     explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
-    clear = abs(best.angle_arcsec) > max(3.0 * best.sigma_arcsec, LEAST_ARCSEC)
-    return best if explained and clear else None
+    return best if explained and abs(best.angle_arcsec) > max(3.0 * best.sigma_arcsec, LEAST_ARCSEC) else None
 
 
 def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int) -> Movement:
@@ -264,8 +247,7 @@ def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, 
 def _turned_back(
     attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int, angle: float
 ) -> AxisFit:
-    axis = _moving_axis(fit, what)
-    undo = about(axis, -angle)
+    undo = about(_moving_axis(fit, what), -angle)
     return fit_axis([replace(a, matrix=a.matrix @ undo) if k > after else a for k, a in enumerate(attitudes)], towards)
 
 

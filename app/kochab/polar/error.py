@@ -165,8 +165,7 @@ def angle_in_words(arcsec: float) -> str:
 
 def total_in_words(error: PolarError) -> str:
     """How far the axis is from the pole, with one sigma, flexure included."""
-    sigma = error.with_flexure.sigma_total_arcsec
-    return f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(sigma)}"
+    return f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.with_flexure.sigma_total_arcsec)}"
 
 
 def split_in_words(error: PolarError) -> str:

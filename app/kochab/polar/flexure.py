@@ -1,11 +1,10 @@
 """Flexure of the tube: how it shifts a measured axis, and what two sweeps show of it.
 
-A tube that droops by ``f cos(altitude)`` - the term TF of a pointing model (Wallace's TPOINT) -
-turns the camera by ``-f b x u``, with b the boresight and u straight up. While b goes round the
-axis a at the angle rho, the part of it that is not constant in the camera lies along a, where a
-turn hides it; the constant part in E, N, U is ``-f cos(rho) a x u``. So the sweep fits as well as
-ever, and finds the axis too low by ``f cos(rho) cos(altitude of the axis)``. Two sweeps with
-different rho tell f.
+A tube that droops by ``f cos(altitude)`` - the term TF of a pointing model (Wallace's TPOINT) - turns the camera by
+``-f b x u``, with b the boresight and u straight up. While b goes round the axis a at the angle rho, the part of it
+that is not constant in the camera lies along a, where a turn hides it; the constant part in E, N, U is ``-f cos(rho)
+a x u``. So the sweep fits as well as ever, and finds the axis too low by ``f cos(rho) cos(altitude of the axis)``.
+Two sweeps with different rho tell f.
 
 What else gives way - focuser, saddle, mirror - is taken as a small turn of the camera linear in
 gravity's pull on it. Half of its changing part shifts the axis, in any direction, and is not seen
@@ -89,15 +88,9 @@ class CombinedSweeps:
 
 
 def combine_sweeps(sweeps: Sequence[SweepResult], before: Droop = UNKNOWN) -> CombinedSweeps:
-    """The axis that several sweeps of it share; sweeps that disagree widen its covariance.
+    """The axis that one sweep or more share, and that nobody moved between them; disagreement widens its covariance.
 
-    Parameters
-    ----------
-    sweeps
-        One or more, of an axis that nobody moved between them.
-    before
-        What was known of the droop.
-
+    ``before`` is what was known of the droop.
     """
     base, pole = sweeps[0].error.axis, sweeps[0].error.pole
     upward, clockwise = tangents(base)

@@ -1,9 +1,8 @@
 """The live phase: where the axis is now, from one attitude, while the bolts are turned.
 
-The bolts and the RA axis can only do R_now = Rz(-dAz) R_h(dAlt) Rot(a, theta) R_ref, and since
-Rot(a, theta) leaves a alone, the axis is now at R_now c, with c = R_ref^T a the axis as the camera
-sees it: no assumption about tracking, levelness or the order of the bolts. theta is what is left
-for tracking, periodic error and slipping.
+The bolts and the RA axis can only do R_now = Rz(-dAz) R_h(dAlt) Rot(a, theta) R_ref, and since Rot(a, theta) leaves a
+alone, the axis is now at R_now c, with c = R_ref^T a the axis as the camera sees it: no assumption about tracking,
+levelness or the order of the bolts. theta is what is left for tracking, periodic error and slipping.
 
 Roll is the weak part of an attitude, and a wrong roll moves R_now c. When theta is known better
 from the clock (either the mount tracks or it stands still) it is put in as a measurement of 20
@@ -75,8 +74,7 @@ def _bolts_did_it(before: Moment, now: Moment, turn_rad: float) -> bool:
 def _axis_stood(before: Moment, now: Moment) -> bool:
     """Whether the polar axis is where it was, as when only RA turned, however far."""
     shift = np.cross(before.axis, now.axis)
-    covariance = before.covariance + now.covariance
-    return bool(shift @ np.linalg.solve(covariance, shift) <= REFUTED)
+    return bool(shift @ np.linalg.solve(before.covariance + now.covariance, shift) <= REFUTED)
 
 
 def _declination(before: Moment, now: Moment, turn_rad: float) -> float | None:
@@ -157,8 +155,7 @@ class LivePhase:
         total = frame + seen @ self._camera_covariance @ seen.T
         error = PolarError(axis, self._start.pole, total, self._start.flexure)
         moved = float(np.degrees(np.linalg.norm(axis - self._start.axis)))
-        findings = tuple(self._findings(error, moved, theta, now))
-        return LiveError(error, frame, now, theta, prior, moved, findings)
+        return LiveError(error, frame, now, theta, prior, moved, tuple(self._findings(error, moved, theta, now)))
 
     def _moment(self, now: LocalAttitude) -> Moment:
         return Moment(now, *self._theta(now.matrix), now.matrix @ self._camera_axis)
@@ -166,8 +163,7 @@ class LivePhase:
     def _watch_declination(self, now: LocalAttitude) -> tuple[float, Floats]:
         """The turn and its slope at a frame, once it is compared with the frame before."""
         moment, before = self._moment(now), self._before
-        elapsed = (now.time_utc - before.attitude.time_utc).total_seconds()
-        turns = self._clocks(elapsed)
+        turns = self._clocks((now.time_utc - before.attitude.time_utc).total_seconds())
         known = [turns[self._clock]] if self._clock else list(turns.values())
         self._declination_rad += declination_moved(before, moment, known) or 0.0
         self._before = moment
@@ -195,8 +191,7 @@ class LivePhase:
 
     def _clock_says(self, now: LocalAttitude, theta: float, sigma2: float) -> tuple[str, float]:
         """Which prior holds, and the turn it expects; none when both do or neither."""
-        elapsed = (now.time_utc - self._reference_time).total_seconds()
-        expected = self._clocks(elapsed)
+        expected = self._clocks((now.time_utc - self._reference_time).total_seconds())
         scale = np.sqrt(sigma2 + PRIOR_SIGMA_RAD**2)
         off = {name: abs(wrapped_rad(theta - value)) / scale for name, value in expected.items()}
         near, far = sorted(off, key=lambda name: off[name])

@@ -236,10 +236,9 @@ class MeasureSettings:
 class Measurement:
     """An axis measured from one sweep, or from several with different declinations.
 
-    ``fit`` is that of the last sweep; ``error`` combines all. ``results`` are the errors of the
-    single sweeps, ``before`` what was known of the tube's droop before them and ``droop`` what is
-    now. ``last_of_fit`` is the last attitude of the fitted sweep, ``time_utc`` that of the last
-    frame.
+    ``fit`` is that of the last sweep; ``error`` combines all. ``results`` are the errors of the single sweeps,
+    ``before`` what was known of the tube's droop before them and ``droop`` what is now. ``last_of_fit`` is the last
+    attitude of the fitted sweep, ``time_utc`` that of the last frame.
     """
 
     error: PolarError
@@ -318,7 +317,7 @@ def measure_local(
 
 def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:
     numbers = sorted({a.sweep for a in attitudes})
-    groups = [[a for a in attitudes if a.sweep == n] for n in numbers]
+    groups = ([a for a in attitudes if a.sweep == n] for n in numbers)
     return [group for group in groups if len(group) >= 2]
 
 
@@ -336,8 +335,7 @@ def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
 
 def _error(fit: AxisFit, pole: Floats) -> PolarError:
     """The error of one fit; residuals too large for noise widen its covariance."""
-    widen = fit.chi2 / fit.freedom if fit.chance < TOO_LARGE else 1.0
-    return PolarError(fit.axis, pole, fit.covariance * widen)
+    return PolarError(fit.axis, pole, fit.covariance * (fit.chi2 / fit.freedom if fit.chance < TOO_LARGE else 1.0))
 
 
 def _rho_rad(fit: AxisFit) -> float:

@@ -28,8 +28,7 @@ class Optics:
     @property
     def covariance(self) -> Floats:
         """Covariance (3, 3), rad^2, of a rotation about the camera's axes."""
-        sigma = np.array([self.sigma_arcsec, self.sigma_arcsec, self.sigma_roll_arcsec])
-        return np.diag(np.square(sigma * ARCSEC))
+        return np.diag(np.square(np.array([self.sigma_arcsec, self.sigma_arcsec, self.sigma_roll_arcsec]) * ARCSEC))
 
 
 def weighted_arcsec(optics: Optics, rho_deg: float, turn_deg: float, frames: int) -> float:
@@ -172,8 +171,7 @@ def plan_second(
 ) -> SecondSweep | None:
     """The declination where a sweep of ``turn_deg``, None as the last, leaves the least in doubt.
 
-    None when no other declination within reach helps: too low there, or flexure hardly shifts
-    the axis from here.
+    None when no other declination within reach helps: too low there, or flexure hardly shifts the axis from here.
     """
     if measurement.error.flexure_total_arcsec < LEAST_ARCSEC:
         return None
@@ -195,8 +193,7 @@ def _plans(
     for move in MOVES_DEG:
         if not NEAREST_DEG <= m.rho_deg + move <= FURTHEST_DEG:
             continue
-        begin = away_from_axis(start, m.fit.axis, move)
-        path = best_path(begin, m.settings, turn_deg or m.turn_deg)
+        path = best_path(away_from_axis(start, m.fit.axis, move), m.settings, turn_deg or m.turn_deg)
         if path.good:
             yield _foreseen(m, optics, frames, back_deg, move, path)
 
@@ -207,8 +204,7 @@ def _foreseen(
     new = m.rho_deg + move
     sigma = weighted_arcsec(optics, new, path.turn_deg, frames) * ARCSEC
     error = PolarError(m.error.axis, m.error.pole, np.eye(2) * sigma**2 / 2.0)
-    agreeing = _agreeing(m.results, error)
-    both = combine_sweeps((*agreeing, SweepResult(error, np.radians(new))), m.before)
+    both = combine_sweeps((*_agreeing(m.results, error), SweepResult(error, np.radians(new))), m.before)
     north = northern(m.settings.site)
     return SecondSweep(
         back_deg,

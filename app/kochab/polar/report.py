@@ -231,19 +231,14 @@ def report_html(history: History) -> str:
 def write_report(path: str | Path, history: History) -> None:
     """Write the page, and beside it the same numbers as JSON.
 
-    Raises
-    ------
-    KochabError
-        The files cannot be written; one sentence.
-
+    Raises `KochabError` when the files cannot be written; one sentence.
     """
     page = Path(path)
     try:
         write_atomically(page, report_html(history))
         write_atomically(page.with_suffix(".json"), history.as_json())
     except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise KochabError(f"Can't write the report {path}: {reason}.") from None
+        raise KochabError(f"Can't write the report {path}: {error.strerror or type(error).__name__}.") from None
 
 
 def _summary(history: History, measured: list[Entry]) -> str:

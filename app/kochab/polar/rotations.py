@@ -67,8 +67,7 @@ def tangents(axis: Floats) -> tuple[Floats, Floats]:
     if level < 1e-9:  # straight up: any pair will do
         return np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     clockwise = np.array([north, -east, 0.0]) / level
-    upward = np.array([-up * east / level, -up * north / level, level])
-    return upward, clockwise
+    return np.array([-up * east / level, -up * north / level, level]), clockwise
 
 
 def alt_az(direction: Floats) -> tuple[float, float]:

@@ -25,10 +25,9 @@ FLOOR_ARCSEC = 0.7
 class Sighting:
     """Where a camera pointed, ICRS, at mid-exposure.
 
-    ``attitude`` carries its covariance; ``field_deg`` is (width, height). ``sweep`` counts the
-    sweeps: frames of one sweep differ only by turns about the axis. ``label`` names the frame.
-    ``sky`` (25, 3) are the ICRS unit vectors that the frame's field points really show; None when
-    they are those of a camera without distortion.
+    ``attitude`` carries its covariance; ``field_deg`` is (width, height). ``sweep`` counts the sweeps: frames of one
+    sweep differ only by turns about the axis. ``label`` names the frame. ``sky`` (25, 3) are the ICRS unit vectors
+    that the frame's field points really show; None when they are those of a camera without distortion.
     """
 
     attitude: Attitude
@@ -42,10 +41,9 @@ class Sighting:
     def of(cls, solution: Solution, time_utc: datetime, label: str = "", sweep: int = 0) -> "Sighting":
         """The sighting of a solved frame, its attitude that of a plain pinhole about its middle.
 
-        Each fit frees its optical centre and distortion as its own stars ask, so the optical axis
-        of each fit is another place in the picture. The same pixels stay the same place: whatever
-        a fit did with its camera cancels, for its map from pixels to sky is right. Binned frames
-        share these places, cropped ones do not.
+        Each fit frees its optical centre and distortion as its own stars ask, so the optical axis of each fit is
+        another place in the picture. The same pixels stay the same place: whatever a fit did with its camera cancels,
+        for its map from pixels to sky is right. Binned frames share these places, cropped ones do not.
 
         The covariance is the solver's own at the middle of the frame. Elsewhere it is approximate:
         it leaves out the errors of the distortion, which grow where a part of the field shows no
@@ -97,19 +95,14 @@ def to_local(sighting: Sighting, site: Site, refraction: Refraction = STANDARD_R
     """
     points = _field_points(sighting.field_deg)
     icrs = points @ sighting.attitude.matrix if sighting.sky is None else sighting.sky
-    seen = Horizon(site, sighting.time_utc, refraction).observed(icrs)
-    matrix = best_rotation(points, seen)
+    matrix = best_rotation(points, Horizon(site, sighting.time_utc, refraction).observed(icrs))
     return LocalAttitude(matrix, covariance_of(sighting.attitude), sighting.time_utc, sighting.label, sighting.sweep)
 
 
 def covariance_of(attitude: Attitude) -> Floats:
     """The attitude's covariance, with what no solve can know added.
 
-    Raises
-    ------
-    ValueError
-        The attitude has none, so the axis would have no uncertainty.
-
+    Raises `ValueError` when the attitude has none, so that the axis would have no uncertainty.
     """
     if attitude.covariance is None:
         raise ValueError("An attitude needs a covariance.")

@@ -1,9 +1,8 @@
 """The bolt tutor: which bolt, which way, how far; it learns each bolt from one test nudge.
 
-:meth:`BoltTutor.advise` takes a settled error and returns what to do next; it is called again when
-the axis has moved and settled, or when the person confirms. One bolt at a time, the larger error
-first; a bolt is never asked to go the whole way before it has been seen to go without backlash, so
-that it need not come back.
+:meth:`BoltTutor.advise` takes a settled error and returns what to do next; it is called again when the axis has moved
+and settled, or when the person confirms. One bolt at a time, the larger error first; a bolt is never asked to go the
+whole way before it has been seen to go without backlash, so that it need not come back.
 """
 
 from dataclasses import dataclass, replace
@@ -143,18 +142,11 @@ class BoltTutor:
     def advise(
         self, error: PolarError, turned: float | None = None, noise_arcsec: tuple[float, float] | None = None
     ) -> Instruction:
-        """What to do now.
+        """What to do now, from a settled ``error`` that was taken after the last instruction was followed.
 
-        Parameters
-        ----------
-        error
-            A settled error, taken after the last instruction was followed.
-        turned
-            How far the bolt was really turned, when that is known better than as asked.
-        noise_arcsec
-            One-sigma errors of a change along altitude and azimuth on the sky; the error's own
-            sigmas when not known, which hold much that two readings share.
-
+        ``turned`` is how far the bolt was really turned, when that is known better than as asked. ``noise_arcsec`` are
+        one-sigma errors of a change along altitude and azimuth on the sky; the error's own sigmas when not known,
+        which hold much that two readings share.
         """
         self._learn(error, turned, noise_arcsec or error.sigma_arcsec)
         instruction = self._next(error)
@@ -170,8 +162,7 @@ class BoltTutor:
 
     def tolerance_arcsec(self, error: PolarError, knob: Knob) -> float:
         """How far off this knob may stay, on the sky: a share of the goal, or one sigma."""
-        sigma = error.sigma_arcsec[knob is Knob.AZIMUTH]
-        return float(max(self.goal_arcsec / np.sqrt(2.0), sigma))
+        return float(max(self.goal_arcsec / np.sqrt(2.0), error.sigma_arcsec[knob is Knob.AZIMUTH]))
 
     def _limit(self, error: PolarError, knob: Knob) -> float:
         """The tolerance, wider for a bolt that would have to come back or is too coarse."""
@@ -190,8 +181,7 @@ class BoltTutor:
         change = _knob_arcsec(error, done.knob) - _knob_arcsec(before, done.knob)
         noise = noise_arcsec[done.knob is Knob.AZIMUTH] / _sky_share(error, done.knob)
         if turns := done.turns if turned is None else turned:
-            bolt = self.bolts[done.knob]
-            self.bolts[done.knob] = bolt.learned(turns, change, float(np.sqrt(2.0) * noise))
+            self.bolts[done.knob] = self.bolts[done.knob].learned(turns, change, float(np.sqrt(2.0) * noise))
 
     def _next(self, error: PolarError) -> Instruction:
         off = {knob: abs(_knob_arcsec(error, knob)) * _sky_share(error, knob) for knob in Knob}

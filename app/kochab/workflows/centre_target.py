@@ -33,9 +33,8 @@ class CentringEnd(StrEnum):
 class Centring:
     """How it ended, in one sentence too, and its course.
 
-    ``errors_arcsec`` are the errors solved, one before each correction and one at the end;
-    ``corrections`` how these were made; what the mount refused or lost is in ``notes``.
-    ``synced``: the mount was synced on the way.
+    ``errors_arcsec`` are the errors solved, one before each correction and one at the end; ``corrections`` how these
+    were made; what the mount refused or lost is in ``notes``. ``synced``: the mount was synced on the way.
     """
 
     end: CentringEnd
@@ -99,13 +98,7 @@ def centre_target(
     guide pulses. ``confirmed`` is the yes that the guard requires before a large sync. Cancelling
     at any yield, and every exception, stops the mount.
 
-    Raises
-    ------
-    StoppedError
-        A person pressed Stop.
-    kochab.core.errors.DeviceError
-        The mount or the camera no longer replies; one sentence.
-
+    Raises `StoppedError` when a person pressed Stop, and `DeviceError` when the mount or the camera no longer replies.
     """
     may_sync = may_sync and Ability.SYNC not in mount.lacks
     work = _Centring(mount, solve_now, target, tolerance_arcsec, tries, wait, may_sync, confirmed)

@@ -141,8 +141,7 @@ class Course:
             self._dec_way = 1.0 if dec and one_side else north
         if not one_side:
             return [there]
-        first = shifted(there, APPROACH_DEG / narrow * hour, -APPROACH_DEG * dec)
-        return [first, there]
+        return [shifted(there, APPROACH_DEG / narrow * hour, -APPROACH_DEG * dec), there]
 
     def fine(self) -> Degrees:
         """Axis angles east and north, arcsec, for small moves; begins to learn from them."""

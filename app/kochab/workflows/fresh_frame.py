@@ -119,10 +119,7 @@ class FileFrames:
         self._frame: Frame | None = None
 
     def solve_now(self) -> Task[Solution | NoSolution]:
-        """The next frame's solution.
-
-        Raises NoMoreFramesError when all have been used.
-        """
+        """The next frame's solution. Raises NoMoreFramesError when all have been used."""
         if self._halves and self._frame is not None:
             return (yield from self._half(self._frame))
         if not self._coming:
@@ -140,8 +137,7 @@ class FileFrames:
     def _half(self, frame: Frame) -> Task[Solution | NoSolution]:
         options = self._options or SolveOptions()
         hint = merged_hint(options.hint, frame.hint if options.use_header else None)
-        stars = self._halves.popleft()
-        return (yield from solve_detections(stars, replace(options, hint=hint)))
+        return (yield from solve_detections(self._halves.popleft(), replace(options, hint=hint)))
 
     def _read(self, path: Path) -> Task[Frame]:
         from kochab.frames import reading
@@ -154,10 +150,7 @@ class FileFrames:
 
 
 def image_files(paths: Sequence[str | Path]) -> list[Path]:
-    """The files, and of folders the newest few, newest first.
-
-    Raises UsageError when there is none.
-    """
+    """The files, and of folders the newest few, newest first. Raises UsageError when there is none."""
     from kochab.frames import SUFFIXES
 
     files: list[Path] = []
@@ -175,7 +168,6 @@ def image_files(paths: Sequence[str | Path]) -> list[Path]:
 def _halves(frame: Frame, options: SolveOptions | None) -> list[Detections]:
     from kochab.detection import DETECTORS
 
-    name = (options or SolveOptions()).detector
-    stars = DETECTORS.make(name).detect(frame)
+    stars = DETECTORS.make((options or SolveOptions()).detector).detect(frame)
     left = stars.xy[:, 0] < np.median(stars.xy[:, 0])
     return [stars.take(left), stars.take(~left)]

@@ -72,13 +72,8 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
 
     A mount that is stopped in the meantime counts as settled.
 
-    Raises
-    ------
-    NoAnswerError
-        It does not come to rest within a minute, or does not reply.
-    StrayedError
-        It kept moving while it reported no slew, and was stopped.
-
+    Raises `NoAnswerError` when it does not come to rest within a minute, or does not reply, and `StrayedError` when it
+    kept moving while it reported no slew, and was stopped.
     """
     before, running = None, 0
     for _ in range(round(PATIENCE_S / POLL_S)):

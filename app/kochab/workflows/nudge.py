@@ -102,8 +102,7 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
             mount.check_not_stopped(stops, "motion")
         left -= part
     wait(AFTER_S)
-    by = f"one move of {seconds:.1f} s" if chosen_deg_s else "moves"
-    return Nudged(direction, amount_arcsec, by, seconds)
+    return Nudged(direction, amount_arcsec, f"one move of {seconds:.1f} s" if chosen_deg_s else "moves", seconds)
 
 
 def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:
@@ -148,8 +147,7 @@ def turn_to_bring(
     here = np.asarray(here_px, dtype=np.float64)
 
     def miss(turns: Floats) -> Floats:
-        seen = solution.camera.project(np.atleast_2d(_turned(of_date_to_camera, turns) @ star))[0]
-        return np.asarray(seen - here)
+        return np.asarray(solution.camera.project(np.atleast_2d(_turned(of_date_to_camera, turns) @ star))[0] - here)
 
     turns = np.zeros(2)
     for _ in range(STEPS):
@@ -183,8 +181,7 @@ def bring_here(
     yield Progress("move star", 0.0, f"{turn.east_deg:+.3f}° east, {turn.north_deg:+.3f}° north")
     if max(abs(turn.east_deg), abs(turn.north_deg)) >= SLEW_FROM_DEG:
         here = with_retries(mount.position)
-        place = shifted((here.ra_deg, here.dec_deg), turn.east_deg, turn.north_deg)
-        yield from mount.slew(*place)
+        yield from mount.slew(*shifted((here.ra_deg, here.dec_deg), turn.east_deg, turn.north_deg))
     else:
         for angle, ways in (
             (turn.east_deg, (Direction.EAST, Direction.WEST)),
@@ -197,7 +194,6 @@ def bring_here(
 
 def _turned(of_date_to_camera: Floats, turns: Floats) -> Floats:
     """The camera after the telescope turned by (east, north) radians; rotations only."""
-    boresight = of_date_to_camera[2]
-    level = np.cross(boresight, POLE)
+    level = np.cross(of_date_to_camera[2], POLE)
     north = about(level / max(np.linalg.norm(level), 1e-12), float(turns[1]))
     return np.asarray(of_date_to_camera @ (about(POLE, float(turns[0])) @ north).T)

@@ -32,13 +32,8 @@ class SolvedFrame:
 def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[SolvedFrame]:
     """Read the file at ``path`` and solve it.
 
-    Raises
-    ------
-    kochab.core.errors.FrameError
-        The file cannot be read as a picture; one sentence.
-    kochab.core.errors.UsageError
-        The options name a method or detector that does not exist.
-
+    Raises `FrameError` when the file cannot be read as a picture, and `UsageError` when the options name a method or
+    detector that does not exist.
     """
     from kochab.frames import reading
 
@@ -163,11 +158,9 @@ def _check_inside(star: list[float], width: int, height: int, where: str) -> Non
 
 
 def _detections(stars: list[list[float]], width: int, height: int, path: str) -> Detections:
-    lengths = {len(star) for star in stars}
-    if len(lengths) > 1:
+    if len({len(star) for star in stars}) > 1:
         raise UsageError(f"{path}: some stars have a flux and some have none.")
     table = np.array(stars, dtype=np.float64)
     _, first = np.unique(table[:, :2], axis=0, return_index=True)
     table = table[np.sort(first)]
-    flux = table[:, 2] if table.shape[1] == 3 else None
-    return Detections.from_list(table[:, :2], width, height, flux)
+    return Detections.from_list(table[:, :2], width, height, table[:, 2] if table.shape[1] == 3 else None)

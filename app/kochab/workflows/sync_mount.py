@@ -142,10 +142,7 @@ def sync_done(offer: SyncOffer) -> SyncDone:
 
 
 def require_allowed(mount: Guard, preview: Preview, confirmed: bool) -> None:
-    """Raise the guard's objection to a sync, before it is sent.
-
-    Raises RefusedError with the guard's sentence.
-    """
+    """Raise the guard's objection to a sync, before it is sent. Raises RefusedError with the guard's sentence."""
     against = [*preview.refusals, *(() if confirmed else preview.confirmations)]
     if against:
         mount.log.add(preview.action, "refused", against[0])
@@ -163,8 +160,7 @@ def _offset_slew(mount: Guard, offer: SyncOffer, wait: Wait) -> Task[None]:
 
 
 def _same_place(mount: Guard, offer: SyncOffer) -> None:
-    here = with_retries(mount.position)
-    moved = apart(here, offer.mount)
+    moved = apart(with_retries(mount.position), offer.mount)
     if moved * 3600.0 > MOVED_ARCSEC:
         raise RefusedError(f"The mount has moved by {angle_text(moved)} since the frames. Take new ones.")
 

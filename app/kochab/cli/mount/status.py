@@ -22,8 +22,7 @@ ELSEWHERE = (
 
 def add_status_action(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
     """Add ``position`` or ``stop``."""
-    parser = actions.add_parser(name, help=text)
-    add_line_options(parser, _position if name == "position" else _stop)
+    add_line_options(actions.add_parser(name, help=text), _position if name == "position" else _stop)
 
 
 def _position(args: argparse.Namespace) -> int:

@@ -37,13 +37,7 @@ _LARGEST = 300_000_000
 def image_of(data: bytes, content_type: str) -> Array:
     """Rows (H, W) or (H, W, 3) of an answer, in the type it was sent in.
 
-    Raises
-    ------
-    NoAnswerError
-        It is no picture, or cut short.
-    kochab.core.errors.DeviceError
-        The server said in its place why there is none.
-
+    Raises `NoAnswerError` when it is no picture, or cut short, or the `DeviceError` that the server sent in its place.
     """
     return _from_bytes(data) if ACCEPT in content_type else _from_json(data)
 
@@ -132,8 +126,7 @@ class AlpacaCamera(ExposingCamera):
         link = AlpacaLink(where)
         with ExitStack() as failing:
             failing.callback(link.close)
-            cameras = [(str(number), name) for number, name in link.cameras()]
-            camera = cls(link, int(chosen(cameras, where, "Alpaca")))
+            camera = cls(link, int(chosen([(str(number), name) for number, name in link.cameras()], where, "Alpaca")))
             camera.configure(settings)
             failing.pop_all()
         return camera
@@ -189,8 +182,7 @@ class AlpacaCamera(ExposingCamera):
         begun, told = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
         with suppress(ValueError):
             begun = datetime.fromisoformat(told.strip().rstrip("Z")).replace(tzinfo=UTC)
-        middle = begun + timedelta(seconds=seconds / 2.0)
-        return Hint(time_utc=middle, exposure_s=seconds, camera=self.name)
+        return Hint(time_utc=begun + timedelta(seconds=seconds / 2.0), exposure_s=seconds, camera=self.name)
 
     def _settings(self) -> CaptureSettings:
         gain = self._get("gain", None)

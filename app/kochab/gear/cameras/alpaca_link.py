@@ -45,8 +45,7 @@ class AlpacaLink:
 
     def put(self, path: str, values: Mapping[str, object], limit_s: float = ANSWER_S) -> None:
         """Set a property or call a method."""
-        told = {k: str(v) for k, v in values.items()}
-        body = urlencode({**told, **self._ids()})
+        body = urlencode({**{k: str(v) for k, v in values.items()}, **self._ids()})
         kind = {"Content-Type": "application/x-www-form-urlencoded"}
         self._value(self._ask("PUT", f"/api/v1/{path}", limit_s, body, kind)[0])
 
@@ -63,16 +62,10 @@ class AlpacaLink:
     def fetch(self, path: str, limit_s: float, accept: str = "*/*") -> tuple[bytes, str]:
         """The bytes of an answer and their content type.
 
-        Raises
-        ------
-        PortError, LineLostError
-            Nobody listens; somebody did before and has gone.
-        NoAnswerError
-            The answer is none that Alpaca knows.
-
+        Raises `PortError` when nobody listens, `LineLostError` when somebody did before and has gone, `NoAnswerError`
+        when the answer is none that Alpaca knows.
         """
-        query = urlencode(self._ids())
-        return self._ask("GET", f"{path}?{query}", limit_s, None, {"Accept": accept})
+        return self._ask("GET", f"{path}?{urlencode(self._ids())}", limit_s, None, {"Accept": accept})
 
     def close(self) -> None:
         """Let the connection go."""

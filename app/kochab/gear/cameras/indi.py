@@ -25,11 +25,7 @@ def frame_of(data: bytes, suffix: str, name: str) -> Frame:
     FITS never touches the disk; ".fits.z" is unpacked first, as older INDI drivers pack it.
     ``name`` stands for the file's in sentences.
 
-    Raises
-    ------
-    FrameError
-        The bytes are no picture, or are cut short.
-
+    Raises `FrameError` when the bytes are no picture, or are cut short.
     """
     from kochab.frames import read_fits_bytes, read_frame
 
@@ -110,8 +106,7 @@ class IndiCamera(ExposingCamera):
         link = IndiLink(where)
         with ExitStack() as failing:
             failing.callback(link.close)
-            names = [(name, name) for name in _told(link, where.rest)]
-            camera = cls(link, chosen(names, where, "INDI"))
+            camera = cls(link, chosen([(name, name) for name in _told(link, where.rest)], where, "INDI"))
             camera.configure(settings)
             failing.pop_all()
         return camera
@@ -186,8 +181,7 @@ class IndiCamera(ExposingCamera):
             self._set("UPLOAD_MODE", {"UPLOAD_BOTH": "On"}, "sending pictures")
         if self._value("CCD_TRANSFER_FORMAT", "FORMAT_FITS") == "Off":
             self._set("CCD_TRANSFER_FORMAT", {"FORMAT_FITS": "On"}, "FITS")
-        told = self._value("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE")
-        self.exposure_s = float(told or 0.0) or 1.0
+        self.exposure_s = float(self._value("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE") or 0.0) or 1.0
         self._link.want_blobs(self.name, PICTURE)
 
     def _settings(self) -> CaptureSettings:

@@ -23,14 +23,7 @@ CCD_INTERFACE = 1 << 1  # INDI's DriverInterface bit of a camera
 
 
 class IndiLink:
-    """One server, watched from the calling thread.
-
-    Raises
-    ------
-    PortError
-        There is no server at the address.
-
-    """
+    """One server, watched from the calling thread. Raises `PortError` when there is no server at the address."""
 
     def __init__(self, address: NetAddress) -> None:
         _knock(address)
@@ -99,11 +92,7 @@ class IndiLink:
     def wait(self, come: Callable[[], bool], timeout_s: float) -> bool:
         """Whether ``come`` became true in time; it is asked after every piece of news.
 
-        Raises
-        ------
-        LineLostError
-            The server went away.
-
+        Raises `LineLostError` when the server went away.
         """
         deadline = monotonic() + timeout_s
         while True:
@@ -176,8 +165,7 @@ class IndiLink:
                     await asyncio.sleep(0.05)
 
         asyncio.set_event_loop(self._loop)
-        host = self._address.host.strip("[]")
-        self._client = Client(indihost=host, indiport=self._address.port)
+        self._client = Client(indihost=self._address.host.strip("[]"), indiport=self._address.port)
         try:
             self._loop.run_until_complete(self._client.asyncrun())
         finally:

@@ -58,11 +58,7 @@ def net_address(text: str, default_port: int) -> NetAddress:
 
     An IPv6 host stands in brackets: ``[fe80::1]:7624/Camera``.
 
-    Raises
-    ------
-    PortError
-        The port is not a number from 1 to 65535.
-
+    Raises `PortError` when the port is not a number from 1 to 65535.
     """
     server, _, rest = text.strip().removeprefix("http://").partition("/")
     host, port = server, ""
@@ -91,11 +87,7 @@ def chosen(cameras: Sequence[tuple[str, str]], where: NetAddress, kind: str) -> 
 
     The only one need not be named. ``kind`` says of what protocol the server is.
 
-    Raises
-    ------
-    PortError
-        There is no such camera, none, or one has to be named: with those that there are.
-
+    Raises `PortError` when there is no such camera, none, or one has to be named: with those that there are.
     """
     for address, name in cameras:
         if where.rest in (address, name):
@@ -107,8 +99,7 @@ def chosen(cameras: Sequence[tuple[str, str]], where: NetAddress, kind: str) -> 
     if not cameras:
         raise PortError(f"The {kind} server {where.server} has no camera.")
     if len(cameras) > 1:
-        example = f"{where.server}/{cameras[0][0]}"
-        raise PortError(f"{where.server} has several cameras: {there}. Write {example}.")
+        raise PortError(f"{where.server} has several cameras: {there}. Write {where.server}/{cameras[0][0]}.")
     return cameras[0][0]
 
 
@@ -140,8 +131,7 @@ def check_within(settings: CaptureSettings, limits: CaptureLimits) -> None:
         if bounds is None:
             raise RefusedError(f"The {what} of this camera cannot be set.")
         if not bounds[0] <= value <= bounds[1]:
-            span = f"{bounds[0]:g} to {bounds[1]:g}{unit}"
-            raise RefusedError(f"A {what} of {value:g}{unit} is not within {span}.")
+            raise RefusedError(f"A {what} of {value:g}{unit} is not within {bounds[0]:g} to {bounds[1]:g}{unit}.")
 
 
 class ExposingCamera(CameraSource):

@@ -46,22 +46,8 @@ def open_mount(
 ) -> Mount:
     """Open ``port`` and find the mount there; nothing moves.
 
-    Parameters
-    ----------
-    driver
-        A name of :data:`DRIVERS`.
-    baud
-        The driver's default when None.
-    stop_first
-        Send the bytes of Stop before anything else, as after a line that was lost.
-    settings
-        See :class:`MountSettings`.
-
-    Raises
-    ------
-    DeviceError
-        One sentence that says what to do.
-
+    ``driver`` is a name of :data:`DRIVERS`, ``baud`` the driver's default when None. ``stop_first`` sends the bytes of
+    Stop before anything else, as after a line that was lost. Raises `DeviceError` with what to do.
     """
     from kochab.gear.mounts.serial_line import Conversation, SerialLink
 

@@ -63,22 +63,19 @@ def to_mount_epoch(ra_deg: float, dec_deg: float, epoch: Epoch, time_utc: dateti
     """ICRS degrees in the mount's ``epoch``."""
     if epoch is Epoch.J2000:
         return ra_deg % 360.0, dec_deg
-    vector = np.atleast_2d(unit_vectors(ra_deg, dec_deg))
-    return radec_deg(apparent(vector, time_utc)[0])
+    return radec_deg(apparent(np.atleast_2d(unit_vectors(ra_deg, dec_deg)), time_utc)[0])
 
 
 def from_mount_epoch(pointing: Pointing, time_utc: datetime) -> tuple[float, float]:
     """ICRS degrees of a mount's position."""
     if pointing.epoch is Epoch.J2000:
         return pointing.ra_deg % 360.0, pointing.dec_deg
-    vector = np.atleast_2d(unit_vectors(pointing.ra_deg, pointing.dec_deg))
-    return radec_deg(from_apparent(vector, time_utc)[0])
+    return radec_deg(from_apparent(np.atleast_2d(unit_vectors(pointing.ra_deg, pointing.dec_deg)), time_utc)[0])
 
 
 def utc_of(year: int, month: int, day: int, hour: int, minute: int, second: int, utc_offset_h: float) -> datetime:
     """Universal time of a local time; `ValueError` when there is no such time."""
-    local = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
-    return local - timedelta(hours=utc_offset_h)
+    return datetime(year, month, day, hour, minute, second, tzinfo=UTC) - timedelta(hours=utc_offset_h)
 
 
 # -- The epoch of a mount's coordinates, found by comparison with its own altitude and azimuth --

@@ -106,11 +106,7 @@ class EmergencyStop:
 
         Only for the thread that owns the port; :meth:`stop` never waits for this.
 
-        Raises
-        ------
-        NotStoppedError
-            It still moves, or does not answer, after the second Stop.
-
+        Raises `NotStoppedError` when it still moves, or does not answer, after the second Stop.
         """
         try:
             if not self._comes_to_rest():

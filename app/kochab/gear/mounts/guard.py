@@ -157,12 +157,8 @@ class Guard:
     ) -> None:
         """Sync on two agreeing solves, or ``by_hand`` on the user's word, and read it back.
 
-        Raises
-        ------
-        RefusedError
-            A rule forbids it, it needs confirmation (``confirmed``), or the mount did not take it:
-            then an offset slew does the same without a sync.
-
+        Raises `RefusedError` when a rule forbids it, it needs confirmation (``confirmed``), or the mount did not take
+        it: then an offset slew does the same without a sync.
         """
         self._require_ability(Ability.SYNC)
         preview = self.preview_sync(ra_deg, dec_deg, evidence, by_hand)

@@ -23,10 +23,9 @@ from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg, wrapped
 class Limits:
     """The guard's numbers. A fork or alt-azimuth mount ``crosses_meridian`` without a flip.
 
-    Hour angles are not limited by themselves: a German mount chooses the side of its pier in a
-    slew, so the same hour angle may be safe on one side and not on the other, and a fork reaches
-    them all. What does not flip, a move of the axis, is kept near the meridian where the mount
-    reports its side.
+    Hour angles are not limited by themselves: a German mount chooses the side of its pier in a slew, so the same hour
+    angle may be safe on one side and not on the other, and a fork reaches them all. What does not flip, a move of the
+    axis, is kept near the meridian where the mount reports its side.
     """
 
     lowest_altitude_deg: float = 5.0

@@ -197,8 +197,7 @@ class Conversation:
             except NoAnswerError as error:
                 self._doubt = DOUBT
                 if isinstance(error, ProtocolError):
-                    sentence = f"Unexpected answer on {self.link.port}: {error}"
-                    raise ProtocolError(sentence) from error
+                    raise ProtocolError(f"Unexpected answer on {self.link.port}: {error}") from error
                 raise
             self._doubt = max(0, self._doubt - 1)
             return value

@@ -112,11 +112,7 @@ class SlewSupervisor:
     def position(self) -> Pointing:
         """Where the mount says it points; one that leaves its path is stopped.
 
-        Raises
-        ------
-        StrayedError
-            It was under way and twice reported a place where it must not be.
-
+        Raises `StrayedError` when it was under way and twice reported a place where it must not be.
         """
         mount, motion = self._emergency.mount, self._motion if self._emergency.moving else None
         here = mount.position()
@@ -150,13 +146,8 @@ class SlewSupervisor:
     def arrival(self, target_deg: Degrees, limit_s: float) -> Task[Pointing]:
         """Yield the distance left until the mount reports that it no longer slews.
 
-        Raises
-        ------
-        NoAnswerError
-            It took longer than ``limit_s``, or missed too many answers in a row.
-        RefusedError
-            It was stopped, or stands still somewhere else.
-
+        Raises `NoAnswerError` when it took longer than ``limit_s`` or missed too many answers in a row, and
+        `RefusedError` when it was stopped, or stands still somewhere else.
         """
         stops = self._emergency.stops
         end = monotonic() + limit_s

@@ -88,8 +88,7 @@ class Shot:
     @property
     def time_utc(self) -> datetime:
         """Mid-exposure from the frame's header, else by this computer's clock."""
-        ago = timedelta(seconds=monotonic() - self.shutter_s)
-        return self.frame.hint.time_utc or datetime.now(UTC) - ago
+        return self.frame.hint.time_utc or datetime.now(UTC) - timedelta(seconds=monotonic() - self.shutter_s)
 
 
 class Capture:

@@ -77,8 +77,7 @@ def _may_be(value: Any, kind: Any) -> bool:
 
 
 def _hint(stored: Mapping[str, Any]) -> Hint:
-    known = {f.name for f in fields(Hint)}
-    values = {k: v for k, v in stored.items() if k in known}
+    values = {f.name: stored[f.name] for f in fields(Hint) if f.name in stored}
     for name in ("scale_arcsec_px", "centre_deg"):
         if values.get(name) is not None:
             values[name] = tuple(values[name])
@@ -218,8 +217,7 @@ class Recorder:
             )
 
     def _write_about(self, about: Json) -> None:
-        text = json.dumps(about, indent=1) + "\n"
-        write_atomically(self.folder / SESSION, text)
+        write_atomically(self.folder / SESSION, json.dumps(about, indent=1) + "\n")
 
 
 def recorded(live: Live, recorder: Recorder) -> Live:

@@ -49,9 +49,8 @@ class LiveEngine(Protocol):
 def live_solve(capture: Capture, engine: LiveEngine, frames: int | None = None) -> Live:
     """Start ``capture`` and solve its newest frame, again and again.
 
-    Yields :class:`LiveUpdate` for every frame looked at and :class:`Progress` in between, at
-    least ten times a second while waiting. Closing the generator stops the camera; it is also
-    stopped after ``frames`` looked at.
+    Yields :class:`LiveUpdate` for every frame looked at and :class:`Progress` in between, at least ten times a second
+    while waiting. Closing the generator stops the camera; it is also stopped after ``frames`` looked at.
 
     Raises DeviceError when the camera cannot be opened, is silent, or was unplugged: one sentence, after the
     last frame it gave.
@@ -148,8 +147,7 @@ class ProfiledTracker:
     def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
         """Take one frame in.
 
-        Raises KochabError when the kept profile cannot be read, or the one before this size of frame not be
-        kept.
+        Raises KochabError when the kept profile cannot be read, or the one before this size of frame not be kept.
         """
         size = (frame.width, frame.height)
         if self._tracker is None or size != self._size:

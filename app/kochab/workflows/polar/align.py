@@ -196,20 +196,11 @@ def align(
 ) -> Task[Alignment]:
     """Measure, adjust and measure again until the error is small or within its uncertainty.
 
-    Parameters
-    ----------
-    source, turner
-        Who gives solved frames, and who turns the RA axis between them.
-    keep
-        Called with the history after every measurement, so that nothing is lost.
+    ``source`` gives solved frames, and ``turner`` turns the RA axis between them. ``keep`` is called with the history
+    after every measurement, so that nothing is lost.
 
-    Raises
-    ------
-    kochab.workflows.polar.sources.NotMeasuredError
-        A measurement failed.
-    kochab.core.errors.DeviceError
-        The camera or the mount failed, or the guard refused.
-
+    Raises `NotMeasuredError` when a measurement failed, and `DeviceError` when the camera or the mount did, or the
+    guard refused.
     """
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()

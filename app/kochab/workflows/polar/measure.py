@@ -252,8 +252,7 @@ def foreseen_arcsec(first: LocalAttitude, settings: MeasureSettings, sweep: Swee
     if not path.good:
         return float("inf")
     frames = frames_needed(first, settings, sweep, path)
-    rho = _from_pole_deg(first, settings)
-    return weighted_arcsec(optics_of(first), rho, path.turn_deg, frames)
+    return weighted_arcsec(optics_of(first), _from_pole_deg(first, settings), path.turn_deg, frames)
 
 
 def frames_needed(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep, path: SweepPath) -> int:
@@ -281,8 +280,7 @@ def _measured_so_far(
     fraction = len(seen) / sweep.frames
     if isinstance(result, NoAxis):
         return PolarUpdate("measure", fraction, result.reason, frames=len(seen))
-    optics = optics_of(seen[0])
-    more = more_turn_deg(optics, result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
+    more = more_turn_deg(optics_of(seen[0]), result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
     words = f"Uncertainty {angle_in_words(result.error.uncertainty_arcsec)}."
     if more:
         words += f" Rotate {more:.0f}° more for {sweep.goal_arcsec:.0f}″."

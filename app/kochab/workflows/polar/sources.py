@@ -67,8 +67,7 @@ def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sig
         if file.time_utc is None:
             raise UsageError(f"{file.path} has no time (DATE-OBS or EXIF). Polar alignment needs it.")
         if isinstance(file.result, Solution):
-            label = Path(file.path).name
-            sightings.append(Sighting.of(file.result, file.time_utc, label, sweep))
+            sightings.append(Sighting.of(file.result, file.time_utc, Path(file.path).name, sweep))
     return sightings if len(set(sweeps)) > 1 else _by_declination(sightings)
 
 
@@ -212,8 +211,7 @@ class RestWatch:
             if enough and last is not None and at_rest(last, now):
                 return now
             if turn_deg:
-                progress = f"{turned:.0f}° of {turn_deg:.0f}°"
-                yield PolarUpdate("turn", min(1.0, turned / turn_deg), progress)
+                yield PolarUpdate("turn", min(1.0, turned / turn_deg), f"{turned:.0f}° of {turn_deg:.0f}°")
             last = now
 
 

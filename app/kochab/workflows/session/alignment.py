@@ -59,10 +59,9 @@ class AxisTurnedBy(StrEnum):
 class AlignmentRequest:
     """Everything an alignment needs to begin.
 
-    ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None
-    takes it from the frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when
-    ``hand`` is the mount and the frames come from a camera. With ``second_sweep`` nothing is called
-    good before a sweep at another declination.
+    ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None takes it from the
+    frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when ``hand`` is the mount and the frames come
+    from a camera. With ``second_sweep`` nothing is called good before a sweep at another declination.
     """
 
     source: FrameSource
@@ -156,8 +155,7 @@ class CameraPlace:
 def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
     """Measure, adjust, measure again with a camera, a practice telescope's or a real one.
 
-    With a ``guard`` the mount turns the axis, and this runs in the thread of its line; without, a
-    person is asked to.
+    With a ``guard`` the mount turns the axis, and this runs in the thread of its line; without, a person is asked to.
     """
     with ExitStack() as opened:
         yield Progress("opening", None, "Opening the camera…")
@@ -226,10 +224,7 @@ def _site_of_frames(camera: CameraSource) -> Task[Site]:
 
 
 def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
-    """Solve every file, then measure.
-
-    Raises KochabError with one sentence on what to do.
-    """
+    """Solve every file, then measure. Raises KochabError with one sentence on what to do."""
     if len(wish.files) < 2:
         raise UsageError("Polar alignment needs two frames or more: add another.")
     solved = yield from _solved(wish)

@@ -145,8 +145,7 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
         state = replace(state, error=step.steady.error, live=True)
         if step.live is not None:
             seen = step.live.error
-            point = (seen.azimuth_on_sky_arcsec, seen.altitude_arcsec)
-            trail = (*state.trail[-PAST:], point)
+            trail = (*state.trail[-PAST:], (seen.azimuth_on_sky_arcsec, seen.altitude_arcsec))
             return replace(state, trail=trail, error_at_s=now_s, findings=step.findings)
         return state
     if step.measurement is None:

@@ -147,8 +147,7 @@ class Stream:
         self.lens = Lens()
         self.said: deque[str] = deque(maxlen=MOST_SAID)
         self.seen_s = float("-inf")
-        about = {"camera": wish.name, "solve": options_json(self.options)}
-        self.recording = Recording(to_record, about)
+        self.recording = Recording(to_record, {"camera": wish.name, "solve": options_json(self.options)})
         self._show = show
         self._make_engine = make_engine or self._engine
         self._held: tuple[Frame, float] | None = None  # waits for its answer, since when

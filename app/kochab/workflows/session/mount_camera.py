@@ -23,9 +23,8 @@ LIMIT_S = 40.0
 class MountCamera(CameraSource):
     """A camera that opens itself and survives its cable.
 
-    A camera that goes is told as silence, so that nobody takes it for the mount's line. One that
-    others use already keeps the exposure they have set unless this one ``insists``: then its own
-    holds for all, until it is closed.
+    A camera that goes is told as silence, so that nobody takes it for the mount's line. One that others use already
+    keeps the exposure they have set unless this one ``insists``: then its own holds for all, until it is closed.
     """
 
     name = "camera"

@@ -42,8 +42,7 @@ class Ioptron(SerialMount):
 
     def state(self) -> MountState:
         """``:GLS#``, and the pier side from ``:GEP#``."""
-        state = self.query(protocol.STATUS, protocol.parse_status)
-        return replace(state, pier_side=self.read_position().pier_side)
+        return replace(self.query(protocol.STATUS, protocol.parse_status), pier_side=self.read_position().pier_side)
 
     def site_report(self) -> SiteReport:
         """Site, zone and clock."""
@@ -80,8 +79,7 @@ class Ioptron(SerialMount):
         since = self.talk.stops
         rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
         self.require_accepted(rate, "The mount does not accept this rate.")
-        vertical = direction in (Direction.NORTH, Direction.SOUTH)
-        halt = protocol.HALT_DEC if vertical else protocol.HALT_RA
+        halt = protocol.HALT_DEC if direction in (Direction.NORTH, Direction.SOUTH) else protocol.HALT_RA
         self.bounded(direction, seconds, (halt, (self.reply(1),)))
         self.talk.send(protocol.move(direction), since)
 

@@ -87,8 +87,7 @@ class Lx200(SerialMount):
 
     def altaz_deg(self) -> tuple[float, float]:
         """Altitude and azimuth, which some count from south."""
-        altitude = self.query(protocol.ALTITUDE, protocol.parse_dec)
-        return altitude, self.query(protocol.AZIMUTH, protocol.parse_azimuth)
+        return self.query(protocol.ALTITUDE, protocol.parse_dec), self.query(protocol.AZIMUTH, protocol.parse_azimuth)
 
     def state(self) -> MountState:
         """Slewing from the distance bars, the rest where the dialect reports it."""
@@ -194,5 +193,4 @@ class OnStep(Lx200):
     def track(self, on: bool) -> None:
         """``:Te#`` or ``:Td#``, answered by 1 or 0."""
         assert self.dialect.track is not None
-        refusal = "The mount refuses to change its tracking; is it parked?"
-        self.require_accepted(self.dialect.track[on], refusal)
+        self.require_accepted(self.dialect.track[on], "The mount refuses to change its tracking; is it parked?")

@@ -114,10 +114,8 @@ class NexStar(SerialMount):
 
     def track(self, on: bool) -> None:
         """Off, or on in the mode it had."""
-        now = self.byte(protocol.TRACKING)
-        self._mode = now or self._mode
-        mode = (self._mode or self.usual_mode()) if on else 0
-        self.done(protocol.track(mode))
+        self._mode = self.byte(protocol.TRACKING) or self._mode
+        self.done(protocol.track((self._mode or self.usual_mode()) if on else 0))
 
     def usual_mode(self) -> int:
         """1 for a fork in altitude and azimuth, 2 or 3 for an axis in the north or the south."""

@@ -112,8 +112,7 @@ class Motor:
 
     def rate_command(self, rate_deg_s: float) -> Command:
         """The bytes of another rate while it turns the same way, for :meth:`Conversation.send_now`."""
-        data = protocol.low_first(self.period(rate_deg_s))
-        return protocol.command("I", self.axis, data), (REPLY,)
+        return protocol.command("I", self.axis, protocol.low_first(self.period(rate_deg_s))), (REPLY,)
 
     def halt_command(self, now: bool = False) -> Command:
         """The bytes that stop it, at once or with a ramp."""
@@ -186,9 +185,8 @@ NUDGE_DEG = 2.0  # so far it may be moved while home is not confirmed
 class SkyWatcher(SerialMount):
     """An equatorial mount over an EQDIR cable or USB, without a hand control.
 
-    A sync is an offset of the axes that this driver keeps. A slew is finished, and tracking
-    resumed after a move, when the state or position is read next. After a Stop the motors stand
-    until tracking or a slew is ordered.
+    A sync is an offset of the axes that this driver keeps. A slew is finished, and tracking resumed after a move,
+    when the state or position is read next. After a Stop the motors stand until tracking or a slew is ordered.
     """
 
     name = "skywatcher"

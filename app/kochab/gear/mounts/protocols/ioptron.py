@@ -54,8 +54,7 @@ def parse_position(reply: bytes) -> PositionReply:
     found = match(rb"([+-]\d{8})(\d{9})([012])[01]#", reply, "position")
     dec, ra = int(found[1]) / PARTS_DEG, int(found[2]) / PARTS_DEG
     require(abs(dec) <= 90.0 and ra <= 360.0, reply, "position on the sky")
-    side = {b"0": PierSide.EAST, b"1": PierSide.WEST}.get(found[3])
-    return PositionReply(ra % 360.0, dec, side)
+    return PositionReply(ra % 360.0, dec, {b"0": PierSide.EAST, b"1": PierSide.WEST}.get(found[3]))
 
 
 def parse_altaz(reply: bytes) -> tuple[float, float]:

@@ -1,7 +1,6 @@
 """Meade's LX200 language and its dialects (classic, Autostar, OnStep, 10micron).
 
-Source: Meade Telescope Serial Command Protocol (2010), OnStepX's command list, 10micron's command
-protocol 2.x.
+Source: Meade Telescope Serial Command Protocol (2010), OnStepX's command list, 10micron's command protocol 2.x.
 """
 
 import re
@@ -42,8 +41,7 @@ def set_dec(dec_deg: float, space: bool = False) -> bytes:
 def parse_ra(reply: bytes) -> float:
     """Degrees of ``HH:MM.T#``, ``HH:MM:SS#`` or ``HH:MM:SS.SS#``."""
     hours, minutes, tenth, seconds, parts = match(_RA, reply, "right ascension").groups()
-    valid = int(hours) <= 23 and int(minutes) <= 59 and int(seconds or 0) <= 59
-    require(valid, reply, "right ascension")
+    require(int(hours) <= 23 and int(minutes) <= 59 and int(seconds or 0) <= 59, reply, "right ascension")
     total = int(minutes) * 60.0 + int(hours) * 3600.0
     total += int(tenth) * 6.0 if tenth else int(seconds) + _fraction(parts)
     return total / 240.0

@@ -47,8 +47,7 @@ def parse_position(reply: bytes) -> tuple[float, float]:
     """RA and Dec (azimuth and altitude), degrees, of ``34AB0500,12CE0500#`` or ``34AB,12CE#``."""
     found = match(rb"([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8}),([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8})#", reply, "position")
     require(len(found[1]) == len(found[2]), reply, "position")
-    turn = 16 ** len(found[1])
-    ra, dec = (int(part, 16) / turn * 360.0 for part in found.groups())
+    ra, dec = (int(part, 16) / 16 ** len(found[1]) * 360.0 for part in found.groups())
     dec = dec - 360.0 if dec >= 180.0 else dec
     if abs(dec) > 90.0:  # the far side of a declination axis
         dec = (180.0 - abs(dec)) * (1.0 if dec > 0 else -1.0)
@@ -107,8 +106,7 @@ def parse_pier(reply: bytes) -> PierSide:
 
 def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes:
     """``50 len board command d1 d2 d3 n``: eight bytes through the hand control to a motor."""
-    padded = (*data, 0, 0, 0)[:3]
-    return bytes([0x50, 1 + len(data), board, command, *padded, answer])
+    return bytes([0x50, 1 + len(data), board, command, *(*data, 0, 0, 0)[:3], answer])
 
 
 def move_fixed(board: int, positive: bool, rate: int) -> bytes:
