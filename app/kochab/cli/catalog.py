@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from kochab.cli.options import add_options, between, number, whole
+from kochab.cli.options import add_options, between, number, valued, whole
 from kochab.cli.output import tell, tell_failure, with_progress
 from kochab.core.errors import CatalogueError, KochabError
 
@@ -29,20 +29,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     info.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
     reach = actions.add_parser("coverage", help="fewest and median number of stars in a field")
-    reach.add_argument(
-        "--fov",
-        type=number,
-        default=1.2,
-        metavar="DEG",
-        help="side of the square field, 0.05 to 90 degrees (default: %(default)g)",
-    )
+    side = "side of the square field, 0.05 to 90 degrees (default: %(default)g)"
+    reach.add_argument("--fov", **valued("DEG", side, number, default=1.2))
     reach.add_argument("--mag-limit", type=number, metavar="V", help="count no fainter stars")
-    reach.add_argument(
-        "--fields",
-        type=whole(1, 2_000_000),
-        metavar="N",
-        help="places tried over the sky (default: one every half field, 200,000 at most)",
-    )
+    tried = "places tried over the sky (default: one every half field, 200,000 at most)"
+    reach.add_argument("--fields", **valued("N", tried, whole(1, 2_000_000)))
     reach.add_argument("--catalog", metavar="NAME", help="an imported one, or its folder")
 
     bring = actions.add_parser(
@@ -53,7 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     bring.add_argument("path", type=Path, help="ASTAP or astrometry.net index files or their folder, or a Gaia CSV")
     bring.add_argument("--name", default="imported", help="name of the catalogue (default: %(default)s)")
     bring.add_argument(
-        "--epoch", type=between(1900.0, 2100.0, "as a year"), metavar="YEAR", help="epoch of files that give none"
+        "--epoch", **valued("YEAR", "epoch of files that give none", between(1900.0, 2100.0, "as a year"))
     )
     bring.add_argument("--mag-limit", type=number, metavar="V", help="leave fainter stars out")
 
@@ -77,6 +68,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace) -> int:
+    from platformdirs import user_cache_path
+
     from kochab.frames.outputs import refuse_overwriting
     from kochab.sky import shipped_folder
     from kochab.sky.catalogue_build import FILES, build, fetch
@@ -85,7 +78,8 @@ def _build(args: argparse.Namespace) -> int:
         raise CatalogueError(f"{args.sources} is not a folder.")
     if args.out is not None:
         refuse_overwriting((args.out / name for name in FILES), overwrite=args.overwrite)
-    sources = args.sources or with_progress("catalog", fetch(args.cache or _cache()))
+    cache = args.cache or user_cache_path("kochab") / "catalogue-sources"
+    sources = args.sources or with_progress("catalog", fetch(cache))
     manifest = with_progress("catalog", build(sources, args.out or shipped_folder()))
     if args.out is None:  # the patterns name stars by row, so they are made anew
         from kochab.identification.index_build import build_shipped
@@ -95,12 +89,6 @@ def _build(args: argparse.Namespace) -> int:
     lines += [*_facts(manifest["counts"]), *_facts(manifest["check_against_independent_list"])]
     tell(manifest, "\n".join(lines), args.json)
     return 0
-
-
-def _cache() -> Path:
-    from platformdirs import user_cache_path
-
-    return user_cache_path("kochab") / "catalogue-sources"
 
 
 def _info(args: argparse.Namespace) -> int:

@@ -16,13 +16,13 @@ from kochab.cli.options import (
     capture_settings,
     number_above_zero,
     options_of,
+    valued,
     whole,
 )
 from kochab.cli.output import Json, reporting_failures, tell
 from kochab.cli.process import say
 from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError, printable
 from kochab.core.frame import Frame
-from kochab.core.progress import Progress
 from kochab.solver.tracker import TrackOptions
 from kochab.workflows.live.session import SESSION, Recorder, options_json, recorded
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
@@ -56,7 +56,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def run(args: argparse.Namespace) -> int:
     """List, replay or solve a stream."""
     if args.list:
-        return list_cameras(args.source, args.address, args.json)
+        return _list(args)
     return _replay(args) if args.replay else _live(args)
 
 
@@ -75,13 +75,8 @@ def _live(args: argparse.Namespace) -> int:
     if args.record:
         if source == "folder":
             _refuse_watched(Path(args.record), Path(args.address))
-        about = {
-            "source": source,
-            "address": args.address,
-            "settings": asdict(settings),
-            "solve": options_json(options),
-        }
-        live = recorded(live, Recorder(Path(args.record), finite_json, about))
+        camera = {"source": source, "address": args.address, "settings": asdict(settings)}
+        live = recorded(live, Recorder(Path(args.record), finite_json, camera | {"solve": options_json(options)}))
     solved = looked_at = 0
     with closing(live):
         try:
@@ -90,8 +85,8 @@ def _live(args: argparse.Namespace) -> int:
                     looked_at += 1
                     solved += step.track.solution is not None
                     _print(step, args.json)
-                else:
-                    _warn(step)
+                elif step.stage == WARNING:
+                    say(step.detail)
         except KeyboardInterrupt:
             pass  # how a person ends it
     say(f"{solved} of {looked_at} frames solved.")
@@ -115,11 +110,6 @@ def _print(update: LiveUpdate, as_json: bool) -> None:
     if not as_json:
         for sentence in update.warnings:
             say(sentence)
-
-
-def _warn(step: Progress) -> None:
-    if step.stage == WARNING:
-        say(step.detail)
 
 
 def _replay(args: argparse.Namespace) -> int:
@@ -153,35 +143,23 @@ def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     take.add_argument("--source", metavar="NAME", help="kind of camera")
     take.add_argument("--output", "-o", required=True, metavar="FITS", help="the .fits to write")
     add_options(take, "--profile", "--overwrite", *CAMERA_SETTINGS)
-    take.add_argument(
-        "--wait",
-        type=number_above_zero,
-        default=60.0,
-        metavar="S",
-        help="time limit after the exposure, seconds (default: %(default)g)",
-    )
-    for action in (listing, take):
+    limit = "time limit after the exposure, seconds (default: %(default)g)"
+    take.add_argument("--wait", **valued("S", limit, number_above_zero, default=60.0))
+    for action, do in ((listing, _list), (take, _take)):
         add_options(action, "--address")
         action.add_argument("--json", action="store_true", help="one JSON object a line")
-        action.set_defaults(run=reporting_failures(run_camera))
+        action.set_defaults(run=reporting_failures(do))
 
 
-def run_camera(args: argparse.Namespace) -> int:
-    """Do what was asked: 0 done, 1 the camera failed, 2 the file cannot be written."""
-    if args.action == "list":
-        return list_cameras(args.source, args.address, args.json)
-    return _take(args)
-
-
-def list_cameras(source: str | None, address: str, as_json: bool) -> int:
+def _list(args: argparse.Namespace) -> int:
     """Print every kind of camera, or one, with what can be opened now."""
     from kochab.gear.cameras import SOURCES
 
-    if source is not None:
-        SOURCES.check(source)
-    for name in SOURCES.loaded() if source is None else (source,):
-        told = _told(name, address)
-        tell(told, _text(told), as_json)
+    if args.source is not None:
+        SOURCES.check(args.source)
+    for name in SOURCES.loaded() if args.source is None else (args.source,):
+        told = _told(name, args.address)
+        tell(told, _text(told), args.json)
     return 0
 
 

@@ -58,7 +58,9 @@ def live_line(update: LiveUpdate) -> str:
     if isinstance(result, Solution):
         text = f"{head}  {radec(*result.ra_dec_deg)}  roll {result.roll_deg:8.3f}"
         text += f"  {len(result.stars):3d} stars  {update.mode:8}  {update.latency_ms:6.0f} ms"
-        return text + _drift_text(update.drift)
+        if drift := update.drift:
+            text += f"  drift RA {drift.ra_arcsec_min:+.1f} Dec {drift.dec_arcsec_min:+.1f} arcsec/min"
+        return text
     text = f"{head}  no solution: {result.reason}. {result.advice}"
     good = update.last_good
     if good is not None:
@@ -74,12 +76,6 @@ def replay_line(replayed: Replayed) -> str:
     apart = replayed.apart_arcsec
     where = "" if apart is None else f", {apart:.3f} arcsec apart"
     return f"{name}  {said}{where}" + ("" if replayed.intact else "; THE FILE WAS CHANGED")
-
-
-def _drift_text(drift: Drift | None) -> str:
-    if drift is None:
-        return ""
-    return f"  drift RA {drift.ra_arcsec_min:+.1f} Dec {drift.dec_arcsec_min:+.1f} arcsec/min"
 
 
 def _drift(drift: Drift | None) -> Json | None:

@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     process.make_ready()
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        if _is_astap(arguments):
+        if "-f" in arguments and re.match("-[a-z]", arguments[0]):  # ASTAP's words have one dash
             from kochab.cli.astap import run
 
             code = run(arguments)
@@ -89,11 +89,6 @@ def _command(arguments: list[str]) -> int:
         process.say(str(error))
         return 2
     return code
-
-
-def _is_astap(arguments: Sequence[str]) -> bool:
-    """Whether these are ASTAP's arguments: ``-f``, among words of one dash."""
-    return "-f" in arguments and re.match("-[a-z]", arguments[0]) is not None
 
 
 def _refuse_bare_files(arguments: Sequence[str]) -> None:

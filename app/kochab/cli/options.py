@@ -98,36 +98,37 @@ class _ListSettings(argparse.Action):
 
 # The options that several commands take. What one of them says in other words it changes when it adds it.
 
+
+def valued(metavar: str, text: str, kind: Callable[[str], Any] = str, **more: Any) -> dict[str, Any]:
+    """What ``add_argument`` needs for an option with a value that ``kind`` reads."""
+    return {"metavar": metavar, "help": text, "type": kind, **more}
+
+
 OPTIONS: dict[str, dict[str, Any]] = {
     "--overwrite": {"action": "store_true", "help": "replace existing files, never an input"},
-    "--profile": {"metavar": "NAME", "help": "equipment profile, see kochab profile"},
-    "--source": {"metavar": "NAME", "help": "kind of camera: folder, indi, alpaca, webcam, ..."},
-    "--address": {"default": "", "metavar": "WHERE", "help": "folder, host:port/camera or device"},
-    "--exposure": {"type": number_above_zero, "metavar": "S", "help": "seconds"},
-    "--gain": {"type": number, "metavar": "G", "help": "in the camera's units"},
-    "--binning": {"type": whole(1, 256), "metavar": "N", "help": "pixels a side"},
-    "--port": {"metavar": "P", "help": "/dev/ttyUSB0, COM3 or socket://HOST:PORT"},
-    "--driver": {"metavar": "NAME", "help": "the mount's protocol (default: detected)"},
-    "--baud": {"type": whole(300, 4_000_000, "baud rate"), "metavar": "N", "help": "baud rate (default: the driver's)"},
+    "--profile": valued("NAME", "equipment profile, see kochab profile"),
+    "--source": valued("NAME", "kind of camera: folder, indi, alpaca, webcam, ..."),
+    "--address": valued("WHERE", "folder, host:port/camera or device", default=""),
+    "--exposure": valued("S", "seconds", number_above_zero),
+    "--gain": valued("G", "in the camera's units", number),
+    "--binning": valued("N", "pixels a side", whole(1, 256)),
+    "--port": valued("P", "/dev/ttyUSB0, COM3 or socket://HOST:PORT"),
+    "--driver": valued("NAME", "the mount's protocol (default: detected)"),
+    "--baud": valued("N", "baud rate (default: the driver's)", whole(300, 4_000_000, "baud rate")),
     "--epoch": {"choices": ["J2000", "date"], "help": "equinox of the mount's coordinates"},
-    "--site": {"type": site, "metavar": "LAT,LON[,H]", "help": "degrees, east positive, metres"},
-    "--fov": {
-        "type": between(0.001, 170.0, "deg"),  # what a flat picture can show
-        "metavar": "DEG",
-        "help": "width of the frame in degrees, good to a tenth",
-    },
-    "--scale": {
-        "type": between(0.001, 36000.0, "arcsec a pixel"),
-        "metavar": "ARCSEC_PX",
-        "help": "pixel scale, good to a tenth (--fov takes precedence)",
-    },
-    "--near": {"type": _near, "metavar": "RA,DEC,RADIUS", "help": "search here first, in degrees"},
-    "--method": {
-        "default": "patterns",
-        "metavar": "NAME",
-        "help": "how stars are identified, see --methods (default: %(default)s, which needs no hint)",
-    },
-    "--attitude": {"metavar": "NAME", "help": "attitude estimator (default: fitted together with the camera)"},
+    "--site": valued("LAT,LON[,H]", "degrees, east positive, metres", site),
+    # No more than a flat picture can show.
+    "--fov": valued("DEG", "width of the frame in degrees, good to a tenth", between(0.001, 170.0, "deg")),
+    "--scale": valued(
+        "ARCSEC_PX", "pixel scale, good to a tenth (--fov takes precedence)", between(0.001, 36000.0, "arcsec a pixel")
+    ),
+    "--near": valued("RA,DEC,RADIUS", "search here first, in degrees", _near),
+    "--method": valued(
+        "NAME",
+        "how stars are identified, see --methods (default: %(default)s, which needs no hint)",
+        default="patterns",
+    ),
+    "--attitude": valued("NAME", "attitude estimator (default: fitted together with the camera)"),
     "--set": {
         "action": "append",
         "default": [],
@@ -140,23 +141,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "nargs": 0,
         "help": "list methods, detectors and attitudes with their options, units, ranges and papers",
     },
-    "--timeout": {
-        "type": number_above_zero,
-        "default": 30.0,
-        "metavar": "S",
-        "help": "time limit per frame, seconds (default: %(default)g)",
-    },
-    "--detector": {
-        "default": "auto",
-        "metavar": "NAME",
-        "help": "how stars are detected, see --methods (default: %(default)s)",
-    },
-    "--workers": {
-        "type": whole(1, 256),
-        "default": 1,
-        "metavar": "N",
-        "help": "files solved at the same time, 1 to 256 (default: %(default)s)",
-    },
+    "--timeout": valued("S", "time limit per frame, seconds (default: %(default)g)", number_above_zero, default=30.0),
+    "--detector": valued("NAME", "how stars are detected, see --methods (default: %(default)s)", default="auto"),
+    "--workers": valued(
+        "N", "files solved at the same time, 1 to 256 (default: %(default)s)", whole(1, 256), default=1
+    ),
     "--wcs": {"action": "store_true", "help": "write FILE.wcs beside each solved file"},
     "--strict": {"action": "store_true", "help": "a solution outside --near counts as not solved"},
 }

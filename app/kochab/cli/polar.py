@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kochab.cli.options import add_options, between, named, scale_range
+from kochab.cli.options import add_options, between, named, scale_range, valued
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
@@ -18,7 +18,7 @@ from kochab.polar.error import altitude_in_words, azimuth_in_words, split_in_wor
 from kochab.polar.horizon import Pole, Refraction, name_of
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure
 from kochab.polar.plan import more_turn_deg, plan_second
-from kochab.polar.report import History
+from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
 from kochab.workflows.polar.sources import SolvedFile, sightings_of, site_of, solve_polar_file
@@ -75,19 +75,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="FRAME",
         help="two frames or more of a second sweep at another declination, same adjustment: measures flexure",
     )
-    parser.add_argument(
-        "--pressure",
-        type=between(0.0, 1100.0, "hPa"),
-        metavar="HPA",
-        help="air pressure; 0 for no refraction (default: standard at the site's height)",
-    )
-    parser.add_argument(
-        "--temperature",
-        type=between(-90.0, 60.0, "deg C"),
-        default=10.0,
-        metavar="C",
-        help="air temperature, degrees Celsius (default: %(default)g)",
-    )
+    pressure = "air pressure; 0 for no refraction (default: standard at the site's height)"
+    parser.add_argument("--pressure", **valued("HPA", pressure, between(0.0, 1100.0, "hPa")))
+    celsius = "air temperature, degrees Celsius (default: %(default)g)"
+    parser.add_argument("--temperature", **valued("C", celsius, between(-90.0, 60.0, "deg C"), default=10.0))
     add_options(parser, "--fov", help="width of the frames in degrees")
     add_options(parser, "--timeout")
     parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
@@ -123,7 +114,9 @@ def run(args: argparse.Namespace) -> int:
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings]
     print(json.dumps(as_json(result, doubts)) if args.json else as_text(result, doubts))
     if args.report is not None:
-        _write_report(args.report, result)
+        history = History()
+        history.measured(result)
+        write_report(args.report, history)
     return 0
 
 
@@ -155,14 +148,15 @@ def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
     """A card for people."""
     error = m.error
     sweeps = f" of {len(m.results)} sweeps" if len(m.results) > 1 else ""
+    chi2 = f"; chi-square {m.fit.chi2:.1f} of {m.fit.freedom} expected" if m.fit.freedom > 0 else ""
     lines = [
         f"{total_in_words(error)} from the {name_of(m.settings.pole, m.settings.site)}",
         f"altitude  {altitude_in_words(error)}",
         f"azimuth   {azimuth_in_words(error)}",
         f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
-        f" {m.rho_deg:.0f} deg from the axis" + _chi2(m),
+        f" {m.rho_deg:.0f} deg from the axis{chi2}",
+        f"of the ±  {split_in_words(error)}",
     ]
-    lines.append(f"of the ±  {split_in_words(error)}")
     if error.below_uncertainty:
         lines.append("stop      the error is within its uncertainty")
     if not SPOILT & {finding.kind for finding in m.findings}:
@@ -184,12 +178,6 @@ def _better(m: Measurement) -> list[str]:
     return lines
 
 
-def _chi2(m: Measurement) -> str:
-    if m.fit.freedom <= 0:
-        return ""
-    return f"; chi-square {m.fit.chi2:.1f} of {m.fit.freedom} expected"
-
-
 def _solve(path: str, options: SolveOptions) -> "SolvedFile | UnusableFrame":
     try:
         file = with_progress(path, solve_polar_file(path, options))
@@ -209,11 +197,3 @@ def _fail(sentence: str, as_json: bool, code: int, bad: Sequence[UnusableFrame] 
         for told in [one.told for one in bad] or [sentence]:
             say(told)
     return code
-
-
-def _write_report(path: str, m: Measurement) -> None:
-    from kochab.polar.report import write_report
-
-    history = History()
-    history.measured(m)
-    write_report(path, history)

@@ -11,7 +11,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.options import between, site, whole
+from kochab.cli.options import between, site, valued, whole
 from kochab.cli.output import tell
 from kochab.core.errors import UsageError
 
@@ -33,27 +33,17 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     parser.add_argument("--driver", default="lx200", metavar="NAME", help="the mount's protocol")
     parser.add_argument("--site", type=_site, metavar="LAT,LON[,H]", help="default: where it is midnight now")
-    parser.add_argument(
-        "--misalign",
-        type=between(0.0, 600.0, "arcmin"),
-        metavar="ARCMIN",
-        help="polar alignment error (default: 20-90)",
-    )
-    parser.add_argument("--lost", type=between(0.0, 90.0, "deg"), default=3.0, metavar="DEG", help="pointing error (3)")
-    parser.add_argument(
-        "--fov", type=between(MIN_FOV_DEG, 60.0, "deg"), default=2.4, metavar="DEG", help="field of view (2.4)"
-    )
+    for name, metavar, default, kind, text in (
+        ("--misalign", "ARCMIN", None, between(0.0, 600.0, "arcmin"), "polar alignment error (default: 20-90)"),
+        ("--lost", "DEG", 3.0, between(0.0, 90.0, "deg"), "pointing error (3)"),
+        ("--fov", "DEG", 2.4, between(MIN_FOV_DEG, 60.0, "deg"), "field of view (2.4)"),
+        ("--exposure", "S", 2.0, between(0.001, 600.0, "s"), "exposure of a frame (2)"),
+        ("--rate", "X", 1.0, between(0.1, 1000.0, "times"), "speed of time (1)"),
+        ("--seed", "N", 0, whole(0, what="whole number"), "number of the night (0)"),
+    ):
+        parser.add_argument(name, **valued(metavar, text, kind, default=default))
     parser.add_argument("--socket", action="store_true", help="TCP instead of a pseudo-terminal")
     parser.add_argument("--folder", metavar="DIR", help="save every frame there as FITS")
-    parser.add_argument(
-        "--exposure", type=between(0.001, 600.0, "s"), default=2.0, metavar="S", help="exposure of a frame (2)"
-    )
-    parser.add_argument(
-        "--rate", type=between(0.1, 1000.0, "times"), default=1.0, metavar="X", help="speed of time (1)"
-    )
-    parser.add_argument(
-        "--seed", type=whole(0, what="whole number"), default=0, metavar="N", help="number of the night (0)"
-    )
     parser.add_argument("--faults", action="store_true", help="clouds, wind, a kick, a slipping clutch, a bad cable")
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     parser.set_defaults(run=run)
@@ -64,19 +54,8 @@ def run(args: argparse.Namespace) -> int:
     module, _, name = PRACTISE.partition(":")
     practise: Callable[..., Practice] = getattr(import_module(module), name)
     say: Say = partial(tell, as_json=args.json)
-    practice = practise(
-        args.driver,
-        args.seed,
-        args.site,
-        args.misalign,
-        args.lost,
-        args.rate,
-        args.faults,
-        args.folder,
-        args.exposure,
-        args.socket or os.name == "nt",
-        args.fov,
-    )
+    night = (args.driver, args.seed, args.site, args.misalign, args.lost, args.rate, args.faults)
+    practice = practise(*night, args.folder, args.exposure, args.socket or os.name == "nt", args.fov)
     try:
         say(_begin_json(practice), _begin_text(practice))
         _listen(practice, say)

@@ -168,8 +168,7 @@ def add_detect_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser = subparsers.add_parser(
         "detect",
         description="Positions are in pixels, x right, y down, (0, 0) the centre of the first pixel;"
-        " angles in degrees from x towards y. Exit code: 0 done, with stars or without, 2 unusable"
-        " input.",
+        " angles in degrees from x towards y. Exit code: 0 done, with stars or without, 2 unusable input.",
     )
     parser.add_argument("file", metavar="FILE", help="a frame of the night sky")
     add_options(parser, "--detector", "--methods")
@@ -241,8 +240,7 @@ def detections_text(detections: "Detections") -> str:
         marks = " saturated" * star["saturated"] + " blended" * star["blended"]
         lines.append(
             f"{star['x']:9.2f} {star['y']:9.2f} {star['flux'] or 0:11.5g} {star['snr'] or 0:8.1f} "
-            f"{star['fwhm_px'] or 0:6.2f} {star['elongation'] or 0:5.2f} "
-            f"{star['angle_deg'] or 0:6.1f}{marks}"
+            f"{star['fwhm_px'] or 0:6.2f} {star['elongation'] or 0:5.2f} {star['angle_deg'] or 0:6.1f}{marks}"
         )
     return "\n".join(lines)
 

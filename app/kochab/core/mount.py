@@ -50,9 +50,8 @@ class Home(StrEnum):
 
 
 CONFIRM_HOME = (
-    "The mount's home is not confirmed, and a slew could drive the tube into the pier: sync on a "
-    "solved frame; or put the tube at the pole with the counterweight down, and connect again with "
-    "home confirmed (--home now)."
+    "The mount's home is not confirmed, and a slew could drive the tube into the pier: sync on a solved frame; or put "
+    "the tube at the pole with the counterweight down, and connect again with home confirmed (--home now)."
 )
 
 

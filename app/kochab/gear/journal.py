@@ -195,18 +195,15 @@ def save_report(path: Path, settings: Mapping[str, Any] | None = None, folder: P
 
 def redacted(text: str) -> str:
     """``text`` without passwords in addresses, folders, and the names of user and computer."""
+    import getpass
+
     text = re.sub(r"(?<=://)[^\s/@'\"]+@", "…@", text)
     text = text.replace(str(Path.home()), "~")
     text = FOLDERS.sub(lambda found: _known_folder(found.group()), text)
     with suppress(KeyError, OSError):  # no name in the environment, none in the system
-        text = re.sub(rf"\b{re.escape(_user())}\b", "user", text, flags=re.IGNORECASE)
+        user = os.environ.get("USERNAME") or getpass.getuser()
+        text = re.sub(rf"\b{re.escape(user)}\b", "user", text, flags=re.IGNORECASE)
     return re.sub(rf"\b{re.escape(platform.node())}\b", "computer", text) if platform.node() else text
-
-
-def _user() -> str:
-    import getpass
-
-    return os.environ.get("USERNAME") or getpass.getuser()
 
 
 def _known_folder(folders: str) -> str:

@@ -225,7 +225,8 @@ class MountLine:
         tried = monotonic()
         while True:
             yield Progress("line lost")
-            self._drop_orders()
+            while not self._orders.empty():
+                self._tell(OrderFailed(self._orders.get().name, LOST))
             if order is not None and self._given_up(order):
                 raise error
             if monotonic() - tried < RETRY_S:
@@ -240,10 +241,6 @@ class MountLine:
             else:
                 self._tell(again)
                 return
-
-    def _drop_orders(self) -> None:
-        while not self._orders.empty():
-            self._tell(OrderFailed(self._orders.get().name, LOST))
 
 
 def _connected(guard: Guard) -> Connected:

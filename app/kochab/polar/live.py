@@ -10,7 +10,7 @@ arcsec. Such a prior is badly wrong when something slipped or was turned, so it 
 dropped where the attitude alone puts theta more than three sigmas away.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,36 +199,30 @@ class LivePhase:
             return "", 0.0
         return near, theta + wrapped_rad(expected[near] - theta)
 
-    def _findings(self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude) -> list[PolarFinding]:
-        found = []
-        if self._declination_rad:
-            found.append(
-                PolarFinding(
-                    PolarFindingKind.DEC_MOVED,
-                    f"Declination moved by {angle_in_words(self._declination_rad / ARCSEC)}, and the error"
-                    " shown is off by as much. Lock it and measure again.",
-                )
-            )
+    def _findings(
+        self, error: PolarError, moved_deg: float, theta: float, now: LocalAttitude
+    ) -> Iterator[PolarFinding]:
         elapsed = abs((now.time_utc - self._reference_time).total_seconds())
-        if not found and abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
-            found.append(
-                PolarFinding(
-                    PolarFindingKind.SLIPPING,
-                    f"RA turned by {abs(np.degrees(theta)):.1f}° on its own. Lock its clutch; the error"
-                    " shown is still right.",
-                )
+        if self._declination_rad:
+            yield PolarFinding(
+                PolarFindingKind.DEC_MOVED,
+                f"Declination moved by {angle_in_words(self._declination_rad / ARCSEC)}, and the error shown is off by"
+                " as much. Lock it and measure again.",
+            )
+        elif abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
+            yield PolarFinding(
+                PolarFindingKind.SLIPPING,
+                f"RA turned by {abs(np.degrees(theta)):.1f}° on its own. Lock its clutch; the error shown is still"
+                " right.",
             )
         if moved_deg > LARGE_MOVE_DEG:
-            found.append(
-                PolarFinding(
-                    PolarFindingKind.REMEASURE,
-                    f"The axis has moved by {moved_deg:.1f}° since it was measured. Measure again before"
-                    " the fine adjustment.",
-                )
+            yield PolarFinding(
+                PolarFindingKind.REMEASURE,
+                f"The axis has moved by {moved_deg:.1f}° since it was measured. Measure again before the fine"
+                " adjustment.",
             )
         if error.below_uncertainty:
-            found.append(PolarFinding(PolarFindingKind.DONE, "Stop: the error is within its uncertainty."))
-        return found
+            yield PolarFinding(PolarFindingKind.DONE, "Stop: the error is within its uncertainty.")
 
 
 def _beyond(measurement: Measurement) -> Floats:

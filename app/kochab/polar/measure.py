@@ -171,9 +171,8 @@ def _pole(error: PolarError, settings: "MeasureSettings") -> Iterator[PolarFindi
     if lifted >= POLES_APART_ARCSEC:
         yield PolarFinding(
             PolarFindingKind.POLE,
-            f"This close to the equator, refraction lifts the {settings.pole} pole by"
-            f" {angle_in_words(lifted)}, but stars higher up by far less. Align to the true pole for better"
-            " tracking.",
+            f"This close to the equator, refraction lifts the {settings.pole} pole by {angle_in_words(lifted)}, but"
+            " stars higher up by far less. Align to the true pole for better tracking.",
         )
 
 

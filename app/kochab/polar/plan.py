@@ -1,7 +1,7 @@
 """How far and which way to turn the RA axis, and where a second sweep shows flexure best."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -160,11 +160,6 @@ class SecondSweep:
     foreseen_arcsec: float
     shows: bool
 
-    @property
-    def cost_arcsec(self) -> float:
-        """What is foreseen, a little more when RA has to be turned back for it."""
-        return self.foreseen_arcsec * (BACK_COSTS if self.back_deg else 1.0)
-
 
 def plan_second(
     measurement: Measurement, optics: Optics, frames: int, turn_deg: float | None = None
@@ -184,7 +179,7 @@ def plan_second(
         for plan in _plans(measurement, optics, frames, turn_deg, back_deg, start)
         if plan.shows
     ]
-    return min(plans, key=lambda second: second.cost_arcsec, default=None)
+    return min(plans, key=lambda plan: plan.foreseen_arcsec * (BACK_COSTS if plan.back_deg else 1.0), default=None)
 
 
 def _plans(
@@ -204,7 +199,9 @@ def _foreseen(
     new = m.rho_deg + move
     sigma = weighted_arcsec(optics, new, path.turn_deg, frames) * ARCSEC
     error = PolarError(m.error.axis, m.error.pole, np.eye(2) * sigma**2 / 2.0)
-    both = combine_sweeps((*_agreeing(m.results, error), SweepResult(error, np.radians(new))), m.before)
+    # As if all sweeps had found one axis: only their errors count for a plan.
+    agreeing = (SweepResult(replace(error, covariance=s.error.covariance), s.rho_rad) for s in m.results)
+    both = combine_sweeps((*agreeing, SweepResult(error, np.radians(new))), m.before)
     north = northern(m.settings.site)
     return SecondSweep(
         back_deg,
@@ -215,11 +212,6 @@ def _foreseen(
         both.error.with_flexure.uncertainty_arcsec,
         both.error.flexure_total_arcsec < WORTH * m.error.flexure_total_arcsec,
     )
-
-
-def _agreeing(sweeps: Sequence[SweepResult], error: PolarError) -> list[SweepResult]:
-    """The sweeps as if they had all found one axis: only their errors count for a plan."""
-    return [SweepResult(PolarError(error.axis, error.pole, s.error.covariance), s.rho_rad) for s in sweeps]
 
 
 def away_from_axis(attitude: LocalAttitude, axis: Floats, degrees: float) -> Floats:

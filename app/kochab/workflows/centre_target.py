@@ -166,8 +166,8 @@ class _Centring:
         state = with_retries(self.mount.state)
         if state.slewing:
             yield from settled(self.mount, self.wait)
-        elif state.tracking is not False and self.is_near():
-            return True  # centred before: keep the sync made then
+        elif state.tracking is not False and apart_deg(self.reported(), self.there()) < NEAR_DEG:
+            return True  # near the target already, from a centring before: keep the sync made then
         for _ in range(TROUBLES):
             sent = len(self.mount.log.sent())
             if (yield from self.tried(self.slew(self.there()))):
@@ -177,10 +177,6 @@ class _Centring:
                 return False
             self.wait(SOON_S)
         return False
-
-    def is_near(self) -> bool:
-        """Whether the mount reports a position near the target already."""
-        return apart_deg(self.reported(), self.there()) < NEAR_DEG
 
     def solve(self) -> Task[Solution | NoSolution]:
         """Solve a fresh frame; another when the first has no solution."""

@@ -41,18 +41,14 @@ def make_elsewhere() -> Task[None]:
         )
         try:
             while process.poll() is None:
-                yield _progress(_read(status))
+                fraction = _read(status).get("fraction")
+                yield Progress("patterns", fraction if isinstance(fraction, float) else None)
                 time.sleep(LOOK_EVERY_S)
         finally:
             _end(process)
         if process.returncode != 0:
             why = _read(status).get("error")
             raise CatalogueError(str(why or "Can't build the small-field index."))
-
-
-def _progress(status: dict[str, object]) -> Progress:
-    fraction = status.get("fraction")
-    return Progress("patterns", fraction if isinstance(fraction, float) else None)
 
 
 def _read(path: Path) -> dict[str, object]:

@@ -98,7 +98,8 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
             wait(min(end, 0.5))
             end -= 0.5
             if end > 1.0:  # towards its end the line is left to the command that ends it
-                _check_position(mount)
+                with suppress(NoAnswerError):  # one lost reply ends no motion
+                    mount.position()
             mount.check_not_stopped(stops, "motion")
         left -= part
     wait(AFTER_S)
@@ -109,12 +110,6 @@ def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:
     """The slowest of the mount's rates that takes at most some seconds for ``amount_deg``."""
     rates = sorted(mount.rates_deg_s or (SIDEREAL_DEG_S, 0.1, 1.0))
     return next((r for r in rates if amount_deg / r <= LONGEST_S), rates[-1])
-
-
-def _check_position(mount: Guard) -> None:
-    """Let the guard see where the mount goes; one lost reply ends no motion."""
-    with suppress(NoAnswerError):
-        mount.position()
 
 
 # -- Move a star, clicked in a solved frame, to a place in it ----------------------------------

@@ -1,6 +1,7 @@
 """Recover a lost mount with nobody at the telescope, or diagnose why mount and sky disagree."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -167,15 +168,14 @@ def sighted(
     now = mount.clock()
     reported = with_retries(mount.position)
     state = with_retries(mount.state)
-    return MountSighting(
-        solution.ra_dec_deg,
-        reported,
-        time_utc or now,
-        site or mount.site,
-        state.pier_side,
-        state.aligned,
-        _at(_site_report(mount), now, time_utc),
-    )
+    report = SiteReport()
+    with suppress(DeviceError):  # the diagnosis goes on without it
+        report = mount.site_report()
+    then = time_utc or now
+    if report.time_utc is not None:  # the mount's clock as it was when the frame was taken
+        report = replace(report, time_utc=report.time_utc + (then - now))
+    place = site or mount.site
+    return MountSighting(solution.ra_dec_deg, reported, then, place, state.pier_side, state.aligned, report)
 
 
 def why_they_disagree(
@@ -189,18 +189,3 @@ def why_they_disagree(
     yield Progress("reading the mount", 0.9)
     sightings = (*before, sighted(mount, solved))
     return investigate(sightings), sightings
-
-
-def _site_report(mount: Guard) -> SiteReport:
-    """Empty when the mount does not reply: the diagnosis goes on without it."""
-    try:
-        return mount.site_report()
-    except DeviceError:
-        return SiteReport()
-
-
-def _at(report: SiteReport, now: datetime, then: datetime | None) -> SiteReport:
-    """The mount's clock as it was when the frame was taken."""
-    if report.time_utc is None or then is None:
-        return report
-    return SiteReport(report.site, report.time_utc + (then - now), report.utc_offset_h)

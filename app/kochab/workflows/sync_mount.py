@@ -113,7 +113,9 @@ def accept_sync(
     offer.
     """
     yield Progress("sync", 0.0, offer.in_words)
-    _same_place(mount, offer)
+    moved = apart(with_retries(mount.position), offer.mount)
+    if moved * 3600.0 > MOVED_ARCSEC:
+        raise RefusedError(f"The mount has moved by {angle_text(moved)} since the frames. Take new ones.")
     refusal = offer.no_sync
     if not refusal:
         there = mount.to_mount(*offer.sky_deg)
@@ -157,12 +159,6 @@ def _offset_slew(mount: Guard, offer: SyncOffer, wait: Wait) -> Task[None]:
     )
     yield from mount.slew(ra, dec)
     yield from settled(mount, wait)
-
-
-def _same_place(mount: Guard, offer: SyncOffer) -> None:
-    moved = apart(with_retries(mount.position), offer.mount)
-    if moved * 3600.0 > MOVED_ARCSEC:
-        raise RefusedError(f"The mount has moved by {angle_text(moved)} since the frames. Take new ones.")
 
 
 def shifted(place_deg: tuple[float, float], ra_deg: float, dec_deg: float) -> tuple[float, float]:

@@ -43,7 +43,8 @@ def run_recover(args: argparse.Namespace) -> int:
     """Recover, and tell what was done."""
     from kochab.workflows.recover_mount import recover_mount
 
-    asked = not (args.yes or args.arm or args.dry_run) and somebody_there()
+    there = sys.stdin is not None and sys.stdin.isatty()  # who reads a preview and repeats: no timer, no script
+    asked = there and not (args.yes or args.arm or args.dry_run)
     with mount_frames(args) as seeing, guarded_mount(args) as guard:
         notes: list[str] = []
 
@@ -70,11 +71,6 @@ def run_recover(args: argparse.Namespace) -> int:
         asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks
     tell(told, "\n  ".join([*_lines(told), *([NOTHING_SENT] if asked else [])]), args.json)
     return 0
-
-
-def somebody_there() -> bool:
-    """Whether a person can read a preview and repeat the command: not a timer, not a script."""
-    return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _site(from_frame: Site | None, guard: "Guard") -> tuple[Site | None, list[str]]:

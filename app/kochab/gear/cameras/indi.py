@@ -5,6 +5,7 @@ import tempfile
 import zlib
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from datetime import timedelta
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -147,7 +148,7 @@ class IndiCamera(ExposingCamera):
             return None
         hint = frame.hint
         if hint.time_utc is None:
-            hint = replace(hint, time_utc=exposed.middle_utc)
+            hint = replace(hint, time_utc=exposed.begun_utc + timedelta(seconds=exposed.seconds / 2.0))
         if hint.exposure_s is None:
             hint = replace(hint, exposure_s=exposed.seconds)
         return replace(frame, hint=hint)

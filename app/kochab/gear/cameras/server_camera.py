@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from socket import gaierror
 from time import monotonic
 
@@ -24,11 +24,6 @@ class Exposure:
     begun_s: float
     begun_utc: datetime
     seconds: float
-
-    @property
-    def middle_utc(self) -> datetime:
-        """Mid-exposure by this computer's clock."""
-        return self.begun_utc + timedelta(seconds=self.seconds / 2.0)
 
     def check_overdue(self, camera: str) -> None:
         """Raise LineLostError when its picture should have been here long ago."""

@@ -25,7 +25,7 @@ from kochab.window.live.status_text import StreamStatus, recorded_text
 from kochab.window.shell.dialogs import ask_folder
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, column, label, row, scrolled, show_text, switch, tab_pages
-from kochab.workflows.live.solve import LiveEngine
+from kochab.workflows.live.solve import ProfiledTracker
 from kochab.workflows.session.live_stream import Recorded, Stream, StreamRequest
 
 NO_RECORDER = "Recording is not available in this window."
@@ -142,7 +142,7 @@ class LiveView(Page):
         self._save()
         self.run(StreamRequest(opened, name, panel.lens.text().strip(), panel.reconnect.isChecked()))
 
-    def run(self, request: StreamRequest, make_engine: Callable[[], LiveEngine] | None = None) -> None:
+    def run(self, request: StreamRequest, make_engine: Callable[[], ProfiledTracker] | None = None) -> None:
         """Run any camera, with another engine than the tracker if given."""
         if self.stream is not None or self._ending is not None:
             return

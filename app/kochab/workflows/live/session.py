@@ -27,7 +27,7 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.solver import SolveOptions
 from kochab.solver.tracker import TrackUpdate
 from kochab.workflows.live.capture import Shot
-from kochab.workflows.live.solve import WARNING, Live, LiveEngine
+from kochab.workflows.live.solve import WARNING, Live, ProfiledTracker
 from kochab.workflows.live.update import GoodPointing, LiveUpdate
 
 SESSION = "session.json"
@@ -276,7 +276,7 @@ def recorded_options(folder: Path) -> SolveOptions:
     return options_from(read_session(folder)[0].get("solve") or {})
 
 
-def replay(folder: Path, engine: LiveEngine) -> Generator[Progress | Replayed, None, None]:
+def replay(folder: Path, engine: ProfiledTracker) -> Generator[Progress | Replayed, None, None]:
     """Solve every frame of the session in ``folder`` again, in order.
 
     Raises KochabError when the folder holds no session, or one of its frames is missing or unreadable.
@@ -288,7 +288,8 @@ def replay(folder: Path, engine: LiveEngine) -> Generator[Progress | Replayed, N
         received = monotonic()
         moment = _moment(line, frame)
         track = yield from engine.update(frame, moment)
-        shot = Shot(number, frame, received - _seconds_since(moment), received)
+        ago_s = max(0.0, (datetime.now(UTC) - moment).total_seconds())
+        shot = Shot(number, frame, received - ago_s, received)
         yield Replayed(_update(shot, track), line, intact, _apart(track.solution, line))
 
 
@@ -307,10 +308,6 @@ def _moment(line: Json, frame: Frame) -> datetime:
         return datetime.fromisoformat(str(line.get("time_utc"))).astimezone(UTC)
     except ValueError:
         return frame.hint.time_utc or datetime.now(UTC)
-
-
-def _seconds_since(moment: datetime) -> float:
-    return max(0.0, (datetime.now(UTC) - moment).total_seconds())
 
 
 def _update(shot: Shot, track: TrackUpdate) -> LiveUpdate:

@@ -11,7 +11,6 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Protocol
 
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
@@ -29,24 +28,7 @@ RATE_OVER = 20
 Live = Generator[Progress | LiveUpdate, None, None]
 
 
-class LiveEngine(Protocol):
-    """What makes a pointing of a frame: :class:`ProfiledTracker`."""
-
-    @property
-    def profile(self) -> Profile | None:
-        """What is known of the camera so far."""
-        ...
-
-    def update(self, frame: Frame, time_utc: datetime | None = None) -> Task[TrackUpdate]:
-        """Take one frame in."""
-        ...
-
-    def keep(self) -> Path | None:
-        """Write what was learned of the camera; None when nothing was."""
-        ...
-
-
-def live_solve(capture: Capture, engine: LiveEngine, frames: int | None = None) -> Live:
+def live_solve(capture: Capture, engine: "ProfiledTracker", frames: int | None = None) -> Live:
     """Start ``capture`` and solve its newest frame, again and again.
 
     Yields :class:`LiveUpdate` for every frame looked at and :class:`Progress` in between, at least ten times a second

@@ -16,7 +16,7 @@ from kochab.solver.camera_profile import Profile
 from kochab.solver.tracker import TrackOptions
 from kochab.workflows.live.capture import Capture
 from kochab.workflows.live.session import Recorder, options_json, session_folder
-from kochab.workflows.live.solve import WARNING, LiveEngine, ProfiledTracker, live_solve
+from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.wiring import ToRecord
 
@@ -138,7 +138,7 @@ class Stream:
         wish: StreamRequest,
         show: Show,
         to_record: ToRecord | None = None,
-        make_engine: Callable[[], LiveEngine] | None = None,
+        make_engine: Callable[[], ProfiledTracker] | None = None,
     ) -> None:
         self.wish = wish
         self.capture = Capture(wish.open, wish.again, self._see)
@@ -193,7 +193,7 @@ class Stream:
             self._held, self._quick = None, False
             self._show(held[0], None)
 
-    def _has(self, update: LiveUpdate, engine: LiveEngine) -> None:
+    def _has(self, update: LiveUpdate, engine: ProfiledTracker) -> None:
         self._held = None
         self._quick = update.mode == "tracking" and update.latency_ms < 1e3 * AHEAD_S
         self._show(update.shot.frame, update)
@@ -202,11 +202,11 @@ class Stream:
         self.said.extend(w for w in update.warnings if w not in self.said)
         self.said.extend(self.recording.take(update))
 
-    def _learn(self, update: LiveUpdate, engine: LiveEngine) -> None:
+    def _learn(self, update: LiveUpdate, engine: ProfiledTracker) -> None:
         """Remember a doubt until a later frame agrees with the profile."""
         profile, before = engine.profile, self.lens.profile
         learned = profile is None or before is None or profile.frames != before.frames
         self.lens = Lens(profile, update.track.doubt or ("" if learned else self.lens.doubt))
 
-    def _engine(self) -> LiveEngine:
+    def _engine(self) -> ProfiledTracker:
         return ProfiledTracker(self.wish.profile, TrackOptions(solve=self.options))

@@ -22,24 +22,19 @@ class PolarPage(Protocol):
     @property
     def running(self) -> bool:
         """Whether the page is being served."""
-        ...
 
     @property
     def url(self) -> str:
         """What a phone opens; empty while switched off."""
-        ...
 
     def start(self, host: str | None = None) -> str:
         """Serve it, and return the URL; PortError when the address cannot be used."""
-        ...
 
     def stop(self) -> None:
         """Switch off."""
-        ...
 
     def show(self, words: str, error: PolarError | None = None, solved: bool = True) -> None:
         """Replace what phones see."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
