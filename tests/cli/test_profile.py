@@ -80,10 +80,10 @@ def test_the_guard_goes_by_its_limits(newton, monkeypatch) -> None:
     from kochab.gear import session
 
     opened = []
-    monkeypatch.setattr(session, "open_mount", lambda *told, **more: opened.append(told) or object())
+    monkeypatch.setattr(session, "open_mount", lambda *told, **more: opened.append((*told, more["epoch"])) or object())
     monkeypatch.setattr(session, "Guard", lambda mount, site, limits, **more: limits)
     limits = guarded_mount(read("mount", "goto", "Vega", "--profile", newton, "--no-site"))
-    assert opened[0][:4] == ("onstep", "/dev/ttyUSB7", 57600, session.EPOCH_NAMES["date"])
+    assert opened[0] == ("onstep", "/dev/ttyUSB7", 57600, session.EPOCH_NAMES["date"])
     assert (limits.lowest_altitude_deg, limits.allow_flip, limits.allow_without_site) == (20.0, True, True)
 
 
