@@ -28,8 +28,7 @@ from kochab.workflows.live.session import SESSION, Recorder, options_json, recor
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
 from kochab.workflows.live.update import LiveUpdate
 
-SOLVE_TIMEOUT_S = 10.0
-"""A frame that takes longer is given up: there is a newer one by then."""
+SOLVE_TIMEOUT_S = 10.0  # a frame that takes longer is given up: there is a newer one by then
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:

@@ -221,8 +221,7 @@ def _registry(kind: str) -> "Registry[Any]":
     from kochab.detection import DETECTORS
     from kochab.identification import IDENTIFIERS
 
-    registries: dict[str, Registry[Any]]
-    registries = {"method": IDENTIFIERS, "detector": DETECTORS, "attitude": ESTIMATORS}
+    registries: dict[str, Registry[Any]] = {"method": IDENTIFIERS, "detector": DETECTORS, "attitude": ESTIMATORS}
     return registries[kind]
 
 

@@ -170,7 +170,6 @@ class Mount(Protocol):
         """Stop what moves and give the port back; never raises."""
 
 
-SIDEREAL_DAY_S = 86164.0905
-"""A turn of the Earth against the equinox; against the stars it takes 8 ms longer."""
+SIDEREAL_DAY_S = 86164.0905  # a turn of the Earth against the equinox; against the stars it takes 8 ms longer
 SIDEREAL_DEG_S = 360.0 / SIDEREAL_DAY_S
 SIDEREAL_RAD_S = radians(SIDEREAL_DEG_S)

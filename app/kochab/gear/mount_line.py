@@ -14,20 +14,7 @@ from typing import Any
 
 from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.progress import Progress, Task
-from kochab.gear.mount_events import (
-    Connected,
-    EpochDoubted,
-    LineLost,
-    MountEvent,
-    NoReply,
-    OrderDone,
-    OrderFailed,
-    OrderProgress,
-    PositionReport,
-    StandsStill,
-    StopFailed,
-    Stopped,
-)
+from kochab.gear import mount_events as events
 from kochab.gear.mounts.guard import Guard
 
 # -- What is asked of the thread of a mount's line ---------------------------------------------
@@ -73,7 +60,7 @@ class MountLine:
     def __init__(
         self,
         opening: Callable[[], Guard],
-        tell: Callable[[MountEvent], None],
+        tell: Callable[[events.MountEvent], None],
         afterwards: Callable[[], None] = lambda: None,
     ) -> None:
         self._opening, self._tell, self._afterwards = opening, tell, afterwards
@@ -107,9 +94,9 @@ class MountLine:
         try:
             guard.stop()
         except DeviceError as error:
-            self._tell(StopFailed(str(error)))
+            self._tell(events.StopFailed(str(error)))
         else:
-            self._tell(Stopped())
+            self._tell(events.Stopped())
 
     # the thread of the line -------------------------------------------------------------------
     def run(self) -> Task[None]:
@@ -142,27 +129,28 @@ class MountLine:
         try:
             guard.emergency.confirm()
         except NotStoppedError as error:
-            self._tell(StopFailed(str(error)))
+            self._tell(events.StopFailed(str(error)))
         else:
-            self._tell(StandsStill())
+            self._tell(events.StandsStill())
 
     def _next(self, guard: Guard) -> Task[None]:
         try:
             order = self._orders.get(timeout=LISTEN_S)
         except Empty:
             return
-        self._tell(OrderProgress(order.name, Progress(order.name)))
+        self._tell(events.OrderProgress(order.name, Progress(order.name)))
         try:
             ended, result = yield from self._steps(guard, order)
         except LineLostError as error:
-            self._tell(OrderFailed(order.name, str(error)))
+            self._tell(events.OrderFailed(order.name, str(error)))
             raise
         except KochabError as error:
             logger.debug("%s failed", order.name, exc_info=True)
-            self._tell(OrderFailed(order.name, str(error), stopped=self._given_up(order)))
+            self._tell(events.OrderFailed(order.name, str(error), stopped=self._given_up(order)))
         else:
             self._look(guard, now=True)
-            self._tell(OrderDone(order.name, result) if ended else OrderFailed(order.name, STOPPED, stopped=True))
+            done, stopped = events.OrderDone(order.name, result), events.OrderFailed(order.name, STOPPED, stopped=True)
+            self._tell(done if ended else stopped)
 
     def _given_up(self, order: MountOrder) -> bool:
         return order.stops != self._stops
@@ -192,7 +180,7 @@ class MountLine:
         """The progress of an order: every new stage, else as often as anybody can read it."""
         if progress.stage != self._stage or monotonic() - self._spoke >= REPORT_S:
             self._spoke, self._stage = monotonic(), progress.stage
-            self._tell(OrderProgress(name, progress))
+            self._tell(events.OrderProgress(name, progress))
 
     def _look(self, guard: Guard, now: bool = False) -> None:
         """Ask where the mount is and how it is, twice a second."""
@@ -200,11 +188,11 @@ class MountLine:
             return
         self._looked = monotonic()
         try:
-            said = PositionReport(guard.position_icrs(), guard.state(), guard.can_undo)
+            said = events.PositionReport(guard.position_icrs(), guard.state(), guard.can_undo)
         except LineLostError:
             raise
         except DeviceError as error:
-            self._tell(NoReply(str(error)))
+            self._tell(events.NoReply(str(error)))
         else:
             self._tell(said)
 
@@ -214,19 +202,19 @@ class MountLine:
             self._unasked = False
             doubt = guard.epoch_doubt()
             if doubt:
-                self._tell(EpochDoubted(doubt))
+                self._tell(events.EpochDoubted(doubt))
 
     def _wait_for(self, guard: Guard, error: LineLostError, order: MountOrder | None = None) -> Task[None]:
         """The line is lost: try it again and again; when it is back, what moved is stopped.
 
         An ``order`` that waits too is over when a person stops everything meanwhile.
         """
-        self._tell(LineLost(str(error)))
+        self._tell(events.LineLost(str(error)))
         tried = monotonic()
         while True:
             yield Progress("line lost")
             while not self._orders.empty():
-                self._tell(OrderFailed(self._orders.get().name, LOST))
+                self._tell(events.OrderFailed(self._orders.get().name, LOST))
             if order is not None and self._given_up(order):
                 raise error
             if monotonic() - tried < RETRY_S:
@@ -237,15 +225,15 @@ class MountLine:
                 guard.reconnect()
                 again = _connected(guard)
             except DeviceError as still:
-                self._tell(LineLost(str(error), str(still)))
+                self._tell(events.LineLost(str(error), str(still)))
             else:
                 self._tell(again)
                 return
 
 
-def _connected(guard: Guard) -> Connected:
+def _connected(guard: Guard) -> events.Connected:
     try:
         name = guard.identify()
     except NoAnswerError:
         name = guard.name
-    return Connected(name, dict(guard.lacks), guard.epoch, guard.site, guard.rates_deg_s)
+    return events.Connected(name, dict(guard.lacks), guard.epoch, guard.site, guard.rates_deg_s)

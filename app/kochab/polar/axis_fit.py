@@ -188,9 +188,7 @@ def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, 
 # camera in its holder - and the axis is fitted again with that movement as another unknown. The
 # movement that leaves the least is named when it explains the rest.
 
-UNLIKELY = 1e-3
-"""Chi-squares less probable than this are not noise."""
-
+UNLIKELY = 1e-3  # chi-squares less probable than this are not noise
 LEAST_ARCSEC = 30.0  # less is flexure or wind, and no axis that was left unlocked
 
 

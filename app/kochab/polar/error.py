@@ -124,8 +124,7 @@ EIGHTHS = ["", "an eighth", "a quarter", "three eighths", "half", "five eighths"
 EIGHTHS += ["seven eighths"]
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
-FINEST_DEG = 2.0
-"""A hand cannot turn a bolt by less."""
+FINEST_DEG = 2.0  # a hand cannot turn a bolt by less
 
 
 def sayable(turns: float) -> float:

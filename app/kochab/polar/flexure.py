@@ -26,8 +26,7 @@ TUBE_ARCSEC = 30.0
 """One sigma of the droop before anything is known; a 9 inch Schmidt-Cassegrain's guide scope was
 seen to sag by 32 arcsec in 85 minutes (astronomy.mdodd.com/flexure.html)."""
 
-REST_ARCSEC = 10.0
-"""One sigma of each element of what else gives way."""
+REST_ARCSEC = 10.0  # one sigma of each element of what else gives way
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,23 +83,10 @@ def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
     ut = JD_UNIX + time_utc.astimezone(UTC).timestamp() / 86400.0
     heliocentric, barycentric = erfa.epv00(tt, 0.0)
     x, y, s = erfa.xys06a(tt, 0.0)
-    return erfa.apco(
-        tt,
-        0.0,
-        barycentric,
-        heliocentric["p"],
-        x,
-        y,
-        s,
-        erfa.era00(ut, 0.0),
-        np.radians(site.longitude_deg),
-        np.radians(site.latitude_deg),
-        site.height_m,
-        0.0,
-        0.0,
-        erfa.sp00(tt, 0.0),
-        *refraction.constants(site),
-    )
+    earth = (barycentric, heliocentric["p"], x, y, s, erfa.era00(ut, 0.0))
+    place = (np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
+    polar_motion = (0.0, 0.0, erfa.sp00(tt, 0.0))
+    return erfa.apco(tt, 0.0, *earth, *place, *polar_motion, *refraction.constants(site))
 
 
 # -- The pole to align to ----------------------------------------------------------------------

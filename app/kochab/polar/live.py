@@ -33,8 +33,7 @@ from kochab.polar.sighting import LocalAttitude
 
 CLOCK_SIGMA_RAD = 20.0 * ARCSEC
 LEAST_RAD = 60.0 * ARCSEC
-REFUTED, BELIEVED = 20.0, 9.0
-"""Chi-squares, one or two degrees of freedom: too large for noise, and well within it."""
+REFUTED, BELIEVED = 20.0, 9.0  # chi-squares, one or two degrees of freedom: too large for noise, and well within it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,14 +239,9 @@ def _beyond(measurement: Measurement) -> Floats:
 
 # -- The live error while no bolt turns: a mean over frames, started anew at every movement -----
 
-JUMP2 = 16.0
-"""Squared Mahalanobis distance from the mean, two dimensions, beyond which a bolt was turned."""
-FEWEST, ENOUGH = 3, 16
-"""Frames before which nothing is settled, and after which it is in any case."""
-
-SMALL_ARCSEC, CLEAR = 4.0, 25.0
-"""A noise so small, or so many times smaller than the error, is settled."""
-
+JUMP2 = 16.0  # squared Mahalanobis distance from the mean, two dimensions, beyond which a bolt was turned
+FEWEST, ENOUGH = 3, 16  # frames before which nothing is settled, and after which it is in any case
+SMALL_ARCSEC, CLEAR = 4.0, 25.0  # a noise so small, or so many times smaller than the error, is settled
 MOST = 60  # frames; slow drifts must not be averaged away
 
 

@@ -53,21 +53,14 @@ ALIKE_DEG = 2.0
 LOW_DEG = 15.0
 FAR_DEG = 10.0
 EQUATOR_DEG, POLES_APART_ARCSEC = 15.0, 60.0
-FLEXURE_ARCSEC = 30.0
-"""What a sweep cannot see of flexure, and what small mounts commonly have."""
-
+FLEXURE_ARCSEC = 30.0  # what a sweep cannot see of flexure, and what small mounts commonly have
 SCATTER_ARCSEC = 10.0  # residuals below this are no fault, only larger than the frames' own errors
-
-HARDLY = 0.8
-"""A droop whose sigma is still above this share of the usual one has not been measured."""
+HARDLY = 0.8  # a droop whose sigma is still above this share of the usual one has not been measured
 
 FLEXURE_KINDS = (PolarFindingKind.FLEXURE_NOT_MEASURED, PolarFindingKind.FLEXURE, PolarFindingKind.DROOP)
 
-DISAGREE = 0.01
-"""Sweeps whose chi-square is less probable than this do not share one axis and droop."""
-
-CLUTCH_DEG, CLUTCH_SHARE = 1.5, 0.1
-"""A mount counts its motor's steps to a part in a thousand: more is its clutch."""
+DISAGREE = 0.01  # sweeps whose chi-square is less probable than this do not share one axis and droop
+CLUTCH_DEG, CLUTCH_SHARE = 1.5, 0.1  # a mount counts its motor's steps to a part in a thousand: more is its clutch
 
 
 def findings_of(
@@ -215,11 +208,8 @@ def slipping(asked_deg: float, turned_deg: float) -> PolarFinding | None:
     )
 
 
-LEAST_TURN_RAD = np.radians(0.25)
-"""Below this no axis is given at all."""
-
-TOO_LARGE = 0.02
-"""Residuals less probable than this by their stated errors alone widen the covariance."""
+LEAST_TURN_RAD = np.radians(0.25)  # below this no axis is given at all
+TOO_LARGE = 0.02  # residuals less probable than this by their stated errors alone widen the covariance
 
 
 @dataclass(frozen=True, slots=True)

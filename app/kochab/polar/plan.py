@@ -136,9 +136,7 @@ MOVES_DEG = tuple(sign * step for step in range(20, 75, 5) for sign in (1.0, -1.
 NEAREST_DEG, FURTHEST_DEG = 10.0, 130.0
 """From the elevated pole; nearer, a turn in declination hardly differs from one in RA."""
 
-WORTH = 0.9
-"""A second sweep that leaves more than this share of the flexure is not worth its time."""
-
+WORTH = 0.9  # a second sweep that leaves more than this share of the flexure is not worth its time
 LEAST_ARCSEC = 2.0  # flexure that shifts the axis by less need not be known
 BACK_COSTS = 1.05  # times better must be a plan that turns RA back first
 
@@ -203,15 +201,11 @@ def _foreseen(
     agreeing = (SweepResult(replace(error, covariance=s.error.covariance), s.rho_rad) for s in m.results)
     both = combine_sweeps((*agreeing, SweepResult(error, np.radians(new))), m.before)
     north = northern(m.settings.site)
-    return SecondSweep(
-        back_deg,
-        Direction.SOUTH if (move > 0) == north else Direction.NORTH,
-        abs(move),
-        (90.0 - new) * (1.0 if north else -1.0),
-        path,
-        both.error.with_flexure.uncertainty_arcsec,
-        both.error.flexure_total_arcsec < WORTH * m.error.flexure_total_arcsec,
-    )
+    towards = Direction.SOUTH if (move > 0) == north else Direction.NORTH
+    declination_deg = (90.0 - new) * (1.0 if north else -1.0)
+    sigma_arcsec = both.error.with_flexure.uncertainty_arcsec
+    shows = both.error.flexure_total_arcsec < WORTH * m.error.flexure_total_arcsec
+    return SecondSweep(back_deg, towards, abs(move), declination_deg, path, sigma_arcsec, shows)
 
 
 def away_from_axis(attitude: LocalAttitude, axis: Floats, degrees: float) -> Floats:

@@ -1,7 +1,7 @@
 """The night's alignment: its history, its plots, and a report to keep or print."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from html import escape
@@ -45,20 +45,9 @@ class Entry:
     def of(cls, time_utc: datetime, kind: str, error: PolarError, text: str = "") -> "Entry":
         """What an error says at a moment."""
         whole = error.with_flexure
-        return cls(
-            time_utc,
-            kind,
-            error.altitude_arcsec,
-            error.azimuth_arcsec,
-            error.azimuth_on_sky_arcsec,
-            error.total_arcsec,
-            whole.sigma_arcsec,
-            whole.ellipse_arcsec(),
-            text,
-            whole.sigma_total_arcsec,
-            error.sigma_total_arcsec,
-            error.flexure_along_arcsec,
-        )
+        place = (error.altitude_arcsec, error.azimuth_arcsec, error.azimuth_on_sky_arcsec, error.total_arcsec)
+        of_total = (whole.sigma_total_arcsec, error.sigma_total_arcsec, error.flexure_along_arcsec)
+        return cls(time_utc, kind, *place, whole.sigma_arcsec, whole.ellipse_arcsec(), text, *of_total)
 
 
 @dataclass(slots=True)
@@ -175,8 +164,7 @@ def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) ->
     return "".join([*parts, "</g>"])
 
 
-def _grid(place: object, across: float, most: float) -> str:
-    assert callable(place)
+def _grid(place: Callable[[float, float], tuple[float, float]], across: float, most: float) -> str:
     parts = []
     for arcsec in (1.0, 10.0, 30.0, 60.0, 300.0, 1800.0, 7200.0, 36000.0):
         if arcsec > most:
@@ -272,8 +260,7 @@ def _table(history: History) -> str:
             escape(f"Measured. {entry.text}" if entry.kind == "measured" else entry.text),
         ]
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    heads = ("UTC", "Total", "Altitude", "Azimuth on the sky", "")
-    top = "".join(f"<th>{head}</th>" for head in heads)
+    top = "".join(f"<th>{head}</th>" for head in ("UTC", "Total", "Altitude", "Azimuth on the sky", ""))
     return f"<table><tr>{top}</tr>{''.join(rows)}</table>"
 
 

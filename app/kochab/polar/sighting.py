@@ -14,11 +14,8 @@ from kochab.polar.horizon import STANDARD_REFRACTION, Horizon, Refraction
 from kochab.polar.rotations import ARCSEC, alt_az, best_rotation
 
 GRID = 5  # field points a side
-WIDEST_DEG = 20.0
-"""Beyond this much of the field refraction is no longer nearly linear; its middle is used."""
-
-FLOOR_ARCSEC = 0.7
-"""No frame is believed to better than this: seeing, and refraction as it really is."""
+WIDEST_DEG = 20.0  # beyond this much of the field refraction is no longer nearly linear; its middle is used
+FLOOR_ARCSEC = 0.7  # no frame is believed to better than this: seeing, and refraction as it really is
 
 
 @dataclass(frozen=True, slots=True, eq=False)

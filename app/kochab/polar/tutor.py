@@ -14,16 +14,12 @@ from kochab.polar.error import FINEST_DEG, PolarError, angle_in_words, rotation_
 
 # -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
 
-SEEN, WORTH = 4.0, 15.0
-"""A change of so many sigmas is real; one of so many corrects what was known."""
-
-SHARE_OF_BACKLASH = 0.8
-"""It is better to stop short and go on than to come back through the backlash again."""
+SEEN, WORTH = 4.0, 15.0  # a change of so many sigmas is real; one of so many corrects what was known
+SHARE_OF_BACKLASH = 0.8  # it is better to stop short and go on than to come back through the backlash again
 
 MOST_BACKLASH_TURNS = 0.5
 
-TELLING_TURNS = 10.0 / 360.0
-"""A hand is a degree off in any turn: less than this says little about the thread."""
+TELLING_TURNS = 10.0 / 360.0  # a hand is a degree off in any turn: less than this says little about the thread
 
 
 class Knob(StrEnum):

@@ -315,12 +315,5 @@ class _Centring:
 
     def ended(self, end: CentringEnd, sentence: str) -> Centring:
         """The result with what led to it."""
-        return Centring(
-            end,
-            sentence,
-            tuple(self.course.errors_arcsec),
-            tuple(self.corrections),
-            self.synced,
-            self.solution,
-            tuple(self.notes),
-        )
+        errors_arcsec, corrections = tuple(self.course.errors_arcsec), tuple(self.corrections)
+        return Centring(end, sentence, errors_arcsec, corrections, self.synced, self.solution, tuple(self.notes))

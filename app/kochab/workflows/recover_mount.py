@@ -84,16 +84,9 @@ def recover_mount(
         require_allowed(mount, preview, confirmed or armed)
         mount.sync(*there, evidence, confirmed=confirmed or armed)
     now = mount.clock()
-    return Recovery(
-        not only_look,
-        from_mount_epoch(before, now),
-        sky,
-        from_mount_epoch(with_retries(mount.position), now),
-        preview,
-        evidence,
-        solutions[-1],
-        (*warnings, *preview.warnings),
-    )
+    before_deg, after_deg = from_mount_epoch(before, now), from_mount_epoch(with_retries(mount.position), now)
+    warnings += preview.warnings
+    return Recovery(not only_look, before_deg, sky, after_deg, preview, evidence, solutions[-1], tuple(warnings))
 
 
 def _agreeing(

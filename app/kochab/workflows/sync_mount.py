@@ -61,9 +61,7 @@ class SyncDone:
 def offer_sync(mount: Guard, solve_now: SolveNow) -> Task[SyncOffer | NoSolution]:
     """Take two frames that agree and say what a sync to them would do."""
     found = yield from agreeing_solves(mount, solve_now)
-    if isinstance(found, NoSolution):
-        return found
-    return offer_of(mount, *found)
+    return found if isinstance(found, NoSolution) else offer_of(mount, *found)
 
 
 def offer_of(mount: Guard, *solutions: Solution) -> SyncOffer:

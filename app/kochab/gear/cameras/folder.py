@@ -20,10 +20,8 @@ from kochab.core.progress import Task
 
 # -- Which files of a folder are new and finished; pure bookkeeping, the clock is given --------
 
-SETTLE_S = 0.3
-"""A file whose size and time have not changed for so long may be finished."""
-PATIENCE_S = 4.0
-"""A file that has not changed for so long and still cannot be read is broken."""
+SETTLE_S = 0.3  # a file whose size and time have not changed for so long may be finished
+PATIENCE_S = 4.0  # a file that has not changed for so long and still cannot be read is broken
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +102,9 @@ class Arrivals:
 
 POLL_S = 0.1
 MOST_COMPLAINTS = 20
-READ_LIMIT_S = 20.0
-"""A file that is not read in so long costs its one complaint, and the folder goes on."""
-READ_AT_ONCE_S = 2.0
-"""So long a file is read within one call; what takes longer goes on in the next."""
-DEEPEST = 4
-"""Folders in folders (target, night, filter) are looked into so far down."""
+READ_LIMIT_S = 20.0  # a file that is not read in so long costs its one complaint, and the folder goes on
+READ_AT_ONCE_S = 2.0  # so long a file is read within one call; what takes longer goes on in the next
+DEEPEST = 4  # folders in folders (target, night, filter) are looked into so far down
 
 
 class FolderCamera(CameraSource):

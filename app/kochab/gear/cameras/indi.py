@@ -58,12 +58,9 @@ def _unpacked(data: bytes, name: str) -> bytes:
 # -- A camera of an INDI server by the names of INDI's standard properties ---------------------
 
 PORT = 7624
-TELL_S = 5.0
-"""How long a server may take to tell what it has."""
-MORE_S = 0.5
-"""How long after its first camera it may take to tell of another."""
-POWER_UP_S = 20.0
-"""How long a camera may take to connect to its driver."""
+TELL_S = 5.0  # how long a server may take to tell what it has
+MORE_S = 0.5  # how long after its first camera it may take to tell of another
+POWER_UP_S = 20.0  # how long a camera may take to connect to its driver
 SET_S = 5.0
 PICTURE = "CCD1"
 GAINS = (("CCD_GAIN", "GAIN"), ("CCD_CONTROLS", "Gain"))

@@ -13,8 +13,7 @@ from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortEr
 
 # An exposure under way on a camera that begins the next one when its picture has arrived.
 
-DOWNLOAD_S = 30.0
-"""How long after an exposure a picture may be under way before the line counts as lost."""
+DOWNLOAD_S = 30.0  # how long after an exposure a picture may be under way before the line counts as lost
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,8 +17,7 @@ from kochab.core.errors import LineLostError
 from kochab.core.frame import Frame
 from kochab.gear import cameras
 
-SLICE_S = 0.2
-"""The device is asked in slices so short that others are not kept waiting."""
+SLICE_S = 0.2  # the device is asked in slices so short that others are not kept waiting
 
 Open = Callable[[str, str, CaptureSettings | None], CameraSource]
 

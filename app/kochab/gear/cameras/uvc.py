@@ -83,8 +83,7 @@ def _range(control: Any) -> tuple[float, float] | None:
 
 
 OPEN_S = 5.0
-SILENCE_S = 10.0
-"""A camera that streams and gives nothing for so long (and its exposure) is lost."""
+SILENCE_S = 10.0  # a camera that streams and gives nothing for so long (and its exposure) is lost
 JOIN_S = 2.0
 _DRIVERS = {"linux": "v4l2", "win32": "dshow", "darwin": "avfoundation"}
 _EAGER = {"fflags": "nobuffer", "flags": "low_delay"}

@@ -32,15 +32,9 @@ FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed with
 
 
 class SupervisedMotion:
-    """One motion under way: what the mount reports is compared with its plan.
+    """One motion under way: what the mount reports is compared with its ``plan``, which was allowed, with its paths.
 
-    Parameters
-    ----------
-    plan : Plan
-        As it was allowed, with its paths.
-    region : (N, 3) float64
-        Unit vectors of date: where the telescope may be seen on its way.
-
+    ``region`` (N, 3) are unit vectors of date: where the telescope may be seen on its way.
     """
 
     def __init__(self, plan: Plan, region: Floats) -> None:

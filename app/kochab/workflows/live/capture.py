@@ -66,13 +66,11 @@ class Mailbox(Generic[T]):
             self._changed.notify_all()
 
 
-SLICE_S = 0.2
-"""Frames are waited for in slices so short that stopping is immediate."""
+SLICE_S = 0.2  # frames are waited for in slices so short that stopping is immediate
 JOIN_S = 3.0
 RETRY_S = 3.0
 MOST_WARNINGS = 20
-CLOCK_SLACK_S = 2.0
-"""A frame dated further in the future than this had another clock than this computer's."""
+CLOCK_SLACK_S = 2.0  # a frame dated further in the future than this had another clock than this computer's
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -245,8 +245,7 @@ def session_folder(parent: Path, now: datetime | None = None) -> Path:
 
 # -- A recorded session, solved again: the same frames and options, the results compared --------
 
-SAME_PX = 1.0
-"""Solutions of the same frame that differ by less are the same: nothing in solving is random."""
+SAME_PX = 1.0  # solutions of the same frame that differ by less are the same: nothing in solving is random
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -311,9 +310,7 @@ def _moment(line: Json, frame: Frame) -> datetime:
 
 
 def _update(shot: Shot, track: TrackUpdate) -> LiveUpdate:
-    good = None
-    if track.solution is not None:
-        good = GoodPointing(track.solution, shot.number, shot.shutter_s)
+    good = None if track.solution is None else GoodPointing(track.solution, shot.number, shot.shutter_s)
     return LiveUpdate(shot, track, monotonic(), good, warnings=shot.frame.warnings)
 
 

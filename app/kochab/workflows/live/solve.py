@@ -22,8 +22,7 @@ from kochab.workflows.live.update import DriftMeter, GoodPointing, LiveUpdate
 WAIT_S = 0.1
 WARNING = "warning"
 """The stage of a :class:`Progress` whose detail is a sentence for the person: a broken file."""
-RATE_OVER = 20
-"""Rates are means over so many of the last frames."""
+RATE_OVER = 20  # rates are means over so many of the last frames
 
 Live = Generator[Progress | LiveUpdate, None, None]
 

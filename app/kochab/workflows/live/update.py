@@ -15,8 +15,7 @@ from kochab.workflows.live.capture import Shot
 ARCSEC = float(np.degrees(1.0) * 3600.0)
 WINDOW_S = 60.0
 MOST = 300
-SLEW_ARCSEC_MIN = 3000.0
-"""Faster than this between two frames the mount was moved: an untracked sky makes 902 at most."""
+SLEW_ARCSEC_MIN = 3000.0  # faster than this between two frames the mount was moved: an untracked sky makes 902 at most
 SLEW_ARCSEC = 60.0
 
 

@@ -22,14 +22,9 @@ from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdat
 
 # -- The adjusting phase: the live error while a person turns the bolts, and the instructions ----
 
-SURE_FRAMES = 5
-"""So many quiet frames before the tutor's Stop is taken for the end."""
-
-MOVED2, LEAST_NOISE_ARCSEC = 16.0, 1.0
-"""Squared distance in sigmas beyond which the axis is not where it was measured."""
-
-QUIET_FRAMES = 40
-"""After so many the instruction is made anew from what is known by then."""
+SURE_FRAMES = 5  # so many quiet frames before the tutor's Stop is taken for the end
+MOVED2, LEAST_NOISE_ARCSEC = 16.0, 1.0  # squared distance in sigmas beyond which the axis is not where it was measured
+QUIET_FRAMES = 40  # after so many the instruction is made anew from what is known by then
 
 
 class AdjustingEnd(StrEnum):

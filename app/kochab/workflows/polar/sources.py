@@ -26,8 +26,7 @@ NEAR_DEG = 20.0
 SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
 
-APART_DEG = 12.0
-"""One sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination."""
+APART_DEG = 12.0  # one sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination
 
 
 class SightingSource(Protocol):
@@ -163,8 +162,7 @@ class CameraSightings:
 
 STILL_ARCSEC = 30.0
 SIGMAS = 5.0
-MOST_EMPTY = 40
-"""Frames without a solution, or waits without a frame, before a measurement is given up."""
+MOST_EMPTY = 40  # frames without a solution, or waits without a frame, before a measurement is given up
 
 
 class NotMeasuredError(KochabError):

@@ -124,14 +124,11 @@ def _measuring(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
 
 
 def _adjusting(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
-    told = step.instruction
-    words = told.words if told is not None else state.words
-    detail = step.detail if not step.solved else ""
     return replace(
         state,
-        words=words,
-        detail=detail,
-        instruction=told,
+        words=step.instruction.words if step.instruction is not None else state.words,
+        detail="" if step.solved else step.detail,
+        instruction=step.instruction,
         turn_instruction=None,
         moves=step.moves,
         settled=step.steady is not None and step.steady.settled,

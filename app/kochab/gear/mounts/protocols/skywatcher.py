@@ -67,9 +67,7 @@ def parse_mount_code(version: str) -> int:
 def parse_refusal(reply: bytes) -> str:
     """Why the board refused with ``!``; empty when it did not."""
     found = re.fullmatch(rb"!([0-9A-Fa-f]{1,2})\r", reply)
-    if found is None:
-        return ""
-    return ERRORS.get(int(found[1], 16), f"error {found[1].decode()}")
+    return ERRORS.get(int(found[1], 16), f"error {found[1].decode()}") if found else ""
 
 
 def parse_position(reply: bytes) -> int:
