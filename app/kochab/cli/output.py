@@ -103,17 +103,7 @@ def _solved(file: str, s: "Solution") -> Json:
 
 
 def _unsolved(file: str, n: "NoSolution") -> Json:
-    return {
-        "file": file,
-        "solved": False,
-        "reason": str(n.reason),
-        "advice": n.advice,
-        "tried": n.tried,
-        "detections": n.detections,
-        "measured": dict(n.measured),
-        "warnings": list(n.warnings),
-        "elapsed_ms": dict(n.elapsed_ms),
-    }
+    return {"file": file, "solved": False, **asdict(n), "reason": str(n.reason), "warnings": list(n.warnings)}
 
 
 def card(outcome: Json) -> str:

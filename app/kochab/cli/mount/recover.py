@@ -48,24 +48,15 @@ def run_recover(args: argparse.Namespace) -> int:
     with mount_frames(args) as seeing, guarded_mount(args) as guard:
         notes: list[str] = []
 
-        def site_known() -> None:
-            if guard.site is None and not args.no_site:
-                guard.site, told = _site(seeing.site, guard)
-                notes.extend(told)
-
         def solve_now() -> Any:
             found = yield from seeing.solve_now()
-            site_known()
+            if guard.site is None and not args.no_site:  # the frame may tell it
+                guard.site, told = _site(seeing.site, guard)
+                notes.extend(told)
             return found
 
-        task = recover_mount(
-            guard,
-            solve_now,
-            confirmed=args.yes,
-            armed=args.arm,
-            only_look=args.dry_run or asked,
-            taken=lambda: seeing.time_utc,
-        )
+        said = {"confirmed": args.yes, "armed": args.arm, "only_look": args.dry_run or asked}
+        task = recover_mount(guard, solve_now, taken=lambda: seeing.time_utc, **said)
         done = with_progress("recover", task)
         told = {**_json(done, seeing.used, notes), **where(args, guard)}
         asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks

@@ -164,16 +164,12 @@ class IndiCamera(ExposingCamera):
         """Connect the camera to its driver and have its pictures sent here as FITS."""
         if self._value("CONNECTION", "CONNECT") != "On":
             self._link.send(self.name, "CONNECTION", {"CONNECT": "On"})
-        ready = self._link.wait(
-            lambda: (
-                self._value("CONNECTION", "CONNECT") == "On"
-                and self._state("CONNECTION") != "Busy"
-                and self._state("CCD_EXPOSURE") is not None
-                and self._state(PICTURE) is not None
-            ),
-            POWER_UP_S,
-        )
-        if not ready:
+
+        def ready() -> bool:
+            connected = self._value("CONNECTION", "CONNECT") == "On" and self._state("CONNECTION") != "Busy"
+            return connected and None not in (self._state("CCD_EXPOSURE"), self._state(PICTURE))
+
+        if not self._link.wait(ready, POWER_UP_S):
             raise PortError(f"Can't connect {self.name}{self._said()}. Check its cable and power.")
         if self._value("UPLOAD_MODE", "UPLOAD_LOCAL") == "On":
             self._set("UPLOAD_MODE", {"UPLOAD_BOTH": "On"}, "sending pictures")
@@ -205,14 +201,12 @@ class IndiCamera(ExposingCamera):
     def _set(self, vector: str, members: dict[str, str], what: str) -> None:
         """Set ``members``; RefusedError when the driver does not take them."""
         self._link.send(self.name, vector, members)
-        done = self._link.wait(
-            lambda: (
-                self._state(vector) != "Busy"
-                and all(_same(self._value(vector, member), meant) for member, meant in members.items())
-            ),
-            SET_S,
-        )
-        if not done:
+
+        def done() -> bool:
+            same = (_same(self._value(vector, member), meant) for member, meant in members.items())
+            return self._state(vector) != "Busy" and all(same)
+
+        if not self._link.wait(done, SET_S):
             raise RefusedError(f"{self.name} does not accept this {what}{self._said()}.")
 
     def _gain(self) -> tuple[str, str] | None:

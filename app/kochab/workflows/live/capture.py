@@ -108,9 +108,7 @@ class Capture:
         self.limits = CaptureLimits()
         self.in_force = CaptureSettings()
         self.name = ""
-        self._source = source
-        self._see = see
-        self._reconnect = reconnect
+        self._source, self._reconnect, self._see = source, reconnect, see
         self._number = 0
         self._fault: Exception | None = None
         self._requested: CaptureSettings | None = None

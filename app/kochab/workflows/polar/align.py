@@ -138,18 +138,9 @@ def _moved(measured: PolarError, steady: SteadyError) -> bool:
 def _update(
     live: LiveError | None, steady: SteadyError | None, guide: AdjustmentGuide, start: Measurement, unsolved: str = ""
 ) -> PolarUpdate:
-    return PolarUpdate(
-        "adjust",
-        None,
-        unsolved or guide.instruction.words,
-        measurement=start,
-        live=live,
-        steady=steady,
-        solved=not unsolved,
-        instruction=guide.instruction,
-        moves=guide.tutor.moves,
-        findings=() if live is None else live.findings,
-    )
+    words, found = unsolved or guide.instruction.words, () if live is None else live.findings
+    shown = (start, live, steady, guide.instruction, found)
+    return PolarUpdate("adjust", None, words, *shown, solved=not unsolved, moves=guide.tutor.moves)
 
 
 MOST_ROUNDS = 6

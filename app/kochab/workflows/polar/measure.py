@@ -102,12 +102,9 @@ class MountTurner:
         camera: CameraSource | None = None,
     ) -> None:
         self.reported_deg: float | None = None
-        self._mount = mount
-        self._rate = rate_deg_s
-        self._seen_deg_s = rate_deg_s
-        self._sleep = sleep
-        self._now = now
-        self._camera = camera
+        self._mount, self._camera = mount, camera
+        self._rate = self._seen_deg_s = rate_deg_s
+        self._sleep, self._now = sleep, now
 
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Several bounded motions, each waited for; stopped whenever this is given up."""
@@ -284,15 +281,8 @@ def _measured_so_far(
     words = f"Uncertainty {angle_in_words(result.error.uncertainty_arcsec)}."
     if more:
         words += f" Rotate {more:.0f}° more for {sweep.goal_arcsec:.0f}″."
-    return PolarUpdate(
-        "measure",
-        fraction,
-        words,
-        measurement=result,
-        findings=(*slips, *result.findings),
-        more_turn_deg=more,
-        frames=len(seen),
-    )
+    found = (*slips, *result.findings)
+    return PolarUpdate("measure", fraction, words, result, findings=found, more_turn_deg=more, frames=len(seen))
 
 
 # -- The second sweep: the same axis at another declination, which measures flexure ------------

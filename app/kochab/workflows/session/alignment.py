@@ -258,17 +258,9 @@ def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
 
 
 def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
-    axis = result.error
     more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
-    return PolarUpdate(
-        "done",
-        1.0,
-        f"Polar alignment error: {total_in_words(axis)}.",
-        measurement=result,
-        findings=result.findings,
-        more_turn_deg=more,
-        frames=frames,
-    )
+    words = f"Polar alignment error: {total_in_words(result.error)}."
+    return PolarUpdate("done", 1.0, words, result, findings=result.findings, more_turn_deg=more, frames=frames)
 
 
 def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
