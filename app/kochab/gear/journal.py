@@ -24,7 +24,6 @@ from typing import Any
 
 from kochab.core import __version__
 from kochab.core.errors import printable
-from kochab.frames.atomic_file import atomic_file
 
 Clock = Callable[[], datetime]
 FILE, FILE_BYTES, FILES = "journal.log", 4_000_000, 5  # a night of polls at 0.5 s is about 10 MB
@@ -183,6 +182,8 @@ def save_report(path: Path, settings: Mapping[str, Any] | None = None, folder: P
     User and computer names, folders and passwords are left out, the site is given to a degree.
     `OSError` when it cannot be written.
     """
+    from kochab.frames.atomic_file import atomic_file  # a sync needs no reader of frames
+
     with atomic_file(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as report:
         report.writestr("versions.json", json.dumps(versions(), indent=1))
         kept = {k: _setting(k, v) for k, v in (settings or {}).items() if not SECRET.search(k)}
