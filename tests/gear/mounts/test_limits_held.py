@@ -339,7 +339,7 @@ TARGET_DEG = at(-35.0, 40.0)
         (Ability.GOTO, lambda guard: run(guard.slew(*TARGET_DEG))),
         (Ability.SYNC, lambda guard: guard.sync(*TARGET_DEG, by_hand=True, confirmed=True)),
     ],
-    ids=str,
+    ids=("move", "pulse", "track", "goto", "sync"),
 )
 def test_what_a_mount_lacks_is_refused_with_its_reason_before_a_byte(ability, do) -> None:
     guard, mount = guarded()
