@@ -1,7 +1,7 @@
-"""Why the mount and the sky disagree: each possible cause, weigh.
+"""Why the mount and the sky disagree: each possible cause, weighed.
 
 Every cause, if it were the only one, would make the mount say a certain thing of the place the sky
-shows. Causes are weigh by how near that comes to what it does say, against the chance that some
+shows. Causes are weighed by how near that comes to what it does say, against the chance that some
 unknown offset comes as near; a mount that tells its own clock and site is a witness besides.
 """
 
