@@ -35,8 +35,6 @@ class Legend(PlotArea):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def show_names(self, names: tuple[tuple[str, int], ...]) -> None:
-        if names == self._names:
-            return
         self._names = names
         self.describe(", ".join(name for name, _ in names))
         self._fit()
@@ -116,7 +114,6 @@ class Chart(PlotArea):
         self.title, self.across, self.up = title, across, up
         self.series: tuple[Series, ...] = ()
         self._legend = legend
-        self._job: Job | None = None
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumSize(160, 140)
 
@@ -160,7 +157,7 @@ class Chart(PlotArea):
         """Write the image, or the numbers when the name ends in csv, in a thread."""
         numbers = path.suffix.lower() == ".csv"
         task = write_text(table_of(self.rows()), path) if numbers else write_image(image_of(self), path)
-        self._job = job = Job(task, "chart", self)
+        job = Job(task, "chart", self)
         job.failed.connect(lambda sentence: tell(self.window(), "Export", sentence))
         job.start()
         return job

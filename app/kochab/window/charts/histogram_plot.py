@@ -28,18 +28,18 @@ EDGE = 0.05  # of the height stays free above and below
 
 
 class HistogramPlot(StillPlot):
-    """Over 0 to 1 both ways."""
+    """Over 0 to 1 both ways, with dotted lines at ``shares`` of the width."""
 
-    def __init__(self) -> None:
+    def __init__(self, shares: tuple[float, ...] = ()) -> None:
         super().__init__()
         self.setObjectName("histogram")
         self.getViewBox().setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=EDGE / 2.0)
         self.counts = pg.PlotCurveItem(fillLevel=0.0, pen=None, antialias=True)
         self.curve = pg.PlotCurveItem(antialias=True)
         self.black = pg.InfiniteLine(pos=0.0)
-        self.shares: list[pg.InfiniteLine] = []
+        self.shares = [pg.InfiniteLine(pos=share) for share in shares]
         self.full = pg.InfiniteLine(pos=1.0)
-        for part in (self.counts, self.curve, self.black, self.full):
+        for part in (self.counts, self.curve, self.black, self.full, *self.shares):
             self.addItem(part)
         self.black.setVisible(False)
         self.full.setVisible(False)
@@ -53,12 +53,6 @@ class HistogramPlot(StillPlot):
         self.curve.setData(across, curve)
         self.black.setValue(black)
         self.black.setVisible(True)
-
-    def mark_shares(self, places: tuple[float, ...]) -> None:
-        """Dotted lines at these places, 0 to 1."""
-        self.shares = [pg.InfiniteLine(pos=place) for place in places]
-        for line in self.shares:
-            self.addItem(line)
 
     def mark_full(self, on: bool) -> None:
         self.full.setVisible(on)

@@ -73,13 +73,12 @@ class LinePlot(pg.PlotWidget):
     def show_all(self) -> None:
         """The spans of the axes; all of the lines where an axis has none."""
         box = self.getViewBox()
-        for side, axis in self._axes.items():
-            number = pg.ViewBox.XAxis if side == "bottom" else pg.ViewBox.YAxis
+        for number, axis in ((pg.ViewBox.XAxis, self._axes["bottom"]), (pg.ViewBox.YAxis, self._axes["left"])):
             if axis.span is None:
                 box.enableAutoRange(axis=number)
                 continue
             low, high = (log10(v) if axis.log else v for v in axis.span)
-            set_range = box.setXRange if side == "bottom" else box.setYRange
+            set_range = box.setXRange if number == pg.ViewBox.XAxis else box.setYRange
             set_range(low, high, padding=PADDING[number])
 
     def zoom(self, nearer: bool) -> None:

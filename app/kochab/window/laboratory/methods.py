@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QListWidget, QListWidgetItem
 
 from kochab.core.errors import UsageError
@@ -38,7 +38,6 @@ class MethodsPanel(Page):
     def __init__(self) -> None:
         super().__init__()
         self._chosen = {kind: MethodChoice(list(REGISTRIES[kind])) for kind in ComparedPart}
-        self._shown = ""
         self.kinds = choice_box("Compare", {title: kind for kind, title in TITLES.items()}, 10)
         self.list = QListWidget()
         self.list.setSpacing(1)
@@ -109,14 +108,13 @@ class MethodsPanel(Page):
 
     def _show_kind(self) -> None:
         ticked = self._chosen[self.kind].ticked
-        self.list.blockSignals(True)
-        self.list.clear()
-        for name in REGISTRIES[self.kind]:
-            item = QListWidgetItem(name, self.list)
-            item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
-            item.setCheckState(CHECKED[name in ticked])
-        self.list.setCurrentRow(0)
-        self.list.blockSignals(False)
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for name in REGISTRIES[self.kind]:
+                item = QListWidgetItem(name, self.list)
+                item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
+                item.setCheckState(CHECKED[name in ticked])
+            self.list.setCurrentRow(0)
         self.list.setAccessibleName(f"{TITLES[self.kind]}; space ticks one")
         self._show(self.list.currentItem())
         self.kind_changed.emit()
@@ -125,22 +123,19 @@ class MethodsPanel(Page):
         if item is None:
             return
         name, chosen = item.text(), self._chosen[self.kind]
-        self._shown = ""  # filling the fields is no change by the person
-        self.options.show_options(options_of(REGISTRIES[self.kind].load(name)))
-        self.options.fill(chosen.options.get(name, {}))
+        with QSignalBlocker(self.options):  # filling the fields is no change by the person
+            self.options.show_options(options_of(REGISTRIES[self.kind].load(name)))
+            self.options.fill(chosen.options.get(name, {}))
         chosen.faults.pop(name, None)
-        self._shown = name
         self.paper.setText(paper_for(self.kind, name))
 
     def _keep(self) -> None:
-        if not self._shown:
-            return
-        chosen = self._chosen[self.kind]
+        name, chosen = self.list.currentItem().text(), self._chosen[self.kind]
         try:
-            chosen.options[self._shown] = self.options.values()
-            chosen.faults.pop(self._shown, None)
+            chosen.options[name] = self.options.values()
+            chosen.faults.pop(name, None)
         except UsageError as error:
-            chosen.faults[self._shown] = str(error)
+            chosen.faults[name] = str(error)
 
     def _keep_ticks(self) -> None:
         self._chosen[self.kind].ticked = [i.text() for i in self._items() if i.checkState() is CHECKED[True]]

@@ -63,14 +63,9 @@ class LaboratorySetupPanel(Page):
     @property
     def field_settings(self) -> FieldSettings:
         value = {name: field.value() for name, field in self.numbers.items()}
-        return FieldSettings(
-            value["width_deg"],
-            round(value["stars"]),
-            value["noise_px"],
-            value["false"] / 100.0,
-            value["missing"] / 100.0,
-            round(value["size_px"]),
-        )
+        false, missing = value["false"] / 100.0, value["missing"] / 100.0
+        stars, size_px = self.number("stars"), self.number("size_px")
+        return FieldSettings(value["width_deg"], stars, value["noise_px"], false, missing, size_px)
 
     @property
     def from_field(self) -> bool:

@@ -77,18 +77,11 @@ class LaboratoryView(Page):
         if (choices := self._choices()) is None:
             return
         hints, relay = Hints(self.setup.hints.currentText()), self._begin()
+        known = hints is not Hints.NOTHING, hints is Hints.POSITION  # the scale, and the place
+        limit_s = self.setup.number("limit_s")
         self.table.begin(self.methods.kind)
         relay.trial.connect(self.table.add)
-        task = comparison(
-            self._scene(),
-            self.methods.kind,
-            choices,
-            hints is not Hints.NOTHING,
-            hints is Hints.POSITION,
-            self.setup.number("limit_s"),
-            relay.trial.emit,
-        )
-        self._start(task, 0)
+        self._start(comparison(self._scene(), self.methods.kind, choices, *known, limit_s, relay.trial.emit), 0)
 
     def run_curves(self) -> None:
         if (choices := self._choices()) is None:
@@ -97,16 +90,10 @@ class LaboratoryView(Page):
         self._renew_plots()
         self.plots.begin([choice.name for choice in choices])
         relay.point.connect(self.plots.add)
-        task = curves(
-            self.setup.field_settings,
-            self.methods.kind,
-            choices,
-            fields=self.setup.number("fields"),
-            seed=self.setup.number("seed"),
-            limit_s=self.setup.number("limit_s"),
-            place_known=Hints(self.setup.hints.currentText()) is Hints.POSITION,
-            tell=relay.point.emit,
-        )
+        fields, seed, limit_s = (self.setup.number(name) for name in ("fields", "seed", "limit_s"))
+        place_known = Hints(self.setup.hints.currentText()) is Hints.POSITION
+        stars, kind, sweeps = self.setup.field_settings, self.methods.kind, None  # all of them
+        task = curves(stars, kind, choices, sweeps, fields, seed, place_known, limit_s, relay.point.emit)
         self._start(task, 1)
 
     def _choices(self) -> list[Choice] | None:

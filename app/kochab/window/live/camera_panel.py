@@ -105,9 +105,9 @@ class LevelView(Histogram):
             self.set_counts(levels.counts)
 
     def make_plot(self) -> "HistogramPlot":
-        plot = super().make_plot()
-        plot.mark_shares(tuple(share ** (1 / AXIS_POWER) for share in MARKS))
-        return plot
+        from kochab.window.charts.histogram_plot import HistogramPlot
+
+        return HistogramPlot(tuple(share ** (1 / AXIS_POWER) for share in MARKS))
 
     def fill_plot(self) -> None:
         super().fill_plot()

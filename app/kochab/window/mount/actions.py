@@ -9,7 +9,6 @@ from kochab.core.mount import Direction
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.actions import action
 from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
-from kochab.gear.mount_line import MakeTask
 from kochab.solver.disagreement import Disagreement
 from kochab.window.mount.connection import MountControl
 from kochab.window.mount.pointing import Offset, size_text
@@ -67,7 +66,7 @@ class MountActions(QObject):
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
         solver = None if self._frames.camera is None else self._control.solver
-        make: MakeTask | None = mount_orders.offer(solver, self._frames.solution)
+        make = mount_orders.offer(solver, self._frames.solution)
         if make is not None:
             self._control.ask("sync", make)
 

@@ -24,6 +24,9 @@ HOME_TIP = (
     "This mount only counts motor steps. It does not slew until you confirm the home position or "
     "sync on a solved frame."
 )
+FIND_TIP = "Ask every port which mount is there. Nothing moves."
+PRACTICE = "Practice with a simulated telescope"
+PRACTICE_TIP = "A misaligned mount with a camera, under a simulated sky"
 WEDGE_TIP = "Kochab moves an AZ-GTi only in equatorial mode, on a wedge"
 SITE_TIP = "Latitude, longitude in degrees, north and east positive; never sent to the mount"
 
@@ -61,15 +64,8 @@ class ConnectBox(QWidget):
         self.equatorial = switch("AZ-GTi on an equatorial wedge", WEDGE_TIP)
         self.driver.currentIndexChanged.connect(self._show_questions)
         self.connect_button = button("Connect", self._connect, "main", "Open the port. Nothing moves.")
-        self.find_button = button(
-            "Find my mount", self.search, "", "Ask every port which mount is there. Nothing moves."
-        )
-        self.practice_button = button(
-            "Practice with a simulated telescope",
-            self.practice_wanted.emit,
-            "",
-            "A misaligned mount with a camera, under a simulated sky",
-        )
+        self.find_button = button("Find my mount", self.search, tip=FIND_TIP)
+        self.practice_button = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
         self._lay_out()
         self.practice_button.setVisible(can_practise)  # not before it has a parent: it would be a window
         self._show_questions()
@@ -129,14 +125,9 @@ class ConnectBox(QWidget):
         self.site.setText(site_text(site) if site is not None else "")
 
     def _connect(self) -> None:
+        driver, baud, epoch = str(self.driver.currentData()), self.baud.currentText(), self.epoch.currentText()
         try:
-            selection = MountSelection.typed(
-                self.chosen_port,
-                str(self.driver.currentData()),
-                self.baud.currentText(),
-                self.epoch.currentText(),
-                *self._confirmed(),
-            )
+            selection = MountSelection.typed(self.chosen_port, driver, baud, epoch, *self._confirmed())
         except UsageError as error:
             self.message.emit(str(error), "wrong")
             return

@@ -77,13 +77,12 @@ class MountTask(QObject):
 
 
 class MountCameraFrames:
-    """The camera on the mount, its frames, and the offsets seen on them, for the next diagnosis."""
+    """The camera on the mount, and what the next action takes from its frames: a solution, the offsets seen."""
 
     def __init__(self, session: Session) -> None:
         self.camera: MountCamera | None = None
         self.sightings: tuple[MountSighting, ...] = ()
         self._session = session
-        self._frames = 0
 
     @property
     def solution(self) -> Solution | None:
@@ -95,16 +94,6 @@ class MountCameraFrames:
         """Close the camera until the next frame; in the thread of the line."""
         if self.camera is not None:
             self.camera.close()
-
-    def show(self, event: object) -> None:
-        """Show a frame, or its solution."""
-        if isinstance(event, FrameTaken):
-            if self._session.streams:
-                return  # the Live view shows its camera's frames, this one too
-            self._frames += 1
-            self._session.show(event.frame, f"Camera frame {self._frames}")
-        elif isinstance(event, SolvedFrame):
-            self._session.answer(event)
 
 
 PRACTISE_LATER = "A mount is connected. Disconnect it before you practise."
@@ -126,6 +115,7 @@ class MountControl(QObject):
         super().__init__(jobs)
         self.known = MountSnapshot()
         self.frames = MountCameraFrames(session)
+        self._session, self._shown = session, 0  # and how many of the camera's frames it was given
         self.by_hand = False  # a person turns the RA axis for a polar alignment
         self._settings, self._jobs, self._wiring, self._cameras = settings, jobs, wiring, cameras
         self._line: MountLine | None = None
@@ -278,17 +268,11 @@ class MountControl(QObject):
     @property
     def situation(self) -> MountSituation:
         """What decides which actions are possible now."""
-        known = self.known
-        return MountSituation(
-            known.phase,
-            known.connected.lacks if known.connected is not None else None,
-            known.report.state if known.report is not None else None,
-            known.user,
-            self.frames.camera is not None,
-            self.frames.solution is not None,
-            known.report is not None and known.report.can_undo,
-            self.by_hand,
-        )
+        known, frames = self.known, self.frames
+        lacks = known.connected.lacks if known.connected is not None else None
+        state, can_undo = (known.report.state, known.report.can_undo) if known.report is not None else (None, False)
+        has = frames.camera is not None, frames.solution is not None
+        return MountSituation(known.phase, lacks, state, known.user, *has, can_undo, self.by_hand)
 
     def _post(self, line: MountLine | None, event: object) -> None:
         """Pass an event on from the line's threads."""
@@ -299,8 +283,12 @@ class MountControl(QObject):
         if line is not self._line:  # it is being closed: only its end matters
             return
         self.known.hear(event)
-        self.frames.show(event)
         match event:
+            case FrameTaken() if not self._session.streams:  # else the Live view shows this frame, too
+                self._shown += 1
+                self._session.show(event.frame, f"Camera frame {self._shown}")
+            case SolvedFrame():
+                self._session.answer(event)
             case PracticeStarted():
                 self.use_camera(CameraSelection("simulated", event.camera))
                 self._cameras.choose("simulated", event.camera)

@@ -100,7 +100,6 @@ class NudgePad(QWidget):
     """Nudges one at a time: presses while the mount moves are ignored. ``beside`` is another widget."""
 
     nudge_wanted = Signal(object, float, float)  # Direction, arcsec, deg/s or 0
-    explained = Signal(str)
 
     def __init__(self, beside: QWidget) -> None:
         super().__init__()
@@ -117,7 +116,6 @@ class NudgePad(QWidget):
         for way, (text, at_row, at_column, _) in WAYS.items():
             made = ExplainedButton(text, partial(self._nudge, way), f"Nudge {way}")
             made.setAccessibleName(f"Nudge {way}")
-            made.explanation.shown.connect(self.explained)
             made.installEventFilter(self)
             grid.addWidget(made, at_row, at_column)
             self.buttons[way] = made

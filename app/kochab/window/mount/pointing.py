@@ -103,39 +103,33 @@ class OffsetArrow(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        middle = QPointF(self.width() / 2, self.height() / 2)
+        painter.translate(self.width() / 2, self.height() / 2)  # the position the mount reports is at (0, 0)
         radius = SHARE * min(self.width(), self.height()) / 2
-        self._scale(painter, middle, radius, theme_colours())
+        self._scale(painter, radius, theme_colours())
         if self._offset is not None:
-            self._arrow(painter, middle, radius, self._offset, theme_colours())
+            self._arrow(painter, radius, self._offset, theme_colours())
         painter.end()
 
-    def _scale(self, painter: QPainter, middle: QPointF, radius: float, colours: Colours) -> None:
+    def _scale(self, painter: QPainter, radius: float, colours: Colours) -> None:
         painter.setPen(QPen(QColor(colours.line), 1.2))
-        painter.drawEllipse(middle, radius, radius)
-        painter.drawEllipse(middle, 2.5, 2.5)
+        for size in (radius, 2.5):
+            painter.drawEllipse(QPointF(0, 0), size, size)
         painter.setPen(QColor(colours.muted))
-        draw_text(painter, middle - QPointF(0, radius), "N", colours.surface)
-        draw_text(painter, middle - QPointF(radius, 0), "E", colours.surface)
+        draw_text(painter, QPointF(0, -radius), "N", colours.surface)
+        draw_text(painter, QPointF(-radius, 0), "E", colours.surface)
         if self._offset is not None:
-            name = ring_name(ring_arcsec(self._offset.total_deg))
-            draw_text(painter, middle + QPointF(0, radius), name, colours.surface)
+            draw_text(painter, QPointF(0, radius), ring_name(ring_arcsec(self._offset.total_deg)), colours.surface)
 
-    def _arrow(self, painter: QPainter, middle: QPointF, radius: float, offset: Offset, colours: Colours) -> None:
+    def _arrow(self, painter: QPainter, radius: float, offset: Offset, colours: Colours) -> None:
         colour = QColor(colours.faint if self._old else colours.accent)
         long = radius * min(1.0, offset.total_deg * 3600.0 / ring_arcsec(offset.total_deg))
-        angle = math.atan2(offset.north_deg, -offset.east_deg)
-        along = QPointF(math.cos(angle), -math.sin(angle))
-        tip = middle + along * long
+        painter.rotate(math.degrees(math.atan2(-offset.north_deg, -offset.east_deg)))  # it points to the right now
         painter.setPen(QPen(colour, 2.4, Qt.PenStyle.DashLine if self._old else Qt.PenStyle.SolidLine))
-        painter.drawLine(middle, tip)
+        painter.drawLine(QPointF(0, 0), QPointF(long, 0))
         if long > 8.0:
-            side = QPointF(-along.y(), along.x()) * 5.0
-            back = tip - along * 11.0
             painter.setBrush(colour)
             painter.setPen(Qt.PenStyle.NoPen)
-            painter.drawPolygon(QPolygonF([tip, back + side, back - side]))
-            painter.setBrush(Qt.BrushStyle.NoBrush)
+            painter.drawPolygon(QPolygonF([QPointF(long, 0), QPointF(long - 11, 5), QPointF(long - 11, -5)]))
 
 
 NOT_SOLVED = "not solved yet"

@@ -40,6 +40,7 @@ MERIDIAN_TIP = (
     "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
     "alt-azimuth mount goes on without a flip."
 )
+DIAGNOSE_TIP = "Take a frame and find the cause of the offset: summer time, epoch, site, hemisphere, cone error"
 ALIGNING = "Polar alignment (F4) is using the mount"
 
 
@@ -65,11 +66,7 @@ class MountView(Page):
         self.take = ExplainedButton("Take a frame", orders.take_frame, "See where the mount really points")
         self.sync = ExplainedButton("Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main")
         self.undo = ExplainedButton("Undo sync", orders.undo_sync, "Undo the last sync")
-        self.diagnose = ExplainedButton(
-            "Diagnose",
-            orders.diagnose,
-            "Take a frame and find the cause of the offset: summer time, epoch, site, hemisphere, cone error",
-        )
+        self.diagnose = ExplainedButton("Diagnose", orders.diagnose, DIAGNOSE_TIP)
         self.bring = ExplainedButton(
             "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
         )
@@ -118,9 +115,9 @@ class MountView(Page):
 
     def _connect(self) -> None:
         control, orders, box, cameras = self.control, self.orders, self.connect_box, self._services.cameras
-        for explanation in (*(one.explanation for one in self.explained.values()), self.tracking.explanation):
+        explanations = [one.explanation for one in (*self.explained.values(), *self.pad.buttons.values())]
+        for explanation in (*explanations, self.tracking.explanation):
             explanation.shown.connect(partial(show_text, self.why))
-        self.pad.explained.connect(partial(show_text, self.why))
         for speaker in (control, self.move_star, box):
             speaker.message.connect(self.say)
         control.changed.connect(self._show)

@@ -1,6 +1,5 @@
 """Draws the full-screen view at the bolts: large digits and few shapes, each with its words."""
 
-import math
 from dataclasses import dataclass
 
 from PySide6.QtCore import QPointF, QRectF, Qt, QTimer
@@ -15,10 +14,16 @@ GAP_DEG = 70.0  # opening of the ring of a turning arrow
 
 def draw_arrow(painter: QPainter, box: QRectF, knob: Knob, positive: bool, colour: QColor) -> None:
     """Draw the way to turn that removes a positive or negative error."""
+    square = _square(box)
+    painter.save()
+    painter.translate(square.center())
     if knob is Knob.ALTITUDE:
-        _straight(painter, _square(box), down=positive, colour=colour)
+        painter.rotate(180.0 if positive else 0.0)
+        _raising(painter, square.width() / 2.0, colour)
     else:
-        _turning(painter, _square(box), clockwise=not positive, colour=colour)
+        painter.scale(-1.0 if positive else 1.0, 1.0)
+        _clockwise(painter, square.width(), colour)
+    painter.restore()
 
 
 def draw_done(painter: QPainter, box: QRectF, colour: QColor) -> None:
@@ -38,41 +43,28 @@ def _square(box: QRectF, share: float = 0.86) -> QRectF:
     return square
 
 
-def _straight(painter: QPainter, box: QRectF, down: bool, colour: QColor) -> None:
-    painter.save()
-    painter.translate(box.center())
-    if down:
-        painter.rotate(180.0)
-    half = box.width() / 2.0
+def _raising(painter: QPainter, half: float, colour: QColor) -> None:
+    """Draw an arrow that points up, twice ``half`` high."""
     outline = ((0, -1), (0.8, -0.1), (0.3, -0.1), (0.3, 1), (-0.3, 1), (-0.3, -0.1), (-0.8, -0.1))
     painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(colour)
     painter.drawPolygon(QPolygonF([QPointF(x * half, y * half) for x, y in outline]))
-    painter.restore()
 
 
-def _turning(painter: QPainter, box: QRectF, clockwise: bool, colour: QColor) -> None:
-    """Draw a ring, open at the top, around the post seen from above."""
-    painter.save()
-    painter.translate(box.center())
-    if not clockwise:
-        painter.scale(-1.0, 1.0)
-    radius, width = 0.36 * box.width(), 0.13 * box.width()
-    ring = QRectF(-radius, -radius, 2 * radius, 2 * radius)
+def _clockwise(painter: QPainter, side: float, colour: QColor) -> None:
+    """Draw a ring, open at the top, around the post seen from above, with a head at its end."""
+    radius, width = 0.36 * side, 0.13 * side
     painter.setBrush(Qt.BrushStyle.NoBrush)
     painter.setPen(_pen(colour, width, Qt.PenCapStyle.FlatCap))
     begin, span = 90.0 - GAP_DEG / 2.0, 360.0 - GAP_DEG
-    painter.drawArc(ring, round(16 * begin), round(-16 * span))  # Qt counts anticlockwise
-    end = math.radians(begin - span)
-    at = QPointF(radius * math.cos(end), -radius * math.sin(end))
-    along = QPointF(math.sin(end), math.cos(end))  # clockwise on the screen
-    out = QPointF(math.cos(end), -math.sin(end))
+    # Qt counts arcs anticlockwise, but turns a painter clockwise.
+    painter.drawArc(QRectF(-radius, -radius, 2 * radius, 2 * radius), round(16 * begin), round(-16 * span))
+    painter.rotate(span - begin)  # the ring now ends on the right, on its way down
     head = 1.35 * width
     painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(colour)
-    painter.drawPolygon(QPolygonF([at + out * head, at + along * (1.6 * head), at - out * head]))
-    painter.drawEllipse(QPointF(0, 0), 0.06 * box.width(), 0.06 * box.width())
-    painter.restore()
+    painter.drawPolygon(QPolygonF([QPointF(radius + x * head, y * head) for x, y in ((1, 0), (0, 1.6), (-1, 0))]))
+    painter.drawEllipse(QPointF(0, 0), 0.06 * side, 0.06 * side)
 
 
 def _pen(colour: QColor, width: float, cap: Qt.PenCapStyle = Qt.PenCapStyle.RoundCap) -> QPen:

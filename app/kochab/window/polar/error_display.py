@@ -47,9 +47,8 @@ class AxisTarget(QWidget):
     def show_state(self, state: AlignmentState) -> None:
         """Draw a state."""
         self.state, error = state, state.error
-        self.setAccessibleDescription(
-            "Not measured yet." if error is None else f"{altitude_in_words(error)}; {azimuth_in_words(error)}"
-        )
+        told = "Not measured yet." if error is None else f"{altitude_in_words(error)}; {azimuth_in_words(error)}"
+        self.setAccessibleDescription(told)
         self.update()
 
     @property
@@ -155,12 +154,11 @@ class Numbers(QWidget):
         grid = QGridLayout(box)
         grid.addWidget(self.total, 0, 0, 1, 2)
         grid.addWidget(self.split, 1, 0, 1, 2)
-        for at, (name, value, cure) in enumerate(
-            (("Altitude", self.altitude, self.altitude_cure), ("Azimuth", self.azimuth, self.azimuth_cure))
-        ):
-            grid.addWidget(label(name, "muted"), 2 + 2 * at, 0)
-            grid.addWidget(value, 2 + 2 * at, 1)
-            grid.addWidget(cure, 3 + 2 * at, 0, 1, 2)
+        parts = (2, "Altitude", self.altitude, self.altitude_cure), (4, "Azimuth", self.azimuth, self.azimuth_cure)
+        for line, name, value, cure in parts:
+            grid.addWidget(label(name, "muted"), line, 0)
+            grid.addWidget(value, line, 1)
+            grid.addWidget(cure, line + 1, 0, 1, 2)
         grid.setColumnStretch(1, 1)
         age = row(self.spinner, (self.age, 1))
         column(box, age, self.reminder, self.more, self.findings, None, on=self, margins=(0, 0, 0, 0))

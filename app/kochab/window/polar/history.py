@@ -15,13 +15,12 @@ from kochab.polar.error import angle_in_words
 from kochab.polar.report import STYLE, Entry, History, report_html, write_report
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
-from kochab.window.shell.dialogs import ask_save, tell
+from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, column, label, row
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
-CLEAR = re.compile(r"fill:(#[0-9a-fA-F]{6})([0-9a-fA-F]{2})")  # Qt's SVG reader takes #rrggbbaa for black
 RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 
 
@@ -30,17 +29,13 @@ def writing(path: Path, history: History) -> Task[Path]:
 
     Raises KochabError when the file cannot be written.
     """
+    if path.suffix.lower() == ".pdf":
+        return (yield from save_task(lambda: write_pdf_report(path, history), path))
     yield Progress("report", None, path.name)
-    if path.suffix.lower() != ".pdf":
-        numbers = path.with_suffix(".json")
-        if numbers.exists() and not path.exists():  # the dialog asked about the page alone
-            raise KochabError(f"{numbers.name} already exists. Choose another name for the report.")
-        write_report(path, history)
-        return path
-    try:
-        write_pdf_report(path, history)
-    except OSError as error:
-        raise KochabError(f"Can't write the report {path}: {error.strerror or error}.") from None
+    numbers = path.with_suffix(".json")
+    if numbers.exists() and not path.exists():  # the dialog asked about the page alone
+        raise KochabError(f"{numbers.name} already exists. Choose another name for the report.")
+    write_report(path, history)
     return path
 
 
@@ -76,14 +71,10 @@ def page_document(history: History) -> QTextDocument:
     return document
 
 
-def _opaque(found: re.Match[str]) -> str:
-    return f"fill:{found[1]};fill-opacity:{int(found[2], 16) / 255.0:.2f}"
-
-
 def _drawn(drawing: str) -> QImage:
     """Render a drawing with the page's style."""
     rules = "".join(
-        f"{name.strip().split()[-1]}{{{CLEAR.sub(_opaque, body)}}}"
+        f"{name.strip().split()[-1]}{{{body}}}"
         for name, body in RULE.findall(STYLE)
         if name.strip().startswith((".", "svg text"))
     )
@@ -115,9 +106,8 @@ class HistoryPage(Page):
         self.which.currentIndexChanged.connect(self._show)
         self.save = button("Save &report…", self._ask, tip="Numbers and plots, HTML or PDF")
         self.summary = label(NOTHING, "muted", wrap=True)
-        self.chart = Chart(
-            "Polar error over time", ChartAxis("time", "min"), ChartAxis("error", "arcsec", log=True), legend=True
-        )
+        time, error = ChartAxis("time", "min"), ChartAxis("error", "arcsec", log=True)
+        self.chart = Chart("Polar error over time", time, error, legend=True)
         self.lines = QPlainTextEdit(readOnly=True, tabChangesFocus=True)
         self.lines.setAccessibleName("Log of the alignment")
         top = row((self.which, 1), self.save)
@@ -163,8 +153,7 @@ class HistoryPage(Page):
 
     def _ask(self) -> None:
         history = self.history
-        if history is None:
-            return
+        assert history is not None, "the button is off without one"
         day = f"{history.entries[0].time_utc:%Y-%m-%d}" if history.entries else "alignment"
         folder = Path(self._services.settings.text("folder", str(Path.home())))
         path = ask_save(self.window(), folder / f"polar-{day}.html", KINDS)

@@ -78,8 +78,7 @@ class Cues:
     def close(self) -> None:
         """Stop all sounds and remove the files."""
         for process in self._running:
-            if process.poll() is None:
-                process.kill()
+            process.kill()  # one that has ended is left alone
             process.wait()
         self._running.clear()
         if self._folder is not None:
@@ -94,10 +93,8 @@ class Cues:
 
     def _file(self, cue: Cue) -> Path:
         if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(
-                prefix="kochab-",
-                ignore_cleanup_errors=True,  # Windows may still play from it
-            )
+            # Windows may still play from it when it is removed.
+            self._folder = tempfile.TemporaryDirectory(prefix="kochab-", ignore_cleanup_errors=True)
         path = Path(self._folder.name) / f"{cue.name.lower()}.wav"
         if not path.exists():
             write_tones(path, cue.value)
