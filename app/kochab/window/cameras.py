@@ -92,6 +92,7 @@ EXAMPLES = {
     "alpaca": "host:11111/0",
     "webcam": "/dev/video0 or an address",
 }
+UNLISTED = ("", "folder")  # kinds that have no cameras to be found
 NONE_FOUND = "No camera found. Enter its address."
 EXPOSURE_S = (0.001, 60.0)
 
@@ -194,7 +195,7 @@ class CameraBox(QWidget):
             if self._at_once:
                 self._emit()
         self._point_out()
-        self._missed = "" if devices or self.kind in ("", "folder") else NONE_FOUND
+        self._missed = "" if devices or self.kind in UNLISTED else NONE_FOUND
         self._show_status()
 
     def show_missed(self, source: str, sentence: str) -> None:
@@ -234,9 +235,10 @@ class CameraBox(QWidget):
         practice = self._at_once and self.kind == "simulated"  # it is chosen in the list alone
         self.address.setVisible(bool(self.kind) and not practice)
         self.folder.setVisible(self.kind == "folder")
-        for widget in (self.found, self.look):
-            widget.setVisible(self.kind not in ("", "folder"))
-        self.exposure.setEnabled(self.kind not in ("", "folder"))
+        listed = self.kind not in UNLISTED
+        self.found.setVisible(listed)
+        self.look.setVisible(listed)
+        self.exposure.setEnabled(listed)
         self._show_status()
 
     def _show_status(self) -> None:

@@ -141,8 +141,7 @@ class Session(QObject):
         """Solve the open frame, again if it was solved before."""
         if options is not None:
             self.known.options = options
-        frame = self.known.frame
-        if frame is None:
+        if (frame := self.known.frame) is None:
             return
         self._drop("solve")
         self.known.result = None

@@ -128,20 +128,13 @@ def icon(name: str, colour: str, faint: str) -> QIcon:
 @cache
 def write_glyphs(theme: str, text: str, on_accent: str) -> str:
     """Files the style sheet refers to; returns their folder, with forward slashes."""
-    folder = _folder() / theme
-    folder.mkdir(exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix=f"kochab-glyphs-{theme}-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     for name in ("check", "tick", "right", "down", "up", "close", "float"):
         colour = on_accent if name == "tick" else text
         pixmap(name, colour, 16).save(str(folder / f"{name}.png"))
         pixmap(name, colour, 16, 2.0).save(str(folder / f"{name}@2x.png"))
     return folder.as_posix()
-
-
-@cache
-def _folder() -> Path:
-    folder = tempfile.mkdtemp(prefix="kochab-glyphs-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
 
 
 def _parse(text: str) -> tuple[QPainterPath, list[QPointF]]:

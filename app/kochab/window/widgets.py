@@ -160,17 +160,10 @@ def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = 
     return made
 
 
-def rule() -> QFrame:
-    """A thin line between groups."""
+def styled_frame(kind: str) -> QFrame:
+    """A "card", which is a raised box, or a "rule", a thin line between groups: names of the style sheet."""
     made = QFrame()
-    made.setObjectName("rule")
-    return made
-
-
-def card() -> QFrame:
-    """A raised box."""
-    made = QFrame()
-    made.setObjectName("card")
+    made.setObjectName(kind)
     return made
 
 

@@ -44,13 +44,14 @@ class Brush:
             self.painter.drawPixmap(placed.topLeft() - QPointF(AROUND_X, AROUND_Y), picture)
 
     def width(self, text: str) -> float:
-        return _width(text, self.painter.font().toString())
+        return QFontMetricsF(self.painter.font()).horizontalAdvance(text)
 
 
 @lru_cache(maxsize=512)
 def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[QRectF, QPixmap]:
     """The box of a text from its base line, and the text drawn on its dark background."""
-    written = _font(font)
+    written = QFont()
+    written.fromString(font)
     box = QFontMetricsF(written).boundingRect(text)
     ground = box.adjusted(-AROUND_X, -AROUND_Y, AROUND_X, AROUND_Y)
     picture = QPixmap(*(int(np.ceil(side * ratio)) for side in (ground.width(), ground.height())))
@@ -62,17 +63,6 @@ def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[
     painter.drawText(-ground.topLeft(), text)
     painter.end()
     return box, picture
-
-
-@lru_cache(maxsize=512)
-def _width(text: str, font: str) -> float:
-    return QFontMetricsF(_font(font)).horizontalAdvance(text)
-
-
-def _font(description: str) -> QFont:
-    font = QFont()
-    font.fromString(description)
-    return font
 
 
 def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) -> None:

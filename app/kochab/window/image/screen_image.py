@@ -51,15 +51,13 @@ class Viewport:
 
     def fitted(self, width: int, height: int) -> "Viewport":
         """The whole of a width x height image, centred, with a small margin."""
-        margin = 0.98
-        scale = margin * min(self.width / max(width, 1), self.height / max(height, 1))
-        scale = min(max(scale, SMALLEST), LARGEST)
-        return self.centred_on((width - 1) / 2, (height - 1) / 2, scale)
+        scale = 0.98 * min(self.width / max(width, 1), self.height / max(height, 1))
+        scaled = replace(self, scale=min(max(scale, SMALLEST), LARGEST))
+        return scaled.centred_on((width - 1) / 2, (height - 1) / 2)
 
-    def centred_on(self, x: float, y: float, scale: float | None = None) -> "Viewport":
+    def centred_on(self, x: float, y: float) -> "Viewport":
         """Image pixel (x, y) in the middle of the widget."""
-        s = self.scale if scale is None else scale
-        return replace(self, scale=s, dx=self.width / 2 - (x + 0.5) * s, dy=self.height / 2 - (y + 0.5) * s)
+        return replace(self, dx=self.width / 2 - (x + 0.5) * self.scale, dy=self.height / 2 - (y + 0.5) * self.scale)
 
     def held(self, width: int, height: int) -> "Viewport":
         """Moved back so that at least a quarter of the widget, or of the image, stays in sight."""

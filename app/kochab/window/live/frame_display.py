@@ -30,6 +30,10 @@ class Rendered:
     update: LiveUpdate | None
     levels: Levels
 
+    @property
+    def result(self) -> Solution | NoSolution | None:
+        return None if self.update is None else self.update.result
+
 
 class RenderQueue:
     """Frames go in at :meth:`show` and come out rendered at :meth:`take`; the newest is always next.
@@ -114,14 +118,12 @@ class LiveDisplay(QObject):
         queue.close()
         self._timer.stop()
         if keep and self.shown is not None:
-            name = self._services.session.known.name
-            frame, result = self.shown.frame, _result(self.shown)
-            self._services.session.show(frame, name)
+            session, frame, result = self._services.session, self.shown.frame, self.shown.result
+            session.show(frame, session.known.name)
             if result is None:
-                self._services.session.solve()
+                session.solve()
             else:
-                found = _detections(frame, result)
-                self._services.session.answer(SolvedFrame(frame.path, frame, found, result))
+                session.answer(SolvedFrame(frame.path, frame, _detections(frame, result), result))
 
     @property
     def drawn_hz(self) -> float | None:
@@ -159,7 +161,7 @@ class LiveDisplay(QObject):
         first = self.shown is None or self.shown.frame.pixels.shape != ready.frame.pixels.shape
         self.shown = ready
         session = self._services.session
-        session.stream(ready.frame, ready.picture, _result(ready))
+        session.stream(ready.frame, ready.picture, ready.result)
         if first:
             session.opened.emit(ready.frame)
             self._services.panes.strip.show_picture(ready.picture)
@@ -169,7 +171,7 @@ class LiveDisplay(QObject):
         self.moments.append(now)
         if ready.update is not None:
             self.latency_ms = 1e3 * (now - ready.update.shot.shutter_s)
-        self._announce(_result(ready), now)
+        self._announce(ready.result, now)
         self.drawn.emit(ready)
 
     def _announce(self, result: Solution | NoSolution | None, now: float) -> None:
@@ -182,10 +184,6 @@ class LiveDisplay(QObject):
         elif isinstance(result, NoSolution) and self._solved_s:
             self._solved_s = 0.0
             session.unsolved.emit(result)
-
-
-def _result(ready: Rendered) -> Solution | NoSolution | None:
-    return None if ready.update is None else ready.update.result
 
 
 def _detections(frame: Frame, result: Solution | NoSolution) -> Detections:

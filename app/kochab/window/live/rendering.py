@@ -10,17 +10,8 @@ from PySide6.QtGui import QImage
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame
 from kochab.core.progress import run
-from kochab.window.image.frame_image import (
-    BINS,
-    ScreenStretch,
-    automatic,
-    halved,
-    histogram,
-    sampled,
-    sky_level,
-    sky_shift,
-    storable,
-)
+from kochab.window.image import frame_image
+from kochab.window.image.frame_image import BINS, ScreenStretch, sky_level, storable
 from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, Tables
 
 SMALLEST_PX = 200
@@ -33,7 +24,7 @@ def binned(stored: Array, scale: float, mosaic: bool = False) -> Array:
     """
     must = mosaic
     while (scale <= 0.5 and min(stored.shape) >= 2 * SMALLEST_PX) or (must and min(stored.shape) >= 2):
-        stored = halved(stored)
+        stored = frame_image.halved(stored)
         scale, must = scale * 2.0, False
     return stored
 
@@ -130,18 +121,18 @@ class LiveRenderer:
 
     def _measure(self, frame: Frame, stored: Array, settings: DisplaySettings) -> None:
         """Another automatic stretch and other levels; a range that sliders stand on is held."""
-        sample = sampled(stored, SAMPLE)
+        sample = frame_image.sampled(stored, SAMPLE)
         if settings.stretch is None or self._range == (0.0, 1.0):
             # A mosaic's sky is that of its mean colour.
-            whole = sampled(binned(stored, 0.5, True), SAMPLE) if frame.bayer else sample
-            self._auto, low, high = automatic(np.ascontiguousarray(whole))
+            whole = frame_image.sampled(binned(stored, 0.5, True), SAMPLE) if frame.bayer else sample
+            self._auto, low, high = frame_image.automatic(np.ascontiguousarray(whole))
             self._range = (low, high)
             planes = None if self._auto.mid >= 0.5 else channels(frame, stored, 1.0)
             self._shift = (0.0, 0.0, 0.0)
             if planes is not None:
-                self._shift = sky_shift((plane[::3, ::3] for plane in planes), sky_level(whole))
-        self._histogram = histogram(sample, *self._range)
-        raw = np.asarray(sampled(frame.pixels, SAMPLE), dtype=np.float64)
+                self._shift = frame_image.sky_shift((plane[::3, ::3] for plane in planes), sky_level(whole))
+        self._histogram = frame_image.histogram(sample, *self._range)
+        raw = np.asarray(frame_image.sampled(frame.pixels, SAMPLE), dtype=np.float64)
         self.levels = levels_of(raw[np.isfinite(raw)], full_scale(frame))
 
 
@@ -161,4 +152,4 @@ def levels_of(values: NDArray[np.float64], full: float) -> Levels:
     shares = values / full
     top = float(np.partition(shares, -2)[-2]) if shares.size > 1 else float(shares[0])
     clipped = float(np.mean(shares >= 0.98))
-    return Levels(histogram(shares, 0.0, 1.0), float(np.median(shares)), top, clipped)
+    return Levels(frame_image.histogram(shares, 0.0, 1.0), float(np.median(shares)), top, clipped)

@@ -279,11 +279,10 @@ class LiveView(Page):
 
     def _restore(self) -> None:
         saved: dict[str, Any] = self._services.settings.table("live")
-        if saved:
-            self.camera.restore(saved)
-            folder = saved.get("record")
-            if isinstance(folder, str) and folder:
-                self.record.use_folder(Path(folder))
+        self.camera.restore(saved)
+        folder = saved.get("record")
+        if isinstance(folder, str) and folder:
+            self.record.use_folder(Path(folder))
         if self._services.cameras.choice is not None:
             self._show_choice(*self._services.cameras.choice)
 

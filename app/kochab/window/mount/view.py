@@ -22,15 +22,14 @@ from kochab.window.widgets import (
     Part,
     ProgressBar,
     button,
-    card,
     column,
     label,
     narrow_box,
     page,
     row,
-    rule,
     scrolled,
     show_text,
+    styled_frame,
     switch,
 )
 from kochab.workflows.session.mount_orders import names_to_offer
@@ -107,7 +106,7 @@ class MountView(Page):
         frames = row(self.take, self.sync, self.undo, self.diagnose, None)
         self.connection = _card(self.connect_box)
         self.compared = _card(self.pointing, frames, self.camera)
-        self.moving = _card(self.go, row(label("Meridian"), (self.meridian, 1)), rule(), self.pad)
+        self.moving = _card(self.go, row(label("Meridian"), (self.meridian, 1)), styled_frame("rule"), self.pad)
         inside, top = page(), row((self.name, 1), self.leave)
         parts = (top, self.connection, self.compared, self.moving, None)
         column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))
@@ -267,6 +266,6 @@ class MountView(Page):
 
 
 def _card(*parts: Part) -> QWidget:
-    made = card()
+    made = styled_frame("card")
     column(*parts, on=made, spacing=8, margins=(12, 10, 12, 10))
     return made

@@ -2,7 +2,7 @@
 
 import logging
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDockWidget, QPlainTextEdit, QWidget
 
 from kochab.gear.journal import versions
@@ -12,24 +12,19 @@ from kochab.window.widgets import button, column, copy_text, fixed_font_family, 
 MOST_LINES = 5000
 
 
-class _Bridge(QObject):
-    line = Signal(str)
-    fault = Signal(str)
-
-
 class QtLogHandler(logging.Handler):
     """Carries log records from any thread to the window's."""
 
-    def __init__(self) -> None:
+    def __init__(self, panel: "LogPanel") -> None:
         super().__init__(logging.INFO)
-        self.bridge = _Bridge()
+        self._panel = panel
         self.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s", "%H:%M:%S"))
 
     def emit(self, record: logging.LogRecord) -> None:
         try:
-            self.bridge.line.emit(self.format(record))
+            self._panel.line.emit(self.format(record))
             if record.levelno >= logging.CRITICAL and record.exc_info and record.exc_info[1]:
-                self.bridge.fault.emit(fault_text(record.exc_info[1]))
+                self._panel.fault.emit(fault_text(record.exc_info[1]))
         except RuntimeError:  # the window is gone
             logging.getLogger("kochab").removeHandler(self)
 
@@ -37,6 +32,7 @@ class QtLogHandler(logging.Handler):
 class LogPanel(QDockWidget):
     """Lines of the log, newest last; ``fault`` carries a sentence for a fault that nothing caught."""
 
+    line = Signal(str)
     fault = Signal(str)
     report_wanted = Signal()
 
@@ -44,7 +40,7 @@ class LogPanel(QDockWidget):
         super().__init__("Log", parent)
         self.setObjectName("log")
         self.setAllowedAreas(Qt.DockWidgetArea.BottomDockWidgetArea | Qt.DockWidgetArea.TopDockWidgetArea)
-        self.handler = QtLogHandler()
+        self.handler = QtLogHandler(self)
         self.lines = QPlainTextEdit(readOnly=True, tabChangesFocus=True, maximumBlockCount=MOST_LINES)
         self.lines.setAccessibleName("Log")
         self.lines.setStyleSheet(f"font-family: '{fixed_font_family()}', monospace;")
@@ -57,8 +53,7 @@ class LogPanel(QDockWidget):
         inside = page()
         column(self.lines, row(save, copy, clear, self.details, None), on=inside, margins=(8, 8, 8, 8))
         self.setWidget(inside)
-        self.handler.bridge.line.connect(self.lines.appendPlainText)
-        self.handler.bridge.fault.connect(self.fault)
+        self.line.connect(self.lines.appendPlainText)
         logger = logging.getLogger("kochab")
         logger.addHandler(self.handler)
         if logger.level == logging.NOTSET:

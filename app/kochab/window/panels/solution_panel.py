@@ -19,9 +19,9 @@ from kochab.window.widgets import (
     narrow_box,
     position_labels,
     row,
-    rule,
     set_role,
     show_text,
+    styled_frame,
     value_label,
 )
 from kochab.workflows import solution_text
@@ -42,14 +42,13 @@ class SolutionPanel(QWidget):
         super().__init__(parent)
         self._solution: Solution | None = None
         self._source = ""
-        self._style = AngleStyle.SEXAGESIMAL
         self.old = label("", "old", wrap=True)
         self.ra, self.dec = position_labels()
         self.style_box = narrow_box("Angle format", 7, {title: style for style, title in STYLES.items()})
         self.style_box.currentIndexChanged.connect(self._style_picked)
         self.values: dict[str, QLabel] = {}
         self._grid = facts_grid(5)
-        parts = (self.old, self._position(), rule(), self._grid, rule(), self._attitude())
+        parts = (self.old, self._position(), styled_frame("rule"), self._grid, styled_frame("rule"), self._attitude())
         column(*parts, on=self, spacing=10, margins=(0, 0, 0, 0))
         self.setVisible(False)
 
@@ -63,8 +62,11 @@ class SolutionPanel(QWidget):
         self._write()
         self.setVisible(True)
 
+    @property
+    def _style(self) -> AngleStyle:
+        return AngleStyle(self.style_box.currentData())
+
     def set_style(self, style: AngleStyle) -> None:
-        self._style = style
         self.style_box.setCurrentIndex(self.style_box.findData(style))
         self._write()
 
@@ -105,7 +107,6 @@ class SolutionPanel(QWidget):
             value.setText(text)
 
     def _style_picked(self) -> None:
-        self._style = AngleStyle(self.style_box.currentData())
         self._write()
         self.style_changed.emit(self._style)
 

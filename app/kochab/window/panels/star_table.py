@@ -3,15 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from PySide6.QtCore import (
-    QAbstractTableModel,
-    QItemSelection,
-    QModelIndex,
-    QPersistentModelIndex,
-    QSortFilterProxyModel,
-    Qt,
-    Signal,
-)
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
@@ -29,6 +21,10 @@ def _number_last(star: NamedStar) -> str:
     return f"{catalogue} {number.zfill(12)}"
 
 
+def _nameless_last(star: NamedStar) -> str:
+    return star.name or "\uffff"
+
+
 class Column(NamedTuple):
     """``text`` and ``key`` are functions of one column: a sort calls its key thousands of times."""
 
@@ -41,20 +37,12 @@ class Column(NamedTuple):
 
 COLUMNS = (
     Column(
-        "Name",
-        "Proper name, Bayer letter or Flamsteed number",
-        "Zubeneschamali",
-        lambda s, _: s.name,
-        lambda s: s.name or "\uffff",  # those without a name come last
+        "Name", "Proper name, Bayer letter or Flamsteed number", "Zubeneschamali", lambda s, _: s.name, _nameless_last
     ),
     Column("Catalogue", "Catalogue number", "J000000.0+000000", lambda s, _: s.id, _number_last),
     Column("V", "Visual magnitude", "−1.46", lambda s, _: f"{s.mag:.2f}", lambda s: s.mag),
-    Column(
-        "RA", "Right ascension, ICRS", "00h 00m 00.00s", lambda s, style: ra_text(s.ra_deg, style), lambda s: s.ra_deg
-    ),
-    Column(
-        "Dec", "Declination, ICRS", "+00° 00′ 00.0″", lambda s, style: dec_text(s.dec_deg, style), lambda s: s.dec_deg
-    ),
+    Column("RA", "Right ascension, ICRS", "00h 00m 00.00s", lambda s, a: ra_text(s.ra_deg, a), lambda s: s.ra_deg),
+    Column("Dec", "Declination, ICRS", "+00° 00′ 00.0″", lambda s, a: dec_text(s.dec_deg, a), lambda s: s.dec_deg),
     Column("x", "Pixels from the left", "00000.0", lambda s, _: f"{s.x:.1f}", lambda s: s.x),
     Column("y", "Pixels from the top", "00000.0", lambda s, _: f"{s.y:.1f}", lambda s: s.y),
     Column(
@@ -67,31 +55,35 @@ COLUMNS = (
 )
 
 
-FILTER_ROLE = Qt.ItemDataRole.UserRole
-"""All the spellings of a star by which the filter finds it: θ is not on every keyboard."""
+def _spellings(star: NamedStar) -> str:
+    """All by which the filter finds a star: θ is not on every keyboard."""
+    return f"{star.name}\n{star.ascii_name}\n{star.id}".casefold()
 
 
 class StarModel(QAbstractTableModel):
-    """The stars of a solution, sorted here: Qt would ask for every value of every comparison."""
+    """The stars of a solution, filtered and sorted here: Qt would ask for every value of every comparison."""
 
     def __init__(self) -> None:
         super().__init__()
         self._stars: tuple[NamedStar, ...] = ()
-        self._order: list[int] = []  # row -> index into the stars
+        self.order: list[int] = []  # row -> index into the stars
         self._sorted_by = (2, False)  # column, falling
+        self._wanted = ""
         self._style = AngleStyle.SEXAGESIMAL
 
     def set_stars(self, stars: tuple[NamedStar, ...]) -> None:
-        self.beginResetModel()
         self._stars = stars
-        self._order = self._sort()
-        self.endResetModel()
+        self._arrange()
+
+    def set_filter(self, text: str) -> None:
+        """Keep the stars with ``text`` in a name or number."""
+        self._wanted = text.casefold()
+        self._arrange()
 
     def set_style(self, style: AngleStyle) -> None:
         self._style = style
-        if self._stars:
-            last = self.index(len(self._stars) - 1, len(COLUMNS) - 1)
-            self.dataChanged.emit(self.index(0, 0), last)
+        if self.order:
+            self.dataChanged.emit(self.index(0, 0), self.index(len(self.order) - 1, len(COLUMNS) - 1))
 
     def longest(self, column: int) -> str:
         """The longest text of a column; empty where there is none, or its texts are alike."""
@@ -99,32 +91,21 @@ class StarModel(QAbstractTableModel):
             return ""
         return max((COLUMNS[column].text(star, self._style) for star in self._stars), key=len, default="")
 
-    def star_at(self, row: int) -> int:
-        """Index into the solution's stars of a row."""
-        return self._order[row]
-
-    def row_of(self, star: int) -> int:
-        return self._order.index(star)
-
     def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
-        if column < 0:
-            return
-        self._sorted_by = (column, order == Qt.SortOrder.DescendingOrder)
-        self.layoutAboutToBeChanged.emit()
-        old, self._order = self._order, self._sort()
-        row_of = {star: row for row, star in enumerate(self._order)}
-        held = self.persistentIndexList()
-        moved = [self.index(row_of[old[i.row()]], i.column()) for i in held]
-        self.changePersistentIndexList(held, moved)
-        self.layoutChanged.emit()
+        if column >= 0:
+            self._sorted_by = (column, order == Qt.SortOrder.DescendingOrder)
+            self._arrange()
 
-    def _sort(self) -> list[int]:
+    def _arrange(self) -> None:
         column, falling = self._sorted_by
         keys = [COLUMNS[column].key(star) for star in self._stars]
-        return sorted(range(len(keys)), key=keys.__getitem__, reverse=falling)
+        shown = [i for i, star in enumerate(self._stars) if not self._wanted or self._wanted in _spellings(star)]
+        self.beginResetModel()
+        self.order = sorted(shown, key=keys.__getitem__, reverse=falling)
+        self.endResetModel()
 
     def rowCount(self, parent: Index | None = None) -> int:
-        return 0 if parent is not None and parent.isValid() else len(self._stars)
+        return 0 if parent is not None and parent.isValid() else len(self.order)
 
     def columnCount(self, parent: Index | None = None) -> int:
         return 0 if parent is not None and parent.isValid() else len(COLUMNS)
@@ -140,36 +121,23 @@ class StarModel(QAbstractTableModel):
         if not index.isValid():
             return None
         if role == Qt.ItemDataRole.DisplayRole:
-            return COLUMNS[index.column()].text(self._stars[self._order[index.row()]], self._style)
-        if role == FILTER_ROLE:
-            star = self._stars[self._order[index.row()]]
-            return f"{star.name}\n{star.ascii_name}\n{star.id}"
+            return COLUMNS[index.column()].text(self._stars[self.order[index.row()]], self._style)
         if role == Qt.ItemDataRole.TextAlignmentRole and index.column() >= 2:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
 
 
-class StarFilter(QSortFilterProxyModel):
-    """Leaves rows out; sorting is the model's."""
-
-    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
-        self.sourceModel().sort(column, order)
-
-
 class StarTable(Page):
-    """Sortable, filterable; ``picked`` carries the index into ``solution.stars``, or None."""
+    """Sortable, filterable; ``selected`` is an index into ``solution.stars`` or None, and ``picked`` carries it."""
 
     picked = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
         self.model = StarModel()
-        self.proxy = StarFilter()
-        self.proxy.setSourceModel(self.model)
-        self.proxy.setFilterRole(FILTER_ROLE)
-        self.proxy.setFilterCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        self.selected: int | None = None
         self.filter = text_field("Filter stars", "Filter by name or number")
-        self.filter.textChanged.connect(self.proxy.setFilterFixedString)
+        self.filter.textChanged.connect(self.model.set_filter)
         self.table = self._table()
         self.count = label("No stars identified yet", "muted")
         column(self.filter, (self.table, 1), self.count, on=self, margins=(10, 10, 10, 10))
@@ -180,7 +148,7 @@ class StarTable(Page):
     def _table(self) -> QTableView:
         table = QTableView(showGrid=False, wordWrap=False)
         table.setAccessibleName("Identified stars")
-        table.setModel(self.proxy)
+        table.setModel(self.model)
         table.setSortingEnabled(True)
         table.sortByColumn(2, Qt.SortOrder.AscendingOrder)
         table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
@@ -193,9 +161,11 @@ class StarTable(Page):
         table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         table.horizontalHeader().setHighlightSections(False)
         table.selectionModel().selectionChanged.connect(self._selection)
+        self.model.modelReset.connect(self._select_again)
         return table
 
     def set_stars(self, stars: tuple[NamedStar, ...]) -> None:
+        self.selected = None
         self.model.set_stars(stars)
         named = sum(bool(s.name) for s in stars)
         self.count.setText(f"{len(stars)} stars identified, {named} with a name" if stars else "No stars identified")
@@ -218,19 +188,24 @@ class StarTable(Page):
         if star is None:
             self.table.clearSelection()
             return
-        index = self.proxy.mapFromSource(self.model.index(self.model.row_of(star), 0))
-        if not index.isValid():  # the filter hides it
+        if star not in self.model.order:  # the filter hides it
             self.filter.clear()
-            index = self.proxy.mapFromSource(self.model.index(self.model.row_of(star), 0))
-        self.table.selectRow(index.row())
-        self.table.scrollTo(index)
+        row = self.model.order.index(star)
+        self.table.selectRow(row)
+        self.table.scrollTo(self.model.index(row, 0))
 
-    @property
-    def selected(self) -> int | None:
+    def _select_again(self) -> None:
+        """Select the same star in a table that was arranged anew, unless the filter hides it."""
+        if self.selected in self.model.order:
+            with QSignalBlocker(self):  # nothing new is picked
+                self.table.selectRow(self.model.order.index(self.selected))
+        elif self.selected is not None:
+            self.selected = None
+            self.picked.emit(None)
+
+    def _selection(self) -> None:
         chosen = self.table.selectionModel().selectedRows()
-        return self.model.star_at(self.proxy.mapToSource(chosen[0]).row()) if chosen else None
-
-    def _selection(self, _on: QItemSelection, _off: QItemSelection) -> None:
+        self.selected = self.model.order[chosen[0].row()] if chosen else None
         self.picked.emit(self.selected)
 
     def _copy(self) -> None:

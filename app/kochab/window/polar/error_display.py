@@ -18,7 +18,7 @@ from kochab.polar.horizon import name_of
 from kochab.window.mount.pointing import ring_name
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.themes import Colours, theme_colours
-from kochab.window.widgets import Page, card, column, draw_text, label, row, show_text, value_label
+from kochab.window.widgets import Page, column, draw_text, label, row, show_text, styled_frame, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
 
@@ -150,7 +150,7 @@ class Numbers(QWidget):
         self.show_state(AlignmentState(), 0.0)
 
     def _lay_out(self) -> None:
-        box = card()
+        box = styled_frame("card")
         grid = QGridLayout(box)
         grid.addWidget(self.total, 0, 0, 1, 2)
         grid.addWidget(self.split, 1, 0, 1, 2)
@@ -250,7 +250,7 @@ class AlignPage(Page):
         self.detail = label("", "muted", wrap=True)
         self.numbers = Numbers()
         self.target = AxisTarget()
-        box = card()
+        box = styled_frame("card")
         column(self.pole, self.words, self.detail, on=box)
         self.parts = row((self.numbers, 2), (self.target, 3))
         column(box, on=self, margins=(4, 8, 4, 4)).addLayout(self.parts, 1)

@@ -70,9 +70,8 @@ class StyleSheets(QObject):
         if self._window.updatesEnabled():
             return
         self._window.setUpdatesEnabled(True)
-        screen = self._window.windowHandle()
-        if screen is not None:  # else Qt drops the updates asked for meanwhile, and waits for ever
-            screen.requestUpdate()
+        if (screen := self._window.windowHandle()) is not None:
+            screen.requestUpdate()  # else Qt drops the updates asked for meanwhile, and waits for ever
 
     def _meet(self, part: QWidget) -> None:
         """Style a dialog, or tabs of docks that share a place: made after the sheet was applied."""
@@ -160,8 +159,7 @@ class Appearance(QObject):
         self._panes.view.update()
 
     def _stretched(self, _: object) -> None:
-        automatic = self._panes.strip.auto.isChecked()
-        self._actions["stretch"].setChecked(automatic)
+        self._actions["stretch"].setChecked(self._panes.strip.auto.isChecked())
         self.show_frame()
 
 

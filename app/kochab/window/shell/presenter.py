@@ -59,15 +59,12 @@ class Presenter(QObject):
 
     def solve(self) -> None:
         """Solve the open frame with what the hints pane says."""
-        frame = self.session.known.frame
-        if frame is None:
+        if (frame := self.session.known.frame) is None:
             return
         options = self.panes.hints.checked_options(frame.width)
-        if options is None:
-            self.panes.tabs.setCurrentIndex(2)
-            return
-        self.panes.tabs.setCurrentIndex(0)
-        self.session.solve(options)
+        self.panes.tabs.setCurrentIndex(0 if options is not None else 2)
+        if options is not None:
+            self.session.solve(options)
 
     def _turn_to_hints(self) -> None:
         self.panes.tabs.setCurrentIndex(2)
@@ -100,10 +97,9 @@ class Presenter(QObject):
         self._begin(Progress("live", None, name))
 
     def _streamed(self, picture: RenderedFrame) -> None:
-        view, result = self.panes.view, self.session.known.result
-        before, size = view.picture, (picture.width, picture.height)
-        same = before is not None and (before.width, before.height) == size
-        view.show_picture(picture, keep_view=same)
+        before, result = self.panes.view.picture, self.session.known.result
+        same = before is not None and (before.width, before.height) == (picture.width, picture.height)
+        self.panes.view.show_picture(picture, keep_view=same)
         self._show_marks(result if isinstance(result, Solution) else None)
 
     def _solving(self) -> None:

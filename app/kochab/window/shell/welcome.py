@@ -15,7 +15,7 @@ from kochab.core.angle_text import short_name
 from kochab.core.progress import Progress, Task
 from kochab.frames import SUFFIXES
 from kochab.window.themes import BASE_POINT
-from kochab.window.widgets import Page, Part, button, clear_layout, column, label, page, row, rule, scrolled
+from kochab.window.widgets import Page, Part, button, clear_layout, column, label, page, row, scrolled, styled_frame
 
 WIDTH, HEIGHT, GAP = 96, 64, 10
 
@@ -140,7 +140,7 @@ class Welcome(Page):
         offer: list[Part] = []
         if self.samples:
             heading = label("Try a sample", "heading"), label("Simulated images.", "muted")
-            offer = [8, rule(), *heading, *self.samples]
+            offer = [8, styled_frame("rule"), *heading, *self.samples]
         self._inside = page()
         self._inside.setMaximumWidth(WIDEST_PX)
         column(
