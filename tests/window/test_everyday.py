@@ -4,8 +4,9 @@ import numpy as np
 from PySide6.QtGui import QImage
 
 from kochab.core.angle_text import breakable, short_name, unbroken
+from kochab.window.image.overlay import MARKS
 from kochab.window.panels.hints_panel import LIMIT_S
-from kochab.window.shell.menus import MARKS, SPECS
+from kochab.window.shell.menus import SPECS
 from kochab.window.shell.welcome import HEIGHT, WIDTH
 from tests.window.fakes import FakeEngine, no_solution
 

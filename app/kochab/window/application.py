@@ -39,9 +39,9 @@ class Background(QObject):
         self.job.finished.connect(lambda: self._status.background.setText(""))
         window.closing.connect(self._close)
         self._began: tuple[float, float] | None = None  # when, and at which share
-        self._timer = QTimer(self, singleShot=True)
+        self._timer = QTimer(self, singleShot=True, interval=after_ms)
         self._timer.timeout.connect(self.job.start)
-        self._timer.start(after_ms)
+        self._timer.start()
 
     def _progressed(self, progress: Progress) -> None:
         if progress.stage != PREPARING:

@@ -237,6 +237,16 @@ def test_a_selected_star_stays_selected_while_the_table_is_sorted(opened):
     assert index.siblingAtColumn(1).data() == "HIP 25333"
 
 
+def test_a_star_that_the_filter_hides_is_selected_no_more(qtbot, opened):
+    table = opened[0].workspace.stars
+    table.select(5)
+    with qtbot.waitSignal(table.picked, check_params_cb=lambda star: star is None):
+        table.filter.setText("rigel")
+    assert table.selected is None
+    table.filter.clear()
+    assert not table.table.selectionModel().selectedRows()
+
+
 def test_catalogue_numbers_sort_as_numbers(qtbot):
     from kochab.core.solution import NamedStar
     from kochab.window.panels.star_table import StarModel

@@ -336,7 +336,7 @@ def test_settings_reach_the_camera_once_they_settle(qtbot, live):
 def test_limits_that_are_not_known_leave_everything_to_be_wished_for(qtbot):
     panel = CameraPanel()
     qtbot.addWidget(panel)
-    panel.show_limits(CaptureLimits(), panel.fields.settings())
+    panel.fields.show_limits(CaptureLimits(), panel.fields.settings())
     assert not panel.fields.exposure.isEnabled()
     panel.set_running(False)
     assert panel.fields.exposure.isEnabled()

@@ -139,9 +139,7 @@ class ScreenImage:
 
     def __init__(self) -> None:
         self.picture: FrameImage | RenderedFrame | None = None
-        self._stretch = ScreenStretch()
-        self._colour = True
-        self._red = False
+        self._stretch, self._colour, self._red = ScreenStretch(), True, False
         self._tables = Tables()
         self._key: object = None
         self._made: tuple[QImage, QRectF] | None = None

@@ -143,10 +143,6 @@ class CameraPanel(Page):
             margins=(10, 10, 10, 10),
         )
 
-    def show_limits(self, limits: CaptureLimits, in_force: CaptureSettings) -> None:
-        """Limits of the open camera and the settings it uses now."""
-        self.fields.show_limits(limits, in_force)
-
     def show_levels(self, levels: Levels) -> None:
         """Histogram and exposure advice for the newest frame."""
         self.levels.show_levels(levels)

@@ -18,10 +18,7 @@ SMALLEST_PX = 200
 
 
 def binned(stored: Array, scale: float, mosaic: bool = False) -> Array:
-    """Bin 2 x 2 until a pixel is about one of the screen.
-
-    A mosaic is binned at least once, which makes it grey.
-    """
+    """Bin 2 x 2 until a pixel is about one of the screen; a mosaic at least once, which makes it grey."""
     must = mosaic
     while (scale <= 0.5 and min(stored.shape) >= 2 * SMALLEST_PX) or (must and min(stored.shape) >= 2):
         stored = frame_image.halved(stored)

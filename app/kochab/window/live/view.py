@@ -213,7 +213,7 @@ class LiveView(Page):
             self._show_message(stream.said.popleft())
         capture = stream.capture
         if capture.name:
-            self.camera.show_limits(capture.limits, capture.in_force)
+            self.camera.fields.show_limits(capture.limits, capture.in_force)
         if shown is not None:
             self.camera.show_levels(shown.levels)
         self.record.show_state(stream.recording.state)

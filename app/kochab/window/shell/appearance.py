@@ -56,8 +56,7 @@ class StyleSheets(QObject):
         return inside + [w for w in window.findChildren(QWidget, options=direct) if w is not pages]
 
     def _next(self) -> None:
-        part = self._waiting.pop(0) if self._waiting else None
-        if part is not None and isValid(part):
+        if self._waiting and isValid(part := self._waiting.pop(0)):
             part.ensurePolished()  # else a toolbar that was never seen keeps its old margins
             part.setStyleSheet(self.sheet)
         self._waiting = [p for p in self._waiting if isValid(p)]  # a dialog may have been closed

@@ -1,6 +1,7 @@
 """What menus, toolbar and keys do, and the help boxes."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt
@@ -15,7 +16,7 @@ from kochab.window.image.overlay import MARKS
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.dialogs import ask_open, ask_save, save_task, tell, without_icons
 from kochab.window.shell.exports import FrameExporter
-from kochab.window.shell.menus import SPECS, connect
+from kochab.window.shell.menus import SPECS
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
@@ -103,35 +104,37 @@ class Commands(QObject):
 
     def _connect(self) -> None:
         window, panes = self.window, self.window.workspace
-        connect(
-            self.actions,
-            {
-                "open": self.choose,
-                "clear_recent": self._clear_recent,
-                "quit": window.close,
-                "solve": self.presenter.solve,
-                "cancel": self._escape,
-                "fit": panes.view.fit,
-                "one": panes.view.actual_pixels,
-                "in": panes.view.zoom_in,
-                "out": panes.view.zoom_out,
-                "stretch": panes.strip.auto.setChecked,
-                "colour": self.looks.show_frame,
-                "night": self.looks.use_night,
-                "fill": self._fill,
-                "full": self._full_screen,
-                "log": window.log.setVisible,
-                "copy": panes.solution.copy_position,
-                "copy_all": panes.solution.copy_all,
-                "tab_solution": lambda: self._tab(0),
-                "tab_stars": lambda: self._tab(1),
-                "tab_hints": lambda: self._tab(2),
-                "about": lambda: about(window).open(),
-                "keys": lambda: keyboard(window).open(),
-                "report": self.save_report,
-                **{name: lambda on, n=name: self.looks.show_mark(n, on) for name in MARKS},
-            },
-        )
+        slots: dict[str, Callable[..., object]] = {
+            "open": self.choose,
+            "clear_recent": self._clear_recent,
+            "quit": window.close,
+            "solve": self.presenter.solve,
+            "cancel": self._escape,
+            "fit": panes.view.fit,
+            "one": panes.view.actual_pixels,
+            "in": panes.view.zoom_in,
+            "out": panes.view.zoom_out,
+            "stretch": panes.strip.auto.setChecked,
+            "colour": self.looks.show_frame,
+            "night": self.looks.use_night,
+            "fill": self._fill,
+            "full": self._full_screen,
+            "log": window.log.setVisible,
+            "copy": panes.solution.copy_position,
+            "copy_all": panes.solution.copy_all,
+            "tab_solution": lambda: self._tab(0),
+            "tab_stars": lambda: self._tab(1),
+            "tab_hints": lambda: self._tab(2),
+            "about": lambda: about(window).open(),
+            "keys": lambda: keyboard(window).open(),
+            "report": self.save_report,
+            **{name: lambda on, n=name: self.looks.show_mark(n, on) for name in MARKS},
+        }
+        for name, slot in slots.items():
+            if self.actions[name].isCheckable():  # a switch hands over its state
+                self.actions[name].toggled.connect(slot)
+            else:
+                self.actions[name].triggered.connect(lambda _=False, s=slot: s())
         window.log.visibilityChanged.connect(lambda _: self.actions["log"].setChecked(not window.log.isHidden()))
         window.log.report_wanted.connect(self.save_report)
         window.log.fault.connect(self._say)

@@ -49,7 +49,6 @@ class Workspace(QSplitter):
         self.addWidget(self._left)
         self.addWidget(self.tabs)
         self.setStretchFactor(0, 1)
-        self.setStretchFactor(1, 0)
         self.setSizes([900, SIDE_PX])
         self.setCollapsible(0, False)
 

@@ -83,16 +83,6 @@ def colour_icons(actions: Actions, colours: Colours) -> None:
             action.setIcon(icon(name, colours.text, colours.faint))
 
 
-def connect(actions: Actions, slots: dict[str, Callable[..., object]]) -> None:
-    """Connect by name; switches hand over their state."""
-    for name, slot in slots.items():
-        action = actions[name]
-        if action.isCheckable():
-            action.toggled.connect(slot)
-        else:
-            action.triggered.connect(lambda _=False, s=slot: s())
-
-
 class Menus:
     """Owns the menus that change: recent files, export, theme, text size, tools."""
 

@@ -133,7 +133,8 @@ class Presenter(QObject):
         self.panes.card.show_error("No image" if known.frame is None else "Error", sentence)
         self.panes.tabs.setCurrentIndex(0)
         if known.frame is None:  # facts of the frame before must not seem to be this one's
-            self.window.status.forget_frame()
+            self.window.status.show_frame("", "")
+            self.window.status.zoom.clear()
             self.panes.strip.forget_picture()
 
     def _idle(self) -> None:

@@ -69,10 +69,6 @@ class Status(QStatusBar):
         self.frame.setText(f"{text} ⚠" if tip else text)
         self.frame.setToolTip(tip)
 
-    def forget_frame(self) -> None:
-        self.show_frame("", "")
-        self.zoom.clear()
-
     def show_zoom(self, scale: float) -> None:
         """Screen pixels to an image pixel."""
         self.zoom.setText(f"{scale * 100:.0f} %" if scale >= 0.1 else f"{scale * 100:.1f} %")
