@@ -214,7 +214,7 @@ def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: 
     free = base
     for _ in range(rounds):
         if distortion:
-            free, state = supported_terms(state, base)
+            free, state = supported_terms(state, base, final=rounds > 1)
         keep = _inliers(state, len(free))
         if np.array_equal(keep, state.inliers):
             break

@@ -295,11 +295,12 @@ def columns(names: tuple[str, ...]) -> Indices:
     return np.array([PARAMETERS.index(name) for name in names], dtype=np.intp)
 
 
-def supported_terms(state: FitState, base: Indices) -> tuple[Indices, FitState]:
+def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tuple[Indices, FitState]:
     """``base`` and the terms that the inliers support, and the state at their optimum.
 
     Terms are tested to first order at the state, by residuals and then by those of stars that are
-    held out; the last ones are dropped again when they lead to an impossible camera.
+    held out where the fit is ``final``; the last ones are dropped again when they lead to an
+    impossible camera.
     """
     residual, normal = state.linear()
     given = np.array([getattr(state.camera, t) - getattr(state.plain, t) for t in PARAMETERS[4:]])
@@ -325,11 +326,14 @@ def supported_terms(state: FitState, base: Indices) -> tuple[Indices, FitState]:
         if not better or chance(now, then, 2 * count - len(more)) >= LARGEST_CHANCE:
             continue
         # residuals fall with any term; those of stars that had no part in the fit only with a right one
-        before = held_out if held_out is not None else normal.only(chosen[-1]).held_out(residual)
-        after = normal.only(more).held_out(residual)
-        if chance(before, after, 2 * count - len(more)) < LARGEST_CHANCE:
-            chosen.append(more)
-            now, held_out = then, after
+        if final:
+            before = held_out if held_out is not None else normal.only(chosen[-1]).held_out(residual)
+            after = normal.only(more).held_out(residual)
+            if chance(before, after, 2 * count - len(more)) >= LARGEST_CHANCE:
+                continue
+            held_out = after
+        chosen.append(more)
+        now = then
     for free in reversed(chosen[1:]):
         tried = _plain_but(state, free).descend(free)
         if sane(tried.camera) and _centre_plausible(tried.camera):
