@@ -78,9 +78,7 @@ class IndiCamera(ExposingCamera):
     @classmethod
     def missing(cls) -> str | None:
         """The client library is an extra."""
-        if find_spec("indipyclient") is not None:
-            return None
-        return "INDI cameras need one more package: pip install 'kochab[indi]'."
+        return None if find_spec("indipyclient") else "INDI cameras need one more package: pip install 'kochab[indi]'."
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:

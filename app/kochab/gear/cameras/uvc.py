@@ -95,9 +95,7 @@ class Webcam(CameraSource):
     """One video camera, or a stream at a URL."""
 
     def __init__(self, address: str, container: Any, controls: Controls) -> None:
-        self.name = address
-        self._container = container
-        self._controls = controls
+        self.name, self._container, self._controls = address, container, controls
         self._news = Condition()
         self._newest: tuple[Any, float] | None = None
         self._lost: str | None = None
@@ -110,9 +108,7 @@ class Webcam(CameraSource):
     @classmethod
     def missing(cls) -> str | None:
         """The video library is an extra."""
-        if find_spec("av") is not None:
-            return None
-        return "Webcams need one more package: pip install 'kochab[webcam]'."
+        return None if find_spec("av") else "Webcams need one more package: pip install 'kochab[webcam]'."
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:

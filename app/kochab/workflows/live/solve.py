@@ -61,7 +61,7 @@ class _Stream:
         self._capture = capture
         self._drift = DriftMeter()
         self._good: GoodPointing | None = None
-        self._solved_at: deque[float] = deque(maxlen=RATE_OVER)
+        self._solved: deque[tuple[float, int]] = deque(maxlen=RATE_OVER)
         self._numbers: deque[tuple[float, int]] = deque(maxlen=RATE_OVER)
         self.looked_at = 0
         self.solved = 0
@@ -78,13 +78,13 @@ class _Stream:
             self._drift.forget()
         else:
             self.solved += 1
-            self._solved_at.append(done)
+            self._solved.append((done, self.solved))
             self._good = GoodPointing(track.solution, shot.number, shot.shutter_s)
             drift = self._drift.add(track.time_utc.timestamp(), track.solution.centre_vector)
             update = replace(update, drift=drift)
-        return replace(
-            update, last_good=self._good, solved_hz=_rate(self._solved_at, done), frames_hz=_frame_rate(self._numbers)
-        )
+        # Solved ones up to now, so that the rate falls when they stop; frames that came, dropped ones included.
+        solved_hz, frames_hz = _rate(self._solved, done), _rate(self._numbers, shot.received_s)
+        return replace(update, last_good=self._good, solved_hz=solved_hz, frames_hz=frames_hz)
 
 
 def _waiting(stream: _Stream, capture: Capture) -> str:
@@ -92,18 +92,11 @@ def _waiting(stream: _Stream, capture: Capture) -> str:
     return f"{name}, {stream.solved} of {stream.looked_at} solved" if stream.looked_at else name
 
 
-def _rate(moments: deque[float], now_s: float) -> float | None:
-    """Events a second up to now, so that it falls when they stop."""
-    if len(moments) < 2 or now_s <= moments[0]:
+def _rate(counts: deque[tuple[float, int]], until_s: float) -> float | None:
+    """How many a second, from moments and the counts then; None before there are two."""
+    if len(counts) < 2 or until_s <= counts[0][0]:
         return None
-    return (len(moments) - 1) / (now_s - moments[0])
-
-
-def _frame_rate(numbers: deque[tuple[float, int]]) -> float | None:
-    """Frames a second that came, dropped ones included."""
-    if len(numbers) < 2 or numbers[-1][0] <= numbers[0][0]:
-        return None
-    return (numbers[-1][1] - numbers[0][1]) / (numbers[-1][0] - numbers[0][0])
+    return (counts[-1][1] - counts[0][1]) / (until_s - counts[0][0])
 
 
 class ProfiledTracker:

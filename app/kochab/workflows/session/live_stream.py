@@ -3,6 +3,7 @@
 import shutil
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -89,10 +90,9 @@ class Recording:
         now = monotonic()
         if now - self._looked_s >= LOOK_S:
             self._looked_s = now
-            try:
+            self._free = 0
+            with suppress(OSError):
                 self._free = shutil.disk_usage(recorder.folder).free
-            except OSError:
-                self._free = 0
         self.state = Recorded(recorder.folder, recorder.frames, recorder.solved, self._free, recorder.recording)
 
 
