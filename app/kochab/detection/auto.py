@@ -1,10 +1,9 @@
 """The default detector: any frame, no settings, hot pixels told from stars.
 
-Background and noise on a mesh, local maxima of the smoothed frame, the frame's own star image
-from the brightest of them, and a fit of that image to every one. What a single pixel explains
-better than the star image is a hot pixel. When the stars are not small, the same is done on the
-frame made four times smaller, and the clearer result is taken: far out of focus a star is a ring
-that at full scale looks like many.
+Background and noise on a mesh, local maxima of the smoothed frame, the frame's own star image from the brightest of
+them, and a fit of that image to every one. What a single pixel explains better than the star image is a hot pixel.
+When the stars are not small, the same is done on the frame made four times smaller, and the clearer result is
+taken: far out of focus a star is a ring that at full scale looks like many.
 """
 
 from dataclasses import dataclass, replace

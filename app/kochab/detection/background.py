@@ -125,8 +125,7 @@ class Smoother:
     def __call__(self, rows: Array, pad: tuple[int, int, int]) -> Array:
         """Smoothed (n + above + below - 2, m + 2 sides - 2) of rows (2 n, 2 m or 2 m + 1).
 
-        ``pad`` = (above, below, sides) halved pixels repeat the edges. The result is overwritten
-        by the next call.
+        ``pad`` = (above, below, sides) halved pixels repeat the edges. The result is overwritten by the next call.
         """
         above, below, sides = pad
         sums, spare = self._sums(rows, pad)

@@ -17,8 +17,7 @@ from kochab.detection.peaks import PreparedFrame, Stamps, cut
 class Fits(Table):
     """``dx``, ``dy`` (N,) px from the stamps' middles, ``flux`` (N,) and its ``snr`` (N,).
 
-    ``snr`` is for a noise of 1 a pixel. ``moments`` (N, 3) are xx, yy, xy weighted by the star
-    image, px^2.
+    ``snr`` is for a noise of 1 a pixel. ``moments`` (N, 3) are xx, yy, xy weighted by the star image, px^2.
     """
 
     dx: Floats
@@ -276,8 +275,7 @@ def clip_level(view: PreparedFrame, xy: Floats, given: float | None) -> float:
 def star_image(view: PreparedFrame, xy: Floats, clip: float) -> tuple[Floats, bool]:
     """Second moments (2, 2), px^2, of the frame's stars, from the brightest of ``xy`` (N, 2) px.
 
-    Also whether most of them are well inside a few pixels. When not, stars are large or trailed,
-    or are not stars.
+    Also whether most of them are well inside a few pixels. When not, stars are large or trailed, or are not stars.
     """
     stamps, level, _ = view.stamps(xy[:1000], 1)
     xy = xy[:1000][stamps.value.max(axis=(1, 2), initial=0.0) + level < clip][:ENOUGH]
@@ -310,8 +308,7 @@ def unweighted(moments: Floats, covariance: Floats) -> Floats:
 def _usual_moments(view: PreparedFrame, xy: Floats, half: int) -> tuple[Floats | None, float]:
     """Medians of the moments over those stars whose size is usual, and the share that settled.
 
-    A weight that has grown to fill the stamp has not found a star's edge. None when fewer than
-    three settle.
+    A weight that has grown to fill the stamp has not found a star's edge. None when fewer than three settle.
     """
     stamps, _, _ = view.stamps(xy, half)
     least = 0.2 if view.how.greens is None else 0.8  # among greens a weight must hold several

@@ -128,8 +128,7 @@ def parse_cards(cards: Iterable[str]) -> Header:
 def parse_value(body: str) -> tuple[Any, str, bool]:
     """A card's value, its comment, and whether it kept to the standard.
 
-    What does not parse comes back as bare text, since it often still means something
-    (``RA = 05 29 34``).
+    What does not parse comes back as bare text, since it often still means something (``RA = 05 29 34``).
     """
     if string := _STRING.match(body):
         comment = body[string.end(1) + 1 :].partition("/")[2].strip()

@@ -17,8 +17,7 @@ def refuse_overwriting(targets: Iterable[Name], inputs: Iterable[Name] = (), ove
     Parameters
     ----------
     targets
-        What is to be written. Devices such as ``/dev/null`` and folders are let pass: nothing
-        is replaced there.
+        What is to be written. Devices such as ``/dev/null`` and folders are let pass: nothing is replaced there.
     inputs
         What is read. None of it is ever replaced, under whatever name.
     overwrite

@@ -87,10 +87,7 @@ def read_frame(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMI
         ``pixels`` (H, W) native and contiguous, row 0 at the top of the screen; no file's rows
         are turned over, so that pixel positions stay those of the file.
 
-    Raises
-    ------
-    FrameError
-        With one sentence naming the file, for whatever is wrong with it.
+    Raises `FrameError` with one sentence naming the file, for whatever is wrong with it.
     """
     return run(reading(path, timeout_s))
 
@@ -106,10 +103,7 @@ def reading(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S
 def read_fits_bytes(data: bytes, name: str) -> Frame:
     """The frame of a FITS file in memory, as a camera server sends it; ``name`` stands for its path.
 
-    Raises
-    ------
-    FrameError
-        As :func:`read_frame`, with one sentence that names it.
+    Raises `FrameError` as :func:`read_frame`, with one sentence that names it.
     """
     from kochab.frames.fits import read_fits_file
 

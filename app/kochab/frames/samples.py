@@ -30,11 +30,8 @@ def check_size(width: int, height: int, bytes_px: int = 1, packed_bytes: int | N
     packed_bytes
         The file's size when it is a compressed one.
 
-    Raises
-    ------
-    FrameError
-        When a side is less than 2 px, or the whole is beyond `MAX_PIXELS`, `MAX_BYTES` or the
-        memory that is free, or packed by more than `MAX_PACKED`.
+    Raises `FrameError` when a side is less than 2 px, or the whole is beyond `MAX_PIXELS`, `MAX_BYTES` or the memory
+    that is free, or packed by more than `MAX_PACKED`.
     """
     if width < 2 or height < 2:
         raise FrameError(f"holds no picture: it is {width} x {height} pixels.")
@@ -131,10 +128,7 @@ def native(array: Array) -> Array:
 def finite(pixels: Array) -> tuple[Array, tuple[str, ...]]:
     """Pixels without NaN and infinity, which become the picture's median, and a note of it.
 
-    Raises
-    ------
-    FrameError
-        When no pixel has a value.
+    Raises `FrameError` when no pixel has a value.
     """
     if pixels.dtype.kind != "f":
         return pixels, ()

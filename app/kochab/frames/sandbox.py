@@ -138,10 +138,7 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
     function, arguments
         Picklable; the function is found by its module and name.
 
-    Raises
-    ------
-    FrameError
-        The deadline has passed, or the process ended: it crashed, or the system ended it.
+    Raises `FrameError` when the deadline has passed, or the process ended: it crashed, or the system ended it.
     """
     deadline = None if timeout_s is None else time.monotonic() + timeout_s
     try:

@@ -1,8 +1,7 @@
 """Automatic screen stretch: from linear samples to the 8 bits of a display.
 
-The midtones transfer function ``m(x) = (m - 1) x / ((2 m - 1) x - m)`` keeps 0 and 1 and takes
-``m`` to one half; the automatic choice puts black some deviations below the sky and the sky
-itself at a fixed grey.
+The midtones transfer function ``m(x) = (m - 1) x / ((2 m - 1) x - m)`` keeps 0 and 1 and takes ``m`` to one half;
+the automatic choice puts black some deviations below the sky and the sky itself at a fixed grey.
 """
 
 from dataclasses import dataclass

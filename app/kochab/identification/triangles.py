@@ -40,10 +40,9 @@ PART = 0.2
 class DetectionAngles:
     """The brightest n detections through a camera known to a share of its focal length.
 
-    ``focal`` is the middle of the focal lengths allowed, px, and ``room`` how far they go, as a
-    share. ``angle`` (n, n) are the separations at the middle, rad, and ``growth`` (n, n) what is
-    taken off them at the end of the range, where the focal length is (1 + room) times the middle's.
-    Both are lists: they are asked for one by one.
+    ``focal`` is the middle of the focal lengths allowed, px, and ``room`` how far they go, as a share. ``angle``
+    (n, n) are the separations at the middle, rad, and ``growth`` (n, n) what is taken off them at the end of the
+    range, where the focal length is (1 + room) times the middle's. Both are lists: they are asked for one by one.
     """
 
     focal: float
@@ -209,9 +208,8 @@ CROWD, CLOSER = 4, 8
 class KnownSearch:
     """One frame's triangles in one table.
 
-    ``xy`` (N, 2) px from the frame's middle, brightest first; ``half`` (2,) half its width and
-    height; ``angles`` the separations of its `asked` detections; ``ways`` how many searches like
-    this one the frame gets.
+    ``xy`` (N, 2) px from the frame's middle, brightest first; ``half`` (2,) half its width and height; ``angles``
+    the separations of its `asked` detections; ``ways`` how many searches like this one the frame gets.
     """
 
     def __init__(self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, ways: int = 1) -> None:
@@ -279,8 +277,7 @@ class KnownSearch:
     def _pointings(self, b: int, c: int) -> tuple[float, float]:
         """How many pointings two proposers make that agree within r px, as ``a + b r``.
 
-        N stars spread about evenly make N^2 / 2 pairs, which count two ways round and as two
-        parities.
+        N stars spread about evenly make N^2 / 2 pairs, which count two ways round and as two parities.
         """
         pairs = 2.0 * len(self.table.rows) ** 2 * math.sin(self.angles.angle[b][c])
         return pairs * self.angles.growth[b][c], pairs / self.angles.focal

@@ -22,10 +22,9 @@ from kochab.core.registry import choice, integer, number
 class Triad:
     """Two stars out of the list; all others are ignored.
 
-    ``partner`` chooses the second star, which only sets the roll: "farthest" the one that is
-    farthest from parallel with the first, "next" the second of the list. The thesis takes two
-    and does not say which. It warns of two that are nearly parallel or opposite without a number.
-    ``sigma_px`` sets the covariance.
+    ``partner`` chooses the second star, which only sets the roll: "farthest" the one that is farthest from parallel
+    with the first, "next" the second of the list. The thesis takes two and does not say which. It warns of two that
+    are nearly parallel or opposite without a number. ``sigma_px`` sets the covariance.
     """
 
     paper: ClassVar[str] = "Lost in space for robotic telescopes, 2018, section 5.4.1"
@@ -75,10 +74,9 @@ def _axes(first: Floats, second: Floats) -> Floats:
 class PlateConstants:
     """Six constants from M >= 3 stars that are not on one line.
 
-    The constants also hold a wrong scale, a shear and a shifted origin, so that the focal length
-    need not be right; that freedom costs precision when it is. The origin is the camera's
-    principal point, and the camera's distortion is taken out first, which the paper does not do.
-    The attitude is the rotation nearest to the constants.
+    The constants also hold a wrong scale, a shear and a shifted origin, so that the focal length need not be right;
+    that freedom costs precision when it is. The origin is the camera's principal point, and the camera's distortion
+    is taken out first, which the paper does not do. The attitude is the rotation nearest to the constants.
     """
 
     paper: ClassVar[str] = "Attitude from stellar images, section 2.4"

@@ -1,9 +1,8 @@
 """The alignment on a phone: one read-only page over the local network, off until switched on.
 
-GET only, two addresses under a random token, no files, no query. Without the token every request
-gets 404. Nothing is sent anywhere by itself. One thread serves all connections, so that slow or
-hostile ones cost nobody else anything: a request has one deadline, and when there are too many
-connections the oldest makes room for the newest.
+GET only, two addresses under a random token, no files, no query. Without the token every request gets 404. Nothing
+is sent anywhere by itself. One thread serves all connections, so that slow or hostile ones cost nobody else
+anything: a request has one deadline, and when there are too many connections the oldest makes room for the newest.
 """
 
 import asyncio
@@ -94,11 +93,7 @@ class PhonePage:
     def start(self, host: str | None = None, port: int = 0) -> str:
         """Switch on, at the address this computer has on the local network, and return the URL.
 
-        Raises
-        ------
-        PortError
-            The address or port cannot be used.
-
+        Raises `PortError` when the address or port cannot be used.
         """
         if self._server is None:
             address = host or local_address()

@@ -18,10 +18,9 @@ from kochab.sky import Catalogue
 class CameraConfig:
     """A camera on a telescope; the default is a 1.2 MP guide camera with a field of 2.4 deg.
 
-    Distortion as in :mod:`kochab.core.camera`. ``zero_point_e_s``: electrons a second of a star of
-    V = 0 above the air. Stars fainter than ``faintest``, or than the noise, are left out. Noise is
-    normal, which photons behind reading noise are nearly; ``cheap`` takes it from a pool that is
-    made once, for 30 frames a second.
+    Distortion as in :mod:`kochab.core.camera`. ``zero_point_e_s``: electrons a second of a star of V = 0 above the
+    air. Stars fainter than ``faintest``, or than the noise, are left out. Noise is normal, which photons behind
+    reading noise are nearly; ``cheap`` takes it from a pool that is made once, for 30 frames a second.
     """
 
     width: int = 1280

@@ -110,9 +110,8 @@ FAULT_CHANCE = {Fault.SILENCE: 0.01, Fault.GARBAGE: 0.01, Fault.LATE: 0.005, Fau
 class PracticeNight:
     """Runs until :meth:`stop`. ``camera`` is the name under which source "simulated" opens it.
 
-    ``driver`` is the protocol its mount speaks. ``line_faults`` lets some answers of the mount be
-    missing, late, split or garbage. Frames of ``exposure_s`` are written into ``folder`` as FITS,
-    the oldest beyond 200 removed.
+    ``driver`` is the protocol its mount speaks. ``line_faults`` lets some answers of the mount be missing, late,
+    split or garbage. Frames of ``exposure_s`` are written into ``folder`` as FITS, the oldest beyond 200 removed.
 
     Raises
     ------
@@ -169,11 +168,7 @@ class PracticeNight:
     def do(self, line: str) -> str:
         """Do one typed line and say what was done, "" when there is nothing to say.
 
-        Raises
-        ------
-        kochab.core.errors.UsageError
-            The line is not understood.
-
+        Raises `UsageError` when the line is not understood.
         """
         action, *words = line.split() or [""]
         try:

@@ -16,9 +16,8 @@ from kochab.sky import Catalogue
 class FieldPlan:
     """What one simulated field is like; ``size_px`` is the side of its square frame.
 
-    ``missing`` is the share of catalogue stars that are not detected, ``spurious`` the number of
-    false ones as a share of the detected, each as bright as one of them. ``brightest`` caps the
-    list.
+    ``missing`` is the share of catalogue stars that are not detected, ``spurious`` the number of false ones as a
+    share of the detected, each as bright as one of them. ``brightest`` caps the list.
     """
 
     fov_deg: float

@@ -38,9 +38,8 @@ class AxisError:
 class MountTruth:
     """One moment. ``attitude`` takes ICRS catalogue vectors to camera axes near the boresight.
 
-    ``of_date_deg`` is the boresight's geocentric apparent RA and Dec, what a mount should say.
-    ``enu_to_camera`` (3, 3) takes observed directions; ``axis_enu`` (3,) is the visible end of
-    the polar axis.
+    ``of_date_deg`` is the boresight's geocentric apparent RA and Dec, what a mount should say. ``enu_to_camera``
+    (3, 3) takes observed directions; ``axis_enu`` (3,) is the visible end of the polar axis.
     """
 
     unix_s: float

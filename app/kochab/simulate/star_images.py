@@ -1,8 +1,7 @@
 """Star images on a frame: point-spread functions, trails, noise and what sensors do to them.
 
-Light is counted in electrons until the last step. Every pixel holds the light that falls on its
-area, not the value at its middle: a Gaussian by the error function, a Moffat by 3 x 3
-Gauss-Legendre nodes a pixel.
+Light is counted in electrons until the last step. Every pixel holds the light that falls on its area, not the value
+at its middle: a Gaussian by the error function, a Moffat by 3 x 3 Gauss-Legendre nodes a pixel.
 """
 
 from dataclasses import dataclass, field

@@ -38,8 +38,7 @@ def earth_velocity(time_utc: datetime) -> Floats:
 def aberrated(vectors: Floats, velocity: Floats) -> Floats:
     """Directions (N, 3) an observer moving at ``velocity`` (3,), in c, sees stars in.
 
-    Exact special relativity (Explanatory Supplement 7.2.3, ERFA ``ab``). To undo it, give the
-    negative velocity.
+    Exact special relativity (Explanatory Supplement 7.2.3, ERFA ``ab``). To undo it, give the negative velocity.
     """
     import erfa
 

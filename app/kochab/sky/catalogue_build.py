@@ -144,8 +144,7 @@ def _number(value: float | None) -> str:
 def write_lines(figures: Path, path: Path) -> int:
     """Write the constellations' figures as chains of HIP numbers; returns how many segments.
 
-    The source counts segments and gives two stars for each; following ones that touch are
-    written as one chain.
+    The source counts segments and gives two stars for each; following ones that touch are written as one chain.
     """
     out = ["constellation\thip"]
     segments = 0

@@ -59,8 +59,7 @@ FULL_DEC = 2**23 - 1
 def read_astap(folder: Path) -> Task[ForeignStars]:
     """Every star of an ASTAP database; its epoch is not stated in the files.
 
-    Magnitudes are taken as they stand: V in databases with colour, Gaia's BP, some 0.2 fainter, in
-    those without.
+    Magnitudes are taken as they stand: V in databases with colour, Gaia's BP, some 0.2 fainter, in those without.
     """
     files = sorted(p for p in folder.iterdir() if p.suffix in SUFFIXES)
     parts = []

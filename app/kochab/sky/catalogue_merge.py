@@ -23,11 +23,10 @@ from kochab.sky.catalogue_sources import (
     shift_arcsec,
 )
 
-# The cells in which an astrometry.net index keeps only so many stars: HEALPix of any size.
-# Which cell a star falls in tells whether a star that the index lacks may have been left out for
-# room: only if the cell is full, and of stars that are all about as bright or brighter. (That no
-# cell of the Tycho-2 index holds more than ten, and 89,088 hold ten as its header says, is the
-# proof that the cells are the right ones.)
+# The cells in which an astrometry.net index keeps only so many stars: HEALPix of any size. Which cell a star falls
+# in tells whether a star that the index lacks may have been left out for room: only if the cell is full, and of
+# stars that are all about as bright or brighter. (That no cell of the Tycho-2 index holds more than ten, and 89,088
+# hold ten as its header says, is the proof that the cells are the right ones.)
 
 SIDE = 156  # cells along each of the 12 base squares: 22.55 arcmin
 KEPT = 10  # stars kept in each cell

@@ -66,9 +66,8 @@ _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 def printed(designation: str, also: Sequence[str] = ()) -> str:
     """A designation as charts print it: ``"θ1 Ori C"`` is θ¹ Ori C.
 
-    Of the other names ``also`` an index of the same Greek letter is taken (``"ψ Ori"`` is ψ² Ori),
-    and a Flamsteed number rather than a Latin letter (``"c Ori"`` is 42 Ori), but not of P Cygni
-    and the variables from R on.
+    Of the other names ``also`` an index of the same Greek letter is taken (``"ψ Ori"`` is ψ² Ori), and a Flamsteed
+    number rather than a Latin letter (``"c Ori"`` is 42 Ori), but not of P Cygni and the variables from R on.
     """
     head, _, rest = designation.partition(" ")
     if head in GREEK:

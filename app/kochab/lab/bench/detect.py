@@ -80,10 +80,9 @@ def expected(
 def score(found: Floats, truth: DetectionTruth, snr: float = 10.0) -> dict[str, float]:
     """Completeness at ``snr``, purity, and centroid RMS over the bound of places (M, 2) px.
 
-    A star is found when a place lies within half a FWHM (at least a pixel) of it, and a place is
-    true when a star of any brightness does. Centroids count for every found star above ``snr``
-    that does not clip and has no neighbour within 4 FWHM; their mean square error is taken in
-    units of each star's own bound.
+    A star is found when a place lies within half a FWHM (at least a pixel) of it, and a place is true when a star
+    of any brightness does. Centroids count for every found star above ``snr`` that does not clip and has no
+    neighbour within 4 FWHM; their mean square error is taken in units of each star's own bound.
     """
     if not len(found):
         return {"completeness": 0.0, "purity": float("nan"), "rms_over_bound": float("nan")}

@@ -1,9 +1,8 @@
 """``kochab bench live``: a stream of frames tracked, its speed, its memory and its truth.
 
-Frames are rendered before anything is timed. Wall times are of one frame after another; the
-processor time beside them does not depend on what else the machine does. The rows "in the window"
-are of the real window in a process of its own, which shows the same frames as they come from a
-camera.
+Frames are rendered before anything is timed. Wall times are of one frame after another; the processor time beside
+them does not depend on what else the machine does. The rows "in the window" are of the real window in a process of
+its own, which shows the same frames as they come from a camera.
 """
 
 import json

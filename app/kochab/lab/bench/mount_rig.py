@@ -1,8 +1,7 @@
 """One practice telescope behind a real line, for runs by the hundred: time jumps where it may.
 
-The mount's clock runs as fast as the wall's while bytes are under way or a motion is timed by this
-computer; all other waiting, and exposures, are jumps. A line that is silent is given up after
-half a second instead of five.
+The mount's clock runs as fast as the wall's while bytes are under way or a motion is timed by this computer; all
+other waiting, and exposures, are jumps. A line that is silent is given up after half a second instead of five.
 """
 
 import sys

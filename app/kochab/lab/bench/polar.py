@@ -7,9 +7,8 @@ camera rolled at will, bolts with backlash and threads of unknown pitch and sens
 
 * ``measure``: five frames over 60 deg of turn, and the measured against the true axis.
 * ``align``: a whole alignment. A person follows the tutor, with 5 % and a degree of error in every
-  turn of a bolt, and first points to the one of 40 places, drawn from the whole sky, where the
-  planner foresees the surest axis. A move is a bolt turned one way; going on with it after a look
-  at the screen is the same move.
+  turn of a bolt, and first points to the one of 40 places, drawn from the whole sky, where the planner foresees the
+  surest axis. A move is a bolt turned one way; going on with it after a look at the screen is the same move.
 * ``worn``: mounts as amateurs own them, scored against two claims: the ellipse of the frames' own
   noise, and the one with what was not seen.
 

@@ -1,7 +1,6 @@
 """Stars as peaks: local maxima, Gaussians (photutils' DAOStarFinder), and both combined.
 
-Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.3, the "peak detection
-method".
+Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.3, the "peak detection method".
 """
 
 import warnings
@@ -66,9 +65,8 @@ def _apart(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple[Floats, 
     return xy[order], flux[order], pixels[order]
 
 
-# Stars as peaks shaped like a Gaussian: photutils' DAOStarFinder (Stetson 1987, PASP 99, 191).
-# Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.2, the "source
-# detection method".
+# Stars as peaks shaped like a Gaussian: photutils' DAOStarFinder (Stetson 1987, PASP 99, 191). Source: "Lost in
+# space" for robotic telescopes (thesis, 2018), section 5.1.2, the "source detection method".
 
 
 @dataclass(frozen=True, slots=True)

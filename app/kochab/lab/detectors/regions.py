@@ -85,11 +85,10 @@ MOST_PIXELS = 200_000
 class ClusterDetector:
     """Pixels within ``tau_px`` of a cluster's centre belong to it; others found a new one.
 
-    The paper read its ``threshold`` of 51 of 255 off the dimmest pixels at the edges of its stars;
-    None puts it at ``sigmas`` times the background's noise above the median. It takes the star of
-    the most pixels for the brightest, the alternative to ``rank`` by is the flux. Only the 200,000
-    brightest pixels are looked at. Fixed ``arithmetic`` is that of the thesis' chapter 3; it raises
-    FixedPointOverflowError when it runs out of bits.
+    The paper read its ``threshold`` of 51 of 255 off the dimmest pixels at the edges of its stars; None puts it at
+    ``sigmas`` times the background's noise above the median. It takes the star of the most pixels for the
+    brightest, the alternative to ``rank`` by is the flux. Only the 200,000 brightest pixels are looked at. Fixed
+    ``arithmetic`` is that of the thesis' chapter 3; it raises FixedPointOverflowError when it runs out of bits.
 
     Of several centres in reach the nearest counts, which the paper leaves open. The weights of
     the centroids are brightnesses above the median; the paper's frames had a black sky.

@@ -115,12 +115,11 @@ class FieldTruth:
 class Trial:
     """What came of the stars with one method, detector or estimator.
 
-    ``seconds`` is its processor time, with a method's tables at hand; ``tables_s`` is what making
-    those took, when this was their first use. ``right`` and ``wrong`` (names that are not the
-    star's) are None when the truth is not known. ``off_arcsec`` is between the centres.
-    ``found`` is what a detector saw. ``from_fit_arcsec`` is how far an estimator's attitude is
-    from that of the fit, on the sky and in roll. ``sigma_arcsec`` are one-sigma errors along x,
-    along y, and of roll.
+    ``seconds`` is its processor time, with a method's tables at hand; ``tables_s`` is what making those took, when
+    this was their first use. ``right`` and ``wrong`` (names that are not the star's) are None when the truth is not
+    known. ``off_arcsec`` is between the centres. ``found`` is what a detector saw. ``from_fit_arcsec`` is how far
+    an estimator's attitude is from that of the fit, on the sky and in roll. ``sigma_arcsec`` are one-sigma errors
+    along x, along y, and of roll.
     """
 
     kind: ComparedPart

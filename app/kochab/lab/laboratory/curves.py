@@ -1,9 +1,8 @@
 """How success, error and time change with what is wrong with a field; as curves and as CSV.
 
-The plots of the thesis "Lost in space for robotic telescopes", 2018: success against the number
-of stars (figure 7.12) and the error margin (7.13), time against the number of stars (7.18); and
-the same against noise, false and missing stars. Of detectors it is the stars found that count, of
-estimators of the attitude the error.
+The plots of the thesis "Lost in space for robotic telescopes", 2018: success against the number of stars (figure
+7.12) and the error margin (7.13), time against the number of stars (7.18); and the same against noise, false and
+missing stars. Of detectors it is the stars found that count, of estimators of the attitude the error.
 """
 
 import csv
@@ -48,9 +47,8 @@ def sweeps_of(kind: ComparedPart) -> list[str]:
 class Point:
     """``right`` of ``fields`` answers were right and ``wrong`` were wrong at ``value``.
 
-    ``found`` is the share of the true stars that a detector found; ``off_arcsec`` the median of
-    how far the answers were off. Either is None where there is none. ``median_s`` is 0 where
-    nothing could begin.
+    ``found`` is the share of the true stars that a detector found; ``off_arcsec`` the median of how far the answers
+    were off. Either is None where there is none. ``median_s`` is 0 where nothing could begin.
     """
 
     sweep: str

@@ -38,8 +38,7 @@ OPEN_FIRST = "Open a frame first, or choose a simulated field."
 class Scene:
     """A ``frame``, or the ``detections`` of one, or both.
 
-    ``places`` (N, 2) px are all stars of a simulated picture. ``believed`` is the hint when no
-    truth is known.
+    ``places`` (N, 2) px are all stars of a simulated picture. ``believed`` is the hint when no truth is known.
     """
 
     detections: Detections | None = None

@@ -70,9 +70,8 @@ def _first_use(choice: Choice, hint: Hint | None, detections: Detections) -> boo
 def with_fitted_pointing(found: Identification) -> Identification:
     """The answer with the pointing that its names give.
 
-    Methods end with names and a pointing good to some pixels; what they are worth is what a fit
-    makes of the names, as it does in every solve. Fewer than three matches leave the pointing as it
-    is, and its errors unknown.
+    Methods end with names and a pointing good to some pixels; what they are worth is what a fit makes of the names,
+    as it does in every solve. Fewer than three matches leave the pointing as it is, and its errors unknown.
     """
     if len(found.matches) < 3:
         return found

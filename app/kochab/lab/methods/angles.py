@@ -85,9 +85,8 @@ def pivot(order: Ints, candidates: list[Ints], keys: Ints, as_printed: bool = Fa
     ``candidates[f]`` are the catalogue's entries for the ``f``-th figure of the order, ``keys``
     (N, c) what entries may share. Two figures of a frame are never one entry of the catalogue.
 
-    ``as_printed`` follows the thesis' programs (E.34, E.35) where they differ: an entry may stand
-    for two figures, counts for every key it shares, and when a pivot leaves more finalists than
-    there were, the search is given up.
+    ``as_printed`` follows the thesis' programs (E.34, E.35) where they differ: an entry may stand for two figures,
+    counts for every key it shares, and when a pivot leaves more finalists than there were, the search is given up.
     """
     finalists = candidates[0][:, None]
     compared = len(finalists)

@@ -1,10 +1,9 @@
 """What the published methods share: what they need to begin, and whether proposed names hold.
 
-The methods that compare angular separations end with names and no measure of trust, so all of them
-end here. Two of the named stars, the proposers, fix rotation and focal length; the evidence is how
-many of the other detections then fall on catalogue stars, against what chance would give
-(:mod:`kochab.identification.verification`), after counting every pair of catalogue stars the method
-looked at.
+The methods that compare angular separations end with names and no measure of trust, so all of them end here. Two of
+the named stars, the proposers, fix rotation and focal length; the evidence is how many of the other detections then
+fall on catalogue stars, against what chance would give (:mod:`kochab.identification.verification`), after counting
+every pair of catalogue stars the method looked at.
 """
 
 from abc import ABC, abstractmethod

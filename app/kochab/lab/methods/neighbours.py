@@ -39,10 +39,9 @@ from kochab.sky import open_catalogue
 #   paper's example (its table of neighbouring constellations) shows that the two are counted apart;
 # - a star hardly further away than such a certain one may change places with it.
 #
-# The paper states the error of its example's angle as 1.724 deg, which is ``2 tolerance (1/d1 +
-# 1/d2)`` and the worst there is; the entries it prints in figure 11 are exactly those of twice
-# that. The text's is the default, as it comes nearer to the paper's number of entries;
-# ``angle_errors`` 2 is the figure's.
+# The paper states the error of its example's angle as 1.724 deg, which is ``2 tolerance (1/d1 + 1/d2)`` and the
+# worst there is; the entries it prints in figure 11 are exactly those of twice that. The text's is the default, as
+# it comes nearer to the paper's number of entries; ``angle_errors`` 2 is the figure's.
 
 MOST_ENTRIES, MOST_COMPARED = 60_000_000, 400_000_000
 """Entries before doubles are left out, and pairs of neighbours: some seconds and a gigabyte."""
@@ -55,8 +54,7 @@ PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 class NeighbourTable:
     """N stars, brightest first, and E entries by ascending ``key``.
 
-    ``rows`` (N,) of the catalogue, ``vectors`` (N, 3) ICRS; ``key`` (E,) and the ``star`` (E,) entered
-    under it.
+    ``rows`` (N,) of the catalogue, ``vectors`` (N, 3) ICRS; ``key`` (E,) and the ``star`` (E,) entered under it.
     """
 
     rows: Ints
@@ -148,10 +146,9 @@ def _tabled(options: "Neighbours", year: int) -> NeighbourTable:
 def _of_catalogue(options: "Neighbours", year: int) -> Arrays:
     """The table of the shipped catalogue.
 
-    The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share
-    ``spread``, stars are certain above ``1 + spread`` times that limit and maybe there down to
-    ``1 - spread``; so are both stars of a pair closer than ``double_deg``. Brightness is that of a
-    sensor with ``colour_term``, see `sensor_magnitude`.
+    The ``brightest`` stars set the limit of detection. With a brightness uncertain by the share ``spread``, stars
+    are certain above ``1 + spread`` times that limit and maybe there down to ``1 - spread``; so are both stars of a
+    pair closer than ``double_deg``. Brightness is that of a sensor with ``colour_term``, see `sensor_magnitude`.
     """
     catalogue, pole = open_catalogue(), np.array([0.0, 0.0, 1.0])
     limit = float(catalogue.mag(catalogue.brightest(pole, np.pi, options.brightest))[-1])

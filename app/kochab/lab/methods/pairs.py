@@ -1,10 +1,9 @@
 """Pairs of bright catalogue stars by their angle.
 
-The methods that compare angular separations share it. Kolomenkin et al. (2008, IEEE Trans. Aerosp.
-Electron. Syst. 44, 441) and the theses that follow them fill it in hours; here a k-d tree names the
-pairs: 8,870 stars (V <= 6.5) and 8 degrees give about 200,000 of them in a few hundredths of a
-second, so the table is made where it is first needed and kept, 16 bytes a pair; large ones also on
-disk.
+The methods that compare angular separations share it. Kolomenkin et al. (2008, IEEE Trans. Aerosp. Electron. Syst.
+44, 441) and the theses that follow them fill it in hours; here a k-d tree names the pairs: 8,870 stars (V <= 6.5)
+and 8 degrees give about 200,000 of them in a few hundredths of a second, so the table is made where it is first
+needed and kept, 16 bytes a pair; large ones also on disk.
 """
 
 from dataclasses import dataclass, replace

@@ -2,9 +2,8 @@
 
 Liebe (1992, IEEE Aerosp. Electron. Syst. Mag. 7(6), 34); the estimate itself is in
 :mod:`kochab.identification.predictional_estimate`. The paper's prediction comes from the rotation
-of the satellite. Here it is what a person or a mount says: place and scale,
-from which all predictions are tried that could be meant, over the unknown roll and the radius
-around the place.
+of the satellite. Here it is what a person or a mount says: place and scale, from which all predictions are tried
+that could be meant, over the unknown roll and the radius around the place.
 """
 
 from dataclasses import dataclass, replace

@@ -1,9 +1,8 @@
 """The spherical-triangle method: area and polar moment, pivoting on two shared stars.
 
-The thesis on spherical triangles, sections 2.4-2.6, 3.5, 3.8.2 and 5.3. Its 662,799 triangles took
-four hours to list; here the brightest 8,118 stars make 1,112,819 from the pair table in a few
-seconds, 31 MB on disk. The thesis has fewer because it has fewer angles, fewer than so many stars
-would make if they were spread evenly over the sky.
+The thesis on spherical triangles, sections 2.4-2.6, 3.5, 3.8.2 and 5.3. Its 662,799 triangles took four hours to
+list; here the brightest 8,118 stars make 1,112,819 from the pair table in a few seconds, 31 MB on disk. The thesis
+has fewer because it has fewer angles, fewer than so many stars would make if they were spread evenly over the sky.
 """
 
 from dataclasses import dataclass
@@ -83,10 +82,9 @@ WEIGHTS = np.array([270.0, *[155.0 - _ROOT] * 3, *[155.0 + _ROOT] * 3]) / 1200.0
 def polar_moment(corners: Floats) -> Floats:
     """Polar moments (...,) in closed form: no recursion, and closer than the thesis' level 3.
 
-    ``theta^2`` is integrated over the flat triangle through the corners, each point weighing as
-    much sky as it covers, ``h / r^3`` at distance r from the centre of the sphere and h of the
-    plane; Radon's seven points (1948) are exact to the fifth degree. The leading term is the flat
-    triangle's ``A (a^2 + b^2 + c^2) / 36``.
+    ``theta^2`` is integrated over the flat triangle through the corners, each point weighing as much sky as it
+    covers, ``h / r^3`` at distance r from the centre of the sphere and h of the plane; Radon's seven points (1948)
+    are exact to the fifth degree. The leading term is the flat triangle's ``A (a^2 + b^2 + c^2) / 36``.
     """
     centre = unit(corners.sum(axis=-2))
     normal = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])

@@ -54,10 +54,9 @@ class AngleUnit:
 class TriadDetections:
     """The n detections of one parity.
 
-    ``body`` (n, 3) unit vectors in camera axes; ``plane`` (n, 2) px from the centre, y up, x
-    reversed when mirrored; ``size_px`` (2,) of the frame, ``size_rad`` (2,) on the sky, pixels
-    times the scale; ``flat`` whether separations follow the latter, by equation 2.4, instead of
-    the directions.
+    ``body`` (n, 3) unit vectors in camera axes; ``plane`` (n, 2) px from the centre, y up, x reversed when
+    mirrored; ``size_px`` (2,) of the frame, ``size_rad`` (2,) on the sky, pixels times the scale; ``flat`` whether
+    separations follow the latter, by equation 2.4, instead of the directions.
     """
 
     body: Floats

@@ -1,11 +1,10 @@
 """Triads: three detections at a time against catalogue stars as far apart and turned alike.
 
-The thesis "Attitude from stellar images", chapter 2.3: angular separations of the brightest
-detections, lists of catalogue pairs, triads, the rotation-angle test (2.3.4.1), the enclosed-angle
-test (2.3.4.2), grouping by mean rotation, votes with a `vote number`, multiple stars merged and the
-final check of separations (2.3.4.3). :mod:`kochab.lab.methods.triad_tests` finds triads that agree in
-separations and tests them, in fixed point :mod:`kochab.lab.methods.triads_fixed_point`; here they
-are group_by_rotation and named (tables 4.2 to 4.4).
+The thesis "Attitude from stellar images", chapter 2.3: angular separations of the brightest detections, lists of
+catalogue pairs, triads, the rotation-angle test (2.3.4.1), the enclosed-angle test (2.3.4.2), grouping by mean
+rotation, votes with a `vote number`, multiple stars merged and the final check of separations (2.3.4.3).
+:mod:`kochab.lab.methods.triad_tests` finds triads that agree in separations and tests them, in fixed point
+:mod:`kochab.lab.methods.triads_fixed_point`; here they are group_by_rotation and named (tables 4.2 to 4.4).
 """
 
 import cmath
@@ -120,12 +119,11 @@ LIKELIEST = 3  # so many scales, the nearest, are tried with all when that has f
 class Triads(AngularMethod):
     """The method and its options, the thesis' values (section 4.2.1) as defaults.
 
-    ``field_deg`` is for frames whose pixels are not square: separations then follow equation 2.4
-    with a scale for each axis, as in the thesis; otherwise the scale of the hint and the gnomonic
-    camera are used. ``planar`` takes right ascension and declination for plane coordinates in the
-    rotation-angle test, as the thesis does for the sake of its processor. That fails far from the
-    equator; the default does it on the sphere, which the thesis recommends where floats are at
-    hand.
+    ``field_deg`` is for frames whose pixels are not square: separations then follow equation 2.4 with a scale for
+    each axis, as in the thesis; otherwise the scale of the hint and the gnomonic camera are used. ``planar`` takes
+    right ascension and declination for plane coordinates in the rotation-angle test, as the thesis does for the
+    sake of its processor. That fails far from the equator; the default does it on the sphere, which the thesis
+    recommends where floats are at hand.
     """
 
     paper: ClassVar[str] = "Attitude from stellar images, chapters 2 and 3"

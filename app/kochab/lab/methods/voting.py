@@ -1,9 +1,8 @@
 """Geometric voting: every pair of detections votes for the stars of every pair as far apart.
 
-Kolomenkin, Pollak, Shimshoni and Lindenbaum (2008, IEEE Trans. Aerosp. Electron. Syst. 44, 441)
-as in the thesis "Lost in space for robotic telescopes", 2018, chapter 5.3 and algorithms 1
-and 2. The thesis' linear and binary searches take 12 to 87 s a frame; here all ranges are looked
-up in one call and the votes counted in another.
+Kolomenkin, Pollak, Shimshoni and Lindenbaum (2008, IEEE Trans. Aerosp. Electron. Syst. 44, 441) as in the thesis
+"Lost in space for robotic telescopes", 2018, chapter 5.3 and algorithms 1 and 2. The thesis' linear and binary
+searches take 12 to 87 s a frame; here all ranges are looked up in one call and the votes counted in another.
 """
 
 from dataclasses import dataclass

@@ -73,11 +73,10 @@ def trapezoid(way: float, rate: float, top: float, brake: float) -> list[tuple[f
 class GearErrors:
     """What keeps an axis from being where its motor has turned it.
 
-    ``backlash_deg`` is that of its gear; ``periodic_arcsec`` the amplitude of a sine over
-    ``worm_deg`` of axis. ``slip`` is the part of every fast turn by which the clutch gives way,
-    always towards greater angles, the heavy side. ``rate_error`` is the part by which slow motion
-    is too fast. ``wobble_arcsec`` swings at ``wobble_hz`` after a fast move and dies away within
-    ``wobble_s`` (to 1/e).
+    ``backlash_deg`` is that of its gear; ``periodic_arcsec`` the amplitude of a sine over ``worm_deg`` of axis.
+    ``slip`` is the part of every fast turn by which the clutch gives way, always towards greater angles, the heavy
+    side. ``rate_error`` is the part by which slow motion is too fast. ``wobble_arcsec`` swings at ``wobble_hz``
+    after a fast move and dies away within ``wobble_s`` (to 1/e).
     """
 
     backlash_deg: float = 0.0

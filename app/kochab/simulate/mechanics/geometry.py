@@ -95,9 +95,8 @@ class BoltErrors:
 class Wedge:
     """Where the polar axis points. Errors are those of POLAR alignment everywhere.
 
-    Altitude error positive when the visible end is too high; azimuth error raw (as the knob
-    turns), positive clockwise as seen from above. ``error_arcmin`` (2,) holds both, against the pole
-    this wedge was made for.
+    Altitude error positive when the visible end is too high; azimuth error raw (as the knob turns), positive
+    clockwise as seen from above. ``error_arcmin`` (2,) holds both, against the pole this wedge was made for.
     """
 
     def __init__(

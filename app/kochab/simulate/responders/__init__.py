@@ -34,8 +34,7 @@ class Controller:
     cannot begin one (``begins``) is lost, as on the real line. ``words`` are the commands it knows,
     each a pattern whose groups go to the method beside it, which gives the reply or None for ``done``.
 
-    ``refusal`` is asked before every goto and sync; a reason refuses it, in the words each
-    protocol has for that.
+    ``refusal`` is asked before every goto and sync; a reason refuses it, in the words each protocol has for that.
     """
 
     command: ClassVar[re.Pattern[bytes]]

@@ -1,10 +1,9 @@
 """A Sky-Watcher motor board: two motors that count steps and know nothing of the sky.
 
-It is switched on at home, weights down and the tube on the pole, where both counters read
-0x800000; INDI's EQMod sets the second to 0x800000 and a quarter turn there. Counting up, the first
-motor turns counter-clockwise seen from below the pole, which is with the stars in the north and
-against them in the south; the second turns the tube over the pole from the east side of the sky to
-the west in the north.
+It is switched on at home, weights down and the tube on the pole, where both counters read 0x800000; INDI's EQMod
+sets the second to 0x800000 and a quarter turn there. Counting up, the first motor turns counter-clockwise seen from
+below the pole, which is with the stars in the north and against them in the south; the second turns the tube over
+the pole from the east side of the sky to the west in the north.
 """
 
 import re

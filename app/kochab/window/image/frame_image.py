@@ -53,10 +53,9 @@ STRIP_ROWS = 256  # a strip at a time, so that a task can be cancelled and memor
 class FrameImage:
     """What the view draws. ``mono[k]`` and ``colour[k]`` are binned by ``2**k``, uint8 or uint16.
 
-    ``low`` and ``high`` are the stored values at 0 and 1 of the stretch; ``histogram`` (BINS,)
-    counts a sample over the cube root of that range, which spreads the dark end. ``colour`` is
-    empty for a mono frame; ``sky_shift`` is its red, green and blue sky above the mono one, in
-    stored values.
+    ``low`` and ``high`` are the stored values at 0 and 1 of the stretch; ``histogram`` (BINS,) counts a sample over
+    the cube root of that range, which spreads the dark end. ``colour`` is empty for a mono frame; ``sky_shift`` is
+    its red, green and blue sky above the mono one, in stored values.
     """
 
     width: int

@@ -31,12 +31,11 @@ EVEN = "equal within the error, paired"
 class Published:
     """A paper's numbers as text, a row a line; :meth:`row` puts ours beside one of them.
 
-    A line is ``key | table | what | unit | paper | error | better | note``; what is empty may be left
-    out, and an indented line goes on with the one before. ``table`` is the paper's table or figure,
-    ``paper`` its number, ``error`` how far ours may be from it to agree (the paper's statistical
-    error, or half of its last digit), ``better`` "less", "more" or "" when neither is, and ``note``
-    which reading of the paper was tried, or the cause of a difference. :meth:`row` fills in
-    ``{words}``.
+    A line is ``key | table | what | unit | paper | error | better | note``; what is empty may be left out, and an
+    indented line goes on with the one before. ``table`` is the paper's table or figure, ``paper`` its number,
+    ``error`` how far ours may be from it to agree (the paper's statistical error, or half of its last digit),
+    ``better`` "less", "more" or "" when neither is, and ``note`` which reading of the paper was tried, or the cause
+    of a difference. :meth:`row` fills in ``{words}``.
     """
 
     NAMES = ("table", "what", "unit", "paper", "error", "better", "note")
@@ -205,10 +204,9 @@ KNOWN = 1e-4
 def solve_timed(detections: Detections, options: SolveOptions) -> tuple[Solution | NoSolution, float]:
     """The answer, and the processor seconds of naming the stars.
 
-    The published methods begin with directions and end with names, so that is what is compared.
-    They are timed in a loop of nothing else, with all they need at hand, and the fit between two
-    namings would turn that out; so the stars are named once before they are named against the
-    clock, which takes as long as it does in such a loop.
+    The published methods begin with directions and end with names, so that is what is compared. They are timed in a
+    loop of nothing else, with all they need at hand, and the fit between two namings would turn that out; so the
+    stars are named once before they are named against the clock, which takes as long as it does in such a loop.
     """
     name_stars(detections, options)
     _, seconds = timed(partial(name_stars, detections, options))
@@ -226,8 +224,7 @@ def name_stars(detections: Detections, options: SolveOptions) -> None:
 def options_with_scale(scale_arcsec_px: float, share: float = KNOWN) -> SolveOptions:
     """The options of a solve through a camera whose scale is known to ``share`` of itself.
 
-    The published methods have no other way when their camera is not what they believe; nor has the
-    default here.
+    The published methods have no other way when their camera is not what they believe; nor has the default here.
     """
     low, high = scale_arcsec_px / (1.0 + share), scale_arcsec_px * (1.0 + share)
     return SolveOptions(hint=Hint(scale_arcsec_px=(low, high)), blind_after_hint=False)

@@ -4,12 +4,11 @@ Liebe, "Pattern recognition of star constellations for spacecraft applications",
 Electron. Syst. Mag. 7(6), 34: figures 2 and 18, tables 2, 3 and 4. The pictures are those of
 :mod:`kochab.lab.bench.papers.fields_1992`; the default method solves the very same ones.
 
-Readings. The paper gives the worst error of a star's place, 3 arcmin, but not how errors lie within
-it: with three sigma of a normal law there, and the accuracy of an estimate taken as the RMS of its
-two coordinates, averaged over the pictures, its 14.6 arcsec come out. Rows tell what the other
-readings give: the RMS over all pictures, and errors spread evenly over the circle. A star "outside
-the limits" is off by one to two times the worst error here; the paper does not say. In table 3
-both know scale and lens, and that no star is off by more than 3 arcmin.
+Readings. The paper gives the worst error of a star's place, 3 arcmin, but not how errors lie within it: with three
+sigma of a normal law there, and the accuracy of an estimate taken as the RMS of its two coordinates, averaged over
+the pictures, its 14.6 arcsec come out. Rows tell what the other readings give: the RMS over all pictures, and
+errors spread evenly over the circle. A star "outside the limits" is off by one to two times the worst error here;
+the paper does not say. In table 3 both know scale and lens, and that no star is off by more than 3 arcmin.
 """
 
 from collections.abc import Callable, Sequence

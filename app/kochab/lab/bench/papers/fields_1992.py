@@ -1,9 +1,8 @@
 """Pictures as the camera of the 1992 paper takes them, right or with one of its errors.
 
-Liebe (1992, IEEE Aerosp. Electron. Syst. Mag. 7(6), 34): an opening angle of 30 deg, the 1,107
-brightest stars, brightnesses uncertain by 25 %, places by 3 arcmin at worst. What the paper leaves
-open is an argument here: how errors are distributed up to the worst, how far out a star "outside
-the tolerance" is.
+Liebe (1992, IEEE Aerosp. Electron. Syst. Mag. 7(6), 34): an opening angle of 30 deg, the 1,107 brightest stars,
+brightnesses uncertain by 25 %, places by 3 arcmin at worst. What the paper leaves open is an argument here: how
+errors are distributed up to the worst, how far out a star "outside the tolerance" is.
 """
 
 from collections.abc import Iterator

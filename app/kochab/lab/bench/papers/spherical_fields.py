@@ -56,9 +56,8 @@ search | 3.3 | stars within 4 deg of a direction | ms | | | less |
 class FieldTally:
     """Per cent of fields correct, inconclusive, incorrect; mean pivots and processor seconds.
 
-    ``pivots`` is the mean over the fields that were solved, ``all_pivots`` over all, which scatter
-    by ``pivots_sd``; ``of_four`` and ``of_five`` are the per cent correct of the fields with at least
-    so many stars.
+    ``pivots`` is the mean over the fields that were solved, ``all_pivots`` over all, which scatter by
+    ``pivots_sd``; ``of_four`` and ``of_five`` are the per cent correct of the fields with at least so many stars.
     """
 
     correct: float
@@ -138,12 +137,11 @@ def random_pointing(rng: np.random.Generator, poles: bool) -> Floats:
 # another when its node touches the other's. Built here to compare: the product finds stars by
 # scipy's k-d tree, :class:`scipy.spatial.cKDTree`.
 #
-# The tree explains the thesis' counts. Its 1,364 nodes and 513 corners are 4 + 16 + 64 + 256 +
-# 1,024 nodes, but the smallest height of those 1,024 is 3.43 degrees, which its table 3.2 has one
-# level further on: the tree is a level too deep for its 6.94 degrees, and misses angles. Of
-# today's brightest 8,118 stars it leaves 137,352 angles where nodes share a corner, as the text
-# has it, and 100,194 where they share an edge; the thesis' star list must differ as well, see
-# :mod:`kochab.lab.bench.papers.spherical_programs`.
+# The tree explains the thesis' counts. Its 1,364 nodes and 513 corners are 4 + 16 + 64 + 256 + 1,024 nodes, but the
+# smallest height of those 1,024 is 3.43 degrees, which its table 3.2 has one level further on: the tree is a level
+# too deep for its 6.94 degrees, and misses angles. Of today's brightest 8,118 stars it leaves 137,352 angles where
+# nodes share a corner, as the text has it, and 100,194 where they share an edge; the thesis' star list must differ
+# as well, see :mod:`kochab.lab.bench.papers.spherical_programs`.
 
 HEIGHTS = {3: 14.5, 4: 6.94, 5: 3.43}  # table 3.2, deg
 _A, _B = np.sqrt(8.0) / 3.0, np.sqrt(2.0) / 3.0

@@ -5,12 +5,11 @@ the poles (E.30); a search is given up when a pivot leaves more finalists than t
 entry may stand for two figures, and all moments are bounded as the first triangle's (E.34, E.35);
 the mean of the pivots is that over all fields, whatever came out (E.13).
 
-Its star list is not published. It has 12,443 stars down to magnitude 12, so it is a selection, and
-less than 1 % of its fields hold fewer than three stars, while 1.8 % do of today's 8,118 brightest:
-the list is more even than the sky. Stars strewn at random are the most even list without a number
-to choose, and make the thesis' count of triangles. The last step is the tree of its section 3.3.3:
-1,364 nodes have five levels, one too many for 6.94 degrees, and leave out triangles between nodes
-that do not touch.
+Its star list is not published. It has 12,443 stars down to magnitude 12, so it is a selection, and less than 1 % of
+its fields hold fewer than three stars, while 1.8 % do of today's 8,118 brightest: the list is more even than the
+sky. Stars strewn at random are the most even list without a number to choose, and make the thesis' count of
+triangles. The last step is the tree of its section 3.3.3: 1,364 nodes have five levels, one too many for 6.94
+degrees, and leave out triangles between nodes that do not touch.
 
 The last step is judged. Each row's note tells what the steps before it gave, each on its own top.
 """

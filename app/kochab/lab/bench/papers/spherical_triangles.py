@@ -1,15 +1,13 @@
 """The thesis on spherical triangles: Table 6.2, the counts of chapter 3 and the quad-tree's place.
 
-Here the stars are today's 8,118 brightest and the methods those of the product; what the thesis'
-own programs give, step by step, is in :mod:`kochab.lab.bench.papers.spherical_programs`, and that is
-judged against the tables.
+Here the stars are today's 8,118 brightest and the methods those of the product; what the thesis' own programs give,
+step by step, is in :mod:`kochab.lab.bench.papers.spherical_programs`, and that is judged against the tables.
 
-Random attitudes, circular fields of 8 degrees; a result is correct when every star that it names
-is in the field (section 4.1). The thesis gives its error of a place in four ways: 0.87 microradian
-(section 2.2.2), 87 (4.3), 87 with a factor of three in the noise (equation 4.6), and 87.2665 / 3 in
-its programs. All are run. The default method sees the same directions through a square camera that
-it knows as well; it is correct when its centre is, and unlike the thesis' methods it has to prove
-that chance did not give the answer.
+Random attitudes, circular fields of 8 degrees; a result is correct when every star that it names is in the field
+(section 4.1). The thesis gives its error of a place in four ways: 0.87 microradian (section 2.2.2), 87 (4.3), 87
+with a factor of three in the noise (equation 4.6), and 87.2665 / 3 in its programs. All are run. The default method
+sees the same directions through a square camera that it knows as well; it is correct when its centre is, and unlike
+the thesis' methods it has to prove that chance did not give the answer.
 """
 
 from typing import Any
