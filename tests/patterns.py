@@ -11,7 +11,10 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MAKERS = [
-    *(REPOSITORY / "app" / "kochab" / "identification" / f"{name}.py" for name in ("index_build", "quads", "index")),
+    *(
+        REPOSITORY / "app" / "kochab" / "identification" / f"{name}.py"
+        for name in ("index_build", "index_sort", "quads", "index")
+    ),
     REPOSITORY / "catalogs" / "manifest.json",
 ]
 

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import tracemalloc
 from contextlib import suppress
 from dataclasses import replace
 
@@ -15,7 +16,8 @@ from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.identification import index, index_build
 from kochab.identification.index import ARRAYS, open_volume
-from kochab.identification.index_build import all_levels, level_quads
+from kochab.identification.index_build import all_levels, build_volume, level_quads
+from kochab.identification.index_sort import QuadSort
 from kochab.identification.patterns import FINE, Patterns, SearchStage
 from kochab.identification.quads import canonical, planar
 from kochab.sky import open_catalogue
@@ -55,17 +57,81 @@ def test_size_limits_the_answer(toy_volume):
     assert len(query) == 0
 
 
+def every(task):
+    """All quads (Q, 4) of a level at once."""
+    return np.concatenate(list(run(task).parts()))
+
+
 def test_poor_sky_gets_more_quads_for_each_star():
     rng = np.random.default_rng(4)
     v = rng.normal(size=(400, 3))
     v /= np.linalg.norm(v, axis=1, keepdims=True)
-    same = run(level_quads(v, 60.0, 4, 7))
-    more = run(level_quads(v, 30.0, 4, 7))  # a level of 30 degrees should hold twice as many stars
+    same = every(level_quads(v, 60.0, 4, 7))
+    more = every(level_quads(v, 30.0, 4, 7))  # a level of 30 degrees should hold twice as many stars
     assert len(more) > 2 * len(same)
-    spread = run(level_quads(v, 10.0, 4, 7))  # none of them would fit a frame
+    spread = every(level_quads(v, 10.0, 4, 7))  # none of them would fit a frame
     assert len(spread) < len(same) / 10
     assert (np.diff(same, axis=1) > 0).all()
     assert len(np.unique(same, axis=0)) == len(same)
+
+
+def random_sky(count, seed=4):
+    v = np.random.default_rng(seed).normal(size=(count, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+def build_peak(folder, sky):
+    """Memory (bytes) that a build needs at most beside its sky, and how many quads it makes."""
+    tracemalloc.start()
+    try:
+        run(build_volume(folder, sky, np.arange(len(sky)), range(7, 10), neighbours=[(4, 4)] * 3, steps=24))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    return peak, len(open_volume(folder).codes)
+
+
+def test_the_memory_of_a_build_grows_by_less_than_its_quads(monkeypatch, tmp_path):
+    """All quads at once would need 58 bytes each; one level's marks and the stars need 19."""
+    monkeypatch.setattr(index_build, "SETS_AT_ONCE", 1 << 12)
+    monkeypatch.setattr(index_build, "STARS_AT_ONCE", 1 << 12)
+    monkeypatch.setattr(index_build, "all_levels", lambda ra, dec: [np.arange(len(ra))] * 15)
+    build_peak(tmp_path / "first", random_sky(500))  # what is imported for it
+    small, few = build_peak(tmp_path / "small", random_sky(2_000))
+    large, many = build_peak(tmp_path / "large", random_sky(24_000))
+    assert many > 11 * few
+    assert large - small < 30 * (many - few)
+
+
+def test_parts_of_any_size_make_the_same_volume(monkeypatch, tmp_path):
+    sky, rows, plan = random_sky(3_000), np.arange(3_000), {"neighbours": [(4, 7)] * 2, "steps": 40}
+    run(build_volume(tmp_path / "whole", sky, rows, range(9, 11), **plan))
+    monkeypatch.setattr(index_build, "SETS_AT_ONCE", 100)
+    monkeypatch.setattr(index_build, "STARS_AT_ONCE", 100)
+    monkeypatch.setattr(index_build, "PARTS", 2)
+    run(build_volume(tmp_path / "parts", sky, rows, range(9, 11), **plan))
+    names = {path.name for path in (tmp_path / "parts").iterdir()}
+    assert names == {*(f"{name}.npy" for name in ARRAYS), "index.json"}
+    for name in names:
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_quads_come_sorted_by_cell_and_within_one_as_they_came(tmp_path):
+    cells, count = 150_000, 5_000
+    cell = np.random.default_rng(1).integers(0, 40, count) * 3_749
+    codes, sizes = np.arange(count, dtype=np.uint32), (np.arange(count) % 251).astype(np.uint8)
+    quads = np.repeat(sizes[:, None], 12, axis=1)
+    with QuadSort(tmp_path, cells) as found:
+        for part in np.array_split(np.arange(count), 7):
+            found.add(cell[part], codes[part], sizes[part], quads[part])
+        run(found.write(tmp_path))
+    order = np.argsort(cell, kind="stable")
+    told = {name: np.load(tmp_path / f"{name}.npy") for name in ("cells", "codes", "sizes", "quads")}
+    assert np.array_equal(told["codes"], codes[order])
+    assert np.array_equal(told["sizes"], sizes[order])
+    assert np.array_equal(told["quads"], quads[order])
+    assert np.array_equal(told["cells"], np.searchsorted(cell[order], np.arange(cells + 1)))
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_a_missing_or_damaged_index_is_one_sentence(tmp_path, toy_volume):

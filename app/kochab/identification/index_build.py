@@ -6,12 +6,14 @@ stars lie in a box of that field's area around it.
 """
 
 import json
+import math
 import os
 import shutil
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -37,17 +39,18 @@ from kochab.identification.index import (
     zone_keys,
     zones_of,
 )
+from kochab.identification.index_sort import QuadSort
 from kochab.identification.quads import canonical, planar
 
-CHUNK = 1 << 18
 PARTS = 16  # a power of two
 STARS_AT_ONCE = 1 << 15  # a cancelled build ends within about a second
+SETS_AT_ONCE = 1 << 16  # what is known of a quad while it is encoded takes a kilobyte
 COMPACT = 0.95  # quads of poor sky larger than this share of a field seldom lie in a frame
 AROUND = 8  # stars by whose distance the sky around a star is judged
 RICH, POOR = 15.0, 9.0  # stars a field: quads enough from the nearest, and all that can be had
 EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
 FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)  # as the entries of ``SHIPPED``
-ROOM_BYTES = 600_000_000
+ROOM_BYTES = 620_000_000  # the volume and the largest part of what it is sorted from
 ELSEWHERE = "KOCHAB_CACHE names another folder"
 WAITING = "waiting for another program to build the small-field index"
 
@@ -97,8 +100,41 @@ def all_levels(ra: Floats, dec: Floats) -> list[Ints]:
     return out
 
 
-def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Task[Ints32]:
-    """Quads (Q, 4) of star numbers: each star with three of its nearest, each set once.
+@dataclass(frozen=True, slots=True, eq=False)
+class LevelQuads:
+    """The quads of one level, a part at a time: all at once they would need a gigabyte.
+
+    ``vectors`` (N, 3) float32; ``near`` (N, k + 1) each star and its nearest, of which it forms quads
+    with ``wanted`` (N,); those of poor sky, with more than ``rich``, are no longer than ``longest`` rad.
+    ``first`` (Q,) says of every set whether it is there for the first time.
+    """
+
+    vectors: NDArray[np.float32]
+    near: Ints32
+    wanted: NDArray[np.uint8]
+    rich: int
+    longest: float
+    first: NDArray[np.bool_]
+
+    def parts(self) -> Iterator[Ints32]:
+        """Quads (Q, 4) of star numbers, each set once; a part is not larger than ``SETS_AT_ONCE``."""
+        at = 0
+        for sets in self.sets():
+            yield sets[self.first[at : at + len(sets)]]
+            at += len(sets)
+
+    def sets(self) -> Iterator[Ints32]:
+        """Sets (Q, 4) of stars, with those that several of their stars form."""
+        for count in np.unique(self.wanted).tolist():
+            every = np.flatnonzero(self.wanted == count)
+            stars = max(1, SETS_AT_ONCE // math.comb(count, 3))
+            for at in range(0, len(every), stars):
+                sets = _sets(self.near[every[at : at + stars]], count)
+                yield sets if count <= self.rich else sets[_diameter(self.vectors, sets) < self.longest]
+
+
+def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Task[LevelQuads]:
+    """Each star of a level (N, 3) with three of its nearest, each set once.
 
     ``neighbours`` nearest are used where the level is as rich as a level should be, up to
     ``poorest`` where it holds a quarter of that: frames there show few stars, and a few
@@ -106,36 +142,48 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
     """
     from scipy.spatial import cKDTree
 
+    n = len(vectors)
     tree = cKDTree(vectors)
-    k = min(max(neighbours, AROUND), len(vectors) - 1)
-    found = tree.query(vectors, k=k + 1, workers=-1)
-    reach = np.asarray(found[0])[:, k] / np.radians(field_deg)
-    stars_per_field = k / (np.pi * np.maximum(reach, 1e-9) ** 2)
-    share = np.clip((RICH - stars_per_field) / (RICH - POOR), 0.0, 1.0)
-    wanted = np.minimum(neighbours + np.round(share * (poorest - neighbours)).astype(int), len(vectors) - 1)
-    parts, done = [], 0
-    for count in np.unique(wanted):
-        every = np.nonzero(wanted == count)[0]
-        for at in range(0, len(every), STARS_AT_ONCE):
-            yield Progress("patterns", done / len(vectors), "grouping neighbours")
-            rows = every[at : at + STARS_AT_ONCE]
-            done += len(rows)
-            near = np.asarray(found[1])[rows]
-            if count > k:
-                near = np.asarray(tree.query(vectors[rows], k=count + 1, workers=-1)[1])
-            sets = _sets(near.astype(np.int32), int(count))
-            if count > neighbours:
-                sets = sets[_diameter(vectors, sets) < COMPACT * np.radians(field_deg)]
-            parts.append(sets)
-    quad = np.concatenate(parts)
-    del parts
-    mark = _marks(quad)
-    first = []
-    for part in range(PARTS):  # a whole sort would take ten seconds
-        yield Progress("patterns", 1.0, "leaving out what is there twice")
-        rows = np.nonzero(mark >> np.uint64(64 - PARTS.bit_length() + 1) == part)[0]
-        first.append(rows[np.unique(mark[rows], return_index=True)[1]])
-    return np.asarray(quad[np.sort(np.concatenate(first))])
+    k = min(max(neighbours, AROUND), n - 1)
+    most = min(max(k, poorest), n - 1)
+    near = np.zeros((n, most + 1), dtype=np.int32)
+    wanted = np.zeros(n, dtype=np.uint8)
+    for at in range(0, n, STARS_AT_ONCE):
+        yield Progress("patterns", 0.5 * at / n, "grouping neighbours")
+        here = vectors[at : at + STARS_AT_ONCE]
+        distance, number = (np.asarray(found) for found in tree.query(here, k=k + 1, workers=-1))
+        near[at : at + len(here), : k + 1] = number
+        stars_per_field = k / (np.pi * np.maximum(distance[:, k] / np.radians(field_deg), 1e-9) ** 2)
+        share = np.clip((RICH - stars_per_field) / (RICH - POOR), 0.0, 1.0)
+        count = np.minimum(neighbours + np.round(share * (poorest - neighbours)).astype(int), n - 1)
+        wanted[at : at + len(here)] = count
+        poor = np.flatnonzero(count > k)
+        if len(poor):
+            near[at + poor] = tree.query(here[poor], k=most + 1, workers=-1)[1]
+    del tree
+    level = LevelQuads(
+        vectors.astype(np.float32), near, wanted, neighbours, COMPACT * math.radians(field_deg), np.zeros(0, dtype=bool)
+    )
+    return replace(level, first=(yield from _first_of_each(level)))
+
+
+def _first_of_each(level: LevelQuads) -> Task[NDArray[np.bool_]]:
+    """Whether each set (Q,) of a level is there for the first time."""
+    marks, starts = [], [0]
+    for sets in level.sets():
+        yield Progress("patterns", 0.6, "grouping neighbours")
+        marks.append(_marks(sets))
+        starts.append(starts[-1] + len(sets))
+    first = np.zeros(starts[-1], dtype=bool)
+    step = (1 << 64) // PARTS
+    for part in range(PARTS):  # a whole sort would take ten seconds, and as much memory again
+        yield Progress("patterns", 0.7 + 0.3 * part / PARTS, "leaving out what is there twice")
+        low = np.uint64(part * step)
+        here = [np.flatnonzero(mark - low < np.uint64(step)) for mark in marks]  # wraps below low
+        mark = np.concatenate([mark[rows] for mark, rows in zip(marks, here, strict=True)])
+        rows = np.concatenate([rows + start for rows, start in zip(here, starts[:-1], strict=True)])
+        first[rows[np.unique(mark, return_index=True)[1]]] = True
+    return first
 
 
 def _marks(quad: Ints32) -> NDArray[np.uint64]:
@@ -149,13 +197,14 @@ def _marks(quad: Ints32) -> NDArray[np.uint64]:
     return mark
 
 
-def _within(task: Task[Ints32], start: float, width: float) -> Task[Ints32]:
+def _within(task: Task[LevelQuads], start: float, width: float) -> Task[LevelQuads]:
     """The same task as a part, ``start`` to ``start + width``, of a longer one."""
     while True:
         try:
             step = next(task)
         except StopIteration as end:
-            return np.asarray(end.value)
+            found: LevelQuads = end.value
+            return found
         yield Progress(step.stage, start + width * (step.fraction or 0.0), step.detail)
 
 
@@ -168,9 +217,9 @@ def _sets(near: Ints32, neighbours: int) -> Ints32:
     return quad
 
 
-def _diameter(vectors: Floats, quads: Ints32) -> NDArray[np.float32]:
+def _diameter(vectors: NDArray[np.float32], quads: Ints32) -> NDArray[np.float32]:
     """Largest distance (Q,) between members of quads, rad."""
-    p = vectors.astype(np.float32)[quads]
+    p = vectors[quads]
     pairs = [((p[:, i] - p[:, j]) ** 2).sum(axis=1) for i in range(4) for j in range(i)]
     return np.asarray(np.sqrt(np.maximum.reduce(pairs)))
 
@@ -207,60 +256,48 @@ def build_volume(
         keys.append(key[order])
         zones.append(count)
         offsets.append(offsets[-1] + len(member))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, arrays in (("stars", stars), ("rows", kept), ("keys", keys)):
+        np.save(folder / f"{name}.npy", np.concatenate(arrays))
+    del vectors, rows, ra, dec, chosen, kept, keys  # the quads need the room
     grid = Grid(steps)
-    cells, codes, sizes, quads = [], [], [], []
-    for i, xyz in enumerate(stars):
-        begin, width = 0.1 + 0.7 * i / len(stars), 0.35 / len(stars)
-        yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
-        field_deg = LEVEL_FIELDS_DEG[levels[i]]
-        task = level_quads(xyz.astype(np.float64), field_deg, *neighbours[i])
-        found = yield from _within(task, begin, width)
-        for at in range(0, len(found), CHUNK):
-            part = found[at : at + CHUNK]
-            c, code, size, order = _encode(grid, xyz.astype(np.float64)[part], part)
-            cells.append(c)
-            codes.append(code)
-            sizes.append(size)
-            numbers = (order + offsets[i]).astype("<u4").view(np.uint8).reshape(-1, 4, 4)
-            quads.append(numbers[:, :, :3].reshape(-1, 12))  # below 2^24: three bytes, low one first
-            yield Progress("patterns", begin + width * (1.0 + at / len(found)))
-    yield Progress("patterns", 0.85, "sorting the patterns by shape")
-    cell = np.concatenate(cells)
-    order = np.argsort(cell, kind="stable")
-    start = np.zeros(grid.cells + 1, dtype=np.uint32)
-    np.cumsum(np.bincount(cell, minlength=grid.cells), out=start[1:])
-    facts = {
+    with QuadSort(folder, grid.cells) as found:
+        for i, xyz in enumerate(stars):
+            begin, width = 0.1 + 0.75 * i / len(stars), 0.3 / len(stars)
+            yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
+            task = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
+            level = yield from _within(task, begin, width)
+            wanted, done = max(1, int(level.first.sum())), 0
+            for part in level.parts():
+                found.add(*_encode(grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])))
+                done += len(part)
+                yield Progress("patterns", begin + width * (1.0 + 1.5 * done / wanted))
+        yield Progress("patterns", 0.85, "sorting the patterns by shape")
+        yield from found.write(folder)
+    about = {
         "steps": steps,
         "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],
         "offsets": offsets,
         "zones": zones,
-        "quads": len(cell),
+        "quads": found.quads,
         "mark": mark,
     }
-    yield Progress("patterns", 0.95, "writing")
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, array in (
-        ("stars", np.concatenate(stars)),
-        ("rows", np.concatenate(kept)),
-        ("keys", np.concatenate(keys)),
-        ("cells", start),
-        ("codes", np.concatenate(codes)[order]),
-        ("sizes", np.concatenate(sizes)[order]),
-        ("quads", np.concatenate(quads)[order]),
-    ):
-        np.save(folder / f"{name}.npy", array)
-    (folder / "index.json").write_text(json.dumps(facts) + "\n", "utf-8")
+    (folder / "index.json").write_text(json.dumps(about) + "\n", "utf-8")
 
 
-def _encode(grid: Grid, xyz: Floats, members: Ints32) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], Ints]:
-    """Cells, stored codes and sizes (Q,), and members in canonical order (Q, 4) of one chunk."""
+def _encode(
+    grid: Grid, xyz: Floats, members: Ints32
+) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint8]]:
+    """Cells, stored codes and sizes (Q,), and stored members (Q, 12) of quads (Q, 4) at ``xyz`` (Q, 4, 3)."""
     c = canonical(planar(xyz))
     place = grid.scaled(c.code)
     cell = np.floor(place).astype(np.int64)
     inside = np.clip(np.floor((place - cell) * 256.0), 0, 255).astype(np.uint8)
     code = inside.view(np.uint32).ravel()
-    ordered = np.take_along_axis(members.astype(np.int64), c.order, axis=1)
-    return grid.number(cell), code, size_code(c.base), ordered
+    ordered = np.take_along_axis(members, c.order, axis=1).astype("<u4")
+    # below 2^24: three bytes, low one first
+    quads = ordered.view(np.uint8).reshape(-1, 4, 4)[:, :, :3].reshape(-1, 12)
+    return grid.number(cell), code, size_code(c.base), quads
 
 
 # -- The volumes of this installation ----------------------------------------------------------
