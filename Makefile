@@ -9,6 +9,7 @@
 #   make coverage   every test, and the share of each room's lines that they execute
 #   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
 #   make fuzz     spoilt inputs of every kind against all that reads them    (make fuzz FUZZ="read --minutes 5")
+#   make killed   everything that writes, killed at any moment, on a full disk, in a read-only folder
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make system   install Qt's system libraries           make clean    remove what was made
 
@@ -26,7 +27,7 @@ FUZZ ?=
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house coverage fuzz mutants resolve run test test-any-day lint style types patterns format bench system clean qt
+.PHONY: house coverage fuzz killed mutants resolve run test test-any-day lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
@@ -73,6 +74,9 @@ mutants: $(STAMP) patterns
 # 200,000 of them in about half an hour; what fails is kept in tests/fuzz/corpus and tried by every `make test`.
 fuzz: $(STAMP) patterns
 	@$(BIN)/python -m tests.fuzz $(FUZZ)
+
+killed: $(STAMP)
+	@$(BIN)/python -m tests.fuzz.killed $(FUZZ)
 
 patterns: $(STAMP)
 	@$(BIN)/python -m tests.patterns

@@ -122,7 +122,7 @@ def _bayer(raw: Any) -> str | None:
         return None
     letters = raw.color_desc.decode("ascii", "replace")
     bayer = "".join(letters[int(i)] for i in raw.raw_colors_visible[:2, :2].ravel())
-    return bayer if sorted(bayer) == ["B", "G", "G", "R"] else None
+    return bayer if bayer in ("RGGB", "BGGR", "GRBG", "GBRG") else None
 
 
 def _even_out(pixels: NDArray[Any], colours: NDArray[Any], black: list[float]) -> None:
