@@ -10,6 +10,7 @@
 #   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
 #   make fuzz     spoilt inputs of every kind against all that reads them    (make fuzz FUZZ="read --minutes 5")
 #   make killed   everything that writes, killed at any moment, on a full disk, in a read-only folder
+#   make audit    bandit's remarks on the code, and known vulnerabilities of the packages (needs the network)
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make system   install Qt's system libraries           make clean    remove what was made
 
@@ -18,6 +19,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
+AUDIT_STAMP := $(VENV)/.audit-installed
 ARGS ?=
 TESTS ?= tests
 ANY_DAY ?=
@@ -27,7 +29,7 @@ FUZZ ?=
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house coverage fuzz killed mutants resolve run test test-any-day lint style types patterns format bench system clean qt
+.PHONY: house audit coverage fuzz killed mutants resolve run test test-any-day lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
@@ -78,6 +80,9 @@ fuzz: $(STAMP) patterns
 killed: $(STAMP)
 	@$(BIN)/python -m tests.fuzz.killed $(FUZZ)
 
+audit: $(AUDIT_STAMP)
+	@$(BIN)/python -m tests.audit
+
 patterns: $(STAMP)
 	@$(BIN)/python -m tests.patterns
 
@@ -109,6 +114,10 @@ $(BIN)/python:
 $(STAMP): pyproject.toml | $(BIN)/python
 	@echo "Installing Kochab into $(VENV) ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@
+
+$(AUDIT_STAMP): $(STAMP)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev,audit]"
 	@touch $@
 
 $(BENCH_STAMP): $(STAMP)
