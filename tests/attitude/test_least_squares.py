@@ -5,9 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kochab.attitude import fit as fitting
 from kochab.attitude import small_rotation
 from kochab.attitude.fit import FocalPrior, refine
-from kochab.attitude.least_squares import PARAMETERS, Normal, chance, moved, sane
+from kochab.attitude.least_squares import (
+    PARAMETERS,
+    FitState,
+    Normal,
+    chance,
+    columns,
+    moved,
+    project_with_jacobian,
+    sane,
+)
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.camera import Camera
 from kochab.core.solution import Matches
@@ -317,3 +327,109 @@ def test_a_guess_turned_by_a_degree_is_led_home() -> None:
         camera = replace(field.camera, focal_px=1.1 * field.camera.focal_px)
         fit = refine(field.matches, camera, away, distortion=False)
         assert fit.rms_px < 1e-3
+
+
+# -- Terms by those who had no part in them, and blocks of the frame --------------------------------------
+
+BASE = [PARAMETERS.index(name) for name in ("rx", "ry", "rz", "log_focal")]
+
+
+def chance_of_k1(residual, slopes):
+    """That a useless k1 improves the fit of stars left out one coordinate at a time as much, and the fit itself."""
+
+    def squares(columns):
+        design = slopes[:, columns]
+        every = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
+        left = []
+        for k in range(len(residual)):
+            others = np.arange(len(residual)) != k
+            step, *_ = np.linalg.lstsq(design[others], residual[others], rcond=None)
+            left.append(residual[k] - design[k] @ step)
+        return np.sum(every**2), np.sum(np.square(left))
+
+    (fit, held_out), (fit_more, held_out_more) = squares(BASE), squares([*BASE, PARAMETERS.index("k1")])
+    freedom = len(residual) - 5
+    return (held_out_more / held_out) ** (freedom / 2.0), (fit_more / fit) ** (freedom / 2.0)
+
+
+@pytest.mark.parametrize(("chance_held_out", "fitted"), [(0.85e-4, True), (1.15e-4, False)])
+@pytest.mark.parametrize("seed", [1, 5])
+def test_a_term_stays_when_held_out_stars_would_want_it_by_chance_once_in_ten_thousand(chance_held_out, fitted, seed):
+    """Ten stars that only k1 may be tried with, bent just so much."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform([0.0, 0.0], [2999.0, 1999.0], (10, 2))
+    noise = rng.normal(0.0, 0.2, xy.shape)
+    vectors = CAMERA.unproject(xy)
+    _, jacobian = project_with_jacobian(CAMERA, vectors)
+    slopes = jacobian.reshape(-1, 10)
+    low, high = 0.0, 0.05
+    for _ in range(50):
+        k1 = (low + high) / 2.0
+        chance_now, _ = chance_of_k1(noise.ravel() + slopes[:, PARAMETERS.index("k1")] * k1, slopes)
+        low, high = (k1, high) if chance_now > chance_held_out else (low, k1)
+    assert chance_of_k1(noise.ravel() + slopes[:, PARAMETERS.index("k1")] * k1, slopes)[1] < 1e-4
+    seen = replace(CAMERA, k1=k1).project(vectors) - xy
+    fit = refine(matches(CAMERA, xy, noise + seen), CAMERA, TRUTH)
+    assert ("k1" in fit.terms) is fitted
+
+
+def waving(xy, noise_px=0.2, wave_px=1.0):
+    rng = np.random.default_rng(14)
+    return rng.normal(0.0, noise_px, xy.shape) + wave_px * np.sin(xy[:, ::-1] / 300.0)
+
+
+def stated(xy, noise, inliers=None):
+    """The covariance stated of a rotation and focal length fitted to all stars alike, and its plain part by hand."""
+    found = matches(CAMERA, xy, noise)
+    fit = refine(found, CAMERA, TRUTH, distortion=False, rounds=0)
+    every = np.ones(len(xy), dtype=bool) if inliers is None else inliers
+    state = FitState(fit.camera, fit.attitude.matrix, found, np.ones(len(xy)), every, fit.camera, np.ones(len(xy)))
+    free = columns(("rx", "ry", "rz", "log_focal"))
+    state = state.descend(free)
+    residual, jacobian = state.slopes()
+    kept = np.tile(every, 2)
+    design, left = jacobian[free].reshape(4, -1).T[kept], residual.ravel()[kept]
+    plain = left @ left / (len(left) - 4.0) * np.linalg.inv(design.T @ design)[:3, :3]
+    return fitting._covariance(state, free, 0.02), plain, design, left
+
+
+@pytest.mark.parametrize("wave_px", [0.0, 1.0])
+def test_blocks_of_the_frame_are_left_out_one_by_one(wave_px) -> None:
+    """The jackknife's variance by ninths of the frame counts as eight freedoms beside the residuals' six."""
+    xy = np.random.default_rng(13).uniform(0.0, [2999.0, 1999.0], (90, 2))
+    covariance, plain, design, left = stated(xy, waving(xy, wave_px=wave_px))
+    block = np.tile((xy[:, 0] * 3 // 3000) + 3 * (xy[:, 1] * 3 // 2000), 2)
+    moves = np.array([np.linalg.lstsq(design[block != b], left[block != b], rcond=None)[0][:3] for b in range(9)])
+    between = 8.0 / 9.0 * np.sum((moves - moves.mean(axis=0)) ** 2, axis=0)
+    ratio = between / np.diag(plain)
+    ratio[:2] = ratio[:2].mean()
+    excess = np.maximum(1.0, (8.0 * ratio + 6.0) / 14.0)
+    np.testing.assert_allclose(covariance, plain * np.sqrt(np.outer(excess, excess)), rtol=1e-4, atol=1e-16)
+    assert bool(excess.max() > 2.0) is (wave_px > 0.0)
+
+
+def in_blocks(blocks, stars):
+    """Stars in so many ninths of the frame, evenly."""
+    rng = np.random.default_rng(15)
+    names = np.array([0, 8, 2, 6, 4, 1, 3])[:blocks][np.arange(stars) % blocks]
+    corner = np.stack([names % 3 * 1000.0, names // 3 * 2000.0 / 3.0], axis=1)
+    return corner + rng.uniform(10.0, [990.0, 650.0], (stars, 2))
+
+
+@pytest.mark.parametrize(("blocks", "stars", "heard"), [(6, 15, False), (6, 16, True), (5, 40, False), (6, 40, True)])
+def test_blocks_are_heard_from_six_of_them_and_sixteen_stars_on(blocks, stars, heard) -> None:
+    xy = in_blocks(blocks, stars)
+    push = np.random.default_rng(3).normal(0.0, 3.0, (9, 2))
+    name = (xy[:, 0] * 3 // 3000 + 3 * (xy[:, 1] * 3 // 2000)).astype(int)
+    covariance, plain, *_ = stated(xy, push[name])
+    assert bool(np.diag(covariance / plain).max() > 1.0 + 1e-6) is heard
+
+
+def test_stars_that_are_left_out_have_no_say_in_the_blocks() -> None:
+    """Of 24 stars 15 count: too few for blocks, however far off the others are."""
+    xy = in_blocks(6, 24)
+    noise = waving(xy, 0.1)
+    inliers = np.arange(24) < 15
+    noise[~inliers] += 40.0
+    covariance, plain, *_ = stated(xy, noise, inliers)
+    np.testing.assert_allclose(covariance, plain, rtol=1e-6, atol=1e-18)
