@@ -338,7 +338,7 @@ def check_settings(data: bytes, folder: Path) -> None:
         settings.text(name, "")
         settings.table(name)
         settings.data(name)
-    (settings.angle_style, settings.site, settings.switches(), settings.recent, settings.as_dict())
+    (settings.angle_style, settings.site, settings.flag("marks/grid", True), settings.recent, settings.as_dict())
     with told(KochabError):
         keep_profile(settings, exposure_s=2.0)
         require(current_profile(settings).exposure_s == 2.0, "a setting was not kept")

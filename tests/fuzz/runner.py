@@ -159,9 +159,10 @@ def run(jobs: list[tuple[str, int, float]], seed: int, keep: bool = True) -> Ite
             tally.seconds += time.monotonic() - began
             name, _, count, seconds = left[0]
             if gone != "grew":
-                if survives(known[name], mutant(known[name], seeds_of(known[name]), seed, last)):
+                data = mutant(known[name], seeds_of(known[name]), seed, last)
+                if survives(known[name], data):
                     tally.contained += 1
-                else:
+                elif not ends(name, data):
                     _note(tally, known[name], last, gone, seed, keep)
             left[0] = (name, last + 1, count, max(0.0, seconds - tally.seconds))
             tally.mutants = last + 1
@@ -210,6 +211,30 @@ def _watched(jobs: list[tuple[str, int, int, float]], seed: int) -> Iterator[dic
         process.kill()
         process.wait()
         os.close(read)
+
+
+def ends(name: str, data: bytes) -> bool:
+    """Whether the check comes to an end within its time of the processor after all: the machine was busy."""
+    code = (
+        "import resource, sys, time; from pathlib import Path; from tests.fuzz import runner\n"
+        "runner.EXTRA = sys.argv[3]; target = runner.targets()[sys.argv[1]]; runner.seeds_of(target)\n"
+        "from kochab.frames import sandbox; sandbox._inside = True\n"
+        "limit = int(time.process_time() + float(sys.argv[4])) + 1\n"
+        "resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)); print('begun', flush=True)\n"
+        "sys.exit(bool(runner.attempt(target, sys.stdin.buffer.read(), Path(sys.argv[2]))))"
+    )
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-W", "ignore", "-c", code, name, folder, EXTRA, str(HANG_S)]
+        process = subprocess.Popen(command, env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with process, process.stdin, process.stdout:
+            process.stdout.readline()  # its imports are done
+            try:
+                process.communicate(data, timeout=4.0 * HANG_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+    return process.returncode == 0
 
 
 def survives(target: Target, data: bytes) -> bool:
