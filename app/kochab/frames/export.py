@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.attitude import east_north, radec_deg, unit, unit_vectors
 from kochab.core.frame import Frame
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.atomic_file import write_atomically
@@ -156,15 +156,9 @@ def compass(solution: Solution) -> tuple[Floats, Floats]:
     camera = solution.camera
     middle = np.array([(camera.width - 1) / 2.0, (camera.height - 1) / 2.0])
     centre = solution.centre_vector
-    east = np.array([-centre[1], centre[0], 0.0])
-    if not np.linalg.norm(east) > 1e-9:
-        east = np.array([0.0, 1.0, 0.0])
-    east /= np.linalg.norm(east)
-    small = 2.0 / camera.focal_px
-    ends = centre + small * np.stack([np.cross(centre, east), east])
-    shift = solution.pixels_of(ends / np.linalg.norm(ends, axis=1, keepdims=True)) - middle
-    shift /= np.linalg.norm(shift, axis=1, keepdims=True)
-    return shift[0], shift[1]
+    ends = centre + 2.0 / camera.focal_px * east_north(centre)  # some two pixels away
+    east, north = unit(solution.pixels_of(unit(ends)) - middle)
+    return north, east
 
 
 def _draw_compass(draw: "ImageDraw", solution: Solution, size: tuple[int, int]) -> None:

@@ -229,7 +229,9 @@ def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
         header = read_header(file)
         if header is None:
             break
-        _check_fields(header)
+        fields = header.integer("TFIELDS", 0)
+        if not 0 <= fields <= _MAX_FIELDS:  # astropy makes room for each column
+            raise FrameError(f"is a damaged FITS file: it claims a table of {fields} columns.")
         data = file.tell()
         yield start, header
         size = abs(header.integer("BITPIX", 8)) // 8 * header.integer("GCOUNT", 1)
@@ -330,13 +332,6 @@ def _scaled(stored: Array, header: Header, zero: float, scale: float) -> Array:
     if stored.dtype.kind in "iu" and isinstance(blank, int) and not isinstance(blank, bool):
         values[stored == blank] = np.nan
     return values
-
-
-def _check_fields(header: Header) -> None:
-    """Refuse a table of more columns than the standard allows: astropy makes room for each."""
-    fields = header.integer("TFIELDS", 0)
-    if not 0 <= fields <= _MAX_FIELDS:
-        raise FrameError(f"is a damaged FITS file: it claims a table of {fields} columns.")
 
 
 def _decompress(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Array:

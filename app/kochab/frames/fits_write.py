@@ -12,20 +12,9 @@ from kochab.core import __version__
 from kochab.core.frame import Frame
 from kochab.frames.atomic_file import write_atomically
 
-KEPT = (
-    "OBJECT",
-    "TELESCOP",
-    "FOCALLEN",
-    "XPIXSZ",
-    "YPIXSZ",
-    "XBINNING",
-    "YBINNING",
-    "GAIN",
-    "OFFSET",
-    "CCD-TEMP",
-    "FILTER",
-    "OBSERVER",
-)
+KEPT = (  # noqa: SIM905
+    "OBJECT TELESCOP FOCALLEN XPIXSZ YPIXSZ XBINNING YBINNING GAIN OFFSET CCD-TEMP FILTER OBSERVER"
+).split()
 """What a camera said of itself that is carried over as it was."""
 
 

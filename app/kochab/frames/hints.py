@@ -11,7 +11,7 @@ from typing import Any
 
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame, Hint, Site
-from kochab.frames.samples import bayer_pattern, clipping_level, finite, split
+from kochab.frames.samples import bayer_pattern, clipping_level, finite, number_or_none, split
 
 # Every hint passes these limits; what no camera, clock or site can have becomes None.
 
@@ -21,17 +21,6 @@ _YEARS = (1850, 2150)
 _SEXAGESIMAL = re.compile(
     r"\s*([+-]?)\s*(\d{1,3})\s*[:hd°\s]\s*(\d{1,2})\s*(?:[:m'\s]\s*(\d{1,2}(?:\.\d*)?))?\s*[s\"]?\s*$"
 )
-
-
-def number_or_none(value: Any) -> float | None:
-    """A finite number, also when written as text; None for anything else."""
-    if value is None or isinstance(value, bool):
-        return None
-    try:
-        number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
-        return None
-    return number if math.isfinite(number) else None
 
 
 def scale_range(scale_arcsec: float | None, spread: float = SPREAD) -> tuple[float, float] | None:
@@ -119,20 +108,9 @@ _WCS_RADIUS_DEG = 2.0
 def hint_from_keywords(
     values: Keywords, comments: Mapping[str, str], shape: tuple[int, ...]
 ) -> tuple[Hint, tuple[str, ...]]:
-    """Hints in a header, and warnings about keywords that make no sense.
+    """Hints in a header, and warnings about keywords that make no sense: they only leave their part empty.
 
-    Parameters
-    ----------
-    values, comments
-        Keyword -> value, keyword -> comment.
-    shape
-        (height, width) px of the frame.
-
-    Returns
-    -------
-    hint, warnings
-        A wrong or senseless keyword only leaves its part of the hint empty.
-
+    ``values`` and ``comments`` are by keyword; ``shape`` is (height, width) px of the frame.
     """
     height, width = shape[:2]
     scale, scale_from = _scale(values, comments)
@@ -336,13 +314,9 @@ def exif_of(source: Any) -> Exif:
 
 
 def hint_from_exif(exif: Exif, size: tuple[int, int]) -> tuple[Hint, dict[str, Any], tuple[str, ...]]:
-    """What a camera wrote beside its picture of ``size`` (width, height) px.
+    """Hint, header and warnings from what a camera wrote beside its picture of ``size`` (width, height) px.
 
-    Returns
-    -------
-    hint, header, warnings
-        The header holds the few tags people know by name, as text or numbers.
-
+    The header holds the few tags people know by name, as text or numbers.
     """
     tags = exif.tags
     scale, source = _exif_scale(tags, size)

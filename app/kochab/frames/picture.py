@@ -139,8 +139,7 @@ def read_heif(path: Path) -> Frame:
         image = file[file.primary_index]
         check_size(*image.size, 6)
         samples = np.asarray(image)
-        block = image.info.get("exif")
-        exif = exif_of(block)
+        exif = exif_of(image.info.get("exif"))
     except (FrameError, MemoryError):
         raise
     except Exception:  # libheif's words are for programmers

@@ -45,25 +45,13 @@ SUFFIXES: dict[str, str] = {
     **dict.fromkeys(_RAW, "raw"),
 }
 
-_MAGIC: tuple[tuple[bytes, str], ...] = (
-    (b"SIMPLE  =", "FITS"),
-    (b"\x1f\x8b", "FITS"),
-    (b"XISF0100", "XISF"),
-    (b"\x89PNG\r\n\x1a\n", "picture"),
-    (b"\xff\xd8\xff", "picture"),
-    (b"GIF8", "picture"),
-    (b"BM", "picture"),
-    (b"FUJIFILMCCD-RAW", "raw"),
-    (b"IIRO", "raw"),
-    (b"IIRS", "raw"),
-    (b"MMOR", "raw"),
-    (b"IIU\x00", "raw"),
-    (b"FOVb", "raw"),
-    (b"II*\x00", "TIFF"),
-    (b"MM\x00*", "TIFF"),
-    (b"II+\x00", "TIFF"),
-    (b"MM\x00+", "TIFF"),
-)
+_MAGIC: dict[str, tuple[bytes, ...]] = {
+    "FITS": (b"SIMPLE  =", b"\x1f\x8b"),
+    "XISF": (b"XISF0100",),
+    "picture": (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"GIF8", b"BM"),
+    "raw": (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\x00", b"FOVb"),
+    "TIFF": (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+"),
+}
 
 
 READ_LIMIT_S = 60.0
@@ -168,15 +156,13 @@ def _sniff(path: Path) -> str:
         raise FrameError(f"Can't open {path}: {_plain(error)}.") from None
     if not head:
         raise FrameError(f"{path.name} is empty.")
-    kind = kind_of(head, path.suffix.lower())
-    if kind is None and path.suffix.lower()[1:] in FORMATS.others():
-        return path.suffix.lower()[1:]
-    if kind is None:
-        raise FrameError(
-            f"Can't open {path.name}: not a supported image (FITS, XISF, TIFF, PNG, JPEG, BMP, GIF,"
-            " WebP, HEIC or camera RAW)."
-        )
-    return kind
+    suffix = path.suffix.lower()
+    if kind := kind_of(head, suffix):
+        return kind
+    if suffix[1:] in FORMATS.others():
+        return suffix[1:]
+    known = "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC or camera RAW"
+    raise FrameError(f"Can't open {path.name}: not a supported image ({known}).")
 
 
 def kind_of(head: bytes, suffix: str) -> str | None:
@@ -186,8 +172,8 @@ def kind_of(head: bytes, suffix: str) -> str | None:
         return "raw" if head[8:12] == b"crx " else "HEIF"
     if head[:4] == b"RIFF":
         return "picture" if head[8:12] == b"WEBP" else None
-    for magic, kind in _MAGIC:
-        if head.startswith(magic):
+    for kind, beginnings in _MAGIC.items():
+        if head.startswith(beginnings):
             # Most cameras' raw files are TIFF inside; only the name tells them from a picture.
             return "raw" if kind == "TIFF" and (named == "raw" or head[8:10] == b"CR") else kind
     return "raw" if named == "raw" else None

@@ -1,5 +1,6 @@
 """From decoded samples to a frame: size limits, luminance, finite numbers, the colour pattern."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -45,8 +46,8 @@ def check_size(width: int, height: int, bytes_px: int = 1, packed_bytes: int | N
             f"claims {width} x {height} pixels, {size / 1e9:.1f} GB, packed into {packed_bytes / 1e6:.2g} MB:"
             " no camera's image packs so small."
         )
-    if size > MAX_BYTES or (free is not None and 2 * size > free):
-        limit = MAX_BYTES if size > MAX_BYTES else free // 2 if free else 0
+    limit = MAX_BYTES if free is None or size > MAX_BYTES else free / 2
+    if size > limit:
         raise FrameError(
             f"claims {width} x {height} pixels of {8 * bytes_px} bits, {size / 1e9:.1f} GB, more"
             f" than the {limit / 1e9:.1f} GB there is room for."
@@ -157,7 +158,7 @@ def _is_grey(rgb: Array) -> bool:
 
 # -- The colour pattern over a sensor, from what a header says of it ---------------------------
 
-_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
+PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 
 
 def bayer_pattern(values: Mapping[str, Any], height: int) -> str | None:
@@ -166,14 +167,11 @@ def bayer_pattern(values: Mapping[str, Any], height: int) -> str | None:
     ``XBAYROFF`` and ``YBAYROFF`` shift the named pattern; with ``ROWORDER = BOTTOM-UP`` it is
     named from the array's last row, which such programs show on top.
     """
-    name = ""
-    for key in ("BAYERPAT", "COLORTYP", "CFA_PAT", "FILTER"):
-        name = str(values.get(key, "")).strip().upper()
-        if name in _PATTERNS:
-            break
-    else:
+    named = (str(values.get(key, "")).strip().upper() for key in ("BAYERPAT", "COLORTYP", "CFA_PAT", "FILTER"))
+    name = next((name for name in named if name in PATTERNS), None)
+    if name is None:
         return None
-    x, y = _offset(values.get("XBAYROFF")), _offset(values.get("YBAYROFF"))
+    x, y = (int(number_or_none(values.get(key)) or 0) for key in ("XBAYROFF", "YBAYROFF"))
     if str(values.get("ROWORDER", "")).strip().upper() == "BOTTOM-UP":
         y += height - 1
     return shifted(name, x, y)
@@ -181,12 +179,15 @@ def bayer_pattern(values: Mapping[str, Any], height: int) -> str | None:
 
 def shifted(pattern: str, x: int, y: int) -> str:
     """The pattern seen from ``x`` columns and ``y`` rows further on."""
-    at = [[0, 1], [2, 3]]
-    return "".join(pattern[at[(r + y) % 2][(c + x) % 2]] for r in (0, 1) for c in (0, 1))
+    return "".join(pattern[(r + y) % 2 * 2 + (c + x) % 2] for r in (0, 1) for c in (0, 1))
 
 
-def _offset(value: Any) -> int:
+def number_or_none(value: Any) -> float | None:
+    """A finite number, also when written as text; None for anything else."""
+    if value is None or isinstance(value, bool):
+        return None
     try:
-        return int(float(value))
-    except (TypeError, ValueError, OverflowError):
-        return 0
+        number = float(value)
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None

@@ -145,7 +145,6 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
         sandbox = _kept() or _Sandbox()
     except OSError as error:
         raise FrameError(f"{name} cannot be read: no process starts to read it ({error.strerror}).") from None
-    kept = False
     try:
         memory_bytes = max(LEAST_BYTES, min(MOST_BYTES, free_bytes() or MOST_BYTES))
         answer = sandbox.call((function, arguments, memory_bytes, timeout_s))
@@ -157,12 +156,10 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
                 answer.exception(_POLL_S)
         if answer.exception() is not None:
             raise FrameError(f"{name} cannot be read: its decoder crashed, or the memory ran out.")
-        kept = True
-    finally:
-        if kept:
-            _idle.append(sandbox)
-        else:
-            sandbox.kill()
+    except BaseException:  # also when this task is closed
+        sandbox.kill()
+        raise
+    _idle.append(sandbox)
     value, fault, trace = answer.result()
     if fault is not None:
         _logger.debug("In the process that reads %s: %s", name, trace)

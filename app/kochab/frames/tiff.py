@@ -139,16 +139,11 @@ def _developed(raw: Any) -> NDArray[Any]:
     """Colours (H, W, 3) as LibRaw interpolates them, linear, 16 bits."""
     import rawpy
 
-    return np.asarray(
-        raw.postprocess(
-            demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
-            user_flip=0,
-            gamma=(1, 1),
-            no_auto_bright=True,
-            use_camera_wb=True,
-            output_bps=16,
-        )
+    linear = rawpy.DemosaicAlgorithm.LINEAR
+    samples = raw.postprocess(
+        demosaic_algorithm=linear, user_flip=0, gamma=(1, 1), no_auto_bright=True, use_camera_wb=True, output_bps=16
     )
+    return np.asarray(samples)
 
 
 def _exif(path: Path) -> Exif:

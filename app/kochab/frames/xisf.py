@@ -13,7 +13,7 @@ from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.fits import parse_value
 from kochab.frames.hints import frame_with_keywords
-from kochab.frames.samples import check_size
+from kochab.frames.samples import PATTERNS, check_size
 from kochab.frames.sandbox import leave_to_sandbox
 
 
@@ -101,5 +101,5 @@ def _pattern(file: Any) -> str | None:
     for element in file.get_metadata_xml().iter():
         if str(element.tag).endswith("ColorFilterArray"):
             named = str(element.attrib.get("pattern", "")).upper()
-            return named if named in ("RGGB", "BGGR", "GRBG", "GBRG") else None
+            return named if named in PATTERNS else None
     return None
