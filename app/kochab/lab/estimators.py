@@ -65,9 +65,8 @@ def _axes(first: Floats, second: Floats) -> Floats:
 
 
 # -- Plate constants: a linear map from the frame to the sky's tangent plane --------------------
-# Source: the thesis on attitude from stellar images, section 2.4: equations 2.8 to 2.15 (six plate
-# constants by least squares), 2.16 to 2.19 (standard coordinates and back) and the iteration for
-# the image centre of section 2.4.3.
+# Source: the thesis on attitude from stellar images, section 2.4: equations 2.8 to 2.15 (six plate constants by least
+# squares), 2.16 to 2.19 (standard coordinates and back) and the iteration for the image centre of section 2.4.3.
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,9 @@
 """``kochab bench detect``: speed, completeness, purity and centroids on rendered fields.
 
-All detectors see the same frames in the same run, one after the other in turns, so that whatever
-else the machine does falls on all alike. Medians over the turns of wall and of processor time are
-shown; the goals take processor time, which other programs disturb less and which for a detector
-of one thread is the wall time of an idle machine. The Cramer-Rao bound is derived in
-:func:`expected`.
+All detectors see the same frames in the same run, one after the other in turns, so that whatever else the machine
+does falls on all alike. Medians over the turns of wall and of processor time are shown; the goals take processor
+time, which other programs disturb less and which for a detector of one thread is the wall time of an idle machine.
+The Cramer-Rao bound is derived in :func:`expected`.
 """
 
 import contextlib
@@ -46,13 +45,12 @@ def expected(
 ) -> DetectionTruth:
     """The best signal-to-noise and centroid error that any method can reach, star by star.
 
-    A pixel i of a star of flux F and image p(x, y) (Gaussian, averaged over the pixel) expects
-    ``F p_i`` electrons on a background b, so its variance is ``v_i = F p_i + b + r^2 + g^2 / 12``
-    with reading noise r and the rounding of a unit of g electrons. Fisher's information on the
-    place along x is ``I = sum_i (F dp_i/dx)^2 / v_i``; by symmetry it does not mix with that on
-    flux and on y, so no unbiased estimate has a smaller variance than ``1 / I`` (Cramer and Rao).
-    The information on the flux gives ``SNR = F sqrt(sum_i p_i^2 / v_i)`` in the same way.
-    The bound returned is the RMS along one axis, the mean of both.
+    A pixel i of a star of flux F and image p(x, y) (Gaussian, averaged over the pixel) expects ``F p_i`` electrons on
+    a background b, so its variance is ``v_i = F p_i + b + r^2 + g^2 / 12`` with reading noise r and the rounding of a
+    unit of g electrons. Fisher's information on the place along x is ``I = sum_i (F dp_i/dx)^2 / v_i``; by symmetry
+    it does not mix with that on flux and on y, so no unbiased estimate has a smaller variance than ``1 / I`` (Cramer
+    and Rao). The information on the flux gives ``SNR = F sqrt(sum_i p_i^2 / v_i)`` in the same way. The bound
+    returned is the RMS along one axis, the mean of both.
     """
     s = fwhm_px / FWHM_PER_SIGMA
     half = int(np.ceil(5 * s)) + 1

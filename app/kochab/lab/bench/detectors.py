@@ -1,10 +1,9 @@
 """``kochab bench detectors``: every registered detector on the same rendered frames.
 
-The measures and the kinds of frames are those of "Lost in space" for robotic telescopes (thesis,
-2018), sections 6.2.3 and 7.1: thirty frames, about 60 % of plain stars, most of the rest clipped
-and elongated, one very noisy with blurred stars. Its frames are photographs that are not
-published, so these are rendered, in the same shares. Their stars go down to a signal-to-noise of
-10, so that rates are lower than the thesis' wherever faint stars count.
+The measures and the kinds of frames are those of "Lost in space" for robotic telescopes (thesis, 2018), sections
+6.2.3 and 7.1: thirty frames, about 60 % of plain stars, most of the rest clipped and elongated, one very noisy with
+blurred stars. Its frames are photographs that are not published, so these are rendered, in the same shares. Their
+stars go down to a signal-to-noise of 10, so that rates are lower than the thesis' wherever faint stars count.
 """
 
 from collections.abc import Iterable
@@ -124,9 +123,8 @@ def detect_all(detector: Detector, frames: Iterable[Frame]) -> tuple[list[Floats
 def compare(found: Floats, xy: Floats, radius_px: float = 4.0) -> tuple[tuple[float, float], Floats]:
     """True positive rate and positive predictive value, and errors (N, 2) px of N stars.
 
-    Each star takes the nearest detection within ``radius_px`` and each detection one star, so that
-    a star found twice is one true and one false positive. Errors of stars not found are NaN.
-    Where nothing is found nothing is false.
+    Each star takes the nearest detection within ``radius_px`` and each detection one star, so that a star found twice
+    is one true and one false positive. Errors of stars not found are NaN. Where nothing is found nothing is false.
     """
     errors = np.full((len(xy), 2), np.nan)
     if not len(found):

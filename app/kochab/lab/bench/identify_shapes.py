@@ -1,8 +1,7 @@
 """Lists of points shaped like clusters, galaxies, nebulae and rings, with no star field in them.
 
-The lists come from formulas and never use the catalogue, so every solution is wrong. The points
-crowd together as stars do in an open cluster: a solver that assumes evenly spread stars finds M 44
-or the Pleiades in them.
+The lists come from formulas and never use the catalogue, so every solution is wrong. The points crowd together as
+stars do in an open cluster: a solver that assumes evenly spread stars finds M 44 or the Pleiades in them.
 """
 
 from collections.abc import Callable

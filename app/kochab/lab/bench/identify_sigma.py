@@ -1,10 +1,9 @@
 """Whether a solution is off by as much as it says: on rendered fields, and on crops of real frames.
 
-By construction a rendered field's noise is that of its pixels, its lens has one term of distortion and its
-stars are where the catalogue has them; only the centroids, the matches and the fit are put to the test. A crop
-about the middle of a real frame has the lens, the sky and the mistakes of a real one: what it says of its
-centre is held against the whole frame. Both share the stars of the middle, so that their difference is rather
-smaller than two frames' would be.
+By construction a rendered field's noise is that of its pixels, its lens has one term of distortion and its stars are
+where the catalogue has them; only the centroids, the matches and the fit are put to the test. A crop about the middle
+of a real frame has the lens, the sky and the mistakes of a real one: what it says of its centre is held against the
+whole frame. Both share the stars of the middle, so that their difference is rather smaller than two frames' would be.
 """
 
 import math

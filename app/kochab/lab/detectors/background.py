@@ -102,9 +102,8 @@ def measured_detections(
 ) -> Detections:
     """Detections of stars at ``xy`` (N, 2) px with ``flux`` (N,) in ``pixels`` (N,) of them.
 
-    The ``most`` brightest are kept, in falling order of ``rank`` (N,) or else of flux. The SNR is
-    against the background's noise alone; widths and shapes are NaN where a star is too faint or
-    too odd for them, and in mosaics.
+    The ``most`` brightest are kept, in falling order of ``rank`` (N,) or else of flux. The SNR is against the
+    background's noise alone; widths and shapes are NaN where a star is too faint or too odd for them, and in mosaics.
     """
     good = np.isfinite(xy).all(axis=1) & (flux > 0)
     good &= (xy > -0.5).all(axis=1) & (xy < np.array(flat.image.shape[::-1]) - 0.5).all(axis=1)

@@ -116,8 +116,7 @@ def dao_sources(image: Floats32, threshold: float, fwhm_px: float, mask: Bools |
 
 
 # -- The combined detector of "Lost in space" for robotic telescopes (thesis, 2018) ------------
-# Source: sections 6.2.4 and 7.1.5: Gaussian sources first, and local maxima where those are too
-# few.
+# Source: sections 6.2.4 and 7.1.5: Gaussian sources first, and local maxima where those are too few.
 
 
 @dataclass(frozen=True, slots=True)

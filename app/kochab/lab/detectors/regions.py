@@ -16,11 +16,10 @@ from kochab.lab.detectors.background import Flat, measured_detections, no_detect
 from kochab.lab.fixed_point import Format
 
 # -- The centre of a cluster that grows pixel by pixel, in floating and in fixed point ---------
-# The thesis "Attitude from stellar images", equations 2.1 and 2.2, sections 3.2 and 4.2.4.1: fixed
-# centres are 10.22 numbers that count from the middle of the frame, and no two are more than 512 px
-# apart, the size of the largest frame there. The thesis does not say how it keeps a centre that is
-# needed after every pixel; here each pixel moves it by its share of the light so far, cut off at the
-# last bit.
+# The thesis "Attitude from stellar images", equations 2.1 and 2.2, sections 3.2 and 4.2.4.1: fixed centres are 10.22
+# numbers that count from the middle of the frame, and no two are more than 512 px apart, the size of the largest
+# frame there. The thesis does not say how it keeps a centre that is needed after every pixel; here each pixel moves
+# it by its share of the light so far, cut off at the last bit.
 
 PLACE = Format(10, 22)
 LIGHT = Format(32, 0)  # the sum of the brightnesses

@@ -109,9 +109,8 @@ def catalogue_pairs(
 ) -> Pairs:
     """Pairs up to ``max_deg`` degrees of the shipped catalogue's bright stars; kept.
 
-    The stars are those with V <= ``mag_limit``, or else so many of the ``brightest`` (8,118 reproduces
-    the thesis on spherical triangles). Proper motion is applied to the whole Julian ``year``: no
-    bright star moves 6 arcsec in one.
+    The stars are those with V <= ``mag_limit``, or else so many of the ``brightest`` (8,118 reproduces the thesis on
+    spherical triangles). Proper motion is applied to the whole Julian ``year``: no bright star moves 6 arcsec in one.
     """
     if brightest is None and mag_limit is None:
         raise ValueError("Give either the number of stars or the limiting magnitude.")

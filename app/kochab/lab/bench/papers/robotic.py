@@ -1,12 +1,11 @@
 """Chapters 6 to 8 of "Lost in space" for robotic telescopes: voting, attitude, seconds a stage.
 
-The thesis' photographs are not published. Fields of 15 degrees stand in for them, with its centroid error (7.1.2),
-a lens that shifts the corners by 3 px and is not corrected, as there, some stars missing and some false. Readings:
-the thesis gives 10 degrees as the mean width, but its table of 483,497 pairs of 4,494 stars reaches 25 degrees, and
-in fields of 10 the fifteen brightest are mostly fainter than its catalogue, which names 32 % of them; 15 to 20
-degrees give its figures, and with the 3 px its best margin too (without a lens error 1 px would do as well). A
-match is right when the named star lies within 5 px of the detection. The default sees the very same brightest
-stars.
+The thesis' photographs are not published. Fields of 15 degrees stand in for them, with its centroid error (7.1.2), a
+lens that shifts the corners by 3 px and is not corrected, as there, some stars missing and some false. Readings: the
+thesis gives 10 degrees as the mean width, but its table of 483,497 pairs of 4,494 stars reaches 25 degrees, and in
+fields of 10 the fifteen brightest are mostly fainter than its catalogue, which names 32 % of them; 15 to 20 degrees
+give its figures, and with the 3 px its best margin too (without a lens error 1 px would do as well). A match is right
+when the named star lies within 5 px of the detection. The default sees the very same brightest stars.
 """
 
 from dataclasses import dataclass, replace

@@ -45,11 +45,10 @@ all | 7.3 | time, matching and attitude in all | s | 16.08 | | less |
 """)
 
 # -- Section 7.1: the four detectors ------------------------------------------------------------
-# The thesis' thirty photographs are not published; the frames are those of
-# :mod:`kochab.lab.bench.detectors`, in the same shares of plain, elongated and noisy ones. "True
-# stars" are those visible to the eye: a signal-to-noise ratio of 100 gives the thesis' shares of perfect
-# frames (with 50 it is 50 % where the thesis has 80, with 30 it is 30 %). A detection on a fainter
-# star is not false.
+# The thesis' thirty photographs are not published; the frames are those of :mod:`kochab.lab.bench.detectors`, in the
+# same shares of plain, elongated and noisy ones. "True stars" are those visible to the eye: a signal-to-noise ratio
+# of 100 gives the thesis' shares of perfect frames (with 50 it is 50 % where the thesis has 80, with 30 it is 30 %).
+# A detection on a fainter star is not false.
 
 FRAMES = 30
 VISIBLE_SNR = 100.0
@@ -182,8 +181,7 @@ def fields(
 ) -> list[RandomField]:
     """Random fields of the plan above; the same ones for a seed, whatever is ``brightest``.
 
-    ``lens_px`` is the lens' shift of the corners, ``flawed`` the share of stars that are missing,
-    and of false ones.
+    ``lens_px`` is the lens' shift of the corners, ``flawed`` the share of stars that are missing, and of false ones.
     """
     rng, catalogue = np.random.default_rng(seed), open_catalogue()
     size, half = round(WIDTH_DEG * 3600.0 / scale), float(np.tan(np.radians(WIDTH_DEG / 2.0)))

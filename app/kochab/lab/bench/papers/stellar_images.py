@@ -1,8 +1,7 @@
 """The thesis "Attitude from stellar images": Vega, Deneb and Sadr, in floating and fixed point.
 
-The centroids are the printed ones, so that everything after them can be compared number by number.
-The scans themselves are not published: centroids in fixed point are measured on frames drawn with
-stars at the printed places.
+The centroids are the printed ones, so that everything after them can be compared number by number. The scans
+themselves are not published: centroids in fixed point are measured on frames drawn with stars at the printed places.
 """
 
 from dataclasses import dataclass
