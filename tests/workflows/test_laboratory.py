@@ -219,12 +219,11 @@ def watched_fields(monkeypatch):
     """What the curves ask to be simulated, in a list that grows: settings and seeds."""
     asked = []
 
-    def watched(wish, seeds):
+    def watched(kind, wish, seeds):
         asked.append((wish, seeds))
-        return scene_of_field(wish, seeds)
+        return scene.simulated_scene(kind, wish, seeds)
 
-    scene_of_field = scene.scene_of_field
-    monkeypatch.setattr(scene, "scene_of_field", watched)
+    monkeypatch.setattr("kochab.lab.laboratory.curves.simulated_scene", watched)
     return asked
 
 

@@ -19,7 +19,7 @@ from kochab.lab.laboratory.comparison import (
     FieldTruth,
     scale_hint,
 )
-from kochab.lab.laboratory.scene import comparison, scene_of_field
+from kochab.lab.laboratory.scene import comparison, simulated_scene
 from kochab.lab.laboratory.trials import REFUSED, REPEATS, NamedStars, between, name_stars, try_attitude
 from kochab.simulate.random_fields import random_field
 from kochab.sky import open_catalogue
@@ -109,7 +109,7 @@ def test_an_estimate_is_timed_over_several_and_can_be_stopped_between(named):
 def test_all_of_them_from_one_identification(truth):
     heard = []
     task = comparison(
-        scene_of_field(WISH, (6,)),
+        simulated_scene(ComparedPart.METHOD, WISH, (6,)),
         ComparedPart.ATTITUDE,
         [Choice(name) for name in REGISTRIES[ComparedPart.ATTITUDE]],
         True,

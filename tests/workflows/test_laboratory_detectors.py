@@ -27,7 +27,7 @@ from kochab.lab.laboratory.comparison import (
     try_detector,
 )
 from kochab.lab.laboratory.curves import trials_csv
-from kochab.lab.laboratory.scene import LARGEST_PX, Scene, comparison, scene_of_field, scene_of_picture
+from kochab.lab.laboratory.scene import LARGEST_PX, Scene, comparison, simulated_scene
 from kochab.simulate.random_fields import random_picture
 from kochab.sky import open_catalogue
 
@@ -52,7 +52,7 @@ def truth(picture):
 @pytest.fixture(scope="module")
 def trials():
     choices = [Choice(name) for name in DETECTORS]
-    scene = scene_of_picture(BRIGHT, (9,))
+    scene = simulated_scene(ComparedPart.DETECTOR, BRIGHT, (9,))
     return {t.name: t for t in run(compared(scene, ComparedPart.DETECTOR, choices))}
 
 
@@ -116,10 +116,10 @@ def test_a_wrong_picture_is_told_as_wrong(picture, truth):
 
 def test_a_list_of_stars_has_no_picture_and_a_huge_picture_is_refused():
     with pytest.raises(UsageError, match="no image"):
-        run(compared(scene_of_field(BRIGHT, (1,)), ComparedPart.DETECTOR, [Choice("auto")]))
+        run(compared(simulated_scene(ComparedPart.METHOD, BRIGHT, (1,)), ComparedPart.DETECTOR, [Choice("auto")]))
     huge = replace(BRIGHT, size_px=LARGEST_PX + 1)
     with pytest.raises(UsageError, match="px wide at most"):
-        run(scene_of_picture(huge, (1,)))
+        run(simulated_scene(ComparedPart.DETECTOR, huge, (1,)))
     with pytest.raises(UsageError, match="Open a frame first"):
         run(compared(None, ComparedPart.DETECTOR, [Choice("auto")]))
 

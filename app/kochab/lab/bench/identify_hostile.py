@@ -156,9 +156,7 @@ def _merged(truths: list[Truth], rng: np.random.Generator) -> tuple[Detections, 
         flux.append(stars.flux * 10.0 ** rng.uniform(-1.0, 0.0) / float(np.median(stars.flux)))
     xy, light = np.concatenate(places), np.concatenate(flux)
     inside = ((xy > 0.0) & (xy < SIZE_PX - 1.0)).all(axis=1)
-    xy, light = xy[inside], light[inside]
-    order = np.argsort(-light, kind="stable")
-    return Detections.from_list(xy[order], SIZE_PX, SIZE_PX, light[order]), truths
+    return Detections.from_list(xy[inside], SIZE_PX, SIZE_PX, light[inside]), truths
 
 
 def off_px(answer: Solution, truth: Truth) -> float:

@@ -6,6 +6,7 @@ It is sent to a target over one of the six drivers, a pseudo-terminal and the de
 far end, and corrected by what frames show. In every other run the line is bad.
 """
 
+import contextlib
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -124,11 +125,9 @@ def _replug(rig: MountRig) -> None:
     """Somebody puts the cable back; the guard stops the mount before anything else."""
     for _ in range(AGAIN):
         rig.line.plug()
-        try:
+        with contextlib.suppress(DeviceError):
             rig.guard.reconnect()
-        except DeviceError:
-            continue
-        return
+            return
 
 
 def _rows(runs: list[CentringRun], names: list[str]) -> list[dict[str, Any]]:

@@ -78,24 +78,19 @@ def scene_of_frame(
 
 
 def simulated_scene(kind: ComparedPart, wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
-    """A field at a random place, the same for the same seeds; its picture where detectors are compared."""
-    made = scene_of_picture if kind is ComparedPart.DETECTOR else scene_of_field
-    return made(wish, seeds)
+    """The stars of a field at a random place, the same for the same seeds, and the truth of it.
 
-
-def scene_of_field(wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
-    """The stars of a simulated field, and the truth of it."""
-    yield Progress("laboratory", None, "making a field")
-    field = random_field(open_catalogue(), np.random.default_rng(list(seeds)), wish.plan())
-    return Scene(field.detections, truth=FieldTruth.of(field, wish))
-
-
-def scene_of_picture(wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
-    """The same as a picture, whose faintest star is as bright as the noise of a position asks."""
+    Detectors are compared on its picture, whose faintest star is as bright as the noise of a position asks.
+    """
+    rng = np.random.default_rng(list(seeds))
+    if kind is not ComparedPart.DETECTOR:
+        yield Progress("laboratory", None, "making a field")
+        field = random_field(open_catalogue(), rng, wish.plan())
+        return Scene(field.detections, truth=FieldTruth.of(field, wish))
     if wish.size_px > LARGEST_PX:
         raise UsageError(f"A simulated image is {LARGEST_PX} px wide at most.")
     yield Progress("laboratory", None, "making a picture")
-    picture = random_picture(open_catalogue(), np.random.default_rng(list(seeds)), wish.plan())
+    picture = random_picture(open_catalogue(), rng, wish.plan())
     return Scene(frame=picture.frame, truth=FieldTruth.of(picture, wish), places=picture.places)
 
 

@@ -270,6 +270,6 @@ def inner(sides: Floats) -> Floats:
     return np.asarray(np.arccos(np.clip((np.cos(a) - np.cos(b) * np.cos(c)) / below, -1.0, 1.0)))
 
 
-def wrapped(angle: Floats) -> Floats:
-    """Angles in [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+def wrapped(angle: Array, half: float = np.pi) -> Array:
+    """Angles in [-half, half), half a turn being ``half``."""
+    return np.asarray((angle + half) % (2 * half) - half)

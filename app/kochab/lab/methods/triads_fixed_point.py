@@ -26,6 +26,7 @@ from kochab.lab.methods.triad_tests import (
     chord_sides,
     image_sides,
     inner,
+    wrapped,
 )
 
 PLACE = Format(10, 22)  # px from the frame's centre
@@ -67,14 +68,9 @@ def _fine() -> tuple[Ints, Ints]:
     return SCALE.of(np.cos(angle)), SCALE.of(np.sin(angle))
 
 
-def places(sight: TriadDetections) -> Ints:
-    """Places (n, 2) from the frame's centre, 10.22 px."""
-    return PLACE.of(sight.plane)
-
-
 def separations(sight: TriadDetections) -> Ints:
     """Separations (n, n) in 6.10 degrees: Pythagoras, or the tables beyond the crossover."""
-    place = places(sight)
+    place = PLACE.of(sight.plane)
     step = np.abs(PLACE.difference(place[:, None], place[None]))
     across = ANGLE.of(np.degrees(sight.size_rad))
     scale = SCALE.quotient(across, ANGLE, sight.size_px, PIXELS)
@@ -99,7 +95,7 @@ def by_tables(side: Ints) -> Ints:
 
 def passing_triads(sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests) -> FoundTriads:
     """Those of the triads ``seen`` (T, 3) and ``stars`` (T, 3) that pass both tests."""
-    place = places(sight)
+    place = PLACE.of(sight.plane)
     ra = np.degrees(np.arctan2(pairs.vectors[:, 1], pairs.vectors[:, 0]))
     dec = np.degrees(np.arcsin(np.clip(pairs.vectors[:, 2], -1.0, 1.0)))
     sky = SKY.of(np.stack([ra, dec], axis=1))
@@ -107,12 +103,13 @@ def passing_triads(sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs
     for end in (1, 2):
         ours = PLACE.difference(place[seen[:, end]], place[seen[:, 0]])
         theirs = SKY.difference(sky[stars[:, end]], sky[stars[:, 0]])
-        theirs[:, 0] = -_wrapped(theirs[:, 0], int(SKY.of(180.0)))
+        theirs[:, 0] = -wrapped(theirs[:, 0], int(SKY.of(180.0)))
         turn.append(TURN.difference(direction(theirs), direction(ours)))
-    off = _wrapped(turn[0] - turn[1], HALF)
+    off = wrapped(turn[0] - turn[1], HALF)
     kept = np.abs(off) <= int(TURN.of(np.degrees(tests.rotation)))
     seen, stars, mean = seen[kept], stars[kept], (turn[1] + (off >> 1))[kept]
-    angles = inner_image(separations(sight), seen) - inner_catalogue(stars, pairs)
+    enclosed = TURN.of(np.degrees(inner(chord_sides(pairs.vectors[stars]))))  # entries of the thesis' table
+    angles = inner_image(separations(sight), seen) - enclosed
     kept = (np.abs(angles) <= int(TURN.of(np.degrees(tests.enclosed)))).all(axis=1)
     return FoundTriads(seen[kept], stars[kept], np.radians(TURN.floats(mean[kept])))
 
@@ -140,13 +137,3 @@ def inner_image(separation: Ints, seen: Ints) -> Ints:
     ratio = np.clip((np.abs(above) << COSINE.fraction) // below, 0, 1 << COSINE.fraction)
     turn = turn_table()[ratio]
     return TURN.fits(np.where(above < 0, HALF - turn, turn))
-
-
-def inner_catalogue(stars: Ints, pairs: Pairs) -> Ints:
-    """The entries (T, 3) of the enclosed-angle table for triads of stars (T, 3)."""
-    return TURN.of(np.degrees(inner(chord_sides(pairs.vectors[stars]))))
-
-
-def _wrapped(angle: Ints, half: int) -> Ints:
-    """Angles in [-half, half)."""
-    return np.asarray((angle + half) % (2 * half) - half)

@@ -52,23 +52,12 @@ search | 3.3 | stars within 4 deg of a direction | ms | | | less |
 """)
 
 
-@dataclass(frozen=True, slots=True)
-class FieldTally:
-    """Per cent of fields correct, inconclusive, incorrect; mean pivots and processor seconds.
+FieldTally = dict[str, float]
+"""Per cent of fields "correct", "inconclusive", "incorrect"; mean "pivots" and processor "seconds".
 
-    ``pivots`` is the mean over the fields that were solved, ``all_pivots`` over all, which scatter by
-    ``pivots_sd``; ``of_four`` and ``of_five`` are the per cent correct of the fields with at least so many stars.
-    """
-
-    correct: float
-    inconclusive: float
-    incorrect: float
-    pivots: float
-    all_pivots: float
-    pivots_sd: float
-    seconds: float
-    of_four: float
-    of_five: float
+"pivots" is the mean over the fields that were solved, "all_pivots" over all, which scatter by "pivots_sd"; "of_four"
+and "of_five" are the per cent correct of the fields with at least so many stars.
+"""
 
 
 def tables_of(brightest: int, mag_limit: float | None = None) -> dict[str, Any]:
@@ -104,17 +93,10 @@ def tally_of(log: list[tuple[int, bool, bool, int, float]]) -> FieldTally:
         chosen = what if among is None else what[among]
         return 100.0 * float(chosen.mean()) if len(chosen) else float("nan")
 
-    return FieldTally(
-        share(good),
-        share(~known),
-        share(known & ~good),
-        float(pivots[known].mean()) if known.any() else float("nan"),
-        float(pivots.mean()),
-        float(pivots.std()),
-        float(seconds.mean()),
-        share(good, stars >= 4),
-        share(good, stars >= 5),
-    )
+    made = {"correct": share(good), "inconclusive": share(~known), "incorrect": share(known & ~good)}
+    made |= {"of_four": share(good, stars >= 4), "of_five": share(good, stars >= 5), "seconds": float(seconds.mean())}
+    made |= {"all_pivots": float(pivots.mean()), "pivots_sd": float(pivots.std())}
+    return made | {"pivots": float(pivots[known].mean()) if known.any() else float("nan")}
 
 
 def field_of(sky: Floats, rng: np.random.Generator, noise: float, poles: bool = False) -> tuple[Ints, Floats, Floats]:

@@ -73,9 +73,9 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
         keys = [key for key in fields.MEASURES if key in fields.PAPER[name] and key != "seconds"]
         out += [_row(name, key, tallies, number) for key in keys]
         why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
-        scatter, paper = f"{free.pivots_sd:.2f}{why}", fields.PAPER[name]["free_pivots"]
+        scatter, paper = f"{free['pivots_sd']:.2f}{why}", fields.PAPER[name]["free_pivots"]
         error = _mean_error(free, number)
-        out.append(TABLES.row("free", free.all_pivots, name=name, scatter=scatter, paper=paper, error=error))
+        out.append(TABLES.row("free", free["all_pivots"], name=name, scatter=scatter, paper=paper, error=error))
     return out
 
 
@@ -116,7 +116,7 @@ def run_step(name: str, step: ProgramStep, made: Tables, number: int, seed: int,
 
 def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> dict[str, Any]:
     field = "all_pivots" if key == "pivots" else key
-    values = [float(getattr(tally, field)) for tally in tallies]
+    values = [tally[field] for tally in tallies]
     paper = fields.PAPER[name][key]
     steps = ", ".join(f"{s.what} {v:.3g}" for s, v in zip(STEPS, values, strict=True))
     if key == "pivots":
@@ -128,7 +128,7 @@ def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> 
 
 def _mean_error(tally: fields.FieldTally, number: int) -> float:
     """Two sigma of the difference of two means, of ``number`` fields and of the thesis' 1,000."""
-    return 2.0 * tally.pivots_sd * float(np.sqrt(1.0 / number + 1.0 / fields.ATTITUDES))
+    return 2.0 * tally["pivots_sd"] * float(np.sqrt(1.0 / number + 1.0 / fields.ATTITUDES))
 
 
 def _count_rows(made: dict[ProgramStep, Tables], seed: int, lists: int) -> list[dict[str, Any]]:

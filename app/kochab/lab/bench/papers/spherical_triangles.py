@@ -109,16 +109,16 @@ def _row(
     name: str, key: str, reading: str, tally: fields.FieldTally, default: fields.FieldTally, number: int, noise: float
 ) -> dict[str, Any]:
     what, unit, better = fields.MEASURES[key]
-    paper, ours = fields.PAPER[name][key], float(getattr(tally, key))
+    paper, ours = fields.PAPER[name][key], tally[key]
     return TABLES.row(
         "field",
         ours,
-        float(getattr(default, key)) if key != "pivots" else None,
+        default[key] if key != "pivots" else None,
         name=name,
         what=what,
         reading=reading,
         number=number,
-        pivots=f"; over the fields solved, {tally.all_pivots:.2f} over all" if key == "pivots" else "",
+        pivots=f"; over the fields solved, {tally['all_pivots']:.2f} over all" if key == "pivots" else "",
         unit=unit,
         paper=paper,
         error=share_error(paper, number, fields.ATTITUDES) if unit == "%" else PIVOT_ERROR[name],
@@ -132,11 +132,11 @@ def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
     out = []
     errors = fields.PROGRAMS, fields.PROGRAMS
     for name, tally in _both(fields.tables_of(AS_MANY_ANGLES), *errors, number, seed).items():
-        words: dict[str, Any] = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally.correct}
+        words: dict[str, Any] = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally["correct"]}
         words |= {"paper": fields.PAPER[name]["pivots"], "error": PIVOT_ERROR[name]}
-        out.append(TABLES.row("thin", tally.pivots, other_reading=True, **words))
+        out.append(TABLES.row("thin", tally["pivots"], other_reading=True, **words))
     for name, tally in _both(fields.tables_of(fields.STARS), *errors, number, seed, pivots=1000).items():
-        out.append(TABLES.row("free", tally.seconds, name=name, paper=fields.PAPER[name]["free_seconds"]))
+        out.append(TABLES.row("free", tally["seconds"], name=name, paper=fields.PAPER[name]["free_seconds"]))
     return out
 
 
