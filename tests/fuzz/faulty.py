@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 
 def raises(data, folder):
@@ -19,3 +20,7 @@ def hangs(data, folder):
 
 def grows(data, folder):
     return b"x" * 1_100_000_000
+
+
+def waits(data, folder):
+    time.sleep(2.0)

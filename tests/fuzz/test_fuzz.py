@@ -44,6 +44,13 @@ def test_what_must_not_be_is_a_fault_and_the_run_goes_on(check, said, monkeypatc
     assert all(said in text for _, text in tally.faults)
 
 
+def test_what_was_only_kept_waiting_is_no_fault(monkeypatch) -> None:
+    monkeypatch.setattr("tests.fuzz.runner.EXTRA", "tests.fuzz.faulty:waits")
+    monkeypatch.setattr("tests.fuzz.runner.HANG_S", 1.0)
+    (tally,) = run([("extra", 1, 60.0)], SEED, keep=False)
+    assert (tally.mutants, tally.faults) == (1, [])
+
+
 def test_mutants_come_again() -> None:
     for target in TARGETS.values():
         seeds = seeds_of(target)
