@@ -118,9 +118,7 @@ def apart_deg(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
 
 def roll_at(matrix: Floats, direction: Floats) -> float:
     """Position angle (deg east of north) of the camera's up, seen at an ICRS direction (3,)."""
-    x, y, _ = direction
-    east = np.array([-y, x, 0.0])
-    north = np.cross(direction, east)
+    east, north = east_north(direction)
     up = -matrix[1]
     roll = float(np.degrees(np.arctan2(up @ east, up @ north)))
     return roll if roll > -180.0 else 180.0
@@ -128,9 +126,7 @@ def roll_at(matrix: Floats, direction: Floats) -> float:
 
 def attitude_from(ra_deg: float, dec_deg: float, roll_deg: float) -> Attitude:
     """The attitude whose boresight and roll are given, ICRS degrees."""
-    ra, dec, roll = np.radians([ra_deg, dec_deg, roll_deg])
-    z = unit_vectors(ra_deg, dec_deg)
-    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
+    z, roll = unit_vectors(ra_deg, dec_deg), np.radians(roll_deg)
+    east, north = east_north(z)
     y = -(np.cos(roll) * north + np.sin(roll) * east)
     return Attitude(np.stack([np.cross(y, z), y, z]))

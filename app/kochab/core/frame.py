@@ -108,9 +108,7 @@ class Detections(Table):
         """Detections from bare positions (N, 2) px; brightest first unless ``flux`` says."""
         xy = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         n = len(xy)
-        if flux is None:
-            flux = np.arange(n, 0, -1, dtype=np.float64)
-        order = np.argsort(-np.asarray(flux, dtype=np.float64), kind="stable")
-        nan = np.full(n, np.nan)
-        no = np.zeros(n, dtype=np.bool_)
-        return cls(width, height, xy[order], np.asarray(flux, dtype=np.float64)[order], nan, nan, nan, nan, no, no)
+        flux = np.asarray(np.arange(n, 0, -1) if flux is None else flux, dtype=np.float64)
+        order = np.argsort(-flux, kind="stable")
+        nan, no = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
+        return cls(width, height, xy[order], flux[order], nan, nan, nan, nan, no, no)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints, Table
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, unit
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
 
@@ -97,8 +97,7 @@ class Solution:
         """
         steps = np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]])
         above, z, below = self.camera.unproject(np.array([self.camera.width - 1, self.camera.height - 1]) / 2 + steps)
-        x = np.cross(below - above, z)
-        x /= np.linalg.norm(x)
+        x = unit(np.cross(below - above, z))
         return Attitude(np.stack([x, np.cross(z, x), z]) @ self.attitude.matrix, self.attitude.covariance)
 
     @property

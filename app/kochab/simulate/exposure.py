@@ -68,9 +68,8 @@ class StarPaths:
         middle = start + exposure_s / 2.0
         sky = LocalSky(self._site, middle, self._air)
         self._gather(camera, sky, views, middle, faintest)
-        ends = [LocalSky(self._site, t, self._air) for t in (start, start + exposure_s)]
         now = sky.to_enu(self._vectors)
-        first, last = (end.to_enu(self._vectors) for end in ends)
+        first, last = (LocalSky(self._site, t, self._air).to_enu(self._vectors) for t in (start, start + exposure_s))
         part = np.linspace(-1.0, 1.0, samples)[:, None, None]
         # the parabola through the directions at the beginning, the middle and the end
         bent = unit(now + 0.5 * part * (last - first) + 0.5 * part * part * (first - 2.0 * now + last))

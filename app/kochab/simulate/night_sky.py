@@ -249,12 +249,10 @@ class SimulatedClock:
     """
 
     def __init__(self, start_unix_s: float, rate: float = 1.0) -> None:
-        if rate < 0.0:
-            raise ValueError("a clock cannot run backwards")
         self._lock = threading.Lock()
-        self._rate = rate
-        self._base_unix_s = start_unix_s
-        self._base_real_s = time.monotonic()
+        self._rate = 0.0
+        self._base_unix_s, self._base_real_s = start_unix_s, time.monotonic()
+        self.set_rate(rate)
 
     @property
     def rate(self) -> float:

@@ -113,13 +113,8 @@ class PracticeNight:
     ``driver`` is the protocol its mount speaks. ``line_faults`` lets some answers of the mount be missing, late,
     split or garbage. Frames of ``exposure_s`` are written into ``folder`` as FITS, the oldest beyond 200 removed.
 
-    Raises
-    ------
-    kochab.core.errors.UsageError
-        There is no such driver, or the folder cannot be made.
-    kochab.core.errors.PortError
-        The mount cannot be served on a line.
-
+    Raises `UsageError` when there is no such driver, or the folder cannot be made, and `PortError` when the mount
+    cannot be served on a line.
     """
 
     def __init__(

@@ -55,8 +55,7 @@ def random_field(catalogue: Catalogue, rng: np.random.Generator, plan: FieldPlan
     attitude = random_attitude(rng)
     n = plan.size_px
     focal = n / 2.0 / np.tan(np.radians(plan.fov_deg) / 2.0)
-    middle = (n - 1) / 2.0
-    camera = Camera(n, n, float(focal), middle, middle, k1=plan.k1, mirrored=bool(rng.integers(2)))
+    camera = replace(Camera.centred(n, n, float(focal), bool(rng.integers(2))), k1=plan.k1)
     radius = float(np.arctan(np.sqrt(2.0) * n / 2.0 / focal))
     rows = catalogue.brightest(attitude.boresight, radius, 6 * plan.brightest)
     xy = camera.project(catalogue.vectors(rows) @ attitude.matrix.T)

@@ -86,7 +86,7 @@ def render(
 ) -> Frame:
     """A uint16 frame of stars at ``xy`` (N, 2) px with ``flux_e`` (N,) electrons.
 
-    Noise is Poisson in the light (normal above 1000 e) and normal in reading.
+    Noise is Poisson in the light (normal where all of it is above 30 e) and normal in reading.
     """
     image, sky, sensor = image or RenderedStar(), sky or Sky(), sensor or Sensor()
     rng = np.random.default_rng(seed)
@@ -182,9 +182,8 @@ def _read_out(
         read += np.float32(sensor.bias + 0.5)
         np.clip(read, 0.0, sensor.saturation, out=read)
         return np.asarray(read, dtype=np.uint16)
-    faint = light.size and float(light.min()) < 1000.0
     noise = rng.standard_normal(light.shape, dtype=np.float32)
-    if faint and light.size <= 4_000_000 and float(light.min()) < 30.0:
+    if 0 < light.size <= 4_000_000 and float(light.min()) < 30.0:
         read = rng.poisson(light).astype(np.float32) + np.float32(sensor.read_noise_e) * noise
     else:
         read = light + noise * np.sqrt(light + np.float32(sensor.read_noise_e**2))

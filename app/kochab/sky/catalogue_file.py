@@ -67,10 +67,9 @@ class Container:
 
     def column(self, name: str) -> Array:
         """The column ``name``, read-only, read from disk only where it is touched."""
-        try:
-            offset, dtype, count = self._sections[name]
-        except KeyError:
-            raise CatalogueError(f"{self.path} lacks the column {name}.") from None
+        if name not in self:
+            raise CatalogueError(f"{self.path} lacks the column {name}.")
+        offset, dtype, count = self._sections[name]
         return np.frombuffer(self._map, dtype, count, self._start + offset)
 
     def __contains__(self, name: str) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kochab.core.arrays import Array, Bools, Bytes, Floats, Ints, Table
+from kochab.core.attitude import unit
 from kochab.core.errors import CatalogueError
 from kochab.sky.catalogue_file import StarList
 
@@ -42,7 +43,7 @@ def triangles(level: int) -> Floats:
     zone = corners[faces]
     for _ in range(level):
         c0, c1, c2 = zone[:, 0], zone[:, 1], zone[:, 2]
-        e0, e1, e2 = (_unit(p) for p in (c1 + c2, c2 + c0, c0 + c1))
+        e0, e1, e2 = (unit(p) for p in (c1 + c2, c2 + c0, c0 + c1))
         children = [[c0, e2, e1], [e2, c1, e0], [e1, e0, c2], [e0, e1, e2]]
         zone = np.stack([np.stack(c, axis=1) for c in children], axis=1).reshape(-1, 3, 3)
     return np.asarray(zone, dtype=np.float64)
@@ -98,8 +99,8 @@ def _signed(value: Ints, bits: int) -> Ints:
 def _positions(level: int, kind: int, zone: Ints, x: Ints, y: Ints) -> tuple[Floats, Floats]:
     """Unit vectors (N, 3), and places (N, 2) on the plane that touches each zone's centre."""
     corners = triangles(level)
-    centre = _unit(corners.sum(axis=1))
-    east = _unit(np.cross([0.0, 0.0, 1.0], centre))
+    centre = unit(corners.sum(axis=1))
+    east = unit(np.cross([0.0, 0.0, 1.0], centre))
     north = np.cross(centre, east)
     offset = corners - centre[:, None]
     along = np.stack([np.einsum("zck,zk->zc", offset, axis) for axis in (east, north)], axis=-1)
@@ -107,7 +108,7 @@ def _positions(level: int, kind: int, zone: Ints, x: Ints, y: Ints) -> tuple[Flo
     scale = reach.max() / FULL[kind]
     plane = np.stack([x, y], axis=1) * scale
     offset = plane[:, :1] * east[zone] + plane[:, 1:] * north[zone]
-    return _unit(centre[zone] + offset), plane
+    return unit(centre[zone] + offset), plane
 
 
 def _on_sphere(motion: Floats, plane: Floats) -> Floats:
@@ -116,10 +117,6 @@ def _on_sphere(motion: Floats, plane: Floats) -> Floats:
     cosine = 1.0 / np.sqrt(1.0 + square)
     outward = plane * (np.sum(motion * plane, axis=1, keepdims=True) / np.maximum(square, 1e-30))
     return np.asarray((motion - outward) * cosine + outward * cosine**2)
-
-
-def _unit(v: Floats) -> Floats:
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 # -- The star table inside an astrometry.net index file (series 4100, 5000 and their like) -----
@@ -345,8 +342,7 @@ def moved(vector: Floats, pm_mas: Floats, years: Floats | float) -> Floats:
     """Vectors (N, 3) after ``years`` of the motion (N, 2) pmRA*, pmDE in mas/yr."""
     east, north = tangent(vector)
     step = pm_mas * 1e-3 * ARCSEC * np.reshape(years, (-1, 1))
-    out: Floats = vector + step[:, :1] * east + step[:, 1:] * north
-    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True), dtype=np.float64)
+    return unit(vector + step[:, :1] * east + step[:, 1:] * north)
 
 
 def offsets(vector: Floats, other: Floats) -> Floats:

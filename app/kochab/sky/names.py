@@ -3,6 +3,7 @@
 import csv
 import re
 import unicodedata
+from collections import ChainMap
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -163,11 +164,8 @@ class StarNames:
         A star's first name wins over others' second ones, proper names over designations, and
         those over shortened ones.
         """
-        exact: dict[str, int] = {}
-        first: dict[str, int] = {}
-        proper: dict[str, int] = {}
-        given: dict[str, int] = {}
-        short: dict[str, int] = {}
+        tables: list[dict[str, int]] = [{}, {}, {}, {}, {}]
+        exact, first, proper, given, short = tables
         hips = np.array(sorted(self.table))
         numbers = self.bright.column("hip")
         mag = self.bright.column("mag")[np.searchsorted(numbers, hips)]
@@ -183,7 +181,7 @@ class StarNames:
                     short.setdefault(_shortened(word), hip)
                 else:
                     proper.setdefault(key, hip)
-        found = {**short, **given, **proper, **first, **exact}
+        found = dict(ChainMap(*tables))
         found.pop("", None)
         return found
 

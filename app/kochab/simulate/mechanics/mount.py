@@ -57,10 +57,9 @@ class EquatorialMount:
         t = clock.now_unix()
         pole = LocalSky(site, t, self.air).pole_enu()
         self.wedge = Wedge(float(altitude_deg(pole)), self._north, config.misalignment_arcmin, config.bolts)
-        self._axes = (
-            MotorAxis(90.0, t, config.hour_gear),
-            MotorAxis(90.0 if self._north else -90.0, t, config.dec_gear),
-        )
+        self._home_deg = (90.0, 90.0 if self._north else -90.0)
+        gears = config.hour_gear, config.dec_gear
+        self._axes = [MotorAxis(angle, t, gear) for angle, gear in zip(self._home_deg, gears, strict=True)]
         for axis in self._axes:
             axis.top_deg_s, axis.acceleration = config.slew_deg_s, config.acceleration_deg_s2
         self._offset_deg = (0.0, 0.0)  # believed axis angles minus encoders, as syncs set it
@@ -152,7 +151,7 @@ class EquatorialMount:
         """How far from home its computer believes the axes to be."""
         with self._lock:
             hour, dec = self._believed(self.clock.now_unix())
-            return hour - 90.0, dec - (90.0 if self._north else -90.0)
+            return hour - self._home_deg[0], dec - self._home_deg[1]
 
     @property
     def slewing(self) -> bool:
@@ -274,8 +273,7 @@ class EquatorialMount:
         with self._lock:
             t = self.clock.now_unix()
             self._tracking = False
-            home = (90.0, 90.0 if self._north else -90.0)
-            self._parks_at = max(axis.slew(t, angle) for axis, angle in zip(self._axes, home, strict=True))
+            self._parks_at = max(axis.slew(t, angle) for axis, angle in zip(self._axes, self._home_deg, strict=True))
 
     def unpark(self) -> None:
         """Be ready to move again; tracking stays off."""
