@@ -29,7 +29,7 @@ from tests.workflows.rig_mount import Bench
 
 
 def rig(seed=1, hour=-40.0, dec=50.0, latitude=45.0):
-    sky = make_rig(np.random.default_rng([1, seed]), open_catalogue(), latitude)
+    sky = make_rig(np.random.default_rng([1, seed]), latitude)
     sky.point(hour, dec)
     return sky
 

@@ -24,7 +24,7 @@ SWEEP = Sweep(turn_deg=60.0)
 
 
 def rig(flexure=60.0, latitude=40.0, dec=70.0, hour=-45.0, seed=1):
-    sky = make_rig(np.random.default_rng([9, seed]), open_catalogue(), latitude)
+    sky = make_rig(np.random.default_rng([9, seed]), latitude)
     mount = sky.rig.config.mount
     mount = replace(mount, build=replace(mount.build, flexure_arcsec=flexure))
     sky.rig = PracticeRig(replace(sky.rig.config, mount=mount), open_catalogue())

@@ -12,13 +12,12 @@ from kochab.lab.bench import BENCHES, mount, mount_rig
 from kochab.lab.bench.mount import CentringRun
 from kochab.lab.bench.mount_rig import ReceivedOrder, WatchedMount, unguarded
 from kochab.simulate.serial_line import Fault
-from kochab.sky import open_catalogue
 from tests.workflows.mount_nights import bench, good
 
 
 @pytest.mark.parametrize("driver", ["onstep", "ioptron", "skywatcher"])
 def test_a_run_on_a_good_line_is_centred(driver) -> None:
-    one = mount._do(CentringRun(2, driver, False, False), open_catalogue())
+    one = mount._do(CentringRun(2, driver, False, False))
     assert one.good, one
     assert one.end == "centred"
     assert one.faults == 0
@@ -31,7 +30,7 @@ def test_a_run_on_a_bad_line_is_survived(driver, monkeypatch) -> None:
     monkeypatch.setattr(mount_rig, "PATIENCE_S", 0.2)
     monkeypatch.setattr(mount_rig, "LATE_S", 0.3)
     monkeypatch.setattr(serial_line, "QUIET_S", 0.1)
-    one = mount._do(CentringRun(3, driver, True, False), open_catalogue())
+    one = mount._do(CentringRun(3, driver, True, False))
     assert one.faults > 0
     assert one.strays == []
     assert one.still
@@ -40,7 +39,7 @@ def test_a_run_on_a_bad_line_is_survived(driver, monkeypatch) -> None:
 
 def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None:
     for driver in ("lx200", "skywatcher"):
-        with mount_rig.mount_rig(4, driver, open_catalogue()) as rig:
+        with mount_rig.mount_rig(4, driver) as rig:
             said = rig.guard.position_icrs()
             true = rig.rig.truth().ra_dec_deg
             from kochab.core.attitude import apart_deg
@@ -51,7 +50,7 @@ def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None
 
 def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     monkeypatch.setattr(mount, "QUICK_RUNS", 2)
-    monkeypatch.setattr(mount, "_do", lambda one, catalogue: _as_if(one))
+    monkeypatch.setattr(mount, "_do", _as_if)
     result = mount.run(True, lambda line: None)
     assert [goal.met for goal in result.goals] == [True] * 4
     assert "10 arcsec in at most 3 corrections" in result.goals[0].name
@@ -118,7 +117,7 @@ def test_motors_may_turn_only_while_a_motion_is_under_way() -> None:
 
 
 def test_faults_are_switched_on_for_the_line() -> None:
-    with mount_rig.mount_rig(4, "onstep", open_catalogue()) as rig:
+    with mount_rig.mount_rig(4, "onstep") as rig:
         rig.spoil(refusal=True)
         rig.unplug_in = 1
         rig.wait(0.0)

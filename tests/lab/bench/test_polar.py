@@ -9,7 +9,6 @@ from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.rotations import ARCSEC
 from kochab.polar.sighting import to_local
-from kochab.sky import open_catalogue
 
 
 def row(error=5.0, **changed):
@@ -54,7 +53,7 @@ def test_a_rig_agrees_with_our_sky_without_taking_part_in_it():
     from kochab.polar.plan import Optics
 
     for seed in range(4):
-        sky = make_rig(np.random.default_rng([5, seed]), open_catalogue())
+        sky = make_rig(np.random.default_rng([5, seed]))
         sky.optics, sky.seeing_arcsec = Optics(1e-3, 1e-2), 0.0
         local = to_local(sky.look(), sky.settings.site, sky.settings.refraction)
         truth = sky.rig.truth(sky.rig.clock.now_unix() - 1.5)
@@ -113,7 +112,7 @@ def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():
 
 
 def test_what_bends_beside_the_tube_bends_the_rigs_frames_alone():
-    sky = make_rig(np.random.default_rng([5, 1]), open_catalogue(), 45.0)
+    sky = make_rig(np.random.default_rng([5, 1]), 45.0)
     from kochab.polar.plan import Optics
 
     sky.optics, sky.seeing_arcsec = Optics(1e-3, 1e-2), 0.0

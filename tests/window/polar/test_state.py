@@ -14,7 +14,6 @@ from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.rotations import ARCSEC
 from kochab.polar.tutor import BoltTutor, Knob
 from kochab.server.phone_page import PhonePage
-from kochab.sky import open_catalogue
 from kochab.window.polar.bolts_view import BoltsView
 from kochab.window.polar.error_display import (
     Numbers,
@@ -48,7 +47,7 @@ def follow(state, task, now_s=0.0, most=400):
 
 @pytest.fixture(scope="module")
 def measured():
-    sky = make_rig(np.random.default_rng([7, 1]), open_catalogue(), 45.0)
+    sky = make_rig(np.random.default_rng([7, 1]), 45.0)
     sky.point(-40.0, 50.0)
     states, result = follow(AlignmentState(), measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
     return sky, states, result.measurement

@@ -12,6 +12,7 @@ import tracemalloc
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from scipy.special import ndtr
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
 from kochab.detection import DETECTORS
-from kochab.lab.bench import BenchResult, Goal, Report, Row
+from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.detectors.peaks import dao_sources
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
 
@@ -217,9 +218,8 @@ def measure_field(
         for name, find in every.items():
             if name in SLOW and turn:
                 continue
-            started, worked = time.perf_counter(), time.process_time()
-            find(frame, field.fwhm_px)
-            spent_s[name].append((time.perf_counter() - started, time.process_time() - worked))
+            (_, cpu_s), wall_s = timed(partial(timed, partial(find, frame, field.fwhm_px)), time.perf_counter)
+            spent_s[name].append((wall_s, cpu_s))
     rows = []
     for name in every:
         wall_ms, cpu_ms = (1e3 * np.median(spent_s[name], axis=0)).tolist()

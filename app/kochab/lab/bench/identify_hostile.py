@@ -22,7 +22,7 @@ from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.lab.bench import Goal, Report, Row, timed
-from kochab.lab.bench.identify_shapes import SEED, SHAPES, SIZE_PX, shape_list
+from kochab.lab.bench.identify_shapes import SEED, SHAPES, SIZE_PX, log_uniform, shape_list
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_attitude, random_direction, random_field
 from kochab.simulate.star_images import RenderedStar, Sky, render
 from kochab.sky import open_catalogue
@@ -48,7 +48,7 @@ def _told(factor: float | None, place: bool, method: str) -> Way:
     """The solver told a random scale good to ``factor`` and perhaps a random place."""
 
     def solve(points: Detections, rng: np.random.Generator) -> Answer:
-        field_deg, hint = float(np.exp(rng.uniform(*np.log(FIELDS_DEG)))), None
+        field_deg, hint = log_uniform(rng, *FIELDS_DEG), None
         centre = (*radec_deg(random_direction(rng)), 5.0)
         if factor is not None:
             scale = 3600.0 * field_deg / SIZE_PX
@@ -69,7 +69,7 @@ def _picture(points: Detections, rng: np.random.Generator) -> Answer:
 def _tracking(points: Detections, rng: np.random.Generator) -> float:
     """The claim of a tracker that looks for a random field's stars; 0 without one."""
     half = int(rng.choice([8, 16, 32, 64]))
-    focal = SIZE_PX / 2.0 / math.tan(math.radians(float(np.exp(rng.uniform(*np.log(FIELDS_DEG))))) / 2.0)
+    focal = SIZE_PX / 2.0 / math.tan(math.radians(log_uniform(rng, *FIELDS_DEG)) / 2.0)
     camera, attitude = Camera.centred(SIZE_PX, SIZE_PX, focal, bool(rng.integers(2))), random_attitude(rng)
     sky = Neighbourhood(open_catalogue(), camera, attitude, 2016.0, 11.0, 8.0)
     expected = sky.expected(camera, attitude.matrix, 40, 4.0)
@@ -104,12 +104,13 @@ WAYS: Mapping[str, tuple[Way, float]] = {
 
 Truth = tuple[RandomField, Floats, Floats]
 """A field, and the linear map (2, 2) and shift (2,) px about the middle that its stars went through."""
+AS_IT_IS = np.eye(2), np.zeros(2)
 
 
 def double_exposure(rng: np.random.Generator) -> tuple[Detections, list[Truth]]:
     """Two fields of one camera over one another."""
-    plan, still = _plan(rng), (np.eye(2), np.zeros(2))
-    return _merged([(random_field(open_catalogue(), rng, plan), *still) for _ in range(2)], rng)
+    plan = _plan(rng)
+    return _merged([(random_field(open_catalogue(), rng, plan), *AS_IT_IS) for _ in range(2)], rng)
 
 
 def ghost(rng: np.random.Generator) -> tuple[Detections, list[Truth]]:
@@ -117,7 +118,7 @@ def ghost(rng: np.random.Generator) -> tuple[Detections, list[Truth]]:
     field, turn = random_field(open_catalogue(), rng, _plan(rng)), rng.normal(0.0, 0.05)
     turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     copy = _stretch(rng, 0.1) @ turned * rng.choice([1.0, 1.0, -1.0])
-    return _merged([(field, np.eye(2), np.zeros(2)), (field, copy, rng.uniform(-80.0, 80.0, 2))], rng)
+    return _merged([(field, *AS_IT_IS), (field, copy, rng.uniform(-80.0, 80.0, 2))], rng)
 
 
 def stretched(rng: np.random.Generator) -> tuple[Detections, list[Truth]]:
@@ -132,14 +133,9 @@ WRONG_PX = 10.0
 
 
 def _plan(rng: np.random.Generator) -> FieldPlan:
-    brightest = round(float(np.exp(rng.uniform(*np.log((12.0, 150.0))))))
-    return FieldPlan(
-        float(np.exp(rng.uniform(*np.log(FIELDS_DEG)))),
-        SIZE_PX,
-        missing=rng.uniform(0.0, 0.4),
-        spurious=rng.uniform(0.0, 0.4),
-        brightest=brightest,
-    )
+    brightest, field_deg = round(log_uniform(rng, 12.0, 150.0)), log_uniform(rng, *FIELDS_DEG)
+    missing, spurious = rng.uniform(0.0, 0.4, 2)
+    return FieldPlan(field_deg, SIZE_PX, missing=missing, spurious=spurious, brightest=brightest)
 
 
 def _stretch(rng: np.random.Generator, most: float) -> Floats:
@@ -210,7 +206,7 @@ def _field_row(name: str, count: int) -> dict[str, Any]:
         answer, seconds = timed(partial(drive, solve_detections(detections)), time.perf_counter)
         spent.append(seconds)
         if isinstance(answer, Solution):
-            maps = truths + [(field, np.eye(2), np.zeros(2)) for field, _, _ in truths]
+            maps = truths + [(field, *AS_IT_IS) for field, _, _ in truths]
             near = min(off_px(answer, truth) for truth in maps) < WRONG_PX
             right, wrong = right + near, wrong + (not near)
     return refusal_row(name, "blind", spent, wrong) | {"success": right / count}

@@ -112,9 +112,9 @@ def shape_list(shape: Shape, seed: int, number: int) -> Detections:
     Fluxes follow a power law. In half of the lists the points are brighter towards the centre.
     """
     rng = np.random.default_rng([seed, number])
-    count = round(float(np.exp(rng.uniform(*np.log(COUNTS)))))
+    count = round(log_uniform(rng, *COUNTS))
     out = shape(rng, count)
-    scale = SIZE_PX / 4.0 * np.exp(rng.uniform(np.log(0.3), np.log(1.2)))
+    scale = SIZE_PX / 4.0 * log_uniform(rng, 0.3, 1.2)
     turn = rng.uniform(0.0, 2.0 * np.pi)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     xy = scale * out @ rotation + SIZE_PX * rng.uniform(0.35, 0.65, 2)
@@ -130,6 +130,11 @@ def shape_list(shape: Shape, seed: int, number: int) -> Detections:
             apart[j] &= not apart[i]
         order = order[apart]
     return Detections.from_list(xy[order], SIZE_PX, SIZE_PX, flux[order])
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number between the two, evenly in its logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _turned(rng: np.random.Generator, radius: Floats) -> Floats:

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.errors import KochabError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
+from kochab.frames import read_frame
 from kochab.lab.bench import Goal, Report, Row
 from kochab.simulate.random_fields import FieldPlan, random_picture
 from kochab.sky import open_catalogue
@@ -94,9 +96,6 @@ def _rendered(count: int) -> Floats:
 
 
 def _crops(most: int | None) -> Floats:
-    from kochab.core.errors import KochabError
-    from kochab.frames import read_frame
-
     found = []
     for path in sorted(REAL.iterdir())[:: 1 if most is None else 10][:most]:
         try:

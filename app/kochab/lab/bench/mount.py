@@ -22,7 +22,6 @@ from kochab.core.progress import run as drive
 from kochab.gear.mounts import DRIVERS
 from kochab.lab.bench import BenchResult, Goal, Report
 from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
-from kochab.sky import Catalogue, open_catalogue
 from kochab.workflows.centre_target import Centring, centre_target
 
 RUNS, QUICK_RUNS = 200, 20
@@ -61,24 +60,24 @@ class CentringRun:
 
 def run(quick: bool, report: Report) -> BenchResult:
     """Centre 200 times (``quick``: 20)."""
-    catalogue, names = open_catalogue(), list(DRIVERS)
+    names = list(DRIVERS)
     planned = [
         CentringRun(k, names[k // 2 % len(names)], k % 2 == 1, k % RENDERED_EVERY < 2)
         for k in range(QUICK_RUNS if quick else RUNS)
     ]
-    _do(planned[0], catalogue)  # what is read once, before several do it at the same time
+    _do(planned[0])  # what is read once, before several do it at the same time
     runs = planned[:1]
     with ThreadPoolExecutor(AT_ONCE) as pool:  # lines are mostly waited for
-        for one in pool.map(lambda one: _do(one, catalogue), planned[1:]):
+        for one in pool.map(_do, planned[1:]):
             runs.append(one)
             if not one.good or one.strays or len(runs) % 20 == 0:
                 report(_line(one))
     return BenchResult("mount", _rows(runs, names), _goals(runs))
 
 
-def _do(one: CentringRun, catalogue: Catalogue) -> CentringRun:
+def _do(one: CentringRun) -> CentringRun:
     begun = time.perf_counter()
-    with mount_rig(one.seed, one.driver, catalogue, one.rendered) as rig:
+    with mount_rig(one.seed, one.driver, one.rendered) as rig:
         _centre(rig, one)
     one.seconds = time.perf_counter() - begun
     return one

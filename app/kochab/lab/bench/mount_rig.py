@@ -29,7 +29,6 @@ from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.responders import open_responder
 from kochab.simulate.rig import PracticeRig, misaligned, practice_night, random_place, tonight
 from kochab.simulate.serial_line import Fault, Faults, Line, pty_line, socket_line
-from kochab.sky import Catalogue
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections, solve_frame
 from kochab.workflows.goto_target import Target, target_at
@@ -208,7 +207,7 @@ class MountRig:
 
 
 @contextmanager
-def mount_rig(seed: int, driver: str, catalogue: Catalogue, rendered: bool = False) -> Iterator[MountRig]:
+def mount_rig(seed: int, driver: str, rendered: bool = False) -> Iterator[MountRig]:
     """A misaligned, flexing mount that points 3 deg from where it believes, and a target for it."""
     site = SITES[seed // 2 % 2]
     rng = np.random.default_rng([seed, 77])
@@ -216,7 +215,7 @@ def mount_rig(seed: int, driver: str, catalogue: Catalogue, rendered: bool = Fal
     night = practice_night(misaligned(tonight(seed, site, DATE_UNIX), None, LOST_DEG), faults=False)
     hour, dec = random_place(rng, site.latitude_deg, (12.0, 60.0), 30.0, 0.95)
     night = replace(night, rate=1.0, start_deg=(side * hour, dec))
-    rig = PracticeRig(night, catalogue, WatchedMount)
+    rig = PracticeRig(night, mount_class=WatchedMount)
     watched, faults = rig.mount, Faults(seed, late_s=LATE_S)
     assert isinstance(watched, WatchedMount)
     serve = socket_line if sys.platform == "win32" else pty_line

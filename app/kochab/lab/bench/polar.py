@@ -39,7 +39,6 @@ from kochab.polar.error import CHI2_68, CHI2_95, PolarError
 from kochab.simulate.mechanics.axis import GearErrors
 from kochab.simulate.mechanics.geometry import BoltErrors
 from kochab.simulate.rig import PracticeRig
-from kochab.sky import open_catalogue
 from kochab.workflows.polar.align import AlignOptions
 from kochab.workflows.polar.measure import Sweep, measure_axis, second_sweep
 
@@ -54,8 +53,7 @@ PLAY_ARCSEC = (10.0, 120.0)
 
 def worn_rig(rng: np.random.Generator) -> RigSky:
     """A rig of the usual bench, its mount with backlash, periodic error and flexure."""
-    catalogue = open_catalogue()
-    sky = make_rig(rng, catalogue)
+    sky = make_rig(rng)
     mount = sky.rig.config.mount
     mount = replace(
         mount,
@@ -64,7 +62,7 @@ def worn_rig(rng: np.random.Generator) -> RigSky:
         dec_gear=_gear(rng),
         bolts=BoltErrors(tuple(rng.uniform(0.0, 3.0, 2)), tuple(rng.normal(0.0, 0.03, 2))),
     )
-    sky.rig = PracticeRig(replace(sky.rig.config, mount=mount), catalogue)
+    sky.rig = PracticeRig(replace(sky.rig.config, mount=mount))
     sky.rest_arcsec = rng.normal(0.0, REST_ARCSEC, (3, 3))
     return sky
 
@@ -91,7 +89,7 @@ def measure_worn(seed: Sequence[int]) -> tuple[Row, Row]:
 
 def measure_once(seed: int) -> Row:
     """One sweep on a rig of its own: how far off, and where in its own ellipse."""
-    sky = point_for_sweep(make_rig(np.random.default_rng([SEED, 1, seed]), open_catalogue()))
+    sky = point_for_sweep(make_rig(np.random.default_rng([SEED, 1, seed])))
     found, seconds = timed(lambda: run_task(measure_axis(sky, sky, sky.settings, MEASURE)))
     error, truth = found.measurement.error, sky.rig.truth().axis_error()
     axes = (
@@ -108,7 +106,7 @@ def measure_once(seed: int) -> Row:
 
 def align_once(seed: int) -> Row:
     """One whole alignment by a person with the tutor: how far off the pole it really ends."""
-    return _aligned(make_rig(np.random.default_rng([SEED, 2, seed]), open_catalogue()), ALIGN)
+    return _aligned(make_rig(np.random.default_rng([SEED, 2, seed])), ALIGN)
 
 
 def align_worn(seed: Sequence[int], second: bool) -> Row:

@@ -28,7 +28,6 @@ from kochab.polar.sighting import Sighting, to_local
 from kochab.polar.tutor import BoltTutor, Instruction, Knob
 from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig, random_place
-from kochab.sky import Catalogue
 from kochab.workflows.polar.align import Alignment, AlignOptions, align
 from kochab.workflows.polar.measure import Sweep, foreseen_arcsec
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
@@ -134,7 +133,7 @@ class RigSky:
         return float(np.linalg.norm(error.axis - self.truth())) / ARCSEC
 
 
-def make_rig(rng: np.random.Generator, catalogue: Catalogue, latitude_deg: float | None = None) -> RigSky:
+def make_rig(rng: np.random.Generator, latitude_deg: float | None = None) -> RigSky:
     """A rig with everything drawn by chance: site, sky, misalignment, bolts, tracking."""
     latitude = float(rng.uniform(-60.0, 70.0)) if latitude_deg is None else latitude_deg
     site = Site(latitude, float(rng.uniform(-180, 180)), float(rng.uniform(0, 2000)))
@@ -157,7 +156,7 @@ def make_rig(rng: np.random.Generator, catalogue: Catalogue, latitude_deg: float
         tracking=bool(rng.integers(2)),
         date_unix=1.8e9 + float(rng.uniform(0, 3e7)),
     )
-    sky = RigSky(PracticeRig(config, catalogue), threads, Optics(2.0, 20.0), rng)
+    sky = RigSky(PracticeRig(config), threads, Optics(2.0, 20.0), rng)
     sky.pointing_deg = (hour, dec)
     return sky
 

@@ -265,16 +265,14 @@ def _centres(printed: Printed, thesis: NamedImage, default: NamedImage) -> list[
     matches = thesis.answer.matches
     camera = Camera.centred(*printed.size, thesis.answer.camera.focal_px)
     plate = ESTIMATORS.make("plate_constants").estimate(matches.xy, matches.vectors, camera)
-    ours = plate.ra_dec_deg
-    theirs = default.answer.ra_dec_deg if isinstance(default.answer, Solution) else (None, None)
-    out = []
-    for k, axis in enumerate(("right ascension", "declination")):
-        out.append(TABLES.row("centre", ours[k], theirs[k], n=printed.name, axis=axis, paper=printed.centre_deg[k]))
-    residual = _plate_residual(matches.xy, matches.vectors, plate.boresight)
+    theirs: tuple[float | None, float | None] = (None, None)
     left = None
-    if isinstance(default.answer, Solution):
-        worst = max(star.residual_px for star in default.answer.stars)
-        left = worst * default.answer.camera.scale_arcsec_px / 3600.0
+    if isinstance(found := default.answer, Solution):
+        theirs = found.ra_dec_deg
+        left = max(star.residual_px for star in found.stars) * found.camera.scale_arcsec_px / 3600.0
+    axes = zip(("right ascension", "declination"), plate.ra_dec_deg, theirs, printed.centre_deg, strict=True)
+    out = [TABLES.row("centre", ours, its, n=printed.name, axis=axis, paper=paper) for axis, ours, its, paper in axes]
+    residual = _plate_residual(matches.xy, matches.vectors, plate.boresight)
     return [*out, TABLES.row("residual", residual, left, n=printed.name, paper=printed.paper["residual"])]
 
 
