@@ -373,6 +373,25 @@ def test_a_term_stays_when_held_out_stars_would_want_it_by_chance_once_in_ten_th
     assert ("k1" in fit.terms) is fitted
 
 
+@pytest.mark.parametrize(("chance_of_fit", "fitted"), [(0.9e-4, True), (1.1e-4, False)])
+@pytest.mark.parametrize("seed", [1, 5])
+def test_on_the_way_a_term_needs_the_residuals_alone(chance_of_fit, fitted, seed) -> None:
+    """In a single round nobody is held out: the fit's own chance decides, once in ten thousand too."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform([0.0, 0.0], [2999.0, 1999.0], (10, 2))
+    noise = rng.normal(0.0, 0.2, xy.shape)
+    vectors = CAMERA.unproject(xy)
+    slopes = project_with_jacobian(CAMERA, vectors)[1].reshape(-1, 10)
+    low, high = 0.0, 0.05
+    for _ in range(50):
+        k1 = (low + high) / 2.0
+        _, chance_now = chance_of_k1(noise.ravel() + slopes[:, PARAMETERS.index("k1")] * k1, slopes)
+        low, high = (k1, high) if chance_now > chance_of_fit else (low, k1)
+    seen = replace(CAMERA, k1=k1).project(vectors) - xy
+    fit = refine(matches(CAMERA, xy, noise + seen), CAMERA, TRUTH, rounds=1)
+    assert ("k1" in fit.terms) is fitted
+
+
 def waving(xy, noise_px=0.2, wave_px=1.0):
     rng = np.random.default_rng(14)
     return rng.normal(0.0, noise_px, xy.shape) + wave_px * np.sin(xy[:, ::-1] / 300.0)

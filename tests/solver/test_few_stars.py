@@ -220,3 +220,30 @@ def test_the_bound_counts_every_pair_and_the_farthest_witness(monkeypatch) -> No
     density = 1.6 * 5 / (600 * 450)
     chance = density * np.pi * 3.0**2
     assert found.log10_false_alarm == pytest.approx(np.log10(found.candidates) + 3.0 * np.log10(chance), abs=0.15)
+
+
+class Neighbours:
+    """Five stars where a frame shows them, and a brighter one beside one of the witnesses."""
+
+    def __init__(self, xy, apart_px):
+        _, others = base_of(xy)
+        places = np.concatenate([[xy[others[0]] + [apart_px, 0.0]], xy])
+        self.places = CAMERA.unproject(places) @ attitude_from(84.0, 0.0, 70.0).matrix
+
+    def brightest(self, *_):
+        return np.arange(6)
+
+    def vectors(self, rows, _year):
+        return self.places[rows]
+
+
+@pytest.mark.parametrize(("apart_px", "fainter"), [(1.8, False), (2.2, True), (3.8, True)])
+def test_a_star_two_pixels_from_a_brighter_one_has_no_place_of_its_own(apart_px, fainter) -> None:
+    xy = orion().xy
+    _, others = base_of(xy)
+    hint = Hint(scale_arcsec_px=(0.99 * SCALE, 1.01 * SCALE))
+    found = identify_few(Detections.from_list(xy, 600, 450), hint, Neighbours(xy, apart_px), YEAR)
+    assert found is not None
+    rows = dict(zip(found.matches.detection.tolist(), found.matches.star.tolist(), strict=True))
+    assert rows[others[0]] == (others[0] + 1 if fainter else 0)
+    assert all(rows[k] == k + 1 for k in range(5) if k != others[0])

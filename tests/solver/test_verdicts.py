@@ -1,13 +1,13 @@
 """The doctor's verdict at each of its limits, and Bayes' theorem over the causes of a disagreement."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 
 from kochab.core.frame import Detections, Frame, Hint, Site
-from kochab.core.mount import Epoch, PierSide, Pointing
+from kochab.core.mount import Epoch, PierSide, Pointing, SiteReport
 from kochab.core.solution import Reason
 from kochab.solver import diagnosis
 from kochab.solver.diagnosis import Evidence, diagnose, timed_out
@@ -233,6 +233,20 @@ def test_each_cause_has_its_weight(name, weight) -> None:
     assert {c.weight for c in found} == {weight}
     assert {c.freedom for c in found} == {0}
     assert {c.spread_deg for c in found} == {2.0 / 60.0 if name == "epoch" else 0.6}
+
+
+def test_what_the_mount_tells_of_itself_is_a_cause_by_weight_and_witness() -> None:
+    """Its clock, longitude and latitude, each a tenth and confirmed twentyfold by its own word."""
+    told = SiteReport(site=Site(44.0, 12.0), time_utc=TIME + timedelta(minutes=20))
+    found = {c.name: c for c in causes([sighting(beliefs=told)])}
+    (seen,) = [sighting(beliefs=told)]
+    ra, dec = seen.expected_deg
+    for name in ("clock", "site longitude", "site latitude"):
+        assert (found[name].weight, found[name].witness, found[name].freedom) == (0.1, 20.0, 0)
+    assert found["clock"].would_say[0] == pytest.approx((ra + 5.0 * 1.00273790935, dec))
+    assert found["site longitude"].would_say[0] == pytest.approx((ra + 3.5, dec))
+    assert found["summer time"].witness == found["time zone"].witness == 0.02
+    assert found["longitude sign"].witness == found["hemisphere"].witness == 0.02
 
 
 def test_what_each_cause_would_have_the_mount_say() -> None:
