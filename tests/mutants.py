@@ -142,7 +142,7 @@ def _skipped(tree: ast.Module) -> set[int]:
 
     Annotations, Protocols, what a dataclass, a cache or a progress report is given; asserts and ``strict=`` of a zip, which only check
     the code itself; numbers within the sentence of an error; ``axis=-1``, which is 1 of a table; a millionth and
-    less, which twice as large guards a division or ends an iteration as well.
+    less, which twice as large, or with the other sign, guards a division or ends an iteration as well.
     """
     found: set[int] = set()
     for node in ast.walk(tree):
@@ -161,9 +161,36 @@ def _skipped(tree: ast.Module) -> set[int]:
             parts.append(node)
         if isinstance(node, ast.keyword) and (node.arg == "strict" or ast.unparse(node) == "axis=-1"):
             parts.append(node)
-        if _is_float(node) and 0.0 < float(str(node.value)) <= GUARD:
+        if _guards(node):
             parts.append(node)
         found |= {id(n) for part in parts if part is not None for n in ast.walk(part)}
+        if isinstance(node, ast.BinOp) and any(_guards(term) for term in (node.left, node.right)):
+            found.add(id(node))
+    return found | _without_effect(tree)
+
+
+def _guards(node: ast.AST) -> bool:
+    return _is_float(node) and 0.0 < float(str(node.value)) <= GUARD
+
+
+def _without_effect(tree: ast.Module) -> set[int]:
+    """Whole numbers that no result depends on, doubled.
+
+    The most rounds of a calculation that ends by itself (tries at a device, which may fail, count), the nodes of a
+    quadrature that has more than it needs, and the 1 of ``max(len(x), 1)``, which guards a division.
+    """
+    found, limits = set(), set()
+    for node in ast.walk(tree):
+        inside = {type(inner) for inner in ast.walk(node)}
+        ends = isinstance(node, ast.For) and ast.Break in inside and ast.Try not in inside
+        if ends and (most := re.fullmatch(r"range\((\w+)\)", ast.unparse(node.iter))):
+            limits.add(most[1])
+            found |= {id(part) for part in ast.walk(node.iter)}
+        if isinstance(node, ast.Call) and re.fullmatch(r".*laggauss\(\d+\)|max\(len\(\w+\), 1\)", ast.unparse(node)):
+            found |= {id(argument) for argument in node.args}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in limits:
+            found.add(id(node.value))
     return found
 
 
