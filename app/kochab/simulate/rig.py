@@ -87,10 +87,9 @@ class Event:
 class RigConfig:
     """Everything a practice rig is made of; the seed decides all that is random.
 
-    ``start_unix`` is None for the middle of a night near ``date_unix``. ``rate`` is that of
-    :class:`SimulatedClock`, 0 for tests. ``start_deg`` is the hour angle and declination where
-    the telescope stands at first, None for a place from the seed above 35 deg of altitude;
-    ``lost_deg`` is how far from there its computer believes to point.
+    ``start_unix`` is None for the middle of a night near ``date_unix``. ``rate`` is that of :class:`SimulatedClock`,
+    0 for tests. ``start_deg`` is the hour angle and declination where the telescope stands at first, None for a place
+    from the seed above 35 deg of altitude; ``lost_deg`` is how far from there its computer believes to point.
     """
 
     seed: int = 0

@@ -44,10 +44,9 @@ def v_of_gaia(g: Floats, bp_rp: Floats) -> tuple[Floats, Floats]:
 
 
 # -- ASTAP's star databases: folders of ``<name>_RRCC.290`` or ``.1476`` files -----------------
-# Each file is one area of the sky: a text header of 110 bytes whose last byte is the record size
-# (a space stands for 11), then records, brightest first. A record holds RA in 3 bytes and the lower
-# two bytes of Dec; a record whose RA is all ones opens a section of one magnitude and one upper
-# byte of Dec. A sixth byte is the colour.
+# Each file is one area of the sky: a text header of 110 bytes whose last byte is the record size (a space stands for
+# 11), then records, brightest first. A record holds RA in 3 bytes and the lower two bytes of Dec; a record whose RA
+# is all ones opens a section of one magnitude and one upper byte of Dec. A sixth byte is the colour.
 
 HEADER = 110
 SUFFIXES = (".290", ".1476")

@@ -15,13 +15,12 @@ from kochab.core.errors import CatalogueError
 from kochab.sky.catalogue_file import StarList
 
 # -- Stellarium's star files: zones of a geodesic grid holding Hipparcos and Tycho-2 stars -----
-# The layout is a documented fact of the format (Stellarium 0.22, type 0 and type 1 files): a header
-# of eight int32, a count for every triangle of the grid, then packed records. Positions are offsets
-# along the east and north axes of their triangle's centre, on the plane that touches the sphere
-# there. Proper motions are stored beside them as if along the same axes, but their values are
-# (pmRA*, pmDE) at the star: turned from the zone's axes to the star's, Polaris would come out
-# rotated by some 50 degrees. Only their scale is that of the plane (measured against the table of
-# Hipparcos motions beside the files: 0.2 % at the median).
+# The layout is a documented fact of the format (Stellarium 0.22, type 0 and type 1 files): a header of eight int32, a
+# count for every triangle of the grid, then packed records. Positions are offsets along the east and north axes of
+# their triangle's centre, on the plane that touches the sphere there. Proper motions are stored beside them as if
+# along the same axes, but their values are (pmRA*, pmDE) at the star: turned from the zone's axes to the star's,
+# Polaris would come out rotated by some 50 degrees. Only their scale is that of the plane (measured against the table
+# of Hipparcos motions beside the files: 0.2 % at the median).
 
 MAGIC = 0x835F040A
 SIZES = {0: 28, 1: 10}

@@ -51,9 +51,8 @@ def mount_to_enu(altitude_deg: float, azimuth_deg: float) -> Floats:
 def camera_to_enu(hour_deg: float, dec_deg: float, axis: Floats, build: Build) -> Floats:
     """Rotation (3, 3) from camera axes to east, north, up.
 
-    ``hour_deg`` and ``dec_deg`` are the axes' true angles; a declination angle beyond 90 is a
-    tube that has gone through the pole, as on the other side of the pier. ``axis`` is
-    :func:`mount_to_enu`.
+    ``hour_deg`` and ``dec_deg`` are the axes' true angles; a declination angle beyond 90 is a tube that has gone
+    through the pole, as on the other side of the pier. ``axis`` is :func:`mount_to_enu`.
     """
     tube = (
         about(Z, -radians(hour_deg))
@@ -136,11 +135,10 @@ class Wedge:
 class MountConfig:
     """How a mount is built, how badly it stands and how it moves. Degrees unless named.
 
-    ``misalignment_arcmin`` is the altitude and raw azimuth error of the axis against the
-    refracted pole. ``past_meridian_deg`` is how far a German mount may follow beyond the meridian.
-    ``approach_deg`` is how far a goto at least goes towards greater angles at its end, against
-    the backlash of its gears, as many hand controllers do; 0 for not at all.
-    ``computer_clock_s`` and ``computer_site`` are what its own computer has wrong.
+    ``misalignment_arcmin`` is the altitude and raw azimuth error of the axis against the refracted pole.
+    ``past_meridian_deg`` is how far a German mount may follow beyond the meridian. ``approach_deg`` is how far a goto
+    at least goes towards greater angles at its end, against the backlash of its gears, as many hand controllers do; 0
+    for not at all. ``computer_clock_s`` and ``computer_site`` are what its own computer has wrong.
     """
 
     misalignment_arcmin: tuple[float, float] = (0.0, 0.0)

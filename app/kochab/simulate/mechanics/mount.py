@@ -41,10 +41,9 @@ SIGNS = {Direction.NORTH: (1, 1), Direction.SOUTH: (1, -1), Direction.EAST: (0, 
 class EquatorialMount:
     """An equatorial mount and its computer, as its hand controller sees it. Safe from any thread.
 
-    The first encoder reads the hour angle and the second the declination of a perfect mount
-    whose tube is east of the pier and looks west. On the other side the second has gone through
-    the pole: beyond 90 deg in the north, below -90 in the south. Parked or at home, the weights
-    hang down and the tube looks at the pole: (90, 90), or (90, -90).
+    The first encoder reads the hour angle and the second the declination of a perfect mount whose tube is east of the
+    pier and looks west. On the other side the second has gone through the pole: beyond 90 deg in the north, below -90
+    in the south. Parked or at home, the weights hang down and the tube looks at the pole: (90, 90), or (90, -90).
     """
 
     def __init__(self, config: MountConfig, site: Site, clock: SimulatedClock, air: Atmosphere | None = None) -> None:
@@ -169,8 +168,7 @@ class EquatorialMount:
     def _reachable(self, hour_deg: float, dec_deg: float, t: float) -> tuple[float, float] | None:
         """Encoder angles for a target: a short way on this side of the pier, else the side for it.
 
-        A tube that looks east belongs west of the pier, but near the meridian it need not go
-        round for a correction.
+        A tube that looks east belongs west of the pier, but near the meridian it need not go round for a correction.
         """
         motors = self._motors(t)
         east = wrapped(hour_deg) < 0.0
