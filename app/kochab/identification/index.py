@@ -11,7 +11,6 @@ seen from the stars themselves.
 """
 
 import json
-import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import CatalogueError, DamagedPatternsError
+from kochab.identification.table_cache import cache_folder
 
 RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above it in the key
 
@@ -323,12 +323,8 @@ def shipped_volume_folder() -> Path:
 
 
 def fine_folder() -> Path:
-    """Where the volume of small fields lies, or will: ``KOCHAB_CACHE`` or the user's cache."""
-    from platformdirs import user_cache_path
-
-    base = os.environ.get("KOCHAB_CACHE")
-    root = Path(base) if base else user_cache_path("kochab", appauthor=False)
-    return root / f"patterns-{FORMAT}-{catalogue_mark()[:12]}"
+    """Where the volume of small fields lies, or will."""
+    return cache_folder() / f"patterns-{FORMAT}-{catalogue_mark()[:12]}"
 
 
 @lru_cache(maxsize=1)

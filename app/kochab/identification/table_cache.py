@@ -71,13 +71,17 @@ def cached_table(name: str, options: Mapping[str, Any], make: Callable[[], Array
     return arrays
 
 
-def table_folder() -> Path:
-    """Where tables lie: ``KOCHAB_CACHE`` or the user's cache."""
+def cache_folder() -> Path:
+    """Where all that is made once lies: ``KOCHAB_CACHE`` or the user's cache."""
     from platformdirs import user_cache_path
 
     base = os.environ.get("KOCHAB_CACHE")
-    root = Path(base) if base else user_cache_path("kochab", appauthor=False)
-    return root / f"tables-{TABLE_FORMAT}"
+    return Path(base) if base else user_cache_path("kochab", appauthor=False)
+
+
+def table_folder() -> Path:
+    """Where tables lie."""
+    return cache_folder() / f"tables-{TABLE_FORMAT}"
 
 
 def cached_tables() -> dict[str, int]:
