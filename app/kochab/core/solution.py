@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints, Table
-from kochab.core.attitude import Attitude, unit
+from kochab.core.attitude import Attitude, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
 
@@ -88,6 +88,17 @@ class Solution:
     detections: int = 0
     elapsed_ms: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    @property
+    def stars_px(self) -> Floats:
+        """Pixels (N, 2) of the matched stars."""
+        return np.array([(star.x, star.y) for star in self.stars]).reshape(-1, 2)
+
+    @property
+    def star_vectors(self) -> Floats:
+        """ICRS unit vectors (N, 3) of the matched stars."""
+        places_deg = np.array([(star.ra_deg, star.dec_deg) for star in self.stars]).reshape(-1, 2)
+        return unit_vectors(places_deg[:, 0], places_deg[:, 1])
 
     @property
     def centre_attitude(self) -> Attitude:

@@ -21,7 +21,7 @@ from numpy.linalg import LinAlgError
 from kochab.attitude import FLOOR_PX, small_rotation, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, unit_vectors
+from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
@@ -279,11 +279,8 @@ class TrackedCamera:
         if self.profile is None or not self.profile.suits(solution.camera):
             self.profile = new_profile(name or "camera", solution.camera)
             self.contradicted = 0
-        xy = np.array([(star.x, star.y) for star in solution.stars]).reshape(-1, 2)
-        places = np.array([(star.ra_deg, star.dec_deg) for star in solution.stars]).reshape(-1, 2)
-        vectors = unit_vectors(places[:, 0], places[:, 1])
         sigma = solution.rms_px / float(np.sqrt(2.0))
-        sentence = self.learn(xy, vectors, solution.attitude, sigma)
+        sentence = self.learn(solution.stars_px, solution.star_vectors, solution.attitude, sigma)
         self.camera = solution.camera if sentence else self.profile.camera
         return sentence
 

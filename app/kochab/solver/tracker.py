@@ -335,8 +335,7 @@ class Tracker:
         solution = examined.result
         self._doubt = self._calibration.begin(solution, frame.hint.camera)
         self._faintest = float(np.percentile([star.mag for star in solution.stars], 90))
-        xy = np.array([(star.x, star.y) for star in solution.stars]).reshape(-1, 2)
-        self._image = TrackedStarImage.of(examined.detections, frame, xy)
+        self._image = TrackedStarImage.of(examined.detections, frame, solution.stars_px)
         self._sky = None
         return solution
 

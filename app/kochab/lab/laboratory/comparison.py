@@ -15,7 +15,7 @@ import numpy as np
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, radec_deg, unit_vectors
+from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import PREPARING, Progress, Task
@@ -294,11 +294,9 @@ def try_detector(
     measured: dict[str, Any] = {"found": counted(examined.detections.xy, places), "seconds": spent.get("detect", 0.0)}
     if not isinstance(result, Solution):
         return judged(ComparedPart.DETECTOR, choice.name, result, truth, **measured)
-    xy = np.array([(star.x, star.y) for star in result.stars])
-    sky = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in result.stars]).T)
-    order = np.arange(len(xy), dtype=np.int64)  # which detection and which row of the catalogue is not asked
+    order = np.arange(len(result.stars), dtype=np.int64)  # which detection and which row of the catalogue is not asked
     pointing = result.camera, result.attitude, result.log10_false_alarm, result.method
-    answer = Identification(Matches(order, order, xy, sky), *pointing)
+    answer = Identification(Matches(order, order, result.stars_px, result.star_vectors), *pointing)
     return judged(ComparedPart.DETECTOR, choice.name, answer, truth, rms_px=result.rms_px, **measured)
 
 

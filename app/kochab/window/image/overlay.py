@@ -33,8 +33,7 @@ class Overlay:
     def show(self, detected: Floats, solution: Solution | None) -> None:
         """Detections (N, 2) px, brightest first, and their solution."""
         self.detected, self.solution, self.selected = detected, solution, None
-        stars = solution.stars if solution is not None else ()
-        self._stars = np.array([(s.x, s.y) for s in stars]).reshape(-1, 2)
+        self._stars = np.empty((0, 2)) if solution is None else solution.stars_px
         self._others = detected[~_among(detected, self._stars)]
 
     def clear(self) -> None:

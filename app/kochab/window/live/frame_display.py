@@ -187,6 +187,5 @@ class LiveDisplay(QObject):
 
 
 def _detections(frame: Frame, result: Solution | NoSolution) -> Detections:
-    stars = result.stars if isinstance(result, Solution) else ()
-    xy = np.array([(s.x, s.y) for s in stars], dtype=np.float64).reshape(-1, 2)
+    xy = result.stars_px if isinstance(result, Solution) else np.empty((0, 2))
     return Detections.from_list(xy, frame.width, frame.height)
