@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from kochab.core.attitude import wrapped
 from kochab.core.errors import RefusedError, StoppedError
 from kochab.core.mount import Ability, Direction
 from kochab.core.progress import run
-from kochab.gear.mounts.coordinates import wrapped
 from kochab.sky.apparent import of_date_matrix
 from kochab.workflows.nudge import bring_here, nudge, turn_to_bring
 from tests.workflows.mount_nights import SOUTH, bench, good, worn
@@ -27,7 +27,7 @@ def test_a_nudge_goes_its_way_as_far_as_asked(direction, amount, by) -> None:
     nudged, east, north = moved_arcsec(b, nudge(b.guard, direction, amount, b.wait))
     assert nudged.by == by
     along = {"north": north, "south": -north, "east": east, "west": -east}[direction.value]
-    across = east if direction in (Direction.NORTH, Direction.SOUTH) else north
+    across = east if direction.in_dec else north
     assert along == pytest.approx(amount, rel=0.1, abs=2.0)
     assert abs(across) < 4.0
 

@@ -2,10 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from kochab.core.arrays import Floats
+
+Angle = TypeVar("Angle", float, Floats)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +76,11 @@ class Attitude:
         They take the ICRS axes to (boresight, camera's left, camera's up).
         """
         return (*self.ra_dec_deg, self.roll_deg)
+
+
+def wrapped(angle_deg: Angle) -> Angle:
+    """Angles in [-180, 180)."""
+    return (angle_deg + 180.0) % 360.0 - 180.0
 
 
 def unit_vectors(ra_deg: Floats | float, dec_deg: Floats | float) -> Floats:

@@ -25,6 +25,11 @@ class Direction(StrEnum):
     EAST = "east"
     WEST = "west"
 
+    @property
+    def in_dec(self) -> bool:
+        """Whether the declination axis moves, not the one of right ascension."""
+        return self in (Direction.NORTH, Direction.SOUTH)
+
 
 class PierSide(StrEnum):
     """The side of the pier that the telescope is on."""

@@ -13,7 +13,7 @@ import numpy as np
 from kochab.attitude import directions, sigma_rad, small_rotation
 from kochab.attitude.filter import rotation_vector
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, east_north, radec_deg, unit, unit_vectors
+from kochab.core.attitude import Attitude, east_north, radec_deg, unit, unit_vectors, wrapped
 from kochab.core.camera import Camera
 from kochab.core.registry import choice, integer, number
 
@@ -136,7 +136,7 @@ def _first_centre(xy: Floats, icrs: Floats) -> Floats:
     mean = unit(mean)
     zero = radec_deg(mean)[0]
     ra = np.degrees(np.arctan2(icrs[:, 1], icrs[:, 0])) - zero
-    angles = np.stack([(ra + 180.0) % 360.0 - 180.0, np.degrees(np.arcsin(icrs[:, 2]))], axis=1)
+    angles = np.stack([wrapped(ra), np.degrees(np.arcsin(icrs[:, 2]))], axis=1)
     offset = xy - xy.mean(axis=0)
     power = np.sum(offset**2, axis=0)
     slopes = offset.T @ angles / np.where(power > 0, power, np.inf)[:, None]  # of x, of y

@@ -10,7 +10,7 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, attitude_from, radec_deg, separation_deg, unit, unit_vectors
+from kochab.core.attitude import Attitude, attitude_from, radec_deg, separation_deg, unit, unit_vectors, wrapped
 from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.simulate import night_sky
 from kochab.simulate.camera import CameraConfig, SkyCamera
@@ -63,7 +63,7 @@ class MountTruth:
         """The axis against the pole as seen through the air."""
         pole, axis = self.sky.pole_enu(), self.axis_enu
         high = float(night_sky.altitude_deg(axis) - night_sky.altitude_deg(pole))
-        turned = float((night_sky.azimuth_deg(axis) - night_sky.azimuth_deg(pole) + 180.0) % 360.0 - 180.0)
+        turned = float(wrapped(night_sky.azimuth_deg(axis) - night_sky.azimuth_deg(pole)))
         return AxisError(high * 3600.0, turned * 3600.0, separation_deg(axis, pole) * 3600.0)
 
 
@@ -256,7 +256,7 @@ def tonight(seed: int = 0, site: Site | None = None, now_unix: float | None = No
     now = time.time() if now_unix is None else now_unix
     if site is None:
         east = -15.0 * (now % 86400.0) / 3600.0  # mean solar time is nearest to midnight there
-        site = Site(LATITUDE_DEG, float(round((east + 180.0) % 360.0 - 180.0)), 300.0)
+        site = Site(LATITUDE_DEG, float(round(wrapped(east))), 300.0)
     dark = night_sky.sun_altitude_deg(now, site) < night_sky.DARK_DEG
     start = now if dark else night_sky.midnight_unix(now, site)
     return RigConfig(seed=seed, site=site, start_unix=start, rate=1.0)

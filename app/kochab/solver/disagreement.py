@@ -13,10 +13,10 @@ from math import cos, exp, inf, log, pi, radians
 
 import numpy as np
 
-from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
+from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
-from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg, to_mount_epoch, wrapped
+from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg, to_mount_epoch
 
 Degrees = tuple[float, float]
 

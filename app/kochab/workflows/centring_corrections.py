@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import cos, radians
 
-from kochab.core.attitude import apart_deg
-from kochab.gear.mounts.coordinates import wrapped
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.workflows.sync_mount import shifted
 
 Degrees = tuple[float, float]

@@ -8,12 +8,12 @@ import time
 from dataclasses import dataclass, replace
 
 from kochab.core.angle_text import angle_text
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Ability, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution, SolveNow
-from kochab.gear.mounts.coordinates import to_mount_epoch, wrapped
+from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
 from kochab.workflows.goto_target import Wait, apart, settled, with_retries

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing
 from kochab.gear.mounts.coordinates import (
@@ -17,7 +17,6 @@ from kochab.gear.mounts.coordinates import (
     sidereal_deg,
     sun_vector,
     to_mount_epoch,
-    wrapped,
 )
 from kochab.gear.mounts.drivers.skywatcher import natural_side, to_axes, to_sky
 from kochab.gear.mounts.motion_plan import by_axes, great_circle, over_the_pole, turned

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
+from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Mount, Pointing
@@ -25,11 +25,6 @@ def sidereal_deg(site: Site, time_utc: datetime) -> float:
 def hour_angle_deg(ra_deg: float, site: Site, time_utc: datetime) -> float:
     """Hour angle of a right ascension of date, degrees in [-180, 180), west positive."""
     return wrapped(sidereal_deg(site, time_utc) - ra_deg)
-
-
-def wrapped(angle_deg: float) -> float:
-    """An angle in [-180, 180)."""
-    return (angle_deg + 180.0) % 360.0 - 180.0
 
 
 def altitude_deg(vectors: Floats, site: Site, time_utc: datetime) -> Floats:

@@ -14,13 +14,13 @@ from time import sleep
 from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing
 from kochab.core.progress import Task
 from kochab.gear.journal import MotionLog, utc_now
-from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch, wrapped
+from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import EmergencyStop
 from kochab.gear.mounts.motion_plan import Limits, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import MotionPolicy

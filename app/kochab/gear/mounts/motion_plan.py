@@ -10,11 +10,11 @@ from math import cos, radians
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between, separation_deg, unit_vectors
+from kochab.core.attitude import angle_between, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import MountState
 from kochab.core.solution import Solution
-from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg, wrapped
+from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg
 
 # -- What a guarded mount may do, and the evidence a sync must bring ---------------------------
 
@@ -141,7 +141,7 @@ class Plan:
         points = np.concatenate([*self.paths, np.atleast_2d(self.target)])
         ra_deg = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
         hour_angles = sidereal_deg(self.site, self.time_utc) - ra_deg
-        return np.asarray((hour_angles + 180.0) % 360.0 - 180.0)
+        return wrapped(hour_angles)
 
 
 refuse = partial(RuleFinding, Severity.REFUSE)

@@ -326,6 +326,5 @@ def with_paths(plan: Plan) -> Plan:
 def with_move(plan: Plan, direction: Direction, angle_deg: float) -> Plan:
     """A turn of one axis by so much, its end the target."""
     turn_deg = angle_deg if direction in (Direction.EAST, Direction.NORTH) else -angle_deg
-    in_dec = direction in (Direction.NORTH, Direction.SOUTH)
-    path = turned(plan.start_deg, *((0.0, turn_deg) if in_dec else (turn_deg, 0.0)))
+    path = turned(plan.start_deg, *((0.0, turn_deg) if direction.in_dec else (turn_deg, 0.0)))
     return replace(plan, target_deg=radec_deg(path[-1]), paths=(path,))

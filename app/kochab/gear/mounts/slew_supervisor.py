@@ -9,12 +9,12 @@ from typing import NoReturn
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors
+from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.errors import NoAnswerError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import MountState, PierSide, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
-from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg, wrapped
+from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
 from kochab.gear.mounts.emergency_stop import EmergencyStop
 from kochab.gear.mounts.motion_plan import Degrees, Plan, Severity
 from kochab.gear.mounts.motion_policy import crosses, horizon, sun

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
+from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
@@ -37,7 +37,7 @@ def read_pair(text: bytes, digits: int) -> tuple[float, float] | None:
         return None
     turn = 16.0**digits
     around, dec = int(first, 16) / turn * 360.0, int(second, 16) / turn * 360.0
-    dec = (dec + 180.0) % 360.0 - 180.0
+    dec = wrapped(dec)
     return (around, dec) if abs(dec) <= 90.0 else None
 
 

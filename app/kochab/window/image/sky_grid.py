@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import unit_vectors, wrapped
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
 from kochab.window.image.screen_image import LabelSpace, Viewport
@@ -75,7 +75,7 @@ def _bounds(sky: Floats, middle: Floats, reach: float) -> tuple[float, float, fl
         return dec0, dec1, 0.0, 360.0
     ra_mid = np.degrees(np.arctan2(middle[1], middle[0]))
     ra = np.degrees(np.arctan2(sky[:, 1], sky[:, 0]))
-    away = (ra - ra_mid + 180.0) % 360.0 - 180.0
+    away = wrapped(ra - ra_mid)
     return dec0, dec1, float(ra_mid + away.min()), float(ra_mid + away.max())
 
 

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QSizePolicy
 
 from kochab.core.angle_text import AngleStyle, age_text
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg
+from kochab.core.attitude import radec_deg, wrapped
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.live import status_text
 from kochab.window.live.sky_points import SkyPoints, Trail
@@ -56,7 +56,7 @@ class SkyChart(PlotArea):
         ra, dec = radec_deg(centre)
         title = "Last known pointing" if old else "Pointing"
         self.describe(f"{title}: RA {ra:.1f}°, Dec {dec:+.1f}°.")
-        away = np.radians((ra - self._centre_ra_deg + 180.0) % 360.0 - 180.0)
+        away = np.radians(wrapped(ra - self._centre_ra_deg))
         if first or abs(away) > FAR_RAD:
             self._centre_ra_deg = round(ra / 15.0) * 15.0 % 360.0
             self._draw_sky()

@@ -92,8 +92,8 @@ class MountActions(QObject):
 
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
         """Move a little, at a rate of the mount or, for 0, at the slowest suitable one."""
-        dec = direction in (Direction.NORTH, Direction.SOUTH)
-        self._control.ask("nudge dec" if dec else "nudge", mount_orders.nudged(direction, arcsec, rate_deg_s))
+        name = "nudge dec" if direction.in_dec else "nudge"
+        self._control.ask(name, mount_orders.nudged(direction, arcsec, rate_deg_s))
 
     def move_star(self, star: tuple[float, float], here: tuple[float, float]) -> None:
         """Move the mount so that pixel ``star`` of the open frame comes to pixel ``here``."""

@@ -136,7 +136,7 @@ class NudgePad(QWidget):
     def allow(self, reason: str, dec_reason: str) -> None:
         """Grey the buttons of the RA axis and those of the declination axis with their reasons."""
         for way, made in self.buttons.items():
-            made.explanation.set_reason(reason if way in (Direction.EAST, Direction.WEST) else dec_reason)
+            made.explanation.set_reason(dec_reason if way.in_dec else reason)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):

@@ -8,10 +8,9 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
 
 from kochab.core.angle_text import AngleStyle, arcsec_text, dec_text, ra_text, radec_text
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
-from kochab.gear.mounts.coordinates import wrapped
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import (
     Part,

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from kochab.core.attitude import angle_between
+from kochab.core.attitude import angle_between, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Mount
@@ -77,7 +77,7 @@ class HandTurner:
     def turn(self, direction: Direction, degrees: float) -> Task[None]:
         """Ask for it."""
         axis, then = "RA", "lock the clutch."
-        if direction in (Direction.NORTH, Direction.SOUTH):
+        if direction.in_dec:
             axis, then = "declination", "lock it. Don't touch RA or the bolts."
         words = f"Rotate {axis} about {degrees:.0f}° {direction}, then {then} Continues by itself."
         yield TurnInstruction("turn", None, words, direction, degrees)
@@ -130,11 +130,11 @@ class MountTurner:
     def _axis_deg(self, direction: Direction) -> float:
         """The reported coordinate of the axis that a direction turns."""
         here = self._mount.position()
-        return here.dec_deg if direction in (Direction.NORTH, Direction.SOUTH) else here.ra_deg
+        return here.dec_deg if direction.in_dec else here.ra_deg
 
     def _moved_on(self, before: float, moved_deg: float, seconds: float) -> float:
         """How far it has turned in all, as it reports; its rate is learned from that."""
-        turned = abs((moved_deg + 180.0) % 360.0 - 180.0)
+        turned = abs(wrapped(moved_deg))
         step = turned - before
         if step <= 0.02 * self._seen_deg_s * seconds:
             raise RefusedError("The mount reports that it has not moved. Is it parked, or at a limit?")

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from kochab.core.attitude import wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Site
@@ -102,7 +103,7 @@ def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
     first_path, first = told[0]
     for path, site in told[1:]:
         apart = abs(site.latitude_deg - first.latitude_deg)
-        around = (site.longitude_deg - first.longitude_deg + 180.0) % 360.0 - 180.0
+        around = wrapped(site.longitude_deg - first.longitude_deg)
         if max(apart, abs(around)) > SAME_SITE_DEG:
             raise UsageError(f"{first_path} and {path} were taken at different sites: give --site.")
     return first

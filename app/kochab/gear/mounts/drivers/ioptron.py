@@ -79,7 +79,7 @@ class Ioptron(SerialMount):
         since = self.talk.stops
         rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
         self.require_accepted(rate, "The mount does not accept this rate.")
-        halt = protocol.HALT_DEC if direction in (Direction.NORTH, Direction.SOUTH) else protocol.HALT_RA
+        halt = protocol.HALT_DEC if direction.in_dec else protocol.HALT_RA
         self.bounded(direction, seconds, (halt, (self.reply(1),)))
         self.talk.send(protocol.move(direction), since)
 

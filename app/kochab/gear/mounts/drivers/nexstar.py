@@ -147,7 +147,7 @@ class NexStar(SerialMount):
 
 def axis_of(direction: Direction) -> tuple[int, bool]:
     """The motor board and the sign: north and west count up."""
-    board = protocol.ALT if direction in (Direction.NORTH, Direction.SOUTH) else protocol.AZM
+    board = protocol.ALT if direction.in_dec else protocol.AZM
     return board, direction in (Direction.NORTH, Direction.WEST)
 
 

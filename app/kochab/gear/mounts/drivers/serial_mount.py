@@ -103,5 +103,5 @@ class SerialMount:
     def bounded(self, direction: Direction, seconds: float, *halt: Command) -> None:
         """End the motion that begins now after ``seconds`` by these commands."""
         self.watchdog.check()
-        axis = "dec" if direction in (Direction.NORTH, Direction.SOUTH) else "ra"
+        axis = "dec" if direction.in_dec else "ra"
         self.watchdog.arm(axis, seconds, lambda: self.talk.send_now(*halt))

@@ -10,10 +10,10 @@ from contextlib import suppress
 from time import monotonic
 from typing import TypeVar
 
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Ability, Direction, Home, MountState, PierSide, Pointing
-from kochab.gear.mounts.coordinates import sidereal_deg, wrapped
+from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import skywatcher as protocol
 from kochab.gear.mounts.serial_line import Command, Conversation, ProtocolError, until
@@ -356,7 +356,7 @@ class SkyWatcher(SerialMount):
         self.require(Ability.PULSE)
         since = self.talk.stops
         seconds = milliseconds / 1000.0
-        if direction in (Direction.NORTH, Direction.SOUTH):
+        if direction.in_dec:
             self.turn_dec(direction, GUIDE * SIDEREAL_DEG_S, seconds, since)
             return
         if not self.motors[0].status().running:
@@ -371,7 +371,7 @@ class SkyWatcher(SerialMount):
         rate = self.rates_deg_s[self.nearest_rate(rate_deg_s)]
         if rate * seconds > NUDGE_DEG:
             self.require_home()
-        if direction in (Direction.NORTH, Direction.SOUTH):
+        if direction.in_dec:
             self.turn_dec(direction, rate, seconds, since)
             return
         motor = self.motors[0]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
+from kochab.core.attitude import wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, MountState, PierSide
 from kochab.gear.mounts.protocols import code_table, match, require
@@ -77,7 +78,7 @@ def parse_site(reply: bytes) -> Site:
     latitude = int(reply[9:17]) / PARTS_DEG - 90.0
     longitude = int(reply[:9]) / PARTS_DEG
     require(abs(latitude) <= 90.0 and abs(longitude) <= 360.0, reply, "site")
-    return Site(latitude, (longitude + 180.0) % 360.0 - 180.0)
+    return Site(latitude, wrapped(longitude))
 
 
 def parse_time(reply: bytes) -> tuple[datetime, float]:

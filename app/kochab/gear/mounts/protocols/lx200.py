@@ -5,6 +5,7 @@ Source: Meade Telescope Serial Command Protocol (2010), OnStepX's command list, 
 
 import re
 
+from kochab.core.attitude import wrapped
 from kochab.core.mount import Direction, MountState, PierSide
 from kochab.gear.mounts.protocols import code_table, match, require
 
@@ -150,7 +151,7 @@ def parse_longitude(reply: bytes) -> float:
     """Degrees, east positive, of ``DDD*MM#``."""
     angle = parse_angle(reply)
     require(abs(angle) <= 360.0, reply, "longitude")
-    return (180.0 - angle) % 360.0 - 180.0
+    return wrapped(-angle)
 
 
 def parse_azimuth(reply: bytes) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude, east_north, unit, unit_vectors
+from kochab.core.attitude import Attitude, east_north, unit, wrapped
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Solution
@@ -98,13 +98,11 @@ def by_default(field: RandomField) -> Outcome:
     answer = run(solve_detections(field.detections, options(field)))
     if not isinstance(answer, Solution):
         return Outcome(0.0, 0.0, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-    xy = np.array([(star.x, star.y) for star in answer.stars])
-    seen = np.linalg.norm(field.detections.xy[:, None] - xy[None], axis=2).argmin(axis=0)
-    vectors = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in answer.stars]).T)
+    seen = np.linalg.norm(field.detections.xy[:, None] - answer.stars_px[None], axis=2).argmin(axis=0)
     # the attitude at the frame's middle, whatever principal point was fitted
     z = answer.centre_vector
     y = unit(answer.attitude.matrix[1] - z * float(answer.attitude.matrix[1] @ z))
-    return replace(_judged(field, seen, vectors), attitude=Attitude(np.stack([np.cross(y, z), y, z])))
+    return replace(_judged(field, seen, answer.star_vectors), attitude=Attitude(np.stack([np.cross(y, z), y, z])))
 
 
 def _judged(field: RandomField, seen: Ints, vectors: Floats) -> Outcome:
@@ -210,7 +208,7 @@ def _off_deg(found: Attitude, true: Attitude) -> Floats:
     """Errors (3,) deg of ``found`` along right ascension, along declination, about the axis."""
     step = found.boresight - true.boresight
     across = [float(np.degrees(step @ axis)) for axis in east_north(true.boresight)]
-    return np.array([*across, (found.roll_deg - true.roll_deg + 180.0) % 360.0 - 180.0])
+    return np.array([*across, wrapped(found.roll_deg - true.roll_deg)])
 
 
 def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
