@@ -1,5 +1,6 @@
 """The words every room speaks: frozen values over numpy, no input or output."""
 
+import os
 from pathlib import Path
 
 __version__ = "0.2.0"
@@ -10,3 +11,11 @@ def data_folder(name: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     installed = package / name
     return installed if installed.is_dir() else package.parents[1] / name
+
+
+def cache_folder() -> Path:
+    """Where all that is made once lies: ``KOCHAB_CACHE`` or the user's cache."""
+    from platformdirs import user_cache_path
+
+    base = os.environ.get("KOCHAB_CACHE")
+    return Path(base) if base else user_cache_path("kochab", appauthor=False)

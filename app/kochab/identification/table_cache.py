@@ -9,7 +9,6 @@ import contextlib
 import hashlib
 import io
 import json
-import os
 import time
 import zlib
 from collections.abc import Callable, Mapping
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core import cache_folder
 from kochab.core.arrays import Array
 
 Arrays = dict[str, Array]
@@ -69,14 +69,6 @@ def cached_table(name: str, options: Mapping[str, Any], make: Callable[[], Array
     if time.perf_counter() - started >= WORTH_S:
         _write(path, arrays)
     return arrays
-
-
-def cache_folder() -> Path:
-    """Where all that is made once lies: ``KOCHAB_CACHE`` or the user's cache."""
-    from platformdirs import user_cache_path
-
-    base = os.environ.get("KOCHAB_CACHE")
-    return Path(base) if base else user_cache_path("kochab", appauthor=False)
 
 
 def table_folder() -> Path:
