@@ -199,15 +199,12 @@ def _take(args: argparse.Namespace) -> int:
         raise KochabError(f"{target} cannot be written: there is no folder {target.parent}.")
     if not os.access(target.parent, os.W_OK):
         raise KochabError(f"{target} cannot be written: no permission to write to its folder.")
-    camera = open_camera(args.source, args.address, capture_settings(args))
-    try:
+    with closing(open_camera(args.source, args.address, capture_settings(args))) as camera:
         refuse_overwriting([target], overwrite=args.overwrite)
         frame = None
         deadline = monotonic() + args.wait + (args.exposure or 0.0)
         while frame is None and monotonic() < deadline:
             frame = camera.next_frame(0.2)
-    finally:
-        camera.close()
     if frame is None:
         raise NoAnswerError(f"No frame came from {args.address or args.source} in time.")
     refuse_input(target, [frame.path] if frame.path else [])

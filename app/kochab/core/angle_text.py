@@ -71,6 +71,13 @@ def angle_text(value_deg: float) -> str:
     return f"{value_deg * 3600.0:.1f}″"
 
 
+def round_angle_text(arcsec: float) -> str:
+    """A round size, as of a ring on a chart: ``30″``, ``5′`` or ``2°``."""
+    if arcsec < 60.0:
+        return f"{arcsec:.0f}″"
+    return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
+
+
 def arcsec_text(value: float) -> str:
     """Arcseconds with about three figures."""
     if not math.isfinite(value):

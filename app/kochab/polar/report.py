@@ -9,6 +9,7 @@ from math import degrees, log10
 from pathlib import Path
 from typing import Any
 
+from kochab.core.angle_text import round_angle_text
 from kochab.core.errors import KochabError
 from kochab.core.frame import Site
 from kochab.frames.atomic_file import write_atomically
@@ -148,7 +149,7 @@ def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) ->
     for ring in RINGS_ARCSEC:
         if 14.0 < ring * scale < half:
             parts.append(f'<circle class="ring" r="{ring * scale:.2f}"/>')
-            parts.append(f'<text x="3" y="{-ring * scale - 3:.1f}">{_short(ring)}</text>')
+            parts.append(f'<text x="3" y="{-ring * scale - 3:.1f}">{round_angle_text(ring)}</text>')
     parts.append('<path class="bar" d="M-6,0H6M0,-6V6"/>')
     for number, entry in enumerate(measured, 1):
         long, short, angle = entry.ellipse_arcsec
@@ -172,16 +173,10 @@ def _grid(place: Callable[[float, float], tuple[float, float]], across: float, m
         x0, y = place(0.0, arcsec)
         x1, _ = place(across, arcsec)
         parts.append(f'<line class="ring" x1="{x0:.0f}" x2="{x1:.0f}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(f'<text x="4" y="{y + 4:.1f}">{_short(arcsec)}</text>')
+        parts.append(f'<text x="4" y="{y + 4:.1f}">{round_angle_text(arcsec)}</text>')
     x1, _ = place(across, 1.0)
     parts.append(f'<text x="{x1 - 30:.0f}" y="{HEIGHT - 14:.0f}">{across:.0f} min</text>')
     return "".join(parts)
-
-
-def _short(arcsec: float) -> str:
-    if arcsec < 60.0:
-        return f"{arcsec:.0f}″"
-    return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
 
 
 def _svg(width: float, height: float, parts: Sequence[str], title: str) -> str:

@@ -1,12 +1,12 @@
 """Fresh frames, solved: from a camera, begun after the request, or from files."""
 
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -22,28 +22,29 @@ SLICE_S = 0.2
 PATIENCE_S = 90.0
 
 
-class SolvedFrames(Protocol):
+class SolvedFrames(ABC):
     """Solves one frame after the other; ``time_utc`` and ``site`` are what the last one says itself.
 
     ``used`` names the files that were solved.
     """
 
-    time_utc: datetime | None
-    site: Site | None
-    used: list[str]
+    def __init__(self, options: SolveOptions | None) -> None:
+        self.time_utc: datetime | None = None
+        self.site: Site | None = None
+        self.used: list[str] = []
+        self._options = options
 
+    @abstractmethod
     def solve_now(self) -> Task[Solution | NoSolution]:
         """The next frame's solution."""
 
 
-class CameraFrames:
+class CameraFrames(SolvedFrames):
     """Solves fresh frames of a camera; one that only its file dates has no time of its own."""
 
     def __init__(self, camera: CameraSource, options: SolveOptions | None = None) -> None:
-        self.time_utc: datetime | None = None
-        self.site: Site | None = None
-        self.used: list[str] = []
-        self._camera, self._options = camera, options
+        super().__init__(options)
+        self._camera = camera
 
     def solve_now(self) -> Task[Solution | NoSolution]:
         """The solution of a frame begun after this call."""
@@ -101,17 +102,11 @@ class NoMoreFramesError(NoAnswerError):
     """Every file has been used."""
 
 
-class FileFrames:
-    """Gives the solutions of files; ``time_utc`` and ``site`` are of the one solved last.
-
-    ``used`` names the frames that were solved.
-    """
+class FileFrames(SolvedFrames):
+    """Gives the solutions of files."""
 
     def __init__(self, paths: Sequence[str | Path], options: SolveOptions | None = None) -> None:
-        self.time_utc: datetime | None = None
-        self.site: Site | None = None
-        self.used: list[str] = []
-        self._options = options
+        super().__init__(options)
         files = image_files(paths)
         self._coming = deque(files)
         self._single = len(files) == 1

@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
 
-from kochab.core.angle_text import AngleStyle, arcsec_text, dec_text, ra_text, radec_text
+from kochab.core.angle_text import AngleStyle, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
@@ -66,13 +66,6 @@ def ring_arcsec(total_deg: float) -> int:
     return next((r for r in RINGS_ARCSEC if total_deg * 3600.0 <= r * 1.001), RINGS_ARCSEC[-1])
 
 
-def ring_name(arcsec: float) -> str:
-    """``30″``, ``5′`` or ``2°``."""
-    if arcsec < 60.0:
-        return f"{arcsec:.0f}″"
-    return f"{arcsec / 60.0:.0f}′" if arcsec < 3600.0 else f"{arcsec / 3600.0:.0f}°"
-
-
 class OffsetArrow(QWidget):
     """An arrow from the mount's position to the solved one, north up and east left."""
 
@@ -117,7 +110,8 @@ class OffsetArrow(QWidget):
         draw_text(painter, QPointF(0, -radius), "N", colours.surface)
         draw_text(painter, QPointF(-radius, 0), "E", colours.surface)
         if self._offset is not None:
-            draw_text(painter, QPointF(0, radius), ring_name(ring_arcsec(self._offset.total_deg)), colours.surface)
+            ring = round_angle_text(ring_arcsec(self._offset.total_deg))
+            draw_text(painter, QPointF(0, radius), ring, colours.surface)
 
     def _arrow(self, painter: QPainter, radius: float, offset: Offset, colours: Colours) -> None:
         colour = QColor(colours.faint if self._old else colours.accent)

@@ -6,6 +6,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
 
+from kochab.core.angle_text import round_angle_text
 from kochab.polar.error import (
     PolarError,
     altitude_in_words,
@@ -15,14 +16,13 @@ from kochab.polar.error import (
     total_in_words,
 )
 from kochab.polar.horizon import name_of
-from kochab.window.mount.pointing import ring_name
+from kochab.polar.report import RINGS_ARCSEC
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import Page, column, draw_text, label, row, show_text, styled_frame, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
 
-RINGS_ARCSEC = (30.0, 60.0, 300.0, 1800.0, 7200.0, 36000.0)
 REACHES_ARCSEC = (45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
 LEAST_RING_PX = 12.0
 LEAST_ELLIPSE_PX = 2.5
@@ -89,7 +89,7 @@ class AxisTarget(QWidget):
             painter.drawEllipse(QPointF(0, 0), size, size)
             at = QPointF(size * math.sin(0.6), -size * math.cos(0.6))
             painter.setPen(QColor(colours.text))
-            draw_text(painter, at, ring_name(ring), colours.surface)
+            draw_text(painter, at, round_angle_text(ring), colours.surface)
         painter.setPen(QPen(QColor(colours.good), 2))
         painter.drawLine(-8, 0, 8, 0)
         painter.drawLine(0, -8, 0, 8)
