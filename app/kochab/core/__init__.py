@@ -19,3 +19,11 @@ def cache_folder() -> Path:
 
     base = os.environ.get("KOCHAB_CACHE")
     return Path(base) if base else user_cache_path("kochab", appauthor=False)
+
+
+def config_folder() -> Path:
+    """Where what the user has set up lies: ``KOCHAB_CONFIG`` or the user's own configuration."""
+    from platformdirs import user_config_path
+
+    base = os.environ.get("KOCHAB_CONFIG")
+    return Path(base) if base else user_config_path("kochab", appauthor=False)

@@ -8,7 +8,6 @@ import hashlib
 import json
 import logging
 import math
-import os
 import re
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,6 +15,7 @@ from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from kochab.core import config_folder
 from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Site
@@ -158,11 +158,7 @@ def meridian_named(name: str) -> Meridian:
 
 def profile_folder() -> Path:
     """Where profiles lie: below ``KOCHAB_CONFIG``, or in the user's own configuration."""
-    from platformdirs import user_config_path
-
-    told = os.environ.get("KOCHAB_CONFIG")
-    root = Path(told) if told else user_config_path("kochab", appauthor=False)
-    return root / "equipment"
+    return config_folder() / "equipment"
 
 
 def profile_path(name: str) -> Path:

@@ -9,7 +9,6 @@ in which a frame says nothing, such as the principal point of a narrow field, ad
 
 import hashlib
 import json
-import os
 import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from numpy.linalg import LinAlgError
 
 from kochab.attitude import FLOOR_PX, small_rotation, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
+from kochab.core import config_folder
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -184,11 +184,7 @@ _DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, Arithme
 
 def profile_folder() -> Path:
     """Where profiles lie: below ``KOCHAB_CONFIG``, or in the user's own configuration."""
-    from platformdirs import user_config_path
-
-    folder = os.environ.get("KOCHAB_CONFIG")
-    root = Path(folder) if folder else user_config_path("kochab", appauthor=False)
-    return root / "cameras"
+    return config_folder() / "cameras"
 
 
 def profile_path(name: str, width: int, height: int, folder: Path | None = None) -> Path:
