@@ -41,8 +41,7 @@ def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[So
     start = perf_counter()
     yield Progress("read", 0.0, str(path))
     frame = yield from reading(path, options.timeout_s)
-    read_ms = (perf_counter() - start) * 1e3
-    return (yield from solve_open_frame(frame, options, read_ms=read_ms))
+    return (yield from solve_open_frame(frame, options, read_ms=(perf_counter() - start) * 1e3))
 
 
 def solve_open_frame(frame: Frame, options: SolveOptions | None = None, read_ms: float = 0.0) -> Task[SolvedFrame]:
@@ -66,8 +65,7 @@ def solve_star_list(
     start = perf_counter()
     yield Progress("read", 0.0, str(path))
     stars = read_star_list(path, width, height)
-    read_ms = (perf_counter() - start) * 1e3
-    return (yield from solve_detections(stars, options, read_ms=read_ms))
+    return (yield from solve_detections(stars, options, read_ms=(perf_counter() - start) * 1e3))
 
 
 def read_star_list(path: str | Path, width: int, height: int) -> Detections:

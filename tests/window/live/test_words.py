@@ -101,7 +101,6 @@ def test_there_may_be_nothing_to_say():
     assert not status_text.is_old(update, monotonic())
     assert status_text.position_texts(update, AngleStyle.DECIMAL) == (status_text.NOTHING, status_text.NOTHING)
     assert status_text.drift_texts(None) == (status_text.NOTHING, status_text.NOTHING)
-    assert status_text.recorded_text(None) == ""
 
 
 def test_rates_of_a_slew_are_in_degrees():

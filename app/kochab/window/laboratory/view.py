@@ -136,9 +136,7 @@ class LaboratoryView(Page):
         job.failed.connect(lambda sentence: self._say(sentence, "wrong"))
         job.cancelled.connect(lambda: self._say("Stopped. Results so far are kept.", "muted"))
         job.finished.connect(lambda: self._idle() if self.job is job else None)
-        for b, on in ((self.compare, False), (self.draw, False), (self.stop, True)):
-            b.setEnabled(on)
-        self.bar.setVisible(True)
+        self._show_running(True)
 
     def _done(self, tab: int) -> None:
         counts = ", ".join(f"{method} {count}" for method, count in self.plots.wrong_answers().items())
@@ -154,11 +152,13 @@ class LaboratoryView(Page):
         self._say(f"{preparing}{progress.detail}", "muted")
 
     def _idle(self) -> None:
-        self.bar.setVisible(False)
-        self.compare.setEnabled(True)
-        self.draw.setEnabled(True)
-        self.stop.setEnabled(False)
+        self._show_running(False)
         self._enable_export()
+
+    def _show_running(self, on: bool) -> None:
+        for made, possible in ((self.compare, not on), (self.draw, not on), (self.stop, on)):
+            made.setEnabled(possible)
+        self.bar.setVisible(on)
 
     def _say(self, text: str, role: str) -> None:
         show_text(self.status, text, role)

@@ -143,10 +143,8 @@ def levels_text(levels: Levels) -> str:
     return f"{text}. Increase the exposure." if levels.top < 0.02 else text
 
 
-def recorded_text(state: Recorded | None) -> str:
+def recorded_text(state: Recorded) -> str:
     """Frames recorded, free disk space and the folder."""
-    if state is None:
-        return ""
     free = f"{state.free_bytes / 1e9:.1f} GB free"
     word = "Recording" if state.going_on else "Recorded"
     tail = f"; {free}" if state.going_on and state.free_bytes else ""

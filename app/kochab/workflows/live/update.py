@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from time import monotonic
 
 import numpy as np
 
@@ -80,9 +79,9 @@ class GoodPointing:
     number: int
     shutter_s: float
 
-    def age_s(self, now_s: float | None = None) -> float:
-        """Seconds since its mid-exposure, at ``now_s`` of :func:`time.monotonic` (now)."""
-        return (monotonic() if now_s is None else now_s) - self.shutter_s
+    def age_s(self, now_s: float) -> float:
+        """Seconds since its mid-exposure, at ``now_s`` of :func:`time.monotonic`."""
+        return now_s - self.shutter_s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,6 +125,6 @@ class LiveUpdate:
         """From the frame's arrival to its result."""
         return (self.done_s - self.shot.received_s) * 1e3
 
-    def age_s(self, now_s: float | None = None) -> float:
-        """Seconds since mid-exposure, at ``now_s`` of :func:`time.monotonic` (by default now)."""
-        return (monotonic() if now_s is None else now_s) - self.shot.shutter_s
+    def age_s(self, now_s: float) -> float:
+        """Seconds since mid-exposure, at ``now_s`` of :func:`time.monotonic`."""
+        return now_s - self.shot.shutter_s
