@@ -200,3 +200,11 @@ def test_a_name_makes_a_file_name_whatever_is_in_it(tmp_path) -> None:
     long = profile_path("x" * 300, 1, 2, tmp_path).name
     assert long.startswith("x" * 40 + "-1x2-")
     assert len(long) < 70
+
+
+@pytest.mark.parametrize("change", [{"terms": ["cx", "log_focal", "cy", "k1", "k2", "p1", "p2"]}, {"frames": -1}])
+def test_a_profile_whose_terms_stand_in_another_order_is_not_taken_for_this_one(tmp_path, change) -> None:
+    path = save_profile(new_profile("lens", TRUTH), tmp_path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(KochabError, match="not a camera profile"):
+        load_profile("lens", 1280, 960, tmp_path)
