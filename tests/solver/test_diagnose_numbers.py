@@ -167,13 +167,16 @@ def test_stars_that_may_be_noise_do_not_make_a_flat_frame_a_sky() -> None:
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "moon"), [(40, 40, True), (25, 25, False), (160, 20, False), (500, 500, False)]
+    ("width", "height", "count", "moon"),
+    [(40, 40, 19, True), (40, 40, 20, False), (25, 25, 19, False), (160, 20, 19, False), (500, 500, 19, False)],
 )
-def test_the_moon_is_a_round_patch_neither_tiny_nor_half_the_frame(width: int, height: int, moon: bool) -> None:
+def test_the_moon_is_a_round_patch_neither_tiny_nor_half_the_frame_and_hides_stars(
+    width: int, height: int, count: int, moon: bool
+) -> None:
     pixels = noisy(500.0)
     pixels[50 : 50 + height, 60 : 60 + width] = 65535.0
     frame = Frame(pixels.clip(0, 65535).astype(np.uint16), saturation=65535.0)
-    found = doctor(stars(19, snr=20.0), None, frame)  # from twenty on nothing is hidden
+    found = doctor(stars(count, snr=20.0), None, frame)
     assert ("Moon" in found.advice) is moon
     if moon:
         assert found.measured["glare_share"] == pytest.approx(width * height / (W * H))

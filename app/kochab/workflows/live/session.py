@@ -76,7 +76,9 @@ def _may_be(value: Any, kind: Any) -> bool:
     return isinstance(value, int | float if plain is float else plain)
 
 
-def _hint(stored: Mapping[str, Any]) -> Hint:
+def _hint(stored: Any) -> Hint:
+    if not isinstance(stored, Mapping):
+        raise TypeError("hint")
     values = {f.name: stored[f.name] for f in fields(Hint) if f.name in stored}
     for name in ("scale_arcsec_px", "centre_deg"):
         if values.get(name) is not None:
