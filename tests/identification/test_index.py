@@ -1,3 +1,4 @@
+import mmap
 import subprocess
 import sys
 import tracemalloc
@@ -48,6 +49,43 @@ def test_lookup_is_the_same_as_looking_at_every_quad(toy_volume):
     step = 1.5 / 256 / toy_volume.grid.steps  # how finely codes are stored
     assert got[worst < 0.012 - step].all()
     assert not got[worst > 0.012 + 3 * step].any()
+
+
+class Mapped:
+    """A file of so many bytes that notes what it is asked to fetch."""
+
+    def __init__(self, size):
+        self.size = size
+        self.fetched = []
+
+    def __len__(self):
+        return self.size
+
+    def madvise(self, advice, begin=0, length=0):
+        if advice == mmap.MADV_WILLNEED:
+            self.fetched.append((begin, length))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such advice")
+def test_what_is_read_next_is_announced_once_and_within_the_file():
+    part = 1 << index.AHEAD_BITS
+    mapped = Mapped(2 * part + 100)
+    ahead = index.ReadAhead(mapped, 12)
+    ahead.tell(np.array([[0, 5], [part // 12, 3]]))
+    assert mapped.fetched == [(0, part), (part, part)]
+    ahead.tell(np.array([1, 2 * part // 12]))
+    assert mapped.fetched[2:] == [(2 * part, 100)]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such advice")
+def test_a_search_announces_what_it_reads(toy_volume):
+    told = {name: Mapped(1 << 30) for name in index.SCATTERED}
+    ahead = {name: index.ReadAhead(mapped, getattr(toy_volume, name).strides[0]) for name, mapped in told.items()}
+    volume = replace(toy_volume, ahead=ahead)
+    c = canonical(planar(volume.directions(volume.members(np.arange(50)))))
+    volume.lookup(c.code, np.full(50, 0.01), np.tile([1e-6, 10.0], (50, 1)))
+    assert all(mapped.fetched for mapped in told.values())
+    assert set(open_volume(toy_volume.folder).ahead) == set(index.SCATTERED)
 
 
 def test_size_limits_the_answer(toy_volume):
