@@ -134,6 +134,8 @@ BENCHES: dict[str, str] = {
     "mount": "kochab.lab.bench.mount:run",
     "papers": "kochab.lab.bench.papers:run_papers",
     "polar": "kochab.lab.bench.polar:run",
+    "refusal": "kochab.lab.bench.refusal:run",
+    "soak": "kochab.lab.bench.soak:run",
 }
 
 
