@@ -133,6 +133,7 @@ BENCHES: dict[str, str] = {
     "live": "kochab.lab.bench.live:run_live",
     "mount": "kochab.lab.bench.mount:run",
     "papers": "kochab.lab.bench.papers:run_papers",
+    "peers": "kochab.lab.bench.peers:run",
     "polar": "kochab.lab.bench.polar:run",
     "refusal": "kochab.lab.bench.refusal:run",
     "soak": "kochab.lab.bench.soak:run",
