@@ -137,7 +137,7 @@ def test_asking_for_help_costs_no_heavy_import(repository, arguments):
 
 
 # The goal of `make house` is 55,000 lines; until it is reached the house may at least not grow.
-MOST_LINES = 59_300
+MOST_LINES = 56_140
 
 
 def test_the_numbers_of_the_house_are_within_their_limits():
