@@ -117,7 +117,7 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     eye = mount.control.frames.camera
     frame = eye.next_frame(5.0)
     assert isinstance(frame, Frame)
-    mount.control.frames.show(FrameTaken(frame))
+    mount.control._posted.emit(None, FrameTaken(frame))
     drawn = live.display.queue
     assert live.stream is not None
     assert drawn is not None
@@ -128,7 +128,7 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     assert eye.next_frame(5.0) is not None
     eye.close()
     assert made[0].closed == 1
-    mount.control.frames.show(FrameTaken(frame))  # now it is shown in its place
+    mount.control._posted.emit(None, FrameTaken(frame))  # now it is shown in its place
     assert commands.session.known.frame is frame
 
 

@@ -246,7 +246,7 @@ def test_disconnect_stops_and_gives_the_port_back(qtbot, opened):
         assert mount.opening.closed
         assert mount.view.connection.isVisible()
         assert not mount.telescope.slewing
-        assert not [t for t in threading.enumerate() if t.name == "kochab-mount"]
+        qtbot.waitUntil(lambda: not [t for t in threading.enumerate() if t.name == "kochab-mount"])
 
 
 def test_arrow_keys_nudge_while_the_pad_has_the_focus(qtbot, opened):
