@@ -61,6 +61,14 @@ def test_faults_come_in_their_turn() -> None:
         camera.next_frame(1.0)
 
 
+def test_so_much_of_the_night_passes_between_two_frames() -> None:
+    camera = soak.FaultyCamera(soak.night_rig(), 14.0)
+    for _ in range(6):
+        camera.ask()
+        assert camera.next_frame(1.0) is not None
+    assert camera.rig.clock.now_unix() - camera.rig.start_unix == pytest.approx(6 * 14.0, rel=0.01)
+
+
 def test_growth_is_held_against_the_goal() -> None:
     row = {"solves": 20_000, "live_hours": 8.1, "resident_growth": 0.04, "own_growth": 0.06}
     assert [goal.met for goal in soak.goals(row)] == [True, False, True, True]

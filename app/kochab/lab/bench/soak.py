@@ -208,7 +208,7 @@ class FaultyCamera(CameraSource):
         self.number += 1
         fault = FAULTS.get(self.number % CYCLE)
         if fault is None:
-            self.rig.clock.sleep(max(0.0, self.every_s - EXPOSURE_S))
+            self.rig.clock.sleep(self.every_s)  # its exposures pass meanwhile
             return self._camera.next_frame(timeout_s)
         if self.number % (CYCLE * 10) == UNPLUGGED:
             self.ask()  # the frame comes when the camera is back
