@@ -178,9 +178,9 @@ def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarC
     centre, radius = field_centre(camera, fit.attitude)
     rows = catalogue.brightest(centre, min(radius, np.pi / 2), 2 * len(detections), year)
     vectors = catalogue.vectors(rows, year) @ fit.attitude.matrix.T
-    before = len(mutual_nearest(detections.xy, _finite(camera.project(vectors)), ALIKE * side)[0])
+    before = len(mutual_nearest(detections.xy, camera.project(vectors), ALIKE * side)[0])
     plain = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)  # distortion may have bent to the stretch
-    expected = _finite(plain.project(vectors))
+    expected = plain.project(vectors)
     seen, place = matches.xy, plain.project(matches.vectors @ fit.attitude.matrix.T)
     tolerance, linear = POOR_FIT * side * 6.0, np.eye(3)[:, :2]
     for _ in range(STRETCH_ROUNDS):
@@ -195,10 +195,6 @@ def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarC
     after = len(mutual_nearest(detections.xy, moved, ALIKE * side)[0])
     longer, shorter = np.linalg.svd(linear[:2], compute_uv=False)
     return float(longer / shorter - 1.0) if after >= max(2 * before, FEWEST_TO_STRETCH) else None
-
-
-def _finite(pixels: Floats) -> Floats:
-    return pixels[np.isfinite(pixels).all(axis=1)]
 
 
 # -- What the catalogue itself may be off by at the frame's epoch -----------------------------------
