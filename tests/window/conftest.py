@@ -2,7 +2,6 @@
 
 import gc
 import os
-import threading
 from functools import partialmethod
 
 import pytest
@@ -14,7 +13,7 @@ from kochab.window.settings import WindowSettings
 from kochab.window.shell.welcome import Sample
 from kochab.window.themes import apply_theme
 from kochab.window.widgets import use_plain_numerals
-from tests.window.fakes import FakeEngine
+from tests.window.fakes import FakeEngine, assert_no_threads_left
 
 PATIENCE_MS = 20_000
 
@@ -92,11 +91,7 @@ def make_window(qtbot, settings, tmp_path):
     for commands in made:
         commands.window.close()
         assert commands.session.jobs.join()
-    for thread in threading.enumerate():
-        if thread.name == "kochab-plots":  # loads the plotting library for the process, not for a window
-            thread.join(30.0)
-    left = [t.name for t in threading.enumerate() if t.name.startswith("kochab-")]
-    assert not left, f"threads left behind: {left}"
+    assert_no_threads_left()
 
 
 @pytest.fixture

@@ -113,3 +113,12 @@ def brightness(picture, stretch, shift=0.0):
     """Look-up table from stored values of an opened frame, ``shift`` too high, to brightness."""
     levels = 256 if picture.mono[0].dtype == np.uint8 else 65536
     return stretch.table(levels, picture.low + shift, picture.high + shift)
+
+
+def assert_no_threads_left(*prefixes: str) -> None:
+    """No thread of a closed window runs on; the one that loads the plotting library does it for the process."""
+    for thread in threading.enumerate():
+        if thread.name == "kochab-plots":
+            thread.join(30.0)
+    left = [t.name for t in threading.enumerate() if t.name.startswith(prefixes or ("kochab-",))]
+    assert not left, f"threads left behind: {left}"

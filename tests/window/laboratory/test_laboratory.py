@@ -21,6 +21,7 @@ from kochab.window.application import build
 from kochab.window.laboratory.setup import Hints, StarSource
 from kochab.window.session import WorkflowEngine
 from kochab.window.shell.welcome import samples
+from tests.window.fakes import assert_no_threads_left
 from tests.window.test_night import assert_red
 
 LIMIT_MS = 30_000
@@ -45,7 +46,7 @@ def lab(qtbot, settings):
         window.close()
         commands.looks.use_theme("dark", "normal")
         assert commands.session.jobs.join()
-    assert not [t for t in threading.enumerate() if t.name.startswith("kochab-")]
+    assert_no_threads_left()
 
 
 def wait_for(qtbot, view):

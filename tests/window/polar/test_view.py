@@ -35,6 +35,7 @@ from kochab.workflows.session.alignment import (
 )
 from kochab.workflows.session.alignment_state import AlignmentState
 from kochab.workflows.session.wiring import Wiring
+from tests.window.fakes import assert_no_threads_left
 from tests.window.polar_cases import adjusting
 from tests.window.test_night import assert_red
 
@@ -80,11 +81,7 @@ def polar(qtbot, settings):
         window.close()
         commands.looks.use_theme("dark", "normal")
         assert commands.session.jobs.join()
-    for thread in threading.enumerate():
-        if thread.name == "kochab-plots":  # loads the plotting library for the process, not for a window
-            thread.join(30.0)
-    left = [t.name for t in threading.enumerate() if t.name.startswith(("kochab-", "polar-"))]
-    assert not left
+    assert_no_threads_left("kochab-", "polar-")
 
 
 def drive(view, each=lambda: None, limit_s=LIMIT_S):
