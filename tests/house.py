@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
+from pathlib import Path
 from statistics import median
 
 from tests.patterns import REPOSITORY
@@ -131,8 +132,23 @@ def executed_by_solve() -> list[str]:
     return executed(code, "solve", str(sample), "--json")
 
 
+TRACER = """
+import sys, threading
+
+KEPT = ("MainThread", "kochab-capture", "kochab-live", "kochab-live-display")
+walked, on = set(), False
+
+
+def profile(frame, event, argument):
+    if on and threading.current_thread().name in KEPT:
+        walked.add(frame.f_code.co_filename)
+
+
+threading.setprofile(profile)
+sys.setprofile(profile)
+"""
+
 SYNCS = """
-import sys
 from kochab.core.progress import run
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
@@ -146,34 +162,114 @@ with simulated("lx200") as bench:
     evidence = SyncEvidence((sky, sky), (0.3, 0.3), (-12.0, -12.0))
     preview = guard.preview_sync(*guard.to_mount(*sky), evidence)
     offer = SyncOffer(preview, evidence, None, guard.position(), sky, "")
-    files = set()
-
-    def profile(frame, event, argument):
-        files.add(frame.f_code.co_filename)
-
-    sys.setprofile(profile)
+    on = True
     done = run(accept_sync(guard, offer, confirmed=True))
-    sys.setprofile(None)
+    on = False
     assert done.synced
     assert any(b":CM" in data for way, data in bench.line.transcript)
     guard.close()
-print("\\n".join(sorted(f for f in files if "/kochab/" in f.replace("\\\\", "/"))))
+"""
+
+LIVE = """
+import tempfile
+from threading import Event
+from time import monotonic
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+from kochab.core.capture import CameraSource, CaptureLimits
+from kochab.window.application import build
+from kochab.window.session import WorkflowEngine
+from kochab.window.settings import WindowSettings
+from kochab.workflows.session.live_stream import StreamRequest
+from tests.workflows.live_sky import sky_frame
+
+
+class OnDemand(CameraSource):
+    name, limits, wanted, given = "camera", CaptureLimits(), Event(), 0
+
+    def configure(self, settings):
+        return settings
+
+    def next_frame(self, timeout_s):
+        global on
+        if not self.wanted.wait(timeout_s):
+            return None
+        self.wanted.clear()
+        self.given += 1
+        frame = sky_frame(seconds=float(self.given))
+        on = self.given == BEFORE + 1
+        return frame
+
+
+def watched(painter, view):
+    global on, painted
+    paint(painter, view)
+    shown = live.display.shown
+    if shown is not None and shown.update is not None and shown.update.shot.number == camera.given:
+        on, painted = False, camera.given
+
+
+BEFORE, painted = 3, 0  # frames, so that the one that is traced is tracked
+app, camera = QApplication([]), OnDemand()
+with tempfile.TemporaryDirectory() as home:
+    settings = WindowSettings(QSettings(home + "/window.ini", QSettings.Format.IniFormat))
+    window, commands = build(WorkflowEngine(), settings, [])
+    window.resize(1200, 800)
+    window.show()
+    commands.views.show("live")
+    live = commands.views.docks["live"].view
+    paint, window.workspace.view.marks = window.workspace.view.marks, watched
+    live.run(StreamRequest(lambda: camera, "a camera"))
+    live._timer.stop()  # the panels beside the frame are another walk
+    while camera.given <= BEFORE:
+        asked, end = camera.given + 1, monotonic() + 60.0
+        camera.wanted.set()
+        while painted < asked:
+            assert monotonic() < end, "no frame was painted"
+            app.processEvents()
+    assert paint.__self__.solution is live.display.shown.update.result
+    assert live.display.shown.update.mode == "tracking"
+    window.close()
+"""
+
+AXIS = """
+from datetime import UTC, datetime, timedelta
+import numpy as np
+from kochab.cli.polar import as_text
+from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.camera import Camera
+from kochab.core.frame import Site
+from kochab.core.solution import Solution
+from kochab.polar.measure import MeasureSettings, measure
+from kochab.workflows.polar.sources import SolvedFile, sightings_of, site_of
+
+camera, begun, place = Camera.centred(900, 700, 8000.0), datetime(2026, 3, 14, 20, 0, tzinfo=UTC), Site(47.0, 8.0, 450.0)
+files = []
+for k in range(3):
+    attitude = Attitude(attitude_from(90.0 + 30.0 * k, 40.0, 10.0).matrix, np.diag([1e-10, 1e-10, 1e-8]))
+    files.append(SolvedFile(f"{k}.fits", Solution(camera, attitude, (), 0.2, -30.0, ""), begun + timedelta(minutes=k), place))
+on = True
+told = as_text(measure(sightings_of(files, [0] * 3), MeasureSettings(site_of(files))))
+on = False
+assert "from the refracted north pole" in told
 """
 
 
-def executed_by_sync() -> list[str]:
-    """Files with a function that runs between the yes to Sync and the driver's bytes, on a simulated LX200."""
+@cache
+def walked(code: str) -> list[str]:
+    """The package's files with a function that runs while ``on`` is true in ``code``, in a fresh interpreter."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(REPOSITORY)])}
     done = subprocess.run(
-        [sys.executable, "-c", SYNCS],
+        [sys.executable, "-c", f"{TRACER}{code}\non = False\nprint('WALKED', *sorted(walked), sep='\\n')"],
         cwd=REPOSITORY,
-        env=environment,
+        env=environment | {"QT_QPA_PLATFORM": "offscreen"},
         capture_output=True,
         text=True,
         timeout=120,
         check=True,
     )
-    return done.stdout.split()
+    files = map(Path, done.stdout.partition("WALKED\n")[2].splitlines())
+    return [str(file.relative_to(SOURCE)) for file in files if file.is_relative_to(SOURCE)]
 
 
 def numbers() -> list[Number]:
@@ -182,7 +278,7 @@ def numbers() -> list[Number]:
     lengths = [len(text.splitlines()) for text in texts]
     comments = sum(line.lstrip().startswith("#") for text in texts for line in text.splitlines())
     loops, twice, arrays = circles(), classes_twice(), list(array_types_elsewhere())
-    solve, sync = executed_by_solve(), executed_by_sync()
+    solve, sync, live, axis = executed_by_solve(), walked(SYNCS), walked(LIVE), walked(AXIS)
     return [
         Number("modules", len(texts), 350),
         Number("lines", sum(lengths), 55_000),
@@ -196,6 +292,8 @@ def numbers() -> list[Number]:
         Number("lines the formatter must skip", sum(text.count("# fmt: skip") for text in texts), 29),
         Number("files executed by kochab solve", len(solve), 45, " ".join(solve)),
         Number("files from the yes to Sync to the bytes", len(sync), 30, " ".join(sync)),
+        Number("files from a live frame to the overlay", len(live), 39, " ".join(live)),
+        Number("files from solved pictures to the axis", len(axis), 18, " ".join(axis)),
     ]
 
 

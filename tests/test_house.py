@@ -146,6 +146,19 @@ def test_the_numbers_of_the_house_are_within_their_limits():
     assert not past
 
 
+@pytest.mark.parametrize(
+    ("title", "code"), [("A live frame to the overlay", house.LIVE), ("Pictures to the axis", house.AXIS)]
+)
+def test_a_walk_is_drawn_as_it_is_walked(repository, title, code):
+    """Every file that its first sentence names is executed on the way."""
+    drawing = (repository / "app" / "ARCHITECTURE.md").read_text("utf-8")
+    sentence = drawing.split(f"- **{title}:**")[1].split(". ")[0]
+    drawn = re.findall(r"`([\w.]+)`", sentence)
+    assert len(drawn) > 5
+    files = house.walked(code)
+    assert not [name for name in drawn if not any(f"/{f}".endswith(f"/{name.replace('.', '/')}.py") for f in files)]
+
+
 def test_the_top_level_holds_what_it_should(repository):
     if not (repository / ".git").exists():
         pytest.skip("not a git checkout")
