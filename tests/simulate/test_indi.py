@@ -21,8 +21,8 @@ from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.night_sky import SimulatedClock
 from kochab.simulate.responders import open_responder
-from kochab.simulate.responders.lx200 import AutostarResponder
 from kochab.simulate.serial_line import pty_line
+from tests.simulate.autostar import AutostarResponder
 from tests.simulate.bench_telescope import BenchTelescope
 
 FAMILIES = {

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.responders import RESPONDERS, open_responder
-from kochab.simulate.responders.lx200 import AutostarResponder
 from kochab.simulate.responders.nexstar import NexStarResponder
+from tests.simulate.autostar import AutostarResponder
 from tests.simulate.bench_telescope import BenchTelescope
 
 NOON = 1_767_268_800.0  # 2026-01-01 12:00 UTC
@@ -240,11 +240,9 @@ def test_an_unaligned_nexstar_says_hash_and_stays_and_an_old_one_knows_no_sync(t
 
 
 def test_synscan_is_in_j2000_and_takes_no_sync_from_afar(telescope):
-    from kochab.simulate.responders.nexstar import from_j2000
-
     synscan = make("synscan", telescope)
     talk(synscan, (b"V", b"042705#"), (b"m", b"\x00#"))
-    there = from_j2000(82.5, -12.25, 2026.0)
+    there = synscan.to_date(82.5, -12.25)
     assert math.hypot(there[0] - 82.5, there[1] + 12.25) == pytest.approx(0.307, abs=0.01)
     talk(synscan, (b"s3AAAAA00,F749F500", b"#"), (b"e", b"3AAAAA00,F749F500#"))
     assert telescope.believed_deg() == pytest.approx(there, abs=2e-5)

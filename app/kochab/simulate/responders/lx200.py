@@ -1,4 +1,4 @@
-"""LX200 mounts: Meade's classic, the Autostar, OnStep and OnStepX."""
+"""LX200 mounts: Meade's classic, OnStep and OnStepX."""
 
 import re
 
@@ -72,12 +72,11 @@ class Lx200Responder(Controller):
     begins = b"\x06:"
     mark = b"\xdf"
     decimals = 0
-    starts_precise = False
+    precise = False
     rates_deg_s = {b"G": 2 * SIDEREAL_DEG_S, b"C": 32 * SIDEREAL_DEG_S, b"M": 2.0, b"S": 6.0}  # noqa: RUF012
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
-        self.precise = self.starts_precise
         self.rate_deg_s = self.rates_deg_s[b"S"]
         self.target_deg = [0.0, 0.0]
         self.settings = settings = LocalSettings.of(telescope)
@@ -110,8 +109,8 @@ class Lx200Responder(Controller):
             b"SG(.*)": lambda text: b"%d" % self.set_zone(text),
             b"SL(.*)": lambda text: b"%d" % self.set_clock(TIME, text),
             b"SC(.*)": lambda text: DATE_TEXT if self.set_clock(DATE, text) else b"0",
-            b"M(.*)": self.move,
-            b"Q(.*)": self.halt,
+            b"M([nsew])": self.move,
+            b"Q([nsew])": self.halt,
             b"R(.*)": self.set_rate,
         }
 
@@ -205,61 +204,15 @@ class Lx200Responder(Controller):
 
     def move(self, text: bytes) -> None:
         """``:Mn#``: nothing is answered."""
-        if text in DIRECTIONS:
-            self.telescope.move(DIRECTIONS[text], self.rate_deg_s)
+        self.telescope.move(DIRECTIONS[text], self.rate_deg_s)
 
     def halt(self, text: bytes) -> None:
         """``:Qn#``."""
-        if text in DIRECTIONS:
-            self.telescope.halt(DIRECTIONS[text])
+        self.telescope.halt(DIRECTIONS[text])
 
     def set_rate(self, text: bytes) -> None:
         """``:RG#`` ``:RC#`` ``:RM#`` ``:RS#``."""
         self.rate_deg_s = self.rates_deg_s.get(text, self.rate_deg_s)
-
-
-class AutostarResponder(Lx200Responder):
-    """Precise from the start, with a product name, guide pulses and a short ``:D#``."""
-
-    starts_precise = True
-
-    def __init__(self, telescope: EquatorialMount) -> None:
-        super().__init__(telescope)
-        self.words = {b"Mg(.*)": self.pulse} | self.words  # before "M(.*)"
-        self.words |= {
-            b"GVP": lambda: b"Autostar#",
-            b"GVN": lambda: b"43Eg#",
-            b"GVD": lambda: b"Jan 01 2010#",
-            b"GVT": lambda: b"00:00:00#",
-            b"GVF": lambda: b"ETX Autostar|A|43Eg|Jan 01 2010@00:00:00#",
-            b"GW": self.how,
-            b"hP": self.park,
-        }
-
-    def distance_bars(self) -> bytes:
-        """One bar while it slews."""
-        return b"\x7f#" if self.telescope.slewing else b"#"
-
-    def sync(self) -> bytes:
-        """The name of an object of no consequence."""
-        self._sync(*self.target_deg)
-        return b" M31 EX GAL MAG 3.5 SZ178.0'#"
-
-    def how(self) -> bytes:
-        """``:GW#``: the mounting, tracking or not, and on how many stars it is aligned."""
-        tracks = b"T" if self.telescope.tracking else b"N"
-        return b"P" + tracks + (b"2#" if self.telescope.aligned else b"0#")
-
-    def park(self) -> bytes | None:
-        """Nothing is answered; it does not move again until it is switched off and on."""
-        self.telescope.stop()
-        self.telescope.tracking, self.telescope.parked = False, True
-        return None
-
-    def pulse(self, text: bytes) -> None:
-        """``:Mgn0500#`` in milliseconds; nothing is answered."""
-        if text[:1] in DIRECTIONS and text[1:].isdigit() and len(text) <= 6:
-            self.telescope.pulse(DIRECTIONS[text[:1]], float(text[1:]))
 
 
 # -- OnStep and OnStepX: the LX200 language with digits for reasons and flags for the state ----
@@ -269,10 +222,11 @@ UNSPECIFIED = 9
 REASONS = {"below horizon": 1, "overhead": 2, "parked": 4, "in goto": 5, "limits": 6, "moving": 8}
 
 
-class OnStepResponder(AutostarResponder):
-    """Precise from the start; an unknown command is answered by a bare ``0``."""
+class OnStepResponder(Lx200Responder):
+    """Precise from the start, with guide pulses; an unknown command is answered by a bare ``0``."""
 
     unknown = b"0"
+    precise = True
     mark = b"*"
     rates_deg_s = {b"G": RATES[2], b"C": RATES[5], b"M": RATES[6], b"F": RATES[7], b"S": RATES[8]} | {
         b"%d" % k: rate for k, rate in enumerate(RATES)
@@ -280,8 +234,6 @@ class OnStepResponder(AutostarResponder):
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
-        for meade in (b"GW", b"GVF"):
-            del self.words[meade]
 
         def fine(angle_deg: float) -> bytes:
             return degrees(angle_deg, True, decimals=3) + b"#"
@@ -302,6 +254,7 @@ class OnStepResponder(AutostarResponder):
             b"%B[DR]": lambda: b"0#",
             b"Gh": lambda: b"-10*#",
             b"Go": lambda: b"85*#",
+            rb"Mg([nsew])(\d{1,5})": self.pulse,
             b"CS": self.silent_sync,
             b"hR": self.unpark,
             b"hP": self.park,
@@ -309,6 +262,14 @@ class OnStepResponder(AutostarResponder):
             b"Td": lambda: self.track(False),
             b"T[QSLK]": lambda: None,  # tracking rates
         }
+
+    def distance_bars(self) -> bytes:
+        """One bar while it slews."""
+        return b"\x7f#" if self.telescope.slewing else b"#"
+
+    def pulse(self, direction: bytes, milliseconds: bytes) -> None:
+        """``:Mgn0500#``: nothing is answered."""
+        self.telescope.pulse(DIRECTIONS[direction], float(milliseconds))
 
     def slew(self) -> bytes:
         """One digit, without text and without #."""
@@ -349,7 +310,8 @@ class OnStepResponder(AutostarResponder):
 
     def park(self) -> bytes:
         """``1``."""
-        super().park()
+        self.telescope.stop()
+        self.telescope.tracking, self.telescope.parked = False, True
         return b"1"
 
     def unpark(self) -> bytes:
