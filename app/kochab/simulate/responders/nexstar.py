@@ -1,9 +1,8 @@
 """NexStar hand controls (Celestron), and SynScan (Sky-Watcher), byte for byte."""
 
 import re
-from datetime import UTC, datetime
-from functools import lru_cache
 
+import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
@@ -11,6 +10,7 @@ from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
+from kochab.sky.apparent import JD_UNIX
 
 # -- Angles in the NexStar language: a turn is 2^16 or 2^32, in capital hexadecimal digits -----
 
@@ -217,28 +217,6 @@ class NexStarResponder(Controller):
             self.telescope.halt(MOVES[device, MOVE_DOWN])
 
 
-# -- Precession from J2000 to a date and back, which is all a hand controller does -------------
-
-
-@lru_cache(maxsize=64)
-def _matrix(year: float) -> Floats:
-    """Mean equator of J2000 to that of ``year`` (IAU 2006; Capitaine et al. 2003)."""
-    import erfa
-
-    _bias, precession, _ = erfa.bp06(2451545.0, (year - 2000.0) * 365.25)
-    return np.asarray(precession, dtype=np.float64)
-
-
-def from_j2000(ra_deg: float, dec_deg: float, year: float) -> Place:
-    """Mean equatorial degrees of ``year``, without nutation and aberration."""
-    return radec_deg(_matrix(round(year, 3)) @ unit_vectors(ra_deg, dec_deg))
-
-
-def to_j2000(ra_deg: float, dec_deg: float, year: float) -> Place:
-    """The inverse."""
-    return radec_deg(_matrix(round(year, 3)).T @ unit_vectors(ra_deg, dec_deg))
-
-
 SYNC_LIMIT_DEG = 6.0
 
 
@@ -260,11 +238,11 @@ class SynScanResponder(NexStarResponder):
 
     def from_date(self, ra_deg: float, dec_deg: float) -> Place:
         """J2000."""
-        return to_j2000(ra_deg, dec_deg, self._year())
+        return radec_deg(self._precession().T @ unit_vectors(ra_deg, dec_deg))
 
     def to_date(self, ra_deg: float, dec_deg: float) -> Place:
         """The inverse."""
-        return from_j2000(ra_deg, dec_deg, self._year())
+        return radec_deg(self._precession() @ unit_vectors(ra_deg, dec_deg))
 
     def sync(self, text: bytes, digits: int) -> bytes:
         """Always ``#``, and nothing done beyond some six degrees."""
@@ -288,6 +266,7 @@ class SynScanResponder(NexStarResponder):
         """Where the counterweights look: the other side than the tube's."""
         return b"E#" if self.telescope.pier_side is PierSide.WEST else b"W#"
 
-    def _year(self) -> float:
-        at = datetime.fromtimestamp(self.telescope.now_unix(), UTC)
-        return at.year + (at.timetuple().tm_yday - 1 + at.hour / 24.0) / 365.25
+    def _precession(self) -> Floats:
+        """Mean equator of J2000 to that of date (IAU 2006), which is all that a hand controller does."""
+        _bias, precession, _ = erfa.bp06(JD_UNIX, self.telescope.now_unix() / 86400.0)
+        return np.asarray(precession)
