@@ -38,7 +38,7 @@ def visible(mount, hour, dec):
 @pytest.mark.parametrize("hour", [-60.0, -5.0, 5.0, 60.0])
 def test_a_goto_arrives_tracks_and_says_so(site, dec, hour):
     mount, clock = mount_at(site)
-    mount.unpark()
+    mount.parked = False
     target = visible(mount, hour, dec)
     assert mount.goto(*target) is None
     assert mount.slewing

@@ -9,7 +9,7 @@ from kochab.core.arrays import Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.simulate.exposure import AttitudeAt, ExposureLight, StarPaths, background, electrons, starlight
-from kochab.simulate.night_sky import Atmosphere, Glow, Weather
+from kochab.simulate.night_sky import DARK_MAG, Weather
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
 from kochab.sky import Catalogue
 
@@ -32,7 +32,6 @@ class CameraConfig:
     p1: float = 0.0
     p2: float = 0.0
     fwhm_px: float = 2.6
-    beta: float | None = None
     zero_point_e_s: float = 2e7
     faintest: float = 13.0
     sensor: Sensor = field(default_factory=lambda: Sensor(1.0, 5.0, 100.0))
@@ -52,22 +51,12 @@ class CameraConfig:
 class SkyCamera:
     """Takes frames; the same seed and the same exposures give the same pixels."""
 
-    def __init__(
-        self,
-        config: CameraConfig,
-        catalogue: Catalogue,
-        site: Site,
-        air: Atmosphere | None = None,
-        glow: Glow | None = None,
-        weather: Weather | None = None,
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, config: CameraConfig, catalogue: Catalogue, site: Site, weather: Weather, seed: int = 0) -> None:
         self.config = config
         self.optics = config.optics()
         self.site = site
-        self.glow = glow or Glow()
         self.weather = weather
-        self._stars = StarPaths(catalogue, site, air)
+        self._stars = StarPaths(catalogue, site)
         self._rng = np.random.default_rng([seed, 11])
         hot, size = np.random.default_rng([seed, 12]), config.width * config.height
         self._hot = hot.choice(size, round(config.hot_per_mp * size / 1e6), replace=False).astype(np.intp)
@@ -78,7 +67,7 @@ class SkyCamera:
     def faintest(self, exposure_s: float) -> float:
         """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
         zero_point_e_s, pixel = self.config.zero_point_e_s, self.optics.scale_arcsec_px**2
-        dark = electrons(np.array(self.glow.dark_mag), zero_point_e_s, exposure_s) * pixel
+        dark = electrons(np.array(DARK_MAG), zero_point_e_s, exposure_s) * pixel
         area = 4.0 * np.pi * (self.config.fwhm_px / FWHM_PER_SIGMA) ** 2
         lost = 2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2))
         mag = 2.5 * np.log10(zero_point_e_s * exposure_s / lost)
@@ -87,13 +76,13 @@ class SkyCamera:
     def light(self, attitude_at: AttitudeAt, start: float, exposure_s: float) -> ExposureLight:
         """The light of stars and sky in an exposure from unix time ``start`` on."""
         paths = self._stars.over(self.optics, attitude_at, start, exposure_s, self.faintest(exposure_s))
-        return ExposureLight(paths, attitude_at, self.optics, self.config.zero_point_e_s, self.glow, self.weather)
+        return ExposureLight(paths, attitude_at, self.optics, self.config.zero_point_e_s, self.weather)
 
     def frame(self, attitude_at: AttitudeAt, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
         """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""
         light = self.light(attitude_at, start, exposure_s)
         image_e = background(light)
-        image = RenderedStar(self.config.fwhm_px, self.config.beta)
+        image = RenderedStar(self.config.fwhm_px)
         cores, flux = light.paths.cores(0.4 * image.fwhm_px), starlight(light)
         places, shares = cores.reshape(-1, 2), np.tile(flux / len(cores), len(cores))
         seen = np.isfinite(places).all(axis=1) & (shares > 0.0)

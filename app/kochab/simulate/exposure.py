@@ -10,7 +10,7 @@ from kochab.core.arrays import Floats, Floats32
 from kochab.core.attitude import unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Site
-from kochab.simulate.night_sky import Atmosphere, Glow, LocalSky, Weather, airmass, sun_and_moon, surface_mag
+from kochab.simulate.night_sky import EXTINCTION, LocalSky, Weather, airmass, sun_and_moon, surface_mag
 from kochab.simulate.star_images import FWHM_PER_SIGMA
 from kochab.sky import Catalogue
 from kochab.sky.apparent import julian_years
@@ -52,10 +52,9 @@ class Paths:
 class StarPaths:
     """Finds the stars of exposures; remembers the neighbourhood, as consecutive frames share it."""
 
-    def __init__(self, catalogue: Catalogue, site: Site, air: Atmosphere | None = None) -> None:
+    def __init__(self, catalogue: Catalogue, site: Site) -> None:
         self._catalogue = catalogue
         self._site = site
-        self._air = air or Atmosphere()
         self._near: tuple[Floats, float, float, float] | None = None
         self._vectors = np.empty((0, 3))
         self._mag = np.empty(0)
@@ -66,10 +65,10 @@ class StarPaths:
         times = start + np.linspace(0.0, exposure_s, samples)
         views = np.stack([attitude_at(float(t)) for t in times])
         middle = start + exposure_s / 2.0
-        sky = LocalSky(self._site, middle, self._air)
+        sky = LocalSky(self._site, middle)
         self._gather(camera, sky, views, middle, faintest)
         now = sky.to_enu(self._vectors)
-        first, last = (LocalSky(self._site, t, self._air).to_enu(self._vectors) for t in (start, start + exposure_s))
+        first, last = (LocalSky(self._site, t).to_enu(self._vectors) for t in (start, start + exposure_s))
         part = np.linspace(-1.0, 1.0, samples)[:, None, None]
         # the parabola through the directions at the beginning, the middle and the end
         bent = unit(now + 0.5 * part * (last - first) + 0.5 * part * part * (first - 2.0 * now + last))
@@ -118,8 +117,7 @@ class ExposureLight:
     attitude_at: AttitudeAt
     optics: Camera
     zero_point_e_s: float
-    glow: Glow
-    weather: Weather | None
+    weather: Weather
 
     @property
     def seconds(self) -> float:
@@ -133,15 +131,13 @@ class ExposureLight:
 
     def clouds(self, directions: Floats) -> Floats:
         """Magnitudes that clouds take towards directions (..., 3)."""
-        if self.weather is None:
-            return np.zeros(directions.shape[:-1])
         return self.weather.cloud_mag(directions, self.middle)
 
 
 def starlight(light: ExposureLight) -> Floats:
     """Electrons (N,) that each star leaves on the sensor."""
     directions = light.paths.directions
-    lost = light.glow.extinction * airmass(directions) + light.clouds(directions)
+    lost = EXTINCTION * airmass(directions) + light.clouds(directions)
     return electrons(light.paths.mag + lost, light.zero_point_e_s, light.seconds)
 
 
@@ -152,7 +148,7 @@ def sky_electrons(light: ExposureLight) -> Floats:
     x = np.linspace(0.0, light.optics.width - 1.0, columns)
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     directions = light.optics.unproject(pixels) @ light.attitude_at(light.middle)
-    mag = surface_mag(directions, light.glow, sun_and_moon(light.paths.sky, light.middle))
+    mag = surface_mag(directions, sun_and_moon(light.paths.sky, light.middle))
     through = 10.0 ** (-0.4 * light.clouds(directions))
     area = light.optics.scale_arcsec_px**2
     dark = electrons(mag, light.zero_point_e_s, light.seconds) * area

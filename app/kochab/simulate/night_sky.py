@@ -28,11 +28,14 @@ class Atmosphere:
     wavelength_um: float = 0.55
 
 
+AIR = Atmosphere()
+"""Every night's."""
+
+
 class LocalSky:
     """Directions over ``site`` at ``unix_s``; making one costs a third of a millisecond."""
 
-    def __init__(self, site: Site, unix_s: float, air: Atmosphere | None = None) -> None:
-        air = air or Atmosphere()
+    def __init__(self, site: Site, unix_s: float, air: Atmosphere = AIR) -> None:
         day, fraction = JD_UNIX + unix_s // 86400.0, (unix_s % 86400.0) / 86400.0
         tt = fraction + TT_MINUS_UTC_S / 86400.0
         self._to_cirs, self._origins = erfa.apci13(day, tt)
@@ -95,20 +98,9 @@ def azimuth_deg(directions: Floats) -> Floats:
 
 TWILIGHT_DEG = (-18.0, -12.0, -6.0, 0.0, 10.0)
 TWILIGHT_MAG = (24.0, 19.5, 13.5, 7.5, 4.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Glow:
-    """The site's sky: ``dark_mag`` is V of a square arcsec at the zenith without Moon.
-
-    ``extinction`` is magnitudes an airmass,
-    ``light_pollution`` is how much brighter each further airmass makes the sky. ``moon`` may be left out.
-    """
-
-    dark_mag: float = 20.5
-    extinction: float = 0.2
-    light_pollution: float = 0.35
-    moon: bool = True
+DARK_MAG = 20.5  # V of a square arcsec at the zenith without Moon
+EXTINCTION = 0.2  # magnitudes an airmass
+LIGHT_POLLUTION = 0.35  # how much brighter each further airmass makes the sky
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,27 +129,27 @@ def sun_and_moon(sky: LocalSky, unix_s: float) -> SunAndMoon:
     return SunAndMoon(sky.to_enu(sun_u), sky.to_enu(moon_u), float(phase))
 
 
-def surface_mag(directions: Floats, glow: Glow, light: SunAndMoon) -> Floats:
+def surface_mag(directions: Floats, light: SunAndMoon) -> Floats:
     """V of a square arcsec of sky (N,) towards directions (N, 3), east, north, up."""
     masses = np.minimum(airmass(directions), 10.0)
-    flux = 10.0 ** (-0.4 * glow.dark_mag) * (1.0 + glow.light_pollution * (masses - 1.0))
+    flux = 10.0 ** (-0.4 * DARK_MAG) * (1.0 + LIGHT_POLLUTION * (masses - 1.0))
     sun = float(altitude_deg(light.sun))
     if sun > TWILIGHT_DEG[0]:
         flux = flux + 10.0 ** (-0.4 * float(np.interp(sun, TWILIGHT_DEG, TWILIGHT_MAG)))
-    if glow.moon and light.moon[2] > 0.0:
-        flux = flux + _moonlight(directions, glow.extinction, light)
+    if light.moon[2] > 0.0:
+        flux = flux + _moonlight(directions, light)
     return np.asarray(-2.5 * np.log10(flux))
 
 
-def _moonlight(directions: Floats, extinction: float, light: SunAndMoon) -> Floats:
+def _moonlight(directions: Floats, light: SunAndMoon) -> Floats:
     phase = light.phase_deg
     bright = 10.0 ** (-0.4 * (3.84 + 0.026 * abs(phase) + 4e-9 * phase**4))
     cosine = np.clip(directions @ light.moon, -1.0, 1.0)
     away = np.maximum(np.degrees(np.arccos(cosine)), 1.0)
     scattered = 10.0**5.36 * (1.06 + cosine**2)
     scattered = scattered + np.where(away > 10.0, 10.0 ** (6.15 - away / 40.0), 6.2e7 / away**2)
-    through = 10.0 ** (-0.4 * extinction * _scatter_mass(light.moon))
-    lit = 1.0 - 10.0 ** (-0.4 * extinction * _scatter_mass(directions))
+    through = 10.0 ** (-0.4 * EXTINCTION * _scatter_mass(light.moon))
+    lit = 1.0 - 10.0 ** (-0.4 * EXTINCTION * _scatter_mass(directions))
     nanolamberts = scattered * bright * through * lit
     return np.asarray(nanolamberts / 34.08 * np.exp(-20.7233))
 

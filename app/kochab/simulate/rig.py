@@ -100,8 +100,6 @@ class RigConfig:
     mount: MountConfig = field(default_factory=MountConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
     weather: night_sky.WeatherConfig = field(default_factory=night_sky.WeatherConfig)
-    air: night_sky.Atmosphere = field(default_factory=night_sky.Atmosphere)
-    glow: night_sky.Glow = field(default_factory=night_sky.Glow)
     start_deg: tuple[float, float] | None = None
     lost_deg: float = 0.0
     tracking: bool = True
@@ -126,17 +124,10 @@ class PracticeRig:
             start = night_sky.midnight_unix(config.date_unix, config.site)
         self.start_unix = start
         self.clock = night_sky.SimulatedClock(start, config.rate)
-        self.mount = mount_class(config.mount, config.site, self.clock, config.air)
+        self.mount = mount_class(config.mount, config.site, self.clock)
         self.weather = night_sky.Weather(config.weather, start, config.seed)
-        self.camera = SkyCamera(
-            config.camera,
-            catalogue or open_catalogue(),
-            config.site,
-            config.air,
-            config.glow,
-            self.weather,
-            config.seed,
-        )
+        stars = catalogue or open_catalogue()
+        self.camera = SkyCamera(config.camera, stars, config.site, self.weather, config.seed)
         self._rng = np.random.default_rng([config.seed, 3])
         self._lock = threading.RLock()
         self._coming = sorted(config.events, key=lambda event: event.at_s)
@@ -178,7 +169,7 @@ class PracticeRig:
 
     def _truth(self, t: float, camera_axes: Floats) -> MountTruth:
         """The truth of a camera whose ``camera_axes`` (3, 3) takes observed directions to camera axes."""
-        sky = night_sky.LocalSky(self.config.site, t, self.config.air)
+        sky = night_sky.LocalSky(self.config.site, t)
         boresight = sky.from_enu(camera_axes[2])
         # The air squeezes the field, so that right and down turn a little differently: take the mean,
         # as a fit over the whole frame does.

@@ -27,6 +27,7 @@ from kochab.polar.plan import Optics, sweep_path
 from kochab.polar.sighting import Sighting, to_local
 from kochab.polar.tutor import BoltTutor, Instruction, Knob
 from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig
+from kochab.simulate.night_sky import AIR
 from kochab.simulate.rig import PracticeRig, RigConfig, random_place
 from kochab.workflows.polar.align import Alignment, AlignOptions, align
 from kochab.workflows.polar.measure import Sweep, foreseen_arcsec
@@ -62,11 +63,10 @@ class RigSky:
     @property
     def settings(self) -> MeasureSettings:
         """The site, and the air of this night."""
-        air = self.rig.config.air
         return MeasureSettings(
             self.rig.config.site,
             Pole.REFRACTED,
-            Refraction(air.pressure_hpa, air.temperature_c, air.humidity, air.wavelength_um),
+            Refraction(AIR.pressure_hpa, AIR.temperature_c, AIR.humidity, AIR.wavelength_um),
         )
 
     def look(self) -> Sighting:

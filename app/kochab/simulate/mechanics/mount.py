@@ -11,7 +11,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.mechanics.axis import MotorAxis
 from kochab.simulate.mechanics.geometry import MountConfig, Wedge, camera_to_enu
-from kochab.simulate.night_sky import Atmosphere, LocalSky, SimulatedClock, altitude_deg
+from kochab.simulate.night_sky import LocalSky, SimulatedClock, altitude_deg
 
 
 def fold(hour_deg: float, dec_deg: float, flipped: bool, north: bool) -> tuple[float, float]:
@@ -46,15 +46,14 @@ class EquatorialMount:
     in the south. Parked or at home, the weights hang down and the tube looks at the pole: (90, 90), or (90, -90).
     """
 
-    def __init__(self, config: MountConfig, site: Site, clock: SimulatedClock, air: Atmosphere | None = None) -> None:
+    def __init__(self, config: MountConfig, site: Site, clock: SimulatedClock) -> None:
         self.config = config
         self.site = site
         self.clock = clock
-        self.air = air or Atmosphere()
         self._north = site.latitude_deg >= 0.0
         self._lock = threading.RLock()
         t = clock.now_unix()
-        pole = LocalSky(site, t, self.air).pole_enu()
+        pole = LocalSky(site, t).pole_enu()
         self.wedge = Wedge(float(altitude_deg(pole)), self._north, config.misalignment_arcmin, config.bolts)
         self._home_deg = (90.0, 90.0 if self._north else -90.0)
         gears = config.hour_gear, config.dec_gear
@@ -136,8 +135,7 @@ class EquatorialMount:
         """The computer's local sidereal time at ``t`` (unix s), now at None; by its own clock and longitude."""
         believed = Site(self.latitude_deg, self.longitude_deg)
         true = self.clock.now_unix() if t is None else t
-        sky = LocalSky(believed, true + self.config.computer_clock_s, self.air)
-        return math.degrees(sky.sidereal_rad)
+        return math.degrees(LocalSky(believed, true + self.config.computer_clock_s).sidereal_rad)
 
     def believed_deg(self) -> tuple[float, float]:
         """RA in [0, 360) and Dec of date where it believes to point."""
@@ -273,14 +271,9 @@ class EquatorialMount:
             self._tracking = False
             self._parks_at = max(axis.slew(t, angle) for axis, angle in zip(self._axes, self._home_deg, strict=True))
 
-    def unpark(self) -> None:
-        """Be ready to move again; tracking stays off."""
-        with self._lock:
-            self._parked, self._parks_at = False, None
-
     @property
     def parked(self) -> bool:
-        """Whether it has been parked and has arrived; set, it parks or is ready again."""
+        """Whether it has been parked and has arrived; set, it parks or is ready again, tracking off."""
         with self._lock:
             if self._parks_at is not None and self.clock.now_unix() >= self._parks_at:
                 self._parked, self._parks_at = True, None
@@ -290,8 +283,9 @@ class EquatorialMount:
     def parked(self, on: bool) -> None:
         if on:
             self.park()
-        else:
-            self.unpark()
+            return
+        with self._lock:
+            self._parked, self._parks_at = False, None
 
     @property
     def tracking(self) -> bool:
