@@ -3,15 +3,18 @@
 import csv
 import io
 import os
+from itertools import groupby
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import east_north, radec_deg, unit, unit_vectors
+from kochab.core.attitude import east_north, unit
 from kochab.core.frame import Frame
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.atomic_file import write_atomically
+from kochab.frames.sky_grid import grid_lines
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 
 if TYPE_CHECKING:
@@ -65,10 +68,9 @@ def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> 
 _LONGEST_PX = 2400
 _NAMES = 40
 _STAR, _TEXT, _GRID, _NORTH, _EAST = "#35d07f", "#ffd166", "#3f6fb5", "#ff6b6b", "#6bb8ff"
-_STEPS_DEG = (90.0, 45.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, *(1 / n for n in (2, 3, 6, 12, 30, 60, 120, 360)))
 
 
-def annotated_picture(frame: Frame, solution: Solution, grid: bool = True) -> "Image":
+def annotated_picture(frame: Frame, solution: Solution) -> "Image":
     """An RGB picture, thinned to at most 2400 px, with circles, names, grid and compass."""
     from PIL import Image, ImageDraw
 
@@ -79,9 +81,11 @@ def annotated_picture(frame: Frame, solution: Solution, grid: bool = True) -> "I
     picture = Image.fromarray(levels).convert("RGB")
     scale = picture.width / frame.width
     draw = ImageDraw.Draw(picture)
-    if grid:
-        for line in grid_lines(solution):
-            draw.line([(float(x), float(y)) for x, y in (line + 0.5) * scale - 0.5], fill=_GRID)
+    for line in grid_lines(solution, -0.5, -0.5, frame.width - 0.5, frame.height - 0.5):
+        places = ((line.xy + 0.5) * scale - 0.5).tolist()
+        for seen, part in groupby(places, lambda place: isfinite(place[0])):
+            if seen:
+                draw.line([(x, y) for x, y in part], fill=_GRID)
     _draw_stars(draw, solution.stars, scale, picture.size)
     _draw_compass(draw, solution, picture.size)
     return picture
@@ -106,49 +110,6 @@ def _draw_stars(draw: "ImageDraw", stars: tuple[NamedStar, ...], scale: float, s
         if len(taken) < _NAMES and all(apart):
             draw.text(at, text, fill=_TEXT, font=font, anchor=anchor)
             taken.append(box)
-
-
-def grid_lines(solution: Solution) -> list[Floats]:
-    """Lines of equal RA and of equal Dec over the frame, each (N, 2) px, N at least 2.
-
-    The step is the roundest that puts four or so lines of declination into the frame.
-    """
-    camera = solution.camera
-    x, y = np.meshgrid(np.linspace(-0.5, camera.width - 0.5, 25), np.linspace(-0.5, camera.height - 0.5, 25))
-    sky = solution.sky_at(np.stack([x.ravel(), y.ravel()], axis=-1))
-    centre = solution.centre_vector
-    reach = float(np.arccos(np.clip((sky @ centre).min(), -1.0, 1.0)))
-    ra0, dec0 = radec_deg(centre)
-    low, high = max(dec0 - np.degrees(reach), -90.0), min(dec0 + np.degrees(reach), 90.0)
-    step = next((s for s in _STEPS_DEG if (high - low) / s >= 4.0), _STEPS_DEG[-1])
-    polar = max(abs(low), abs(high)) > 89.9
-    narrow = np.cos(np.radians(dec0))
-    ra_reach = 180.0 if polar else float(np.degrees(np.arcsin(min(np.sin(reach) / max(narrow, 1e-9), 1.0))))
-    wanted = step / max(narrow, 0.02)
-    rounded = next((s for s in _STEPS_DEG if s <= wanted), _STEPS_DEG[-1])
-    ra_step = max(min(rounded, 30.0), ra_reach / 60.0)
-    lines = []
-    dec_samples = np.linspace(low, high, 240)
-    for k in range(int(np.ceil((ra0 - ra_reach) / ra_step)), int((ra0 + ra_reach) // ra_step) + 1):
-        if k * ra_step < ra0 - ra_reach + 360.0:  # all the way round once, not twice
-            lines += _inside(solution, unit_vectors(np.full(240, k * ra_step), dec_samples), reach)
-    ra_samples = ra0 + np.linspace(-ra_reach, ra_reach, 480)
-    for k in range(int(np.ceil(low / step)), int(high // step) + 1):
-        lines += _inside(solution, unit_vectors(ra_samples, np.full(480, k * step)), reach)
-    return lines
-
-
-def _inside(solution: Solution, vectors: Floats, reach: float) -> list[Floats]:
-    """The pieces of a line on the sky that lie on the frame."""
-    camera = solution.camera
-    pixels = solution.pixels_of(vectors)
-    # A distorting lens folds what is far outside back in: only what is near may be drawn.
-    near = vectors @ solution.centre_vector > np.cos(min(1.05 * reach, np.pi / 2))
-    with np.errstate(invalid="ignore"):
-        inside = near & ((pixels > -1.0) & (pixels < [camera.width, camera.height])).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
-    pairs = zip(edges[::2], edges[1::2], strict=True)
-    return [pixels[start:end] for start, end in pairs if end - start > 1]
 
 
 def compass(solution: Solution) -> tuple[Floats, Floats]:

@@ -10,8 +10,9 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, 
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
+from kochab.frames.sky_grid import GridLine
 from kochab.window.image.screen_image import LabelSpace, Viewport
-from kochab.window.image.sky_grid import GridLine, label
+from kochab.window.image.sky_grid import label
 from kochab.window.themes import Colours, translucent
 
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii

@@ -9,9 +9,10 @@ from PySide6.QtGui import QPainter
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
+from kochab.frames.sky_grid import GridLine, grid_lines
 from kochab.window.image import marks
 from kochab.window.image.screen_image import LabelSpace, Viewport
-from kochab.window.image.sky_grid import GridLine, grid_lines, paint_compass
+from kochab.window.image.sky_grid import paint_compass
 from kochab.window.themes import theme_colours
 
 MARKS = ("detected", "identified", "names", "grid", "centre", "compass")

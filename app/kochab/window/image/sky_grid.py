@@ -1,108 +1,14 @@
-"""Directions on a solved frame: the RA and Dec grid, and the north and east arrows."""
+"""Directions on a solved frame: what the lines of its grid are called, and the north and east arrows."""
 
-from dataclasses import dataclass, replace
-
-import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit_vectors, wrapped
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
+from kochab.frames.sky_grid import GridLine
 from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.themes import Colours, translucent
-
-DEC_STEPS_DEG = (30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 360)
-_PARTS_OF_AN_HOUR = (1, 2, 3, 6, 12, 30, 60, 120, 180, 360, 720, 1800, 3600)
-RA_STEPS_DEG = (90.0, 45.0, 30.0, *(15.0 / part for part in _PARTS_OF_AN_HOUR))
-POINTS = 65
-WANTED = 6  # lines across the view, about
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GridLine:
-    """One line: ``xy`` (N, 2) image px with NaN where it is out of sight, and its value."""
-
-    kind: str  # "ra" or "dec"
-    value_deg: float
-    step_deg: float
-    xy: Floats
-
-
-def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -> list[GridLine]:
-    """The lines that cross the part (x0, y0)..(x1, y1) of the frame, image px."""
-    camera = solution.camera
-    x0, y0 = max(x0, -0.5), max(y0, -0.5)
-    x1, y1 = min(x1, camera.width - 0.5), min(y1, camera.height - 0.5)
-    if x1 <= x0 or y1 <= y0:
-        return []
-    gx, gy = np.meshgrid(np.linspace(x0, x1, 17), np.linspace(y0, y1, 17))
-    sky = solution.sky_at(np.column_stack([gx.ravel(), gy.ravel()]))
-    middle = sky[len(sky) // 2]
-    reach = float(np.arccos(np.clip((sky @ middle).min(), -1.0, 1.0)))
-    dec0, dec1, ra0, ra1 = _bounds(sky, middle, reach)
-    size = min(np.degrees(reach) * 1.4, 180.0)
-    dec_step = _step(DEC_STEPS_DEG, size / WANTED)
-    shrink = max(float(np.cos(np.radians((dec0 + dec1) / 2.0))), 0.01)
-    # Near a pole meridians crowd: the step leaves at most a dozen lines over the view.
-    ra_step = _step(RA_STEPS_DEG, max(size / WANTED / shrink, (ra1 - ra0) / 12.0))
-    near = np.cos(min(reach * 1.15 + 1e-6, np.pi))
-    lines: list[GridLine] = []
-    for value in _multiples(dec0, dec1, dec_step):
-        ra = np.linspace(ra0, ra1, POINTS if ra1 - ra0 < 180 else 4 * POINTS)
-        lines.append(_line("dec", value, dec_step, ra, value))
-    for value in _multiples(ra0, ra1, ra_step):
-        if ra1 - ra0 >= 360.0 and value >= ra0 + 360.0 - 1e-9:
-            continue
-        top = min(90.0 - dec_step / 2, dec1) if dec1 > 90.0 - 1e-6 else dec1
-        low = max(-90.0 + dec_step / 2, dec0) if dec0 < -90.0 + 1e-6 else dec0
-        lines.append(_line("ra", value % 360.0, ra_step, value, np.linspace(low, top, POINTS)))
-    drawn = _projected(solution, lines, middle, near)
-    return [line for line in drawn if np.isfinite(line.xy).all(axis=1).sum() > 1]
-
-
-def _bounds(sky: Floats, middle: Floats, reach: float) -> tuple[float, float, float, float]:
-    """(dec0, dec1, ra0, ra1), degrees, that hold the view; all RA when a pole is in it."""
-    dec = np.degrees(np.arcsin(np.clip(sky[:, 2], -1, 1)))
-    dec0, dec1 = float(dec.min()), float(dec.max())
-    middle_dec = float(np.arcsin(np.clip(middle[2], -1, 1)))
-    if abs(middle_dec) + reach >= np.pi / 2:
-        if middle_dec > 0:
-            dec1 = 90.0
-        else:
-            dec0 = -90.0
-        return dec0, dec1, 0.0, 360.0
-    ra_mid = np.degrees(np.arctan2(middle[1], middle[0]))
-    ra = np.degrees(np.arctan2(sky[:, 1], sky[:, 0]))
-    away = wrapped(ra - ra_mid)
-    return dec0, dec1, float(ra_mid + away.min()), float(ra_mid + away.max())
-
-
-def _step(steps: tuple[float, ...], wanted: float) -> float:
-    return min(steps, key=lambda s: abs(np.log(s / max(wanted, 1e-6))))
-
-
-def _multiples(low: float, high: float, step: float) -> list[float]:
-    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
-    return [i * step for i in range(first, min(last, first + 200) + 1) if abs(i * step) <= 720.0]
-
-
-def _line(kind: str, value: float, step: float, ra: Floats | float, dec: Floats | float) -> GridLine:
-    """One line whose ``xy`` are still (RA, Dec), degrees."""
-    return GridLine(kind, value, step, np.stack(np.broadcast_arrays(ra, dec), axis=-1))
-
-
-def _projected(solution: Solution, lines: list[GridLine], middle: Floats, near: float) -> list[GridLine]:
-    """The lines in image px, all at once: a live camera wants them several times a second."""
-    if not lines:
-        return []
-    ra, dec = np.concatenate([line.xy for line in lines]).T
-    vectors = unit_vectors(ra, dec)
-    xy = solution.pixels_of(vectors)
-    xy[vectors @ middle < near] = np.nan  # a distortion polynomial folds far outside the frame
-    ends = np.cumsum([len(line.xy) for line in lines])[:-1]
-    return [replace(line, xy=part) for line, part in zip(lines, np.split(xy, ends), strict=True)]
 
 
 def label(line: GridLine) -> str:

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kochab.core.attitude import attitude_from, radec_deg
+from kochab.core.camera import Camera
+from kochab.core.solution import Solution
+from kochab.frames.sky_grid import grid_lines
+
+
+def solution_at(ra, dec, roll=0.0, fov=12.0):
+    camera = Camera.centred(600, 400, 300.0 / np.tan(np.radians(fov) / 2.0), False)
+    return Solution(camera, attitude_from(ra, dec, roll), (), 0.2, -30.0, "test")
+
+
+@settings(max_examples=40)
+@given(st.floats(0, 360), st.floats(-90, 90), st.floats(-180, 180), st.sampled_from([0.8, 5, 40, 90]))
+def test_every_point_of_a_line_has_the_lines_value(ra, dec, roll, fov):
+    solution = solution_at(ra, dec, roll, fov)
+    lines = grid_lines(solution, -0.5, -0.5, 599.5, 399.5)
+    assert {line.kind for line in lines} == {"ra", "dec"}
+    assert len(lines) < 60
+    for line in lines:
+        on = line.xy[np.isfinite(line.xy).all(axis=1)]
+        sky = [radec_deg(v) for v in solution.sky_at(on)]
+        values = np.array([p[0] if line.kind == "ra" else p[1] for p in sky])
+        away = (values - line.value_deg + 180.0) % 360.0 - 180.0
+        # Near the pole a meridian's points differ in RA by next to nothing on the sky.
+        shrink = np.cos(np.radians([p[1] for p in sky])) if line.kind == "ra" else 1.0
+        assert np.abs(away * shrink).max() < 1e-6
+
+
+def test_a_field_across_zero_hours_has_lines_on_both_sides():
+    values = [x.value_deg for x in grid_lines(solution_at(0.0, 10.0), 0, 0, 599, 399) if x.kind == "ra"]
+    assert any(v > 350 for v in values)
+    assert any(v < 10 for v in values)
+
+
+@pytest.mark.parametrize("dec", [90.0, -90.0, 88.0])
+def test_the_pole_has_meridians_all_round(dec):
+    ra = sorted(x.value_deg for x in grid_lines(solution_at(10.0, dec), 0, 0, 599, 399) if x.kind == "ra")
+    assert len(ra) >= 6
+    assert np.diff([*ra, ra[0] + 360]).max() < 70
+
+
+def test_a_view_beside_the_frame_has_no_lines():
+    assert grid_lines(solution_at(84, 0), 700, 500, 900, 800) == []
+
+
+def test_zooming_in_makes_finer_lines():
+    solution = solution_at(84.0, -1.0)
+    wide = grid_lines(solution, 0, 0, 599, 399)
+    near = grid_lines(solution, 290, 190, 310, 205)
+    assert min(x.step_deg for x in near) < min(x.step_deg for x in wide) / 5
