@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from kochab.core.frame import Site
 from kochab.polar.error import (
+    Knob,
     PolarError,
     altitude_in_words,
     angle_in_words,
@@ -19,7 +20,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.horizon import pole_direction
 from kochab.polar.rotations import ARCSEC, alt_az, direction
-from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Bolt, BoltTutor, Knob, TutorStep
+from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Bolt, BoltTutor, TutorStep
 
 
 def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):

@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +12,13 @@ from kochab.core.attitude import angle_between
 from kochab.polar.rotations import ARCSEC, alt_az, wrapped_rad
 
 CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
+
+
+class Knob(StrEnum):
+    """The two ways a polar axis is moved."""
+
+    ALTITUDE = "altitude"
+    AZIMUTH = "azimuth"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +66,14 @@ class PolarError:
     def sigma_azimuth_arcsec(self) -> float:
         """One-sigma error of the knob's azimuth, not shortened."""
         return self.sigma_arcsec[1] / max(float(np.cos(alt_az(self.axis)[0])), 1e-6)
+
+    def knob_arcsec(self, knob: Knob) -> float:
+        """What a knob has to take away: altitude, or azimuth as the knob turns."""
+        return self.altitude_arcsec if knob is Knob.ALTITUDE else self.azimuth_arcsec
+
+    def knob_sigma_arcsec(self, knob: Knob) -> float:
+        """One-sigma error of the same."""
+        return self.sigma_arcsec[0] if knob is Knob.ALTITUDE else self.sigma_azimuth_arcsec
 
     @property
     def uncertainty_arcsec(self) -> float:
@@ -173,19 +190,44 @@ def split_in_words(error: PolarError) -> str:
     return f"{angle_in_words(noise)} measurement, {angle_in_words(flexure)} possible flexure"
 
 
+class Cure(NamedTuple):
+    """What takes an error away: in one word, as a sign, and as the way that holds from every side of the mount."""
+
+    word: str
+    sign: str
+    way: str
+
+
+CURES = {  # of a negative and of a positive error
+    Knob.ALTITUDE: (Cure("raise", "▲", "raise the axis"), Cure("lower", "▼", "lower the axis")),
+    Knob.AZIMUTH: (
+        Cure("clockwise", "↻", "clockwise, seen from above"),
+        Cure("anticlockwise", "↺", "anticlockwise, seen from above"),
+    ),
+}
+
+
+def cure(error: PolarError, knob: Knob) -> Cure:
+    """Which way to turn."""
+    return CURES[knob][error.knob_arcsec(knob) > 0]
+
+
+def knob_in_words(error: PolarError, knob: Knob) -> str:
+    """The error at a knob, without sign, with one sigma, flexure included."""
+    sigma = error.with_flexure.knob_sigma_arcsec(knob)
+    return f"{angle_in_words(error.knob_arcsec(knob))} ± {angle_in_words(sigma)}"
+
+
 def altitude_in_words(error: PolarError) -> str:
-    """What has to be done in altitude, with one sigma, flexure included."""
-    value = error.altitude_arcsec
-    size = f"{angle_in_words(value)} ± {angle_in_words(error.with_flexure.sigma_arcsec[0])}"
-    return f"{size} too {'high: lower' if value > 0 else 'low: raise'} the axis"
+    """What has to be done in altitude."""
+    side = "high" if error.altitude_arcsec > 0 else "low"
+    return f"{knob_in_words(error, Knob.ALTITUDE)} too {side}: {cure(error, Knob.ALTITUDE).way}"
 
 
 def azimuth_in_words(error: PolarError) -> str:
-    """What has to be done in azimuth, with one sigma, seen from above: true from every side."""
-    value = error.azimuth_arcsec
-    size = f"{angle_in_words(value)} ± {angle_in_words(error.with_flexure.sigma_azimuth_arcsec)}"
-    turn = "anticlockwise" if value > 0 else "clockwise"
-    return f"{size} too far {towards(error)}: rotate the mount {turn}, seen from above"
+    """What has to be done in azimuth."""
+    way = f"rotate the mount {cure(error, Knob.AZIMUTH).way}"
+    return f"{knob_in_words(error, Knob.AZIMUTH)} too far {towards(error)}: {way}"
 
 
 def towards(error: PolarError) -> str:

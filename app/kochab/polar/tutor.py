@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.polar.error import FINEST_DEG, PolarError, angle_in_words, rotation_in_words, sayable, turns_in_words
+from kochab.polar.error import FINEST_DEG, Knob, PolarError, angle_in_words, rotation_in_words, sayable, turns_in_words
 
 # -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
 
@@ -20,13 +20,6 @@ SHARE_OF_BACKLASH = 0.8  # it is better to stop short and go on than to come bac
 MOST_BACKLASH_TURNS = 0.5
 
 TELLING_TURNS = 10.0 / 360.0  # a hand is a degree off in any turn: less than this says little about the thread
-
-
-class Knob(StrEnum):
-    """The two ways a polar axis is moved."""
-
-    ALTITUDE = "altitude"
-    AZIMUTH = "azimuth"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +158,7 @@ class BoltTutor:
         bolt, tolerance = self.bolts[knob], self.tolerance_arcsec(error, knob)
         if bolt.arcsec_a_turn is None or not bolt.direction:
             return tolerance
-        sign = float(np.sign(-_knob_arcsec(error, knob) / bolt.arcsec_a_turn))
+        sign = float(np.sign(-error.knob_arcsec(knob) / bolt.arcsec_a_turn))
         back = sign == -bolt.direction and self._last != (knob, sign)  # else it is on its way
         hand = HALF_A_HAND * abs(bolt.arcsec_a_turn) * FINEST_DEG / 360.0 * _sky_share(error, knob)
         return float(np.clip(hand, tolerance * (NOT_WORTH_IT if back else 1.0), WIDEST * tolerance))
@@ -174,13 +167,13 @@ class BoltTutor:
         done, before = self._pending, self._before
         if done is None or done.knob is None or before is None:
             return
-        change = _knob_arcsec(error, done.knob) - _knob_arcsec(before, done.knob)
+        change = error.knob_arcsec(done.knob) - before.knob_arcsec(done.knob)
         noise = noise_arcsec[done.knob is Knob.AZIMUTH] / _sky_share(error, done.knob)
         if turns := done.turns if turned is None else turned:
             self.bolts[done.knob] = self.bolts[done.knob].learned(turns, change, float(np.sqrt(2.0) * noise))
 
     def _next(self, error: PolarError) -> Instruction:
-        off = {knob: abs(_knob_arcsec(error, knob)) * _sky_share(error, knob) for knob in Knob}
+        off = {knob: abs(error.knob_arcsec(knob)) * _sky_share(error, knob) for knob in Knob}
         open_ = [k for k in Knob if off[k] > self._limit(error, k)]
         if not open_ or error.total_arcsec <= self.goal_arcsec:
             return _stop(error, self.goal_arcsec)
@@ -190,7 +183,7 @@ class BoltTutor:
         last = self._last[0]
         if last is None or last in open_:
             return chosen
-        good = f"{last.capitalize()} is good ({angle_in_words(_knob_arcsec(error, last))})."
+        good = f"{last.capitalize()} is good ({angle_in_words(error.knob_arcsec(last))})."
         return replace(chosen, words=f"{good} Now {chosen.knob}. {chosen.words}")
 
     def _chosen(self, open_: list[Knob], off: dict[Knob, float], error: PolarError) -> Instruction:
@@ -211,7 +204,7 @@ class BoltTutor:
         return self._last == (offer.knob, float(np.sign(offer.turns)))
 
     def _instruction(self, knob: Knob, off_arcsec: float, error: PolarError) -> Instruction:
-        bolt, value = self.bolts[knob], _knob_arcsec(error, knob)
+        bolt, value = self.bolts[knob], error.knob_arcsec(knob)
         if bolt.arcsec_a_turn is None:
             turns = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC] * (bolt.direction or 1)
             words = f"Test: turn the {bolt.name} {turns_in_words(turns)} {rotation_in_words(turns)}, then let go."
@@ -229,11 +222,6 @@ class BoltTutor:
             f"{' (backlash included)' * bool(reverses)}. {angle_in_words(value)} to go."
         )
         return Instruction(TutorStep.TURN, words, bolt.name, knob, turns)
-
-
-def _knob_arcsec(error: PolarError, knob: Knob) -> float:
-    """The error a knob has to take away: altitude, or azimuth as the knob turns."""
-    return error.altitude_arcsec if knob is Knob.ALTITUDE else error.azimuth_arcsec
 
 
 def _sky_share(error: PolarError, knob: Knob) -> float:

@@ -16,7 +16,7 @@ from http import HTTPStatus
 from typing import Any
 
 from kochab.core.errors import PortError
-from kochab.polar.error import PolarError, angle_in_words
+from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 
 PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width,initial-scale=1">
@@ -198,20 +198,17 @@ def local_address() -> str:
 
 
 def _error_json(error: PolarError) -> dict[str, Any]:
-    """The error as the page's words, and as numbers for programs that read its JSON.
-
-    Arrows hold from every side of the mount: up and down for the axis, and the sense of rotation,
-    seen from above, for the azimuth.
-    """
-    altitude, azimuth = error.altitude_arcsec, error.azimuth_arcsec
+    """The error as the page's words, and as numbers for programs that read its JSON."""
     sigma = error.with_flexure
-    return {
+    words = {
+        knob.value: f"{(way := cure(error, knob)).sign} {way.word} {angle_in_words(error.knob_arcsec(knob))}"
+        for knob in Knob
+    }
+    return words | {
         "total": angle_in_words(error.total_arcsec),
         "sigma": f"± {angle_in_words(sigma.sigma_total_arcsec)}",
-        "altitude": f"{'▼ lower' if altitude > 0 else '▲ raise'} {angle_in_words(altitude)}",
-        "azimuth": f"{'↺ anticlockwise' if azimuth > 0 else '↻ clockwise'} {angle_in_words(azimuth)}",
-        "altitude_error_arcsec": altitude,
-        "azimuth_error_arcsec": azimuth,
+        "altitude_error_arcsec": error.altitude_arcsec,
+        "azimuth_error_arcsec": error.azimuth_arcsec,
         "total_arcsec": error.total_arcsec,
         "sigma_arcsec": list(sigma.sigma_arcsec),
     }

@@ -18,7 +18,7 @@ from kochab.gear.mount_events import (
     OrderProgress,
     PositionReport,
 )
-from kochab.polar.tutor import Knob
+from kochab.polar.error import Knob
 from kochab.window.mount.connection import MountTask
 from kochab.window.mount.status import MountStatus, mount_status_text
 from kochab.window.polar.alignment_run import OTHER_SKY, mount_is_still

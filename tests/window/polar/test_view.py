@@ -15,6 +15,7 @@ from kochab.core.mount import Ability, Direction
 from kochab.core.progress import run
 from kochab.frames.fits_write import write_fits
 from kochab.gear.session import CameraSelection
+from kochab.polar.error import Knob
 from kochab.polar.horizon import Pole
 from kochab.polar.report import History
 from kochab.server.phone_page import PhonePage
@@ -207,8 +208,9 @@ def test_files_are_measured(polar, frames):
     drive(view)
     assert view.state.stage == "done", view.message.text()
     assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
-    assert view.page.numbers.altitude.text().startswith("+20.0′")
-    assert "lower" in view.page.numbers.altitude_cure.text()
+    value, way = view.page.numbers.knobs[Knob.ALTITUDE]
+    assert value.text().startswith("+20.0′")
+    assert way.text() == "▼ lower the axis"
     assert "Refracted pole" in view.page.pole.text()
     assert view.state.findings
     assert view.page.numbers.findings.text().startswith("⚠ ")

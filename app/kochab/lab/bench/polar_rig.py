@@ -20,12 +20,12 @@ from kochab.core.mount import Direction
 from kochab.core.progress import Progress, Task
 from kochab.core.progress import run as run_task
 from kochab.core.solution import NoSolution
-from kochab.polar.error import PolarError
+from kochab.polar.error import Knob, PolarError
 from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.plan import Optics, sweep_path
 from kochab.polar.sighting import Sighting, to_local
-from kochab.polar.tutor import BoltTutor, Instruction, Knob
+from kochab.polar.tutor import BoltTutor, Instruction
 from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig
 from kochab.simulate.night_sky import AIR
 from kochab.simulate.rig import PracticeRig, RigConfig, random_place

@@ -8,10 +8,12 @@ from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
 
 from kochab.core.angle_text import round_angle_text
 from kochab.polar.error import (
+    Knob,
     PolarError,
     altitude_in_words,
-    angle_in_words,
     azimuth_in_words,
+    cure,
+    knob_in_words,
     split_in_words,
     total_in_words,
 )
@@ -136,9 +138,8 @@ class Numbers(QWidget):
         self.total.setProperty("role", "title")
         self.split = label("", "muted", wrap=True)
         self.split.setAccessibleName("Parts of the uncertainty")
-        self.altitude, self.altitude_cure = value_label("Altitude error"), label("", "", wrap=True)
-        self.azimuth, self.azimuth_cure = value_label("Azimuth error"), label("", "", wrap=True)
-        for value in (self.altitude, self.azimuth):
+        self.knobs = {knob: (value_label(f"{knob.capitalize()} error"), label("", "", wrap=True)) for knob in Knob}
+        for value, _ in self.knobs.values():
             value.setProperty("role", "value")
         self.age = label("", "muted", wrap=True)
         self.more = label("", "", wrap=True)
@@ -154,11 +155,10 @@ class Numbers(QWidget):
         grid = QGridLayout(box)
         grid.addWidget(self.total, 0, 0, 1, 2)
         grid.addWidget(self.split, 1, 0, 1, 2)
-        parts = (2, "Altitude", self.altitude, self.altitude_cure), (4, "Azimuth", self.azimuth, self.azimuth_cure)
-        for line, name, value, cure in parts:
-            grid.addWidget(label(name, "muted"), line, 0)
-            grid.addWidget(value, line, 1)
-            grid.addWidget(cure, line + 1, 0, 1, 2)
+        for line, (knob, (value, way)) in enumerate(self.knobs.items(), 1):
+            grid.addWidget(label(knob.capitalize(), "muted"), 2 * line, 0)
+            grid.addWidget(value, 2 * line, 1)
+            grid.addWidget(way, 2 * line + 1, 0, 1, 2)
         grid.setColumnStretch(1, 1)
         age = row(self.spinner, (self.age, 1))
         column(box, age, self.reminder, self.more, self.findings, None, on=self, margins=(0, 0, 0, 0))
@@ -166,16 +166,11 @@ class Numbers(QWidget):
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         error, old = state.error, state.old(now_s)
-        for shown, text_of, without in (
-            (self.total, total_in_words, NONE),
-            (self.split, split_text, ""),
-            (self.altitude, altitude_text, NONE),
-            (self.altitude_cure, altitude_cure, ""),
-            (self.azimuth, azimuth_text, NONE),
-            (self.azimuth_cure, azimuth_cure, ""),
-        ):
-            shown.setText(without if error is None else text_of(error))
-        self.split.setVisible(error is not None)
+        self.total.setText(NONE if error is None else total_in_words(error))
+        show_text(self.split, "" if error is None else f"Uncertainty: {split_in_words(error)}.")
+        for knob, (value, way) in self.knobs.items():
+            value.setText(NONE if error is None else signed_text(error, knob))
+            way.setText("" if error is None else f"{cure(error, knob).sign} {cure(error, knob).way}")
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
         self.spinner.wheel.turn(old or (state.running and state.stage != "adjust"))
@@ -185,34 +180,9 @@ class Numbers(QWidget):
         show_text(self.findings, "\n".join(f"⚠ {finding.text}" for finding in state.findings))
 
 
-def split_text(error: PolarError) -> str:
-    """What the ± is made of."""
-    return f"Uncertainty: {split_in_words(error)}."
-
-
-def altitude_text(error: PolarError) -> str:
-    """Signed: positive is too high."""
-    return _signed(error.altitude_arcsec, error.with_flexure.sigma_arcsec[0])
-
-
-def azimuth_text(error: PolarError) -> str:
-    """Signed, at the knob: positive is too far clockwise."""
-    return _signed(error.azimuth_arcsec, error.with_flexure.sigma_azimuth_arcsec)
-
-
-def _signed(arcsec: float, sigma_arcsec: float) -> str:
-    return f"{'+' if arcsec >= 0 else '−'}{angle_in_words(arcsec)} ± {angle_in_words(sigma_arcsec)}"
-
-
-def altitude_cure(error: PolarError) -> str:
-    """Which way to turn in altitude."""
-    return "▼ lower the axis" if error.altitude_arcsec > 0 else "▲ raise the axis"
-
-
-def azimuth_cure(error: PolarError) -> str:
-    """Which way to turn in azimuth, true from every side."""
-    way = "↺ anticlockwise" if error.azimuth_arcsec > 0 else "↻ clockwise"
-    return f"{way}, seen from above"
+def signed_text(error: PolarError, knob: Knob) -> str:
+    """The error at a knob: positive is too high, or too far clockwise."""
+    return f"{'+' if error.knob_arcsec(knob) >= 0 else '−'}{knob_in_words(error, knob)}"
 
 
 def more_text(state: AlignmentState) -> str:

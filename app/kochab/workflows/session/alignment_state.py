@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 from kochab.core.progress import Progress
-from kochab.polar.error import PolarError
+from kochab.polar.error import Knob, PolarError
 from kochab.polar.measure import PolarFinding
-from kochab.polar.tutor import Instruction, Knob, TutorStep
+from kochab.polar.tutor import Instruction, TutorStep
 from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
 
 OLD_S = 6.0
