@@ -9,8 +9,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPainterPath, QPalette, QPen, QPixmap
+from PySide6.QtCore import QByteArray, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPalette, QPixmap
+from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QApplication
 
 from kochab.core import data_folder
@@ -60,34 +61,21 @@ def theme_colours() -> Colours:
     return THEMES[(app.property(_CURRENT) if app is not None else None) or "dark"]
 
 
-# Each glyph on a 24 x 24 grid: "M x y" and "L x y" strokes, "O x y r" circles, "." is a dot.
-GLYPHS: dict[str, str] = {
-    "open": "M3 19 L3 6 L9 6 L11 8 L20 8 L20 19 L3 19 M3 12 L20 12",
-    "solve": "O12 12 7 M12 2 L12 8 M12 16 L12 22 M2 12 L8 12 M16 12 L22 12",
-    "cancel": "M5 5 L19 19 M19 5 L5 19",
-    "fit": "M3 9 L3 3 L9 3 M15 3 L21 3 L21 9 M21 15 L21 21 L15 21 M9 21 L3 21 L3 15",
-    "one": "M4 8 L7 5 L7 19 M16 8 L19 5 L19 19 .12 9 .12 15",
-    "in": "O10 10 6 M15 15 L21 21 M10 7 L10 13 M7 10 L13 10",
-    "out": "O10 10 6 M15 15 L21 21 M7 10 L13 10",
-    "stretch": "M3 20 L6 18 L9 6 L11 4 L13 10 L16 17 L21 20 M3 21 L21 21",
-    "colour": "O9 9 5.5 O15 9 5.5 O12 15 5.5",
-    "detected": "O8 8 4 O17 16 3 O18 6 2 .8 8 .17 16 .6 18",
-    "identified": "O12 12 6 M12 2 L12 6 M12 18 L12 22 M2 12 L6 12 M18 12 L22 12 .12 12",
-    "names": "M4 19 L9 5 L14 19 M6 14 L12 14 M16 19 L20 19 M16 15 L21 15",
-    "grid": "M3 8 L21 6 M3 14 L21 12 M3 20 L21 18 M8 3 L6 21 M14 3 L13 21 M20 3 L20 21",
-    "centre": "M12 3 L12 10 M12 14 L12 21 M3 12 L10 12 M14 12 L21 12",
-    "compass": "M12 21 L12 4 M8 8 L12 3 L16 8 M12 21 L20 21",
-    "night": "M14 3 L10 5 L7 9 L7 14 L10 18 L14 20 L18 19 L20 17 L16 16 L13 13 L12 8 L14 3",
-    "copy": "M9 9 L20 9 L20 20 L9 20 L9 9 M6 15 L4 15 L4 4 L15 4 L15 6",
-    "check": "M4 12 L10 18 L20 6",
-    "tick": "M5 12 L10 17 L19 7",
-    "right": "M8 4 L16 12 L8 20",
-    "down": "M4 8 L12 16 L20 8",
-    "up": "M4 16 L12 8 L20 16",
-    "close": "M6 6 L18 18 M18 6 L6 18",
-    "float": "M5 9 L5 19 L15 19 L15 9 L5 9 M9 9 L9 5 L19 5 L19 15 L15 15",
-}
-BOLD = {"check", "tick", "right", "down", "up"}
+@cache
+def glyphs(colour: str) -> QSvgRenderer:
+    """The drawings of ``resources/glyphs.svg`` in a colour."""
+    drawn = (data_folder("resources") / "glyphs.svg").read_text(encoding="utf-8").replace("currentColor", colour)
+    return QSvgRenderer(QByteArray(drawn.encode()))
+
+
+def draw_glyph(painter: QPainter, name: str, colour: str, box: QRectF) -> None:
+    """Draw one glyph in a square box."""
+    painter.save()
+    painter.translate(box.topLeft())
+    painter.scale(box.width() / 24.0, box.height() / 24.0)
+    drawings = glyphs(colour)
+    drawings.render(painter, name, drawings.boundsOnElement(name))
+    painter.restore()
 
 
 def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
@@ -95,15 +83,7 @@ def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
     picture = QPixmap(round(size * ratio), round(size * ratio))
     picture.fill(Qt.GlobalColor.transparent)
     painter = QPainter(picture)
-    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-    painter.scale(picture.width() / 24.0, picture.height() / 24.0)
-    width, round_cap, round_join = 3.2 if name in BOLD else 1.7, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin
-    painter.setPen(QPen(QColor(colour), width, Qt.PenStyle.SolidLine, round_cap, round_join))
-    path, dots = _parse(GLYPHS[name])
-    painter.drawPath(path)
-    painter.setBrush(QColor(colour))
-    for dot in dots:
-        painter.drawEllipse(dot, 0.7, 0.7)
+    draw_glyph(painter, name, colour, QRectF(picture.rect()))
     painter.end()
     picture.setDevicePixelRatio(ratio)
     return picture
@@ -135,22 +115,6 @@ def write_glyphs(theme: str, text: str, on_accent: str) -> str:
         pixmap(name, colour, 16).save(str(folder / f"{name}.png"))
         pixmap(name, colour, 16, 2.0).save(str(folder / f"{name}@2x.png"))
     return folder.as_posix()
-
-
-def _parse(text: str) -> tuple[QPainterPath, list[QPointF]]:
-    path, dots, words = QPainterPath(), [], text.split()
-    for i, word in enumerate(words):
-        kind, first = word[0], word[1:]
-        if kind == "M":
-            path.moveTo(float(first), float(words[i + 1]))
-        elif kind == "L":
-            path.lineTo(float(first), float(words[i + 1]))
-        elif kind == "O":
-            x, y, r = float(first), float(words[i + 1]), float(words[i + 2])
-            path.addEllipse(QRectF(x - r, y - r, 2 * r, 2 * r))
-        elif kind == ".":
-            dots.append(QPointF(float(first), float(words[i + 1])))
-    return path, dots
 
 
 TEXT_SIZES = {"small": 0.9, "normal": 1.0, "large": 1.25, "huge": 1.6}

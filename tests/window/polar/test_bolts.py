@@ -6,9 +6,10 @@ from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QFontMetricsF, QImage, QPainter
 
 from kochab.core.mount import Direction
-from kochab.polar.tutor import Knob
-from kochab.window.polar.bolts_painting import digit_font, draw_arrow
+from kochab.polar.error import Knob
+from kochab.window.polar.bolts_painting import digit_font
 from kochab.window.polar.bolts_view import KEYS, TURNING, BoltsView
+from kochab.window.themes import draw_glyph
 from kochab.workflows.polar.update import TurnInstruction
 from kochab.workflows.session.alignment_state import AlignmentState
 from tests.window.polar_cases import adjusting
@@ -24,26 +25,31 @@ def bolts(qtbot):
     return view
 
 
-def shape(knob, positive, side=200):
+def shape(altitude_arcsec, azimuth_arcsec, side=200):
+    """What the view draws beside the digits of the larger error."""
+    view = BoltsView()
+    view.show_state(adjusting(altitude_arcsec, azimuth_arcsec), 0.0)
     image = QImage(side, side, QImage.Format.Format_Grayscale8)
     image.fill(0)
     painter = QPainter(image)
-    draw_arrow(painter, QRectF(0, 0, side, side), knob, positive, Qt.GlobalColor.white)
+    draw_glyph(painter, view.face.shape, "#ffffff", QRectF(0, 0, side, side))
     painter.end()
     bits = np.frombuffer(image.constBits(), np.uint8).reshape(side, image.bytesPerLine())
     return bits[:, :side].astype(float)
 
 
+@pytest.mark.usefixtures("qapp")
 def test_too_high_points_down_and_too_low_up():
-    down, up = shape(Knob.ALTITUDE, True), shape(Knob.ALTITUDE, False)
+    down, up = shape(900.0, 10.0), shape(-900.0, 10.0)
     wide = lambda image: (image > 128).sum(axis=1)  # noqa: E731
     # The head is the widest row: it is nearer to where the arrow points.
     assert wide(down).argmax() > 100 > wide(up).argmax()
     assert np.abs(down - up[::-1]).mean() < 3.0
 
 
+@pytest.mark.usefixtures("qapp")
 def test_the_turning_arrows_are_mirrors_with_their_heads_at_the_top():
-    clockwise, anti = shape(Knob.AZIMUTH, False), shape(Knob.AZIMUTH, True)
+    clockwise, anti = shape(10.0, -900.0), shape(10.0, 900.0)
     assert np.abs(clockwise - anti[:, ::-1]).mean() < 8.0
     assert np.abs(clockwise - anti).mean() > 10.0
     # Clockwise goes over the right, down and up again on the left: its head is at the upper left.
@@ -77,7 +83,7 @@ def test_words_and_arrows_say_the_same(bolts):
     bolts.show_state(adjusting(-900.0, 10.0), 0.0)
     assert bolts.way() == "raise the axis"
     bolts.show_state(adjusting(10.0, 900.0), 0.0)
-    assert bolts.way() == "anticlockwise, from above"
+    assert bolts.way() == "anticlockwise, seen from above"
     assert "anticlockwise" in bolts.accessibleDescription()
     assert "azimuth bolt" in bolts.accessibleDescription()
 

@@ -8,8 +8,7 @@ from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
-from kochab.polar.error import PolarError, angle_in_words, total_in_words
-from kochab.polar.tutor import Knob
+from kochab.polar.error import Knob, angle_in_words, cure, total_in_words
 from kochab.window.polar.bolts_painting import Face, Wheel, paint_face
 from kochab.window.themes import theme_colours
 from kochab.workflows.session.alignment_state import AlignmentState
@@ -64,17 +63,14 @@ class BoltsView(QWidget):
         error = self.state.error
         if error is None:
             return "–"
-        return angle_in_words(error.total_arcsec if self._over else _of(error, self.knob))
+        return angle_in_words(error.total_arcsec if self._over else error.knob_arcsec(self.knob))
 
     def way(self) -> str:
         """The arrow in words."""
         error = self.state.error
         if error is None or self._over:
             return ""
-        positive = _of(error, self.knob) > 0
-        if self.knob is Knob.ALTITUDE:
-            return "lower the axis" if positive else "raise the axis"
-        return f"{'anticlockwise' if positive else 'clockwise'}, from above"
+        return cure(error, self.knob).way
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         key = Qt.Key
@@ -109,7 +105,7 @@ class BoltsView(QWidget):
         title = "Polar alignment" if error is None else self.knob.value.capitalize()
         old = f"OLD: {state.detail or 'wait for a new frame'}"
         keys = TURNING if state.mount_turns else KEYS
-        shape = "" if error is None else "done" if self._over else "arrow"
+        shape = "" if error is None else "done" if self._over else cure(error, self.knob).word
         return Face(
             "Total" if self._over else title,
             "" if error is None else f"total {total_in_words(error)}",
@@ -118,16 +114,10 @@ class BoltsView(QWidget):
             state.words or "Start an alignment first.",
             f"{keys}    ({self.sounding})" if self.sounding else keys,
             "wheel" if self._waiting else shape,
-            self.knob,
-            error is not None and _of(error, self.knob) > 0,
             self.old,
         )
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        paint_face(painter, QRectF(self.rect()), self.face, self.font(), theme_colours(), self._wheel.angle_deg)
+        paint_face(painter, QRectF(self.rect()), self.face, self.font(), theme_colours())
         painter.end()
-
-
-def _of(error: PolarError, knob: Knob) -> float:
-    return error.altitude_arcsec if knob is Knob.ALTITUDE else error.azimuth_arcsec

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMainWindow, QMenu, QToolBar
 
 from kochab.core.angle_text import short_name
 from kochab.window.image.overlay import MARKS
-from kochab.window.themes import GLYPHS, TEXT_SIZES, THEME_TITLES, Colours, icon
+from kochab.window.themes import TEXT_SIZES, THEME_TITLES, Colours, glyphs, icon
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def make_actions(window: QMainWindow) -> Actions:
 def colour_icons(actions: Actions, colours: Colours) -> None:
     """Draw the icons in the theme's colours."""
     for name, action in actions.items():
-        if name in GLYPHS:
+        if glyphs(colours.text).elementExists(name):
             action.setIcon(icon(name, colours.text, colours.faint))
 
 
