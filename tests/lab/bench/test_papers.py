@@ -56,7 +56,7 @@ def test_the_error_of_a_share_is_that_of_both_samples() -> None:
 
 
 def row(table, what, ours, default=None, **given):
-    return Published(f"a row | {table} | {what}").row("a row", ours, default, **given)
+    return Published({"a row": {"table": table, "what": what}}).row("a row", ours, default, **given)
 
 
 def test_everything_is_one_markdown_and_one_json(monkeypatch) -> None:

@@ -6,12 +6,14 @@ from the printed seed, and the default method sees the very same ones.
 
 import math
 import time
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from typing import Any, Literal
 
+from kochab.core import data_folder
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Solution
@@ -29,24 +31,27 @@ EVEN = "equal within the error, paired"
 
 
 class Published:
-    """A paper's numbers as text, a row a line; :meth:`row` puts ours beside one of them.
+    """What a paper prints; :meth:`row` puts a number of ours beside one of its ``rows``.
 
-    A line is ``key | table | what | unit | paper | error | better | note``; what is empty may be left out, and an
-    indented line goes on with the one before. ``table`` is the paper's table or figure, ``paper`` its number,
+    A row has what differs from ``EMPTY``: ``table`` is the paper's table or figure, ``paper`` its number,
     ``error`` how far ours may be from it to agree (the paper's statistical error, or half of its last digit),
     ``better`` "less", "more" or "" when neither is, and ``note`` which reading of the paper was tried, or the cause
     of a difference. :meth:`row` fills in ``{words}``.
     """
 
-    NAMES = ("table", "what", "unit", "paper", "error", "better", "note")
+    EMPTY: Mapping[str, Any] = {
+        **dict.fromkeys(("table", "what", "unit"), ""),
+        **{"paper": None, "error": 0.0, "better": "", "note": ""},
+    }
 
-    def __init__(self, text: str) -> None:
-        self._rows: dict[str, dict[str, Any]] = {}
-        for line in text.replace("\n  ", " ").strip().splitlines():
-            key, *cells = (" ".join(cell.split()) for cell in line.split("|"))
-            made: dict[str, Any] = {n: c for n, c in zip(self.NAMES, cells, strict=False) if c}
-            made |= {name: float(made[name]) for name in ("paper", "error") if name in made}
-            self._rows[key] = dict.fromkeys(self.NAMES, "") | {"paper": None, "error": 0.0} | made
+    def __init__(self, rows: Mapping[str, Mapping[str, Any]], **printed: Any) -> None:
+        self.rows = rows
+        self.printed = printed
+
+    @classmethod
+    def of(cls, paper: str) -> "Published":
+        """That of ``resources/papers``; what else is printed there is in ``printed``."""
+        return cls(**tomllib.loads((data_folder("resources") / "papers" / f"{paper}.toml").read_text("utf-8")))
 
     def row(
         self,
@@ -75,12 +80,12 @@ class Published:
             The row shows what another reading of the paper would give; it counts towards no goal.
         given
             The words of the row's texts; ``unit``, ``paper``, ``error``, ``better`` and ``note``
-            replace what the line has.
+            replace what the row has.
 
         """
-        cells = dict(self._rows[key])
+        cells = {**self.EMPTY, **self.rows[key]}
         cells |= {name: text.format_map(given) for name, text in cells.items() if isinstance(text, str)}
-        cells |= {name: given[name] for name in self.NAMES[2:] if name in given}
+        cells |= {name: given[name] for name in ("unit", "paper", "error", "better", "note") if name in given}
         better: Better = cells["better"]
         if best is None and cells["unit"] == "%" and better:
             best = 100.0 if better == "more" else 0.0

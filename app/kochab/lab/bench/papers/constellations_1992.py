@@ -23,33 +23,15 @@ from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Solution
 from kochab.identification.predictional_estimate import Estimate, predictional_estimate
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Published, options_with_scale, share_error
 from kochab.lab.bench.papers import fields_1992 as fields
+from kochab.lab.bench.papers import options_with_scale, share_error
+from kochab.lab.bench.papers.fields_1992 import TABLES
 from kochab.lab.estimators import average
 from kochab.lab.methods.neighbours import Neighbours
 from kochab.simulate.random_fields import RandomField
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections
 
-TABLES = Published("""
-entries | table 4 | entries in the database | | 185000 | 111000
-per star | figure 11 | entries a star, average | | 180 | 18 | | over all stars that may be seen
-right | table 2 | right answers: {situation} | % | | | more |
-stars | figure 2 | stars in a picture, average | | 18.9 | 0.9 | |
-wrong | table 2 | wrong answers, all situations | % | | | | every answer has to pass the false-alarm bound
-first time | table 4 | Initial Estimate, time | ms | 2000 | | less |
-  paper: 386/387 at 33 MHz; default: all of it
-first axis | table 4 | Initial Estimate, accuracy | deg | 0.1 | | less | the names are fitted by least squares
-second time | table 4 | Predictional Estimate, time | ms | 500 | | less | paper: 386/387, 33 MHz
-axis | table 3 | accuracy of the axis: {situation} | arcsec | | | less |
-  Predictional Estimate answered {second:.1f} % (paper: 100 %),
-  the default, knowing scale and lens as well, {knowing:.1f} %
-pooled | table 3 | other reading: RMS over all pictures | arcsec | | | | sparse fields weigh more in it
-disc | table 3 | other reading: errors even over the circle | arcsec | | | |
-  not the paper's 14.6: the normal law is
-averages | table 4 | accuracy after averages of {frames} | arcsec | | | less |
-  sigma predicted from the covariance: {promised:.2f}
-""")
 PAPER_RUNS = 500
 RIGHT_DEG = 0.5
 COARSE_DEG = 0.1  # the mean error of the attitude a Predictional Estimate begins with (table 4)

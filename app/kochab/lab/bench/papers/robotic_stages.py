@@ -29,20 +29,7 @@ from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections
 
-TABLES = Published("""
-detector | 7.1 | {detector}: {what} | | | | | {frames} frames;
-  on drawn frames without lens distortion, which the photographs have
-centroiding | 7.3 | time, centroiding | s | 1.03 | | less | 1224 x 816 px
-camera | 6.1.1 | calibration: error of {what} | | | | less | {true}{solved}
-corner | 8.2.2 | calibration: error of a place after correction, worst corner | px | | | | {solved}
-matching | 7.18 | time of matching with {stars} stars | ms | | | |
-voting | 7.3 | time, voting and verification | s | 13.50 | | less |
-verification | 7.3 | time, verification alone | s | 1.21 | | less |
-attitude | 7.3 | time, attitude | s | 0.77 | | less | TRIAD
-table | 7.3 | time, table operations | s | 1.81 | | less | the pair table is made once and kept
-all | 7.3 | time, matching and attitude in all | s | 16.08 | | less |
-  without centroiding and display; the default's whole solve
-""")
+TABLES = Published.of("robotic")
 
 # -- Section 7.1: the four detectors ------------------------------------------------------------
 # The thesis' thirty photographs are not published; the frames are those of :mod:`kochab.lab.bench.detectors`, in the
@@ -52,15 +39,6 @@ all | 7.3 | time, matching and attitude in all | s | 16.08 | | less |
 
 FRAMES = 30
 VISIBLE_SNR = 100.0
-WHAT = (
-    # what, unit, error (None: that of a share), and what the thesis' detectors gave
-    ("least true positive rate", "", 0.15, {"gaussian": 0.17, "peaks": 0.35}),
-    ("least positive predictive value", "", 0.15, {"contours": 0.10}),
-    ("mean error in x", "px", 0.1, {"gaussian": 0.3185, "peaks": 0.841, "contours": 1.69}),
-    ("mean error in y", "px", 0.1, {"gaussian": 0.3094, "peaks": 0.818, "contours": 1.64}),
-    ("frames with every star found", "%", None, {"contours": 46.0, "thesis": 80.0}),
-    ("frames without a false star", "%", None, {"peaks": 75.0, "thesis": 86.0}),
-)
 
 
 def detect_rows(quick: bool) -> list[dict[str, Any]]:
@@ -71,13 +49,10 @@ def detect_rows(quick: bool) -> list[dict[str, Any]]:
     out = []
     for detector in ("gaussian", "peaks", "contours", "thesis"):
         ours, seconds = measured(detector, pictures)
-        for k, (what, unit, error, given) in enumerate(WHAT):
-            if (paper := given.get(detector)) is None:
-                continue
-            words: dict[str, Any] = {"detector": detector, "what": what, "frames": len(pictures), "unit": unit}
-            better = "less" if unit == "px" else "more"
-            error = share_error(paper, len(pictures), FRAMES) if error is None else error
-            out.append(TABLES.row("detector", ours[k], default[k], paper=paper, error=error, better=better, **words))
+        for one, its, measure in zip(ours, default, TABLES.printed["detectors"], strict=True):
+            if (paper := measure["paper"].get(detector)) is not None:
+                words = {"error": share_error(paper, len(pictures), FRAMES)} | measure | {"paper": paper}
+                out.append(TABLES.row("detector", one, its, detector=detector, frames=len(pictures), **words))
     return [*out, TABLES.row("centroiding", seconds, default_s)]  # the thesis' own is the last
 
 
@@ -95,7 +70,7 @@ def frames(most: int | None) -> list[tuple[Frame, Floats, Floats]]:
 
 
 def measured(name: str, pictures: list[tuple[Frame, Floats, Floats]]) -> tuple[tuple[float, ...], float]:
-    """The six measures of ``WHAT`` and the mean processor seconds a frame."""
+    """The six measures of the thesis' detectors and the mean processor seconds a frame."""
     found, seconds = detect_all(DETECTORS.make(name), (frame for frame, _, _ in pictures))
     rates, errors = [], []
     for one, (_, xy, snr) in zip(found, pictures, strict=True):

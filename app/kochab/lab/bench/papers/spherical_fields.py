@@ -1,16 +1,16 @@
 """Random fields of the thesis on spherical triangles, and how its methods are scored on them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Better, Published, fastest
+from kochab.lab.bench.papers import Published, fastest
 from kochab.lab.methods.angles import Angles, angle_table
 from kochab.lab.methods.pairs import Pairs
 from kochab.lab.methods.spherical_triangles import SphericalTriangles, make_triangles, triangle_table
@@ -20,37 +20,9 @@ PROGRAMS = 87.2665e-6 / 3.0
 FIELD_DEG, LIMIT_DEG, STARS = 8.0, 6.94, 8118
 ATTITUDES = 1000
 METHODS: dict[str, type[Angles | SphericalTriangles]] = {"angles": Angles, "spherical_triangles": SphericalTriangles}
-MEASURES: dict[str, tuple[str, str, Better]] = {
-    "correct": ("correct", "%", "more"),
-    "inconclusive": ("inconclusive", "%", "less"),
-    "incorrect": ("incorrect", "%", "less"),
-    "of_four": ("correct, of fields with 4 stars or more", "%", "more"),
-    "of_five": ("correct, of fields with 5 stars or more", "%", "more"),
-    "pivots": ("pivots", "mean", ""),
-    "seconds": ("seconds", "s", "less"),
-}
-"""What is measured, its unit, and which way is better."""
-PAPER: dict[str, dict[str, float]] = {
-    "angles": {"correct": 55, "inconclusive": 45, "incorrect": 1, "pivots": 4.86, "seconds": 6.89}
-    | {"free_pivots": 5.48, "free_seconds": 7.67},
-    "spherical_triangles": {"correct": 92, "inconclusive": 6, "incorrect": 1, "pivots": 1.29, "seconds": 1.65}
-    | {"of_four": 92, "of_five": 95, "free_pivots": 1.73, "free_seconds": 10.43},
-}
-TABLES = Published("""
-level | 3.2 | search distance at level {level} | deg | | 0.06 | | the first four triangles are level 1 here
-nodes | 3.3 | nodes of the tree | | 1364 | | |
-corners | 3.3 | corners of its leaves | | 513 | 1 | |
-edge angles | 3.6 | angles up to 6.94 deg within nodes that share an edge | | 106308 | | |
-  of today's brightest stars
-edge triangles | 3.6 | triangles in circles of 6.94 deg, of such angles | | 662799 | 6627.99 | |
-  of today's brightest stars
-corner angles | 3.6 | angles within nodes that share a corner | | 106308 | | |
-  the text's own, of today's brightest stars
-division | 3.3 | dividing the sky and placing the stars | ms | | | less | {compared}
-search | 3.3 | stars within 4 deg of a direction | ms | | | less |
-  {compared}; the node of the direction being known already
-""")
-
+TABLES = Published.of("spherical_triangles")
+MEASURES: dict[str, dict[str, Any]] = TABLES.printed["measures"]
+"""What is measured: its unit, which way is better, and what the thesis' methods gave."""
 
 FieldTally = dict[str, float]
 """Per cent of fields "correct", "inconclusive", "incorrect"; mean "pivots" and processor "seconds".
@@ -58,6 +30,8 @@ FieldTally = dict[str, float]
 "pivots" is the mean over the fields that were solved, "all_pivots" over all, which scatter by "pivots_sd"; "of_four"
 and "of_five" are the per cent correct of the fields with at least so many stars.
 """
+Recognised = tuple[bool, bool, int, float]
+"""Whether a field was solved, whether correctly, with how many pivots and in how many seconds."""
 
 
 def tables_of(brightest: int, mag_limit: float | None = None) -> dict[str, Any]:
@@ -73,30 +47,43 @@ def score_method(
 
     ``bound`` and ``noise`` are errors of a place, radians, believed and made; see `random_pointing`.
     """
-    sky = table.pairs.vectors
-    rng = np.random.default_rng(seed)
-    log = []
-    for _ in range(number):
-        near, body, _ = field_of(sky, rng, noise, poles)
-        (_, chain), seconds = timed(lambda: method.recognise(body, table, bound))  # noqa: B023
+
+    def recognise(near: Ints, body: Floats, _: Floats) -> Recognised:
+        (_, chain), seconds = timed(lambda: method.recognise(body, table, bound))
         known = chain.entries is not None
-        good = known and bool(np.isin(table.stars[chain.entries], near).all())
-        log.append((len(near), known, good, chain.pivots, seconds))
-    return tally_of(log)
+        return known, known and bool(np.isin(table.stars[chain.entries], near).all()), chain.pivots, seconds
+
+    return score(recognise, table.pairs.vectors, noise, number, seed, poles)
 
 
-def tally_of(log: list[tuple[int, bool, bool, int, float]]) -> FieldTally:
-    """The tally of fields given as (stars, solved, correct, pivots, seconds)."""
+def score(
+    recognise: Callable[[Ints, Floats, Floats], Recognised],
+    sky: Floats,
+    noise: float,
+    number: int,
+    seed: int,
+    poles: bool = False,
+) -> FieldTally:
+    """The tally of random fields of the stars ``sky``, each recognised from what `field_of` gives."""
+    rng = np.random.default_rng(seed)
+    made = (field_of(sky, rng, noise, poles) for _ in range(number))
+    log = [(len(field[0]), *recognise(*field)) for field in made]
     stars, known, good, pivots, seconds = (np.array(column) for column in zip(*log, strict=True))
 
-    def share(what: NDArray[np.bool_], among: NDArray[np.bool_] | None = None) -> float:
-        chosen = what if among is None else what[among]
-        return 100.0 * float(chosen.mean()) if len(chosen) else float("nan")
+    def share(what: Bools, among: Bools | slice = slice(None)) -> float:
+        return 100.0 * float(what[among].mean()) if len(what[among]) else float("nan")
 
-    made = {"correct": share(good), "inconclusive": share(~known), "incorrect": share(known & ~good)}
-    made |= {"of_four": share(good, stars >= 4), "of_five": share(good, stars >= 5), "seconds": float(seconds.mean())}
-    made |= {"all_pivots": float(pivots.mean()), "pivots_sd": float(pivots.std())}
-    return made | {"pivots": float(pivots[known].mean()) if known.any() else float("nan")}
+    return {
+        "correct": share(good),
+        "inconclusive": share(~known),
+        "incorrect": share(known & ~good),
+        "of_four": share(good, stars >= 4),
+        "of_five": share(good, stars >= 5),
+        "seconds": float(seconds.mean()),
+        "all_pivots": float(pivots.mean()),
+        "pivots_sd": float(pivots.std()),
+        "pivots": float(pivots[known].mean()) if known.any() else float("nan"),
+    }
 
 
 def field_of(sky: Floats, rng: np.random.Generator, noise: float, poles: bool = False) -> tuple[Ints, Floats, Floats]:
@@ -218,8 +205,7 @@ def _cost(tree: QuadTree, node: Ints, pairs: Pairs) -> list[dict[str, Any]]:
     indexing = fastest(lambda: cKDTree(pairs.vectors))
     theirs = fastest(by_quad_tree, 3)
     ours = fastest(lambda: index.query_ball_point(towards, chord), 3)
-    compared = "ours: the quad-tree built here; default: scipy.spatial.cKDTree, which the product uses"
     return [
-        TABLES.row("division", 1e3 * building, 1e3 * indexing, compared=compared),
-        TABLES.row("search", 1e3 * theirs / QUERIES, 1e3 * ours / QUERIES, compared=compared),
+        TABLES.row("division", 1e3 * building, 1e3 * indexing),
+        TABLES.row("search", 1e3 * theirs / QUERIES, 1e3 * ours / QUERIES),
     ]

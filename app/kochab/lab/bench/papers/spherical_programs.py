@@ -21,21 +21,14 @@ from typing import Any
 import numpy as np
 
 from kochab.core.attitude import unit
-from kochab.lab.bench.papers import Published, share_error
+from kochab.lab.bench.papers import share_error
 from kochab.lab.bench.papers import spherical_fields as fields
+from kochab.lab.bench.papers.spherical_fields import TABLES
 from kochab.lab.methods.angles import FigureTable, angles_of
 from kochab.lab.methods.pairs import make_pairs
 from kochab.lab.methods.spherical_triangles import make_triangles, triangles_of
 
 Tables = dict[str, Any]
-TABLES = Published("""
-free | 6.3, 6.7 | {name}: mean pivots without a limit, by its programs | | | | | scatter {scatter}
-share | 6.2 | {name}: {what}, by its programs | % | | | | step by step: {steps}
-pivots | 6.2 | {name}: pivots, by its programs | mean | | | | step by step: {steps}
-count | 3.6 | {what}, by its programs | | | | | mean of {lists} even lists, whose scatter gives the error;
-  {counts}; no list tried makes both of the thesis' counts: as many angles are those of the 7,075 brightest,
-  which make 737,796 triangles
-""")
 FREE = 1000  # "virtually no limit" of pivots
 TREE_LEVELS = 5  # 4 + 16 + 64 + 256 + 1,024 nodes
 
@@ -70,12 +63,12 @@ def rows(number: int, seed: int, lists: int = 5) -> list[dict[str, Any]]:
     for name in fields.METHODS:
         tallies = [run_step(name, step, made[step], number, seed) for step in STEPS]
         free = run_step(name, STEPS[-1], made[STEPS[-1]], number, seed, pivots=FREE)
-        keys = [key for key in fields.MEASURES if key in fields.PAPER[name] and key != "seconds"]
+        keys = [key for key, one in fields.MEASURES.items() if name in one["paper"] and key != "seconds"]
         out += [_row(name, key, tallies, number) for key in keys]
         why = " (paper: 4.41)" if name == "angles" else ": a few fields take dozens"
-        scatter, paper = f"{free['pivots_sd']:.2f}{why}", fields.PAPER[name]["free_pivots"]
+        scatter, paper = f"{free['pivots_sd']:.2f}{why}", TABLES.printed["free"]["pivots"][name]
         error = _mean_error(free, number)
-        out.append(TABLES.row("free", free["all_pivots"], name=name, scatter=scatter, paper=paper, error=error))
+        out.append(TABLES.row("free pivots", free["all_pivots"], name=name, scatter=scatter, paper=paper, error=error))
     return out
 
 
@@ -115,15 +108,12 @@ def run_step(name: str, step: ProgramStep, made: Tables, number: int, seed: int,
 
 
 def _row(name: str, key: str, tallies: list[fields.FieldTally], number: int) -> dict[str, Any]:
-    field = "all_pivots" if key == "pivots" else key
-    values = [tally[field] for tally in tallies]
-    paper = fields.PAPER[name][key]
-    steps = ", ".join(f"{s.what} {v:.3g}" for s, v in zip(STEPS, values, strict=True))
-    if key == "pivots":
-        error = _mean_error(tallies[-1], number)
-        return TABLES.row("pivots", values[-1], name=name, steps=steps, paper=paper, error=error)
-    error, what = share_error(paper, number, fields.ATTITUDES), fields.MEASURES[key][0]
-    return TABLES.row("share", values[-1], name=name, what=what, steps=steps, paper=paper, error=error)
+    values = [tally["all_pivots" if key == "pivots" else key] for tally in tallies]
+    words = {what: fields.MEASURES[key][what] for what in ("what", "unit")}
+    words["steps"] = ", ".join(f"{s.what} {v:.3g}" for s, v in zip(STEPS, values, strict=True))
+    paper = fields.MEASURES[key]["paper"][name]
+    error = share_error(paper, number, fields.ATTITUDES) if key != "pivots" else _mean_error(tallies[-1], number)
+    return TABLES.row("by its programs", values[-1], name=name, paper=paper, error=error, **words)
 
 
 def _mean_error(tally: fields.FieldTally, number: int) -> float:
@@ -143,5 +133,5 @@ def _count_rows(made: dict[ProgramStep, Tables], seed: int, lists: int) -> list[
         counts = np.array([len(one[name].stars) for one in several], dtype=np.float64)
         error = 2.0 * float(counts.std(ddof=1)) * float(np.sqrt(1.0 + 1.0 / lists))
         words: dict[str, Any] = {"what": what, "lists": lists, "counts": listed}
-        out.append(TABLES.row("count", float(counts.mean()), paper=paper, error=error, **words))
+        out.append(TABLES.row("count of programs", float(counts.mean()), paper=paper, error=error, **words))
     return out

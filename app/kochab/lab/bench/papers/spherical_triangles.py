@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.solution import Solution
 from kochab.lab.bench import timed
-from kochab.lab.bench.papers import Published, options_with_scale, share_error, solve_timed, spherical_programs
+from kochab.lab.bench.papers import options_with_scale, share_error, solve_timed, spherical_programs
 from kochab.lab.bench.papers import spherical_fields as fields
+from kochab.lab.bench.papers.spherical_fields import MEASURES, TABLES
 from kochab.lab.methods.pairs import bright_stars, make_pairs
 from kochab.lab.methods.spherical_triangles import make_triangles
 
@@ -34,24 +35,7 @@ READINGS: tuple[tuple[str, float, float], ...] = (
 )
 QUICK = 60
 SIDE_PX = 2048
-PIVOT_ERROR = {"angles": 0.28, "spherical_triangles": 0.13}
-"""Two sigma of the mean of 1,000 fields: 4.41 a field (6.3.2); a tenth of it where none is given."""
 AS_MANY_ANGLES = 7075  # the brightest stars that make as many angles as the thesis has
-TABLES = Published("""
-angles | 3.6 | angles up to 6.94 deg of 8,118 stars | | 106308 | 1063.08 | | {why}
-triangles | 3.6 | triangles in circles of 6.94 deg | | 662799 | 6627.99 | | {why}
-listing angles | 3.6 | time to list the angles | s | 3600 | | less |
-  the thesis: an hour (7) or a few hours (3.6)
-listing triangles | 3.6 | time to list the triangles | s | 14400 | | less |
-size of angles | 6.5 | size of the angles | MB | 12 | | less |
-  of two stars and an angle
-size of triangles | 6.5 | size of the triangles | MB | 167 | | less |
-  kept on disk by content
-field | 6.2 | {name}: {what} | | | | | reading: {reading}; {number} attitudes{pivots}
-thin | 6.2 | {name}: pivots with the {stars} brightest stars | mean | | | |
-  reading: as many angles as the thesis has; {correct:.0f} % correct
-free | 6.4, 6.8 | {name}: mean time without a limit | s | | | less |
-""")
 
 
 def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
@@ -59,7 +43,7 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     number = QUICK if quick else fields.ATTITUDES
     out = _counts() + spherical_programs.rows(number, seed, 3 if quick else 5)
     for k, reading in enumerate(READINGS[: 1 if quick else None]):
-        keys = [key for key in fields.MEASURES if k == 0 or not key.startswith("of_")]
+        keys = [key for key in MEASURES if k == 0 or not key.startswith("of_")]
         out += _reading(reading, fields.STARS, None, keys, number if k == 0 else number // 2, seed)
     if not quick:
         out += _no_limit(number // 4, seed)
@@ -74,14 +58,10 @@ def _counts() -> list[dict[str, Any]]:
     angles, of_angles = timed(lambda: make_pairs(*stars, np.radians(fields.LIMIT_DEG)))
     triangles, of_triangles = timed(lambda: make_triangles(angles, fields.LIMIT_DEG))
     even = fields.STARS * (fields.STARS - 1) / 2.0 * (1.0 - np.cos(np.radians(fields.LIMIT_DEG))) / 2.0
-    why = (
-        f"all of them, of today's brightest; {fields.STARS} stars spread evenly over the sky make "
-        f"{even:.0f} such angles"
-    )
     nbytes = sum(a.nbytes for a in triangles.values())
     return [
-        TABLES.row("angles", len(angles), why=why, other_reading=True),
-        TABLES.row("triangles", len(triangles["stars"]), why=why, other_reading=True),
+        TABLES.row("angles", len(angles), even=even, other_reading=True),
+        TABLES.row("triangles", len(triangles["stars"]), even=even, other_reading=True),
         TABLES.row("listing angles", of_angles),
         TABLES.row("listing triangles", of_triangles),
         TABLES.row("size of angles", 16e-6 * len(angles)),
@@ -101,29 +81,28 @@ def _reading(
         _row(name, key, what, tally, default, number, noise)
         for name, tally in _both(tables, bound, noise, number, seed).items()
         for key in keys
-        if key in fields.PAPER[name]
+        if name in MEASURES[key]["paper"]
     ]
 
 
 def _row(
     name: str, key: str, reading: str, tally: fields.FieldTally, default: fields.FieldTally, number: int, noise: float
 ) -> dict[str, Any]:
-    what, unit, better = fields.MEASURES[key]
-    paper, ours = fields.PAPER[name][key], tally[key]
+    measure = MEASURES[key]
+    paper = measure["paper"][name]
+    error = MEASURES["pivots"]["error"][name]
+    if measure["unit"] == "%":
+        error = share_error(paper, number, fields.ATTITUDES)
     return TABLES.row(
         "field",
-        ours,
+        tally[key],
         default[key] if key != "pivots" else None,
+        other_reading=key != "seconds" or noise != fields.PROGRAMS,  # the programs' reading is judged
         name=name,
-        what=what,
         reading=reading,
         number=number,
         pivots=f"; over the fields solved, {tally['all_pivots']:.2f} over all" if key == "pivots" else "",
-        unit=unit,
-        paper=paper,
-        error=share_error(paper, number, fields.ATTITUDES) if unit == "%" else PIVOT_ERROR[name],
-        better=better,
-        other_reading=key != "seconds" or noise != fields.PROGRAMS,  # the programs' reading is judged
+        **measure | {"paper": paper, "error": error},
     )
 
 
@@ -132,11 +111,12 @@ def _no_limit(number: int, seed: int) -> list[dict[str, Any]]:
     out = []
     errors = fields.PROGRAMS, fields.PROGRAMS
     for name, tally in _both(fields.tables_of(AS_MANY_ANGLES), *errors, number, seed).items():
-        words: dict[str, Any] = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally["correct"]}
-        words |= {"paper": fields.PAPER[name]["pivots"], "error": PIVOT_ERROR[name]}
+        printed = {what: MEASURES["pivots"][what][name] for what in ("paper", "error")}
+        words: dict[str, Any] = {"name": name, "stars": AS_MANY_ANGLES, "correct": tally["correct"], **printed}
         out.append(TABLES.row("thin", tally["pivots"], other_reading=True, **words))
     for name, tally in _both(fields.tables_of(fields.STARS), *errors, number, seed, pivots=1000).items():
-        out.append(TABLES.row("free", tally["seconds"], name=name, paper=fields.PAPER[name]["free_seconds"]))
+        paper = TABLES.printed["free"]["seconds"][name]
+        out.append(TABLES.row("free seconds", tally["seconds"], name=name, paper=paper))
     return out
 
 
@@ -151,17 +131,16 @@ def _both(
 
 def by_default(sky: Floats, noise: float, number: int, seed: int) -> fields.FieldTally:
     """The default method on the first ``number`` of the same fields."""
-    rng = np.random.default_rng(seed)
     focal = SIDE_PX / 2.0 / float(np.tan(np.radians(fields.FIELD_DEG / 2.0)))
     camera = Camera.centred(SIDE_PX, SIDE_PX, focal)
     options = options_with_scale(camera.scale_arcsec_px)
-    log = []
-    for _ in range(number):
-        _, body, z = fields.field_of(sky, rng, noise)
+
+    def recognise(_: Ints, body: Floats, z: Floats) -> fields.Recognised:
         truth = attitude_from(*radec_deg(z), 0.0)
         xy = camera.project(body @ truth.matrix.T)
         listed = Detections.from_list(np.clip(xy, 0, SIDE_PX - 1), SIDE_PX, SIDE_PX)
         answer, seconds = solve_timed(listed, options)
         good = isinstance(answer, Solution) and bool(answer.centre_vector @ z > np.cos(np.radians(0.05)))
-        log.append((len(body), isinstance(answer, Solution), good, 0, seconds))
-    return fields.tally_of(log)
+        return isinstance(answer, Solution), good, 0, seconds
+
+    return fields.score(recognise, sky, noise, number, seed)

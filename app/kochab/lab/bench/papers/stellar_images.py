@@ -28,112 +28,30 @@ from kochab.lab.methods.triads import group_by_rotation
 from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
 
-# What the thesis "Attitude from stellar images" prints of its three frames, tables 4.1 to 4.21.
+TABLES = Published.of("stellar_images")
+FIELD_DEG = tuple(TABLES.printed["field_deg"])
 
-FIELD_DEG = (9.0130, 6.9049)
 
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Printed:
-    """One frame: ``centroids`` px from its centre, y up, brightest first, and what came of them.
-
-    ``fixed_deg`` are the separations in fixed point (1-2, 1-3, ..., 2-3, ...); ``paper`` has the
-    numbers that belong to a row of `TABLES` each.
-    """
+    """One frame of the thesis and what came of it, as ``resources/papers`` explains."""
 
     name: str
+    steps: str
     size: tuple[int, int]
-    centroids: Floats
-    stars: tuple[int, ...]
-    centre_deg: tuple[float, float] | None
+    centroids: list[list[float]]
+    stars: list[int]
     paper: dict[str, float]
-    separations_deg: Floats
-    fixed_deg: Floats
+    separations_deg: list[float]
+    fixed_deg: list[float]
+    centre_deg: tuple[float, float] | None = None
 
 
-def _numbers(text: str) -> Floats:
-    return np.array(text.split(), dtype=np.float64)
-
-
-VEGA = Printed(
-    name="Vega",
-    size=(427, 319),
-    centroids=_numbers(
-        "16.13144 74.39691 -162.81865 95.40933 -73.08759 69.96350 -15.73050 143.07092 79.27619 -113.87619"
-    ).reshape(-1, 2),
-    stars=(7001, 7139, 7056, 7051, 6872),
-    centre_deg=(278.45703, 37.24007),
-    paper={"pairs": 5503, "triads": 26, "groups": 8, "largest": 12, "centroids": 0.00004, "fixed": 0.00317}
-    | {"residual": 0.02129, "seconds": 0.232, "seconds in fixed": 0.197},
-    separations_deg=_numbers("3.8045 1.8857 1.6315 4.2873 1.9725 3.2715 6.8250 1.9924 5.1148 5.9112"),
-    fixed_deg=_numbers("3.8027 1.8848 1.6309 4.2861 1.9717 3.2715 6.8281 1.9912 5.1152 5.9102"),
-)
-DENEB = Printed(
-    name="Deneb",
-    size=(424, 320),
-    centroids=_numbers("""
-        -76.22261 56.43993 67.43734 -126.10052 101.86992 -94.63821 -57.83884 124.35950 112.81633 29.45918
-        121.36667 42.18889 -144.14078 135.27670 -109.93023 145.53488 -0.88889 -81.14444
-    """).reshape(-1, 2),
-    stars=(7924, 7735, 7751, 7977, 7844, 7851, 8001, 8003, 7798),
-    centre_deg=(307.90724, 46.43192),
-    paper={"pairs": 21283, "triads": 96, "groups": 36, "largest": 23, "centroids": 0.00006, "fixed": 0.0028}
-    | {"residual": 0.02184, "seconds": 0.644, "seconds in fixed": 0.622},
-    separations_deg=_numbers("""
-        4.9825 4.9943 1.5168 4.0603 4.2114 2.2311 2.0516 3.3728 0.9983 6.0231 3.4923 3.8077 7.2091 6.9657
-        1.7465 5.8163 2.6878 2.9814 7.2035 6.8609 2.2037 4.1650 4.2013 1.8496 1.1979 4.5963 0.3294 5.9189
-        5.3552 3.3962 5.9896 5.3976 3.7190 0.7602 5.5732 5.4115
-    """),
-    fixed_deg=_numbers("""
-        4.9814 4.9941 1.5156 4.0586 4.2099 2.2295 2.0508 3.3721 0.9971 6.0234 3.4912 3.8066 7.2119 6.9678
-        1.7461 5.8174 2.6865 2.9805 7.2060 6.8633 2.2021 4.1641 4.2002 1.8486 1.1963 4.5947 0.3271 5.9189
-        5.3555 3.3955 5.9902 5.3974 3.7188 0.7588 5.5732 5.4111
-    """),
-)
-SADR = Printed(
-    name="Sadr",
-    size=(469, 360),
-    centroids=_numbers("-24.02893 58.39256 -64.56410 -55.32051 -80.65517 -124.93103").reshape(-1, 2),
-    stars=(7796, 7763, 7736),
-    centre_deg=None,
-    paper={"pairs": 1086, "triads": 2, "groups": 2, "largest": 1, "centroids": 0.00004, "fixed": 0.0015},
-    separations_deg=_numbers("2.3159 3.6805 1.3705"),
-    fixed_deg=_numbers("2.3145 3.6797 1.3691"),
-)
-
-TABLES = Published("""
-stars | 4.2 | stars to V 6.00, declination 30 to 90 | | 1266 | 26 | | {modern}
-separations | 4.2 | separations up to 12 deg | | 33851 | 1400 | | {modern}; made in {spent:.2f} s and kept
-angles | 4.2.5 | enclosed angles in the table | | 1175901 | 75000 | | three a triad; {modern};
-  entries are made when asked for, the thesis' took 5 MB
-off | {steps} | {n}: largest difference from the printed separations | deg | 0 | 6e-5 | |
-  the centroids are printed to 5 decimals
-pairs | {steps} | {n}: catalogue pairs within 0.15 deg | | | | | {modern}
-triads | {steps} | {n}: triads that pass both tests | | | | | {modern}
-groups | {steps} | {n}: groups | | | | | most are chance; {modern}
-largest | {steps} | {n}: triads in the largest group | | | | | {modern}
-right | 4.4, 4.9, 4.12 | {n}: stars named right | | | | more |
-wrong | 4.4, 4.9, 4.12 | {n}: stars named wrong | | 0 | | less |
-right in fixed | 4.2.4.3 | {n}: stars named right in fixed point | | | | more |
-seconds | 4.20, 4.21 | {n}: time, floating point | s | | | less |
-  the thesis on a 266 MHz Pentium II; the default knows the scale to a tenth only
-seconds in fixed | 4.20, 4.21 | {n}: time, fixed point | s | | | less |
-centre | 4.5, 4.10 | {n}: {axis} of the centre | deg | | 0.02 | |
-  plate constants; the thesis' error is 0.02, nobody knows the truth
-residual | 4.5, 4.10 | {n}: largest error of a star | deg | | 5e-4 | |
-  six plate constants follow the scan's stretched pixels; the default's camera has square ones
-centroids | 4.14-4.16 | {n}: centroids, fixed against floating | px | | 2e-5 | less |
-  on a drawn frame: the scan is not published
-fixed | 4.17-4.19 | {n}: separations, fixed against floating | deg | | 5e-4 | less |
-same | 4.17-4.19 | {n}: printed fixed separations met to the last bit | | | | |
-  reading: the field in 6.10 deg over the pixels is the scale, truncated at each step; the others met fewer
-""")
-STEP_TABLES = {"Vega": "4.1, 4.2", "Deneb": "4.6, 4.7", "Sadr": "4.11, 4.12"}
+VEGA, DENEB, SADR = (Printed(**frame) for frame in TABLES.printed["frames"])
 THESIS = {"dec_deg": (30.0, 90.0), "field_deg": FIELD_DEG, "planar": True}
 TOLERANCES = (0.15, 5.0, 1.0)  # deg: separations, rotation angle, enclosed angle
 MAXIMUM_DEG = 12.0
 REPEATS = 5
-MODERN = "a list of today has other stars near V 6.0"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +77,7 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
 def list_of(printed: Printed) -> Detections:
     """The printed centroids as detections, in their order."""
     w, h = printed.size
-    xy = np.array([(w - 1) / 2.0, (h - 1) / 2.0]) + printed.centroids * [1.0, -1.0]
+    xy = np.array([(w - 1) / 2.0, (h - 1) / 2.0]) + np.array(printed.centroids) * [1.0, -1.0]
     return Detections.from_list(xy, w, h)
 
 
@@ -175,9 +93,9 @@ def _catalogue_rows() -> list[dict[str, Any]]:
     up = csr_matrix((ones, (pairs.first, pairs.second)), shape=(pairs.stars, pairs.stars))
     triads = int((up @ up).multiply(up).sum())  # of stars whose three separations are in the table
     return [
-        TABLES.row("stars", stars, modern=MODERN),
-        TABLES.row("separations", len(pairs), modern=MODERN, spent=spent),
-        TABLES.row("angles", 3 * triads, modern=MODERN),
+        TABLES.row("stars", stars),
+        TABLES.row("separations", len(pairs), spent=spent),
+        TABLES.row("angles", 3 * triads),
     ]
 
 
@@ -194,7 +112,7 @@ def _steps(printed: Printed) -> list[dict[str, Any]]:
     )
     found = triad_tests.passing_triads(sight, seen, stars, pairs, tests, planar=True)
     groups = group_by_rotation(found, np.radians(5.0))
-    words: dict[str, Any] = {"n": printed.name, "steps": STEP_TABLES[printed.name], "modern": MODERN}
+    words: dict[str, Any] = {"n": printed.name, "steps": printed.steps}
     paper = printed.paper
     counts = {"triads": len(found.star), "groups": len(groups), "largest": len(groups[0]) if groups else 0}
     return [
