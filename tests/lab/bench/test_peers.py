@@ -92,7 +92,7 @@ def test_cedar_solve_is_asked_both_ways_round() -> None:
     class Rival:
         engine = Engine()
 
-    assert peers.cedar_solve(Rival(), POINTS) == (20.0, 30.0)
+    assert peers.CedarSolve.place(Rival(), POINTS) == (20.0, 30.0)
     assert asked[0][0] == pytest.approx([2.5, 1.5])
     assert asked[1][0] == pytest.approx([2.5, 98.5])
 
@@ -104,7 +104,7 @@ def test_a_fault_of_cedar_solve_is_no_solution() -> None:
             def solve_from_centroids(*_, **__):
                 raise IndexError
 
-    assert peers.cedar_solve(Rival(), POINTS) is None
+    assert peers.CedarSolve.place(Rival(), POINTS) is None
 
 
 def test_nobody_may_solve_more_and_nothing_may_be_wrong() -> None:

@@ -4,9 +4,6 @@ Every field is solved blind and with its scale known to 10 %, in turn. Times are
 milliseconds of the identification alone. Seeds are fixed, so that the same fields come every time.
 """
 
-import contextlib
-import io
-import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -26,6 +23,7 @@ from kochab.identification.patterns import Patterns
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.bench.identify_hostile import hostile_goals, hostile_rows, refusal_row
 from kochab.lab.bench.identify_sigma import sigma_goals, sigma_rows
+from kochab.lab.bench.peers import CedarSolve
 from kochab.lab.laboratory.comparison import FieldTruth, compare_pointing
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_field, random_points
 from kochab.sky import open_catalogue
@@ -164,8 +162,10 @@ def _rival(count: int, report: Report) -> list[dict[str, Any]]:
         tally = IdentifyTally()
         for _ in range(count):
             truth = random_field(open_catalogue(), rng, FieldPlan(fov))
-            (right, answered), seconds = timed(lambda: rival.solve(truth))  # noqa: B023
-            tally.count(right, answered, seconds)
+            # it does not know mirrored frames: they are unmirrored for it
+            place, seconds = timed(partial(rival.place, truth.detections, (truth.camera.mirrored,)))
+            off = 0.0 if place is None else float(np.linalg.norm(unit_vectors(*place) - truth.attitude.boresight))
+            tally.count(place is not None and off * truth.camera.focal_px < 10.0, place is not None, seconds)
         rows.append(tally.row(f"{fov:g} deg", "cedar-solve, blind"))
     return rows
 
@@ -191,40 +191,3 @@ def goals(rows: Sequence[Row], refused: Mapping[str, float], shapes: Sequence[Ro
         Goal.at_most("false-alarm bound reached by chance, times as often as it says", refused["excess"], 1),
         Goal.at_most("slowest refusal of random points, s", refused["slowest_s"], 0.5),
     ]
-
-
-# -- cedar-solve on a simulated field, for the bench alone -------------------------------------
-
-
-class CedarSolve:
-    """The public solver of that name with its own default database; raises ImportError."""
-
-    def __init__(self) -> None:
-        # its 0.5.1 asks numpy for a module that numpy 2 no longer lends
-        if not hasattr(np, "math"):
-            setattr(np, "math", math)  # noqa: B010
-        logging.disable(logging.INFO)
-        try:
-            with contextlib.redirect_stdout(io.StringIO()):
-                from tetra3 import Tetra3
-
-                self.engine = Tetra3("default_database")
-        finally:
-            logging.disable(logging.NOTSET)
-
-    def solve(self, truth: RandomField) -> tuple[bool, bool]:
-        """Whether its answer is right, and whether it gave one, within five seconds.
-
-        It does not know mirrored frames: they are unmirrored for it.
-        """
-        d, n = truth.detections, truth.camera.width
-        xy = d.xy.copy()
-        if truth.camera.mirrored:
-            xy[:, 0] = n - 1 - xy[:, 0]
-        with contextlib.redirect_stdout(io.StringIO()):
-            said = self.engine.solve_from_centroids(xy[:, ::-1] + 0.5, (n, n), solve_timeout=5000, return_matches=False)
-        if said.get("RA") is None:
-            return False, False
-        sky = unit_vectors(float(said["RA"]), float(said["Dec"]))
-        off_px = float(np.linalg.norm(sky - truth.attitude.boresight)) * truth.camera.focal_px
-        return off_px < 10.0, True

@@ -6,7 +6,11 @@ Debian's ``solve-field`` with the indexes it finds; cedar-solve has its own data
 of the whole program for astrometry.net, as a capture program waits for it.
 """
 
+import contextlib
+import io
 import json
+import logging
+import math
 import os
 import shutil
 import subprocess
@@ -29,7 +33,6 @@ from kochab.core.solution import Solution
 from kochab.frames import read_frame
 from kochab.identification.index_build import make_fine
 from kochab.lab.bench import BenchResult, Goal, Report, column, timed
-from kochab.lab.bench.identify import CedarSolve
 from kochab.lab.bench.identify_shapes import SHAPES, shape_list
 from kochab.simulate.random_fields import random_points
 from kochab.solver import SolveOptions
@@ -144,7 +147,7 @@ def installed(report: Report) -> dict[str, Solver]:
     else:
         report("astrometry.net is not installed: nothing to stand beside")
     try:
-        found["cedar-solve"] = partial(cedar_solve, CedarSolve())
+        found["cedar-solve"] = CedarSolve().place
     except ImportError:
         report("cedar-solve is not installed: nothing to stand beside")
     return found
@@ -189,19 +192,34 @@ def astrometry_net(detections: Detections) -> Place | None:
         return float(ra), float(dec)
 
 
-def cedar_solve(rival: CedarSolve, detections: Detections) -> Place | None:
-    """What cedar-solve says of the same stars; it does not know mirrored frames, so both ways are tried."""
-    size = (detections.height, detections.width)
-    for mirrored in (False, True):
-        xy: Floats = detections.xy.copy()
-        if mirrored:
-            xy[:, 0] = detections.width - 1 - xy[:, 0]
+class CedarSolve:
+    """The public solver of that name with its own default database; raises ImportError."""
+
+    def __init__(self) -> None:
+        # its 0.5.1 asks numpy for a module that numpy 2 no longer lends
+        if not hasattr(np, "math"):
+            setattr(np, "math", math)  # noqa: B010
+        logging.disable(logging.INFO)
         try:
-            said = rival.engine.solve_from_centroids(
-                xy[:, ::-1] + 0.5, size, solve_timeout=500 * LIMIT_S, return_matches=False
-            )
-        except IndexError:  # its 0.5.1 does so where many points are dropped as too near: no solution
-            continue
-        if said.get("RA") is not None:
-            return float(said["RA"]), float(said["Dec"])
-    return None
+            with contextlib.redirect_stdout(io.StringIO()):
+                from tetra3 import Tetra3
+
+                self.engine = Tetra3("default_database")
+        finally:
+            logging.disable(logging.NOTSET)
+
+    def place(self, detections: Detections, parities: Sequence[bool] = (False, True)) -> Place | None:
+        """What it says of the same stars; it does not know mirrored frames, so both ways are tried."""
+        size = (detections.height, detections.width)
+        for mirrored in parities:
+            xy: Floats = detections.xy.copy()
+            if mirrored:
+                xy[:, 0] = detections.width - 1 - xy[:, 0]
+            # its 0.5.1 raises IndexError where many points are dropped as too near: no solution
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(IndexError):
+                said = self.engine.solve_from_centroids(
+                    xy[:, ::-1] + 0.5, size, solve_timeout=500 * LIMIT_S, return_matches=False
+                )
+                if said.get("RA") is not None:
+                    return float(said["RA"]), float(said["Dec"])
+        return None
