@@ -100,7 +100,7 @@ def test_an_order_that_the_guard_sent_is_accounted_for_once() -> None:
     assert len(unguarded([order, order], b.guard)) == 1
     elsewhere = ReceivedOrder("goto", when, ((ra - 6.0) % 360.0, dec))
     assert len(unguarded([elsewhere], b.guard)) == 1
-    early = ReceivedOrder("goto", when - 5.0, order.place)
+    early = ReceivedOrder("goto", when - 5.0, order.given)
     assert len(unguarded([early], b.guard)) == 1
 
 

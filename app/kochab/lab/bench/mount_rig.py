@@ -6,7 +6,7 @@ other waiting, and exposures, are jumps. A line that is silent is given up after
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -16,7 +16,7 @@ import numpy as np
 
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Site
-from kochab.core.mount import SIDEREAL_DEG_S, Direction, Epoch, Home, Mount, Pointing
+from kochab.core.mount import SIDEREAL_DEG_S, Epoch, Home, Mount, Pointing
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.journal import LogEntry
@@ -42,60 +42,39 @@ LATEST_STOP_S = 8.0  # a bare motor's goto ends in several turns
 
 @dataclass(frozen=True, slots=True)
 class ReceivedOrder:
-    """One order that moves something: what, when (unix s), and its numbers."""
+    """One order that moves something: what, when (unix s), and what was ``given`` with it."""
 
     kind: str
     unix_s: float
-    place: tuple[float, float] = (0.0, 0.0)
-    direction: str = ""
+    given: tuple[Any, ...] = ()
+
+
+ORDERS: dict[str, Callable[..., bool]] = {
+    **dict.fromkeys(("goto", "sync", "pulse", "park", "turn_axis_to"), lambda *_: True),
+    "move": lambda _, rate_deg_s: rate_deg_s != 0.0,
+    "turn_axis": lambda axis, rate_deg_s: (axis == 1 and rate_deg_s != 0.0) or abs(rate_deg_s) > TRACKING_DEG_S,
+}
+"""What a mount can be told, and whether that moves it."""
 
 
 class WatchedMount(EquatorialMount):
     """A simulated mount that writes down every order that moves it."""
 
     def __init__(self, *given: Any) -> None:
-        self.orders: list[ReceivedOrder] = []
         super().__init__(*given)
+        self.orders: list[ReceivedOrder] = []
+        for name, moves in ORDERS.items():
+            setattr(self, name, self._noting(name, moves))
 
-    def _note(self, kind: str, place: tuple[float, float] = (0.0, 0.0), direction: str = "") -> None:
-        self.orders.append(ReceivedOrder(kind, self.clock.now_unix(), place, direction))
+    def _noting(self, name: str, moves: Callable[..., bool]) -> Callable[..., Any]:
+        told = getattr(self, name)
 
-    def goto(self, ra_deg: float, dec_deg: float) -> str | None:
-        """Begin a slew, or say why not."""
-        self._note("goto", (ra_deg, dec_deg))
-        return super().goto(ra_deg, dec_deg)
+        def obey(*given: Any) -> Any:
+            if moves(*given):
+                self.orders.append(ReceivedOrder(name, self.clock.now_unix(), given))
+            return told(*given)
 
-    def sync(self, ra_deg: float, dec_deg: float) -> str | None:
-        """Believe to point here, or say why not."""
-        self._note("sync", (ra_deg, dec_deg))
-        return super().sync(ra_deg, dec_deg)
-
-    def pulse(self, direction: Direction, milliseconds: float) -> None:
-        """Move at the guide rate for so long."""
-        self._note("pulse", direction=str(direction))
-        super().pulse(direction, milliseconds)
-
-    def move(self, direction: Direction, rate_deg_s: float) -> None:
-        """Move until halted."""
-        if rate_deg_s:
-            self._note("move", direction=str(direction))
-        super().move(direction, rate_deg_s)
-
-    def turn_axis(self, axis: int, rate_deg_s: float) -> None:
-        """A bare motor at this rate."""
-        if (axis == 1 and rate_deg_s) or abs(rate_deg_s) > TRACKING_DEG_S:
-            self._note("turn")
-        super().turn_axis(axis, rate_deg_s)
-
-    def turn_axis_to(self, axis: int, angle_deg: float) -> None:
-        """A bare motor to this angle."""
-        self._note("turn")
-        super().turn_axis_to(axis, angle_deg)
-
-    def park(self) -> None:
-        """Go home and stay there."""
-        self._note("park")
-        super().park()
+        return obey
 
 
 def unguarded(orders: list[ReceivedOrder], guard: Guard) -> list[str]:
@@ -103,13 +82,13 @@ def unguarded(orders: list[ReceivedOrder], guard: Guard) -> list[str]:
     left = [e for e in guard.log.entries if e.outcome == "sent"]
     strays = []
     for order in orders:
-        if order.kind == "turn":
+        if order.kind.startswith("turn"):
             if not _under_way(order, guard):
                 strays.append(f"a motor was turned at {order.unix_s:.1f}")
             continue
         match = next((e for e in left if _same(order, e, guard)), None)
         if match is None:
-            strays.append(f"{order.kind} {order.place} {order.direction}".strip())
+            strays.append(" ".join(map(str, (order.kind, *order.given))))
         else:
             left.remove(match)
     return strays
@@ -122,8 +101,8 @@ def _same(order: ReceivedOrder, entry: LogEntry, guard: Guard) -> bool:
         when = datetime.fromisoformat(entry.time_utc)
         asked = Pointing(float(entry.detail["ra_deg"]), float(entry.detail["dec_deg"]), guard.epoch)
         place = to_mount_epoch(*from_mount_epoch(asked, when), Epoch.DATE, when)
-        return apart_deg(place, order.place) < SAME_DEG
-    return entry.detail.get("direction") == order.direction
+        return apart_deg(place, (order.given[0], order.given[1])) < SAME_DEG
+    return not order.given or entry.detail.get("direction") == str(order.given[0])
 
 
 def _under_way(order: ReceivedOrder, guard: Guard) -> bool:
