@@ -357,18 +357,27 @@ def _agreement(
     (n,) counts, and no star of its ``own`` (N,) that proposed; ``free`` numbers of the pointing were
     fitted to it, none when only the proposers were used.
     """
-    inside = float((np.abs(expected) < half).all(axis=1).sum())
     pairs = pair(seen, expected, reach_px)
     square = pairs[2][evidence[pairs[0]] & ~own[pairs[1]]]
-    witnesses, area = int(evidence.sum()), float(4.0 * half[0] * half[1])
-    best, radius = with_crowding(
-        lambda crowd: least_likely(square, witnesses, crowd * inside, area, reach_px, free),
-        seen[evidence],
+    return *chance_of(square, seen[evidence], expected, half, reach_px, free), pairs
+
+
+def chance_of(
+    distance2_px: Floats, seen: Floats, expected: Floats, half: Floats, reach_px: float, free: int, candidates: int = 1
+) -> tuple[float, float]:
+    """log10 of a bound for the chance of so good an agreement with one of ``candidates`` pointings, and its radius.
+
+    ``distance2_px`` (M,) are those of the matches of ``seen`` (n, 2) with ``expected`` (N, 2); the rest is as in
+    :func:`_agreement`. Stars count where they crowd as often as they are denser there.
+    """
+    inside, area = float((np.abs(expected) < half).all(axis=1).sum()), float(4.0 * half[0] * half[1])
+    return with_crowding(
+        lambda crowd: least_likely(distance2_px, len(seen), crowd * inside, area, reach_px, free, candidates),
+        seen,
         expected,
         half,
         inside / area,
     )
-    return best, radius, pairs
 
 
 def least_likely(

@@ -20,7 +20,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import Answer, with_places
-from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, least_likely, pair, refit, with_crowding
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, pair, refit
 from kochab.sky import open_catalogue
 
 WITNESSES = 40  # so many of the brightest detections may testify
@@ -111,34 +111,7 @@ def _tail(pointing: CandidatePointing, seen: Floats, sky: Floats, half: Floats, 
     """log10 of the chance that one pointing agrees so well with stars that did not propose it."""
     places, _ = pointing.project(sky)
     xy = places[(np.abs(places) < half).all(axis=1)]
-    return chance_of(pair(seen, xy, reach_px)[2], seen, places, half, len(xy), reach_px)
-
-
-def chance_of(
-    distance2: Floats,
-    seen: Floats,
-    places: Floats,
-    half: Floats,
-    stars: int,
-    reach_px: float,
-    free: int = 0,
-    candidates: int = 1,
-) -> float:
-    """log10 of a bound for the chance of so good an agreement with one of ``candidates`` pointings.
-
-    ``distance2`` (M,) px are those of the matches of ``seen`` (N, 2) and ``places`` (P, 2), of which
-    ``stars`` are within ``half`` (2,) the frame; ``free`` numbers were fitted to them. What would be
-    accepted is counted again with the density of the stars where they crowd.
-    """
-    area, count = float(4.0 * half[0] * half[1]), float(stars)
-    tail, _ = with_crowding(
-        lambda crowd: least_likely(distance2, len(seen), crowd * count, area, reach_px, free, candidates),
-        seen,
-        places,
-        half,
-        count / area,
-    )
-    return tail
+    return chance_of(pair(seen, xy, reach_px)[2], seen, places, half, reach_px, free=0)[0]
 
 
 def _fitted(start: CandidatePointing, seen: Floats, vectors: Floats, reach_px: float) -> tuple[CandidatePointing, Ints]:

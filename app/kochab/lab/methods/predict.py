@@ -21,8 +21,8 @@ from kochab.core.registry import choice, integer, number
 from kochab.core.solution import Identification, Matches
 from kochab.identification import Answer
 from kochab.identification.predictional_estimate import expected_px, predictional_estimate
-from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, improve, pair
-from kochab.lab.methods.confirmation import AngularMethod, chance_of, refused
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, improve, pair
+from kochab.lab.methods.confirmation import AngularMethod, refused
 from kochab.sky import open_catalogue
 
 LOOKED_AT = 40  # so many predictions, the best supported first, are refined
@@ -153,9 +153,8 @@ def _checked(
     if pointing is None or abs(np.log(pointing.focal / lens.focal_px)) > 0.1:
         return None
     places, _ = pointing.project(vectors[near])
-    inside = int((np.abs(places) < half).all(axis=1).sum())
     i, j, distance2 = pair(xy - middle, places, reach_px)
-    alarm = chance_of(distance2, xy - middle, places, half, inside, reach_px, free=5, candidates=tried)
+    alarm, _ = chance_of(distance2, xy - middle, places, half, reach_px, free=5, candidates=tried)
     if alarm > ACCEPT_LOG10:
         return None
     usual = max(3.0, 5.0 * float(np.sqrt(np.median(distance2))))
