@@ -13,7 +13,7 @@ from kochab.simulate.star_images import Sky, render
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import turn_between
 from kochab.solver.track_windows import WindowStars, look, match
-from kochab.solver.tracker import Tracker, TrackOptions
+from kochab.solver.tracker import Tracker
 
 from .stream import Stream, bright_sky, wide_camera
 
@@ -107,7 +107,7 @@ def test_stars_of_a_single_pixel_are_tracked_and_hot_pixels_are_not(stream) -> N
         hint = Hint(time_utc=stream.moment, exposure_s=0.02)
         return Frame(np.clip(pixels, 0, 65535).astype(np.uint16), saturation=65535.0, hint=hint)
 
-    tracker = Tracker(options=TrackOptions(solve=SolveOptions(detector="peaks")))
+    tracker = Tracker(options=SolveOptions(detector="peaks"))
     updates = [run(tracker.update(frame())) for _ in range(6)]
     assert [u.mode for u in updates] == ["lost"] + ["tracking"] * 5
     assert np.abs(stream.error_arcsec(updates[-1]))[:2].max() < 0.3 * 67
@@ -131,8 +131,9 @@ def test_clouds_give_a_reason_and_nothing_old(stream) -> None:
     assert after.mode == "tracking"  # the prediction still held
 
 
-def test_what_is_too_old_or_of_another_camera_is_forgotten(stream) -> None:
-    tracker = Tracker(options=TrackOptions(memory_s=5.0))
+def test_what_is_too_old_or_of_another_camera_is_forgotten(monkeypatch, stream) -> None:
+    monkeypatch.setattr(track, "MEMORY_S", 5.0)
+    tracker = Tracker()
     follow(tracker, stream, 2)
     frame = stream.step()
     assert run(tracker.update(frame, stream.moment + timedelta(seconds=60))).mode == "lost"

@@ -5,7 +5,7 @@ import pytest
 
 import kochab.solver.tracker as track
 from kochab.attitude import small_rotation
-from kochab.attitude.filter import MotionModel, begin, predicted, updated
+from kochab.attitude.filter import begin, predicted, updated
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import run
@@ -13,8 +13,6 @@ from kochab.solver.track_prediction import places
 from kochab.solver.tracker import SAME_MOTION_S, Tracker, filter_after_blind_solve
 
 from .stream import ARCSEC, Stream, wide_camera
-
-MOTION = MotionModel()
 
 
 def on_the_ground(stream: Stream) -> tuple[float, float, float]:
@@ -57,32 +55,32 @@ def test_a_mount_that_stopped_is_found_where_it_was() -> None:
 
 def test_a_certain_prediction_is_looked_at_in_small_windows_and_first() -> None:
     camera, attitude = wide_camera(), attitude_with_sigma()
-    state = begin(attitude, 0.0, MOTION)
+    state = begin(attitude, 0.0)
     for k in range(1, 6):
-        state = updated(predicted(state, 0.1 * k, MOTION), attitude, MOTION)
-    first, *others = places(state, 0.6, MOTION, camera, 2.8, (32, 64))
+        state = updated(predicted(state, 0.1 * k), attitude)
+    first, *others = places(state, 0.6, camera, 2.8)
     assert first.half < 16
     assert [other.half for other in others] == [32]  # a tenth of a second: sky is ground
 
 
 def test_an_uncertain_prediction_grows_its_windows_and_adds_sky_and_ground() -> None:
     camera, attitude = wide_camera(fov_deg=3.0), attitude_with_sigma()
-    state = begin(attitude, 0.0, MOTION)
-    found = list(places(state, 60.0, MOTION, camera, 2.8, (32, 64)))
+    state = begin(attitude, 0.0)
+    found = list(places(state, 60.0, camera, 2.8))
     assert [place.half for place in found] == [64, 64]
     turned = found[1].ahead.matrix @ state.matrix.T
     assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) == pytest.approx(SIDEREAL_DEG_S * 60, rel=1e-6)
 
 
 def test_of_a_jump_between_late_frames_no_velocity_is_made() -> None:
-    before = begin(attitude_with_sigma(), 0.0, MOTION)
+    before = begin(attitude_with_sigma(), 0.0)
     later = 10.0 * SAME_MOTION_S
     jump = attitude_with_sigma(small_rotation(np.radians([3.0, 0.0, 0.0])) @ before.matrix)
-    assert not filter_after_blind_solve(before, jump, later, MOTION, True).rates_rad_s.any()
+    assert not filter_after_blind_solve(before, jump, later, True).rates_rad_s.any()
     slow = attitude_with_sigma(small_rotation(np.array([-900.0, 0.0, 0.0]) * ARCSEC) @ before.matrix)
-    state = filter_after_blind_solve(before, slow, later, MOTION, True)
+    state = filter_after_blind_solve(before, slow, later, True)
     assert state.rates_rad_s / ARCSEC == pytest.approx([30.0, 0.0, 0.0], abs=1e-6)
-    assert max(state.rates_sigma_deg_s) * 3600 == pytest.approx(MOTION.rate_sigma_arcsec_s)
+    assert max(state.rates_sigma_deg_s) * 3600 == pytest.approx(120.0)
 
 
 def attitude_with_sigma(matrix=None) -> Attitude:

@@ -5,7 +5,7 @@ import numpy as np
 from kochab.core.camera import Camera
 from kochab.core.progress import run
 from kochab.solver.camera_profile import Profile, new_profile
-from kochab.solver.tracker import Tracker, TrackOptions
+from kochab.solver.tracker import Tracker
 
 from .stream import Stream, wide_camera
 
@@ -25,8 +25,14 @@ def corner_error_px(camera: Camera, truth: Camera) -> float:
     return float(np.abs(camera.project(turned) - edge).max())
 
 
+def calibrated(every, profile=None):
+    tracker = Tracker(profile=profile)
+    tracker.calibrate_every = every
+    return tracker
+
+
 def test_the_camera_becomes_better_over_frames() -> None:
-    stream, tracker = Stream(LENS), Tracker(options=TrackOptions(calibrate_every=2))
+    stream, tracker = Stream(LENS), calibrated(2)
     first = follow(tracker, stream, 1)[0]
     follow(tracker, stream, 40)
     assert tracker.profile.frames > 15
@@ -39,11 +45,11 @@ def test_the_camera_becomes_better_over_frames() -> None:
 
 def test_a_profile_of_another_focal_length_is_doubted_and_then_replaced() -> None:
     stream = Stream(LENS)
-    tracker = Tracker(options=TrackOptions(calibrate_every=1))
+    tracker = calibrated(1)
     follow(tracker, stream, 12)
     kept: Profile = tracker.profile
     wrong = replace(kept, camera=replace(kept.camera, focal_px=kept.camera.focal_px * 1.004))
-    again = Tracker(options=TrackOptions(calibrate_every=1), profile=wrong)
+    again = calibrated(1, wrong)
     updates = follow(again, stream, 6)
     assert all(u.solution is not None for u in updates)
     assert "profile is off" in updates[0].doubt
@@ -61,7 +67,7 @@ def test_a_profile_of_another_size_is_left_alone() -> None:
 
 def test_without_calibration_the_first_frame_decides() -> None:
     stream = Stream(LENS)
-    tracker = Tracker(options=TrackOptions(calibrate_every=0))
+    tracker = calibrated(0)
     follow(tracker, stream, 1)
     before = tracker.camera
     follow(tracker, stream, 5)

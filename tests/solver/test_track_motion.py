@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kochab.attitude import small_rotation
-from kochab.attitude.filter import ARCSEC, MotionModel, begin, predicted, rotation_vector
+from kochab.attitude.filter import ARCSEC, begin, predicted, rotation_vector
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.camera import Camera
 from kochab.solver.tracker import SAME_MOTION_S, filter_after_blind_solve, in_axes_of
@@ -20,29 +20,29 @@ def sure(matrix):
 
 def test_after_a_long_gap_the_velocity_is_guessed_from_both_ends() -> None:
     rate = np.array([30.0, -50.0, 20.0]) * ARCSEC  # a second, about the camera's axes
-    before = begin(sure(FIRST), 0.0, MotionModel())
+    before = begin(sure(FIRST), 0.0)
     second = small_rotation(-rate * LONG_S) @ FIRST
-    after = filter_after_blind_solve(before, sure(second), LONG_S, MotionModel(), was_lost=False)
+    after = filter_after_blind_solve(before, sure(second), LONG_S, was_lost=False)
     assert after.rates_rad_s == pytest.approx(rate, rel=1e-6)
-    ahead = predicted(after, 2.0 * LONG_S, MotionModel())
+    ahead = predicted(after, 2.0 * LONG_S)
     assert np.allclose(ahead.matrix, small_rotation(-rate * 2.0 * LONG_S) @ FIRST, atol=1e-9)
-    fresh = begin(sure(second), LONG_S, MotionModel())
+    fresh = begin(sure(second), LONG_S)
     assert np.array_equal(after.covariance, fresh.covariance), "a guess is no knowledge"
 
 
 def test_a_jump_tells_nothing_of_the_velocity() -> None:
-    before = begin(sure(FIRST), 0.0, MotionModel())
+    before = begin(sure(FIRST), 0.0)
     far = attitude_from(200.0, -20.0, 10.0)
-    after = filter_after_blind_solve(before, sure(far.matrix), LONG_S, MotionModel(), was_lost=False)
+    after = filter_after_blind_solve(before, sure(far.matrix), LONG_S, was_lost=False)
     assert not after.rates_rad_s.any()
-    assert not filter_after_blind_solve(None, sure(FIRST), 0.0, MotionModel(), was_lost=True).rates_rad_s.any()
+    assert not filter_after_blind_solve(None, sure(FIRST), 0.0, was_lost=True).rates_rad_s.any()
 
 
 def test_errors_are_as_large_in_another_cameras_axes() -> None:
     """The same error of the pointing is as likely, whichever model of the camera it is told in."""
     one = Camera(1000, 800, 1200.0, 499.5, 399.5)
     other = Camera(1000, 800, 1200.0, 899.5, 99.5)
-    state = begin(sure(FIRST), 0.0, MotionModel())
+    state = begin(sure(FIRST), 0.0)
     turned = in_axes_of(state, one, other)
     turn = turned.matrix @ FIRST.T
     assert np.degrees(np.linalg.norm(rotation_vector(turn))) > 10.0

@@ -3,12 +3,13 @@
 import re
 from dataclasses import replace
 from datetime import timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import kochab.solver.tracker as track
-from kochab.attitude.filter import MotionModel, begin
+from kochab.attitude.filter import begin
 from kochab.core.attitude import Attitude, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
@@ -20,7 +21,7 @@ from kochab.solver.camera_profile import Profile, TrackedCamera, new_profile
 from kochab.solver.pipeline import Examined
 from kochab.solver.track_prediction import Expected
 from kochab.solver.track_windows import Tracked, WindowSearchResult, WindowStars
-from kochab.solver.tracker import Tracker, TrackOptions, filter_after_blind_solve, tracked_solution
+from kochab.solver.tracker import Tracker, filter_after_blind_solve, tracked_solution
 
 from .stream import START
 
@@ -75,13 +76,13 @@ def at(tracker, seconds, frame=EMPTY):
 
 def unseen(tracker):
     """A tracker that finds nothing in its windows."""
-    tracker._find_stars = lambda *_: (None, None)
+    tracker._find_stars = lambda *_: None
     return tracker
 
 
 def test_the_scale_of_the_frames_before_is_good_to_three_hundredths_and_is_doubted_after_ten_failures(blind) -> None:
     tracker, wanted = unseen(Tracker()), SolveOptions(fov_deg=12.0)
-    tracker = unseen(Tracker(options=TrackOptions(solve=wanted)))
+    tracker = unseen(Tracker(options=wanted))
     solve = blind(solved(), *[refused()] * 12, solved(), refused())
     for k in range(15):
         at(tracker, 0.1 * k)
@@ -95,7 +96,7 @@ def test_the_scale_of_the_frames_before_is_good_to_three_hundredths_and_is_doubt
 
 
 def test_a_person_who_wants_no_blind_search_gets_none_after_failures_either(blind) -> None:
-    tracker = unseen(Tracker(options=TrackOptions(solve=SolveOptions(blind_after_hint=False))))
+    tracker = unseen(Tracker(options=SolveOptions(blind_after_hint=False)))
     solve = blind(solved(), *[refused()] * 12)
     for k in range(13):
         at(tracker, 0.1 * k)
@@ -158,7 +159,8 @@ def test_stars_are_expected_down_to_the_ninth_tenth_of_those_that_were_solved(bl
 
 @pytest.mark.parametrize(("every", "learned"), [(10, 2), (4, 5), (1, 20), (0, 0)])
 def test_the_camera_is_improved_every_so_many_tracked_frames(monkeypatch, blind, every, learned) -> None:
-    tracker = Tracker(options=TrackOptions(calibrate_every=every))
+    tracker = Tracker()
+    tracker.calibrate_every = every
     blind(solved())
     at(tracker, 0.0)
     calls = []
@@ -168,10 +170,11 @@ def test_the_camera_is_improved_every_so_many_tracked_frames(monkeypatch, blind,
     vectors = unit_vectors(np.array([s.ra_deg for s in seen.stars]), np.array([s.dec_deg for s in seen.stars]))
     estimate = Estimate(SURE, np.array([2, 0]), np.array([2, 0]), np.zeros((2, 2)), 0.3)
     windows = WindowStars(xy, np.ones(20), np.ones(20), np.ones(20, bool), np.full(3, np.nan))
-    result = WindowSearchResult(None, Expected(np.arange(20), xy), windows, Tracked(estimate, -9.0))
+    sky = SimpleNamespace(vectors=vectors)
+    result = WindowSearchResult(None, sky, Expected(np.arange(20), xy), windows, Tracked(estimate, -9.0))
     doubts = []
     for _ in range(20):
-        tracker._calibrate(result, vectors)
+        tracker._calibrate(result)
         doubts.append(tracker._doubt)
     assert len(calls) == learned
     assert [bool(d) for d in doubts] == [every > 0 and k % every == 0 for k in range(1, 21)]
@@ -199,9 +202,8 @@ def test_a_tracked_frame_names_its_stars_with_place_and_residual() -> None:
         SURE, np.array([2, 0, 3]), np.array([2, 0, 3]), np.array([[3.0, 4.0], [0.0, 1.0], [2.0, 0.0]]), 0.3
     )
     seen = WindowStars(xy, np.ones(5), np.ones(5), np.array([True, False, True, True, True]), np.full(3, np.nan))
-    told = tracked_solution(
-        Tracked(estimate, -9.5), CAMERA, Sky(), Expected(number, xy), seen, {"total": 3.0}, ("warm",)
-    )
+    result = WindowSearchResult(None, Sky(), Expected(number, xy), seen, Tracked(estimate, -9.5))
+    told = tracked_solution(result, CAMERA, {"total": 3.0}, ("warm",))
     assert [(s.x, s.y, s.id, s.name, s.mag) for s in told.stars] == [
         (4.0, 5.0, "id 1", "name 1", 2.5),
         (0.0, 1.0, "id 3", "name 3", 4.5),
@@ -225,12 +227,11 @@ def test_a_tracked_frame_names_its_stars_with_place_and_residual() -> None:
 def test_the_filter_goes_on_over_three_seconds_unless_a_tracked_camera_jumped(
     gap_s, was_lost, away_deg, goes_on
 ) -> None:
-    motion = MotionModel()
-    before = begin(SURE, 0.0, motion)
+    before = begin(SURE, 0.0)
     before = replace(before, covariance=before.covariance * 1e-6)
     seen = replace(SURE, matrix=attitude_from(84.0, -2.0 + away_deg, 25.0).matrix)
-    after = filter_after_blind_solve(before, seen, gap_s, motion, was_lost)
-    fresh = begin(seen, gap_s, motion)
+    after = filter_after_blind_solve(before, seen, gap_s, was_lost)
+    fresh = begin(seen, gap_s)
     assert np.array_equal(after.covariance, fresh.covariance) is not goes_on
 
 

@@ -146,7 +146,7 @@ def result(seen, sigma_px, windows=20, alarm=-9.0):
     index = np.arange(seen)
     estimate = Estimate(Attitude(np.eye(3)), index, index, np.zeros((seen, 2)), sigma_px)
     stars = Expected(np.arange(windows), np.zeros((windows, 2)))
-    return WindowSearchResult(None, stars, None, Tracked(estimate, alarm))
+    return WindowSearchResult(None, None, stars, None, Tracked(estimate, alarm))
 
 
 @pytest.mark.parametrize(

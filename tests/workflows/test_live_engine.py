@@ -7,12 +7,18 @@ from kochab.core.errors import KochabError
 from kochab.core.progress import run
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import profile_path
-from kochab.solver.tracker import TrackOptions
+from kochab.solver.tracker import Tracker
 from kochab.workflows.live.solve import ProfiledTracker
 
 from .live_sky import CAMERA, sky_frame
 
-OPTIONS = TrackOptions(solve=SolveOptions(fov_deg=12.0), calibrate_every=2)
+OPTIONS = SolveOptions(fov_deg=12.0)
+
+
+@pytest.fixture(autouse=True)
+def often(monkeypatch):
+    """Every second frame improves the camera."""
+    monkeypatch.setattr(Tracker, "calibrate_every", 2)
 
 
 def night(folder, frames, start_s=0.0, name="guide scope"):

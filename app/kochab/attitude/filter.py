@@ -28,28 +28,17 @@ ARCSEC = float(np.radians(1.0 / 3600.0))
 MOST_AGILE = 1e10  # of q: the velocity changes by 56 deg/s in a second, more than any mount's
 
 
-@dataclass(frozen=True, slots=True)
-class MotionModel:
-    """The prior of how the camera moves.
+# -- The prior of how a camera moves -----------------------------------------------------------
 
-    Parameters
-    ----------
-    rate_sigma_arcsec_s : float
-        How fast it may turn when nothing is known yet, arcsec/s on each axis, 0.1 to 36000.
-    wander_arcsec_s : float
-        How much the velocity changes in one second, arcsec/s, 0.001 to 3600: the root of ``q``.
-    manoeuvre_arcsec_s : float
-        How much it may have changed when a frame contradicts the prediction, 1 to 36000.
-    gate : float
-        Squared innovation over its covariance, three degrees of freedom, from which a frame is
-        held to contradict: 21.1 happens once in ten thousand frames by chance.
-
-    """
-
-    rate_sigma_arcsec_s: float = 120.0
-    wander_arcsec_s: float = 2.0
-    manoeuvre_arcsec_s: float = 3600.0
-    gate: float = 21.1
+RATE_SIGMA_RAD_S = 120.0 * ARCSEC
+"""How fast it may turn about each axis when nothing is known yet."""
+WANDER_RAD_S = 2.0 * ARCSEC
+"""How much the velocity changes in one second: the root of ``q``."""
+MANOEUVRE_RAD_S = 3600.0 * ARCSEC
+"""How much it may have changed when a frame contradicts the prediction."""
+GATE = 21.1
+"""Squared innovation over its covariance, three degrees of freedom, from which a frame is held to contradict:
+it happens once in ten thousand frames by chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,22 +78,22 @@ class FilterState:
         return float(x), float(y), float(z)
 
 
-def begin(attitude: Attitude, time_s: float, motion: MotionModel) -> FilterState:
+def begin(attitude: Attitude, time_s: float) -> FilterState:
     """The first state, from an attitude with covariance; the velocity is not known yet."""
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = _covariance(attitude)
-    covariance[3:, 3:] = np.eye(3) * (motion.rate_sigma_arcsec_s * ARCSEC) ** 2
+    covariance[3:, 3:] = np.eye(3) * RATE_SIGMA_RAD_S**2
     return FilterState(np.asarray(attitude.matrix), np.zeros(3), covariance, time_s)
 
 
-def predicted(state: FilterState, time_s: float, motion: MotionModel) -> FilterState:
+def predicted(state: FilterState, time_s: float) -> FilterState:
     """The state carried on to ``time_s``; an earlier time leaves it where it is."""
     dt = max(0.0, time_s - state.time_s)
     turn = small_rotation(-state.rates_rad_s * dt)
     phi = np.eye(6)
     phi[:3, :3] = turn
     phi[:3, 3:] = -dt * np.eye(3)
-    q = (motion.wander_arcsec_s * ARCSEC) ** 2 * state.agility
+    q = WANDER_RAD_S**2 * state.agility
     noise = np.zeros((6, 6))
     noise[:3, :3] = q * dt**3 / 3.0 * np.eye(3)
     noise[:3, 3:] = noise[3:, :3] = -q * dt**2 / 2.0 * np.eye(3)
@@ -113,18 +102,18 @@ def predicted(state: FilterState, time_s: float, motion: MotionModel) -> FilterS
     return replace(state, matrix=turn @ state.matrix, covariance=covariance, time_s=time_s, step_s=dt)
 
 
-def updated(state: FilterState, measured: Attitude, motion: MotionModel) -> FilterState:
+def updated(state: FilterState, measured: Attitude) -> FilterState:
     """The state, predicted to the frame's time, after the attitude ``measured`` in it.
 
-    A measurement beyond the gate is a manoeuvre: the velocity is forgotten as far as ``motion``
-    says before the measurement is taken in, and ``contradicted`` is set.
+    A measurement beyond the gate is a manoeuvre: the velocity is forgotten before the measurement
+    is taken in, and ``contradicted`` is set.
     """
     innovation = rotation_vector(measured.matrix @ state.matrix.T)
     noise = _covariance(measured)
     chi2 = float(innovation @ np.linalg.solve(state.covariance[:3, :3] + noise, innovation))
-    covariance, contradicted = state.covariance, chi2 > motion.gate
+    covariance, contradicted = state.covariance, chi2 > GATE
     if contradicted:
-        covariance = covariance + _manoeuvre(state.step_s, innovation, motion)
+        covariance = covariance + _manoeuvre(state.step_s, innovation)
     gain = np.linalg.solve(covariance[:3, :3] + noise, covariance[:3]).T
     step = gain @ innovation
     keep = np.eye(6)
@@ -158,8 +147,8 @@ def _covariance(attitude: Attitude) -> Floats:
     return np.asarray(attitude.covariance)
 
 
-def _manoeuvre(dt: float, innovation: Floats, motion: MotionModel) -> Floats:
+def _manoeuvre(dt: float, innovation: Floats) -> Floats:
     """The (6, 6) that an unknown change of velocity adds when it came ``dt`` before the frame."""
     dt = max(dt, 1e-3)
-    jump = max(motion.manoeuvre_arcsec_s * ARCSEC, 3.0 * float(np.linalg.norm(innovation)) / dt)
+    jump = max(MANOEUVRE_RAD_S, 3.0 * float(np.linalg.norm(innovation)) / dt)
     return np.asarray(jump**2 * np.kron([[dt * dt, -dt], [-dt, 1.0]], np.eye(3)))

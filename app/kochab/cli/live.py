@@ -23,7 +23,6 @@ from kochab.cli.output import Json, reporting_failures, tell
 from kochab.cli.process import say
 from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError, printable
 from kochab.core.frame import Frame
-from kochab.solver.tracker import TrackOptions
 from kochab.workflows.live.session import SESSION, Recorder, options_json, recorded
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
 from kochab.workflows.live.update import LiveUpdate
@@ -69,7 +68,7 @@ def _live(args: argparse.Namespace) -> int:
     if source == "folder" and not args.address:
         raise UsageError("Give the folder your capture program saves to: --address DIR.")
     capture = Capture(lambda: open_camera(source, args.address, settings), args.reconnect)
-    engine = ProfiledTracker(args.profile or "", TrackOptions(solve=options))
+    engine = ProfiledTracker(args.profile or "", options)
     live = live_solve(capture, engine, args.frames)
     if args.record:
         if source == "folder":
@@ -118,7 +117,7 @@ def _replay(args: argparse.Namespace) -> int:
         raise UsageError("--replay and --record cannot be used together.")
     folder = Path(args.replay)
     same = True
-    engine = ProfiledTracker(options=TrackOptions(solve=recorded_options(folder)))
+    engine = ProfiledTracker(options=recorded_options(folder))
     with closing(replay(folder, engine)) as steps:
         for step in steps:
             if isinstance(step, Replayed):

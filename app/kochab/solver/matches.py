@@ -1,5 +1,6 @@
 """From the few identified stars to every star of the frame that the catalogue names."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -9,11 +10,11 @@ from numpy.typing import NDArray
 
 from kochab.attitude.fit import Fit, FocalPrior, refine
 from kochab.attitude.least_squares import undistorted
-from kochab.core.arrays import Bools, Floats, Ints
-from kochab.core.attitude import Attitude
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
-from kochab.core.solution import Identification, Matches
+from kochab.core.solution import Identification, Matches, NamedStar
 
 # -- Which detection is which catalogue star, by place alone -----------------------------------
 
@@ -136,7 +137,7 @@ def extend(
         if settled:
             break
         step = max(1, len(matches) // ENOUGH_TO_GROW)  # enough, bright and faint, to place the others
-        few = _selected(matches, slice(None, None, step))
+        few = matches.take(slice(None, None, step))
         fit = refine(few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1)
     catalogue_px = fit.camera.focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
     matched_sigma = np.hypot(sigma[matches.detection], catalogue_px) if matches is not found.matches else None
@@ -223,10 +224,6 @@ def with_catalogue_error(attitude: Attitude, year: float) -> Attitude:
     return replace(attitude, covariance=attitude.covariance + np.diag([shared, shared, 0.0]))
 
 
-def _selected(matches: Matches, index: Bools | slice) -> Matches:
-    return Matches(matches.detection[index], matches.star[index], matches.xy[index], matches.vectors[index])
-
-
 def centroid_sigma(detections: Detections) -> Floats:
     """Relative centroid errors (N,), px: a floor, and the star's width over its SNR."""
     photon = 0.5 * detections.fwhm_px / np.maximum(detections.snr, 1.0)
@@ -241,6 +238,16 @@ def field_centre(camera: Camera, attitude: Attitude) -> tuple[Floats, float]:
     seen = camera.unproject(places) @ attitude.matrix
     cosine = float(np.min(seen[1:] @ seen[0]))
     return np.asarray(seen[0]), float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def named_stars(
+    xy: Floats, labels: Iterable[tuple[str, str]], mag: Floats, vectors: Floats, residuals_px: Floats
+) -> tuple[NamedStar, ...]:
+    """M stars seen at ``xy`` (M, 2) px, with V ``mag`` (M,), ICRS ``vectors`` (M, 3) and residuals (M, 2)."""
+    columns = zip(xy.tolist(), labels, mag.tolist(), vectors, np.hypot(*residuals_px.T).tolist(), strict=True)
+    return tuple(
+        NamedStar(x, y, *label, v, *radec_deg(vector), residual) for (x, y), label, v, vector, residual in columns
+    )
 
 
 def _field_stars(
@@ -272,5 +279,5 @@ def _matched(
 
 def _inliers(matches: Matches, fit: Fit) -> tuple[Matches, Fit]:
     good = fit.inliers
-    inliers = _selected(matches, good)
+    inliers = matches.take(good)
     return inliers, replace(fit, residuals_px=fit.residuals_px[good], inliers=np.ones(len(inliers), np.bool_))

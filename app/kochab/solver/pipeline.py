@@ -13,13 +13,13 @@ import numpy as np
 from kochab.attitude import ESTIMATORS
 from kochab.attitude.fit import Fit, FocalPrior, refine
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
-from kochab.core.solution import Identification, Matches, NamedStar, NoSolution, Reason, Solution
+from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, SolveOptions
-from kochab.solver.matches import StarCatalogue
+from kochab.solver.matches import StarCatalogue, named_stars
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue
@@ -286,20 +286,9 @@ def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue:
 
     Positions are those at the frame's date, proper motion included.
     """
-    mags = np.asarray(catalogue.mag(matches.star), dtype=np.float64)
-    order = np.argsort(mags, kind="stable")
-    columns = zip(
-        matches.xy[order].tolist(),
-        catalogue.labels(matches.star[order]),
-        mags[order].tolist(),
-        matches.vectors[order],
-        np.hypot(*fit.residuals_px[order].T).tolist(),
-        strict=True,
-    )
-    stars = tuple(
-        NamedStar(x, y, *label, mag, *radec_deg(vector), residual_px)
-        for (x, y), label, mag, vector, residual_px in columns
-    )
+    order = np.argsort(catalogue.mag(matches.star), kind="stable")
+    seen, mags = matches.take(order), np.asarray(catalogue.mag(matches.star[order]), dtype=np.float64)
+    stars = named_stars(seen.xy, catalogue.labels(seen.star), mags, seen.vectors, fit.residuals_px[order])
     return Solution(fit.camera, fit.attitude, stars, fit.rms_px, found.log10_false_alarm, found.method)
 
 

@@ -15,19 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from kochab.attitude.filter import ARCSEC, FilterState, MotionModel, predicted, rotation_vector
+from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, predicted, rotation_vector
 from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.identification.predictional_estimate import expected_px
 from kochab.solver.matches import field_centre
 
 if TYPE_CHECKING:
-    from kochab.core.attitude import Attitude
     from kochab.sky import Catalogue
 
 
-SMALLEST_PX = 8  # half a window's side at least
+SMALLEST_PX, USUAL_PX = 8, 32  # half a window's side at least, and at most
+FAR_PX = 64  # at most where the prediction is less certain than that
 APART_PX = 8.0  # places nearer to each other are one
 
 
@@ -43,40 +44,33 @@ class Prediction:
     roll_px: float
 
 
-def places(
-    state: FilterState, time_s: float, motion: MotionModel, camera: Camera, fwhm_px: float, most_px: tuple[int, int]
-) -> Iterator[Prediction]:
-    """Where to look at ``time_s``, the likeliest first.
-
-    ``most_px`` is half the side of the largest window, and of the largest when the prediction is
-    less certain than that allows.
-    """
-    usual, far = most_px
+def places(state: FilterState, time_s: float, camera: Camera, fwhm_px: float) -> Iterator[Prediction]:
+    """Where to look at ``time_s``, the likeliest first."""
     wide: list[Floats] = []  # looked at in windows that are not small
     least = SMALLEST_PX
     for rates in (state.rates_rad_s, np.zeros(3), SIDEREAL_RAD_S * state.matrix[:, 2]):
-        ahead = predicted(_moving(state, rates, motion), time_s, motion)
+        ahead = predicted(_moving(state, rates), time_s)
         turns = [rotation_vector(ahead.matrix @ other.T) for other in wide]
         if any(
             np.hypot(camera.focal_px * np.hypot(x, y), _corner_px(camera) * roll) < APART_PX for x, y, roll in turns
         ):
             continue
         error_px, roll_px = _error_px(ahead, camera), _roll_px(ahead, camera)
-        most = usual if error_px <= usual else far
+        most = USUAL_PX if error_px <= USUAL_PX else FAR_PX
         half = int(np.clip(np.ceil(error_px + 2.0 * fwhm_px + 2.0), least, most))
         yield Prediction(ahead, half, min(roll_px, float(most)))
-        least = usual  # what was believed of the motion was wrong
-        if half >= usual:
+        least = USUAL_PX  # what was believed of the motion was wrong
+        if half >= USUAL_PX:
             wide.append(ahead.matrix)
 
 
-def _moving(state: FilterState, rates: Floats, motion: MotionModel) -> FilterState:
+def _moving(state: FilterState, rates: Floats) -> FilterState:
     """The same pointing with another velocity (3,), rad/s, which is as little known as at first."""
     if np.array_equal(rates, state.rates_rad_s):
         return state
     covariance = state.covariance.copy()
     covariance[3:, :] = covariance[:, 3:] = 0.0
-    covariance[3:, 3:] = np.eye(3) * (motion.rate_sigma_arcsec_s * ARCSEC) ** 2
+    covariance[3:, 3:] = np.eye(3) * RATE_SIGMA_RAD_S**2
     return replace(state, rates_rad_s=rates, covariance=covariance)
 
 
@@ -117,13 +111,7 @@ class Neighbourhood:
     """
 
     def __init__(
-        self,
-        catalogue: "Catalogue",
-        camera: Camera,
-        attitude: "Attitude",
-        year: float,
-        faintest: float,
-        blend_px: float,
+        self, catalogue: "Catalogue", camera: Camera, attitude: Attitude, year: float, faintest: float, blend_px: float
     ) -> None:
         centre, radius = field_centre(camera, attitude)
         self.centre, self.field_rad, self.camera = centre, radius, camera
@@ -136,7 +124,7 @@ class Neighbourhood:
         self.alone = _alone(self.vectors, self.mag, blend_px / camera.focal_px)
         self._labels: dict[int, tuple[str, str]] = {}
 
-    def covers(self, camera: Camera, attitude: "Attitude") -> bool:
+    def covers(self, camera: Camera, attitude: Attitude) -> bool:
         """Whether it holds all stars of a frame taken so."""
         if abs(np.log(camera.focal_px / self.camera.focal_px)) > 0.05:
             return False

@@ -5,7 +5,7 @@ and there a fit of the star image as the default detector makes it. What a windo
 brightest thing in it, whether or not it is the star; that is for the match to say.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -240,12 +240,19 @@ SHARP_PX2 = 0.36 - PIXEL_VARIANCE
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowSearchResult:
-    """The prediction looked at, the stars expected, what was seen, and what that matches."""
+    """The prediction looked at, the sky there, the stars expected, what was seen, and what that matches."""
 
     place: Prediction
+    sky: Neighbourhood
     stars: Expected
     seen: WindowStars
     found: Tracked
+
+    @property
+    def matched(self) -> tuple[Floats, Floats]:
+        """Places (M, 2) px and ICRS unit vectors (M, 3) of the stars that agree."""
+        window = self.found.estimate.star
+        return self.seen.xy[window], self.sky.vectors[self.stars.number[window]]
 
     @property
     def poor(self) -> bool:
@@ -263,7 +270,7 @@ class WindowSearchResult:
         if len(its.seen) <= len(mine.seen) and not sharper:
             return self
         alarm = self.found.log10_false_alarm
-        return WindowSearchResult(self.place, again.stars, again.seen, Tracked(its, alarm))
+        return replace(again, place=self.place, found=Tracked(its, alarm))
 
 
 class WindowSearch:
@@ -300,7 +307,7 @@ class WindowSearch:
         seen = look(self._frame, stars.xy, half, image, adapt=adapt and not sharp, sharp=sharp)
         vectors = sky.vectors[stars.number]
         found = match(self._camera, matrix, vectors, stars.xy, seen, half, roll_px, looks=self.looks)
-        return None if found is None else WindowSearchResult(place, stars, seen, found)
+        return None if found is None else WindowSearchResult(place, sky, stars, seen, found)
 
 
 class TrackedStarImage:

@@ -8,51 +8,25 @@ time, and only small windows around the stars expected there are read
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from kochab.attitude.filter import ARCSEC, FilterState, MotionModel, begin, predicted, rotation_vector, updated
-from kochab.core.arrays import Floats
+from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, begin, predicted, rotation_vector, updated
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import NamedStar, NoSolution, Solution
+from kochab.core.solution import NoSolution, Solution
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, TrackedCamera, turn_between
+from kochab.solver.matches import named_stars
 from kochab.solver.pipeline import Examined, examine_frame, merged_hint, year_of
-from kochab.solver.track_prediction import Expected, Neighbourhood, places
-from kochab.solver.track_windows import Tracked, TrackedStarImage, WindowSearch, WindowSearchResult, WindowStars
-
-if TYPE_CHECKING:
-    from kochab.sky import Catalogue
-
-
-# -- What may be chosen about following one camera ---------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class TrackOptions:
-    """Choices for a stream: how a lost frame is solved, how the camera is believed to move.
-
-    ``stars`` are looked for at most, in windows of up to ``half_px`` to each side, and of up to
-    ``far_px`` when the prediction is less certain than that. A pointing that is ``memory_s`` old is
-    no prediction any more. Every ``calibrate_every`` frames the camera's profile is improved by
-    what the stars say; 0 leaves it at what the first frame said.
-    """
-
-    solve: SolveOptions = field(default_factory=SolveOptions)
-    motion: MotionModel = field(default_factory=MotionModel)
-    stars: int = 40
-    half_px: int = 32
-    far_px: int = 64
-    memory_s: float = 900.0
-    calibrate_every: int = 10
-
+from kochab.solver.track_prediction import Neighbourhood, places
+from kochab.solver.track_windows import TrackedStarImage, WindowSearch, WindowSearchResult
 
 # -- What the tracker tells of one frame -------------------------------------------------------
 
@@ -98,57 +72,13 @@ class TrackUpdate:
         return None if self.filtered is None else self.filtered.sigma_arcsec
 
 
-# -- A tracked frame in the words of ``core``: the same ``Solution`` as one solved blind -------
-
-
-def tracked_solution(
-    found: Tracked,
-    camera: Camera,
-    sky: Neighbourhood,
-    stars: Expected,
-    seen: WindowStars,
-    elapsed_ms: Mapping[str, float],
-    warnings: tuple[str, ...] = (),
-) -> Solution:
-    """The solution of a frame from its windows, its stars brightest first."""
-    estimate = found.estimate
-    window = estimate.star
-    number = stars.number[window]
-    vectors = sky.vectors[number]
-    ra = np.degrees(np.arctan2(vectors[:, 1], vectors[:, 0])) % 360.0
-    dec = np.degrees(np.arcsin(np.clip(vectors[:, 2], -1.0, 1.0)))
-    residual = np.hypot(*estimate.residuals_px.T)
-    columns = zip(
-        seen.xy[window].tolist(),
-        number.tolist(),
-        sky.mag[number].tolist(),
-        ra.tolist(),
-        dec.tolist(),
-        residual.tolist(),
-        strict=True,
-    )
-    named = tuple(NamedStar(x, y, *sky.label(n), mag, a, d, r) for (x, y), n, mag, a, d, r in columns)
-    rms = float(np.sqrt(np.mean(residual**2)))
-    return Solution(
-        camera,
-        estimate.attitude,
-        named,
-        rms,
-        found.log10_false_alarm,
-        "predict",
-        int(seen.found.sum()),
-        dict(elapsed_ms),
-        warnings,
-    )
-
-
 # -- What a frame that was solved blind does to the filter of a stream -------------------------
 
 SAME_MOTION_S = 3.0
 
 
 def filter_after_blind_solve(
-    before: FilterState | None, attitude: Attitude, time_s: float, motion: MotionModel, was_lost: bool
+    before: FilterState | None, attitude: Attitude, time_s: float, was_lost: bool
 ) -> FilterState:
     """The filter after an attitude that no prediction led to.
 
@@ -157,15 +87,15 @@ def filter_after_blind_solve(
     velocity, though, if a camera may turn so fast, and no more certain than any.
     """
     if before is None:
-        return begin(attitude, time_s, motion)
-    ahead = predicted(before, time_s, motion)
-    after = updated(ahead, attitude, motion)
+        return begin(attitude, time_s)
+    ahead = predicted(before, time_s)
+    after = updated(ahead, attitude)
     if ahead.step_s <= SAME_MOTION_S and (was_lost or not after.contradicted):
         return after
-    anew = begin(attitude, time_s, motion)
+    anew = begin(attitude, time_s)
     turned = rotation_vector(attitude.matrix @ before.matrix.T)
     rates = -turned / max(ahead.step_s, 1e-3)
-    if float(np.linalg.norm(rates)) > motion.rate_sigma_arcsec_s * ARCSEC:
+    if float(np.linalg.norm(rates)) > RATE_SIGMA_RAD_S:
         return anew
     return replace(anew, rates_rad_s=rates)
 
@@ -185,6 +115,8 @@ def in_axes_of(state: FilterState, before: Camera | None, after: Camera | None) 
 
 
 BLEND_FWHM = 2.5
+MEMORY_S = 900.0  # a pointing so old is no prediction any more
+MOST_STARS = 40  # looked for in a frame
 PATIENCE = 10  # frames without an answer until the scale of the frames before is doubted
 KNOWN_SCALE = 1.03  # the scale of the frame before is good to so much
 
@@ -192,18 +124,19 @@ KNOWN_SCALE = 1.03  # the scale of the frame before is good to so much
 class Tracker:
     """Follows one camera. Not safe for several threads at once.
 
-    ``catalogue`` is the shipped one unless given. ``profile`` is what is known of the camera from
+    ``options`` are those of a solve of a lost frame. ``profile`` is what is known of the camera from
     earlier frames (:mod:`kochab.solver.camera_profile` recalls it); :attr:`profile` is what is known by
     now, for whoever wants to keep it.
     """
 
-    def __init__(
-        self, catalogue: "Catalogue | None" = None, options: TrackOptions | None = None, profile: Profile | None = None
-    ) -> None:
+    calibrate_every = 10
+    """After so many frames the camera is improved by what the stars say; 0 leaves it as the first frame said."""
+
+    def __init__(self, options: SolveOptions | None = None, profile: Profile | None = None) -> None:
         from kochab.sky import open_catalogue
 
-        self.catalogue = catalogue or open_catalogue()
-        self.options = options or TrackOptions()
+        self.catalogue = open_catalogue()
+        self.options = options or SolveOptions()
         self._calibration = TrackedCamera(profile)
         self.forget()
 
@@ -235,87 +168,67 @@ class Tracker:
         ``time_utc`` is its mid-exposure; by default what the frame says of itself, else now.
         """
         moment = time_utc or frame.hint.time_utc or datetime.now(UTC)
-        now = moment.timestamp()
-        if not self._fits(frame, now):
+        if not self._fits(frame, moment.timestamp()):
             self.forget()
         if self.state is not None:
             yield Progress("track", 0.0)
-            update = self._tracked(frame, moment)
-            if update is not None:
-                return update
+            clock = perf_counter()
+            result = self._find_stars(frame, moment)
+            if result is not None:
+                return self._tracked(frame, moment, result, 1e3 * (perf_counter() - clock))
         return (yield from self._lost(frame, moment))
 
     def prediction(self, time_utc: datetime) -> Attitude | None:
         """Where the camera is believed to point at a moment, with its growing covariance."""
-        if self.state is None:
-            return None
-        return predicted(self.state, time_utc.timestamp(), self.options.motion).attitude
+        return None if self.state is None else predicted(self.state, time_utc.timestamp()).attitude
 
     def _fits(self, frame: Frame, now_s: float) -> bool:
         """Whether what is known can be of use for this frame."""
         if self.state is None or self.camera is None:
             return True
         same = (frame.width, frame.height) == (self.camera.width, self.camera.height)
-        return same and -1.0 < now_s - self.state.time_s < self.options.memory_s
+        return same and -1.0 < now_s - self.state.time_s < MEMORY_S
 
-    def _tracked(self, frame: Frame, moment: datetime) -> TrackUpdate | None:
-        """The answer from windows around the expected stars; None when there is none."""
-        assert self.camera is not None
-        clock = perf_counter()
-        sky, result = self._find_stars(frame, moment)
-        if sky is None or result is None:
-            return None
-        stars, seen, found, place = result.stars, result.seen, result.found, result.place
-        total = 1e3 * (perf_counter() - clock)
-        spent = {"read": 0.0, "detect": total, "identify": 0.0, "attitude": 0.0, "total": total}
-        solution = tracked_solution(found, self.camera, sky, stars, seen, spent, frame.warnings)
-        self._image.learn(seen, place, self.camera, frame.hint.exposure_s)
-        self._calibrate(result, sky.vectors[stars.number])
-        self._failures = 0
-        state = updated(place.ahead, solution.attitude, self.options.motion)
-        return self._update(solution, moment, "tracking", state, len(stars.number))
-
-    def _find_stars(self, frame: Frame, moment: datetime) -> tuple[Neighbourhood | None, WindowSearchResult | None]:
-        """What is seen at the likeliest place that holds anything, and the sky around it."""
+    def _find_stars(self, frame: Frame, moment: datetime) -> WindowSearchResult | None:
+        """What is seen in windows around the stars expected, at the likeliest place that holds anything."""
         assert self.state is not None
         assert self.camera is not None
-        options, looking, sky = self.options, None, None
-        for place in places(
-            self.state,
-            moment.timestamp(),
-            options.motion,
-            self.camera,
-            self._image.fwhm_px,
-            (options.half_px, options.far_px),
-        ):
-            sky = self._neighbourhood(place.ahead.attitude, moment)
-            if looking is None:
-                looking = WindowSearch(frame, self.camera, self._image, options.stars)
-            result = looking.at(place, sky)
+        looking = WindowSearch(frame, self.camera, self._image, MOST_STARS)
+        for place in places(self.state, moment.timestamp(), self.camera, self._image.fwhm_px):
+            result = looking.at(place, self._neighbourhood(place.ahead.attitude, moment))
             if result is not None:
-                return sky, result
-        return sky, None
+                return result
+        return None
+
+    def _tracked(self, frame: Frame, moment: datetime, result: WindowSearchResult, total_ms: float) -> TrackUpdate:
+        """What the stars found in their windows say."""
+        assert self.camera is not None
+        spent = {"read": 0.0, "detect": total_ms, "identify": 0.0, "attitude": 0.0, "total": total_ms}
+        solution = tracked_solution(result, self.camera, spent, frame.warnings)
+        self._image.learn(result.seen, result.place, self.camera, frame.hint.exposure_s)
+        self._calibrate(result)
+        self._failures = 0
+        state = updated(result.place.ahead, solution.attitude)
+        return self._update(solution, moment, "tracking", state, len(result.stars.number))
 
     def _lost(self, frame: Frame, moment: datetime) -> Task[TrackUpdate]:
         """The frame solved blind, or nearly so when the scale is known."""
-        options, before = self.options.solve, self.state
+        options, before, camera = self.options, self.state, self.camera
         known = self._known_scale(frame)
         if known is not None:
-            sure = self.camera is not None and self._failures < PATIENCE
-            options = replace(options, blind_after_hint=options.blind_after_hint and not sure)
-            options = replace(options, hint=merged_hint(known, options.hint), fov_deg=None)
+            sure = camera is not None and self._failures < PATIENCE
+            hint = merged_hint(known, options.hint)
+            blind = options.blind_after_hint and not sure
+            options = replace(options, blind_after_hint=blind, hint=hint, fov_deg=None)
         examined = yield from examine_frame(frame, options)
         if isinstance(examined.result, NoSolution):
             self._failures += 1
             return TrackUpdate(moment, "lost", None, examined.result)
-        camera = self.camera
         solution = self._begin_again(examined, frame)
         self._failures = 0
         if before is not None:
             before = in_axes_of(before, camera, solution.camera)
-        state = filter_after_blind_solve(
-            before, solution.attitude, moment.timestamp(), self.options.motion, self._was_lost
-        )
+        state = filter_after_blind_solve(before, solution.attitude, moment.timestamp(), self._was_lost)
         return self._update(solution, moment, "lost", state, 0)
 
     def _known_scale(self, frame: Frame) -> Hint | None:
@@ -339,18 +252,13 @@ class Tracker:
         self._sky = None
         return solution
 
-    def _calibrate(self, result: WindowSearchResult, vectors: Floats) -> None:
+    def _calibrate(self, result: WindowSearchResult) -> None:
         """Improve the camera now and then; a frame that contradicts its profile says so."""
         self._tracked_frames += 1
         self._doubt = ""
-        every = self.options.calibrate_every
-        if every == 0 or self._tracked_frames % every:
-            return
-        estimate = result.found.estimate
-        window = estimate.star
-        self._doubt = self._calibration.learn(
-            result.seen.xy[window], vectors[window], estimate.attitude, estimate.sigma_px
-        )
+        if self.calibrate_every and self._tracked_frames % self.calibrate_every == 0:
+            estimate, (xy, vectors) = result.found.estimate, result.matched
+            self._doubt = self._calibration.learn(xy, vectors, estimate.attitude, estimate.sigma_px)
 
     def _update(
         self, solution: Solution, moment: datetime, mode: Mode, state: FilterState, expected: int
@@ -380,3 +288,23 @@ class Tracker:
             blend = BLEND_FWHM * self._image.fwhm_px
             self._sky = Neighbourhood(self.catalogue, self.camera, attitude, year_of(moment), self._faintest, blend)
         return self._sky
+
+
+def tracked_solution(
+    result: WindowSearchResult, camera: Camera, elapsed_ms: Mapping[str, float], warnings: tuple[str, ...] = ()
+) -> Solution:
+    """The solution of a frame from its windows, its stars brightest first."""
+    found, sky, (xy, vectors) = result.found, result.sky, result.matched
+    number, residuals = result.stars.number[found.estimate.star], found.estimate.residuals_px
+    stars = named_stars(xy, map(sky.label, number.tolist()), sky.mag[number], vectors, residuals)
+    return Solution(
+        camera,
+        found.estimate.attitude,
+        stars,
+        float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))),
+        found.log10_false_alarm,
+        "predict",
+        int(result.seen.found.sum()),
+        elapsed_ms,
+        warnings,
+    )

@@ -184,7 +184,7 @@ def test_the_simulators_sky_is_solved_where_it_says_it_points(shared_server, tmp
     from kochab.core.attitude import unit_vectors
     from kochab.core.solution import Solution
     from kochab.solver import SolveOptions
-    from kochab.solver.tracker import Tracker, TrackOptions
+    from kochab.solver.tracker import Tracker
     from kochab.workflows.live.capture import Capture
     from kochab.workflows.live.solve import live_solve
     from kochab.workflows.live.update import LiveUpdate
@@ -198,7 +198,7 @@ def test_the_simulators_sky_is_solved_where_it_says_it_points(shared_server, tmp
             subprocess.run(["indi_setprop", f"CCD Simulator.{wish}"], check=True, timeout=20)
         capture = Capture(lambda: open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.5)))
         # Its stars are single pixels, which only this detector does not take for hot ones.
-        engine = Tracker(options=TrackOptions(solve=SolveOptions(detector="peaks")))
+        engine = Tracker(options=SolveOptions(detector="peaks"))
         live = live_solve(capture, engine, frames=3)
         results = [step.result for step in live if isinstance(step, LiveUpdate)]
     finally:

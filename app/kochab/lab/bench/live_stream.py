@@ -27,7 +27,7 @@ from kochab.simulate.night_sky import WeatherConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.simulate.star_images import RenderedStar, Sensor, Sky, render
 from kochab.sky import open_catalogue
-from kochab.solver.tracker import Tracker, TrackOptions
+from kochab.solver.tracker import Tracker
 
 START = datetime(2026, 3, 1, 21, 0, tzinfo=UTC)
 YEAR = 2026.16
@@ -185,7 +185,8 @@ def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:
     """Averages of N tracked pointings of a camera at rest: what is left, and what was promised."""
     ring = make_ring(1280, 960, count=2, seed=seed, swing_deg=0.0)
     # one model of the camera throughout, so that all attitudes are of the same axes
-    tracker, single = Tracker(options=TrackOptions(calibrate_every=0)), []
+    tracker, single = Tracker(), []
+    tracker.calibrate_every = 0
     for k, (_, moment, truth) in enumerate(ring.stream(frames + 1, 10.0)):
         frame = star_frame(ring.camera, truth, seed + 100 + k)
         update = run(tracker.update(frame, moment))

@@ -14,8 +14,9 @@ from time import monotonic
 
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
+from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, load_profile, save_profile
-from kochab.solver.tracker import Tracker, TrackOptions, TrackUpdate
+from kochab.solver.tracker import Tracker, TrackUpdate
 from kochab.workflows.live.capture import Capture, Shot
 from kochab.workflows.live.update import DriftMeter, GoodPointing, LiveUpdate
 
@@ -105,9 +106,9 @@ class ProfiledTracker:
     Which profile that is depends on the frames' size too, so it is recalled with the first frame.
     """
 
-    def __init__(self, name: str = "", options: TrackOptions | None = None, folder: Path | None = None) -> None:
+    def __init__(self, name: str = "", options: SolveOptions | None = None, folder: Path | None = None) -> None:
         self.name = name
-        self._options = options or TrackOptions()
+        self._options = options
         self._folder = folder
         self._tracker: Tracker | None = None
         self._size = (0, 0)
@@ -127,7 +128,7 @@ class ProfiledTracker:
         if self._tracker is None or size != self._size:
             self.keep()
             known = load_profile(self.name, *size, self._folder) if self.name else None
-            self._tracker, self._size = Tracker(options=self._options, profile=known), size
+            self._tracker, self._size = Tracker(self._options, known), size
         return (yield from self._tracker.update(frame, time_utc))
 
     def keep(self) -> Path | None:

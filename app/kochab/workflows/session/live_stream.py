@@ -14,7 +14,6 @@ from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile
-from kochab.solver.tracker import TrackOptions
 from kochab.workflows.live.capture import Capture
 from kochab.workflows.live.session import Recorder, options_json, session_folder
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
@@ -209,4 +208,4 @@ class Stream:
         self.lens = Lens(profile, update.track.doubt or ("" if learned else self.lens.doubt))
 
     def _engine(self) -> ProfiledTracker:
-        return ProfiledTracker(self.wish.profile, TrackOptions(solve=self.options))
+        return ProfiledTracker(self.wish.profile, self.options)
