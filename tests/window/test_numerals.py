@@ -7,12 +7,11 @@ import os
 import pytest
 from PySide6.QtCore import QLocale, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QDoubleSpinBox, QWidget
 
 from kochab.core.angle_text import parse_site
 from kochab.core.errors import UsageError
 from kochab.window.panels.method_options import MethodGroup
-from kochab.window.widgets import accept_decimal_comma, use_plain_numerals
+from kochab.window.widgets import number_field, use_plain_numerals
 
 
 @pytest.fixture(params=["de_DE", "fr_FR", "ar_EG", "en_US"])
@@ -26,11 +25,9 @@ def abroad(request):
 
 @pytest.mark.parametrize("text", ["0.5", "0,5"])
 def test_point_and_comma_are_the_same_number(qtbot, abroad, text):
-    page = QWidget()
-    box = QDoubleSpinBox(page)
-    qtbot.addWidget(page)
-    accept_decimal_comma(page)
-    page.show()
+    box = number_field("Share", 0.0, 99.0, 1.0, 2)
+    qtbot.addWidget(box)
+    box.show()
     box.selectAll()
     QTest.keyClicks(box, text)
     QTest.keyClick(box, Qt.Key.Key_Return)

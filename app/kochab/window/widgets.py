@@ -7,8 +7,6 @@ from typing import Any, TypeVar
 from PySide6.QtCore import QEvent, QLocale, QObject, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter
 from PySide6.QtWidgets import (
-    QAbstractSpinBox,
-    QApplication,
     QBoxLayout,
     QCheckBox,
     QComboBox,
@@ -30,6 +28,7 @@ from PySide6.QtWidgets import (
 
 Box = TypeVar("Box", bound=QBoxLayout)
 Named = TypeVar("Named", bound=QWidget)
+INSET_PX = 5  # of the text in a field
 
 
 def named(made: Named, name: str, tip: str = "") -> Named:
@@ -55,7 +54,18 @@ def number_field(
     name: str, low: float, high: float, value: float, decimals: int = 0, unit: str = "", tip: str = ""
 ) -> QDoubleSpinBox:
     """A field for a number between ``low`` and ``high``, with its unit."""
-    return named(QDoubleSpinBox(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit), name, tip)
+    made = NumberField(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit)
+    made.lineEdit().setTextMargins(INSET_PX, 0, 0, 0)  # which the style sheet's padding does not reach
+    return named(made, name, tip)
+
+
+class NumberField(QDoubleSpinBox):
+    """It takes a comma for a point."""
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.text() == ",":
+            event = QKeyEvent(event.type(), event.key(), event.modifiers(), ".")
+        super().keyPressEvent(event)
 
 
 def switch(text: str, tip: str = "") -> QCheckBox:
@@ -68,32 +78,17 @@ def field_values(fields: Mapping[str, QWidget]) -> dict[str, Any]:
     return {name: field_value(field) for name, field in fields.items()}
 
 
-def field_value(field: QWidget) -> str | float | bool:
-    """What one field shows."""
-    match field:
-        case QCheckBox():
-            return field.isChecked()
-        case QComboBox():
-            return field.currentText()
-        case QLineEdit():
-            return field.text()
-        case QDoubleSpinBox():
-            return field.value()
-    raise TypeError(field)
+def field_value(field: QWidget) -> Any:
+    """What one field shows: the property that Qt knows as the user's."""
+    return field.metaObject().userProperty().read(field)
 
 
 def fill_fields(fields: Mapping[str, QWidget], saved: Mapping[str, Any]) -> None:
     """Show saved values; one that is missing or damaged leaves its field as it is."""
     for name, field in fields.items():
-        match field, saved.get(name):
-            case QCheckBox(), bool() as on:
-                field.setChecked(on)
-            case QComboBox(), str() as text if (at := field.findText(text)) >= 0:
-                field.setCurrentIndex(at)
-            case QLineEdit(), str() as text:
-                field.setText(text)
-            case QDoubleSpinBox(), int() | float() as number:
-                field.setValue(number)
+        value, shown = saved.get(name), field_value(field)
+        if isinstance(value, type(shown)) or (isinstance(shown, float) and isinstance(value, int)):
+            field.metaObject().userProperty().write(field, value)
 
 
 def value_label(name: str, tip: str = "") -> QLabel:
@@ -310,9 +305,6 @@ def show_text(target: QLabel, text: str, role: str | None = None) -> None:
         set_role(target, role)
 
 
-INSET_PX = 5  # as much as a text field's
-
-
 def use_plain_numerals() -> None:
     """Write and read numbers with a point, and report system errors in English, in every country.
 
@@ -325,26 +317,6 @@ def use_plain_numerals() -> None:
     plain = QLocale.c()
     plain.setNumberOptions(QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator)
     QLocale.setDefault(plain)
-
-
-def accept_decimal_comma(within: QWidget) -> None:
-    """Let the fields for decimal numbers in ``within`` take a comma for a point.
-
-    Also set their inset, which the style sheet's padding does not reach.
-    """
-    for box in within.findChildren(QDoubleSpinBox):
-        box.installEventFilter(_CommaAsPoint(box))
-    for number in within.findChildren(QAbstractSpinBox):
-        number.lineEdit().setTextMargins(INSET_PX, 0, 0, 0)
-
-
-class _CommaAsPoint(QObject):
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent) or event.text() != ",":
-            return False
-        point = QKeyEvent(QEvent.Type.KeyPress, event.key(), event.modifiers(), ".")
-        QApplication.sendEvent(watched, point)
-        return True
 
 
 STEPS = 1000

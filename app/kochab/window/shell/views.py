@@ -15,7 +15,7 @@ from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.main_window import MainWindow, Workspace
-from kochab.window.widgets import accept_decimal_comma, scrolled
+from kochab.window.widgets import scrolled
 from kochab.workflows.session.wiring import Wiring
 
 if TYPE_CHECKING:
@@ -97,7 +97,6 @@ class ViewDock(QDockWidget):
             self.view = made
             self.setWidget(scrolled(made))  # a view may be taller than a small screen
             self._services.looks.redden_carets(made)
-            accept_decimal_comma(made)
         super().showEvent(event)
 
 
