@@ -3,8 +3,6 @@
 import csv
 import io
 import os
-from itertools import groupby
-from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +12,7 @@ from kochab.core.attitude import east_north, unit
 from kochab.core.frame import Frame
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.sky_grid import grid_lines
+from kochab.frames.sky_grid import grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 
 if TYPE_CHECKING:
@@ -82,10 +80,8 @@ def annotated_picture(frame: Frame, solution: Solution) -> "Image":
     scale = picture.width / frame.width
     draw = ImageDraw.Draw(picture)
     for line in grid_lines(solution, -0.5, -0.5, frame.width - 0.5, frame.height - 0.5):
-        places = ((line.xy + 0.5) * scale - 0.5).tolist()
-        for seen, part in groupby(places, lambda place: isfinite(place[0])):
-            if seen:
-                draw.line([(x, y) for x, y in part], fill=_GRID)
+        for part in pieces(line.xy):
+            draw.line([(x, y) for x, y in ((part + 0.5) * scale - 0.5).tolist()], fill=_GRID)
     _draw_stars(draw, solution.stars, scale, picture.size)
     _draw_compass(draw, solution, picture.size)
     return picture

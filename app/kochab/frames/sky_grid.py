@@ -13,6 +13,7 @@ _PARTS_OF_AN_HOUR = (1, 2, 3, 6, 12, 30, 60, 120, 180, 360, 720, 1800, 3600)
 RA_STEPS_DEG = (90.0, 45.0, 30.0, *(15.0 / part for part in _PARTS_OF_AN_HOUR))
 POINTS = 65
 WANTED = 6  # lines across the view, about
+FAR_PX = 1e5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +96,13 @@ def _projected(solution: Solution, lines: list[GridLine], middle: Floats, near: 
     ra, dec = np.concatenate([line.xy for line in lines]).T
     vectors = unit_vectors(ra, dec)
     xy = solution.pixels_of(vectors)
-    xy[vectors @ middle < near] = np.nan  # a distortion polynomial folds far outside the frame
+    # A distortion polynomial folds far outside the frame; a wide lens shows what is beside it almost anywhere.
+    xy[(vectors @ middle < near) | ~(np.abs(xy) < FAR_PX).all(axis=1)] = np.nan
     ends = np.cumsum([len(line.xy) for line in lines])[:-1]
     return [replace(line, xy=part) for line, part in zip(lines, np.split(xy, ends), strict=True)]
+
+
+def pieces(xy: Floats) -> list[Floats]:
+    """The parts in sight of a line (N, 2), each of two places or more."""
+    ends = np.flatnonzero(np.diff(np.isfinite(xy[:, 0]), prepend=False, append=False))
+    return [xy[first:last] for first, last in zip(ends[::2], ends[1::2], strict=True) if last - first > 1]

@@ -1,21 +1,218 @@
-"""The marks over a frame, all painted in one pass."""
+"""The marks over a frame: how each kind is painted, and all of them in one pass; sizes are screen px."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, QRectF
-from PySide6.QtGui import QPainter
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPen, QPixmap, QPolygonF
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
-from kochab.frames.sky_grid import GridLine, grid_lines
-from kochab.window.image import marks
+from kochab.frames.export import compass
+from kochab.frames.sky_grid import GridLine, grid_lines, pieces
 from kochab.window.image.screen_image import LabelSpace, Viewport
-from kochab.window.image.sky_grid import paint_compass
-from kochab.window.themes import theme_colours
+from kochab.window.themes import Colours, theme_colours, translucent
 
 MARKS = ("detected", "identified", "names", "grid", "centre", "compass")
+DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
+MOST_CIRCLES = 4000
+CROWDED = 300  # from this many circles on they are drawn fainter and smaller
+MOST_NAMES, MOST_NUMBERS = 60, 25  # labels of stars with a name, and with only a number
+AROUND_X, AROUND_Y = 3.0, 1.0  # of the dark background beside and above its text
+ARROW_PX, AROUND_ARROW_PX = 32.0, 52.0
+EDGE_PX = 4.0  # how much wider an arrow's dark edge is
+
+
+@dataclass(slots=True)
+class Brush:
+    """What every mark needs to paint itself."""
+
+    painter: QPainter
+    view: Viewport
+    colours: Colours
+    space: LabelSpace
+
+    def pen(self, colour: str, width: float, alpha: int = 255) -> None:
+        self.painter.setPen(QPen(translucent(colour, alpha), width))
+        self.painter.setBrush(Qt.BrushStyle.NoBrush)
+
+    def text(self, at: QPointF, text: str, colour: str) -> None:
+        """Text on a dark background, unless its place is taken."""
+        ratio = self.painter.device().devicePixelRatio()
+        font = self.painter.font().toString()
+        box, picture = _words(text, font, colour, self.colours.halo, ratio)
+        placed = self.space.place(box.translated(at))
+        if placed is not None:
+            self.painter.drawPixmap(placed.topLeft() - QPointF(AROUND_X, AROUND_Y), picture)
+
+
+@lru_cache(maxsize=512)
+def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[QRectF, QPixmap]:
+    """The box of a text from its base line, and the text drawn on its dark background."""
+    written = QFont()
+    written.fromString(font)
+    box = QFontMetricsF(written).boundingRect(text)
+    ground = box.adjusted(-AROUND_X, -AROUND_Y, AROUND_X, AROUND_Y)
+    picture = QPixmap(*(int(np.ceil(side * ratio)) for side in (ground.width(), ground.height())))
+    picture.setDevicePixelRatio(ratio)
+    picture.fill(translucent(halo, 165))
+    painter = QPainter(picture)
+    painter.setFont(written)
+    painter.setPen(QColor(colour))
+    painter.drawText(-ground.topLeft(), text)
+    painter.end()
+    return box, picture
+
+
+def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) -> None:
+    """A circle around each image place (N, 2) in sight."""
+    at = brush.view.to_screen(xy[:MOST_CIRCLES])
+    at = at[in_sight(at, brush.view)]
+    ratio = brush.painter.device().devicePixelRatio()
+    alpha, size = (235, 1.0) if len(at) < CROWDED else (170, 0.65)
+    ring = _ring(colour, alpha, size * radius, width, ratio)
+    half = ring.deviceIndependentSize().width() / 2.0
+    for x, y in (at - half).tolist():
+        brush.painter.drawPixmap(QPointF(x, y), ring)
+
+
+@lru_cache(maxsize=32)
+def _ring(colour: str, alpha: int, radius: float, width: float, ratio: float) -> QPixmap:
+    """A circle drawn once: copying it takes a twentieth of the time."""
+    size = int(np.ceil(2 * radius + width)) + 2
+    picture = QPixmap(round(size * ratio), round(size * ratio))
+    picture.setDevicePixelRatio(ratio)
+    picture.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(picture)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.setPen(QPen(translucent(colour, alpha), width))
+    middle = picture.deviceIndependentSize().width() / 2.0
+    painter.drawEllipse(QPointF(middle, middle), radius, radius)
+    painter.end()
+    return picture
+
+
+def names(brush: Brush, solution: Solution, xy: Floats) -> None:
+    """Names first, brightest first; then numbers while few of them are in sight."""
+    at = brush.view.to_screen(xy)
+    seen = sorted(np.flatnonzero(in_sight(at, brush.view)), key=lambda i: solution.stars[i].mag)
+    named = [i for i in seen if solution.stars[i].name][:MOST_NAMES]
+    rest = [i for i in seen if not solution.stars[i].name][: max(MOST_NUMBERS - len(named), 8)]
+    for i in (*named, *rest):
+        star = solution.stars[i]
+        name(brush, star.name or star.id, at[i], brush.colours.identified)
+
+
+def name(brush: Brush, text: str, at: Floats, colour: str) -> None:
+    """One label beside its circle: to the right, or to the left where the widget ends."""
+    away = IDENTIFIED_PX + 4
+    x = float(at[0]) + away
+    width = QFontMetricsF(brush.painter.font()).horizontalAdvance(text)
+    if x + width > brush.view.width - 6:
+        x = float(at[0]) - away - width
+    brush.text(QPointF(x, at[1] + 4), text, colour)
+
+
+def selection(brush: Brush, at: Floats, text: str) -> None:
+    """Four ticks around a screen place, and its label."""
+    brush.pen(brush.colours.selected, 2.0)
+    inner, outer = IDENTIFIED_PX + 3, IDENTIFIED_PX + 11
+    cross(brush, at[0], at[1], inner, outer)
+    name(brush, text, at + np.array([6.0, -10.0]), brush.colours.selected)
+
+
+def cross(brush: Brush, x: float, y: float, inner: float, outer: float) -> None:
+    """Four ticks that leave the middle free."""
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        near = QPointF(x + dx * inner, y + dy * inner)
+        brush.painter.drawLine(near, QPointF(x + dx * outer, y + dy * outer))
+
+
+def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
+    """The lines of the grid inside the frame's ``edges``."""
+    brush.pen(brush.colours.grid, 1.0, 150)
+    brush.painter.save()
+    brush.painter.setClipRect(edges)
+    for line in lines:
+        for part in pieces(line.xy):
+            brush.painter.drawPolyline([QPointF(x, y) for x, y in brush.view.to_screen(part).tolist()])
+    brush.painter.restore()
+
+
+def sky_labels(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
+    """What each line is, where it enters the frame."""
+    inside = edges.adjusted(2, 2, -2, -2)
+    for line in lines:
+        spot = _label_spot(brush.view.to_screen(line.xy), inside, line.kind)
+        if spot is not None:
+            brush.text(spot, label(line), brush.colours.grid_text)
+
+
+def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
+    """Which screen places (N, 2) the widget shows, with room for a circle."""
+    x, y = xy[:, 0], xy[:, 1]
+    return np.asarray((x > -20) & (y > -20) & (x < view.width + 20) & (y < view.height + 20))
+
+
+def _label_spot(xy: Floats, edges: QRectF, kind: str) -> QPointF | None:
+    """Where the text of a line starts: low for right ascension, far left for declination."""
+    x, y = xy[:, 0], xy[:, 1]
+    with np.errstate(invalid="ignore"):
+        inside = (x > edges.left()) & (x < edges.right()) & (y > edges.top()) & (y < edges.bottom())
+    if not inside.any():
+        return None
+    best = int(np.where(inside, y if kind == "ra" else -x, -np.inf).argmax())
+    return QPointF(x[best] + 4, min(y[best] - 4, edges.bottom() - 6))
+
+
+def label(line: GridLine) -> str:
+    """The line's value, as fine as its step needs."""
+    if line.kind == "ra":
+        sign, units, whole_deg, turn = "", "hms", 15.0, 24
+    else:
+        sign, units, whole_deg, turn = "−" if line.value_deg < 0 else "+", "°′″", 1.0, 360
+    minutes, s = divmod(round(abs(line.value_deg) / whole_deg * 3600.0), 60)
+    whole, m = divmod(minutes, 60)
+    places = 3 if s or line.step_deg < whole_deg / 60.0 else 2 if m or line.step_deg < whole_deg else 1
+    return " ".join((f"{sign}{whole % turn}{units[0]}", f"{m:02d}{units[1]}", f"{s:02d}{units[2]}")[:places])
+
+
+def arrows(brush: Brush, solution: Solution) -> None:
+    """Arrows in the top right corner, with dark edges that keep them readable on a bright sky."""
+    north, east = compass(solution)
+    box = QRectF(brush.view.width - 2 * AROUND_ARROW_PX - 10, 10, 2 * AROUND_ARROW_PX, 2 * AROUND_ARROW_PX)
+    brush.space.place(box)
+    for shade, more in ((translucent(brush.colours.halo, 190), EDGE_PX), (QColor(brush.colours.identified), 0.0)):
+        for way, letter, width in ((north, "N", 2.4), (east, "E", 1.6)):
+            _arrow(brush.painter, box.center(), way, QPen(shade, width + more))
+            _letter(brush.painter, box.center(), way, letter, shade, ground=more > 0.0)
+    brush.painter.setBrush(Qt.BrushStyle.NoBrush)
+
+
+def _arrow(painter: QPainter, at: QPointF, way: Floats, pen: QPen) -> None:
+    dx, dy = way.tolist()
+    tip = at + QPointF(dx, dy) * ARROW_PX
+    side = QPointF(-dy, dx) * 4.5
+    back = at + QPointF(dx, dy) * (ARROW_PX - 10)
+    painter.setPen(pen)
+    painter.setBrush(pen.color())
+    painter.drawLine(at, tip)
+    painter.drawPolygon(QPolygonF([tip, back + side, back - side]))
+
+
+def _letter(painter: QPainter, at: QPointF, way: Floats, letter: str, shade: QColor, ground: bool) -> None:
+    """The letter beyond the tip, or its dark background."""
+    spot = at + QPointF(*way.tolist()) * (ARROW_PX + 12)
+    box = QRectF(spot.x() - 9, spot.y() - 9, 18, 18)
+    if ground:
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(shade)
+        painter.drawRoundedRect(box, 4, 4)
+    else:
+        painter.setPen(shade)
+        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, letter)
 
 
 @dataclass(slots=True)
@@ -42,36 +239,36 @@ class Overlay:
 
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
-        brush = marks.Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
+        brush = Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
         solution = self.solution
         edges = _edges(view, solution)
         lines = self._grid(view, solution) if self.on["grid"] else []
-        marks.sky_lines(brush, lines, edges)
+        sky_lines(brush, lines, edges)
         if self.on["detected"]:
             # An identified star has its own circle, unless that kind is switched off.
             xy = self._others if self.on["identified"] else self.detected
-            marks.circles(brush, xy, brush.colours.detected, marks.DETECTED_PX, 1.0)
+            circles(brush, xy, brush.colours.detected, DETECTED_PX, 1.0)
         if solution is not None:
             self._solved(brush, solution, lines, edges)
 
-    def _solved(self, brush: marks.Brush, solution: Solution, lines: list[GridLine], edges: QRectF) -> None:
+    def _solved(self, brush: Brush, solution: Solution, lines: list[GridLine], edges: QRectF) -> None:
         if self.on["identified"]:
-            marks.circles(brush, self._stars, brush.colours.identified, marks.IDENTIFIED_PX, 1.5)
+            circles(brush, self._stars, brush.colours.identified, IDENTIFIED_PX, 1.5)
         if self.on["centre"]:
             camera = solution.camera
             x, y = brush.view.to_screen(np.array([(camera.width - 1) / 2, (camera.height - 1) / 2]))
             for colour, width, alpha in ((brush.colours.halo, 4.5, 140), (brush.colours.centre, 1.8, 255)):
                 brush.pen(colour, width, alpha)
-                marks.cross(brush, x, y, 6.0, 18.0)
+                cross(brush, x, y, 6.0, 18.0)
         if self.on["compass"]:
-            paint_compass(brush.painter, brush.view, solution, brush.colours, brush.space)
+            arrows(brush, solution)
         if self.selected is not None and self.selected < len(solution.stars):
             star = solution.stars[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])
-            marks.selection(brush, at, star.name or star.id)
-        marks.sky_labels(brush, lines, edges)
+            selection(brush, at, star.name or star.id)
+        sky_labels(brush, lines, edges)
         if self.on["names"]:
-            marks.names(brush, solution, self._stars)
+            names(brush, solution, self._stars)
 
     def _grid(self, view: Viewport, solution: Solution | None) -> list[GridLine]:
         if solution is None:

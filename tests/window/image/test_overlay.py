@@ -1,5 +1,5 @@
 from kochab.frames.sky_grid import grid_lines
-from kochab.window.image.sky_grid import label
+from kochab.window.image.overlay import label
 from tests.frames.test_sky_grid import solution_at
 
 
