@@ -1,6 +1,7 @@
 """Names of stars, constellations and deep-sky objects, and finding them by any name."""
 
 import csv
+import json
 import re
 import unicodedata
 from collections import ChainMap
@@ -10,56 +11,26 @@ from pathlib import Path
 
 import numpy as np
 
+from kochab.core import data_folder
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.catalogue_file import Container
 
-# -- The 88 constellations: abbreviation and genitive; and the Greek letters of Bayer -----------
-
-_GENITIVES = """
-And Andromedae, Ant Antliae, Aps Apodis, Aqr Aquarii, Aql Aquilae, Ara Arae, Ari Arietis, Aur Aurigae, Boo Boötis,
-Cae Caeli, Cam Camelopardalis, Cnc Cancri, CVn Canum Venaticorum, CMa Canis Majoris, CMi Canis Minoris,
-Cap Capricorni, Car Carinae, Cas Cassiopeiae, Cen Centauri, Cep Cephei, Cet Ceti, Cha Chamaeleontis, Cir Circini,
-Col Columbae, Com Comae Berenices, CrA Coronae Australis, CrB Coronae Borealis, Crv Corvi, Crt Crateris, Cru Crucis,
-Cyg Cygni, Del Delphini, Dor Doradus, Dra Draconis, Equ Equulei, Eri Eridani, For Fornacis, Gem Geminorum, Gru Gruis,
-Her Herculis, Hor Horologii, Hya Hydrae, Hyi Hydri, Ind Indi, Lac Lacertae, Leo Leonis, LMi Leonis Minoris,
-Lep Leporis, Lib Librae, Lup Lupi, Lyn Lyncis, Lyr Lyrae, Men Mensae, Mic Microscopii, Mon Monocerotis, Mus Muscae,
-Nor Normae, Oct Octantis, Oph Ophiuchi, Ori Orionis, Pav Pavonis, Peg Pegasi, Per Persei, Phe Phoenicis, Pic Pictoris,
-Psc Piscium, PsA Piscis Austrini, Pup Puppis, Pyx Pyxidis, Ret Reticuli, Sge Sagittae, Sgr Sagittarii, Sco Scorpii,
-Scl Sculptoris, Sct Scuti, Ser Serpentis, Sex Sextantis, Tau Tauri, Tel Telescopii, Tri Trianguli,
-TrA Trianguli Australis, Tuc Tucanae, UMa Ursae Majoris, UMi Ursae Minoris, Vel Velorum, Vir Virginis, Vol Volantis,
-Vul Vulpeculae
-"""
-GENITIVES: dict[str, str] = dict(entry.split(" ", 1) for entry in _GENITIVES.strip().replace(",\n", ", ").split(", "))
-
-_LETTERS = """
-Alpha Beta Gamma Delta Epsilon Zeta Eta Theta Iota Kappa Lambda Mu Nu Xi Omicron Pi Rho Sigma Tau
-Upsilon Phi Chi Psi Omega
-"""
-GREEK: dict[str, str] = dict(zip("αβγδεζηθικλμνξοπρστυφχψω", _LETTERS.split(), strict=True))
-
+_TABLES = json.loads((data_folder("resources") / "star_names.json").read_text(encoding="utf-8"))
+GENITIVES: dict[str, str] = _TABLES["genitives"]
+"""The 88 constellations: abbreviation and genitive."""
+GREEK: dict[str, str] = _TABLES["greek"]
+"""Bayer's letters and how they are called."""
 
 NAMED_TO_V = 2.55
 """Brighter stars are called by their proper names, fainter ones only if they are in `WELL_KNOWN`."""
 
-# Fainter stars whose proper names observers use: those of mounts' alignment lists, the Teapot, the
-# Pleiades, and a few famous double, variable and near stars.
-WELL_KNOWN = frozenset(
-    """
-Acamar,Achird,Acrab,Acubens,Adhafera,Albireo,Alchiba,Alcor,Alcyone,Alfirk,Algedi,Algenib,Algorab,
-Alkes,Almaaz,Alnasl,Alrescha,Alshain,Altais,Alula Australis,Alula Borealis,Arneb,Ascella,Asterope,
-Atlas,Barnard's Star,Baten Kaitos,Blaze Star,Cebalrai,Celaeno,Chara,Chertan,Cor Caroli,Cursa,Dabih,
-Deneb Algedi,Diadem,Edasich,Electra,Errai,Gienah,Gomeisa,Groombridge 1830,Hind's Crimson Star,Homam,
-Kapteyn's Star,Kaus Borealis,Kaus Media,Kitalpha,Kornephoros,Kruger 60,La Superba,Lalande 21185,
-Lesath,Luyten's Star,Maia,Marfik,Matar,Mebsuta,Megrez,Meissa,Mekbuda,Merope,Mira,Mothallah,
-Muphrid,Nashira,Nekkar,Nihal,Nusakan,Phact,Pherkad,Plaskett's Star,Pleione,Polis,Porrima,Propus,
-Proxima,Przybylski's Star,Rasalas,Rasalgethi,Rastaban,Rotanev,Ruchbah,Sadalbari,Sadalmelik,Sadalsuud,
-Segin,Seginus,Sheliak,Sheratan,Skat,Sualocin,Sulafat,Talitha,Tania Australis,Tania Borealis,Tarazed,
-Taygeta,Tejat,The Garnet Star,Thuban,Unukalhai,van Maanen's Star,Vindemiatrix,Wasat,Yed Posterior,
-Yed Prior,Yildun,Zaurak,Zavijava,Zosma,Zubeneschamali
-""".replace("\n", "").split(",")
-)
+WELL_KNOWN = frozenset(_TABLES["well_known"])
+"""Fainter stars whose proper names observers use.
+
+Those of mounts' alignment lists, the Teapot, the Pleiades, and a few famous double, variable and near stars.
+"""
 
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
