@@ -52,17 +52,18 @@ class PtyEnd:
         """The master."""
         return [] if self._fds is None else [self._fds[0]]
 
-    def read(self, ready: int) -> bytes:
+    def read(self) -> bytes:
         """What the program wrote."""
-        with contextlib.suppress(BlockingIOError):
-            return os.read(ready, 4096)
+        for master in self.watched():
+            with contextlib.suppress(BlockingIOError):
+                return os.read(master, 4096)
         return b""
 
     def write(self, data: bytes) -> None:
         """To the program; a full buffer loses the rest, as a wire would."""
-        if self._fds is not None:
+        for master in self.watched():
             with contextlib.suppress(BlockingIOError):
-                os.write(self._fds[0], data)
+                os.write(master, data)
 
 
 class SocketEnd:
@@ -83,18 +84,12 @@ class SocketEnd:
         """Listen, again on the same number."""
         if self._listener is not None:
             return
-        listener = socket.socket()
-        if sys.platform != "win32":  # there it would let two servers share the number
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind(("127.0.0.1", self._number))
+            self._listener = socket.create_server(("127.0.0.1", self._number))
         except OSError as error:
-            listener.close()
             raise PortError(f"TCP port {self._number} cannot be used: {error.strerror}.") from error
-        listener.listen()
-        listener.setblocking(False)
-        self._number = listener.getsockname()[1]
-        self._listener = listener
+        self._listener.setblocking(False)
+        self._number = self._listener.getsockname()[1]
 
     def unplug(self) -> None:
         """Reset the connection and stop listening."""
@@ -107,12 +102,11 @@ class SocketEnd:
         """The listener, and the connection when there is one."""
         return [s.fileno() for s in (self._listener, self._peer) if s is not None]
 
-    def read(self, ready: int) -> bytes:
+    def read(self) -> bytes:
         """What came on the connection; a new connection is accepted here."""
-        if self._listener is not None and ready == self._listener.fileno():
+        if self._listener is not None:
             self._accept(self._listener)
-            return b""
-        if self._peer is None or ready != self._peer.fileno():
+        if self._peer is None:
             return b""
         try:
             data = self._peer.recv(4096)
@@ -290,19 +284,17 @@ class Line:
                 continue
             with self._lock:
                 self._send_due()
-                for one in ready:
-                    self._hear(one)
+                if ready:
+                    self._hear()
 
-    def _hear(self, ready: int) -> None:
-        if ready not in self._end.watched():
-            return
+    def _hear(self) -> None:
         try:
-            data = self._end.read(ready)
+            data = self._end.read()
         except OSError:
             return
-        now = time.monotonic()
         if not data:
             return
+        now = time.monotonic()
         if now - self._heard_at > IDLE_S:
             self._responder.idle()
         self._heard_at = now
