@@ -7,6 +7,7 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
 from kochab.simulate.mechanics.axis import MotorAxis
@@ -22,16 +23,10 @@ def fold(hour_deg: float, dec_deg: float, flipped: bool, north: bool) -> tuple[f
 
 
 def unfold(hour_deg: float, dec_deg: float) -> tuple[float, float]:
-    """Hour angle in (-180, 180] and declination of axis angles, through the pole or not."""
+    """Hour angle in [-180, 180) and declination of axis angles, through the pole or not."""
     d = math.radians(dec_deg)
     beyond = math.cos(d) < 0.0
     return wrapped(hour_deg + 180.0 if beyond else hour_deg), math.degrees(math.asin(math.sin(d)))
-
-
-def wrapped(degrees: float) -> float:
-    """The same angle in (-180, 180]."""
-    turned = degrees % 360.0
-    return turned - 360.0 if turned > 180.0 else turned
 
 
 NEAR_DEG = 10.0  # a goto this short does not change sides

@@ -59,8 +59,8 @@ class IoptronResponder(Controller):
             b"ST1": lambda: self.track(True),
             b"MP0": lambda: self.park(False),
             b"MP1": lambda: self.park(True),
-            rb"SRA(\d{9})": self.set_ra,
-            rb"Sd([+-]\d{8})": self.set_dec,
+            rb"SRA(\d{9})": lambda text: self.set_target(0, text, 129600000),
+            rb"Sd([+-]\d{8})": lambda text: self.set_target(1, text, 32400000),
             b"SR([1-9])": self.set_rate,
             b"(m[nsew])": self.move,
             rb"((?:Z[SQEC]|M[nsew])\d{5})": self.pulse,
@@ -106,18 +106,11 @@ class IoptronResponder(Controller):
         altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
         return b"%+09d%09d#" % (round(altitude * PARTS_DEG), round(azimuth * PARTS_DEG) % 129600000)
 
-    def set_ra(self, text: bytes) -> bytes:
-        """``1``, or ``0`` beyond a turn."""
-        if int(text) > 129600000:
+    def set_target(self, axis: int, text: bytes, most: int) -> bytes:
+        """``1``, or ``0`` beyond a turn or a pole."""
+        if abs(int(text)) > most:
             return b"0"
-        self.target_deg[0] = int(text) / PARTS_DEG
-        return b"1"
-
-    def set_dec(self, text: bytes) -> bytes:
-        """``1``, or ``0`` beyond a pole."""
-        if abs(int(text)) > 32400000:
-            return b"0"
-        self.target_deg[1] = int(text) / PARTS_DEG
+        self.target_deg[axis] = int(text) / PARTS_DEG
         return b"1"
 
     def slew(self) -> bytes:
