@@ -15,47 +15,9 @@ from hmac import compare_digest
 from http import HTTPStatus
 from typing import Any
 
+from kochab.core import data_folder
 from kochab.core.errors import PortError
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
-
-PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<title>Kochab: polar alignment</title>
-<style>
-html,body{margin:0;background:#000;color:#f00;font-family:system-ui,sans-serif;height:100%}
-main{display:flex;flex-direction:column;min-height:100%;justify-content:space-evenly;
-text-align:center;padding:0 4vw}
-#total{font-size:26vw;line-height:1;font-weight:700;font-variant-numeric:tabular-nums}
-#sigma{font-size:7vw}.axis{font-size:9vw;line-height:1.25;font-variant-numeric:tabular-nums}
-#words{font-size:6.5vw;line-height:1.3}#stale{font-size:5vw;min-height:1.4em}
-.old #total{opacity:.4}
-@media(orientation:landscape){#total{font-size:24vh}.axis{font-size:11vh}#words,#sigma{font-size:8vh}}
-</style></head><body><main aria-live="polite">
-<div><div id="total">-</div><div id="sigma"></div></div>
-<div class="axis" id="alt"></div><div class="axis" id="az"></div>
-<div id="words"></div><div id="stale"></div></main>
-<script>
-'use strict';
-const put=(id,text)=>{document.getElementById(id).textContent=text||''};
-let received=0;
-async function ask(){
- try{
-  const answer=await fetch('now.json',{cache:'no-store'});
-  if(!answer.ok)throw 0;
-  const now=await answer.json();
-  put('total',now.total);put('sigma',now.sigma);put('alt',now.altitude);put('az',now.azimuth);
-  put('words',now.words);
-  put('stale',now.solved===false?'No solution for the newest frame yet.':'');
-  document.body.className=now.solved===false?'old':'';received=Date.now();
- }catch(e){
-  if(Date.now()-received>5000){put('stale','No connection to Kochab.');
-  document.body.className='old'}
- }
- setTimeout(ask,500);
-}
-ask();
-</script></body></html>
-"""
 
 TOKEN_BYTES = 16
 REQUEST_S = 10.0
@@ -119,7 +81,7 @@ class PhonePage:
         if len(parts) != 3 or parts[0] or not compare_digest(parts[1].encode(), self._token.encode()):
             return None
         if parts[2] == "":
-            return "text/html; charset=utf-8", PAGE.encode("utf-8")
+            return "text/html; charset=utf-8", (data_folder("resources") / "phone.html").read_bytes()
         if parts[2] == "now.json":
             return "application/json", json.dumps(self._numbers).encode("utf-8")
         return None
