@@ -16,7 +16,7 @@ from kochab.gear.profiles import current_profile, save_selection
 from kochab.gear.session import MountSelection, search_text
 from kochab.window.mount.actions import SYNC_FIRST, outcome_text
 from kochab.window.mount.connect_box import ConnectBox
-from kochab.window.mount.pointing import Offset, ring_arcsec, size_text, words_of
+from kochab.window.mount.pointing import Offset, ring_arcsec, words_of
 from kochab.workflows.centre_target import Centring, CentringEnd
 from kochab.workflows.session.mount_orders import parse_target
 from tests.window.fakes import no_solution
@@ -121,7 +121,8 @@ def test_an_offset_has_directions_and_a_ring():
     assert "south" in back.parts_text
     for size in (0.0, 1e-4, 0.01, 0.2, 3.0, 170.0):
         assert ring_arcsec(size) * 1.001 >= size * 3600.0
-    assert (size_text(3.0), size_text(-0.5), size_text(0.001)) == ("3.00°", "30.0′", "4″")
+    assert Offset(3.04, 3.0, -0.5).parts_text == "3.00° east, 30.0′ south"
+    assert Offset(0.0, -0.001, 0.0).parts_text == "3.6″ west, 0.0″ north"
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from PySide6.QtGui import QImage
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame
 from kochab.core.progress import run
+from kochab.frames.samples import clipping_level
 from kochab.window.image import frame_image
 from kochab.window.image.frame_image import BINS, ScreenStretch, sky_level, storable
 from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, Tables
@@ -135,11 +136,8 @@ class LiveRenderer:
 
 def full_scale(frame: Frame) -> float:
     """The level at which the camera's pixels are full, as well as it is known."""
-    if frame.saturation is not None:
-        return float(frame.saturation)
-    if np.issubdtype(frame.pixels.dtype, np.integer):
-        return float(np.iinfo(frame.pixels.dtype).max)
-    return FULL_16 if float(np.nanmax(frame.pixels)) > 1.0 else 1.0
+    full = frame.saturation or clipping_level(frame.pixels.dtype)
+    return full or (FULL_16 if float(np.nanmax(frame.pixels)) > 1.0 else 1.0)
 
 
 def levels_of(values: NDArray[np.float64], full: float) -> Levels:

@@ -5,16 +5,18 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Signal
 
+from kochab.core.angle_text import angle_text
+from kochab.core.attitude import apart_deg
 from kochab.core.mount import Direction
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.actions import action
 from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
 from kochab.solver.disagreement import Disagreement
 from kochab.window.mount.connection import MountControl
-from kochab.window.mount.pointing import Offset, size_text
 from kochab.window.shell.views import Services
 from kochab.workflows.centre_target import Centring, CentringEnd
-from kochab.workflows.nudge import Nudged, Turn
+from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge
+from kochab.workflows.recover_mount import why_they_disagree
 from kochab.workflows.session import mount_orders
 from kochab.workflows.sync_mount import SyncDone, SyncOffer, undo_sync
 
@@ -34,7 +36,7 @@ def outcome_text(result: Any, sight: SolvedPosition | None) -> tuple[str, str]:
         case NoSolution():
             return f"No solution: {result.reason}. {result.advice}", "wrong"
         case Solution() if sight is not None:
-            off = size_text(Offset.between(sight.mount_deg, result.ra_dec_deg).total_deg)
+            off = angle_text(apart_deg(sight.mount_deg, result.ra_dec_deg))
             return f"Solved. Mount is off by {off}.", ""
         case Centring():
             more = f" {SYNC_FIRST}" if result.sentence.endswith("confirm it.") else ""
@@ -61,7 +63,7 @@ class MountActions(QObject):
 
     def take_frame(self) -> None:
         """Take a frame, show and solve it."""
-        self._control.ask("take", mount_orders.take(self._control.solver))
+        self._control.ask("take", lambda guard: self._control.solver(guard)())
 
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
@@ -72,7 +74,8 @@ class MountActions(QObject):
 
     def diagnose(self) -> None:
         """Find the cause of the mount's offset."""
-        self._control.ask("why", mount_orders.why(self._control.solver, self._frames.sightings))
+        solver, before = self._control.solver, self._frames.sightings
+        self._control.ask("why", lambda guard: why_they_disagree(guard, solver(guard), before))
 
     def accept_sync(self, offer: SyncOffer) -> None:
         """Do a sync that was shown and accepted."""
@@ -93,13 +96,13 @@ class MountActions(QObject):
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
         """Move a little, at a rate of the mount or, for 0, at the slowest suitable one."""
         name = "nudge dec" if direction.in_dec else "nudge"
-        self._control.ask(name, mount_orders.nudged(direction, arcsec, rate_deg_s))
+        self._control.ask(name, lambda guard: nudge(guard, direction, arcsec, rate_deg_s=rate_deg_s))
 
     def move_star(self, star: tuple[float, float], here: tuple[float, float]) -> None:
         """Move the mount so that pixel ``star`` of the open frame comes to pixel ``here``."""
         solution = self._frames.solution
         if solution is not None:
-            self._control.ask("bring", mount_orders.bring(solution, star, here))
+            self._control.ask("bring", lambda guard: bring_here(guard, solution, star, here))
 
     def track(self, on: bool) -> None:
         """Switch tracking."""

@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
 
-from kochab.core.angle_text import AngleStyle, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
+from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
@@ -50,15 +50,7 @@ class Offset:
         """East and north part."""
         east = "east" if self.east_deg >= 0 else "west"
         north = "north" if self.north_deg >= 0 else "south"
-        return f"{size_text(self.east_deg)} {east}, {size_text(self.north_deg)} {north}"
-
-
-def size_text(angle_deg: float) -> str:
-    """An angle in its natural unit."""
-    size = abs(angle_deg)
-    if size >= 1.0:
-        return f"{size:.2f}°"
-    return f"{size * 60:.1f}′" if size >= 1 / 60 else f"{size * 3600:.0f}″"
+        return f"{angle_text(abs(self.east_deg))} {east}, {angle_text(abs(self.north_deg))} {north}"
 
 
 def ring_arcsec(total_deg: float) -> int:
@@ -88,7 +80,7 @@ class OffsetArrow(QWidget):
         self._offset, self._old = offset, old
         text = "unknown"
         if offset is not None:
-            text = f"{size_text(offset.total_deg)}: {offset.parts_text}"
+            text = f"{angle_text(offset.total_deg)}: {offset.parts_text}"
         self.setAccessibleName(f"Mount offset {text}")
         self.update()
 
@@ -156,7 +148,7 @@ class PointingBox(QWidget):
         sky = None if sight is None else sight.solution.ra_dec_deg
         _write(self.sky, sky, style, NOT_SOLVED if known.phase == "on" else "–")
         offset = None if sight is None or sky is None else Offset.between(sight.mount_deg, sky)
-        self.total.setText("–" if offset is None else size_text(offset.total_deg))
+        self.total.setText("–" if offset is None else angle_text(offset.total_deg))
         self.parts.setText("" if offset is None else offset.parts_text)
         self.arrow.show_offset(offset, known.moved_since)
         age = "" if sight is None else f"Frame solved at {sight.when:%H:%M:%S} UTC"
@@ -230,7 +222,7 @@ class SyncDialog(QDialog):
         self.arrow.show_offset(offset)
         preview = offer.preview
         line = row(self.arrow, (_numbers(offer, offset, mount_deg, style), 1))
-        parts: list[Part] = [label(f"Mount is off by {size_text(offset.total_deg)}", "heading"), line]
+        parts: list[Part] = [label(f"Mount is off by {angle_text(offset.total_deg)}", "heading"), line]
         for sentences, role in ((preview.refusals, "wrong"), (preview.confirmations, "wrong"), (preview.warnings, "")):
             parts += [label(sentence, role, wrap=True) for sentence in sentences]
         if offer.no_sync:

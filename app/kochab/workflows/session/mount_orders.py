@@ -11,17 +11,13 @@ from typing import Any
 from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
-from kochab.core.mount import Direction
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution, SolveNow
 from kochab.gear.mount_line import MakeTask
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.solver.disagreement import MountSighting
 from kochab.workflows.centre_target import Centring, centre_target
 from kochab.workflows.goto_target import Target, goto_target, named_target, target_at
-from kochab.workflows.nudge import bring_here, nudge
-from kochab.workflows.recover_mount import why_they_disagree
 from kochab.workflows.session.mount_camera import MountCamera
 from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_done
 
@@ -69,11 +65,6 @@ def names_to_offer() -> Task[list[str]]:
 Look = Callable[[Guard], SolveNow]
 
 
-def take(look: Look) -> MakeTask:
-    """A fresh frame, shown and solved."""
-    return lambda guard: look(guard)()
-
-
 def offer(look: Look | None, solution: Solution | None) -> MakeTask | None:
     """Look twice, or take the open frame's word; None when there is neither."""
     if look is not None:
@@ -91,11 +82,6 @@ def accept(offered: SyncOffer) -> MakeTask:
     if len(offered.evidence.centres_deg) < 2:
         return _at_once("sync", by_hand, offered.in_words)
     return lambda guard: accept_sync(guard, offered, confirmed=True, fall_back=True)
-
-
-def why(look: Look, before: tuple[MountSighting, ...]) -> MakeTask:
-    """Look at the sky and name the cause of the disagreement."""
-    return lambda guard: why_they_disagree(guard, look(guard), before)
 
 
 def goto(text: str) -> MakeTask:
@@ -122,16 +108,6 @@ def centre(text: str, tolerance_arcsec: float, look: Look) -> MakeTask:
         return (yield from centre_target(guard, look(guard), target, tolerance_arcsec))
 
     return task
-
-
-def nudged(direction: Direction, arcsec: float, rate_deg_s: float) -> MakeTask:
-    """A small motion, at a rate of the mount or, for 0, at whatever suits it."""
-    return lambda guard: nudge(guard, direction, arcsec, rate_deg_s=rate_deg_s)
-
-
-def bring(solution: Solution, star: tuple[float, float], here: tuple[float, float]) -> MakeTask:
-    """Move what is seen at pixel ``star`` to pixel ``here``."""
-    return lambda guard: bring_here(guard, solution, star, here)
 
 
 def track(on: bool) -> MakeTask:
