@@ -105,7 +105,7 @@ def main(folder, *arguments):
         pause(2000)
         keep(window, folder / "phone.png")
         error = view.state.error
-        told = {"stage": view.state.stage, "said": view.state.words, "moves": view.state.moves}
+        told = {"stage": view.state.stage, "said": view.state.words}
         told["true_arcsec"] = true_arcsec
         told["said_arcsec"] = None if error is None else error.total_arcsec
         print(json.dumps(told))

@@ -90,7 +90,7 @@ def test_what_was_asked_of_a_hand_stands_until_it_is_measured():
     assert trailed.hand_needed
     assert trailed.words == state.words
     assert not trailed.solved
-    done = absorb(trailed, PolarUpdate("measure", 0.4, "no axis yet", frames=2), 0.0)
+    done = absorb(trailed, PolarUpdate("measure", 0.4, "no axis yet"), 0.0)
     assert not done.hand_needed
     assert done.words == HANDS_OFF
 

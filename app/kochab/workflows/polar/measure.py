@@ -209,7 +209,7 @@ def sweep_from(
     slips: list[PolarFinding] = []
     result: Measurement | NoAxis = NoAxis("no axis yet", "Rotate RA.")
     while len(seen) < sweep.frames:
-        yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, step), frames=len(seen))
+        yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, step))
         yield from turner.turn(path.direction, step)
         now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
         reported = turner.reported_deg
@@ -276,13 +276,13 @@ def _measured_so_far(
 ) -> PolarUpdate:
     fraction = len(seen) / sweep.frames
     if isinstance(result, NoAxis):
-        return PolarUpdate("measure", fraction, result.reason, frames=len(seen))
+        return PolarUpdate("measure", fraction, result.reason)
     more = more_turn_deg(optics_of(seen[0]), result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
     words = f"Uncertainty {angle_in_words(result.error.uncertainty_arcsec)}."
     if more:
         words += f" Rotate {more:.0f}° more for {sweep.goal_arcsec:.0f}″."
     found = (*slips, *result.findings)
-    return PolarUpdate("measure", fraction, words, result, findings=found, more_turn_deg=more, frames=len(seen))
+    return PolarUpdate("measure", fraction, words, result, findings=found, more_turn_deg=more)
 
 
 # -- The second sweep: the same axis at another declination, which measures flexure ------------

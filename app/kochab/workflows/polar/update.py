@@ -26,7 +26,6 @@ class PolarUpdate(Progress):
     findings: tuple[PolarFinding, ...] = ()
     more_turn_deg: float | None = None
     solved: bool = True
-    frames: int = 0
     moves: int = 0
 
 

@@ -248,7 +248,7 @@ def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
     files, solved = (*wish.files, *wish.check), []
     for number, path in enumerate(files):
         told_of = f"{path.name}, {number + 1} of {len(files)}"
-        yield PolarUpdate("measure", number / len(files), told_of, frames=number)
+        yield PolarUpdate("measure", number / len(files), told_of)
         # Its steps are cancel points only: what they say is of one frame, not of the alignment.
         one = yield from _with_each_step(solve_polar_file(path, options), lambda _: Progress("solve"))
         if isinstance(one.result, NoSolution):
@@ -260,7 +260,7 @@ def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
 def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
     more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
     words = f"Polar alignment error: {total_in_words(result.error)}."
-    return PolarUpdate("done", 1.0, words, result, findings=result.findings, more_turn_deg=more, frames=frames)
+    return PolarUpdate("done", 1.0, words, result, findings=result.findings, more_turn_deg=more)
 
 
 def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:

@@ -31,14 +31,11 @@ class AlignmentState:
     fraction: float | None = None
     error: PolarError | None = None
     live: bool = False
-    settled: bool = False
     solved: bool = True
     instruction: Instruction | None = None
     turn_instruction: TurnInstruction | None = None
     findings: tuple[PolarFinding, ...] = ()
     more_turn_deg: float | None = None
-    frames: int = 0
-    moves: int = 0
     error_at_s: float = 0.0
     trail: tuple[Point, ...] = ()
     measured: tuple[PolarError, ...] = ()
@@ -94,7 +91,7 @@ def absorb(state: AlignmentState, step: Progress, now_s: float) -> AlignmentStat
     if step.stage == "measure":
         state = _measuring(state, step)
     elif step.stage == "turn":
-        state = replace(state, detail=step.detail, frames=step.frames or state.frames)
+        state = replace(state, detail=step.detail)
     elif step.stage == "adjust":
         state = _adjusting(state, step)
     else:
@@ -118,7 +115,6 @@ def _measuring(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
         turn_instruction=None,
         instruction=None,
         live=False,
-        frames=step.frames or state.frames,
         more_turn_deg=step.more_turn_deg if step.measurement is not None else state.more_turn_deg,
     )
 
@@ -130,8 +126,6 @@ def _adjusting(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
         detail="" if step.solved else step.detail,
         instruction=step.instruction,
         turn_instruction=None,
-        moves=step.moves,
-        settled=step.steady is not None and step.steady.settled,
     )
 
 
