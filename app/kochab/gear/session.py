@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from kochab.core import config_folder
 from kochab.core.capture import CameraSource, CaptureSettings
 from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
@@ -109,7 +110,9 @@ def guarded(
     Raises `DeviceError` with one sentence and what to do.
     """
     clock = clock or utc_now
-    settings = MountSettings(epoch=selection.epoch, site=site, clock=clock, equatorial=selection.equatorial)
+    settings = MountSettings(
+        epoch=selection.epoch, site=site, clock=clock, equatorial=selection.equatorial, kept=config_folder() / "mounts"
+    )
     again = partial(open_mount, selection.driver, selection.port, selection.baud, stop_first=True, **settings)
     # Home was confirmed for this moment, not for when a lost line is found again.
     mount = again() if stop_first else again(stop_first=False, home=selection.home)

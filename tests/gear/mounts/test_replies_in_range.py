@@ -11,7 +11,7 @@ from kochab.core.mount import Direction, PierSide
 from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.drivers.nexstar import NexStar
-from kochab.gear.mounts.drivers.skywatcher import SkyWatcher, altaz_objection, to_axes
+from kochab.gear.mounts.drivers.skywatcher import SkyWatcher, altaz_objection, natural_side, to_axes
 from kochab.gear.mounts.probe import list_ports, port_info, probe_port
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import ProtocolError
@@ -202,8 +202,9 @@ def low(steps):
 def test_the_ra_axis_points_where_the_target_will_be_with_the_counterweight_below() -> None:
     with motors() as m:
         for hour in (-170.0, -89.0, -1.0, 1.0, 89.0, 170.0):
+            m.target_side = natural_side(hour)
             assert abs(m.aim((m.sidereal() - hour) % 360.0, 20.0, 0.0)[0]) <= 90.0
-        east = (m.sidereal() + 45.0) % 360.0
+        east, m.target_side = (m.sidereal() + 45.0) % 360.0, PierSide.WEST
         later = m.aim(east, 20.0, 240.0)[0] - m.aim(east, 20.0, 0.0)[0]
         assert later == pytest.approx(1.00274, abs=1e-4)  # four minutes of the sky
     assert to_axes(-45.0, 20.0, PierSide.WEST, south=False) == pytest.approx((45.0, -70.0))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from datetime import datetime
+from pathlib import Path
 from typing import TypedDict, Unpack
 
 from kochab.core.errors import NoAnswerError
@@ -31,7 +32,8 @@ class MountSettings(TypedDict, total=False):
 
     ``epoch`` is the driver's default when None. ``site`` and ``clock`` are for a mount that knows
     neither (``skywatcher``); ``home`` and ``equatorial`` for one that reports neither: where its
-    counters begin, and that a board which may be alt-azimuth is on a wedge.
+    counters begin, and that a board which may be alt-azimuth is on a wedge. In the folder ``kept``
+    its alignment is kept for the next program.
     """
 
     epoch: Epoch | None
@@ -39,6 +41,7 @@ class MountSettings(TypedDict, total=False):
     clock: Callable[[], datetime] | None
     home: Home | None
     equatorial: bool
+    kept: Path | None
 
 
 def open_mount(

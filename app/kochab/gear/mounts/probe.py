@@ -48,7 +48,7 @@ def ask_nexstar(talk: Conversation) -> Diagnosis:
 
 def ask_skywatcher(talk: Conversation) -> Diagnosis:
     """Version and position of the first motor."""
-    reader = until(b"\r", 16, PATIENCE_S)
+    reader = skywatcher.reader(PATIENCE_S)
     version = talk.ask(skywatcher.command("e", 0), reader, skywatcher.parse_data)
     talk.ask(skywatcher.command("j", 0), reader, skywatcher.parse_position)
     advice = "It stores no site: give --site LAT,LON."

@@ -34,6 +34,7 @@ class SerialMount:
         self.clock = settings.get("clock") or utc_now
         self.home = settings.get("home")
         self.equatorial = settings.get("equatorial", False)
+        self.kept = settings.get("kept")
         self.talk = Conversation(link)
         self.watchdog = Watchdog()
         self._lacks: dict[Ability, str] = {}

@@ -5,139 +5,20 @@ wherever they stand; INDI's EQMod sets the Dec axis to 0x800000 and a quarter tu
 (skywatcher.cpp, ``Init``). So nothing slews until the user or a solved frame has confirmed home.
 """
 
-from collections.abc import Callable
+import json
+import re
 from contextlib import suppress
-from time import monotonic
-from typing import TypeVar
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from kochab.core.attitude import apart_deg, wrapped
-from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
+from kochab.core.errors import DeviceError, RefusedError, StoppedError
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Ability, Direction, Home, MountState, PierSide, Pointing
 from kochab.gear.mounts.coordinates import sidereal_deg
+from kochab.gear.mounts.drivers.motor import Motor
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import skywatcher as protocol
-from kochab.gear.mounts.serial_line import Command, Conversation, ProtocolError, until
-
-T = TypeVar("T")
-TIMEOUT_S, TRIES = 0.3, 5
-REPLY = until(b"\r", 16, TIMEOUT_S)
-FAST_DEG_S = 0.5  # above this the board's fast mode is used
-BREAK_STEPS = 3500
-STOPPING_S = 3.0
-STILL_STEPS = 3
-
-
-class Motor:
-    """One axis, 0 or 1; angles in degrees from its home."""
-
-    def __init__(self, talk: Conversation, axis: int) -> None:
-        self.talk = talk
-        self.axis = axis
-        self.seen_steps = 0
-        self.steps_turn = self.number("a")
-        self.timer_hz = self.number("b")
-        self.ratio = max(1, int(self.query("g", protocol.parse_data)[:2] or "1", 16))
-
-    def query(self, letter: str, parse: Callable[[bytes], T]) -> T:
-        """Ask, and repeat the question when its answer is lost, as the maker's programs do."""
-        return self.talk.query(protocol.command(letter, self.axis), REPLY, parse, TRIES, NoAnswerError)
-
-    def angle_deg(self) -> float:
-        """The encoder's angle."""
-        self.seen_steps = self.query("j", protocol.parse_position)
-        return self.seen_steps / self.steps_turn * 360.0
-
-    def status(self) -> protocol.AxisStatus:
-        """The motor's status."""
-        return self.query("f", protocol.parse_status)
-
-    def number(self, letter: str) -> int:
-        """A parameter of 24 bits, which must not be 0."""
-        value = self.query(letter, protocol.parse_number)
-        if value == 0:
-            raise ProtocolError(f"The motor board answers 0 to {letter}.")
-        return value
-
-    def order(self, letter: str, data: str = "", since: int | None = None) -> None:
-        """Send a command that changes something; ``!`` is the board's refusal.
-
-        A setting whose answer is lost is repeated, which changes nothing. A start is not.
-        """
-        command = protocol.command(letter, self.axis, data)
-        tries = 1 if letter == "J" else TRIES
-        refusal = self.talk.query(command, REPLY, _parse_order, tries, NoAnswerError, since)
-        if refusal:
-            raise RefusedError(f"The motor board refuses: {refusal}.")
-
-    def begin(self, since: int, may_repeat: bool) -> None:
-        """Start the motor; when the answer is lost, check whether it turns.
-
-        Only a turn whose encoder was read after the motor had stopped may be repeated, and only
-        when it has not moved.
-        """
-        before = self.seen_steps
-        try:
-            self.order("J", since=since)
-        except NoAnswerError:
-            if self.status().running:
-                return
-            if not may_repeat:
-                raise
-            self.angle_deg()
-            if abs(self.seen_steps - before) <= STILL_STEPS:
-                self.order("J", since=since)
-
-    def turn_by(self, angle_deg: float, since: int) -> None:
-        """A goto by so much; the motor must stand."""
-        steps = round(angle_deg / 360.0 * self.steps_turn)
-        if steps == 0:
-            return
-        fast = abs(angle_deg) > 1.0
-        self.order("G", protocol.motion_mode(goto=True, fast=fast, backwards=steps < 0))
-        self.order("H", protocol.low_first(abs(steps)))
-        self.order("M", protocol.low_first(min(abs(steps) // 10 + 1, BREAK_STEPS)))
-        self.begin(since, may_repeat=True)
-
-    def run(self, rate_deg_s: float, since: int) -> None:
-        """Turn at a rate until stopped; the motor must stand."""
-        fast = abs(rate_deg_s) > FAST_DEG_S
-        self.order("G", protocol.motion_mode(goto=False, fast=fast, backwards=rate_deg_s < 0))
-        self.order("I", protocol.low_first(self.period(rate_deg_s)))
-        self.begin(since, may_repeat=False)
-
-    def period(self, rate_deg_s: float) -> int:
-        """Timer ticks a step."""
-        ratio = self.ratio if abs(rate_deg_s) > FAST_DEG_S else 1
-        return protocol.step_period(rate_deg_s, self.steps_turn, self.timer_hz, ratio)
-
-    def rate_command(self, rate_deg_s: float) -> Command:
-        """The bytes of another rate while it turns the same way, for :meth:`Conversation.send_now`."""
-        return protocol.command("I", self.axis, protocol.low_first(self.period(rate_deg_s))), (REPLY,)
-
-    def halt_command(self, now: bool = False) -> Command:
-        """The bytes that stop it, at once or with a ramp."""
-        return protocol.command("L" if now else "K", self.axis), (REPLY,)
-
-    def ensure_stopped(self) -> None:
-        """Stop it if it runs, so that it takes another mode."""
-        status = self.status()
-        if not status.initialised:
-            self.order("F")
-        if not status.running:
-            return
-        self.order("K")
-        end = monotonic() + STOPPING_S
-        while self.status().running:
-            if monotonic() > end:
-                raise NoAnswerError("The motor does not stop.")
-
-
-def _parse_order(reply: bytes) -> str:
-    refusal = protocol.parse_refusal(reply)
-    if not refusal:
-        protocol.parse_data(reply)
-    return refusal
-
+from kochab.gear.mounts.serial_line import Command
 
 # -- From encoder angles to hour angle and declination, and back -------------------------------
 # Both angles are zero at home. The first grows as the sky turns in the north, and shrinks in the
@@ -171,7 +52,7 @@ def natural_side(hour_angle_deg: float) -> PierSide:
 
 
 SLEW_DEG_S = 3.0  # predicts where the sky will be
-REACH_DEG = 100.0  # of the first axis from the counterweight's lowest place
+REACH_DEG = 105.0  # of the first axis from the counterweight's lowest place
 CLOSE_DEG, APPROACHES = 2.0 / 3600.0, 4
 GUIDE = 0.5
 
@@ -180,13 +61,42 @@ ZEROS: dict[Home, Degrees] = {Home.POWER_ON: (0.0, 0.0), Home.EQMOD: (0.0, -90.0
 AT_HOME_DEG = 0.1  # a counter that was set there and has not turned since
 AGREES_DEG = 15.0  # home is set by eye, and the polar axis may be some degrees off
 NUDGE_DEG = 2.0  # so far it may be moved while home is not confirmed
+BESIDE_POLE_DEG = 5.0  # so near the pole the second angle does not show the side of the pier
+
+
+@dataclass(frozen=True, slots=True)
+class KeptZero:
+    """The offset of both axes and what the counters read with it, degrees, for the next program.
+
+    A board has no number and no clock, but one that was switched off is not initialised, and counts
+    from the middle: counters that read as they were left belong to the same power cycle.
+    """
+
+    offset_deg: Degrees
+    counters_deg: Degrees
+    tracking: bool
+    unix_s: float
+
+    def holds(self, counters_deg: Degrees, sky_rate: float, unix_s: float) -> bool:
+        """Whether nothing but tracking has turned the motors since; counters as at power-on prove nothing."""
+        drift = sky_rate * (unix_s - self.unix_s) if self.tracking else 0.0
+        turned = counters_deg[0] - self.counters_deg[0], counters_deg[1] - self.counters_deg[1]
+        within = min(0.0, drift) - AT_HOME_DEG <= turned[0] <= max(0.0, drift) + AT_HOME_DEG
+        fresh = any(reads(zero, self.counters_deg) for zero in ZEROS.values())
+        return within and abs(turned[1]) < AT_HOME_DEG and abs(drift) < 180.0 and not fresh
+
+
+def reads(zero: Degrees, counters_deg: Degrees) -> bool:
+    """Whether the counters stand at this home."""
+    return all(abs(c + z) < AT_HOME_DEG for c, z in zip(counters_deg, zero, strict=True))
 
 
 class SkyWatcher(SerialMount):
     """An equatorial mount over an EQDIR cable or USB, without a hand control.
 
-    A sync is an offset of the axes that this driver keeps. A slew is finished, and tracking resumed after a move,
-    when the state or position is read next. After a Stop the motors stand until tracking or a slew is ordered.
+    A sync is an offset of the axes that this driver keeps, and the next one of the same power cycle takes over. A
+    slew is finished, and tracking resumed after a move, when the state or position is read next. After a Stop the
+    motors stand until tracking or a slew is ordered.
     """
 
     name = "skywatcher"
@@ -212,21 +122,27 @@ class SkyWatcher(SerialMount):
         first = self.motors[0].status()
         self.tracking = first.running and not first.goto and not first.fast
         self.target_deg: Degrees | None = None
+        self.target_side = PierSide.WEST
         self.approaches = 0
         self.offset_deg: Degrees = (0.0, 0.0)
         self.home_confirmed = self.home is not None
+        self.zeros = list(ZEROS.values())
         if self.home is not None:
             self.offset_deg = self.confirmed_offset(self.home)
+        elif (kept := self.recall()) and first.initialised and self.motors[1].status().initialised:
+            self.zeros.append(kept.offset_deg)
+            if kept.holds(self.counters(), self.sky_rate, self.clock().timestamp()):
+                self.offset_deg, self.home_confirmed = kept.offset_deg, True
 
     def confirmed_offset(self, home: Home) -> Degrees:
         """The offset of the home that the user confirms; refused when the counters contradict it."""
         if home is Home.NOW:
             if any(motor.status().running for motor in self.motors):
                 raise RefusedError("The mount is moving: stop it before you confirm its home.")
-            first, second = self.axes()
+            first, second = self.counters()
             return -first, -second
         other = Home.EQMOD if home is Home.POWER_ON else Home.POWER_ON
-        if all(abs(a + z) < AT_HOME_DEG for a, z in zip(self.axes(), ZEROS[other], strict=True)):
+        if reads(ZEROS[other], self.counters()):
             raise RefusedError(
                 f"The motor counters match the home position of {other}, not {home}. Point the tube at the "
                 "pole, counterweight down, and connect with --home now."
@@ -238,15 +154,48 @@ class SkyWatcher(SerialMount):
 
         The position alone does not show the side of the pier; counters that fit do.
         """
-        axes = self.axes()
-        for zero in ZEROS.values():
-            hour_angle, dec, _ = to_sky((axes[0] + zero[0], axes[1] + zero[1]), self.south)
+        counters = self.counters()
+        for zero in self.zeros:
+            hour_angle, dec, _ = to_sky((counters[0] + zero[0], counters[1] + zero[1]), self.south)
             if apart_deg((hour_angle, dec), (hour_angle_deg, dec_deg)) <= AGREES_DEG:
                 return zero
         raise RefusedError(
             "The motor counters match no home position, so the pier side is unknown. Point the tube at "
             "the pole, counterweight down, and connect with home confirmed (--home now)."
         )
+
+    def kept_file(self) -> Path | None:
+        """Where the zero of this board is kept: its port, its version and its gears."""
+        if self.kept is None:
+            return None
+        turns = "-".join(str(motor.steps_turn) for motor in self.motors)
+        return self.kept / f"{re.sub('[^A-Za-z0-9]+', '-', self.talk.link.port)}-{self.version}-{turns}.json"
+
+    def recall(self) -> KeptZero | None:
+        """What the last program has kept; a damaged file is none."""
+        with suppress(OSError, ValueError, TypeError):
+            return KeptZero(**json.loads(file.read_text("utf-8"))) if (file := self.kept_file()) else None
+        return None
+
+    def keep(self) -> None:
+        """Keep the zero and the counters that were read last; a full disk holds up no mount."""
+        file = self.kept_file()
+        if file is None or not self.home_confirmed:
+            return
+        first, second = (motor.seen_deg for motor in self.motors)
+        kept = KeptZero(self.offset_deg, (first, second), self.tracking, self.clock().timestamp())
+        with suppress(OSError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(json.dumps(asdict(kept)), "utf-8")
+
+    def close(self) -> None:
+        """Keep what the counters mean, and give the port back."""
+        with suppress(DeviceError):
+            if self.watchdog.moving:
+                self.stop()
+            self.counters()
+            self.keep()
+        super().close()
 
     def require_home(self) -> None:
         """Raise while the home is not confirmed."""
@@ -281,14 +230,25 @@ class SkyWatcher(SerialMount):
         if not self.home_confirmed:
             self.offset_deg = self.offset_from_sky(hour_angle, dec_deg)
             self.home_confirmed = True
-        wanted = to_axes(hour_angle, dec_deg, self.side(), self.south)
-        first, second = (wrapped(w - a) for w, a in zip(wanted, self.axes(), strict=True))
+        axes = self.axes()
+        at, dec, side = to_sky(axes, self.south)
+        sides = tuple(PierSide) if abs(wrapped(axes[1])) < BESIDE_POLE_DEG else (side,)
+        wanted = (to_axes(hour_angle, dec_deg, one, self.south) for one in sides)
+        turns = [(wrapped(w[0] - axes[0]), wrapped(w[1] - axes[1])) for w in wanted]
+        first, second = min(turns, key=lambda turn: abs(turn[0]))
+        if abs(first) > AGREES_DEG >= apart_deg((at, dec), (hour_angle, dec_deg)):
+            raise RefusedError(
+                f"So near the pole this sync would turn the RA axis by {first:+.0f}°. Home is confirmed: slew to a star"
+                " farther from the pole and sync there."
+            )
         self.offset_deg = self.offset_deg[0] + first, self.offset_deg[1] + second
+        self.keep()
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """Both motors to where the target will be."""
         self.require_home()
         since = self.talk.stops
+        self.target_side = self.side_for(ra_deg)
         self.aim(ra_deg, dec_deg, 0.0)  # refuses before anything moves
         self.approaches = 0
         self.approach(ra_deg, dec_deg, since)
@@ -297,12 +257,21 @@ class SkyWatcher(SerialMount):
         if since != self.talk.stops:  # the Stop came while the motors were being started
             self.target_deg, self.tracking = None, False
 
+    def side_for(self, ra_deg: float) -> PierSide:
+        """The side a slew ends on: with the counterweight down, but the present one where no meridian is crossed."""
+        here, _, side = to_sky(self.axes(), self.south)
+        natural = natural_side(wrapped(self.sidereal() - ra_deg))
+        return side if natural_side(here) is natural else natural
+
     def aim(self, ra_deg: float, dec_deg: float, ahead_s: float) -> Degrees:
-        """Axes that will point there in ``ahead_s``, with the counterweight down."""
+        """Axes that will point there in ``ahead_s``, from the side of the slew."""
         hour_angle = wrapped(self.sidereal() + ahead_s * SIDEREAL_DEG_S - ra_deg)
-        wanted = to_axes(hour_angle, dec_deg, natural_side(hour_angle), self.south)
+        wanted = to_axes(hour_angle, dec_deg, self.target_side, self.south)
         if abs(wanted[0]) > REACH_DEG:
-            raise RefusedError(f"The RA axis would turn to {wanted[0]:.0f}°, beyond its limit.")
+            raise RefusedError(
+                f"The RA axis would turn to {wanted[0]:.0f}°, beyond its limit: a flip is due. Slew back across"
+                " the meridian first, then flip from there."
+            )
         return wanted
 
     def approach(self, ra_deg: float, dec_deg: float, since: int) -> None:
@@ -337,6 +306,7 @@ class SkyWatcher(SerialMount):
                 self.approach(*target, since)
                 return
             self.target_deg = None
+            self.keep()
         if self.tracking and not self.motors[0].status().running and since == self.talk.stops:
             self.motors[0].ensure_stopped()
             self.motors[0].run(self.sky_rate, since)
@@ -398,9 +368,14 @@ class SkyWatcher(SerialMount):
         if on:
             self.motors[0].run(self.sky_rate, since)
 
+    def counters(self) -> Degrees:
+        """Both angles as the board counts them."""
+        first, second = (motor.angle_deg() for motor in self.motors)
+        return first, second
+
     def axes(self) -> Degrees:
         """Both angles with the offset of the last sync."""
-        first, second = (motor.angle_deg() for motor in self.motors)
+        first, second = self.counters()
         return first + self.offset_deg[0], second + self.offset_deg[1]
 
     def side(self) -> PierSide:

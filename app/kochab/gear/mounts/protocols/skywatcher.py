@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 
 from kochab.gear.mounts.protocols import code_table, match, require
+from kochab.gear.mounts.serial_line import Reader, SerialLink
 
 ZERO = 0x800000
 EQUATORIAL = code_table(
@@ -18,6 +19,7 @@ EQUATORIAL = code_table(
 """Mount code -> equatorial mount: INDI's skywatcher.cpp, and the newer boards of owners' logs."""
 ALT_AZIMUTH = range(0x80, 0x91)  # GT, MF, 114GT, StarSeeker, Dobsonians
 AZ_GTI = 0xA5  # alt-azimuth or, on a wedge, equatorial: the code does not show which
+FOREIGN_LINES = 4  # before an answer
 ERRORS = code_table(
     "0 an unknown command, 1 a command of the wrong length, 2 the motor is not stopped, "
     "3 an invalid character, 4 not initialised, 5 the driver sleeps, "
@@ -35,6 +37,19 @@ class AxisStatus:
     fast: bool
     blocked: bool
     initialised: bool
+
+
+def reader(timeout_s: float) -> Reader:
+    """Read the line of the answer: some cables echo the command first, and a Wi-Fi module may chatter between."""
+
+    def read(link: SerialLink) -> bytes:
+        for _ in range(FOREIGN_LINES):
+            line = link.read_until(b"\r", 16, timeout_s)
+            if line[:1] in (b"=", b"!"):
+                break
+        return line
+
+    return read
 
 
 def command(letter: str, axis: int, data: str = "") -> bytes:
