@@ -110,6 +110,13 @@ class StopFailed(MountEvent):
 
 
 @dataclass(frozen=True, slots=True)
+class LimitReached(MountEvent):
+    """Tracking came to the horizon, the meridian or an hour angle, and was stopped where that can be."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
 class NoReply(MountEvent):
     """A question was not answered; the next one may be."""
 

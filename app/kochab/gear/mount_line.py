@@ -47,6 +47,7 @@ POLL_S = 0.5
 LISTEN_S = 0.05
 REPORT_S = 0.05
 RETRY_S = 2.0
+WATCH_S = 5.0
 STOPPED = "Stopped."
 LOST = "Connection to the mount lost."
 
@@ -69,6 +70,7 @@ class MountLine:
         self._guard: Guard | None = None
         self._looked = self._spoke = 0.0
         self._unasked = True  # which epoch it speaks in
+        self._watched, self._limit = 0.0, ""  # when its tracking was compared with the limits, and what was told
         self._stage = ""  # what was told last
 
     # from any thread --------------------------------------------------------------------------
@@ -189,6 +191,11 @@ class MountLine:
         self._looked = monotonic()
         try:
             said = events.PositionReport(guard.position_icrs(), guard.state(), guard.can_undo)
+            if monotonic() - self._watched >= WATCH_S:
+                self._watched = monotonic()
+                before, self._limit = self._limit, guard.hold_limits()
+                if self._limit not in ("", before):
+                    self._tell(events.LimitReached(self._limit))
         except LineLostError:
             raise
         except DeviceError as error:

@@ -266,9 +266,29 @@ class Guard:
     def track(self, on: bool) -> None:
         """Sidereal tracking on or off."""
         self._require_ability(Ability.TRACKING)
-        if on and self.state().parked:
-            self._refuse("track", "The mount is parked: unpark it before it tracks.")
+        if on:
+            state = self.state()
+            if state.parked:
+                self._refuse("track", "The mount is parked: unpark it before it tracks.")
+            if reason := self.policy.tracking(self.position(), state):
+                self._refuse("track", reason)
         self._send("track", 0.0, lambda: self.mount.track(on), on=int(on))
+
+    def hold_limits(self) -> str:
+        """Stop tracking that has come to a limit, with no motion asked; why, empty while all is well."""
+        state = self.state()
+        if not state.tracking or state.slewing or state.parked or self.emergency.moving:
+            return ""
+        reason = self.policy.tracking(self.position(), state)
+        if not reason:
+            return ""
+        if by_hand := Ability.TRACKING in self.lacks:
+            reason = f"KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand. {reason}"
+        else:
+            self.mount.track(False)
+            reason = f"Kochab stopped the tracking. {reason}"
+        self.log.add("track", "failed" if by_hand else "done", reason)
+        return reason
 
     def _begin_slew(self, ra_deg: float, dec_deg: float) -> float:
         """Send a goto; in how many seconds it must have ended."""

@@ -96,7 +96,7 @@ class Plan:
     """A motion or a sync from the reported position to a target; degrees of date.
 
     ``paths`` are arrays (N, 3) of unit vectors of date: paths the telescope may take.
-    ``target_icrs_deg`` is the target as solves know it.
+    ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
     """
 
     start_deg: tuple[float, float]
@@ -111,6 +111,7 @@ class Plan:
     by_hand: bool = False
     armed: bool = False
     action: str = "goto"
+    from_home: bool = False
 
     @property
     def start(self) -> Floats:

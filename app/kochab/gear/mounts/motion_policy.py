@@ -4,13 +4,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import datetime
 from itertools import combinations
+from math import copysign
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.frame import Site
-from kochab.core.mount import CONFIRM_HOME, Direction, Epoch, MountState, PierSide, Pointing
+from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Direction, Epoch, MountState, PierSide, Pointing
 from kochab.gear.mounts.coordinates import altitude_deg, from_mount_epoch, of_date, sun_vector, to_mount_epoch
 from kochab.gear.mounts.motion_plan import (
     Degrees,
@@ -30,6 +31,8 @@ from kochab.gear.mounts.motion_plan import (
 )
 
 Findings = Iterator[RuleFinding]
+AHEAD_S = 60.0  # tracking ends before its limit
+HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # from the pole; of its hour angle from counterweight down
 
 
 def readiness(plan: Plan) -> Findings:
@@ -50,7 +53,7 @@ def readiness(plan: Plan) -> Findings:
 
 def slew_length(plan: Plan) -> Findings:
     """Refuse a slew beyond the cap: a longer one is a mistake."""
-    cap = plan.limits.longest_slew_deg
+    cap = 180.0 if plan.from_home else plan.limits.longest_slew_deg
     if not plan.distance_deg <= cap:  # refuses a distance that is not a number, too
         yield refuse(f"The slew of {plan.distance_deg:.1f} deg is longer than the {cap:g} allowed.")
 
@@ -85,7 +88,7 @@ def horizon(plan: Plan) -> Findings:
 
 def _altitudes(plan: Plan, site: Site, start: float, target: float) -> Findings:
     low, high = plan.limits.lowest_altitude_deg, plan.limits.highest_altitude_deg
-    leaving = plan.action in ("move", "pulse")  # these may creep back into the allowed range
+    leaving = plan.action in ("move", "pulse", "track")  # these may creep back into the allowed range
     if target < low and not (leaving and target >= start):
         yield refuse(f"The target is {target:.1f} deg high, the limit is {low:g} deg.")
         return
@@ -204,7 +207,7 @@ def past_meridian(plan: Plan) -> Findings:
     worst = max(float(past.max()), float(-180.0 - past.min()))  # the upper, the lower meridian
     if not worst <= max(limit, start) + SLACK_DEG:
         yield refuse(
-            f"The move would take the telescope {worst:.0f}° past the meridian on the {side} side of"
+            f"The {plan.action} would take the telescope {worst:.0f}° past the meridian on the {side} side of"
             f" the pier, where it may hit the pier (limit {limit:g}°). Start farther from the meridian,"
             " or move the other way. For a fork or wedge, set Meridian in the Mount view (--fork)."
         )
@@ -260,6 +263,7 @@ def sync_evidence(plan: Plan) -> Findings:
 
 MOTION_RULES = (readiness, slew_length, horizon, sun, flip)
 MOVE_RULES = (readiness, horizon, past_meridian, sun)
+TRACKING_RULES = (horizon, past_meridian)
 SYNC_RULES = (readiness, sync_step, sync_evidence, horizon, sync_across_meridian)
 
 
@@ -271,7 +275,7 @@ class MotionPolicy:
 
     def goto(self, here: Pointing, state: MountState, to_deg: Degrees) -> tuple[Plan, Preview]:
         """A slew, and its preview by the rules."""
-        plan = with_paths(self.plan("goto", here, state, to_deg))
+        plan = with_paths(leaving_home(self.plan("goto", here, state, to_deg)))
         return plan, preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, MOTION_RULES)
 
     def move(
@@ -282,6 +286,14 @@ class MotionPolicy:
         plan = with_move(still, direction, angle_deg)
         (region,) = with_move(plan, direction, overrun * angle_deg).paths
         return plan, preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES), region
+
+    def tracking(self, here: Pointing, state: MountState, seconds: float = AHEAD_S) -> str:
+        """Why it must not track on for so long, on its way to the west; empty when it may, or nothing is known."""
+        if self.site is None or state.home_confirmed is False:
+            return ""
+        still = self.plan("track", here, state, (here.ra_deg, here.dec_deg))
+        plan = with_move(still, Direction.WEST, seconds * SIDEREAL_DEG_S)
+        return next(iter(preview_of(plan, plan.start_deg, plan.target_deg, TRACKING_RULES).refusals), "")
 
     def sync(
         self,
@@ -311,6 +323,21 @@ class MotionPolicy:
             site=self.site,
             action=action,
         )
+
+
+def leaving_home(plan: Plan) -> Plan:
+    """A slew from home, where a German mount has no side yet, with the hour angle at which it leaves the pole.
+
+    Beside the pole with the counterweight down the reported hour angle and side are rounding noise.
+    """
+    ends, beside_deg = plan.hour_angles_deg(), 90.0 - abs(plan.start_deg[1])
+    if ends is None or beside_deg > HOME_DEG:
+        return plan
+    if beside_deg > NOISE_DEG and abs(abs(ends[0]) - 90.0) > TURNED_DEG:  # tracking, beside the pole
+        return plan
+    ra_deg = (plan.start_deg[0] + ends[0] - copysign(90.0, ends[1])) % 360.0
+    state = replace(plan.state, pier_side=None)
+    return replace(plan, start_deg=(ra_deg, plan.start_deg[1]), state=state, from_home=True)
 
 
 def with_paths(plan: Plan) -> Plan:

@@ -13,6 +13,7 @@ from kochab.gear.mount_events import (
     Connected,
     EpochDoubted,
     FrameTaken,
+    LimitReached,
     LineLost,
     MountSnapshot,
     OrderDone,
@@ -306,7 +307,7 @@ class MountControl(QObject):
                 self.message.emit("Stop sent.", "muted")
             case StandsStill():
                 self.message.emit("Mount stopped.", "muted")
-            case StopFailed():
+            case StopFailed() | LimitReached():
                 self.message.emit(event.sentence, "bad")
         self.changed.emit()
 
