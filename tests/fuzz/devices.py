@@ -69,7 +69,7 @@ def check_parsers(data: bytes, folder: Path) -> None:
 class NoisyLink:
     """A line to a simulated mount whose replies are spoilt, each with some probability; nothing waits."""
 
-    port = "noisy"
+    port, lossy = "noisy", False
     most = 4000  # bytes: a driver that asks for ever is a hang
 
     def __init__(self, driver: str, rng: Random, spoilt: float) -> None:

@@ -20,6 +20,7 @@ from kochab.gear.mounts import DRIVERS, MountSettings, open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.probe import Diagnosis, PortInfo, list_ports, probe_port
+from kochab.gear.mounts.serial_line import PORTS
 
 DRIVER_DEFAULT = "default"
 EPOCHS = {DRIVER_DEFAULT: None, str(Epoch.DATE): Epoch.DATE, str(Epoch.J2000): Epoch.J2000}
@@ -65,10 +66,7 @@ class MountSelection:
         """From what stands in the fields; UsageError says what is wrong."""
         port, baud = port.strip(), baud.strip()
         if not port:
-            raise UsageError(
-                "Choose a port, or type one: a device, COM3 or socket://HOST:PORT; "
-                "“Find my mount” looks on all of them."
-            )
+            raise UsageError(f"Choose a port, or type one: {PORTS}; “Find my mount” looks on all of them.")
         rate = None if baud in ("", DRIVER_DEFAULT) else parse_baud(baud)
         return cls(port, driver, rate, EPOCHS.get(epoch), home, equatorial)
 
@@ -249,7 +247,7 @@ class PracticeOpening(Opening):
 
 NO_PORTS = (
     "There is no serial port: plug in the USB cable of the mount and switch it on. A mount on the "
-    "network is typed as socket://HOST:PORT."
+    "network is typed as socket://HOST:PORT, the Wi-Fi of a Sky-Watcher as udp://HOST:11880."
 )
 
 

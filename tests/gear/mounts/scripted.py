@@ -9,7 +9,7 @@ from kochab.gear.mounts.drivers.lx200 import Lx200
 class ScriptedLink:
     """``script``: (sent, answered) pairs in order."""
 
-    port = "script"
+    port, lossy = "script", False
 
     def __init__(self, script):
         self.script = list(script)

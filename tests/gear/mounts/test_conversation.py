@@ -15,7 +15,7 @@ from tests.gear.mounts.scripted import ScriptedLink
 class SlowLink:
     """Records what is written; answers come when the test puts them there."""
 
-    port = "slow"
+    port, lossy = "slow", False
 
     def __init__(self):
         self.written = []

@@ -13,7 +13,7 @@ from typing import Any
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
-from kochab.gear.mounts.serial_line import Conversation, SerialLink, exactly, until
+from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
 
 PATIENCE_S = 0.8
 
@@ -98,7 +98,7 @@ def probe(ports: Iterable[str], opener: Callable[[str, int], SerialLink] = Seria
 def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink) -> Task[Diagnosis]:
     """What is on one port, or the exact thing to do."""
     network = "://" in port
-    rounds = ((0, ALL),) if network else QUESTIONS
+    rounds = ((0, (ask_skywatcher,) if port.startswith(UDP) else ALL),) if network else QUESTIONS
     for baud, questions in rounds:
         try:
             link = opener(port, baud or 9600)

@@ -1,8 +1,10 @@
-"""The line to a mount: serial port or TCP, questions and answers, and Stop ahead of everything."""
+"""The line to a mount: serial port, TCP or UDP, questions and answers, and Stop ahead of everything."""
 
 import errno
 import logging
 import os
+import select
+import socket
 import sys
 from collections import deque
 from collections.abc import Callable
@@ -15,15 +17,17 @@ from urllib.parse import urlsplit
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
 
+PORTS = "a device, COM3, socket://HOST:PORT or udp://HOST:11880"
+UDP = "udp://"
 BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 
 
 def not_opened(port: str, error: Exception) -> PortError:
     """The `PortError` for what pyserial raised on opening ``port``."""
-    if port.startswith("socket://"):
+    if port.startswith(("socket://", UDP)):
         return PortError(_server(port, error))
     if "://" in port:
-        return PortError(f"{port} is not a port: give a device, COM3 or socket://HOST:PORT.")
+        return PortError(f"{port} is not a port: give {PORTS}.")
     number = getattr(error, "errno", None)
     text = str(error).lower()
     if number in (errno.EACCES, errno.EPERM) and sys.platform != "win32":
@@ -42,7 +46,7 @@ def _server(port: str, error: Exception) -> str:
     except ValueError:
         is_address = False
     if not is_address:
-        return f"{port} is not an address: write it as socket://HOST:PORT."
+        return f"{port} is not an address: write it as {port.partition('://')[0]}://HOST:PORT."
     if "refused" in str(error).lower():
         return f"No answer at {port}: check the address and the mount's Wi-Fi or network adapter."
     return f"{port} cannot be reached: check the address and the network."
@@ -78,22 +82,58 @@ SLICE_S = 0.05  # a read returns this often, so that a closed line is seen at on
 WRITE_S = 2.0  # a line that takes no more bytes for so long is broken
 
 
-class SerialLink:
-    """A line over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``socket://``.
+class UdpPort:
+    """The Wi-Fi of a Sky-Watcher mount, read and written as a port of pyserial.
 
-    One thread reads; any thread may write. Every failure of an open line is a `LineLostError` at
-    once: a pulled cable, a hung-up pseudo-terminal, a server that has gone.
+    A datagram holds one command, from its ``:`` to its carriage return, else the mount drops it. Some are lost.
+    """
+
+    def __init__(self, address: str) -> None:
+        parts = urlsplit(address)
+        if not parts.hostname or parts.port is None:
+            raise ValueError(address)
+        (family, kind, number, _, where), *_ = socket.getaddrinfo(parts.hostname, parts.port, type=socket.SOCK_DGRAM)
+        self._socket = socket.socket(family, kind, number)
+        self._socket.connect(where)
+        self._came = b""
+        self.close = self._socket.close
+
+    def write(self, data: bytes) -> None:
+        """Send each command in a datagram of its own."""
+        for command in data.splitlines(keepends=True):
+            self._socket.send(command)
+
+    def read(self, count: int, patience_s: float = SLICE_S) -> bytes:
+        """Up to ``count`` bytes."""
+        if not self._came and select.select([self._socket], [], [], patience_s)[0]:
+            self._came = self._socket.recv(2048)
+        piece, self._came = self._came[:count], self._came[count:]
+        return piece
+
+    @property
+    def in_waiting(self) -> int:
+        """How many bytes have come."""
+        self._came = self.read(2048, 0.0)
+        return len(self._came)
+
+
+class SerialLink:
+    """A line over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``socket://``; and ``udp://``.
+
+    ``lossy``: what is sent may be lost without a sign. One thread reads; any thread may write. Every
+    failure of an open line is a `LineLostError` at once: a pulled cable, a hung-up pseudo-terminal,
+    a server that has gone.
     """
 
     def __init__(self, port: str, baud: int = 9600) -> None:
         import serial
 
-        self.port = port
+        self.port, self.lossy = port, port.startswith(UDP)
         settings: dict[str, Any] = {"timeout": SLICE_S, "write_timeout": WRITE_S}
         if "://" not in port and not port.upper().startswith("COM"):  # Windows' are always exclusive
             settings["exclusive"] = True
         try:
-            self._serial: Any = serial.serial_for_url(port, baudrate=baud, **settings)
+            self._serial: Any = UdpPort(port) if self.lossy else serial.serial_for_url(port, baudrate=baud, **settings)
         except (OSError, ValueError) as error:
             raise not_opened(port, error) from error
         self._writing = Lock()
@@ -164,6 +204,7 @@ class SerialLink:
 Reader = Callable[[SerialLink], bytes]
 Command = tuple[bytes, tuple[Reader, ...]]  # bytes, and how each answer to them is read
 QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
+LOSSY_TRIES = 12
 DOUBT = 2  # exchanges: the first answer after a bad one may be that one, late
 
 
@@ -178,7 +219,7 @@ class Conversation:
         self.link = link
         self._exchange = RLock()  # one reader
         self._order = Lock()  # held for single writes only: who was sent first
-        self._pending: deque[Reader] = deque()  # answers to :meth:`send_now`
+        self._pending: deque[Command] = deque()  # by :meth:`send_now`, whose answers are due
         self._doubt = 0  # exchanges before which the line must fall silent
         self._counting = Lock()
         self._stopping = 0  # Stops whose bytes are on their way: everything else waits
@@ -238,17 +279,33 @@ class Conversation:
         with self._order:
             for command, answers in commands:
                 self.link.write(command)
-                self._pending.extend(answers)
+                if answers:
+                    self._pending.append((command, answers))
         for command, _ in commands:  # after all of them: no disk holds up a Stop
             logger.debug("%s > %r", self.link.port, command)
 
     def read_pending(self) -> None:
-        """Read the answers to :meth:`send_now` that are still due."""
+        """Read the answers to :meth:`send_now` that are due; without all of them a lossy line is sent it again."""
         with self._exchange:
+            tries = LOSSY_TRIES if self.link.lossy else 1
             while self._pending:
-                with suppress(NoAnswerError):
-                    self._read(self._pending[0])
-                self._pending.popleft()
+                due, tries = list(self._pending), tries - 1
+                answered = [self._answered(read) for _, answers in due for read in answers]
+                if all(answered) or tries <= 0:
+                    for _ in due:
+                        self._pending.popleft()
+                    continue
+                self.link.discard()
+                for command, _ in due:
+                    logger.debug("%s > %r", self.link.port, command)
+                    self.link.write(command)
+
+    def _answered(self, read: Reader) -> bool:
+        try:
+            self._read(read)
+        except NoAnswerError:
+            return False
+        return True
 
     def _send(self, command: bytes, since: int | None = None) -> None:
         while True:

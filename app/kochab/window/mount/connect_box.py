@@ -13,6 +13,7 @@ from kochab.core.progress import Progress
 from kochab.gear import session as equipment
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.probe import Diagnosis, PortInfo
+from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
 from kochab.window.job import Job, Jobs
 from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field
@@ -51,7 +52,7 @@ class ConnectBox(QWidget):
         assert typed is not None
         for done in (self.profile.textActivated, typed.returnPressed):  # Qt tells of a new name by the latter
             done.connect(lambda *_: self.profile_chosen.emit(self.profile.currentText().strip()))
-        self.port = _combo("Port of the mount", "a device, COM3 or socket://HOST:PORT")
+        self.port = _combo("Port of the mount", PORTS)
         drivers = {driver.title: name for name, driver in DRIVERS.loaded().items()}
         self.driver = narrow_box("Driver of the mount", 8, drivers)
         self.baud = _combo("Baud rate", "9600")

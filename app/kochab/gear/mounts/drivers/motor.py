@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.gear.mounts.protocols import skywatcher as protocol
-from kochab.gear.mounts.serial_line import Command, Conversation, ProtocolError
+from kochab.gear.mounts.serial_line import LOSSY_TRIES, Command, Conversation, ProtocolError
 
 T = TypeVar("T")
 TRIES = 5
@@ -23,6 +23,7 @@ class Motor:
     def __init__(self, talk: Conversation, axis: int) -> None:
         self.talk = talk
         self.axis = axis
+        self.tries = LOSSY_TRIES if talk.link.lossy else TRIES
         self.seen_steps = 0
         self.steps_turn = self.number("a")
         self.timer_hz = self.number("b")
@@ -30,7 +31,7 @@ class Motor:
 
     def query(self, letter: str, parse: Callable[[bytes], T]) -> T:
         """Ask, and repeat the question when its answer is lost, as the maker's programs do."""
-        return self.talk.query(protocol.command(letter, self.axis), REPLY, parse, TRIES, NoAnswerError)
+        return self.talk.query(protocol.command(letter, self.axis), REPLY, parse, self.tries, NoAnswerError)
 
     def angle_deg(self) -> float:
         """The encoder's angle."""
@@ -59,7 +60,7 @@ class Motor:
         A setting whose answer is lost is repeated, which changes nothing. A start is not.
         """
         command = protocol.command(letter, self.axis, data)
-        tries = 1 if letter == "J" else TRIES
+        tries = 1 if letter == "J" else self.tries
         refusal = self.talk.query(command, REPLY, _parse_order, tries, NoAnswerError, since)
         if refusal:
             raise RefusedError(f"The motor board refuses: {refusal}.")

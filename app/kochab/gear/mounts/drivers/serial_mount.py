@@ -105,4 +105,10 @@ class SerialMount:
         """End the motion that begins now after ``seconds`` by these commands."""
         self.watchdog.check()
         axis = "dec" if direction.in_dec else "ra"
-        self.watchdog.arm(axis, seconds, lambda: self.talk.send_now(*halt))
+
+        def end() -> None:
+            self.talk.send_now(*halt)
+            if self.talk.link.lossy:
+                self.talk.read_pending()
+
+        self.watchdog.arm(axis, seconds, end)
