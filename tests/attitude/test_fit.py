@@ -213,9 +213,9 @@ def test_good_stars_contradict_sooner_than_poor_ones() -> None:
         assert (away < off / 4) == taken
 
 
-def test_a_range_of_scales_is_a_belief() -> None:
-    focal = FocalPrior.of_scale(9.9, 10.1)
-    assert focal.focal_px == pytest.approx(20627.0, rel=1e-3)
+def test_a_range_of_focal_lengths_is_a_belief() -> None:
+    focal = FocalPrior.of_range(990.0, 1010.0)
+    assert focal.focal_px == pytest.approx(1000.0, rel=1e-3)
     assert focal.sigma == pytest.approx(0.01, rel=0.01)
 
 

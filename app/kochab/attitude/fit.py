@@ -33,11 +33,9 @@ class FocalPrior:
     sigma: float
 
     @classmethod
-    def of_scale(cls, low_arcsec_px: float, high_arcsec_px: float) -> "FocalPrior":
-        """From a range of scales at the frame's centre; half of it is taken for one sigma."""
-        middle = np.sqrt(low_arcsec_px * high_arcsec_px)
-        focal_px = float(np.degrees(1.0) * 3600.0 / middle)
-        return cls(focal_px, float(np.log(high_arcsec_px / low_arcsec_px) / 2.0))
+    def of_range(cls, shortest_px: float, longest_px: float) -> "FocalPrior":
+        """From the range it is in, half of which is taken for one sigma."""
+        return cls(math.sqrt(shortest_px * longest_px), math.log(longest_px / shortest_px) / 2.0)
 
 
 # -- Weights: the probability that each match is right, by a mixture model ---------------------

@@ -81,15 +81,17 @@ def chance(before: float, after: float, freedom: int) -> float:
 
 PARAMETERS = ("rx", "ry", "rz", "log_focal", "cx", "cy", "k1", "k2", "p1", "p2")
 """Columns of the Jacobian: a rotation about the camera axes (rad), ln focal length, the rest."""
+NEAREST = 1e-3  # what lies behind the camera is taken to be this far before it
 
 
 def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floats]:
-    """Pixels (N, 2) of camera-axes vectors (N, 3), z > 0, and their derivatives (N, 2, 10).
+    """Pixels (N, 2) of camera-axes vectors (N, 3) and their derivatives (N, 2, 10).
 
-    The derivatives are by :data:`PARAMETERS`, at no change; in memory a parameter's lie together.
-    The model is that of ``kochab.core.camera`` (Brown 1966, Photogramm. Eng. 32, 444).
+    Those behind the camera are far outside, finite. The derivatives are by :data:`PARAMETERS`, at no
+    change; in memory a parameter's lie together. The model is that of ``kochab.core.camera`` (Brown
+    1966, Photogramm. Eng. 32, 444).
     """
-    flat = vectors[:, :2].T / vectors[:, 2]
+    flat = vectors[:, :2].T / np.maximum(vectors[:, 2], NEAREST)
     u, v = flat
     square = flat * flat
     uu, vv = square
@@ -101,14 +103,8 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     turn[2, 0], turn[2, 1] = -v, u
     bent = flat
     if camera.distorted:
-        k1, k2, p1, p2 = camera.k1, camera.k2, camera.p1, camera.p2
-        radial, slope = 1.0 + r2 * (k1 + k2 * r2), 2.0 * (k1 + 2.0 * k2 * r2)
-        bent = np.stack(
-            [u * radial + 2.0 * p1 * uv + p2 * (r2 + 2.0 * uu), v * radial + p1 * (r2 + 2.0 * vv) + 2.0 * p2 * uv]
-        )
-        cross = slope * uv + 2.0 * (p1 * u + p2 * v)
-        by_u = radial + slope * uu + 2.0 * p1 * v + 6.0 * p2 * u
-        by_v = radial + slope * vv + 6.0 * p1 * v + 2.0 * p2 * u
+        bent = camera.bent(flat.T).T
+        by_u, by_v, cross = camera.bending(u, v)
         across, down = by_u * turn[:, 0] + cross * turn[:, 1], by_v * turn[:, 1]
         turn[:, 1] = down + cross * turn[:, 0]
         turn[:, 0] = across
@@ -165,6 +161,7 @@ def sane(camera: Camera) -> bool:
 
 
 FOCAL = PARAMETERS.index("log_focal")
+STEPS = 8
 FAR = 2.0
 """When a step makes the sum of squares so many times smaller, the derivatives are made anew."""
 
@@ -192,18 +189,14 @@ class FitState:
 
     def residuals(self) -> Floats:
         """Recorded minus computed pixels (M, 2) of every match."""
-        return self.matches.xy - self.camera.project(self._ahead())
+        vectors = self.matches.vectors @ self.matrix.T
+        np.maximum(vectors[:, 2], NEAREST, out=vectors[:, 2])
+        return self.matches.xy - self.camera.project(vectors)
 
     def slopes(self) -> tuple[Floats, Floats]:
         """Residuals (2, M) px and their derivatives (10, 2, M), of every match."""
-        pixels, jacobian = project_with_jacobian(self.camera, self._ahead())
+        pixels, jacobian = project_with_jacobian(self.camera, self.matches.vectors @ self.matrix.T)
         return self.matches.xy.T - pixels.T, jacobian.T
-
-    def _ahead(self) -> Floats:
-        """Directions (M, 3) in camera axes; those behind the camera are far outside, finite."""
-        vectors = self.matches.vectors @ self.matrix.T
-        np.maximum(vectors[:, 2], 1e-3, out=vectors[:, 2])
-        return vectors
 
     @property
     def counts(self) -> Floats:
@@ -244,7 +237,7 @@ class FitState:
         camera, matrix = moved(self.camera, self.matrix, step)
         return replace(self, camera=camera, matrix=matrix)
 
-    def descend(self, free: Indices, steps: int = 8) -> "FitState":
+    def descend(self, free: Indices) -> "FitState":
         """The state at the least squares over the ``free`` parameters.
 
         Levenberg-Marquardt; the derivatives are kept as long as the steps are small.
@@ -253,7 +246,7 @@ class FitState:
         residual, everything = state.linear()
         normal = everything.only(free)
         cost = float(residual @ residual)
-        for _ in range(steps):
+        for _ in range(STEPS):
             tried = state.moved(free, normal.step(residual, damping))
             left = tried.weighted()
             cost_tried = float(left @ left)

@@ -54,7 +54,7 @@ class Camera:
         v = np.asarray(vectors, dtype=np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
             uv = np.where(v[..., 2:] > 1e-6, v[..., :2] / v[..., 2:], np.nan)
-        return self._pixels(self._distort(uv))
+        return self._pixels(self.bent(uv) if self.distorted else uv)
 
     def unproject(self, pixels: Floats) -> Floats:
         """Unit vectors (N, 3) in camera axes of pixels (N, 2)."""
@@ -70,9 +70,8 @@ class Camera:
         """Whether any distortion term is set."""
         return any((self.k1, self.k2, self.p1, self.p2))
 
-    def _distort(self, uv: Floats) -> Floats:
-        if not self.distorted:
-            return uv
+    def bent(self, uv: Floats) -> Floats:
+        """The recorded points of the tangent plane (..., 2) of ideal ones."""
         u, v = uv[..., 0], uv[..., 1]
         r2 = u * u + v * v
         radial = 1.0 + r2 * (self.k1 + self.k2 * r2)
@@ -80,18 +79,21 @@ class Camera:
         vd = v * radial + self.p1 * (r2 + 2.0 * v * v) + 2.0 * self.p2 * u * v
         return np.stack([ud, vd], axis=-1)
 
+    def bending(self, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        """Derivatives of recorded points by ideal ones: of u by u, of v by v, and of each by the other."""
+        r2 = u * u + v * v
+        radial = 1.0 + r2 * (self.k1 + self.k2 * r2)
+        slope = 2.0 * (self.k1 + 2.0 * self.k2 * r2)  # of radial, over u or v
+        uu = radial + u * u * slope + 2.0 * self.p1 * v + 6.0 * self.p2 * u
+        vv = radial + v * v * slope + 6.0 * self.p1 * v + 2.0 * self.p2 * u
+        return uu, vv, u * v * slope + 2.0 * self.p1 * u + 2.0 * self.p2 * v
+
     def _straighten(self, uvd: Floats) -> Floats:
         """The ideal (u, v) of recorded ones, by Newton's steps: the error squares at each."""
         uv = uvd.copy()
         for _ in range(6):
-            u, v = uv[..., 0], uv[..., 1]
-            r2 = u * u + v * v
-            radial = 1.0 + r2 * (self.k1 + self.k2 * r2)
-            slope = 2.0 * (self.k1 + 2.0 * self.k2 * r2)  # of radial, over u or v
-            uu = radial + u * u * slope + 2.0 * self.p1 * v + 6.0 * self.p2 * u
-            vv = radial + v * v * slope + 6.0 * self.p1 * v + 2.0 * self.p2 * u
-            uv_ = u * v * slope + 2.0 * self.p1 * u + 2.0 * self.p2 * v
-            du, dv = np.moveaxis(uvd - self._distort(uv), -1, 0)
+            uu, vv, uv_ = self.bending(uv[..., 0], uv[..., 1])
+            du, dv = np.moveaxis(uvd - self.bent(uv), -1, 0)
             det = uu * vv - uv_ * uv_
             step = np.stack([vv * du - uv_ * dv, uu * dv - uv_ * du], axis=-1)
             step /= np.where(np.abs(det) > 0.01, det, 1.0)[..., None]

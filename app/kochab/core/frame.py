@@ -1,5 +1,6 @@
 """A frame in memory, the hints about it (scale, place, time, site), and its detections."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -44,6 +45,14 @@ class Hint:
     def helps(self) -> bool:
         """Whether it narrows the search at all."""
         return self.scale_arcsec_px is not None or self.centre_deg is not None
+
+    @property
+    def focal_px(self) -> tuple[float, float] | None:
+        """The shortest and the longest focal length that the scale means, px."""
+        if self.scale_arcsec_px is None:
+            return None
+        shortest, longest = (math.degrees(3600.0 / scale) for scale in sorted(self.scale_arcsec_px, reverse=True))
+        return shortest, longest
 
 
 @dataclass(frozen=True, slots=True, eq=False)

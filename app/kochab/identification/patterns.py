@@ -87,11 +87,7 @@ class Search:
         self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
         self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
-        lo, hi = 0.25 * self.side, 180.0 * self.side
-        if hint is not None and hint.scale_arcsec_px is not None:
-            a, b = (206264.806 / s for s in hint.scale_arcsec_px)
-            lo, hi = min(a, b), max(a, b)
-        self.scale = (lo, hi)
+        self.scale = (hint.focal_px if hint else None) or (0.25 * self.side, 180.0 * self.side)
         self.centre = None
         if hint is not None and hint.centre_deg is not None:
             from kochab.core.attitude import unit_vectors

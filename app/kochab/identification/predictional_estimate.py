@@ -99,7 +99,7 @@ def differential(
     """
     inverse: Floats = np.eye(3)
     for _ in range(steps):
-        seen, jacobian = project_with_jacobian(camera, _ahead(vectors @ matrix.T))
+        seen, jacobian = project_with_jacobian(camera, vectors @ matrix.T)
         left = ((xy - seen) * weight[:, None]).ravel()
         slope = (jacobian[:, :, :3] * weight[:, None, None]).reshape(-1, 3)
         normal = slope.T @ slope
@@ -114,9 +114,3 @@ def expected_px(camera: Camera, matrix: Floats, vectors: Floats) -> Floats:
     """Where stars (S, 3) should be, px (S, 2); far outside the frame for those behind it."""
     places = camera.project(vectors @ matrix.T)
     return np.where(np.isfinite(places), places, -1e9)
-
-
-def _ahead(body: Floats) -> Floats:
-    body = body.copy()
-    body[:, 2] = np.maximum(body[:, 2], 1e-3)
-    return body

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from kochab.attitude import FLOOR_PX, small_rotation, wahba
+from kochab.attitude import FLOOR_PX, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
 from kochab.core import config_folder
 from kochab.core.arrays import Floats
@@ -27,6 +27,7 @@ from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
+from kochab.identification.predictional_estimate import differential
 
 TERMS = PARAMETERS[3:]
 MEMORY_FRAMES = 400  # older frames fade, as the lens cools and errors are not all random
@@ -107,7 +108,9 @@ def evidence(profile: Profile, xy: Floats, vectors: Floats, attitude: Attitude, 
     ``attitude`` is near the frame's; ``sigma_px`` the error of a star's place along one coordinate,
     as its own frame's fit shows it.
     """
-    residual, jacobian = _residuals_and_slopes(profile.camera, xy, vectors, attitude.matrix)
+    matrix, _ = differential(profile.camera, attitude.matrix, xy, vectors, np.ones(len(xy)), steps=4)
+    seen, slope = project_with_jacobian(profile.camera, vectors @ matrix.T)
+    residual, jacobian = (xy - seen).ravel(), slope.reshape(-1, len(PARAMETERS))
     weight = 1.0 / max(sigma_px, 0.02) ** 2
     turn, terms = jacobian[:, :3], jacobian[:, 3:]
     shared = np.linalg.solve(turn.T @ turn, turn.T @ terms)
@@ -145,19 +148,6 @@ def doubt(profile: Profile, new: CameraEvidence) -> str:
         f"{profile.camera.focal_px:.1f} ± {sigma:.1f} px in the profile; stars would be "
         f"{new.shift_px:.1f} px off."
     )
-
-
-def _residuals_and_slopes(camera: Camera, xy: Floats, vectors: Floats, matrix: Floats) -> tuple[Floats, Floats]:
-    """Residuals (2 M,) px and slopes (2 M, 10) where turning alone can do no more."""
-    for _ in range(4):
-        seen, slope = project_with_jacobian(camera, vectors @ matrix.T)
-        residual, flat = (xy - seen).ravel(), slope.reshape(-1, len(PARAMETERS))
-        turn = flat[:, :3]
-        step = np.asarray(np.linalg.solve(turn.T @ turn, turn.T @ residual), dtype=np.float64)
-        if float(np.abs(step).max()) < 1e-10:
-            break
-        matrix = small_rotation(step) @ matrix
-    return residual, flat
 
 
 def _chance(profile: Profile, information: Floats, vector: Floats) -> float:

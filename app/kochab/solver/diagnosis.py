@@ -240,11 +240,10 @@ def _no_visible_fault(case: Evidence, stated: Finding) -> Finding:
 
 def implied_field_deg(evidence: Evidence) -> float | None:
     """Width of the frame that a hinted scale implies, degrees; None without a hint."""
-    if evidence.hint is None or evidence.hint.scale_arcsec_px is None:
+    focal_px = evidence.hint.focal_px if evidence.hint else None
+    if focal_px is None:
         return None
-    low, high = evidence.hint.scale_arcsec_px
-    pixel = math.radians(math.sqrt(low * high) / 3600.0)
-    return math.degrees(2.0 * math.atan(evidence.detections.width / 2.0 * pixel))
+    return math.degrees(2.0 * math.atan(evidence.detections.width / 2.0 / math.sqrt(math.prod(focal_px))))
 
 
 def _expected(evidence: Evidence, field_deg: float) -> float:

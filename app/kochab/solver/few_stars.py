@@ -16,7 +16,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.solution import Identification, Matches
 from kochab.identification.patterns import ROUGHLY
-from kochab.identification.quads import triad_axes
+from kochab.identification.quads import directions, pointings
 from kochab.identification.verification import ACCEPT_LOG10, with_crowding
 from kochab.solver.matches import StarCatalogue, mutual_nearest, without_companions
 
@@ -28,7 +28,7 @@ TOLERANCE = 0.009
 """Largest error of a confirmed place, over the frame's width."""
 SCALE_STEP = 1.21
 """Ratio of the scales that are tried together."""
-BLIND_WIDTHS_DEG = (7.0, 45.0)
+BLIND_WIDTHS_DEG = (45.0, 7.0)
 """Frames tried when the scale is unknown; narrower ones have too many pairs."""
 
 Checked = tuple[float, Matches, Camera, Floats]
@@ -51,13 +51,13 @@ def identify_few(
     ``log10_false_alarm`` is the number of pairs tried times the chance that the confirming stars
     all fall as near to a catalogue star as they do, taken at the largest of their distances.
     """
-    scale = hint.scale_arcsec_px if hint is not None else None
-    triangles_tried = scale is not None and max(scale) <= ROUGHLY * min(scale)
+    scale = hint.focal_px if hint else None
+    triangles_tried = scale is not None and scale[1] <= ROUGHLY * scale[0]
     if not FEWEST <= len(detections) <= (MOST_HINTED if triangles_tried else MOST):
         return None
     found: list[Checked] = []
     tried = 0
-    for focal_px in _focal_windows(detections, hint):
+    for focal_px in _focal_windows(detections, scale):
         sky = _sky(detections, focal_px, hint, catalogue, year)
         if sky is None:
             continue
@@ -93,13 +93,9 @@ def _alarm(detections: Detections, worst_px: float, density: float, tried: int) 
     return float(np.log10(max(tried, 1)) + (len(detections) - 2) * np.log10(chance))
 
 
-def _focal_windows(detections: Detections, hint: Hint | None) -> list[tuple[float, float]]:
+def _focal_windows(detections: Detections, scale: tuple[float, float] | None) -> list[tuple[float, float]]:
     """Ranges of the focal length, px, each narrow enough for one depth of the sky."""
-    if hint is not None and hint.scale_arcsec_px is not None:
-        low, high = (206264.8 / s for s in sorted(hint.scale_arcsec_px, reverse=True))
-    else:
-        half = np.radians(BLIND_WIDTHS_DEG) / 2.0
-        high, low = (float(f) for f in detections.width / 2.0 / np.tan(half))
+    low, high = scale or (detections.width / 2.0 / np.tan(np.radians(BLIND_WIDTHS_DEG) / 2.0)).tolist()
     count = max(1, int(np.ceil(np.log(high / low) / np.log(SCALE_STEP) - 1e-9)))
     edges = np.geomspace(low, high, count + 1)
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
@@ -156,28 +152,17 @@ def _supported_pairs(
     """Pairs at which every other detection has a star near, tested for all pairs at once."""
     from scipy.spatial import cKDTree
 
-    i, j = _base(detections)
-    others = [k for k in range(len(detections)) if k not in (i, j)]
+    base = _base(detections)
     middle = np.array([(detections.width - 1) / 2, (detections.height - 1) / 2])
-    flat = (detections.xy - middle) * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
-
-    def seen(k: int) -> Floats:
-        out = np.column_stack([np.broadcast_to(flat[k], (len(focal), 2)), focal])
-        return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
-
-    body = triad_axes(seen(i), seen(j))
-    star = triad_axes(sky.vectors[first], sky.vectors[second])
+    xy = (detections.xy - middle) * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
+    stars = sky.vectors[np.stack([first, second], axis=1)]
+    matrix = pointings(xy, np.broadcast_to(base, (len(first), 2)), stars, focal, np.zeros(len(first), np.bool_))
     left, tree = np.arange(len(first)), cKDTree(sky.vectors)
-    if len(left) == 0:
-        return left
-    reach = 2.0 * TOLERANCE * detections.width / float(focal.min())
-    for k in others:
-        inside = np.einsum("nij,ni->nj", body[left], seen(k)[left])
-        place = np.einsum("nij,nj->ni", star[left], inside)
+    reach = 2.0 * TOLERANCE * detections.width / float(focal.min(initial=np.inf))
+    for k in set(range(len(detections))) - set(base):
+        place = np.einsum("ni,nij->nj", directions(focal[left], xy[k]), matrix[left])
         distance, _ = tree.query(place, distance_upper_bound=reach)
         left = left[np.isfinite(distance)]
-        if len(left) == 0:
-            break
     return left
 
 

@@ -236,8 +236,8 @@ def _conclude(
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
-    scale = options.hint.scale_arcsec_px if options.hint else None
-    focal = FocalPrior.of_scale(*scale) if scale else None  # the fit drops it if the stars contradict it
+    scale = options.hint.focal_px if options.hint else None
+    focal = FocalPrior.of_range(*scale) if scale else None  # the fit drops it if the stars contradict it
     matches, fit = extend(
         usable, found, catalogue, year, distortion=options.distortion, focal=focal, worst_px=options.worst_px
     )

@@ -6,6 +6,7 @@ fall on catalogue stars, against what chance would give (:mod:`kochab.identifica
 every pair of catalogue stars the method looked at.
 """
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
@@ -136,10 +137,8 @@ WIDEST_DEG = 40.0  # pairs further apart are not tabled: most of the sky's pairs
 
 def known_focal(hint: Hint | None) -> float | None:
     """Focal length, px, at the geometric middle of the hint's range of scale; None without one."""
-    if hint is None or hint.scale_arcsec_px is None:
-        return None
-    low, high = hint.scale_arcsec_px
-    return float(1.0 / np.radians(np.sqrt(low * high) / 3600.0))
+    focal_px = hint.focal_px if hint else None
+    return math.sqrt(math.prod(focal_px)) if focal_px else None
 
 
 def table_deg(detections: Detections, focal_px: float) -> float:
