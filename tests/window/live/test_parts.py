@@ -217,8 +217,8 @@ def test_recording_follows_the_switch_in_the_middle_of_a_stream(tmp_path):
     recording.wish = tmp_path
     recording.take(some[1])
     recording.take(some[2])
-    assert recording.state.going_on
-    assert recording.state.free_bytes > 0
+    assert recording.recorder.recording
+    assert recording.recorder.free_bytes > 0
     recording.wish = None
     (said,) = recording.take(some[3])
     assert "2 frames" in said
@@ -235,7 +235,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
     recording.wish = tmp_path / "file"
     (said,) = recording.take(updates()[0])
     assert "Can't record to" in said
-    assert not recording.state.going_on
+    assert recording.recorder is recording.wish is None
 
 
 def test_a_disk_that_fills_ends_the_recording_and_not_the_stream(tmp_path, monkeypatch):
@@ -244,11 +244,12 @@ def test_a_disk_that_fills_ends_the_recording_and_not_the_stream(tmp_path, monke
     some = updates()
     recording.take(some[0])
     monkeypatch.setattr("kochab.workflows.live.session.KEEP_FREE_BYTES", 10**18)
-    recording._recorder._keep_free_bytes = 10**18
+    recording.recorder._keep_free_bytes = 10**18
     (said,) = recording.take(some[1])
     assert "stopped after 1 frames" in said
     assert recording.take(some[2]) == []
-    assert not recording.state.going_on
+    assert recording.wish is None
+    assert not recording.recorder.recording
 
 
 # the chart ----------------------------------------------------------------------------------------

@@ -9,8 +9,9 @@ from kochab.core.attitude import radec_deg
 from kochab.core.capture import CaptureLimits
 from kochab.core.solution import NoSolution
 from kochab.window.live.rendering import Levels
+from kochab.workflows.live.session import Recorder
 from kochab.workflows.live.update import Drift, LiveUpdate
-from kochab.workflows.session.live_stream import Lens, Recorded
+from kochab.workflows.session.live_stream import Lens
 
 NOTHING = "–"
 SLEW_ARCSEC_S = 360.0  # faster rates are shown in degrees per second
@@ -143,12 +144,11 @@ def levels_text(levels: Levels) -> str:
     return f"{text}. Increase the exposure." if levels.top < 0.02 else text
 
 
-def recorded_text(state: Recorded) -> str:
+def recorded_text(recorder: Recorder) -> str:
     """Frames recorded, free disk space and the folder."""
-    free = f"{state.free_bytes / 1e9:.1f} GB free"
-    word = "Recording" if state.going_on else "Recorded"
-    tail = f"; {free}" if state.going_on and state.free_bytes else ""
-    return f"{word} {state.frames:,} frames, {state.solved:,} solved{tail}: {state.folder}"
+    word = "Recording" if recorder.recording else "Recorded"
+    tail = f"; {recorder.free_bytes / 1e9:.1f} GB free" if recorder.recording else ""
+    return f"{word} {recorder.frames:,} frames, {recorder.solved:,} solved{tail}: {recorder.folder}"
 
 
 def fixed_settings(limits: CaptureLimits) -> dict[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from PySide6.QtCore import QSignalBlocker, QTimer, Signal
+from PySide6.QtCore import QTimer, Signal
 from PySide6.QtGui import QShowEvent
 
 from kochab.core.capture import CaptureSettings
@@ -26,7 +26,7 @@ from kochab.window.shell.dialogs import ask_folder
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, column, label, row, scrolled, show_text, switch, tab_pages
 from kochab.workflows.live.solve import ProfiledTracker
-from kochab.workflows.session.live_stream import Recorded, Stream, StreamRequest
+from kochab.workflows.session.live_stream import Recording, Stream, StreamRequest
 
 NO_RECORDER = "Recording is not available in this window."
 
@@ -47,16 +47,12 @@ class RecordPanel(Page):
         column(row((self.switch, 1), self.choose), self.status, on=self, margins=(0, 0, 0, 0))
         self.use_folder(self.folder)
 
-    def show_state(self, state: Recorded | None) -> None:
+    def show_state(self, recording: Recording) -> None:
         """Frames recorded so far; the switch goes off when the recording has ended by itself."""
-        if state is None:
-            return
-        self.status.setText(recorded_text(state))
-        if not state.going_on and self.switch.isChecked():
-            with QSignalBlocker(self.switch):
-                self.switch.setChecked(False)
-            self.choose.setEnabled(True)
-            self.wanted.emit(None)
+        if recording.recorder is not None:
+            self.status.setText(recorded_text(recording.recorder))
+        if recording.wish is None:
+            self.switch.setChecked(False)
 
     def use_folder(self, folder: Path) -> None:
         """Save the next recording there."""
@@ -216,7 +212,7 @@ class LiveView(Page):
             self.camera.fields.show_limits(capture.limits, capture.in_force)
         if shown is not None:
             self.camera.show_levels(shown.levels)
-        self.record.show_state(stream.recording.state)
+        self.record.show_state(stream.recording)
         update = stream.latest
         if update is not None:
             self._show_status(status_text.stream_status(update, monotonic(), stream.seen_s))
@@ -238,7 +234,7 @@ class LiveView(Page):
     def _finished(self, job: Job, stream: Stream) -> None:
         for sentence in stream.said:
             self._show_message(sentence, str(self.message.property("role") or ""))
-        self.record.show_state(stream.recording.state)
+        self.record.show_state(stream.recording)
         if job is self.job:
             self.end()
         if job is self._ending:

@@ -143,7 +143,7 @@ class Recorder:
         about: Mapping[str, object] | None = None,
         keep_free_bytes: int = KEEP_FREE_BYTES,
     ) -> None:
-        self.folder, self.frames, self.solved = folder, 0, 0
+        self.folder, self.frames, self.solved, self.free_bytes = folder, 0, 0, 0
         self._to_json = to_json
         self._keep_free_bytes = keep_free_bytes
         self._about: Json = {
@@ -211,10 +211,10 @@ class Recorder:
             raise UsageError(f"Can't record to {self.folder}: {error.strerror or error}.") from None
 
     def _check_space(self, wanted: int) -> None:
-        free = shutil.disk_usage(self.folder).free
-        if free - wanted < self._keep_free_bytes:
+        self.free_bytes = shutil.disk_usage(self.folder).free
+        if self.free_bytes - wanted < self._keep_free_bytes:
             raise UsageError(
-                f"The disk of {self.folder} has only {free // 1_000_000:,} MB free"
+                f"The disk of {self.folder} has only {self.free_bytes // 1_000_000:,} MB free"
                 f" ({self._keep_free_bytes // 1_000_000:,} MB is kept free). Free some space."
             )
 
