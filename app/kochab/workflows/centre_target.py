@@ -14,7 +14,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.gear.mounts.motion_policy import ACROSS
 from kochab.workflows.centring_corrections import Correction, Course, Degrees, MountAndSky
-from kochab.workflows.goto_target import Target, Wait, apart, settled, with_retries
+from kochab.workflows.goto_target import Target, Wait, apart, parse_target, settled, with_retries
 from kochab.workflows.nudge import nudge
 from kochab.workflows.sync_mount import agreeing_solves, require_allowed
 
@@ -110,6 +110,16 @@ def centre_target(
         if not ended:
             mount.halt()
     return result
+
+
+def centre_typed(mount: Guard, solve_now: SolveNow, text: str, tolerance_arcsec: float) -> Task[Centring]:
+    """Centre a name or coordinates as a person typed them.
+
+    A sync so large that the guard wants a yes is not done on the way: it belongs into the preview.
+    """
+    yield Progress("centre", None, text)
+    target = parse_target(text, mount.clock())
+    return (yield from centre_target(mount, solve_now, target, tolerance_arcsec))
 
 
 @dataclass(slots=True)

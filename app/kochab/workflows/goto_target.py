@@ -1,5 +1,6 @@
 """Go to a target, and wait until the mount is at rest there."""
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.attitude import apart_deg, radec_deg
 from kochab.core.errors import NoAnswerError, StrayedError, UsageError
 from kochab.core.mount import Pointing
@@ -55,6 +57,53 @@ def target_at(ra_deg: float, dec_deg: float) -> Target:
     if not (-360.0 <= ra_deg <= 360.0 and -90.0 <= dec_deg <= 90.0):
         raise UsageError(f"RA {ra_deg:g}, Dec {dec_deg:g} is not a valid position.")
     return Target(f"RA {ra_deg % 360.0:.4f} Dec {dec_deg:+.4f}", ra_deg % 360.0, dec_deg)
+
+
+NOTHING = "Enter a target: a name such as M 42, Vega or HIP 32349, or “5h35m17s -5d23m”."
+
+
+def parse_target(text: str, time_utc: datetime) -> Target:
+    """A target from ``M 42``, ``Vega``, ``83.82 -5.39``, ``5h35m17s, -5d23m28s``.
+
+    A name is looked up in the catalogue, which takes a moment the first time: not for the
+    window's thread. UsageError says what is wrong.
+    """
+    clean = " ".join(text.split())
+    if not clean:
+        raise UsageError(NOTHING)
+    if re.match(r"[+-]?[\d.]+\s*([hd°:,\s]|$)", clean) and not re.match(r"\d+ [A-Za-z]{3}", clean):
+        return target_at(*_coordinates(clean))
+    return named_target(clean, time_utc)
+
+
+def _coordinates(text: str) -> tuple[float, float]:
+    """Split at the comma or semicolon, before the sign, or in the middle of an even count."""
+    for pattern in (r"\s*[,;]\s*(?=[+\-−\d])", r"\s+(?=[+\-−])"):
+        parts = re.split(pattern, text)
+        if len(parts) == 2:
+            return parse_ra_deg(parts[0]), parse_dec_deg(parts[1])
+    words = text.split()
+    if len(words) % 2 == 0:
+        half = len(words) // 2
+        return parse_ra_deg(" ".join(words[:half])), parse_dec_deg(" ".join(words[half:]))
+    raise UsageError(f"“{text}” is not a known name or position. {NOTHING}")
+
+
+def names_to_offer() -> Task[list[str]]:
+    """What the field completes: Messier objects and the stars that bear a name of their own."""
+    yield Progress("names")
+    from kochab.sky import open_catalogue
+
+    stars = sorted({name for name, _, _ in open_catalogue().names.table.values() if name})
+    return [f"M {n}" for n in range(1, 111)] + stars
+
+
+def goto_typed(mount: Guard, text: str) -> Task[str]:
+    """Slew to a name or coordinates as a person typed them; a sentence on what the mount says."""
+    yield Progress("goto", None, text)
+    target = parse_target(text, mount.clock())
+    yield from goto_target(mount, target)
+    return f"The mount reports that it reached {target.name}."
 
 
 def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep) -> Task[Pointing]:

@@ -124,7 +124,7 @@ def accept_sync(
         except RefusedError as error:  # by the mount: the guard was asked before
             refusal = str(error)
         else:
-            return sync_done(offer)
+            return _done(offer)
     if not fall_back:
         return SyncDone(False, False, f"{refusal} {offer.in_words}")
     yield from _offset_slew(mount, offer, wait)
@@ -136,8 +136,14 @@ def accept_sync(
     )
 
 
-def sync_done(offer: SyncOffer) -> SyncDone:
-    """The result of a sync that the mount accepted."""
+def sync_by_hand(mount: Guard, offer: SyncOffer) -> Task[SyncDone]:
+    """Do what a single solve offered: a person vouches that the telescope has not moved since."""
+    yield Progress("sync", None, offer.in_words)
+    mount.sync(*mount.to_mount(*offer.sky_deg), by_hand=True, confirmed=True)
+    return _done(offer)
+
+
+def _done(offer: SyncOffer) -> SyncDone:
     return SyncDone(True, False, f"Synced by {angle_text(offer.preview.offset_deg)}. Undo takes it back.")
 
 

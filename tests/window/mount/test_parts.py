@@ -18,7 +18,7 @@ from kochab.window.mount.actions import SYNC_FIRST, outcome_text
 from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.pointing import Offset, ring_arcsec, words_of
 from kochab.workflows.centre_target import Centring, CentringEnd
-from kochab.workflows.session.mount_orders import parse_target
+from kochab.workflows.goto_target import parse_target
 from tests.window.fakes import no_solution
 
 NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)

@@ -8,17 +8,19 @@ from PySide6.QtCore import QObject, Qt, Signal
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Direction
+from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.actions import action
 from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
+from kochab.gear.mounts.guard import Guard
 from kochab.solver.disagreement import Disagreement
 from kochab.window.mount.connection import MountControl
 from kochab.window.shell.views import Services
-from kochab.workflows.centre_target import Centring, CentringEnd
+from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed
+from kochab.workflows.goto_target import goto_typed
 from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge
 from kochab.workflows.recover_mount import why_they_disagree
-from kochab.workflows.session import mount_orders
-from kochab.workflows.sync_mount import SyncDone, SyncOffer, undo_sync
+from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_by_hand, undo_sync
 
 MOST_SIGHTINGS = 6
 SYNC_FIRST = "Use Sync… first to review it."
@@ -63,14 +65,22 @@ class MountActions(QObject):
 
     def take_frame(self) -> None:
         """Take a frame, show and solve it."""
-        self._control.ask("take", lambda guard: self._control.solver(guard)())
+        solver = self._control.solver
+        self._control.ask("take", lambda guard: solver(guard)())
 
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
-        solver = None if self._frames.camera is None else self._control.solver
-        make = mount_orders.offer(solver, self._frames.solution)
-        if make is not None:
-            self._control.ask("sync", make)
+        solver, solution = self._control.solver, self._frames.solution
+
+        def offer_of_frame(guard: Guard) -> Task[SyncOffer]:
+            assert solution is not None
+            yield Progress("sync")
+            return offer_of(guard, solution)
+
+        if self._frames.camera is not None:
+            self._control.ask("sync", lambda guard: offer_sync(guard, solver(guard)))
+        elif solution is not None:
+            self._control.ask("sync", offer_of_frame)
 
     def diagnose(self) -> None:
         """Find the cause of the mount's offset."""
@@ -79,7 +89,10 @@ class MountActions(QObject):
 
     def accept_sync(self, offer: SyncOffer) -> None:
         """Do a sync that was shown and accepted."""
-        self._control.ask("accept", mount_orders.accept(offer))
+        if len(offer.evidence.centres_deg) < 2:
+            self._control.ask("accept", lambda guard: sync_by_hand(guard, offer))
+        else:
+            self._control.ask("accept", lambda guard: accept_sync(guard, offer, confirmed=True, fall_back=True))
 
     def undo_sync(self) -> None:
         """Undo the last sync."""
@@ -87,11 +100,12 @@ class MountActions(QObject):
 
     def goto(self, text: str) -> None:
         """Slew to a name or coordinates."""
-        self._control.ask("goto", mount_orders.goto(text))
+        self._control.ask("goto", lambda guard: goto_typed(guard, text))
 
     def centre(self, text: str, tolerance_arcsec: float) -> None:
         """Slew there, plate solve and correct until it is centred."""
-        self._control.ask("centre", mount_orders.centre(text, tolerance_arcsec, self._control.solver))
+        solver = self._control.solver
+        self._control.ask("centre", lambda guard: centre_typed(guard, solver(guard), text, tolerance_arcsec))
 
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
         """Move a little, at a rate of the mount or, for 0, at the slowest suitable one."""
@@ -106,7 +120,13 @@ class MountActions(QObject):
 
     def track(self, on: bool) -> None:
         """Switch tracking."""
-        self._control.ask("track", mount_orders.track(on))
+
+        def switch(guard: Guard) -> Task[str]:
+            yield Progress("tracking")
+            guard.track(on)
+            return f"Tracking is {'on' if on else 'off'}."
+
+        self._control.ask("track", switch)
 
     def _ended(self, word: OrderDone | OrderFailed) -> None:
         if isinstance(word, OrderFailed):

@@ -7,6 +7,7 @@ from PySide6.QtCore import QObject, Signal
 
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
+from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution, SolveNow
 from kochab.gear.actions import MountSituation, reason_against_order
 from kochab.gear.mount_events import (
@@ -42,8 +43,7 @@ from kochab.window.cameras import Cameras
 from kochab.window.job import Job, Jobs
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
-from kochab.workflows.session import mount_orders
-from kochab.workflows.session.mount_camera import MountCamera, frame_solver
+from kochab.workflows.session.mount_camera import MountCamera, close_camera, frame_solver
 from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solve_frame import SolvedFrame
 
@@ -239,20 +239,31 @@ class MountControl(QObject):
             new = MountCamera(selection, self._cameras.open, insists=same)
         self.frames.camera = new
         if before is not None and self._line is not None:
-            self._line.order("camera", mount_orders.close_camera(before))
+            self._line.order("camera", lambda _: close_camera(before))
         self.changed.emit()
 
     def use_site(self, site: Site | None) -> None:
         """The site, which sets the guard's horizon limit."""
         self._settings.keep_site(site)
+
+        def use(guard: Guard) -> Task[None]:
+            yield Progress("site")
+            guard.site = site
+
         if self._line is not None and not self.known.practice:
-            self._line.order("site", mount_orders.use_site(site))
+            self._line.order("site", use)
 
     def use_meridian(self, meridian: Meridian) -> None:
         """What the mount does at the meridian, from the next motion on."""
         keep_profile(self._settings, meridian=meridian)
+        limits = self.limits
+
+        def use(guard: Guard) -> Task[None]:
+            yield Progress("meridian")
+            guard.limits = limits
+
         if self._line is not None:
-            self._line.order("meridian", mount_orders.use_limits(self.limits))
+            self._line.order("meridian", use)
 
     @property
     def limits(self) -> Limits:

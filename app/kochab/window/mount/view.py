@@ -32,7 +32,7 @@ from kochab.window.widgets import (
     styled_frame,
     switch,
 )
-from kochab.workflows.session.mount_orders import names_to_offer
+from kochab.workflows.goto_target import names_to_offer
 from kochab.workflows.sync_mount import SyncOffer
 
 MERIDIAN_TIP = (

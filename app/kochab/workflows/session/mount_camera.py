@@ -89,6 +89,12 @@ class MountCamera(CameraSource):
         return self._camera
 
 
+def close_camera(camera: MountCamera) -> Task[None]:
+    """Close a camera in the thread that opened it."""
+    yield Progress("camera")
+    camera.close()
+
+
 def frame_solver(camera: MountCamera, guard: Guard, tell: Callable[[object], None]) -> SolveNow:
     """What takes a fresh frame, shows it, solves it, and tells what was seen."""
 
