@@ -72,7 +72,7 @@ def test_a_run_that_is_not_centred_misses_the_goal() -> None:
 def watched_bench():
     b = bench(good(lost_deg=0.0))
     real = b.rig.mount
-    b.watched = WatchedMount(real.config, real.site, real.clock, real.air)
+    b.watched = WatchedMount(real.config, real.site, real.clock)
     return b
 
 
@@ -102,6 +102,15 @@ def test_an_order_that_the_guard_sent_is_accounted_for_once() -> None:
     assert len(unguarded([elsewhere], b.guard)) == 1
     early = ReceivedOrder("goto", when - 5.0, order.given)
     assert len(unguarded([early], b.guard)) == 1
+
+
+def test_a_park_that_the_guard_sent_is_no_stray() -> None:
+    b = watched_bench()
+    b.watched.park()
+    assert len(unguarded(b.watched.orders, b.guard)) == 1
+    b.guard.log = MotionLog(clock=lambda: datetime.fromtimestamp(b.watched.orders[0].unix_s, UTC))
+    b.guard.log.add("park", "sent")
+    assert unguarded(b.watched.orders, b.guard) == []
 
 
 def test_motors_may_turn_only_while_a_motion_is_under_way() -> None:
