@@ -89,18 +89,21 @@ def soak(count: int, report: Report, fps: float = 10.0) -> dict[str, Any]:
     }
 
 
-def resident_mb() -> float:
+def resident_mb(part: str = "VmRSS") -> float:
     """Memory of this process now, MB; where the system does not tell, the most there ever was.
 
-    NaN on Windows, which tells neither.
+    ``part`` "RssAnon" leaves out the files it has mapped, where the system tells them apart. NaN on Windows, which
+    tells nothing.
     """
     try:
         import resource
     except ImportError:
         return float("nan")
-    statm = Path("/proc/self/statm")
-    if statm.exists():
-        return int(statm.read_text("ascii").split()[1]) * resource.getpagesize() / 1e6
+    status = Path("/proc/self/status")
+    lines = status.read_text("ascii", "replace").splitlines() if status.exists() else []
+    for line in lines:
+        if line.startswith(f"{part}:"):
+            return int(line.split()[1]) * 1024 / 1e6
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most / (1e6 if sys.platform == "darwin" else 1e3)
 

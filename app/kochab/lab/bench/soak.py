@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
+from kochab.core.capture import CaptureSettings
 from kochab.core.errors import FrameError, LineLostError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run as drive
@@ -70,7 +70,7 @@ def soak(turns: int, folder: Path, report: Report) -> dict[str, Any]:
             work.lists()
             work.picture(turn)
             watch(live, camera, work.counts)
-            memory.append((own_mb(), resident_mb()))
+            memory.append((resident_mb("RssAnon"), resident_mb()))
             if (turn + 1) % max(1, turns // 20) == 0:
                 report(f"  {(turn + 1) * SOLVES_A_TURN} solves, {memory[-1][0]:.1f} MB own, {memory[-1][1]:.1f} in all")
     finally:
@@ -172,7 +172,7 @@ def night_rig() -> PracticeRig:
     )
 
 
-class FaultyCamera(CameraSource):
+class FaultyCamera(SimulatedCamera):
     """The rig's camera; a frame for each :meth:`ask`, and every so often none or a bad one.
 
     Between two frames ``every_s`` of simulated time pass. It may be opened again and again.
@@ -181,21 +181,15 @@ class FaultyCamera(CameraSource):
     name = "faulty"
 
     def __init__(self, rig: PracticeRig, every_s: float) -> None:
-        self.rig = rig
+        super().__init__(rig)
         self.every_s = every_s
         self.number = 0
         self._asked = Semaphore(0)
-        self._camera = SimulatedCamera(rig, CaptureSettings(exposure_s=EXPOSURE_S))
         self._rng = np.random.default_rng([SEED, 2])
-
-    @property
-    def limits(self) -> CaptureLimits:
-        """Those of the rig's camera."""
-        return self._camera.limits
 
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """As the rig's camera does; the exposure stays."""
-        return self._camera.configure(replace(settings, exposure_s=EXPOSURE_S))
+        return super().configure(replace(settings, exposure_s=EXPOSURE_S))
 
     def ask(self) -> None:
         """Want one frame more."""
@@ -209,20 +203,16 @@ class FaultyCamera(CameraSource):
         fault = FAULTS.get(self.number % CYCLE)
         if fault is None:
             self.rig.clock.sleep(self.every_s)  # its exposures pass meanwhile
-            return self._camera.next_frame(timeout_s)
+            return super().next_frame(timeout_s)
         if self.number % (CYCLE * 10) == UNPLUGGED:
             self.ask()  # the frame comes when the camera is back
             raise LineLostError("The camera was unplugged.")
         self.rig.clock.sleep(self.every_s)
-        return fault(self._rng, self._camera.rig.config.camera)
+        return fault(self._rng, self.rig.config.camera)
 
     def complaints(self) -> tuple[str, ...]:
         """A broken file, as a watched folder would report it."""
         return ("File skipped: it is broken.",) if self.number % CYCLE == 5 else ()
-
-    def now_utc(self) -> Any:
-        """The rig's time."""
-        return self._camera.now_utc()
 
     def close(self) -> None:
         """It is opened again."""
@@ -248,13 +238,3 @@ FAULTS: dict[int, Callable[[np.random.Generator, CameraConfig], Frame]] = {
     UNPLUGGED: _black,
 }
 """What comes in place of a frame, by its number in the cycle."""
-
-
-def own_mb() -> float:
-    """Memory of the process without the files it has mapped, MB; where the system does not tell, all of it."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        told = dict(line.split(":", 1) for line in status.read_text("ascii", "replace").splitlines())
-        if "RssAnon" in told:
-            return int(told["RssAnon"].split()[0]) / 1000.0
-    return resident_mb()
