@@ -8,7 +8,6 @@ import pytest
 from kochab.lab.bench import papers
 from kochab.lab.bench.papers import Published, robotic, robotic_stages, share_error, verdict, wins
 from kochab.lab.bench.papers import spherical_fields as fields
-from kochab.lab.bench.papers import spherical_programs as programs
 from kochab.lab.bench.papers import spherical_triangles as triangles
 from kochab.lab.bench.papers import stellar_images as stellar
 from kochab.lab.bench.papers.stellar_images import DENEB, SADR, VEGA
@@ -74,7 +73,7 @@ def test_everything_is_one_markdown_and_one_json(monkeypatch) -> None:
 
     monkeypatch.setattr(papers, "PAPERS", {"One": "json", "Two": "json"})
     monkeypatch.setattr(papers, "import_module", lambda name: Module)
-    result = papers.run_papers(True, lambda line: None)
+    result = papers.run(True, lambda line: None)
     text = result.as_text()
     assert f"seed {papers.SEED}" in text
     assert "## One" in text
@@ -199,8 +198,8 @@ def test_the_programs_tree_leaves_out_triangles_between_nodes_that_do_not_touch(
     stars /= np.linalg.norm(stars, axis=1, keepdims=True)
     pairs = make_pairs(np.arange(1500), stars, np.radians(6.94))
     whole = triangles_of(pairs, make_triangles(pairs, 6.94))
-    deep = programs.by_tree(whole, quad_tree(5))
-    shallow = programs.by_tree(whole, quad_tree(4))
+    deep = triangles.by_tree(whole, quad_tree(5))
+    shallow = triangles.by_tree(whole, quad_tree(4))
     assert len(shallow.stars) == len(whole.stars)
     assert 0.9 * len(whole.stars) < len(deep.stars) < len(whole.stars)
     assert set(map(tuple, deep.stars)) <= set(map(tuple, whole.stars))

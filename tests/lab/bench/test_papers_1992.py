@@ -3,13 +3,18 @@ import pytest
 
 from kochab.lab.bench.papers import constellations_1992
 from kochab.lab.bench.papers.constellations_1992 import (
+    PIXELS,
+    SITUATIONS,
     _SuccessTally,
     averaged,
+    camera,
     default_axis,
     initial_axis,
+    picture,
     predicted_axis,
+    repeated,
+    sky,
 )
-from kochab.lab.bench.papers.fields_1992 import PIXELS, SITUATIONS, camera, picture, repeated, sky
 
 
 def off_arcsec(one, axis):

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import kochab
-from kochab.core.progress import run
+from kochab.core.progress import run as drive
 from kochab.lab.bench import BenchResult, Goal, Report, Row
 from kochab.lab.bench.live_stream import EXPOSURE_S, SIZES, Ring, average_rows, make_ring, slew
 from kochab.solver.tracker import Tracker
@@ -28,11 +28,11 @@ def measure(ring: Ring, count: int, what: str, fps: float = 30.0) -> dict[str, A
     """Track ``count`` frames as fast as it goes, after one that is solved as a whole."""
     tracker, frames = Tracker(), ring.stream(count + 1, fps)
     frame, moment, _ = next(frames)
-    run(tracker.update(frame, moment))
+    drive(tracker.update(frame, moment))
     wall_s, cpu_s, tracked = [], [], 0
     for frame, moment, _ in frames:
         wall, cpu = time.perf_counter(), time.process_time()
-        tracked += run(tracker.update(frame, moment)).mode == "tracking"
+        tracked += drive(tracker.update(frame, moment)).mode == "tracking"
         wall_s.append(time.perf_counter() - wall)
         cpu_s.append(time.process_time() - cpu)
     wall_ms = 1e3 * np.array(wall_s)
@@ -53,12 +53,12 @@ def at_frame_rate(ring: Ring, seconds: float, fps: float) -> dict[str, Any]:
     tracker = Tracker()
     frames = ring.stream(max(2, round(seconds * fps)) + 1, fps)
     frame, moment, _ = next(frames)
-    run(tracker.update(frame, moment))
+    drive(tracker.update(frame, moment))
     begin, cpu, late = time.perf_counter(), time.process_time(), 0
     for number, (frame, moment, _) in enumerate(frames):
         due = begin + number / fps
         time.sleep(max(0.0, due - time.perf_counter()))
-        run(tracker.update(frame, moment))
+        drive(tracker.update(frame, moment))
         late += time.perf_counter() > due + 1.0 / fps
     wall = time.perf_counter() - begin
     return {
@@ -74,7 +74,7 @@ def soak(count: int, report: Report, fps: float = 10.0) -> dict[str, Any]:
     ring, tracker = make_ring(640, 480), Tracker()
     settled, before, tracked = min(count // 4, 2000), 0.0, 0
     for number, (frame, moment, _) in enumerate(ring.stream(count, fps)):
-        update = run(tracker.update(frame, moment))
+        update = drive(tracker.update(frame, moment))
         tracked += update.mode == "tracking"
         if number == settled:
             before = resident_mb()
@@ -148,7 +148,7 @@ CALM_DEG = 0.1  # a swing that can be followed though a busy machine misses a fr
 TWO_HOURS = 72_000  # frames at ten a second
 
 
-def run_live(quick: bool, report: Report) -> BenchResult:
+def run(quick: bool, report: Report) -> BenchResult:
     """The engine alone, then the window."""
     rows: dict[str, Row] = {}
     for name, size in SIZES.items():

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from kochab.core import data_folder
 from kochab.core.frame import Detections, Hint
-from kochab.core.progress import run
+from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.identification import IDENTIFIERS
 from kochab.lab.bench import BenchResult, Goal, Report, Row, machine, timed
@@ -165,7 +165,7 @@ class PapersResult(BenchResult):
         return "\n".join(lines)
 
 
-def run_papers(quick: bool, report: Report) -> BenchResult:
+def run(quick: bool, report: Report) -> BenchResult:
     """All papers' rows, and how many of them were reached."""
     started = time.process_time()
     rows: list[Row] = []
@@ -215,13 +215,13 @@ def solve_timed(detections: Detections, options: SolveOptions) -> tuple[Solution
     """
     name_stars(detections, options)
     _, seconds = timed(partial(name_stars, detections, options))
-    return run(solve_detections(detections, options)), seconds
+    return drive(solve_detections(detections, options)), seconds
 
 
 def name_stars(detections: Detections, options: SolveOptions) -> None:
     """Name the stars as the solver does, and fail as it does."""
     hint = with_field(options, detections.width)
-    found = run(IDENTIFIERS.make(options.method).identify(detections, hint, UNKNOWN_YEAR))
+    found = drive(IDENTIFIERS.make(options.method).identify(detections, hint, UNKNOWN_YEAR))
     if isinstance(found, NoSolution):
         identify_few(detections, hint, open_catalogue(), UNKNOWN_YEAR)
 

@@ -110,7 +110,7 @@ def random_pointing(rng: np.random.Generator, poles: bool) -> Floats:
 # smallest height of those 1,024 is 3.43 degrees, which its table 3.2 has one level further on: the tree is a level
 # too deep for its 6.94 degrees, and misses angles. Of today's brightest 8,118 stars it leaves 137,352 angles where
 # nodes share a corner, as the text has it, and 100,194 where they share an edge; the thesis' star list must differ
-# as well, see :mod:`kochab.lab.bench.papers.spherical_programs`.
+# as well, see :mod:`kochab.lab.bench.papers.spherical_triangles`.
 
 HEIGHTS = {3: 14.5, 4: 6.94, 5: 3.43}  # table 3.2, deg
 _A, _B = np.sqrt(8.0) / 3.0, np.sqrt(2.0) / 3.0
