@@ -7,9 +7,8 @@ milliseconds of the identification alone. Seeds are fixed, so that the same fiel
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,8 @@ from kochab.core.solution import Identification, NoSolution
 from kochab.identification.index import shipped
 from kochab.identification.index_build import make_fine
 from kochab.identification.patterns import Patterns
-from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
-from kochab.lab.bench.identify_hostile import hostile_goals, hostile_rows, refusal_row
+from kochab.lab.bench import BenchResult, Goal, Report, Row, column, summary, timed
+from kochab.lab.bench.identify_hostile import answers_row, hostile_goals, hostile_rows
 from kochab.lab.bench.identify_sigma import sigma_goals, sigma_rows
 from kochab.lab.bench.peers import CedarSolve
 from kochab.lab.laboratory.comparison import FieldTruth, compare_pointing
@@ -41,47 +40,21 @@ STRESS_FIELDS_DEG = (1.0, 3.0, 10.0, 30.0)
 SEED = 20260101
 
 
-@dataclass(slots=True)
-class IdentifyTally:
-    """What came of many fields."""
+def named(truth: RandomField, hint: Hint | None = None) -> Row:
+    """What the default method makes of a field: right, wrong, or neither, and the time."""
+    answer, seconds = timed(lambda: drive(Patterns().identify(truth.detections, hint)))
+    right, rich = False, truth.stars >= 10
+    if answered := isinstance(answer, Identification):
+        right, _ = compare_pointing(answer.camera, answer.attitude, FieldTruth(truth.camera, truth.attitude))
+    counted = {"right": right, "wrong": answered and not right, "rich": rich, "rich_right": right and rich}
+    return counted | {"ms": 1e3 * seconds}
 
-    milliseconds: list[float] = field(default_factory=list)
-    right: int = 0
-    wrong: int = 0
-    rich: int = 0
-    rich_right: int = 0
 
-    def solve(self, truth: RandomField, hint: Hint | None = None) -> None:
-        """Name a field by the default method, and count the answer: right, wrong, or none."""
-        answer, seconds = timed(lambda: drive(Patterns().identify(truth.detections, hint)))
-        right = False
-        if answered := isinstance(answer, Identification):
-            right, _ = compare_pointing(answer.camera, answer.attitude, FieldTruth(truth.camera, truth.attitude))
-        self.count(right, answered, seconds)
-        self.rich += truth.stars >= 10
-        self.rich_right += right and truth.stars >= 10
-
-    def count(self, right: bool, answered: bool, seconds: float) -> None:
-        """Count one answer."""
-        self.milliseconds.append(1e3 * seconds)
-        self.right += right
-        self.wrong += answered and not right
-
-    def row(self, what: str, mode: str) -> dict[str, Any]:
-        """One line of the table."""
-        n = len(self.milliseconds)
-        return {
-            "fields": what,
-            "mode": mode,
-            "n": n,
-            "success": self.right / n,
-            "success_10_stars": self.rich_right / self.rich if self.rich else math.nan,
-            "rich": self.rich,
-            "rich_right": self.rich_right,
-            "wrong": self.wrong,
-            "median_ms": float(np.median(self.milliseconds)),
-            "p99_ms": float(np.percentile(self.milliseconds, 99)),
-        }
+def field_row(fields: str, mode: str, answers: Sequence[Row]) -> Row:
+    """One line of the table of fields that are named."""
+    of_rich = summary(answers, rich=("rich", np.sum), rich_right=("rich_right", np.sum))
+    share = of_rich["rich_right"] / of_rich["rich"] if of_rich["rich"] else math.nan
+    return answers_row(fields, mode, answers) | of_rich | {"success_10_stars": share}
 
 
 def run(quick: bool, report: Report) -> BenchResult:
@@ -104,69 +77,69 @@ def run(quick: bool, report: Report) -> BenchResult:
     return BenchResult("identify", [*rows, *noise, *shapes, *sigmas], told)
 
 
-def _both_ways(plan: FieldPlan, name: str, count: int) -> list[dict[str, Any]]:
+def _both_ways(plan: FieldPlan, name: str, count: int) -> list[Row]:
     rng = np.random.default_rng([SEED, round(plan.fov_deg * 100)])
-    blind, hinted = IdentifyTally(), IdentifyTally()
+    blind, hinted = [], []
     for _ in range(count):
         truth = random_field(open_catalogue(), rng, plan)
         scale = truth.camera.scale_arcsec_px
-        blind.solve(truth)
-        hinted.solve(truth, Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1)))
-    return [blind.row(name, "blind"), hinted.row(name, "scale to 10 %")]
+        blind.append(named(truth))
+        hinted.append(named(truth, Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1))))
+    return [field_row(name, "blind", blind), field_row(name, "scale to 10 %", hinted)]
 
 
-def _stress(name: str, plan: FieldPlan, count: int) -> dict[str, Any]:
+def _stress(name: str, plan: FieldPlan, count: int) -> Row:
     """Harder fields at four scales together; ``plan.k1`` is the distortion at the corner."""
-    tally, rng = IdentifyTally(), np.random.default_rng([SEED, 7])
+    answers, rng = [], np.random.default_rng([SEED, 7])
     for fov in STRESS_FIELDS_DEG:
         half = math.tan(math.radians(fov) / 2.0)
         one = replace(plan, fov_deg=fov, k1=plan.k1 / (2.0 * half * half))
-        for _ in range(count):
-            tally.solve(random_field(open_catalogue(), rng, one))
-    return tally.row(name, "blind")
+        answers += [named(random_field(open_catalogue(), rng, one)) for _ in range(count)]
+    return field_row(name, "blind", answers)
 
 
-def _random_lists(count: int) -> tuple[dict[str, float], list[dict[str, Any]]]:
+def _random_lists(count: int) -> tuple[dict[str, float], list[Row]]:
     """Lists of 8 to 80 random points; also how often the bound went below 10^-1, 10^-2, 10^-3."""
     rng = np.random.default_rng([SEED, 3])
-    spent, accepted, least = [], 0, []
+    answers = []
     for _ in range(count):
         points = random_points(rng, int(rng.integers(8, 81)))
         answer, seconds = timed(partial(drive, Patterns().identify(points)), time.perf_counter)
-        spent.append(seconds)
+        answers.append({"right": math.nan, "wrong": True, "ms": 1e3 * seconds, "claim": -math.inf})
         if isinstance(answer, NoSolution):
-            least.append(answer.measured.get("log10_false_alarm", 0.0))
-        accepted += isinstance(answer, Identification)
-    row = refusal_row("random points", "blind", spent, accepted)
-    shares = {k: float((np.array(least) < -k).sum() + accepted) / count for k in (1, 2, 3)}
+            answers[-1] |= {"wrong": False, "claim": answer.measured.get("log10_false_alarm", 0.0)}
+    row = answers_row("random points", "blind", answers)
+    shares = {k: float((column(answers, "claim") < -k).mean()) for k in (1, 2, 3)}
     claimed = [
         {"fields": "random points", "mode": f"bound below 1e-{k}", "n": count, "share": share}
         for k, share in shares.items()
     ]
     # the proof of the threshold: a bound of 10^-k is reached by chance no oftener than that
     excess = max(share * 10.0**k for k, share in shares.items())
-    return {"accepted": accepted, "slowest_s": max(spent), "excess": excess}, [row, *claimed]
+    slowest_s = max(column(answers, "ms")) / 1e3
+    return {"accepted": row["wrong"], "slowest_s": slowest_s, "excess": excess}, [row, *claimed]
 
 
-def _rival(count: int, report: Report) -> list[dict[str, Any]]:
+def _rival(count: int, report: Report) -> list[Row]:
     """The same fields through cedar-solve, where it is installed and applies (10 to 30 deg)."""
     try:
         rival = CedarSolve()
     except ImportError:
         report("cedar-solve is not installed: nothing to stand beside")
         return []
-    rows = []
+    rows: list[Row] = []
     for fov in (10.0, 20.0):
         report(f"cedar-solve, {fov:g} deg ...")
         rng = np.random.default_rng([SEED, round(fov * 100)])
-        tally = IdentifyTally()
+        answers = []
         for _ in range(count):
             truth = random_field(open_catalogue(), rng, FieldPlan(fov))
             # it does not know mirrored frames: they are unmirrored for it
             place, seconds = timed(partial(rival.place, truth.detections, (truth.camera.mirrored,)))
             off = 0.0 if place is None else float(np.linalg.norm(unit_vectors(*place) - truth.attitude.boresight))
-            tally.count(place is not None and off * truth.camera.focal_px < 10.0, place is not None, seconds)
-        rows.append(tally.row(f"{fov:g} deg", "cedar-solve, blind"))
+            right = place is not None and off * truth.camera.focal_px < 10.0
+            answers.append({"right": right, "wrong": place is not None and not right, "ms": 1e3 * seconds})
+        rows.append(answers_row(f"{fov:g} deg", "cedar-solve, blind", answers))
     return rows
 
 

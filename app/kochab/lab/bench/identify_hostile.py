@@ -21,7 +21,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.identification.verification import ACCEPT_LOG10
-from kochab.lab.bench import Goal, Report, Row, timed
+from kochab.lab.bench import Goal, Report, Row, column, summary, timed
 from kochab.lab.bench.identify_shapes import SEED, SHAPES, SIZE_PX, log_uniform, shape_list
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_attitude, random_direction, random_field
 from kochab.simulate.star_images import RenderedStar, Sky, render
@@ -181,42 +181,41 @@ def hostile_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
 
 
 def _shape_row(name: str, way: str, count: int) -> dict[str, Any]:
-    spent, wrong, least = [], 0, []
-    seed = SEED + list(SHAPES).index(name)
+    answers, seed = [], SEED + list(SHAPES).index(name)
     rng = np.random.default_rng([seed, list(WAYS).index(way)])
     for number in range(count):
         points = shape_list(SHAPES[name], seed, number)
         answer, seconds = timed(partial(WAYS[way][0], points, rng), time.perf_counter)
-        spent.append(seconds)
-        wrong += isinstance(answer, Solution) or (isinstance(answer, float) and answer < 0.0)
         if isinstance(answer, float):
-            least.append(answer)
+            wrong, claim = answer < 0.0, answer
         elif isinstance(answer, Solution):
-            least.append(answer.log10_false_alarm)
+            wrong, claim = True, answer.log10_false_alarm
         else:
-            least.append(answer.measured.get("log10_false_alarm", 0.0))
-    claims = {f"below_1e-{k}": int((np.array(least) < -k).sum()) for k in LEVELS}
-    return refusal_row(name, way, spent, wrong) | claims | {"least_log10": min(least)}
+            wrong, claim = False, answer.measured.get("log10_false_alarm", 0.0)
+        answers.append({"right": math.nan, "wrong": wrong, "ms": 1e3 * seconds, "claim": claim})
+    claims = column(answers, "claim")
+    below = {f"below_1e-{k}": int((claims < -k).sum()) for k in LEVELS}
+    return answers_row(name, way, answers) | below | {"least_log10": claims.min()}
 
 
 def _field_row(name: str, count: int) -> dict[str, Any]:
-    spent, wrong, right = [], 0, 0
+    answers = []
     for number in range(count):
         detections, truths = FIELDS[name](np.random.default_rng([SEED, list(FIELDS).index(name), number]))
         answer, seconds = timed(partial(drive, solve_detections(detections)), time.perf_counter)
-        spent.append(seconds)
+        near, solved = False, isinstance(answer, Solution)
         if isinstance(answer, Solution):
             maps = truths + [(field, *AS_IT_IS) for field, _, _ in truths]
             near = min(off_px(answer, truth) for truth in maps) < WRONG_PX
-            right, wrong = right + near, wrong + (not near)
-    return refusal_row(name, "blind", spent, wrong) | {"success": right / count}
+        answers.append({"right": near, "wrong": solved and not near, "ms": 1e3 * seconds})
+    return answers_row(name, "blind", answers)
 
 
-def refusal_row(fields: str, mode: str, spent_s: list[float], wrong: int) -> dict[str, Any]:
-    """A row of lists of which ``wrong`` were answered wrongly."""
-    times = [1e3 * float(np.percentile(spent_s, part)) for part in (50, 99)]
-    counts = {"fields": fields, "mode": mode, "n": len(spent_s), "success": np.nan, "wrong": wrong}
-    return counts | {"median_ms": times[0], "p99_ms": times[1]}
+def answers_row(fields: str, mode: str, answers: Sequence[Row]) -> dict[str, Any]:
+    """One line of the table: which share of the answers is right, how many are wrong, and how long they took."""
+    counts = summary(answers, n=("ms", len), success=("right", np.mean), wrong=("wrong", np.sum))
+    times = summary(answers, median_ms=("ms", np.median), p99_ms=("ms", partial(np.percentile, q=99)))
+    return {"fields": fields, "mode": mode} | counts | times
 
 
 def hostile_goals(rows: Sequence[Row]) -> list[Goal]:

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import numpy as np
 
 import kochab
 from kochab.core.progress import run as drive
-from kochab.lab.bench import BenchResult, Goal, Report, Row
+from kochab.lab.bench import BenchResult, Goal, Report, Row, summary, timed
 from kochab.lab.bench.live_stream import EXPOSURE_S, SIZES, Ring, average_rows, make_ring, slew
 from kochab.solver.tracker import Tracker
 
@@ -29,23 +30,16 @@ def measure(ring: Ring, count: int, what: str, fps: float = 30.0) -> dict[str, A
     tracker, frames = Tracker(), ring.stream(count + 1, fps)
     frame, moment, _ = next(frames)
     drive(tracker.update(frame, moment))
-    wall_s, cpu_s, tracked = [], [], 0
+    done = []
     for frame, moment, _ in frames:
-        wall, cpu = time.perf_counter(), time.process_time()
-        tracked += drive(tracker.update(frame, moment)).mode == "tracking"
-        wall_s.append(time.perf_counter() - wall)
-        cpu_s.append(time.process_time() - cpu)
-    wall_ms = 1e3 * np.array(wall_s)
-    return {
-        "what": what,
-        "frames": count,
-        "tracked": tracked / count,
-        "frames_s": 1e3 / float(wall_ms.mean()),
-        "median_ms": float(np.median(wall_ms)),
-        "p95_ms": float(np.percentile(wall_ms, 95)),
-        "worst_ms": float(wall_ms.max()),
-        "cpu_ms": 1e3 * float(np.mean(cpu_s)),
-    }
+        (update, cpu_s), wall_s = timed(
+            partial(timed, partial(drive, tracker.update(frame, moment))), time.perf_counter
+        )
+        done.append({"tracked": update.mode == "tracking", "wall_ms": 1e3 * wall_s, "cpu_ms": 1e3 * cpu_s})
+    speed = summary(done, frames_s=("wall_ms", lambda ms: 1e3 / ms.mean()), median_ms=("wall_ms", np.median))
+    slow = summary(done, p95_ms=("wall_ms", partial(np.percentile, q=95)), worst_ms=("wall_ms", np.max))
+    shares = summary(done, frames=("tracked", len), tracked=("tracked", np.mean), cpu_ms=("cpu_ms", np.mean))
+    return {"what": what} | shares | speed | slow
 
 
 def at_frame_rate(ring: Ring, seconds: float, fps: float) -> dict[str, Any]:

@@ -7,6 +7,7 @@ moment's frame. Rendering would cost more than what is measured here.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.mount import Direction
 from kochab.core.progress import run
+from kochab.lab.bench import summary
 from kochab.lab.estimators import average
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.axis import GearErrors
@@ -103,17 +105,6 @@ LEGS: tuple[tuple[str, Direction | None, float, float], ...] = (
 """What the hand controller commands: the name, direction, deg/s, seconds."""
 
 
-@dataclass(slots=True)
-class _Leg:
-    """What one leg gave; the first frames hold the jolt of its beginning and do not count."""
-
-    off: list[Floats]
-    rate_off: list[Floats]
-    tracked: int = 0
-    count: int = 0
-    fastest: float = 0.0
-
-
 def slew_rig(seed: int) -> PracticeRig:
     """A wide finder camera on a mount with backlash and periodic error."""
     gear = GearErrors(periodic_arcsec=15.0, backlash_deg=60.0 / 3600.0)
@@ -137,28 +128,43 @@ def slew(seed: int, fps: float, report: Callable[[str], None]) -> list[dict[str,
         rig.mount.halt()
         if direction is not None:
             rig.mount.move(direction, rate)
-        leg = _Leg([], [])
+        frames = []
         for _ in range(round(seconds * fps)):
-            _step(rig, tracker, exposure, leg)
+            frames.append(_step(rig, tracker, exposure))
             rig.clock.sleep(1.0 / fps - exposure)
-        rows.append(_row(name, leg))
+        told = summary(frames, frames=("tracked", len), tracked=("tracked", np.mean))
+        after = frames[2:]  # the first hold the jolt of its beginning
+        told |= summary(
+            after, fastest_deg_s=("turning_deg_s", partial(np.nanmax, initial=0.0)), pointing_rms_arcsec=("off", _rms)
+        )
+        told |= summary(after, rate_rms_arcsec_s=("rate_off", _rms), roll_rate_rms_arcsec_s=("roll_off", _rms))
+        rows.append({"what": f"slew: {name}"} | told)
     return rows
 
 
-def _step(rig: PracticeRig, tracker: Tracker, exposure_s: float, leg: _Leg) -> None:
+def _step(rig: PracticeRig, tracker: Tracker, exposure_s: float) -> dict[str, Any]:
+    """What one frame gave: how far pointing and rates are off, arcsec, NaN where there are none."""
     frame = rig.frame(exposure_s)
     middle = rig.clock.now_unix() - exposure_s / 2.0
     update = run(tracker.update(frame, datetime.fromtimestamp(middle, UTC)))
-    leg.count += 1
-    leg.tracked += update.mode == "tracking"
-    if update.filtered_centre is None or leg.count < 3:
-        return
-    truth = rig.truth(middle).attitude.matrix
-    leg.off.append((truth @ update.filtered_centre.boresight)[:2] * ARCSEC)
-    true = true_rates(rig, middle)
-    leg.fastest = max(leg.fastest, float(np.linalg.norm(true[:2])) / 3600.0)
-    if update.mode == "tracking" and update.rates_deg_s is not None:
-        leg.rate_off.append(np.array(update.rates_deg_s) * 3600.0 - true)
+    off, rate_off, true = np.full(2, np.nan), np.full(3, np.nan), np.full(3, np.nan)
+    if update.filtered_centre is not None:
+        truth, true = rig.truth(middle).attitude.matrix, true_rates(rig, middle)
+        off = (truth @ update.filtered_centre.boresight)[:2] * ARCSEC
+        if update.mode == "tracking" and update.rates_deg_s is not None:
+            rate_off = np.array(update.rates_deg_s) * 3600.0 - true
+    return {
+        "tracked": update.mode == "tracking",
+        "turning_deg_s": np.linalg.norm(true[:2]) / 3600.0,
+        "off": np.linalg.norm(off),
+        "rate_off": np.linalg.norm(rate_off[:2]) / np.sqrt(2.0),  # of one axis
+        "roll_off": rate_off[2],
+    }
+
+
+def _rms(off: Floats) -> float:
+    seen = off[np.isfinite(off)]
+    return float(np.sqrt(np.mean(seen**2))) if len(seen) else np.nan
 
 
 def true_rates(rig: PracticeRig, unix_s: float, span_s: float = 0.02) -> Floats:
@@ -166,19 +172,6 @@ def true_rates(rig: PracticeRig, unix_s: float, span_s: float = 0.02) -> Floats:
     before = rig.truth(unix_s - span_s / 2).attitude.matrix
     after = rig.truth(unix_s + span_s / 2).attitude.matrix
     return -rotation_vector(after @ before.T) / span_s * ARCSEC
-
-
-def _row(name: str, leg: _Leg) -> dict[str, Any]:
-    off, rate = np.array(leg.off), np.array(leg.rate_off)
-    return {
-        "what": f"slew: {name}",
-        "frames": leg.count,
-        "tracked": leg.tracked / leg.count,
-        "fastest_deg_s": leg.fastest,
-        "pointing_rms_arcsec": float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
-        "rate_rms_arcsec_s": float(np.sqrt(np.mean(rate[:, :2] ** 2))) if len(rate) else np.nan,
-        "roll_rate_rms_arcsec_s": float(np.sqrt(np.mean(rate[:, 2] ** 2))) if len(rate) else np.nan,
-    }
 
 
 def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
 from kochab.frames import read_frame
 from kochab.identification.index_build import make_fine
-from kochab.lab.bench import BenchResult, Goal, Report, column, timed
+from kochab.lab.bench import BenchResult, Goal, Report, summary, timed
 from kochab.lab.bench.identify_shapes import SHAPES, shape_list
 from kochab.simulate.random_fields import random_points
 from kochab.solver import SolveOptions
@@ -93,13 +93,8 @@ def score(solver: Solver, cases: Sequence[Case]) -> dict[str, Any]:
         place, seconds = timed(partial(solver, case.detections), perf_counter)
         near = place is not None and case.truth is not None and apart_deg(place, case.truth[0]) < case.truth[1]
         kept.append({"solved": near, "wrong": place is not None and not near, "s": seconds})
-    return {
-        "n": len(kept),
-        "solved": int(column(kept, "solved").sum()),
-        "wrong": int(column(kept, "wrong").sum()),
-        "median_s": float(np.median(column(kept, "s"))),
-        "largest_s": float(column(kept, "s").max()),
-    }
+    counts = summary(kept, n=("s", len), solved=("solved", np.sum), wrong=("wrong", np.sum))
+    return counts | summary(kept, median_s=("s", np.median), largest_s=("s", np.max))
 
 
 # -- The cases ---------------------------------------------------------------------------------

@@ -27,13 +27,13 @@ The worn mounts have
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from kochab.core.arrays import Floats
 from kochab.core.progress import run as run_task
-from kochab.lab.bench import BenchResult, Goal, Report, Row, column, timed
+from kochab.lab.bench import BenchResult, Goal, Report, Row, column, summary, timed
 from kochab.lab.bench.polar_rig import ALIGN, RigSky, follow, make_rig, point_for_sweep, point_where_best
 from kochab.polar.error import CHI2_68, CHI2_95, PolarError
 from kochab.simulate.mechanics.axis import GearErrors
@@ -109,22 +109,17 @@ def align_once(seed: int) -> Row:
     return _aligned(make_rig(np.random.default_rng([SEED, 2, seed])), ALIGN)
 
 
-def align_worn(seed: Sequence[int], second: bool) -> Row:
-    """A whole alignment of a worn mount; ``second``: with a second sweep before it is good."""
-    return _aligned(worn_rig(np.random.default_rng([*seed])), replace(ALIGN, second_sweep=second))
-
-
 def _aligned(sky: RigSky, options: AlignOptions) -> Row:
     point_where_best(sky)
     before = sky.true_total_arcsec()
     done, seconds = timed(lambda: follow(sky, options))
-    ends = {"before_arcsec": before, "ends_arcsec": sky.true_total_arcsec(), "cpu_ms": 1e3 * seconds}
+    ends = {"before_arcsec": before, "off_arcsec": sky.true_total_arcsec(), "cpu_ms": 1e3 * seconds}
     return _judged(sky, done.last.error) | ends | {"moves": done.moves, "rounds": done.rounds}
 
 
 def _judged(sky: RigSky, error: PolarError) -> dict[str, Any]:
     """How far a measured axis is from the true one, and whether each of its ellipses holds that."""
-    row: dict[str, Any] = {"hidden_arcmin": sky.hidden_total_arcmin, "error_arcsec": sky.missed_arcsec(error)}
+    row: dict[str, Any] = {"hidden_arcmin": sky.hidden_total_arcmin, "off_arcsec": sky.missed_arcsec(error)}
     for name, claim in (("noise", error), ("whole", error.with_flexure)):
         distance2 = claim.distance2(sky.truth())
         row[f"{name}_arcsec"] = claim.uncertainty_arcsec
@@ -144,7 +139,8 @@ def run(quick: bool, report: Report) -> BenchResult:
     report(f"{alignments} whole alignments of worn mounts, twice ...")
     worn = {"worn: one sweep": one, "worn: two sweeps": two}
     for kind, second in (("worn: align", False), ("worn: align, two sweeps", True)):
-        worn[kind] = tuple(align_worn((SEED, 4, k), second) for k in range(alignments))
+        rigs = (worn_rig(np.random.default_rng([SEED, 4, k])) for k in range(alignments))
+        worn[kind] = tuple(_aligned(rig, replace(ALIGN, second_sweep=second)) for rig in rigs)
     honest = [_worn_row(kind, own) for kind, own in worn.items()]
     rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest]
     return BenchResult("polar", rows, [*goals(measured, aligned), *worn_goals(honest)])
@@ -158,38 +154,31 @@ def _rows(runs: Sequence[Row], kind: str) -> list[Row]:
         if not own:
             continue
         row = {"kind": kind, "hidden": f"{low:g}-{min(high, 300.0):g} arcmin"} | _errors(own)
-        row["cpu_ms"] = float(np.median(column(own, "cpu_ms")))
+        row |= summary(own, cpu_ms=("cpu_ms", np.median))
         if kind == "align":
-            moves = column(own, "moves")
-            row |= {"moves": float(moves.mean()), "most_moves": int(moves.max())}
-            row["over_5_moves"] = int((moves > 5).sum())
+            row |= summary(own, moves=("moves", np.mean), most_moves=("moves", np.max))
+            row |= summary(own, over_5_moves=("moves", lambda moves: (moves > 5).sum()))
         rows.append(row)
     return rows
 
 
 def _worn_row(kind: str, own: Sequence[Row]) -> Row:
     """How often the uncertainties of worn mounts hold."""
-    row = {"kind": kind} | _errors(own)
-    row["of_10_arcsec"] = float(np.percentile(_ends(own), 90))
-    row["whole_arcsec"] = float(np.median(column(own, "whole_arcsec")))
-    row |= {f"in_{n}": float(column(own, n).mean()) for n in ("noise_68", "noise_95", "whole_68", "whole_95")}
-    return row | ({"most_moves": max(r["moves"] for r in own)} if "moves" in own[0] else {})
+    row = {"kind": kind} | _errors(own) | summary(own, of_10_arcsec=("off_arcsec", partial(np.percentile, q=90)))
+    row |= summary(own, whole_arcsec=("whole_arcsec", np.median))
+    row |= summary(own, **{f"in_{n}": (n, np.mean) for n in ("noise_68", "noise_95", "whole_68", "whole_95")})
+    return row | (summary(own, most_moves=("moves", np.max)) if "moves" in own[0] else {})
 
 
 def _errors(own: Sequence[Row]) -> dict[str, Any]:
-    ends, predicted = _ends(own), float(np.median(column(own, "noise_arcsec")))
-    spread = {"median_arcsec": float(np.median(ends)), "worst_arcsec": float(ends.max())}
-    return {"runs": len(own)} | spread | {"predicted_arcsec": predicted}
-
-
-def _ends(own: Sequence[Row]) -> Floats:
     """How far off the pole alignments really end; of a measurement, how far it is off the axis."""
-    return column(own, "ends_arcsec" if "ends_arcsec" in own[0] else "error_arcsec")
+    off = summary(own, runs=("off_arcsec", len), median_arcsec=("off_arcsec", np.median))
+    return off | summary(own, worst_arcsec=("off_arcsec", np.max), predicted_arcsec=("noise_arcsec", np.median))
 
 
 def goals(measured: Sequence[Row], aligned: Sequence[Row]) -> list[Goal]:
     """What was asked for, from these runs alone."""
-    error, ends = float(np.median(_ends(measured))), _ends(aligned)
+    error, ends = float(np.median(column(measured, "off_arcsec"))), column(aligned, "off_arcsec")
     wrong = float((column(measured, "signs_right") == 0).sum())
     return [
         Goal.at_most('median error, 60 deg of turn, 2" solves: arcsec', error, 15.0),

@@ -19,7 +19,7 @@ from kochab.core.solution import Identification
 from kochab.identification.index import SHIPPED, Volume, fine_folder, open_volume, shipped_volume_folder
 from kochab.identification.index_build import make_fine
 from kochab.identification.patterns import Patterns
-from kochab.lab.bench import BenchResult, Goal, Report, column, timed
+from kochab.lab.bench import BenchResult, Goal, Report, summary, timed
 from kochab.simulate.random_fields import random_points
 
 SEED = 20261122
@@ -52,16 +52,9 @@ def run(quick: bool, report: Report) -> BenchResult:
 
 def row(name: str, kept: Sequence[dict[str, float]]) -> dict[str, Any]:
     """One line of the table: all lists read one way."""
-    wall_s, cpu_s = column(kept, "wall_s"), column(kept, "cpu_s")
-    return {
-        "patterns": name,
-        "n": len(kept),
-        "wrong": int(column(kept, "wrong").sum()),
-        "median_s": float(np.median(wall_s)),
-        "slowest_s": float(wall_s.max()),
-        "median_cpu_s": float(np.median(cpu_s)),
-        "slowest_cpu_s": float(cpu_s.max()),
-    }
+    wall = summary(kept, median_s=("wall_s", np.median), slowest_s=("wall_s", np.max))
+    cpu = summary(kept, median_cpu_s=("cpu_s", np.median), slowest_cpu_s=("cpu_s", np.max))
+    return {"patterns": name} | summary(kept, n=("wrong", len), wrong=("wrong", np.sum)) | wall | cpu
 
 
 def goals(rows: Sequence[dict[str, Any]]) -> list[Goal]:

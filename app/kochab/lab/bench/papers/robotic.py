@@ -159,26 +159,23 @@ def _readings(count: int, seed: int) -> list[dict[str, Any]]:
 
 def _attitudes(count: int, seed: int) -> list[dict[str, Any]]:
     """Section 7.3: errors of the attitude, and its scatter over pictures of one field."""
-    errors: dict[str, list[Floats]] = {"triad": [], "quest": [], "default": []}
-    for field in fields(count, seed):
-        outcome, default = by_voting(field), by_default(field)
-        if not outcome.good or default.attitude is None:
-            continue
-        for name in ("triad", "quest"):
-            errors[name].append(_off_deg(_estimated(name, field, outcome), field.attitude))
-        errors["default"].append(_off_deg(default.attitude, field.attitude))
-    out = []
-    mean = {name: np.abs(np.array(e)).mean(axis=0).tolist() for name, e in errors.items() if e}
-    for name in ("triad", "quest"):
-        for k, (axis, paper) in enumerate((("RA", 1.454), ("Dec", 1.359))):
-            if name in mean:
-                ours, theirs = mean[name][k], mean["default"][k]
-                out.append(TABLES.row("mean error", ours, theirs, name=name, axis=axis, paper=paper))
+    names, out = ("triad", "quest"), []
+    if made := [errors for field in fields(count, seed) if (errors := _errors(field, *names))]:
+        *means, default = np.abs(made).mean(axis=0).tolist()
+        for name, ours in zip(names, means, strict=True):
+            for k, (axis, paper) in enumerate((("RA", 1.454), ("Dec", 1.359))):
+                out.append(TABLES.row("mean error", ours[k], default[k], name=name, axis=axis, paper=paper))
     return out + _scatter(count, seed)
 
 
-def _estimated(name: str, field: RandomField, named: Outcome) -> Attitude:
-    return ESTIMATORS.make(name).estimate(field.detections.xy[named.seen], named.vectors, plain(field))
+def _errors(field: RandomField, *names: str) -> list[Floats]:
+    """Errors (3,) deg of the estimators and of the default; none of a frame that the thesis would not take."""
+    named, default = by_voting(field), by_default(field)
+    if not named.good or default.attitude is None:
+        return []
+    stars = field.detections.xy[named.seen], named.vectors, plain(field)
+    found = [ESTIMATORS.make(name).estimate(*stars) for name in names]
+    return [_off_deg(one, field.attitude) for one in (*found, default.attitude)]
 
 
 def _off_deg(found: Attitude, true: Attitude) -> Floats:
@@ -193,10 +190,9 @@ def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
     chosen = [f for f in fields(count, seed) if by_voting(f).right > 60.0][:SCATTERED]
     rng = np.random.default_rng(seed)
     made = [_pictures(field, rng) for field in chosen]
-    sigma, four = [], []
-    for k in range(2):  # by TRIAD, by the default
-        sigma.append(np.sqrt(np.mean([np.var(m[k], axis=0, ddof=1) for m in made], axis=0)).tolist())
-        four.append(np.mean([np.ptp(m[k][:4], axis=0) for m in made], axis=0).tolist())
+    # by TRIAD and by the default, along RA, Dec and about the axis
+    sigma = np.sqrt(np.mean([np.var(m, axis=0, ddof=1) for m in made], axis=0))
+    four = np.mean([np.ptp(m[:4], axis=0) for m in made], axis=0)
     across = (("RA", 0.15), ("Dec", 0.089))
     axes = (("across the axis, roll", 0.0299), ("across the axis, pitch", 0.0208), ("about the axis, yaw", 0.0320))
     out = []
@@ -207,17 +203,13 @@ def _scatter(count: int, seed: int) -> list[dict[str, Any]]:
     return out
 
 
-def _pictures(field: RandomField, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Errors (K, 3) deg, by TRIAD and by the default, of pictures with fresh centroid errors."""
-    listed = field.detections
-    triad, default = [], []
+def _pictures(field: RandomField, rng: np.random.Generator) -> Floats:
+    """Errors (K, 2, 3) deg, by TRIAD and by the default, of pictures with fresh centroid errors."""
+    listed, found = field.detections, []
     for _ in range(PICTURES):
         moved = listed.xy + rng.normal(0.0, 0.32, listed.xy.shape)
         clipped = np.clip(moved, 0.0, [listed.width - 1, listed.height - 1])
         again = replace(field, detections=Detections.from_list(clipped, listed.width, listed.height))
-        outcome, theirs = by_voting(again), by_default(again)
-        if not outcome.good or theirs.attitude is None:
-            continue
-        triad.append(_off_deg(_estimated("triad", again, outcome), field.attitude))
-        default.append(_off_deg(theirs.attitude, field.attitude))
-    return np.array(triad), np.array(default)
+        if errors := _errors(again, "triad"):
+            found.append(errors)
+    return np.array(found)
