@@ -131,8 +131,18 @@ def timed(work: Callable[[], T], clock: Callable[[], float] = time.process_time)
 Bench = Callable[[bool, Report], BenchResult]
 """``run(quick, report)``: measures, a small part of it when ``quick``."""
 
-NAMES = ("detect", "detectors", "identify", "live", "mount", "papers", "peers", "polar", "refusal", "soak")
-BENCHES: dict[str, str] = {name: f"kochab.lab.bench.{name}:run" for name in NAMES}
+BENCHES: dict[str, str] = {
+    "detect": "kochab.lab.bench.detect:run",
+    "detectors": "kochab.lab.bench.detectors:run",
+    "identify": "kochab.lab.bench.identify:run",
+    "live": "kochab.lab.bench.live:run",
+    "mount": "kochab.lab.bench.mount:run",
+    "papers": "kochab.lab.bench.papers:run",
+    "peers": "kochab.lab.bench.peers:run",
+    "polar": "kochab.lab.bench.polar:run",
+    "refusal": "kochab.lab.bench.refusal:run",
+    "soak": "kochab.lab.bench.soak:run",
+}
 
 
 def load_bench(name: str) -> Bench:
