@@ -19,7 +19,6 @@ from kochab.lab.laboratory import comparison, scene, trials
 from kochab.lab.laboratory.comparison import (
     Choice,
     ComparedPart,
-    FieldSettings,
     FieldTruth,
     compare,
     compare_pointing,
@@ -28,14 +27,14 @@ from kochab.lab.laboratory.comparison import (
 )
 from kochab.lab.laboratory.curves import POINTS, SWEEPS, TRIALS, curves, points_csv, sweeps_of, trials_csv
 from kochab.lab.laboratory.trials import try_method, with_fitted_pointing
-from kochab.simulate.random_fields import random_field
+from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.sky import open_catalogue
 
-EASY = FieldSettings(fov_deg=30.0, stars=25, noise_px=0.1, false=0.0, missing=0.0)
+EASY = FieldPlan(30.0, 2048, 0.1, 0.0, 0.0, brightest=25)
 
 
 def simulated_field(wish, seeds):
-    return random_field(open_catalogue(), np.random.default_rng(seeds), wish.plan())
+    return random_field(open_catalogue(), np.random.default_rng(seeds), wish)
 
 
 @pytest.fixture(scope="module")
@@ -200,7 +199,7 @@ def test_every_method_can_stand_in_the_laboratory(method):
 
 def test_curves_count_answers_and_grow_round_by_round():
     heard = []
-    wish = FieldSettings(fov_deg=30.0, stars=20, noise_px=0.2, false=0.0, missing=0.0)
+    wish = FieldPlan(30.0, 2048, 0.2, 0.0, 0.0, brightest=20)
     choices = [Choice("patterns")]
     points = run(curves(wish, ComparedPart.METHOD, choices, ("missing", "stars"), 2, tell=heard.append))
     wanted = {(s, v) for s in ("missing", "stars") for v in SWEEPS[s].values}
@@ -247,7 +246,7 @@ def test_an_option_is_varied_only_where_it_is_known_and_on_the_same_fields(monke
 
 
 def test_curves_of_detectors_count_the_stars_they_found():
-    wish = FieldSettings(fov_deg=25.0, stars=15, noise_px=0.05, false=0.0, missing=0.0, size_px=400)
+    wish = FieldPlan(25.0, 400, 0.05, 0.0, 0.0, brightest=15)
     choices = [Choice("auto"), Choice("contours")]
     points = run(curves(wish, ComparedPart.DETECTOR, choices, ("noise_px",), 2))
     at = {(p.name, p.value): p for p in points}

@@ -10,26 +10,18 @@ from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.errors import UsageError
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
-from kochab.lab.laboratory.comparison import (
-    FIT,
-    REGISTRIES,
-    Choice,
-    ComparedPart,
-    FieldSettings,
-    FieldTruth,
-    scale_hint,
-)
+from kochab.lab.laboratory.comparison import FIT, REGISTRIES, Choice, ComparedPart, FieldTruth, scale_hint
 from kochab.lab.laboratory.scene import comparison, simulated_scene
 from kochab.lab.laboratory.trials import REFUSED, REPEATS, NamedStars, between, name_stars, try_attitude
-from kochab.simulate.random_fields import random_field
+from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.sky import open_catalogue
 
 ARCSEC = np.radians(1.0 / 3600.0)
-WISH = FieldSettings(fov_deg=20.0, stars=30, noise_px=0.2, false=0.1, missing=0.1)
+WISH = FieldPlan(20.0, 2048, 0.2, 0.1, 0.1, brightest=30)
 
 
 def simulated_field(wish, seeds):
-    return random_field(open_catalogue(), np.random.default_rng(seeds), wish.plan())
+    return random_field(open_catalogue(), np.random.default_rng(seeds), wish)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +86,7 @@ def test_stars_that_nobody_could_name_have_no_attitude_and_the_reason_is_told(tr
     assert (trial.answered, trial.right) == (False, False)
     assert (trial.reason, trial.advice) == (Reason.NO_PATTERN_AGREED, "everything")
     assert run(try_attitude(None, Choice(FIT), None)).reason == "timed out"
-    points = simulated_field(FieldSettings(stars=3), (1,)).detections
+    points = simulated_field(FieldPlan(20.0, 2048, 0.3, 0.1, 0.1, brightest=3), (1,)).detections
     assert isinstance(run(name_stars(points, None, 2016.0, 20.0)), NoSolution)
 
 

@@ -20,7 +20,6 @@ from kochab.lab.laboratory.comparison import (
     REGISTRIES,
     Choice,
     ComparedPart,
-    FieldSettings,
     FieldTruth,
     counted,
     scale_hint,
@@ -28,15 +27,15 @@ from kochab.lab.laboratory.comparison import (
 )
 from kochab.lab.laboratory.curves import trials_csv
 from kochab.lab.laboratory.scene import LARGEST_PX, Scene, comparison, simulated_scene
-from kochab.simulate.random_fields import random_picture
+from kochab.simulate.random_fields import FieldPlan, random_picture
 from kochab.sky import open_catalogue
 
-BRIGHT = FieldSettings(fov_deg=20.0, stars=30, noise_px=0.03, false=0.1, missing=0.0, size_px=700)
+BRIGHT = FieldPlan(20.0, 700, 0.03, 0.0, 0.1, brightest=30)
 compared = partial(comparison, scale=True, place=False, limit_s=20.0, tell=lambda _: None)
 
 
 def simulated_picture(wish, seeds):
-    return random_picture(open_catalogue(), np.random.default_rng(seeds), wish.plan())
+    return random_picture(open_catalogue(), np.random.default_rng(seeds), wish)
 
 
 @pytest.fixture(scope="module")

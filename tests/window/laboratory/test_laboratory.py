@@ -418,7 +418,7 @@ def test_what_was_chosen_comes_back(qtbot, lab):
     wait_for(qtbot, view)
     commands.window.close()
     _, again = lab()
-    assert again.setup.field_settings.fov_deg == 25.0
+    assert again.setup.field[0] == 25.0
     assert again.setup.from_field
     assert again.setup.hints.currentText() == Hints.POSITION
     assert again.methods.kind is ComparedPart.DETECTOR
@@ -436,11 +436,11 @@ def test_what_was_kept_and_makes_no_sense_is_forgotten(settings, lab):
         ' "method": {"ticked": 3, "options": {"voting": {"stars": 900}, "gone": {}}}}',
     )
     _, view = lab()
-    assert view.setup.field_settings.fov_deg == 20.0
+    assert view.setup.field[0] == 20.0
     assert len(view.methods.choices()) > 3
     settings.keep("laboratory", "not json")
     _, view = lab()
-    assert view.setup.field_settings.fov_deg == 20.0
+    assert view.setup.field[0] == 20.0
 
 
 def test_it_is_red_at_night_also_when_it_came_after(qtbot, lab):

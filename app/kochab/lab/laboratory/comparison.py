@@ -73,24 +73,9 @@ class Choice:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class FieldSettings:
-    """What a simulated field shall be like.
-
-    ``stars`` is the length of its list; ``false`` the number of false stars as a share of the
-    real ones; ``missing`` the share of the catalogue's stars that were not detected.
-    """
-
-    fov_deg: float = 20.0
-    stars: int = 20
-    noise_px: float = 0.3
-    false: float = 0.1
-    missing: float = 0.1
-    size_px: int = 2048
-
-    def plan(self) -> FieldPlan:
-        """The same as the simulator takes it."""
-        return FieldPlan(self.fov_deg, self.size_px, self.noise_px, self.missing, self.false, brightest=self.stars)
+def field_plan(fov_deg: float, stars: int, noise_px: float, false: float, missing: float, size_px: int) -> FieldPlan:
+    """A field whose list has ``stars``; ``false`` is their number as a share of the real ones."""
+    return FieldPlan(fov_deg, size_px, noise_px, missing, false, brightest=stars)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,9 +91,9 @@ class FieldTruth:
     reach_px: float = RIGHT_PX
 
     @classmethod
-    def of(cls, field: RandomField | RandomImage, wish: FieldSettings) -> "FieldTruth":
+    def of(cls, field: RandomField | RandomImage, plan: FieldPlan) -> "FieldTruth":
         """That of a simulated field."""
-        return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * wish.noise_px))
+        return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * plan.noise_px))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,9 @@ from typing import Any
 
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import options_of
-from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, FieldSettings, Trial, with_progress
+from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, Trial, with_progress
 from kochab.lab.laboratory.scene import simulated_scene, tries_on
+from kochab.simulate.random_fields import FieldPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,7 @@ SWEEPS: dict[str, ParameterSweep] = {
     "stars": ParameterSweep("Number of stars", "", (4.0, 6.0, 8.0, 12.0, 16.0, 20.0, 30.0, 50.0)),
     "margin_px": ParameterSweep("Error margin", "px", (0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 20.0), True),
 }
+PLANNED_AS = {"false": "spurious", "stars": "brightest"}  # what the simulator calls them
 
 
 def sweeps_of(kind: ComparedPart) -> list[str]:
@@ -83,7 +85,7 @@ class Point:
 
 
 def curves(
-    wish: FieldSettings,
+    plan: FieldPlan,
     kind: ComparedPart,
     choices: Sequence[Choice],
     sweeps: Sequence[str] | None = None,
@@ -93,7 +95,7 @@ def curves(
     limit_s: float = 10.0,
     tell: Callable[[Point], None] = lambda _: None,
 ) -> Task[list[Point]]:
-    """Vary one thing at a time around ``wish`` and count answers; all see the same fields.
+    """Vary one thing at a time around ``plan`` and count answers; all see the same fields.
 
     Every round adds a field to every point, so that the curves may be looked at, and stopped, at
     any time. ``place_known`` gives the methods the place to 10 degrees besides the scale.
@@ -109,14 +111,14 @@ def curves(
             done = (turn + number / len(places)) / fields
             shown = f"{SWEEPS[name].title} {value:g} {SWEEPS[name].unit}".rstrip()
             yield Progress("laboratory", done, shown)
-            at, varied = wish, list(choices)
+            at, varied = plan, list(choices)
             if SWEEPS[name].option:  # methods without that option are left out
                 known = {c.name: options_of(REGISTRIES[kind].load(c.name)) for c in choices}
                 having = [c for c in choices if name in (option.name for option in known[c.name])]
                 varied = [replace(c, options={**c.options, name: value}) for c in having]
             else:
-                changed: dict[str, Any] = {name: int(value) if name == "stars" else value}
-                at = replace(wish, **changed)
+                changed: dict[str, Any] = {PLANNED_AS.get(name, name): int(value) if name == "stars" else value}
+                at = replace(plan, **changed)
             if not varied:
                 continue
             scene = yield from with_progress(simulated_scene(kind, at, (seed, turn, _place(name, value))), done, shown)

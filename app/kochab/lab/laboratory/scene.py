@@ -16,7 +16,6 @@ from kochab.lab.laboratory.comparison import (
     PLACE_DEG,
     Choice,
     ComparedPart,
-    FieldSettings,
     FieldTruth,
     Trial,
     compare,
@@ -24,7 +23,7 @@ from kochab.lab.laboratory.comparison import (
     try_detector,
 )
 from kochab.lab.laboratory.trials import name_stars, try_attitude, try_method
-from kochab.simulate.random_fields import random_field, random_picture
+from kochab.simulate.random_fields import FieldPlan, random_field, random_picture
 from kochab.sky import open_catalogue
 from kochab.sky.apparent import julian_years
 from kochab.solver import UNKNOWN_YEAR
@@ -77,7 +76,7 @@ def scene_of_frame(
     return Scene(detections, frame, truth, believed=believed if believed is not None else frame.hint)
 
 
-def simulated_scene(kind: ComparedPart, wish: FieldSettings, seeds: Sequence[int]) -> Task[Scene]:
+def simulated_scene(kind: ComparedPart, plan: FieldPlan, seeds: Sequence[int]) -> Task[Scene]:
     """The stars of a field at a random place, the same for the same seeds, and the truth of it.
 
     Detectors are compared on its picture, whose faintest star is as bright as the noise of a position asks.
@@ -85,13 +84,13 @@ def simulated_scene(kind: ComparedPart, wish: FieldSettings, seeds: Sequence[int
     rng = np.random.default_rng(list(seeds))
     if kind is not ComparedPart.DETECTOR:
         yield Progress("laboratory", None, "making a field")
-        field = random_field(open_catalogue(), rng, wish.plan())
-        return Scene(field.detections, truth=FieldTruth.of(field, wish))
-    if wish.size_px > LARGEST_PX:
+        field = random_field(open_catalogue(), rng, plan)
+        return Scene(field.detections, truth=FieldTruth.of(field, plan))
+    if plan.size_px > LARGEST_PX:
         raise UsageError(f"A simulated image is {LARGEST_PX} px wide at most.")
     yield Progress("laboratory", None, "making a picture")
-    picture = random_picture(open_catalogue(), rng, wish.plan())
-    return Scene(frame=picture.frame, truth=FieldTruth.of(picture, wish), places=picture.places)
+    picture = random_picture(open_catalogue(), rng, plan)
+    return Scene(frame=picture.frame, truth=FieldTruth.of(picture, plan), places=picture.places)
 
 
 def comparison(

@@ -5,7 +5,6 @@ from typing import Any
 
 from PySide6.QtWidgets import QDoubleSpinBox
 
-from kochab.lab.laboratory.comparison import FieldSettings
 from kochab.window.widgets import Page, choice_box, column, field_values, fill_fields, grid, label, number_field
 
 
@@ -61,11 +60,11 @@ class LaboratorySetupPanel(Page):
         return round(self.numbers[name].value())
 
     @property
-    def field_settings(self) -> FieldSettings:
+    def field(self) -> tuple[float, int, float, float, float, int]:
+        """What the simulated fields are like, as :func:`kochab.lab.laboratory.comparison.field_plan` takes it."""
         value = {name: field.value() for name, field in self.numbers.items()}
         false, missing = value["false"] / 100.0, value["missing"] / 100.0
-        stars, size_px = self.number("stars"), self.number("size_px")
-        return FieldSettings(value["width_deg"], stars, value["noise_px"], false, missing, size_px)
+        return value["width_deg"], self.number("stars"), value["noise_px"], false, missing, self.number("size_px")
 
     @property
     def from_field(self) -> bool:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from kochab.core.errors import UsageError
 from kochab.core.progress import PREPARING, Progress, Task
-from kochab.lab.laboratory.comparison import Choice, ComparedPart
+from kochab.lab.laboratory.comparison import Choice, ComparedPart, field_plan
 from kochab.lab.laboratory.curves import curves, points_csv, trials_csv
 from kochab.lab.laboratory.scene import Scene, comparison, scene_of_frame, simulated_scene
 from kochab.window.charts.chart import image_of, write_image, write_text
@@ -92,7 +92,7 @@ class LaboratoryView(Page):
         relay.point.connect(self.plots.add)
         fields, seed, limit_s = (self.setup.number(name) for name in ("fields", "seed", "limit_s"))
         place_known = Hints(self.setup.hints.currentText()) is Hints.POSITION
-        stars, kind, sweeps = self.setup.field_settings, self.methods.kind, None  # all of them
+        stars, kind, sweeps = field_plan(*self.setup.field), self.methods.kind, None  # all of them
         task = curves(stars, kind, choices, sweeps, fields, seed, place_known, limit_s, relay.point.emit)
         self._start(task, 1)
 
@@ -106,7 +106,7 @@ class LaboratoryView(Page):
 
     def _scene(self) -> Task[Scene] | None:
         if self.setup.from_field:
-            return simulated_scene(self.methods.kind, self.setup.field_settings, (self.setup.number("seed"),))
+            return simulated_scene(self.methods.kind, field_plan(*self.setup.field), (self.setup.number("seed"),))
         known = self._services.session.known
         if known.frame is None:
             return None
