@@ -69,7 +69,7 @@ def _to_json(file: str, solution: "Solution") -> str:
 
 
 def _to_record(update: "LiveUpdate") -> dict[str, Any]:
-    from kochab.cli.live_output import finite_json
+    from kochab.cli.live import finite_json
 
     return finite_json(update)
 

@@ -6,8 +6,8 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from functools import partial
 from multiprocessing import parent_process
 from pathlib import Path
@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from kochab.cli.output import Json, card, to_line, with_progress
-from kochab.cli.process import fault, journal_path, say
+from kochab.cli.process import fault, journal_path, say, signals_handled
 from kochab.core.errors import KochabError, printable
 from kochab.core.progress import Task, run
 
@@ -101,7 +101,7 @@ def _in_processes(
     pool = ProcessPoolExecutor(min(workers, len(items)), get_context("spawn"), _begin, (journal,))
     finished = False
     try:
-        with _interrupts_left():
+        with signals_handled([signal.SIGINT], signal.SIG_IGN):  # processes leave Ctrl-C to us from their first moment
             jobs = [pool.submit(_attempt_in_worker, work, item) for item in items]
         for item, job in zip(items, jobs, strict=True):
             try:
@@ -152,19 +152,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-@contextmanager
-def _interrupts_left() -> Iterator[None]:
-    """Processes started meanwhile leave Ctrl-C to us from their first moment."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _code(outcome: Json) -> int:

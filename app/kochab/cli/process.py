@@ -5,9 +5,10 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 from kochab.core.errors import printable
 
@@ -86,22 +87,22 @@ POLITE = ("SIGTERM", "SIGHUP")
 """A polite kill, and the terminal that was closed or the line to another computer that broke."""
 
 
-@contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """Let each of them raise KeyboardInterrupt meanwhile.
+def ended_by_signals() -> AbstractContextManager[None]:
+    """Let each of them raise KeyboardInterrupt meanwhile; one that is ignored, as nohup has it, stays so."""
+    there = (getattr(signal, name) for name in POLITE if hasattr(signal, name))
+    return signals_handled([n for n in there if signal.getsignal(n) is signal.SIG_DFL], _end)
 
-    One that is ignored, as nohup has it, stays so. Outside the main thread, where no signal can
-    be caught, nothing is done.
-    """
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        there = (getattr(signal, name) for name in POLITE if hasattr(signal, name))
-        before = {n: signal.signal(n, _end) for n in there if signal.getsignal(n) is signal.SIG_DFL}
+
+@contextmanager
+def signals_handled(numbers: Iterable[int], handler: Any) -> Iterator[None]:
+    """Give signals another handler meanwhile; outside the main thread, where none can be caught, nothing is done."""
+    here = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, handler) for number in numbers if here}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, old in before.items():
+            signal.signal(number, old)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
