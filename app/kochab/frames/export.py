@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,18 +25,23 @@ _COLUMNS = ("x", "y", "id", "name", "mag", "ra_deg", "dec_deg", "residual_px")
 _REGION_RADIUS_PX = 8.0
 
 
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
+    """Rows as CSV, a line each."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
 def stars_csv(solution: Solution) -> str:
     """The identified stars, one a line, brightest first, with a line of column names.
 
     ``x``, ``y`` are px from the centre of the first pixel; degrees are ICRS; ``mag`` is V.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_COLUMNS)
+    rows: list[tuple[object, ...]] = [_COLUMNS]
     for star in sorted(solution.stars, key=lambda s: s.mag):
         place = f"{star.mag:.2f}", f"{star.ra_deg:.6f}", f"{star.dec_deg:.6f}", f"{star.residual_px:.3f}"
-        writer.writerow([f"{star.x:.3f}", f"{star.y:.3f}", star.id, star.name, *place])
-    return text.getvalue()
+        rows.append((f"{star.x:.3f}", f"{star.y:.3f}", star.id, star.name, *place))
+    return csv_text(rows)
 
 
 def ds9_regions(solution: Solution) -> str:

@@ -5,8 +5,6 @@ The plots of the thesis "Lost in space for robotic telescopes", 2018: success ag
 missing stars. Of detectors it is the stars found that count, of estimators of the attitude the error.
 """
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
 from itertools import zip_longest
@@ -15,6 +13,7 @@ from typing import Any
 
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import options_of
+from kochab.frames.export import csv_text
 from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, Trial, with_progress
 from kochab.lab.laboratory.scene import simulated_scene, tries_on
 from kochab.simulate.random_fields import FieldPlan
@@ -180,10 +179,11 @@ def points_csv(points: Iterable[Point]) -> str:
 
 
 def _csv(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
-    for row in rows:
-        cells = [("yes" if v else "no") if isinstance(v, bool) else v for v in row]  # None is left empty
-        writer.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in cells])
-    return out.getvalue()
+    return csv_text([names, *([_cell(value) for value in row] for row in rows)])
+
+
+def _cell(value: object) -> object:
+    """What stands for a value; None is left empty."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else value

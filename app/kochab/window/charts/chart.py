@@ -1,9 +1,6 @@
 """Charts and their legend, and how they are saved; the plotting library is loaded when one is shown."""
 
-import csv
-import io
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +10,7 @@ from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
 from kochab.core.progress import Task
 from kochab.frames.atomic_file import atomic_file, write_atomically
+from kochab.frames.export import csv_text
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.job import Job
@@ -77,13 +75,6 @@ def image_of(widget: QWidget) -> QImage:
     image.fill(widget.palette().window().color())
     widget.render(image, QPoint())
     return image
-
-
-def table_of(rows: Iterable[Iterable[object]]) -> str:
-    """Rows as CSV."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
 
 
 def write_image(picture: QImage, path: Path) -> Task[Path]:
@@ -156,7 +147,7 @@ class Chart(PlotArea):
     def write(self, path: Path) -> Job:
         """Write the image, or the numbers when the name ends in csv, in a thread."""
         numbers = path.suffix.lower() == ".csv"
-        task = write_text(table_of(self.rows()), path) if numbers else write_image(image_of(self), path)
+        task = write_text(csv_text(self.rows()), path) if numbers else write_image(image_of(self), path)
         job = Job(task, "chart", self)
         job.failed.connect(lambda sentence: tell(self.window(), "Export", sentence))
         job.start()
