@@ -4,6 +4,7 @@ import re
 import pytest
 
 from kochab.cli.main import main
+from kochab.core.errors import CatalogueError
 from kochab.sky import shipped_folder
 from kochab.sky.catalogue_file import read_manifest
 
@@ -49,6 +50,19 @@ def test_unusable_arguments_end_in_a_sentence(capsys, arguments):
     assert "\n" not in said
     assert main(["catalog", *arguments, "--json"]) == 2
     assert json.loads(capsys.readouterr().out)["error"].endswith(".")
+
+
+def test_packages_are_kept_in_the_cache_that_was_asked_for(monkeypatch, tmp_path, capsys):
+    asked = []
+
+    def fetch(folder):
+        asked.append(folder)
+        raise CatalogueError("Enough.")
+
+    monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
+    monkeypatch.setattr("kochab.sky.catalogue_build.fetch", fetch)
+    assert main(["catalog", "build", "--out", str(tmp_path / "out")]) == 2
+    assert asked == [tmp_path / "catalogue-sources"]
 
 
 def test_the_readme_states_the_hashes_of_the_shipped_files():

@@ -8,15 +8,14 @@ from typing import Any
 
 from kochab.cli.options import add_options, between, number, valued, whole
 from kochab.cli.output import tell, tell_failure, with_progress
+from kochab.core import cache_folder
 from kochab.core.errors import CatalogueError, KochabError
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the ``catalog`` command and its actions to the main parser."""
     parser = subparsers.add_parser(
-        "catalog",
-        help="build, inspect or import star catalogues",
-        description="Exit code: 0 done, 1 a check failed, 2 unusable arguments or input.",
+        "catalog", description="Exit code: 0 done, 1 a check failed, 2 unusable arguments or input."
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
@@ -51,7 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_options(build, "--overwrite")
     add_options(bring, "--overwrite")
     for action in (build, info, reach, bring):
-        action.add_argument("--json", action="store_true", help="one JSON object on standard output")
+        add_options(action, "--json")
         action.set_defaults(run=run)
 
 
@@ -68,8 +67,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from platformdirs import user_cache_path
-
     from kochab.frames.outputs import refuse_overwriting
     from kochab.sky import shipped_folder
     from kochab.sky.catalogue_build import FILES, build, fetch
@@ -78,7 +75,7 @@ def _build(args: argparse.Namespace) -> int:
         raise CatalogueError(f"{args.sources} is not a folder.")
     if args.out is not None:
         refuse_overwriting((args.out / name for name in FILES), overwrite=args.overwrite)
-    cache = args.cache or user_cache_path("kochab") / "catalogue-sources"
+    cache = args.cache or cache_folder() / "catalogue-sources"
     sources = args.sources or with_progress("catalog", fetch(cache))
     manifest = with_progress("catalog", build(sources, args.out or shipped_folder()))
     if args.out is None:  # the patterns name stars by row, so they are made anew
