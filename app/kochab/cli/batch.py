@@ -56,7 +56,7 @@ def _print(outcome: Json, as_json: bool) -> int:
             outcome["warnings"] = [*outcome["warnings"], *failures]
         print(to_line(outcome), flush=True)
     elif "error" in outcome:
-        failures = [_named(outcome["file"], outcome["error"])]
+        failures = [about(outcome["file"], outcome["error"])]
     else:
         print(card(outcome), flush=True)
     for sentence in failures:
@@ -64,8 +64,8 @@ def _print(outcome: Json, as_json: bool) -> int:
     return 2 if failures else _code(outcome)
 
 
-def _named(file: str, sentence: str) -> str:
-    """The sentence with the file's name, once."""
+def about(file: str, sentence: str) -> str:
+    """A sentence about a file with the file's name, once."""
     names_it = sentence.removeprefix("Can't open ").startswith((printable(file), printable(Path(file).name)))
     return sentence if names_it else f"{file}: {sentence}"
 

@@ -48,8 +48,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--replay", metavar="DIR", help="solve a recorded session again")
     what.add_argument("--list", action="store_true", help="list sources and their cameras")
-    parser.add_argument("--json", action="store_true", help="one line of JSON per frame")
-    add_options(parser, *SEARCH, "--detector")
+    add_options(parser, "--json", *SEARCH, "--detector")
     parser.set_defaults(run=reporting_failures(run), timeout=SOLVE_TIMEOUT_S)
 
 
@@ -259,8 +258,7 @@ def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     limit = "time limit after the exposure, seconds (default: %(default)g)"
     take.add_argument("--wait", **valued("S", limit, number_above_zero, default=60.0))
     for action, do in ((listing, _list), (take, _take)):
-        add_options(action, "--address")
-        action.add_argument("--json", action="store_true", help="one JSON object a line")
+        add_options(action, "--address", "--json")
         action.set_defaults(run=reporting_failures(do))
 
 

@@ -105,6 +105,7 @@ def valued(metavar: str, text: str, kind: Callable[[str], Any] = str, **more: An
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
+    "--json": {"action": "store_true", "help": "print JSON, one object a line"},
     "--overwrite": {"action": "store_true", "help": "replace existing files, never an input"},
     "--profile": valued("NAME", "equipment profile, see kochab profile"),
     "--source": valued("NAME", "kind of camera: folder, indi, alpaca, webcam, ..."),
@@ -153,7 +154,7 @@ CAMERA_SETTINGS = ("--exposure", "--gain", "--binning")
 CAMERA = ("--source", "--address", *CAMERA_SETTINGS)
 MOUNT = ("--port", "--driver", "--baud", "--epoch", "--site")
 SEARCH = ("--fov", "--scale", "--near", "--method", "--attitude", "--set", "--methods", "--timeout")
-BATCH = (*SEARCH, "--profile", "--workers", "--wcs", "--overwrite", "--strict")
+BATCH = ("--json", *SEARCH, "--profile", "--workers", "--wcs", "--overwrite", "--strict")
 
 
 def add_options(parser: argparse.ArgumentParser, *names: str, **changes: Any) -> None:

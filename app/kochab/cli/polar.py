@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from kochab.cli.batch import about
 from kochab.cli.options import add_options, between, named, scale_range, valued
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
@@ -32,12 +33,6 @@ class UnusableFrame:
     reason: str
     code: int
 
-    @property
-    def told(self) -> str:
-        """One sentence that names the file."""
-        known = self.path in self.reason or Path(self.path).name in self.reason
-        return self.reason if known else f"{self.path}: {self.reason}"
-
 
 SPOILT = {
     PolarFindingKind.FAR,
@@ -59,9 +54,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " code: 0 measured, 1 a frame has no solution or there is no axis, 2 unusable input.",
     )
     parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
-    add_options(parser, "--profile")
+    add_options(parser, "--profile", "--json")
     parser.add_argument(
         "--pole",
         choices=[str(p) for p in Pole],
@@ -101,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     options = SolveOptions(hint=scale, fov_deg=args.fov, timeout_s=args.timeout)
     tried = [_solve(path, options) for path in paths]
     if bad := [one for one in tried if isinstance(one, UnusableFrame)]:
-        return _fail(" ".join(one.told for one in bad), args.json, max(one.code for one in bad), bad)
+        return _fail(" ".join(about(one.path, one.reason) for one in bad), args.json, max(one.code for one in bad), bad)
     files = [one for one in tried if isinstance(one, SolvedFile)]
     sweeps = [0] * len(args.files) + [1] * len(args.check)
     try:
@@ -194,6 +188,6 @@ def _fail(sentence: str, as_json: bool, code: int, bad: Sequence[UnusableFrame] 
         files = [{"file": one.path, "error": one.reason} for one in bad]
         print(json.dumps({"error": sentence} | ({"files": files} if bad else {})))
     else:
-        for told in [one.told for one in bad] or [sentence]:
+        for told in [about(one.path, one.reason) for one in bad] or [sentence]:
             say(told)
     return code

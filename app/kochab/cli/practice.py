@@ -11,7 +11,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.options import between, site, valued, whole
+from kochab.cli.options import add_options, between, site, valued, whole
 from kochab.cli.output import tell
 from kochab.core.errors import UsageError
 
@@ -45,7 +45,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--socket", action="store_true", help="TCP instead of a pseudo-terminal")
     parser.add_argument("--folder", metavar="DIR", help="save every frame there as FITS")
     parser.add_argument("--faults", action="store_true", help="clouds, wind, a kick, a slipping clutch, a bad cable")
-    parser.add_argument("--json", action="store_true", help="one JSON object a line")
+    add_options(parser, "--json")
     parser.set_defaults(run=run)
 
 

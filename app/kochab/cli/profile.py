@@ -48,7 +48,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     for edge, text in (("lowest", "horizon limit, degrees (5)"), ("highest", "upper limit, degrees (90)")):
         save.add_argument(f"--{edge}-altitude", type=number, metavar="DEG", dest=f"{edge}_altitude_deg", help=text)
     for action, run in ((listing, _list), (show, _show), (save, _save), (remove, _remove)):
-        action.add_argument("--json", action="store_true", help="one JSON object a profile")
+        add_options(action, "--json")
         action.set_defaults(run=run)
 
 

@@ -39,7 +39,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "solve", description="Exit code: 0 all solved, 1 one has no solution, 2 unusable input."
     )
     parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
-    parser.add_argument("--json", action="store_true", help="one line of JSON per file")
     add_options(parser, *BATCH, "--detector")
     parser.add_argument(
         "--annotate", metavar="PNG", help="save the frame with its stars labelled: a .png, .jpg or folder"
@@ -149,7 +148,6 @@ def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("files", nargs="+", metavar="STARS.csv", help="lists of stars")
     parser.add_argument("--width", type=whole(*PIXELS), required=True, metavar="W", help="frame, px")
     parser.add_argument("--height", type=whole(*PIXELS), required=True, metavar="H", help="frame, px")
-    parser.add_argument("--json", action="store_true", help="one line of JSON per list")
     add_options(parser, *BATCH)
     parser.set_defaults(run=run_identify)
 
@@ -171,9 +169,8 @@ def add_detect_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " angles in degrees from x towards y. Exit code: 0 done, with stars or without, 2 unusable input.",
     )
     parser.add_argument("file", metavar="FILE", help="a frame of the night sky")
-    add_options(parser, "--detector", "--methods")
+    add_options(parser, "--detector", "--methods", "--json")
     add_options(parser, "--set", help="an option of the detector; may be repeated")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run_detect)
 
 

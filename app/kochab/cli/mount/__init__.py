@@ -47,7 +47,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int], moves: tuple[str, ...] = ()) -> None:
     """Add what every action that talks to a mount needs; ``moves`` are its safety switches."""
-    add_options(parser, *MOUNT, "--profile")
+    add_options(parser, *MOUNT, "--profile", "--json")
     parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
     parser.add_argument(
         "--home",
@@ -57,7 +57,6 @@ def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int],
         "power-on, or when EQMod set its counters",
     )
     parser.add_argument("--equatorial", action="store_true", help="an AZ-GTi or unknown board on a wedge")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     for name, text in SWITCHES.items():
         if name in moves:
             parser.add_argument(f"--{name}", action="store_true", help=text)

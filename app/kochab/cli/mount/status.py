@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import add_line_options, guarded_mount
+from kochab.cli.options import add_options
 from kochab.cli.output import Json, radec, reporting_failures, tell, with_progress
 from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, PortError, RefusedError
 from kochab.core.frame import Site
@@ -88,7 +89,7 @@ def where(args: argparse.Namespace, guard: "Guard") -> Json:
 def add_ports_action(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
     """Add ``list`` or ``probe``."""
     parser = actions.add_parser(name, help=text)
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    add_options(parser, "--json")
     if name == "probe":
         parser.add_argument("--port", action="append", metavar="P", help="only this one; may be repeated")
     parser.set_defaults(run=reporting_failures(_list if name == "list" else _probe, 1))

@@ -1,6 +1,7 @@
 """The choice of method, detector and attitude estimator, with the method's options as fields."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from PySide6.QtCore import Signal
@@ -69,7 +70,7 @@ class OptionsForm(Page):
         for option in self._options:
             if option.kind not in SHOWN_AS_THEY_ARE:
                 value = shown[option.name]
-                shown[option.name] = "" if value == option.value else _text(option, value)
+                shown[option.name] = "" if value == option.value else replace(option, value=value).value_text
         fill_fields(self.fields, shown)
 
     def _field(self, option: Option) -> QWidget:
@@ -128,12 +129,6 @@ def _title(option: Option) -> str:
 def _tip(option: Option) -> str:
     absent = f" Absent: {option.none}." if option.none else ""
     return f"{option.text[:1].upper()}{option.text[1:]}: {option.range_text}.{absent}"
-
-
-def _text(option: Option, value: Any) -> str:
-    if value is None:
-        return "none"
-    return ",".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}"
 
 
 FITTED = "fit with the camera"
