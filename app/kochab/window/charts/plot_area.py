@@ -4,14 +4,14 @@ The plotting library takes half a second to load: in a thread, and not before a 
 """
 
 import logging
-import sys
+import time
 from importlib import import_module
+from threading import Lock
 from typing import Any
 
 from PySide6.QtCore import QEvent, Qt, QTimer
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
-from shiboken6 import isValid
 
 from kochab.core.progress import Progress, Task
 from kochab.window.job import Job
@@ -20,7 +20,7 @@ from kochab.window.themes import theme_colours
 log = logging.getLogger("kochab")
 LIBRARY = "pyqtgraph"
 LOOKS = (QEvent.Type.PaletteChange, QEvent.Type.FontChange, QEvent.Type.StyleChange)
-BETWEEN_MS = 20  # from one plot to the next: the first one is painted meanwhile
+BETWEEN_S = 0.02  # from one plot to the next: the first one is painted meanwhile
 
 
 class PlotArea(QWidget):
@@ -31,6 +31,7 @@ class PlotArea(QWidget):
     def __init__(self, title: str) -> None:
         super().__init__()
         self._look: object = None  # colours and letter size of the plot
+        self._loading: Job | None = None
         self.plot: Any = None  # a widget with ``set_colours(colours)``, once it is made
         self._column = QVBoxLayout(self)
         self._column.setContentsMargins(0, 0, 0, 0)
@@ -68,13 +69,14 @@ class PlotArea(QWidget):
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
-        if self.plot is None:
-            _LIBRARY.make_for(self)
+        if self._loading is None:
+            self._loading = Job(_loading(), "plots", self)
+            self._loading.succeeded.connect(self._make)
+            self._loading.failed.connect(log.warning)
+            QTimer.singleShot(self.after_ms, self._loading.start)
 
-    def make_now(self) -> None:
+    def _make(self, _: object) -> None:
         """Make the plot; takes some ten milliseconds."""
-        if self.plot is not None:
-            return
         self.plot = plot = self.make_plot()
         plot.setAccessibleName(self.accessibleName())
         plot.setAccessibleDescription(self.accessibleDescription())
@@ -85,43 +87,12 @@ class PlotArea(QWidget):
         self._column.addWidget(plot)
 
 
-class _Library:
-    """Loads the library for the first plot, then makes one plot a turn of the event loop."""
-
-    def __init__(self) -> None:
-        self._waiting: list[PlotArea] = []
-        self._job: Job | None = None
-
-    def make_for(self, place: PlotArea) -> None:
-        if place not in self._waiting:
-            self._waiting.append(place)
-        if self._job is not None:
-            return
-        if LIBRARY in sys.modules:
-            QTimer.singleShot(0, self._next)
-            return
-        self._job = job = Job(_loading(), "plots")
-        job.succeeded.connect(self._has_loaded)
-        job.failed.connect(log.warning)
-        QTimer.singleShot(place.after_ms, job.start)
-
-    def _has_loaded(self, _: object) -> None:
-        self._job = None
-        self._next()
-
-    def _next(self) -> None:
-        while self._waiting:
-            place = self._waiting.pop(0)
-            if isValid(place):
-                place.make_now()
-                break
-        if self._waiting:
-            QTimer.singleShot(BETWEEN_MS, self._next)
+_ONE_AT_A_TIME = Lock()
 
 
 def _loading() -> Task[None]:
+    """Load the library for one plot, which is painted before the next may be made."""
     yield Progress("plots")
-    import_module(LIBRARY)
-
-
-_LIBRARY = _Library()
+    with _ONE_AT_A_TIME:
+        import_module(LIBRARY)
+        time.sleep(BETWEEN_S)
