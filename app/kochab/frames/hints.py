@@ -5,7 +5,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -410,8 +409,6 @@ def _dms(value: Any) -> float | None:
 def _ratio(value: Any) -> float | None:
     if isinstance(value, tuple | list) and len(value) == 1:
         value = value[0]
-    if isinstance(value, Fraction):
-        return float(value)
     return number_or_none(value)
 
 

@@ -14,7 +14,7 @@ from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.hints import exif_of, frame_with_exif
 from kochab.frames.samples import check_size
-from kochab.frames.sandbox import Outside, leave_to_sandbox
+from kochab.frames.sandbox import decoding, leave_to_sandbox
 
 Image.MAX_IMAGE_PIXELS = None  # check_size refuses first, with a sentence
 
@@ -42,22 +42,16 @@ def read_picture(path: Path) -> Frame:
 
     Raises FrameError when it is cut short, damaged or too large.
     """
-    try:
-        with Image.open(path, formats=_FORMATS) as image:
-            check_size(*image.size, _bytes_px(image, path), path.stat().st_size)
-            if image.format not in _QUICK or image.width * image.height > _QUICK_PIXELS:
-                leave_to_sandbox()
-            count = getattr(image, "n_frames", 1)
-            notes = (f"Only the first of {count} images is read.",) if count > 1 else ()
-            tags = _exif(image, path)
-            size = image.size
-            samples = _samples(image, path, tags.get(_ORIENTATION))
-            exif = exif_of(tags)
-    except (FrameError, MemoryError, Outside):
-        raise
-    except Exception as error:  # decoders raise whatever they like for damaged files
-        cut = "truncated" in str(error).lower() or isinstance(error, EOFError)
-        raise FrameError("is cut short." if cut else "is damaged: it does not decode as an image.") from None
+    with decoding("image"), Image.open(path, formats=_FORMATS) as image:
+        check_size(*image.size, _bytes_px(image, path), path.stat().st_size)
+        if image.format not in _QUICK or image.width * image.height > _QUICK_PIXELS:
+            leave_to_sandbox()
+        count = getattr(image, "n_frames", 1)
+        notes = (f"Only the first of {count} images is read.",) if count > 1 else ()
+        tags = _exif(image, path)
+        size = image.size
+        samples = _samples(image, path, tags.get(_ORIENTATION))
+        exif = exif_of(tags)
     return frame_with_exif(samples, path, exif, size, notes)
 
 
@@ -134,14 +128,10 @@ def read_heif(path: Path) -> Frame:
     leave_to_sandbox()
     import pillow_heif
 
-    try:
+    with decoding("HEIF"):
         file = pillow_heif.open_heif(path, convert_hdr_to_8bit=False)
         image = file[file.primary_index]
         check_size(*image.size, 6)
         samples = np.asarray(image)
         exif = exif_of(image.info.get("exif"))
-    except (FrameError, MemoryError):
-        raise
-    except Exception:  # libheif's words are for programmers
-        raise FrameError("is a damaged or cut short HEIF file.") from None
     return frame_with_exif(samples, path, exif, image.size)

@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from queue import SimpleQueue
 from typing import IO, Any, BinaryIO, TypeVar
@@ -58,6 +58,18 @@ def leave_to_sandbox() -> None:
     # A frozen program is no interpreter that could be started once more.
     if not _inside and not getattr(sys, "frozen", False):
         raise Outside
+
+
+@contextlib.contextmanager
+def decoding(kind: str) -> Iterator[None]:
+    """Make one sentence of whatever a library raises for a damaged file of this kind."""
+    try:
+        yield
+    except (FrameError, MemoryError, Outside):
+        raise
+    except Exception as error:  # tags, codecs and bindings fail in a hundred ways
+        cut = "truncated" in str(error).lower() or isinstance(error, EOFError)
+        raise FrameError("is cut short." if cut else f"is a damaged or cut short {kind} file.") from None
 
 
 def memory_text() -> str:

@@ -11,7 +11,7 @@ from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.hints import Exif, exif_of, frame_with_exif, hint_from_exif
 from kochab.frames.samples import check_size, split
-from kochab.frames.sandbox import leave_to_sandbox
+from kochab.frames.sandbox import decoding, leave_to_sandbox
 
 _CFA = 32803
 
@@ -27,19 +27,14 @@ def read_tiff(path: Path) -> Frame:
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)
-    try:
-        with tifffile.TiffFile(path) as file:
-            if _is_raw(file):
-                return read_raw(path)
-            page: Any = file.pages[0]
-            deep = int(page.samplesperpixel) * -(-int(page.bitspersample) // 8)
-            check_size(int(page.imagewidth), int(page.imagelength), deep, path.stat().st_size)
-            samples, inverted = _samples(page)
-            count = len(file.pages)
-    except (FrameError, MemoryError):
-        raise
-    except Exception:  # tags of a damaged file fail in many ways
-        raise FrameError("is a damaged or cut short TIFF file.") from None
+    with decoding("TIFF"), tifffile.TiffFile(path) as file:
+        if _is_raw(file):
+            return read_raw(path)
+        page: Any = file.pages[0]
+        deep = int(page.samplesperpixel) * -(-int(page.bitspersample) // 8)
+        check_size(int(page.imagewidth), int(page.imagelength), deep, path.stat().st_size)
+        samples, inverted = _samples(page)
+        count = len(file.pages)
     if inverted and samples.dtype.kind == "u":
         samples = np.iinfo(samples.dtype).max - samples
     notes = (f"Only the first of {count} pages is read.",) if count > 1 else ()
@@ -83,18 +78,14 @@ def read_raw(path: Path) -> Frame:
     leave_to_sandbox()
     import rawpy
 
-    try:
-        with rawpy.RawPy() as raw:
+    with decoding("raw"), rawpy.RawPy() as raw:
+        try:
             raw.open_file(str(path))
-            check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height), 2, path.stat().st_size)
-            raw.unpack()
-            pixels, colour, bayer, saturation, header = _from_raw(raw)
-    except (FrameError, MemoryError):
-        raise
-    except rawpy.LibRawFileUnsupportedError:
-        raise FrameError("is not a raw file that LibRaw knows.") from None
-    except Exception:  # LibRaw's errors and what its bindings add
-        raise FrameError("is a damaged or cut short raw file.") from None
+        except rawpy.LibRawFileUnsupportedError:
+            raise FrameError("is not a raw file that LibRaw knows.") from None
+        check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height), 2, path.stat().st_size)
+        raw.unpack()
+        pixels, colour, bayer, saturation, header = _from_raw(raw)
     height, width = pixels.shape
     check_size(width, height)
     hint, said, doubts = hint_from_exif(_exif(path), (width, height))

@@ -14,7 +14,7 @@ from kochab.core.frame import Frame
 from kochab.frames.fits import parse_value
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import PATTERNS, check_size
-from kochab.frames.sandbox import leave_to_sandbox
+from kochab.frames.sandbox import decoding, leave_to_sandbox
 
 
 def read_xisf(path: Path) -> Frame:
@@ -23,17 +23,13 @@ def read_xisf(path: Path) -> Frame:
     Raises FrameError when it is cut short, damaged or too large.
     """
     leave_to_sandbox()
-    try:
+    with decoding("XISF"):
         with contextlib.redirect_stdout(io.StringIO()):  # it prints what it does not know
             file = _opened(path)
         metas = file.get_images_metadata()
         if not metas:
             raise FrameError("holds no image.")
         samples = _samples(file, metas[0], path.stat().st_size)
-    except (FrameError, MemoryError):
-        raise
-    except Exception:  # its XML and codecs fail in many ways when damaged
-        raise FrameError("is a damaged or cut short XISF file.") from None
     values = _keywords(metas[0])
     notes = (f"Only the first of {len(metas)} images is read.",) if len(metas) > 1 else ()
     saturation = 1.0 if samples.dtype.kind == "f" else None
