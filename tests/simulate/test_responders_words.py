@@ -63,8 +63,9 @@ def test_a_nexstar_angle_of_24_bits_is_within_a_twentieth_of_an_arcsecond(ra, de
 
 
 @pytest.mark.parametrize("text", [b"", b"3AAAAAAA", b"3AAAAAAA;F749F49F", b"3AAAAAAG,F749F49F"])
-def test_what_is_no_pair_is_none(text):
-    assert read_pair(text, 8) is None
+def test_what_is_no_pair_is_refused(text):
+    with pytest.raises(ValueError, match="no pair"):
+        read_pair(text, 8)
 
 
 @given(st.integers(0, 0xFFFFFF))
@@ -103,8 +104,9 @@ def test_a_time_told_moves_the_controllers_clock_and_nothing_else():
     settings = LocalSettings.of(telescope)
     sidereal = telescope.sidereal_deg()
     settings.utc_offset_h = 1.0
-    assert settings.set_local(hour=14)
+    settings.set_local(hour=14)
     assert settings.clock_error == timedelta(hours=1)
-    assert not settings.set_local(month=2, day=30)
+    with pytest.raises(ValueError, match="day"):
+        settings.set_local(month=2, day=30)
     assert settings.clock_error == timedelta(hours=1)
     assert telescope.sidereal_deg() == sidereal

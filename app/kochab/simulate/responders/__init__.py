@@ -32,7 +32,8 @@ class Controller:
 
     ``command`` matches a whole command; what is answered is its last group, or all of it. What
     cannot begin one (``begins``) is lost, as on the real line. ``words`` are the commands it knows,
-    each a pattern whose groups go to the method beside it, which gives the reply or None for ``done``.
+    each a pattern whose groups go to the method beside it, which gives the reply or None for ``done``, and raises
+    ValueError for ``wrong``: a value that is none.
 
     ``refusal`` is asked before every goto and sync; a reason refuses it, in the words each protocol has for that.
     """
@@ -42,6 +43,7 @@ class Controller:
     longest = 64  # bytes that are kept of an unfinished command
     unknown = b""
     done = b""
+    wrong = b""
 
     def __init__(self, telescope: EquatorialMount) -> None:
         self.telescope = telescope
@@ -70,7 +72,10 @@ class Controller:
     def _answer(self, command: bytes) -> bytes:
         for pattern, method in self.words.items():
             if (found := re.fullmatch(pattern, command, re.DOTALL)) is not None:
-                reply = method(*found.groups())
+                try:
+                    reply = method(*found.groups())
+                except ValueError:
+                    return self.wrong
                 return self.done if reply is None else reply
         return self.unknown
 
@@ -113,14 +118,10 @@ class LocalSettings:
         """Its idea of the clock on the wall."""
         return self.utc() + timedelta(hours=self.utc_offset_h)
 
-    def set_local(self, **parts: Any) -> bool:
-        """Replace parts of the clock by ``datetime.replace``; False when there is no such time."""
+    def set_local(self, **parts: Any) -> None:
+        """Replace parts of the clock by ``datetime.replace``; ValueError when there is no such time."""
         at = self.local()
-        try:
-            self.clock_error += at.replace(microsecond=0, **parts) - at
-        except ValueError:
-            return False
-        return True
+        self.clock_error += at.replace(microsecond=0, **parts) - at
 
 
 def horizontal_deg(telescope: EquatorialMount, latitude_deg: float) -> tuple[float, float]:

@@ -30,6 +30,7 @@ class IoptronResponder(Controller):
     command = re.compile(rb":(?:[^#]*:)?([^:#]*)#")
     begins = b":"
     done = b"1"
+    wrong = b"0"
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
@@ -106,12 +107,11 @@ class IoptronResponder(Controller):
         altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
         return b"%+09d%09d#" % (round(altitude * PARTS_DEG), round(azimuth * PARTS_DEG) % 129600000)
 
-    def set_target(self, axis: int, text: bytes, most: int) -> bytes:
+    def set_target(self, axis: int, text: bytes, most: int) -> None:
         """``1``, or ``0`` beyond a turn or a pole."""
         if abs(int(text)) > most:
-            return b"0"
+            raise ValueError("no place")
         self.target_deg[axis] = int(text) / PARTS_DEG
-        return b"1"
 
     def slew(self) -> bytes:
         """``0`` below the altitude limit or beyond the mechanical ones."""
@@ -164,12 +164,8 @@ class IoptronResponder(Controller):
         """Minutes east of Greenwich."""
         self.settings.utc_offset_h = int(text) / 60.0
 
-    def set_time(self, text: bytes) -> bytes:
-        """Milliseconds since J2000."""
-        try:
-            wanted = datetime.fromtimestamp(int(text) / 1000.0 + J2000_UNIX, UTC)
-        except (ValueError, OverflowError, OSError):
-            return b"0"
+    def set_time(self, text: bytes) -> None:
+        """Milliseconds since J2000; 13 digits of them end in the year 2316."""
+        wanted = datetime.fromtimestamp(int(text) / 1000.0 + J2000_UNIX, UTC)
         self.settings.clock_error += wanted - self.settings.utc()
         self.settings.clock_error = max(self.settings.clock_error, timedelta(days=-9000))
-        return b"1"

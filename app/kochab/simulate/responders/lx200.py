@@ -38,20 +38,20 @@ def _seconds(ticks: int, decimals: int) -> bytes:
     return b"%02d" % (seconds % 60) + (b".%0*d" % (decimals, part) if decimals else b"")
 
 
-def parse(text: bytes, most: float) -> float | None:
-    """``sDD*MM``, ``sDD*MM:SS``, ``HH:MM.T`` ... as a number of the first unit, or None.
+def parse(text: bytes, most: float) -> float:
+    """``sDD*MM``, ``sDD*MM:SS``, ``HH:MM.T`` ... as a number of the first unit.
 
-    None too where its size is beyond ``most`` or a part is 60 or more.
+    ValueError where it is none, its size is beyond ``most`` or a part is 60 or more.
     """
     found = _NUMBERS.fullmatch(text.rstrip())
     if found is None:
-        return None
+        raise ValueError("no number")
     sign, whole, minutes, tenths, seconds = found.groups()
     m = float(minutes or 0) + (float(tenths) / 10.0 if tenths else 0.0)
     s = float(seconds or 0)
     value = float(whole) + m / 60.0 + s / 3600.0
     if m >= 60 or s >= 60 or value > most:
-        return None
+        raise ValueError("too large")
     return -value if sign == b"-" else value
 
 
@@ -70,6 +70,7 @@ class Lx200Responder(Controller):
 
     command = re.compile(rb"\x06|:+([^#]*)#")
     begins = b"\x06:"
+    wrong = b"0"
     mark = b"\xdf"
     decimals = 0
     precise = False
@@ -102,13 +103,13 @@ class Lx200Responder(Controller):
             b"GC": lambda: settings.local().strftime("%m/%d/%y#").encode(),
             b"GS": lambda: hours(telescope.sidereal_deg(), True, self.decimals) + b"#",
             b"Gc": lambda: b"24#",
-            b"Sr(.*)": lambda text: b"%d" % self.set_ra(text),
-            b"Sd(.*)": lambda text: b"%d" % self.set_dec(text),
-            b"St(.*)": lambda text: b"%d" % self.set_latitude(text),
-            b"Sg(.*)": lambda text: b"%d" % self.set_longitude(text),
-            b"SG(.*)": lambda text: b"%d" % self.set_zone(text),
-            b"SL(.*)": lambda text: b"%d" % self.set_clock(TIME, text),
-            b"SC(.*)": lambda text: DATE_TEXT if self.set_clock(DATE, text) else b"0",
+            b"Sr(.*)": self.set_ra,
+            b"Sd(.*)": self.set_dec,
+            b"St(.*)": self.set_latitude,
+            b"Sg(.*)": self.set_longitude,
+            b"SG(.*)": self.set_zone,
+            b"SL(.*)": lambda text: self.set_clock(TIME, text, b"1"),
+            b"SC(.*)": lambda text: self.set_clock(DATE, text, DATE_TEXT),
             b"M([nsew])": self.move,
             b"Q([nsew])": self.halt,
             b"R(.*)": self.set_rate,
@@ -140,50 +141,45 @@ class Lx200Responder(Controller):
         west = -self.settings.utc_offset_h
         return b"%+03d#" % west if west == int(west) else b"%+05.1f#" % west
 
-    def set_ra(self, text: bytes) -> bool:
-        """Of the target; whether it is one."""
-        if (value := parse(text, 24.0)) is None or value < 0:
-            return False
-        self.target_deg[0] = value * 15.0 % 360.0
-        return True
+    def set_ra(self, text: bytes) -> bytes:
+        """Hours, of the target."""
+        if (hour := parse(text, 24.0)) < 0:
+            return self.wrong
+        self.target_deg[0] = hour * 15.0 % 360.0
+        return b"1"
 
-    def set_dec(self, text: bytes) -> bool:
-        """Of the target; whether it is one."""
-        if (value := parse(text, 90.0)) is not None:
-            self.target_deg[1] = value
-        return value is not None
+    def set_dec(self, text: bytes) -> bytes:
+        """Of the target."""
+        self.target_deg[1] = parse(text, 90.0)
+        return b"1"
 
-    def set_latitude(self, text: bytes) -> bool:
-        """Whether it is one."""
-        if (value := parse(text, 90.0)) is not None:
-            self.settings.latitude_deg = value
-        return value is not None
+    def set_latitude(self, text: bytes) -> bytes:
+        """North positive."""
+        self.settings.latitude_deg = parse(text, 90.0)
+        return b"1"
 
-    def set_longitude(self, text: bytes) -> bool:
-        """Whether it is one."""
-        if (west := parse(text, 360.0)) is not None:
-            self.settings.longitude_deg = (180.0 - west) % 360.0 - 180.0
-        return west is not None
+    def set_longitude(self, text: bytes) -> bytes:
+        """West positive."""
+        self.settings.longitude_deg = (180.0 - parse(text, 360.0)) % 360.0 - 180.0
+        return b"1"
 
-    def set_zone(self, text: bytes) -> bool:
-        """Whether it is one."""
-        try:
-            west = float(text) if b":" not in text else parse(text, 14.0)
-        except ValueError:
-            return False
-        if west is None or not abs(west) <= 14.0:
-            return False
+    def set_zone(self, text: bytes) -> bytes:
+        """Hours west of Greenwich."""
+        west = float(text) if b":" not in text else parse(text, 14.0)
+        if not abs(west) <= 14.0:
+            return self.wrong
         self.settings.utc_offset_h = -west
-        return True
+        return b"1"
 
-    def set_clock(self, pattern: re.Pattern[bytes], text: bytes) -> bool:
-        """Set the date or the time of day; whether it is one."""
+    def set_clock(self, pattern: re.Pattern[bytes], text: bytes, taken: bytes) -> bytes:
+        """Set the date or the time of day; the answer is ``taken`` where it is one."""
         if (found := pattern.fullmatch(text.strip())) is None:
-            return False
+            return self.wrong
         parts = {name: int(digits) for name, digits in found.groupdict().items()}
         if "year" in parts:
             parts["year"] += 2000
-        return self.settings.set_local(**parts)
+        self.settings.set_local(**parts)
+        return taken
 
     def slew(self) -> bytes:
         """``0``, or the reason: 1 is the horizon, 2 any other, its text ended by #."""

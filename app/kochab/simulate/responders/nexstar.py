@@ -30,15 +30,16 @@ def written_pair(first_deg: float, second_deg: float, digits: int) -> bytes:
     return written_angle(first_deg, digits) + b"," + written_angle(second_deg, digits) + b"#"
 
 
-def read_pair(text: bytes, digits: int) -> tuple[float, float] | None:
-    """Two angles in degrees, the first in [0, 360), the second a declination; or None."""
+def read_pair(text: bytes, digits: int) -> Place:
+    """Two angles in degrees, the first in [0, 360), the second a declination; else ValueError."""
     first, second = text[:digits], text[digits + 1 :]
     if not (_HEX.fullmatch(first) and _HEX.fullmatch(second) and text[digits : digits + 1] == b","):
-        return None
+        raise ValueError("no pair of angles")
     turn = 16.0**digits
-    around, dec = int(first, 16) / turn * 360.0, int(second, 16) / turn * 360.0
-    dec = wrapped(dec)
-    return (around, dec) if abs(dec) <= 90.0 else None
+    around, dec = int(first, 16) / turn * 360.0, wrapped(int(second, 16) / turn * 360.0)
+    if abs(dec) > 90.0:
+        raise ValueError("no declination")
+    return around, dec
 
 
 RATES_DEG_S = (0.0, *(k * SIDEREAL_DEG_S for k in (0.5, 1.0, 4.0, 8.0, 16.0, 64.0)), 0.5, 2.0, 4.0)
@@ -61,6 +62,7 @@ class NexStarResponder(Controller):
     # A command is known by its first byte and cut by its length: any byte may be a #.
     command = re.compile(rb"[VvmeEzZtJLMwhp]|[KT].|[WH].{8}|P.{7}|[rs].{17}|[RS].{9}", re.DOTALL)
     begins = b"VvmeEzZtJLMwhpKTWHPrsRS"
+    done = b"#"
     version = (4, 21)
     model = 20
 
@@ -110,28 +112,24 @@ class NexStarResponder(Controller):
         altitude, azimuth = horizontal_deg(self.telescope, self.settings.latitude_deg)
         return written_pair(azimuth, altitude, digits)
 
-    def goto(self, text: bytes, digits: int) -> bytes:
+    def goto(self, text: bytes, digits: int) -> None:
         """Always ``#``: what it will not do it does not say."""
         pair = read_pair(text, digits)
-        if pair is None:
-            return b""
         if self.telescope.aligned:
             self._goto(*self.to_date(*pair))
-        return b"#"
 
-    def sync(self, text: bytes, digits: int) -> bytes:
+    def sync(self, text: bytes, digits: int) -> bytes | None:
         """``#``; a controller before 4.10 does not know the word and is silent."""
         pair = read_pair(text, digits)
-        if pair is None or self.version < (4, 10):
+        if self.version < (4, 10):
             return b""
         if self.telescope.aligned:
             self._sync(*pair)
-        return b"#"
+        return None
 
-    def cancel(self) -> bytes:
+    def cancel(self) -> None:
         """Ends a goto."""
         self.telescope.stop()
-        return b"#"
 
     def tracking_mode(self) -> int:
         """0 is off; an equatorial mount has one for each hemisphere."""
@@ -139,12 +137,11 @@ class NexStarResponder(Controller):
             return TRACKING_OFF
         return TRACKING_EQ_NORTH if self.settings.latitude_deg >= 0 else TRACKING_EQ_SOUTH
 
-    def set_tracking(self, mode: bytes) -> bytes:
+    def set_tracking(self, mode: bytes) -> None:
         """Any mode but 0 tracks."""
         if mode[0] > 3:
-            return b""
+            raise ValueError("no mode")
         self.telescope.tracking = mode[0] != TRACKING_OFF
-        return b"#"
 
     def site(self) -> bytes:
         """Degrees, minutes, seconds and 1 for south or west, of each."""
@@ -154,15 +151,14 @@ class NexStarResponder(Controller):
             out += bytes([seconds // 3600, seconds // 60 % 60, seconds % 60, angle < 0])
         return bytes(out)
 
-    def set_site(self, text: bytes) -> bytes:
+    def set_site(self, text: bytes) -> None:
         """The eight bytes of :meth:`site`."""
         angles = [
             (d + m / 60.0 + s / 3600.0) * (-1.0 if negative else 1.0) for d, m, s, negative in (text[:4], text[4:])
         ]
         if abs(angles[0]) > 90.0 or abs(angles[1]) > 180.0:
-            return b""
+            raise ValueError("no place")
         self.settings.latitude_deg, self.settings.longitude_deg = angles
-        return b"#"
 
     def time(self) -> bytes:
         """Hour, minute, second, month, day, year - 2000, zone east in two's complement, summer."""
@@ -170,16 +166,14 @@ class NexStarResponder(Controller):
         zone = int(self.settings.utc_offset_h) % 256
         return bytes([t.hour, t.minute, t.second, t.month, t.day, t.year - 2000, zone, 0])
 
-    def set_time(self, text: bytes) -> bytes:
+    def set_time(self, text: bytes) -> None:
         """The eight bytes of :meth:`time`."""
         hour, minute, second, month, day, year, zone, summer = text
         offset = (zone - 256 if zone > 127 else zone) + (1 if summer == 1 else 0)
         if not -12 <= offset <= 15:
-            return b""
+            raise ValueError("no zone")
         self.settings.utc_offset_h = float(offset)
-        date = {"year": 2000 + year, "month": month, "day": day}
-        good = self.settings.set_local(hour=hour, minute=minute, second=second, **date)
-        return b"#" if good else b""
+        self.settings.set_local(year=2000 + year, month=month, day=day, hour=hour, minute=minute, second=second)
 
     def pass_on(self, text: bytes) -> bytes:
         """A motor's own answer and ``#``; with no such device an extra 0 stands before the #."""
@@ -244,23 +238,17 @@ class SynScanResponder(NexStarResponder):
         """The inverse."""
         return radec_deg(self._precession() @ unit_vectors(ra_deg, dec_deg))
 
-    def sync(self, text: bytes, digits: int) -> bytes:
+    def sync(self, text: bytes, digits: int) -> None:
         """Always ``#``, and nothing done beyond some six degrees."""
-        there = read_pair(text, digits)
-        if there is None:
-            return b""
-        there = self.to_date(*there)
+        there = self.to_date(*read_pair(text, digits))
         if apart_deg(there, self.telescope.believed_deg()) <= SYNC_LIMIT_DEG:
             self._sync(*there)
-        return b"#"
 
-    def cancel(self) -> bytes:
+    def cancel(self) -> None:
         """The first of two only brakes."""
-        if self.telescope.slewing and not self._braking:
-            self._braking = True
-            return b"#"
-        self._braking = False
-        return super().cancel()
+        self._braking = self.telescope.slewing and not self._braking
+        if not self._braking:
+            super().cancel()
 
     def pointing_state(self) -> bytes:
         """Where the counterweights look: the other side than the tube's."""
