@@ -1,7 +1,7 @@
 """The night's alignment: its history, its plots, and a report to keep or print."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from html import escape
@@ -74,10 +74,6 @@ class History:
     def instruction(self, time_utc: datetime, error: PolarError, text: str) -> None:
         """Keep an instruction."""
         self.entries.append(Entry.of(time_utc, "instruction", error, text))
-
-    def of_kind(self, *kinds: str) -> Iterable[Entry]:
-        """The entries of these kinds, in time's order."""
-        return [entry for entry in self.entries if entry.kind in kinds]
 
     def as_json(self) -> str:
         """All of it, to be kept or compared."""
