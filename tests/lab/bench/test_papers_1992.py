@@ -5,14 +5,16 @@ from kochab.lab.bench.papers import constellations_1992
 from kochab.lab.bench.papers.constellations_1992 import (
     PIXELS,
     SITUATIONS,
-    _SuccessTally,
+    accuracy,
     averaged,
     camera,
     default_axis,
     initial_axis,
+    judged,
     picture,
     predicted_axis,
     repeated,
+    share,
     sky,
 )
 
@@ -62,17 +64,16 @@ def test_all_three_find_the_axis() -> None:
 
 
 def test_a_tally_counts_right_and_wrong_and_averages_what_is_left() -> None:
-    rng, tally = np.random.default_rng(4), _SuccessTally()
-    one = picture(rng, SITUATIONS[0])
+    one = picture(np.random.default_rng(4), SITUATIONS[0])
     right = one.attitude.boresight
-    for axis in (right, one.attitude.matrix[0], None, right):
-        tally.add(one, lambda _, a=axis: a)
-    assert tally.share(True) == 50.0
-    assert tally.share(False) == 25.0
-    assert tally.accuracy() == pytest.approx(0.0, abs=1e-6)
-    tally.off[0] = np.array([30.0, 40.0])
-    assert tally.accuracy() == pytest.approx(np.sqrt(1250.0) / 2)
-    assert tally.accuracy(power=2.0) == pytest.approx(np.sqrt(1250.0 / 2))
+    answers = [judged(one, lambda _, a=axis: a) for axis in (right, one.attitude.matrix[0], None, right)]
+    assert share(answers, "right") == 50.0
+    assert share(answers, "wrong") == 25.0
+    assert accuracy(answers) == pytest.approx(0.0, abs=1e-6)
+    off = right + np.array([30.0, 40.0]) @ one.attitude.matrix[:2] / 206264.8
+    answers[0] = judged(one, lambda _: off)
+    assert accuracy(answers) == pytest.approx(np.sqrt(1250.0) / 2, rel=1e-3)
+    assert accuracy(answers, power=2.0) == pytest.approx(np.sqrt(1250.0 / 2), rel=1e-3)
 
 
 def test_averages_fall_below_two_arcsec() -> None:

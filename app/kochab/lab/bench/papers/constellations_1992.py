@@ -11,7 +11,7 @@ the paper does not say. In table 3 both know scale and lens, and that no star is
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -26,7 +26,7 @@ from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Solution
 from kochab.identification.predictional_estimate import Estimate, predictional_estimate
-from kochab.lab.bench import timed
+from kochab.lab.bench import Row, column, timed
 from kochab.lab.bench.papers import Published, options_with_scale, share_error
 from kochab.lab.estimators import average
 from kochab.lab.methods.neighbours import Neighbours
@@ -144,51 +144,39 @@ COARSE_DEG = 0.1  # the mean error of the attitude a Predictional Estimate begin
 ARCSEC_RAD = float(np.degrees(3600.0))
 
 
-@dataclass(slots=True)
-class _SuccessTally:
-    """Answers of one method to many pictures: ``off`` the axis (2,) in arcsec, NaN for no answer."""
+def judged(one: RandomField, work: Callable[[RandomField], Floats | None]) -> Row:
+    """What ``work``, which finds the camera's axis (3,) in ICRS, makes of a picture.
 
-    off: list[Floats] = field(default_factory=list)
-    stars: list[int] = field(default_factory=list)
-    seconds: float = 0.0
+    ``off`` is the RMS of the axis' two coordinates, arcsec, NaN for no answer.
+    """
+    axis, seconds = timed(lambda: work(one))
+    off = np.full(2, np.nan) if axis is None else _off_arcsec(one, axis)
+    right = bool(np.hypot(*off) < 3600.0 * RIGHT_DEG)
+    told = {"right": right, "wrong": axis is not None and not right, "stars": one.stars, "ms": 1e3 * seconds}
+    return told | {"off": float(np.sqrt(np.mean(np.square(off))))}
 
-    def add(self, one: RandomField, work: Callable[[RandomField], Floats | None]) -> None:
-        """Let ``work`` find the camera's axis (3,) in ICRS."""
-        axis, spent = timed(lambda: work(one))
-        self.off.append(np.full(2, np.nan) if axis is None else _off_arcsec(one, axis))
-        self.stars.append(one.stars)
-        self.seconds += spent
 
-    @property
-    def right(self) -> Bools:
-        """Which pictures (N,) were answered right."""
-        return np.asarray(np.hypot(*np.transpose(self.off)) < 3600.0 * RIGHT_DEG)
+def share(answers: Sequence[Row], kind: str) -> float:
+    """Per cent of the pictures answered right, or answered wrong."""
+    return 100.0 * float(column(answers, kind).mean())
 
-    @property
-    def size(self) -> Floats:
-        """RMS of an answer's two coordinates, (N,) arcsec."""
-        return np.asarray(np.sqrt(np.mean(np.square(self.off), axis=1)))
 
-    def share(self, right: bool) -> float:
-        """Per cent of the pictures answered right, or answered wrong."""
-        return 100.0 * float(np.mean(np.isfinite(self.size) & (self.right == right)))
+def accuracy(answers: Sequence[Row], both: Sequence[Row] | None = None, power: float = 1.0) -> float:
+    """The mean error of the answers that ``both`` gave right; ``power`` 2 gives the RMS over them."""
+    used = column(answers, "off")[_right(answers, both or answers)]
+    return float(np.mean(used**power) ** (1.0 / power)) if len(used) else float("nan")
 
-    def accuracy(self, both: "_SuccessTally | None" = None, power: float = 1.0) -> float:
-        """The mean size of the answers that ``both`` gave right; ``power`` 2 gives the RMS over them."""
-        used = self.size[self.right if both is None else self.right & both.right]
-        return float(np.mean(used**power) ** (1.0 / power)) if len(used) else float("nan")
 
-    def ahead(self, other: "_SuccessTally") -> tuple[float, float]:
-        """Mean of its errors minus ``other``'s, picture by picture, and that mean's own error."""
-        gap = (self.size - other.size)[self.right & other.right]
-        if len(gap) < 2:
-            return float("nan"), float("nan")
-        return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
+def ahead(answers: Sequence[Row], others: Sequence[Row]) -> tuple[float, float]:
+    """Mean of the errors minus the others', picture by picture, and that mean's own error."""
+    gap = (column(answers, "off") - column(others, "off"))[_right(answers, others)]
+    if len(gap) < 2:
+        return float("nan"), float("nan")
+    return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
 
-    @property
-    def milliseconds(self) -> float:
-        """Processor time a picture."""
-        return 1e3 * self.seconds / max(1, len(self.off))
+
+def _right(one: Sequence[Row], other: Sequence[Row]) -> Bools:
+    return np.asarray((column(one, "right") * column(other, "right")) > 0.0)
 
 
 def _off_arcsec(one: RandomField, axis: Floats) -> Floats:
@@ -205,21 +193,20 @@ def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
     for number, situation in enumerate(SITUATIONS):
         rng = np.random.default_rng([seed, 1992, number])
         cases[situation] = case = _answers(situation, count, rng)
-        ours, theirs, paper = case["first"].share(True), case["default"].share(True), situation.paper_percent
+        ours, theirs, paper = share(case["first"], "right"), share(case["default"], "right"), situation.paper_percent
         error = share_error(paper, count, PAPER_RUNS)
         out.append(TABLES.row("right", ours, theirs, situation=situation.name, paper=paper, error=error))
     out += _wrong_and_time_rows(list(cases.values()))
     out += [_accuracy_row(situation, case, count) for situation, case in cases.items()]
     plain = cases[SITUATIONS[0]]
-    out.append(TABLES.row("pooled", *(plain[name].accuracy(power=2.0) for name in ("second", "knowing"))))
-    rng, even = np.random.default_rng([seed, 1992, 99]), _SuccessTally()
-    for _ in range(count):
-        even.add(picture(rng, SITUATIONS[0], "disc"), lambda one: predicted_axis(one, rng))
-    out.append(TABLES.row("disc", even.accuracy()))
+    out.append(TABLES.row("pooled", *(accuracy(plain[name], power=2.0) for name in ("second", "knowing"))))
+    rng = np.random.default_rng([seed, 1992, 99])
+    even = [judged(picture(rng, SITUATIONS[0], "disc"), lambda one: predicted_axis(one, rng)) for _ in range(count)]
+    out.append(TABLES.row("disc", accuracy(even)))
     return out + _average_rows(seed, 10 if quick else 100)
 
 
-_Case = dict[str, _SuccessTally]
+_Case = dict[str, list[Row]]
 """What the ``first`` (Initial) and ``second`` (Predictional) Estimate and the ``default`` make of one situation.
 
 ``knowing`` is the default that knows its camera as the Predictional Estimate does.
@@ -233,11 +220,11 @@ def _answers(situation: CameraError, count: int, rng: np.random.Generator) -> _C
         "default": default_axis,
         "knowing": knowing_axis,
     }
-    case = {name: _SuccessTally() for name in methods}
+    case: _Case = {name: [] for name in methods}
     for _ in range(count):
         one = picture(rng, situation)
         for name, method in methods.items():
-            case[name].add(one, method)
+            case[name].append(judged(one, method))
     return case
 
 
@@ -305,14 +292,16 @@ def _database_rows() -> list[dict[str, Any]]:
 
 
 def _wrong_and_time_rows(cases: Sequence[_Case]) -> list[dict[str, Any]]:
-    def mean(name: str, of: Callable[[_SuccessTally], float]) -> float:
+    def mean(name: str, of: Callable[[list[Row]], float]) -> float:
         return float(np.mean([of(case[name]) for case in cases]))
 
-    wrong = [mean(name, lambda tally: tally.share(False)) for name in ("first", "default")]
-    first_ms, second_ms, default_ms = (mean(n, lambda t: t.milliseconds) for n in ("first", "second", "default"))
-    axis_deg = [mean(name, lambda tally: tally.accuracy()) / 3600.0 for name in ("first", "default")]
+    wrong = [mean(name, lambda answers: share(answers, "wrong")) for name in ("first", "default")]
+    first_ms, second_ms, default_ms = (
+        mean(n, lambda answers: column(answers, "ms").mean()) for n in ("first", "second", "default")
+    )
+    axis_deg = [mean(name, accuracy) / 3600.0 for name in ("first", "default")]
     return [
-        TABLES.row("stars", float(np.mean(cases[0]["first"].stars))),
+        TABLES.row("stars", float(column(cases[0]["first"], "stars").mean())),
         TABLES.row("wrong", *wrong, better="less" if max(wrong) > 0 else ""),
         TABLES.row("first time", first_ms, default_ms),
         TABLES.row("first axis", *axis_deg),
@@ -324,13 +313,13 @@ def _accuracy_row(situation: CameraError, case: _Case, count: int) -> dict[str, 
     second, knowing, paper = case["second"], case["knowing"], situation.paper_arcsec
     return TABLES.row(
         "axis",
-        second.accuracy(knowing),
-        knowing.accuracy(second),
+        accuracy(second, knowing),
+        accuracy(knowing, second),
         situation=situation.name,
-        second=second.share(True),
-        knowing=knowing.share(True),
+        second=share(second, "right"),
+        knowing=share(knowing, "right"),
         paper=paper,
-        paired=knowing.ahead(second),
+        paired=ahead(knowing, second),
         error=2.0 * paper / np.sqrt(2.0 * min(count, PAPER_RUNS)),
     )
 
