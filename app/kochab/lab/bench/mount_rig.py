@@ -7,7 +7,7 @@ other waiting, and exposures, are jumps. A line that is silent is given up after
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Site
-from kochab.core.mount import SIDEREAL_DEG_S, Epoch, Home, Mount, Pointing
+from kochab.core.mount import SIDEREAL_DEG_S, Epoch, Home, Pointing
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.journal import LogEntry
@@ -199,9 +199,8 @@ def mount_rig(seed: int, driver: str, rendered: bool = False) -> Iterator[MountR
     assert isinstance(watched, WatchedMount)
     serve = socket_line if sys.platform == "win32" else pty_line
     line = serve(open_responder(driver, rig.mount), faults)
-    guard: Guard | None = None
 
-    def opened(stop_first: bool = False) -> Mount:
+    def opened(stop_first: bool = False) -> Any:
         mount: Any = open_mount(
             driver,
             line.port,
@@ -211,10 +210,10 @@ def mount_rig(seed: int, driver: str, rendered: bool = False) -> Iterator[MountR
             home=Home.POWER_ON,  # the board counts from where the mount's computer believes home to be
         )
         mount.timeout_s = PATIENCE_S
-        ready: Mount = mount
-        return ready
+        return mount
 
-    try:
+    with ExitStack() as at_the_end:
+        at_the_end.callback(line.stop)
         mount = opened()
         watched.orders.clear()
         guard = Guard(
@@ -225,13 +224,10 @@ def mount_rig(seed: int, driver: str, rendered: bool = False) -> Iterator[MountR
             reopen=lambda: opened(stop_first=True),
             wait=lambda s: bench.wait(s),
         )
+        at_the_end.callback(guard.close)
+        at_the_end.callback(faults.none)  # before the guard stops the mount
         hour, dec = random_place(rng, site.latitude_deg, (12.0, 60.0), 30.0, 0.95)
         date = Pointing((rig.mount.sidereal_deg() - side * hour) % 360.0, dec, Epoch.DATE)
         target = target_at(*from_mount_epoch(date, rig.clock.now_utc()))
         bench = MountRig(rig, line, faults, guard, watched, target, rendered)
         yield bench
-    finally:
-        faults.none()
-        if guard is not None:
-            guard.close()
-        line.stop()

@@ -22,9 +22,14 @@ class TooManyTriadsError(Exception):
 
 @dataclass(slots=True)
 class TriadBudget:
-    """How many catalogue triads may still be looked at for one frame."""
+    """How many catalogue triads may still be looked at for one frame, and what came of the others.
+
+    ``tried`` counts the pairs of catalogue stars looked at, ``named`` the most stars that got names.
+    """
 
     left: int
+    tried: int = 0
+    named: int = 0
 
     def take(self, count: int) -> None:
         """Look at so many; TooManyTriadsError when there are not so many left."""

@@ -163,21 +163,17 @@ class Triads(AngularMethod):
         plan = [(self.stars, focal * scale) for scale in scales]
         if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
             plan = [(GLANCE, focal * scale) for scale in scales] + plan[:LIKELIEST]
-        most = tried = 0
         budget = TriadBudget(self.most * 1_000_000)
         try:
             for stars, length in plan:
-                found, named_, looked = yield from self._at_scale(stars, detections, pairs, length, year, tried, budget)
-                tried += 2 * looked
-                most = max(most, named_)
-                if found is None:
-                    continue
-                if stars < self.stars:  # the scale is known now: the others' turn
-                    more = TriadBudget(budget.left + GRACE)
+                found = yield from self._at_scale(stars, detections, pairs, length, year, budget)
+                if found is not None and stars < self.stars:  # the scale is known now: the others' turn
+                    budget.left += GRACE
                     length = found.camera.focal_px
-                    whole, _, _ = yield from self._at_scale(self.stars, detections, pairs, length, year, tried, more)
+                    whole = yield from self._at_scale(self.stars, detections, pairs, length, year, budget)
                     return whole or found
-                return found
+                if found is not None:
+                    return found
         except FixedPointOverflowError as error:
             return refused(detections, f"fixed-point arithmetic: {error}")
         except TooManyTriadsError:
@@ -186,22 +182,12 @@ class Triads(AngularMethod):
                 f"{self.most} million triads of catalogue stars, the most it looks at; a field so "
                 "wide needs a closer scale",
             )
-        return refused(detections, f"{most} stars got names, too few to be sure")
+        return refused(detections, f"{budget.named} stars got names, too few to be sure")
 
     def _at_scale(
-        self,
-        stars: int,
-        detections: Detections,
-        pairs: Pairs,
-        focal: float,
-        year: float,
-        before: int,
-        allowance: TriadBudget,
-    ) -> Task[tuple[Identification | None, int, int]]:
-        """The answer with one focal length, px, how many got names, the pairs looked at a parity.
-
-        The ``stars`` brightest detections form triads; ``before`` pairs were looked at until now.
-        """
+        self, stars: int, detections: Detections, pairs: Pairs, focal: float, year: float, budget: TriadBudget
+    ) -> Task[Identification | None]:
+        """The answer with one focal length, px; the ``stars`` brightest detections form triads."""
         bright = detections.take(slice(0, stars))
         tests = Tests(*np.radians([self.separation_deg, self.rotation_deg, self.enclosed_deg]))
         reach = max(np.radians(self.separation_deg) * focal, 3.0)
@@ -213,8 +199,8 @@ class Triads(AngularMethod):
         sight = TriadDetections.of(bright, focal, False, self.field_deg)
         separation = triads_fixed_point.separations(sight) if fixed else sight.separation
         unit = triads_fixed_point.DEGREES if fixed else AngleUnit()
-        seen, real, looked = yield from triads_by_separation(pairs, separation, tests.separation, unit, allowance)
-        most = 0
+        seen, real, looked = yield from triads_by_separation(pairs, separation, tests.separation, unit, budget)
+        before, budget.tried = budget.tried, budget.tried + 2 * looked
         for mirrored in (False, True):
             sight = TriadDetections.of(bright, focal, mirrored, self.field_deg)
             if fixed:
@@ -228,14 +214,14 @@ class Triads(AngularMethod):
                 votes = named(triads, group, len(sight.body), pairs, self.vote_number, merge)
                 taken = without_disagreeing(*votes, unit.radians(separation), pairs, tests.separation)
                 kept = np.flatnonzero(taken >= 0)
-                most = max(most, len(kept))
+                budget.named = max(budget.named, len(kept))
                 rows, vectors = pairs.rows[taken[kept]], pairs.vectors[taken[kept]]
                 tried = 2 * (before + (1 + mirrored) * looked)  # each pair both ways round
                 names = CandidateNames(kept, rows, vectors, tried, mirrored)
                 found = confirm(detections, names, focal, reach, year, "triads")
                 if found is not None:
-                    return found, most, looked
-        return None, most, looked
+                    return found
+        return None
 
     def _scales(self, detections: Detections, focal: float, hint: Hint | None) -> list[float]:
         """Factors of the focal length to try, those near one first.

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, Literal
 
 from kochab.core import data_folder
@@ -155,8 +157,7 @@ class PapersResult(BenchResult):
         """A Markdown table a paper, then the goals."""
         lines = ["# The published tables, side by side", ""]
         lines += [", ".join(f"{key} {value}" for key, value in self.machine.items()), ""]
-        for paper in dict.fromkeys(str(row["paper_name"]) for row in self.rows):
-            mine = [row for row in self.rows if row["paper_name"] == paper]
+        for paper, mine in groupby(self.rows, itemgetter("paper_name")):
             lines += [f"## {paper}", "", f"| {' | '.join(COLUMNS.values())} |", f"|{' --- |' * len(COLUMNS)}"]
             lines += [f"| {' | '.join(_cell(row.get(key)) for key in COLUMNS)} |" for row in mine]
             lines.append("")
@@ -180,8 +181,8 @@ def run(quick: bool, report: Report) -> BenchResult:
 def goals(rows: Sequence[Row], spent: float, quick: bool) -> list[Goal]:
     """Reproduced or better, and the default ahead, counted paper by paper."""
     made = []
-    for paper in dict.fromkeys(str(row["paper_name"]) for row in rows):
-        mine = [row for row in rows if row["paper_name"] == paper]
+    for paper, group in groupby(rows, itemgetter("paper_name")):
+        mine = list(group)
         judged = [row["verdict"] for row in mine if row["verdict"] in (WITHIN, BETTER, WORSE)]
         compared = [row["default_wins"] for row in mine if row["default_wins"]]
         even, what = compared.count("equal") + compared.count(EVEN), f"{paper}: rows on which the default is"
