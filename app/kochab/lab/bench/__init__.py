@@ -76,7 +76,7 @@ class BenchResult:
         """A table of the rows and a list of the goals."""
         parts = [f"bench {self.bench}: {', '.join(f'{k} {v}' for k, v in self.machine.items())}"]
         parts += [table(self.rows)] if self.rows else []
-        parts += [f"{g.mark:>12}  {g.name}: {_cell(g.value)} (goal {g.goal})" for g in self.goals]
+        parts += [f"{g.mark:>12}  {g.name}: {as_cell(g.value)} (goal {g.goal})" for g in self.goals]
         return "\n".join(parts)
 
 
@@ -94,16 +94,17 @@ def machine() -> dict[str, Any]:
 def table(rows: Sequence[Row]) -> str:
     """The rows as aligned text, one column a key in order of first appearance."""
     keys = list(dict.fromkeys(key for row in rows for key in row))
-    cells = [keys, *([_cell(row.get(key)) for key in keys] for row in rows)]
+    cells = [keys, *([as_cell(row.get(key)) for key in keys] for row in rows)]
     widths = [max(len(line[i]) for line in cells) for i in range(len(keys))]
     return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in cells)
 
 
-def _cell(value: Any) -> str:
+def as_cell(value: Any, digits: int = 4) -> str:
+    """A value of a table as text, "-" for none."""
     value = _plain(value)
     if value is None:
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def _plain(value: Any) -> Any:

@@ -9,7 +9,7 @@ far end, and corrected by what frames show. In every other run the line is bad.
 import contextlib
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from typing import Any
 
@@ -20,7 +20,7 @@ from kochab.core.errors import DeviceError, LineLostError
 from kochab.core.progress import Progress
 from kochab.core.progress import run as drive
 from kochab.gear.mounts import DRIVERS
-from kochab.lab.bench import BenchResult, Goal, Report
+from kochab.lab.bench import BenchResult, Goal, Report, summary
 from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
 from kochab.workflows.centre_target import Centring, centre_target
 
@@ -132,17 +132,18 @@ def _replug(rig: MountRig) -> None:
 def _rows(runs: list[CentringRun], names: list[str]) -> list[dict[str, Any]]:
     rows = []
     for name, faulty in product(names, (False, True)):
-        some = [r for r in runs if r.driver == name and r.faulty is faulty]
-        if not some:
-            continue
-        errors, corrections = [r.error_arcsec for r in some], [r.corrections for r in some]
-        row: dict[str, Any] = {"driver": name, "line": "faults" if faulty else "good", "runs": len(some)}
-        row |= {"rendered": sum(r.rendered for r in some), "centred": sum(r.good for r in some)}
-        row |= {"median_arcsec": float(np.median(errors)), "worst_arcsec": float(np.max(errors))}
-        row |= {"corrections": float(np.mean(corrections)), "most": max(corrections)}
-        row |= {"faults": sum(r.faults for r in some), "begun_again": sum(r.again for r in some)}
-        row |= {"strays": sum(len(r.strays) for r in some), "night_s": float(np.mean([r.night_s for r in some]))}
-        rows.append(row | {"s_a_run": float(np.mean([r.seconds for r in some]))})
+        some = [
+            {**asdict(r), "good": r.good, "strays": len(r.strays)}
+            for r in runs
+            if r.driver == name and r.faulty is faulty
+        ]
+        if some:
+            row = {"driver": name, "line": "faults" if faulty else "good"} | summary(some, runs=("seed", len))
+            row |= summary(some, rendered=("rendered", np.sum), centred=("good", np.sum))
+            row |= summary(some, median_arcsec=("error_arcsec", np.median), worst_arcsec=("error_arcsec", np.max))
+            row |= summary(some, corrections=("corrections", np.mean), most=("corrections", np.max))
+            row |= summary(some, faults=("faults", np.sum), begun_again=("again", np.sum), strays=("strays", np.sum))
+            rows.append(row | summary(some, night_s=("night_s", np.mean), s_a_run=("seconds", np.mean)))
     return rows
 
 

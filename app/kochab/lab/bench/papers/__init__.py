@@ -20,7 +20,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.identification import IDENTIFIERS
-from kochab.lab.bench import BenchResult, Goal, Report, Row, machine, timed
+from kochab.lab.bench import BenchResult, Goal, Report, Row, as_cell, machine, timed
 from kochab.sky import open_catalogue
 from kochab.solver import UNKNOWN_YEAR, SolveOptions
 from kochab.solver.few_stars import identify_few
@@ -159,10 +159,10 @@ class PapersResult(BenchResult):
         lines += [", ".join(f"{key} {value}" for key, value in self.machine.items()), ""]
         for paper, mine in groupby(self.rows, itemgetter("paper_name")):
             lines += [f"## {paper}", "", f"| {' | '.join(COLUMNS.values())} |", f"|{' --- |' * len(COLUMNS)}"]
-            lines += [f"| {' | '.join(_cell(row.get(key)) for key in COLUMNS)} |" for row in mine]
+            lines += [f"| {' | '.join(as_cell(row.get(key), 6) for key in COLUMNS)} |" for row in mine]
             lines.append("")
         lines += ["## Goals", ""]
-        lines += [f"- {goal.mark}: {goal.name}: {_cell(goal.value)} (goal {goal.goal})" for goal in self.goals]
+        lines += [f"- {goal.mark}: {goal.name}: {as_cell(goal.value, 6)} (goal {goal.goal})" for goal in self.goals]
         return "\n".join(lines)
 
 
@@ -193,12 +193,6 @@ def goals(rows: Sequence[Row], spent: float, quick: bool) -> list[Goal]:
         ]
     limit = 60.0 if quick else 1200.0
     return [*made, Goal.at_most("processor seconds for all", spent, limit)]
-
-
-def _cell(value: float | str | None) -> str:
-    if value is None:
-        return "-"
-    return value if isinstance(value, str) else f"{float(value):.6g}"
 
 
 # -- The default method, as the published tables are compared with it --------------------------
