@@ -213,10 +213,7 @@ def detections_json(detections: "Detections") -> dict[str, Any]:
             {
                 "x": round(float(detections.xy[i, 0]), 4),
                 "y": round(float(detections.xy[i, 1]), 4),
-                "flux": _number(detections.flux[i]),
-                "snr": _number(detections.snr[i]),
-                "fwhm_px": _number(detections.fwhm_px[i]),
-                "elongation": _number(detections.elongation[i]),
+                **{name: _number(getattr(detections, name)[i]) for name in ("flux", "snr", "fwhm_px", "elongation")},
                 "angle_deg": _number(detections.angle_rad[i] * 57.29577951308232),
                 "saturated": bool(detections.saturated[i]),
                 "blended": bool(detections.blended[i]),

@@ -9,7 +9,7 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.frames import split
 from kochab.window.image.frame_image import ScreenStretch, prepare
-from kochab.window.image.screen_image import BLUE, GREEN, RED, Tables
+from kochab.window.image.screen_image import BLUE, GREEN, RED, tables
 from kochab.window.live.rendering import DisplaySettings, LiveRenderer, channels
 from tests.window.fakes import brightness
 
@@ -106,8 +106,8 @@ def test_a_frame_of_another_kind_is_grey():
 
 
 def test_tables_are_made_anew_only_when_something_changes():
-    tables, parts = Tables(), ((RED, 0.0), (GREEN, 5.0), (BLUE, -5.0))
-    first = tables.get(np.dtype(np.uint8), ScreenStretch(), (0.0, 255.0), parts)
-    assert tables.get(np.dtype(np.uint8), ScreenStretch(), (0.0, 255.0), parts) is first
-    assert tables.get(np.dtype(np.uint8), ScreenStretch(0.1), (0.0, 255.0), parts) is not first
+    parts = ((RED, 0.0), (GREEN, 5.0), (BLUE, -5.0))
+    first = tables(np.dtype(np.uint8), ScreenStretch(), (0.0, 255.0), parts)
+    assert tables(np.dtype(np.uint8), ScreenStretch(), (0.0, 255.0), parts) is first
+    assert tables(np.dtype(np.uint8), ScreenStretch(0.1), (0.0, 255.0), parts) is not first
     assert int(sum(table[100] for table in first)) == 0xFF000000 + (100 << 16) + (95 << 8) + 105

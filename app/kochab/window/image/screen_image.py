@@ -1,6 +1,7 @@
 """The visible part of a frame as a QImage, where it lies on the screen, and where labels have room."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -98,40 +99,30 @@ Planes = tuple[Array, ...]
 Parts = tuple[tuple[int, float], ...]
 
 
-class Tables:
-    """Look-up tables from stored values to a QImage's colours; the last ones are kept."""
+def coloured(planes: Planes, stretch: ScreenStretch, span: tuple[float, float], parts: Parts) -> NDArray[np.uint32]:
+    """0xffRRGGBB (H, W) of ``planes``, each (H, W) of stored values, uint8 or uint16.
 
-    def __init__(self) -> None:
-        self._key: object = None
-        self._made: tuple[NDArray[np.uint32], ...] = ()
+    ``span`` are the values the stretch calls 0 and 1; ``parts`` has for each plane its light, as
+    :data:`GREY`, and how far it is too high.
+    """
+    made = tables(planes[0].dtype, stretch, span, parts)
+    first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(made, planes, strict=True))
+    for other in others:
+        first |= other
+    return np.asarray(first)
 
-    def coloured(
-        self, planes: Planes, stretch: ScreenStretch, span: tuple[float, float], parts: Parts
-    ) -> NDArray[np.uint32]:
-        """0xffRRGGBB (H, W) of ``planes``, each (H, W) of stored values, uint8 or uint16.
 
-        ``span`` are the values the stretch calls 0 and 1; ``parts`` has for each plane its light, as
-        :data:`GREY`, and how far it is too high.
-        """
-        tables = self.get(planes[0].dtype, stretch, span, parts)
-        first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(tables, planes, strict=True))
-        for other in others:
-            first |= other
-        return np.asarray(first)
-
-    def get(
-        self, kind: np.dtype[Any], stretch: ScreenStretch, span: tuple[float, float], parts: Parts
-    ) -> tuple[NDArray[np.uint32], ...]:
-        """A table for each of ``parts``; the sum of their values is the colour of a pixel."""
-        key = (kind, stretch, span, parts)
-        if key != self._key:
-            levels = 256 if kind == np.uint8 else 65536
-            made = []
-            for number, (light, shift) in enumerate(parts):
-                bright = stretch.table(levels, span[0] + shift, span[1] + shift).astype(np.uint32) * np.uint32(light)
-                made.append(bright + np.uint32(0 if number else OPAQUE))
-            self._made, self._key = tuple(made), key
-        return self._made
+@lru_cache(maxsize=4)
+def tables(
+    kind: np.dtype[Any], stretch: ScreenStretch, span: tuple[float, float], parts: Parts
+) -> tuple[NDArray[np.uint32], ...]:
+    """A look-up table for each of ``parts``; the sum of their values is the colour of a pixel."""
+    levels = 256 if kind == np.uint8 else 65536
+    made = []
+    for number, (light, shift) in enumerate(parts):
+        bright = stretch.table(levels, span[0] + shift, span[1] + shift).astype(np.uint32) * np.uint32(light)
+        made.append(bright + np.uint32(0 if number else OPAQUE))
+    return tuple(made)
 
 
 class ScreenImage:
@@ -140,7 +131,6 @@ class ScreenImage:
     def __init__(self) -> None:
         self.picture: FrameImage | RenderedFrame | None = None
         self._stretch, self._colour, self._red = ScreenStretch(), True, False
-        self._tables = Tables()
         self._key: object = None
         self._made: tuple[QImage, QRectF] | None = None
         self._pixels: NDArray[np.uint32] | None = None  # QImage borrows this memory
@@ -187,7 +177,7 @@ class ScreenImage:
         if in_colour:
             planes = tuple(crop[..., c] for c in range(3))
             parts = tuple(zip((RED, GREEN, BLUE), picture.sky_shift, strict=True))
-        self._pixels = pixels = self._tables.coloured(planes, self._stretch, (picture.low, picture.high), parts)
+        self._pixels = pixels = coloured(planes, self._stretch, (picture.low, picture.high), parts)
         high, wide = pixels.shape
         return QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGB32)
 

@@ -13,7 +13,7 @@ from kochab.core.progress import run
 from kochab.frames.samples import clipping_level
 from kochab.window.image import frame_image
 from kochab.window.image.frame_image import BINS, ScreenStretch, sky_level, storable
-from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, Tables
+from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, coloured
 
 SMALLEST_PX = 200
 
@@ -97,7 +97,6 @@ class LiveRenderer:
         self._histogram = np.zeros(BINS)
         self._measured_s = float("-inf")
         self._shift = (0.0, 0.0, 0.0)
-        self._tables = Tables()
 
     def picture(self, frame: Frame, settings: DisplaySettings) -> RenderedFrame:
         """The rendered frame."""
@@ -112,7 +111,7 @@ class LiveRenderer:
         if planes is None:
             planes = (binned(stored, settings.scale, bool(frame.bayer)),)
             parts = ((RED if settings.red else GREY, 0.0),)
-        pixels = self._tables.coloured(planes, settings.stretch or self._auto, self._range, parts)
+        pixels = coloured(planes, settings.stretch or self._auto, self._range, parts)
         high, wide = pixels.shape
         image = QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGB32)
         return RenderedFrame(frame.width, frame.height, image, self._auto, self._histogram, pixels)

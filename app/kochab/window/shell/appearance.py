@@ -24,7 +24,7 @@ class StyleSheets(QObject):
         super().__init__(window)
         self.sheet = ""
         self._window = window
-        self._waiting: list[QWidget] = []
+        self.waiting: list[QWidget] = []
         self._timer = QTimer(self)
         self._timer.timeout.connect(self._next)
         window.has_part.connect(self._meet)
@@ -32,20 +32,16 @@ class StyleSheets(QObject):
 
     def apply(self, sheet: str) -> None:
         self.sheet = sheet
-        self._waiting = sorted(self.parts(), key=lambda part: not part.isVisible())
+        self.waiting = sorted(self.parts(), key=lambda part: not part.isVisible())
         if self._window.isVisible():
             self._window.setUpdatesEnabled(False)
             self._timer.start(0)
         else:
             self.finish()
 
-    @property
-    def done(self) -> bool:
-        return not self._waiting
-
     def finish(self) -> None:
         """Apply the sheet to every part that waits."""
-        while self._waiting:
+        while self.waiting:
             self._next()
 
     def parts(self) -> list[QWidget]:
@@ -56,13 +52,13 @@ class StyleSheets(QObject):
         return inside + [w for w in window.findChildren(QWidget, options=direct) if w is not pages]
 
     def _next(self) -> None:
-        if self._waiting and isValid(part := self._waiting.pop(0)):
+        if self.waiting and isValid(part := self.waiting.pop(0)):
             part.ensurePolished()  # else a toolbar that was never seen keeps its old margins
             part.setStyleSheet(self.sheet)
-        self._waiting = [p for p in self._waiting if isValid(p)]  # a dialog may have been closed
-        if not self._waiting:
+        self.waiting = [p for p in self.waiting if isValid(p)]  # a dialog may have been closed
+        if not self.waiting:
             self._timer.stop()
-        if not (self._waiting and self._waiting[0].isVisible()):
+        if not (self.waiting and self.waiting[0].isVisible()):
             self._show()
 
     def _show(self) -> None:
@@ -137,7 +133,7 @@ class Appearance(QObject):
     @property
     def settled(self) -> bool:
         """Whether the whole window has the present theme; it takes a few turns of the loop."""
-        return self._style.done
+        return not self._style.waiting
 
     def redden_carets(self, within: QWidget) -> None:
         """Make the carets of the fields in ``within`` red at night."""
