@@ -8,7 +8,7 @@ import pytest
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
 from kochab.detection import DETECTORS
-from kochab.solver.diagnosis import Evidence, diagnose, implied_field_deg, timed_out
+from kochab.solver.diagnosis import Evidence, diagnose, implied_field_deg
 from kochab.solver.frame_quality import binned, half_flux_diameter_px, measure_trails
 
 H, W = 600, 800
@@ -150,7 +150,7 @@ def test_what_the_identifier_said_is_kept_when_the_frame_is_healthy() -> None:
 def test_every_end_has_advice_and_finite_numbers() -> None:
     empty = Detections.from_list(np.zeros((0, 2)), W, H)
     ends = [
-        timed_out(Evidence(empty), 3.0, {}),
+        diagnose(Evidence(empty), NoSolution(Reason.TIMED_OUT, "Allow more time.", "searched for 3 s"), {}),
         diagnose(Evidence(empty, None, sky(0)), None, {}),
         diagnose(Evidence(empty, Hint(scale_arcsec_px=(1, 2)), sky(5)), None, {}),
     ]

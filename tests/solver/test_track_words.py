@@ -141,10 +141,10 @@ def test_a_frame_without_an_answer_tells_nothing_and_one_that_was_solved_all(bli
     nothing, found = at(tracker, 0.0), at(tracker, 0.1)
     assert nothing.reason is not None
     assert (nothing.mode, nothing.solution, nothing.filtered, nothing.filtered_centre) == ("lost", None, None, None)
-    assert (nothing.expected, nothing.matched, nothing.manoeuvre, nothing.doubt) == (0, 0, False, "")
+    assert (nothing.expected, nothing.matched, nothing.doubt) == (0, 0, "")
     assert (nothing.rates_deg_s, nothing.rates_sigma_deg_s, nothing.sigma_arcsec) == (None, None, None)
     assert (found.mode, found.reason) == ("lost", None)
-    assert (found.expected, found.matched, found.manoeuvre, found.doubt) == (0, 20, False, "")
+    assert (found.expected, found.matched, found.doubt) == (0, 20, "")
     assert found.time_utc == START + timedelta(seconds=0.1)
     assert found.sigma_arcsec == pytest.approx(np.degrees(np.sqrt([1e-10, 1e-10, 1e-9])) * 3600.0, rel=0.05)
     np.testing.assert_allclose(found.filtered_centre.boresight, FIRST.boresight, atol=1e-4)

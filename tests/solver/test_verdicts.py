@@ -8,9 +8,9 @@ import pytest
 
 from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.core.mount import Epoch, PierSide, Pointing, SiteReport
-from kochab.core.solution import Reason
+from kochab.core.solution import NoSolution, Reason
 from kochab.solver import diagnosis
-from kochab.solver.diagnosis import Evidence, diagnose, timed_out
+from kochab.solver.diagnosis import Evidence, diagnose
 from kochab.solver.disagreement import Cause, MountSighting, causes, weigh
 from kochab.solver.frame_quality import Bins, FrameLevels, Trails, measure_light, measure_trails
 
@@ -128,7 +128,8 @@ def test_width_and_half_flux_diameter_must_both_say_that_the_focus_is_off(verdic
 
 
 def test_a_search_that_took_too_long_tells_how_long_and_what_was_measured() -> None:
-    found = timed_out(Evidence(stars(7)), 12.5, {"total": 1.0})
+    late = NoSolution(Reason.TIMED_OUT, "Allow more time.", "searched for 12.5 s")
+    found = diagnose(Evidence(stars(7)), late, {"total": 1.0})
     assert (found.reason, found.tried, found.detections) == (Reason.TIMED_OUT, "searched for 12.5 s", 7)
     assert (found.measured["stars_found"], found.elapsed_ms) == (7.0, {"total": 1.0})
 

@@ -373,7 +373,7 @@ class KnownSearch:
         i = (closest <= radius).nonzero()[0]
         rms = math.sqrt(float(closest[i] @ closest[i]) / len(i))
         start = CandidatePointing(np.array([across, down, ahead]), focal, mirrored)
-        return Verdict(start, i, number[gap.argmin(axis=1)[i]], alarm, rms, self.table.level)
+        return Verdict(start, i, number[gap.argmin(axis=1)[i]], alarm, rms)
 
     def _alarm(self, gap: list[float], b: int, c: int, reach: float, crowd: float = 1.0) -> tuple[float, float]:
         """The bound, log10, and the radius that it counts; ``gap`` in px.

@@ -227,7 +227,6 @@ class Verdict:
     stars: Ints
     log10_tail: float
     rms_px: float
-    level: int
 
 
 def pair(seen: Floats, expected: Floats, radius: float) -> tuple[Ints, Ints, Floats]:
@@ -323,7 +322,7 @@ def verify(
             four = refit(four, view.xy[proposers], *at, bend=False)
         tail = min(tail, _agreement(seen, four.project(sky)[0], view.half, evidence, own, reach_px, free=0)[0])
     rms = float(np.sqrt(d2.mean()))
-    return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms, level)
+    return Verdict(pointing, i, number[j], min(0.0, tail + LOG10_2), rms)
 
 
 def improve(

@@ -58,14 +58,17 @@ class Evidence:
 def diagnose(evidence: Evidence, refusal: NoSolution | None, elapsed_ms: Mapping[str, float]) -> NoSolution:
     """Why the search ended without an answer: the first finding that the numbers support.
 
-    ``refusal`` is the identifier's own; it stands when the frame looks healthy.
+    ``refusal`` is the identifier's own; it stands when the frame looks healthy, and when time ran out.
     """
     _measure(evidence)
     if refusal is not None and "log10_false_alarm" in refusal.measured:
         evidence.measured["log10_false_alarm"] = refusal.measured["log10_false_alarm"]  # of the best pointing
     stated = (refusal.reason, refusal.advice) if refusal else (Reason.NO_PATTERN_AGREED, "")
-    lacking = refusal is not None and not refusal.searched
-    reason, advice = next(_findings(evidence), stated if lacking else _no_visible_fault(evidence, stated))
+    if stated[0] is Reason.TIMED_OUT:
+        reason, advice = stated
+    else:
+        lacking = refusal is not None and not refusal.searched
+        reason, advice = next(_findings(evidence), stated if lacking else _no_visible_fault(evidence, stated))
     frame = evidence.frame
     return NoSolution(
         reason,
@@ -75,19 +78,6 @@ def diagnose(evidence: Evidence, refusal: NoSolution | None, elapsed_ms: Mapping
         elapsed_ms=elapsed_ms,
         measured=evidence.measured,
         warnings=frame.warnings if frame else (),
-    )
-
-
-def timed_out(evidence: Evidence, timeout_s: float, elapsed_ms: Mapping[str, float]) -> NoSolution:
-    """The search went past its limit."""
-    _measure(evidence)
-    return NoSolution(
-        Reason.TIMED_OUT,
-        "Give the field of view or the pixel scale, or allow more time.",
-        tried=f"searched for {timeout_s:g} s",
-        detections=len(evidence.detections),
-        elapsed_ms=elapsed_ms,
-        measured=evidence.measured,
     )
 
 
@@ -162,25 +152,24 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
     if trails is not None and not math.isfinite(trails.angle_deg):
         least_px = max(least_px, SHORTEST_ARC_PX)
     if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT and trails.length_px > least_px:
-        case.measured["trail_px"] = trails.length_px
-        _note(case.measured, "trail_angle_deg", trails.angle_deg)
-        at = f" at {trails.angle_deg:.0f} deg" if math.isfinite(trails.angle_deg) else " in arcs"
-        yield Reason.TRAILED, f"Stars trail {trails.length_px:.0f} px{at}: {_trail_advice(case)}"
+        yield _trail(case, trails.length_px, trails.angle_deg)
     bright = d.take(slice(0, 50))
     if len(d) >= FEWEST_STARS and _median(bright.elongation) > TRAILED_ELONGATION:
         length = _median(bright.fwhm_px) * math.sqrt(_median(bright.elongation) ** 2 - 1.0)
         spin = np.mean(np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)]))
         if abs(spin) > 0.6:
-            angle = float(np.degrees(np.angle(spin)) / 2 % 180.0)
-            case.measured.update(trail_px=length, trail_angle_deg=angle)
-            yield (Reason.TRAILED, f"Stars trail {length:.0f} px at {angle:.0f} deg: {_trail_advice(case)}")
+            yield _trail(case, length, float(np.degrees(np.angle(spin)) / 2 % 180.0))
 
 
-def _trail_advice(case: Evidence) -> str:
+def _trail(case: Evidence, length_px: float, angle_deg: float) -> Finding:
+    case.measured["trail_px"] = length_px
+    _note(case.measured, "trail_angle_deg", angle_deg)
+    at = f"at {angle_deg:.0f} deg" if math.isfinite(angle_deg) else "in arcs"
     exposure = case.hint.exposure_s if case.hint else None
+    advice = "wait 5 s after the slew, then expose again; expose shorter if the mount does not track."
     if exposure is not None and exposure > 20.0:
-        return f"track the sky, or expose shorter than {exposure:g} s."
-    return "wait 5 s after the slew, then expose again; expose shorter if the mount does not track."
+        advice = f"track the sky, or expose shorter than {exposure:g} s."
+    return Reason.TRAILED, f"Stars trail {length_px:.0f} px {at}: {advice}"
 
 
 def _focus(case: Evidence) -> Iterator[Finding]:

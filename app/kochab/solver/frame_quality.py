@@ -45,10 +45,10 @@ class Trails:
     [0, 180), NaN when the patches do not agree on one; ``count`` of patches looked at.
     """
 
-    length_px: float
-    aspect: float
-    angle_deg: float
-    count: int
+    length_px: float = 0.0
+    aspect: float = 1.0
+    angle_deg: float = float("nan")
+    count: int = 0
 
 
 def binned(frame: Frame) -> Bins:
@@ -86,18 +86,16 @@ def measure_trails(bins: Bins) -> Trails:
     small = small - ndimage.uniform_filter(small, max(31, min(small.shape) // 12))
     median, noise = _level(small)
     if noise <= 0:
-        return Trails(0.0, 1.0, float("nan"), 0)
+        return Trails()
     # Where trails fill the frame they are the noise: then the brightest pixels must serve.
     limit = min(median + 5.0 * noise, float(np.quantile(small, 0.985)))
     limit = max(limit, median + 2.0 * noise)
     labels, count = ndimage.label(small > limit, np.ones((3, 3)))
-    if count == 0:
-        return Trails(0.0, 1.0, float("nan"), 0)
     major, minor, angle, area = _moments(labels, count)
     fair = (area >= 6) & (area < 0.03 * small.size)
     chosen = np.flatnonzero(fair)[np.argsort(-area[fair])[:60]]
     if len(chosen) == 0:
-        return Trails(0.0, 1.0, float("nan"), 0)
+        return Trails()
     length = np.sqrt(12.0 * major[chosen]) * step
     aspect = np.sqrt(major[chosen] / minor[chosen])
     direction = np.mean(np.exp(2j * angle[chosen]))

@@ -38,9 +38,7 @@ class Examined:
     result: Solution | NoSolution
 
 
-def solve_frame(
-    frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0
-) -> Task[Solution | NoSolution]:
+def solve_frame(frame: Frame, options: SolveOptions | None = None) -> Task[Solution | NoSolution]:
     """Detect the stars of ``frame``, identify them and refine the pointing.
 
     Raises
@@ -49,7 +47,7 @@ def solve_frame(
         The options name a method or detector that does not exist.
 
     """
-    return (yield from examine_frame(frame, options, read_ms=read_ms)).result
+    return (yield from examine_frame(frame, options)).result
 
 
 def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0) -> Task[Examined]:
@@ -154,10 +152,8 @@ def _solve(
             elif refusal is None or found.searched:  # without the hint it may lack what it needs
                 refusal = found
     except TimedOut:
-        from kochab.solver.diagnosis import Evidence, timed_out
-
-        evidence = Evidence(detections, options.hint, frame)
-        return timed_out(evidence, options.timeout_s or 0.0, clock.elapsed_ms())
+        advice = "Give the field of view or the pixel scale, or allow more time."
+        refusal = NoSolution(Reason.TIMED_OUT, advice, f"searched for {options.timeout_s or 0.0:g} s")
     yield Progress("diagnose", 0.9)
     from kochab.solver.diagnosis import Evidence, diagnose
 
@@ -182,9 +178,11 @@ def _searches(
     detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
 ) -> Iterator[Task[Identification | NoSolution]]:
     """The searches to make in order: by the hint, blind, and the last resort when stars are few."""
+    hint = options.hint if options.hint and options.hint.helps else None
     if len(detections) >= FEWEST_TO_TRY:
-        for hint in _attempts(options):
-            yield _identify(detections, options, hint, year, clock)
+        yield _identify(detections, options, hint, year, clock)
+        if hint is not None and options.blind_after_hint:
+            yield _identify(detections, options, None, year, clock)
     if options.method == DEFAULT_METHOD:
         yield _identify_few(detections, options, year, clock)
 
@@ -206,16 +204,6 @@ def _catalogue() -> "Catalogue":
     from kochab.sky import open_catalogue
 
     return open_catalogue()
-
-
-def _attempts(options: SolveOptions) -> Iterator[Hint | None]:
-    """Hints to try in order: the given one first, then blind."""
-    hint = options.hint
-    if hint is not None and hint.helps:
-        yield hint
-        if not options.blind_after_hint:
-            return
-    yield None
 
 
 def _identify(

@@ -56,7 +56,6 @@ class TrackUpdate:
     rates_sigma_deg_s: tuple[float, float, float] | None = None
     expected: int = 0
     matched: int = 0
-    manoeuvre: bool = False
     doubt: str = ""
 
     @property
@@ -278,7 +277,6 @@ class Tracker:
             state.rates_sigma_deg_s,
             expected,
             len(solution.stars),
-            state.contradicted,
             self._doubt,
         )
 
