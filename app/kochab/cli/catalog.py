@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -137,13 +136,13 @@ def _coverage(args: argparse.Namespace) -> int:
     catalogue = open_catalogue(_folder(args.catalog) / "deep.kcat")
     told = with_progress("catalog", coverage(catalogue, args.fov, args.mag_limit, args.fields))
     text = (
-        f"A square field of {told.fov_deg:g} deg, at {told.fields:,} places over the whole sky, "
-        f"has {told.fewest:,} stars or more, {told.median:,} in the median and {told.most:,} at most.\n"
-        f"1 % of places have {told.percent_1:,} or fewer, 5 % have {told.percent_5:,} or fewer; "
-        f"{100 * told.share_with_10:.2f} % have 10 or more.\n"
-        f"The poorest place: RA {told.poorest_ra_deg:.3f}, Dec {told.poorest_dec_deg:+.3f} deg."
+        "A square field of {fov_deg:g} deg, at {fields:,} places over the whole sky, "
+        "has {fewest:,} stars or more, {median:,} in the median and {most:,} at most.\n"
+        "1 % of places have {percent_1:,} or fewer, 5 % have {percent_5:,} or fewer; "
+        "{share:.2f} % have 10 or more.\n"
+        "The poorest place: RA {poorest_ra_deg:.3f}, Dec {poorest_dec_deg:+.3f} deg."
     )
-    tell(asdict(told), text, args.json)
+    tell(told, text.format(**told, share=100 * told["share_with_10"]), args.json)
     return 0
 
 

@@ -1,7 +1,6 @@
 """What a catalogue holds, whether its files are those shipped, and how many stars a field has."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -119,23 +118,7 @@ def _bright(path: Path) -> dict[str, Any]:
 
 WIDE = 0.6  # chord beyond which looking at every star is faster
 PAIRS = 200_000  # of field and star, held in memory at a time
-
-
-@dataclass(frozen=True, slots=True)
-class Coverage:
-    """Stars in a square field, over ``fields`` places spread evenly over the sky."""
-
-    fov_deg: float
-    mag_limit: float | None
-    fields: int
-    fewest: int
-    percent_1: int
-    percent_5: int
-    median: int
-    most: int
-    share_with_10: float
-    poorest_ra_deg: float
-    poorest_dec_deg: float
+PERCENT = {"fewest": 0, "percent_1": 1, "percent_5": 5, "median": 50, "most": 100}
 
 
 def even_points(n: int) -> Floats:
@@ -148,8 +131,8 @@ def even_points(n: int) -> Floats:
 
 def coverage(
     catalogue: Catalogue, fov_deg: float, mag_limit: float | None = None, fields: int | None = None
-) -> Task[Coverage]:
-    """Count the stars of square fields ``fov_deg`` wide, sides along RA and Dec.
+) -> Task[dict[str, Any]]:
+    """Count the stars of square fields ``fov_deg`` wide, sides along RA and Dec, at places spread evenly over the sky.
 
     ``fields`` is how many places are tried; by default one each half field, 200,000 at most.
     """
@@ -175,13 +158,17 @@ def coverage(
         some = slice(first, first + step)
         counts[some] = _counted(centres[some], stars, tree, chord, half)
         yield Progress("Counting stars in fields", 0.1 + 0.9 * min(1.0, (first + step) / fields))
-    ranks = np.percentile(counts, [0, 1, 5, 50, 100], method="lower").astype(int).tolist()
-    fewest, one_percent, five_percent, median, most = ranks
+    ranks = np.percentile(counts, [*PERCENT.values()], method="lower").astype(int).tolist()
     ra, dec = radec_deg(centres[int(np.argmin(counts))])
-    share = float(np.mean(counts >= 10))
-    return Coverage(
-        fov_deg, mag_limit, fields, fewest, one_percent, five_percent, median, most, share, round(ra, 4), round(dec, 4)
-    )
+    return {
+        "fov_deg": fov_deg,
+        "mag_limit": mag_limit,
+        "fields": fields,
+        **dict(zip(PERCENT, ranks, strict=True)),
+        "share_with_10": float(np.mean(counts >= 10)),
+        "poorest_ra_deg": round(ra, 4),
+        "poorest_dec_deg": round(dec, 4),
+    }
 
 
 def _counted(centres: Floats, stars: Floats, tree: Any, chord: float, half: float) -> NDArray[np.int64]:
