@@ -234,7 +234,7 @@ class Weather:
 
 
 class SimulatedClock:
-    """Seconds since 1970 UTC that pass ``rate`` times as fast as real ones.
+    """Seconds since 1970 UTC that pass ``rate`` times as fast as real ones; `set_rate` alone may change that.
 
     With a rate of 0 time stands still but for :meth:`step` and :meth:`sleep`, so that a test
     is as fast as it can compute and comes out the same every time. Safe from any thread.
@@ -242,14 +242,9 @@ class SimulatedClock:
 
     def __init__(self, start_unix_s: float, rate: float = 1.0) -> None:
         self._lock = threading.Lock()
-        self._rate = 0.0
+        self.rate = 0.0
         self._base_unix_s, self._base_real_s = start_unix_s, time.monotonic()
         self.set_rate(rate)
-
-    @property
-    def rate(self) -> float:
-        """Simulated seconds in a real one."""
-        return self._rate
 
     def now_unix(self) -> float:
         """Simulated seconds since 1970 UTC."""
@@ -274,14 +269,14 @@ class SimulatedClock:
             raise ValueError("a clock cannot run backwards")
         with self._lock:
             self._base_unix_s, self._base_real_s = self._now(), time.monotonic()
-            self._rate = rate
+            self.rate = rate
 
     def sleep(self, seconds: float) -> None:
         """Let so many simulated seconds pass: by waiting, or by stepping when time stands still."""
-        if self._rate == 0.0:
+        if self.rate == 0.0:
             self.step(max(0.0, seconds))
         else:
-            time.sleep(max(0.0, seconds) / self._rate)
+            time.sleep(max(0.0, seconds) / self.rate)
 
     def _now(self) -> float:
-        return self._base_unix_s + (time.monotonic() - self._base_real_s) * self._rate
+        return self._base_unix_s + (time.monotonic() - self._base_real_s) * self.rate
