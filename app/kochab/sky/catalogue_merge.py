@@ -1,6 +1,6 @@
 """One list out of two: epochs put right, artefacts dropped, partners found, components joined."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -79,22 +79,12 @@ JOIN = 1.5  # arcsec within which stars become one photocentre
 BV_REAL = (0.02, 2.4)  # artefacts have one band missing: their colour stands at a stop
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Merged:
-    """``bright`` every Hipparcos star, unjoined; ``deep`` every star.
+def merge(src: Sources) -> Task[tuple[StarList, StarList, Ints, dict[str, int]]]:
+    """Make the bright list, of every Hipparcos star, unjoined, and the deep one, of every star.
 
-    ``link`` (L, 2) pairs (deep, bright), brightest part first within a star; ``counts`` what was
-    corrected, dropped and joined.
+    Also links (L, 2), pairs (deep, bright), the brightest part first within a star; and counts of what was corrected,
+    dropped and joined.
     """
-
-    bright: StarList
-    deep: StarList
-    link: Ints
-    counts: dict[str, int]
-
-
-def merge(src: Sources) -> Task[Merged]:
-    """Make the bright and the deep list."""
     from scipy.spatial import cKDTree
 
     yield Progress("Looking for partners in Tycho-2", 0.1)
@@ -118,7 +108,7 @@ def merge(src: Sources) -> Task[Merged]:
     counts["stars with joined components"] = int((deep.flag & MERGED > 0).sum())
     hips = np.flatnonzero(stars.hip > 0)
     bright, link = _linked(stars.take(hips), group[: int(keep.sum())][stars.hip[keep] > 0])
-    return Merged(bright, deep, link, counts)
+    return bright, deep, link, counts
 
 
 def _stellarium_stars(src: Sources) -> tuple[StarList, Floats, Floats]:
