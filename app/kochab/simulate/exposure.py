@@ -129,15 +129,11 @@ class ExposureLight:
         """Unix time of mid-exposure."""
         return float(self.paths.times[-1] + self.paths.times[0]) / 2.0
 
-    def clouds(self, directions: Floats) -> Floats:
-        """Magnitudes that clouds take towards directions (..., 3)."""
-        return self.weather.cloud_mag(directions, self.middle)
-
 
 def starlight(light: ExposureLight) -> Floats:
     """Electrons (N,) that each star leaves on the sensor."""
     directions = light.paths.directions
-    lost = EXTINCTION * airmass(directions) + light.clouds(directions)
+    lost = EXTINCTION * airmass(directions) + light.weather.cloud_mag(directions, light.middle)
     return electrons(light.paths.mag + lost, light.zero_point_e_s, light.seconds)
 
 
@@ -149,7 +145,7 @@ def sky_electrons(light: ExposureLight) -> Floats:
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     directions = light.optics.unproject(pixels) @ light.attitude_at(light.middle)
     mag = surface_mag(directions, sun_and_moon(light.paths.sky, light.middle))
-    through = 10.0 ** (-0.4 * light.clouds(directions))
+    through = 10.0 ** (-0.4 * light.weather.cloud_mag(directions, light.middle))
     area = light.optics.scale_arcsec_px**2
     dark = electrons(mag, light.zero_point_e_s, light.seconds) * area
     # Clouds over towns or under the Moon scatter: the sky behind them grows brighter.
