@@ -98,7 +98,6 @@ def test_a_declination_axis_that_was_not_turned_is_no_second_sweep():
 
     class Stuck:
         by_hand = False
-        reported_deg = None
 
         def turn(self, direction, degrees):
             yield Progress("turn")

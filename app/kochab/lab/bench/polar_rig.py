@@ -53,7 +53,6 @@ class RigSky:
     optics: Optics
     rng: np.random.Generator
     by_hand: bool = False
-    reported_deg: float | None = None
     sights: int = 0
     pointing_deg: tuple[float, float] = (0.0, 0.0)
     field_deg: tuple[float, float] = (1.2, 1.2)
@@ -88,14 +87,14 @@ class RigSky:
         yield Progress("expose")
         return self.look()
 
-    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+    def turn(self, direction: Direction, degrees: float) -> Task[float | None]:
         """As a turner: the mount moves at its rate, then settles."""
         yield Progress("turn")
         self.rig.mount.move(direction, RATE_DEG_S)
         self.rig.clock.sleep(degrees / RATE_DEG_S)
         self.rig.mount.halt()
         self.rig.wait_until_still(2.0)
-        self.reported_deg = degrees
+        return degrees
 
     def turn_bolt(self, instruction: Instruction) -> None:
         """A person follows an instruction, with an error of 5 % and a degree of the bolt's turn."""

@@ -53,18 +53,14 @@ MOST_MOTIONS = 24
 
 
 class Turner(Protocol):
-    """Turns one axis at a time. ``by_hand`` tells that nothing is known of how far they went.
-
-    ``reported_deg`` is how far the mount itself says that it turned last, None when it does not.
-    """
+    """Turns one axis at a time. ``by_hand`` tells that nothing is known of how far they went."""
 
     by_hand: bool
-    reported_deg: float | None
 
-    def turn(self, direction: Direction, degrees: float) -> Task[None]:
-        """Turn RA east or west, or the declination axis north or south.
+    def turn(self, direction: Direction, degrees: float) -> Task[float | None]:
+        """Turn RA east or west, or the declination axis north or south; how far the mount says that it turned.
 
-        Returns when the axis is at rest, or at once when a person does it.
+        Returns when the axis is at rest, or at once, with None, when a person does it.
         """
 
 
@@ -72,15 +68,15 @@ class HandTurner:
     """Asks a person to turn; the frames themselves show when it was done."""
 
     by_hand = True
-    reported_deg: float | None = None
 
-    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+    def turn(self, direction: Direction, degrees: float) -> Task[float | None]:
         """Ask for it."""
         axis, then = "RA", "lock the clutch."
         if direction.in_dec:
             axis, then = "declination", "lock it. Don't touch RA or the bolts."
         words = f"Rotate {axis} about {degrees:.0f}° {direction}, then {then} Continues by itself."
         yield TurnInstruction("turn", None, words, direction, degrees)
+        return None
 
 
 class MountTurner:
@@ -101,12 +97,11 @@ class MountTurner:
         now: Callable[[], float] = time.monotonic,
         camera: CameraSource | None = None,
     ) -> None:
-        self.reported_deg: float | None = None
         self._mount, self._camera = mount, camera
         self._rate = self._seen_deg_s = rate_deg_s
         self._sleep, self._now = sleep, now
 
-    def turn(self, direction: Direction, degrees: float) -> Task[None]:
+    def turn(self, direction: Direction, degrees: float) -> Task[float | None]:
         """Several bounded motions, each waited for; stopped whenever this is given up."""
         begun = self._axis_deg(direction)
         turned, motions = 0.0, 0
@@ -121,11 +116,11 @@ class MountTurner:
                 turned = self._moved_on(turned, self._axis_deg(direction) - begun, seconds)
         finally:
             self._mount.stop()
-        self.reported_deg = turned
         self._sleep(SETTLE_S)
         if self._camera is not None:
             yield Progress("settle")
             self._camera.next_frame(TRAILED_S)
+        return turned
 
     def _axis_deg(self, direction: Direction) -> float:
         """The reported coordinate of the axis that a direction turns."""
@@ -210,9 +205,8 @@ def sweep_from(
     result: Measurement | NoAxis = NoAxis("no axis yet", "Rotate RA.")
     while len(seen) < sweep.frames:
         yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, step))
-        yield from turner.turn(path.direction, step)
+        reported = yield from turner.turn(path.direction, step)
         now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
-        reported = turner.reported_deg
         if reported is not None and (slip := slipping(reported, turned_deg(seen[-1], now))):
             slips.append(slip)
         seen.append(now)

@@ -143,15 +143,6 @@ SHARE_OF_GOAL = 0.25  # of the uncertainty that a measurement aims at
 MOST_FRAMES = 9
 
 
-@dataclass(frozen=True, slots=True)
-class CameraPlace:
-    """Which camera looks, from where, and what time it is there."""
-
-    camera: CameraSelection
-    site: Site | None
-    clock: Callable[[], datetime]
-
-
 def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
     """Measure, adjust, measure again with a camera, a practice telescope's or a real one.
 
@@ -159,17 +150,16 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
     """
     with ExitStack() as opened:
         yield Progress("opening", None, "Opening the camera…")
-        place = _place(wish, tools, opened)
-        camera = MountCamera(place.camera, tools.open_camera, insists=True)
+        selection, site, clock = _place(wish, tools, opened)
+        camera = MountCamera(selection, tools.open_camera, insists=True)
         opened.callback(camera.close)
-        site = place.site
         if site is None:
             site = yield from _site_of_frames(camera)
         turner: Turner = HandTurner()
         if guard is not None:
             guard.site = guard.site or site
             turner = mount_turner(guard, camera)
-        source = CameraSightings(camera, SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg), place.clock)
+        source = CameraSightings(camera, SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg), clock)
         done = yield from align(
             source, turner, MeasureSettings(site, wish.pole), options_of(wish), tools.controls, keep=tools.keep
         )
@@ -184,15 +174,18 @@ def options_of(wish: AlignmentRequest) -> AlignOptions:
     return AlignOptions(wish.goal_arcsec, sweep=sweep, second_sweep=wish.second_sweep)
 
 
-def _place(wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack) -> CameraPlace:
+def _place(
+    wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack
+) -> tuple[CameraSelection, Site | None, Callable[[], datetime]]:
+    """Which camera looks, from where, and what time it is there."""
     if wish.source is FrameSource.PRACTICE:
         practice = _practice(tools, opened)
         exposure_s = EXPOSURE_S if wish.camera is None else wish.camera.exposure_s
         camera = CameraSelection("simulated", practice.camera, exposure_s)
-        return CameraPlace(camera, practice.rig.config.site, practice.rig.clock.now_utc)
+        return camera, practice.rig.config.site, practice.rig.clock.now_utc
     if wish.camera is None:
         raise UsageError("Choose a camera.")
-    return CameraPlace(wish.camera, wish.site, partial(datetime.now, UTC))
+    return wish.camera, wish.site, partial(datetime.now, UTC)
 
 
 def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
