@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from kochab.core.attitude import angle_between
-from kochab.polar.axis_fit import axis_of_two, find_movement, fit_axis
+from kochab.polar.axis_fit import axis_of_two, chance_of, find_movement, fit_axis
 from kochab.polar.rotations import alt_az, tangents
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
@@ -234,3 +234,31 @@ def test_the_tangents_of_a_direction_are_across_it_and_point_up_and_clockwise(pl
         higher, further = alt_az(axis + 1e-4 * upward), alt_az(axis + 1e-4 * clockwise)
         assert higher[0] - alt == pytest.approx(1e-4, rel=1e-3)
         assert (further[1] - az) * np.cos(alt) == pytest.approx(1e-4, rel=1e-3)
+
+
+def test_a_chance_is_that_of_chi_square_and_certain_without_freedom():
+    from scipy.stats import chi2
+
+    for freedom in (0.3, 1.0, 4.0):
+        assert chance_of(7.0, freedom) == pytest.approx(chi2.sf(7.0, freedom))
+    assert chance_of(7.0, 0.0) == chance_of(7.0, -2.0) == 1.0
+
+
+@pytest.mark.parametrize(("sigmas", "sigma", "named"), [(5.2, 8.0, True), (6.5, 8.0, True), (7.0, 2.0, False)])
+def test_a_movement_is_named_from_three_of_its_sigmas_and_half_an_arcminute_on(sigmas, sigma, named):
+    mount = Mount(40.0, 600.0, 400.0, sigma=sigma, sigma_roll=2.0 * sigma)
+    across = np.cross([0.0, 0.0, 1.0], mount.attitude(0.0).T @ mount.axis)
+    across /= np.linalg.norm(across)
+
+    def movement(arcsec):
+        moved = Rotation.from_rotvec(across * arcsec * ARCSEC).as_matrix()
+        seen = mount.see([0, 20, 40, 60, 80], after=(2, moved))
+        fit = fit_axis(seen, mount.pole)
+        return find_movement(seen, fit, mount.pole)
+
+    unit = movement(3600.0).sigma_arcsec
+    found = movement(sigmas * unit)
+    assert (sigmas * unit > 30.0) is named
+    assert (found is not None) is named
+    if named:
+        assert (found.what, found.angle_arcsec) == ("declination", pytest.approx(sigmas * unit, rel=0.02))

@@ -19,7 +19,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.horizon import Horizon, Pole, Refraction, name_of, northern, pole_direction
 from kochab.polar.rotations import ARCSEC, alt_az
-from kochab.polar.sighting import Sighting, covariance_of, to_local
+from kochab.polar.sighting import LocalAttitude, Sighting, covariance_of, to_local
 
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)
 SITE = Site(40.0, 11.5, 520.0)
@@ -53,6 +53,27 @@ def test_observed_places_agree_with_astropy(site, air):
     gap = np.linalg.norm(seen - want, axis=1)[high] / ARCSEC
     # UT1 - UTC, 44 ms that day, turns all the sky about the pole; polar motion 0.5 arcsec
     assert gap.max() < 1.5
+
+
+@pytest.mark.parametrize("site", [SITE, Site(-33.5, -70.7, 2400.0)])
+@pytest.mark.parametrize("when", [WHEN, WHEN.replace(month=9, hour=4)])
+def test_observed_places_are_those_of_erfas_own_chain(site, when):
+    """Leap seconds, precession, aberration of both kinds, refraction: ``atco13`` with UT1 = UTC, to a millisecond of arc."""
+    import erfa
+
+    rng = np.random.default_rng(4)
+    ra, dec = rng.uniform(0.0, 2.0 * np.pi, 50), np.arcsin(rng.uniform(-1.0, 1.0, 50))
+    utc = erfa.dtf2d("UTC", when.year, when.month, when.day, when.hour, when.minute, float(when.second))
+    place = (np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
+    air = Refraction(900.0, 7.0, 0.2, 0.6)
+    weather = (air.pressure_hpa, air.temperature_c, air.humidity, air.wavelength_um)
+    azimuth, zenith, *_ = erfa.atco13(ra, dec, 0.0, 0.0, 0.0, 0.0, *utc, 0.0, *place, 0.0, 0.0, *weather)
+    high = zenith < np.radians(85.0)
+    vectors = unit_vectors(np.degrees(ra), np.degrees(dec))
+    seen = Horizon(site, when, air).observed(vectors)[high]
+    level = np.sin(zenith[high])
+    expected = np.stack([level * np.sin(azimuth[high]), level * np.cos(azimuth[high]), np.cos(zenith[high])], axis=-1)
+    assert np.abs(seen - expected).max() < 1e-3 * ARCSEC
 
 
 def test_the_pole_is_as_high_as_the_latitude_and_the_air_lifts_it():
@@ -293,6 +314,28 @@ def test_what_to_do_is_said_with_one_sigma():
     error = error_with(300.0, -400.0)
     assert altitude_in_words(error) == "5.0′ ± 2″ too high: lower the axis"
     assert azimuth_in_words(error) == "6.7′ ± 4″ too far west: rotate the mount clockwise, seen from above"
+
+
+@pytest.mark.parametrize(
+    ("shift", "altitude", "azimuth"),
+    [
+        (0.6, "1″ ± 2″ too high: lower the axis", "1″ ± 4″ too far east: rotate the mount anticlockwise"),
+        (-0.6, "1″ ± 2″ too low: raise the axis", "1″ ± 4″ too far west: rotate the mount clockwise"),
+        (0.0, "0″ ± 2″ too low: raise the axis", "0″ ± 4″ too far west: rotate the mount clockwise"),
+    ],
+)
+def test_an_arcsecond_has_a_side_and_none_has_always_the_same(shift, altitude, azimuth):
+    error = error_with(shift, shift)
+    assert altitude_in_words(error) == altitude
+    assert azimuth_in_words(error) == f"{azimuth}, seen from above"
+
+
+def test_a_frame_belongs_to_the_first_sweep_unless_told():
+    attitude = Attitude(attitude_from(120.0, 35.0, 40.0).matrix, np.eye(3) * ARCSEC**2)
+    first, third = Sighting(attitude, WHEN), Sighting(attitude, WHEN, sweep=2)
+    assert (first.sweep, first.label, first.field_deg) == (0, "", (2.0, 2.0))
+    assert [to_local(one, SITE).sweep for one in (first, third)] == [0, 2]
+    assert LocalAttitude(np.eye(3), np.eye(3), WHEN).sweep == 0
 
 
 def test_refraction_is_that_of_the_eye_in_usual_air():

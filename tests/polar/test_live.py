@@ -1,5 +1,6 @@
 """The live phase: exact without noise, tracking or not; honest with it; never fooled by its prior."""
 
+from dataclasses import replace
 from datetime import timedelta
 
 import numpy as np
@@ -8,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.polar.horizon import Pole, Refraction
-from kochab.polar.live import LivePhase
+from kochab.polar.live import LivePhase, Moment, declination_moved
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
+from kochab.polar.rotations import tangents
 from kochab.polar.sighting import LocalAttitude
 from tests.polar.mounts import ARCSEC, WHEN, Mount
 
@@ -172,3 +174,106 @@ def test_the_error_is_the_frames_own_and_the_measurements():
     shared = seen.error.covariance - seen.frame_covariance
     np.testing.assert_allclose(sure.error.covariance - sure.frame_covariance, shared, rtol=1e-6, atol=1e-18)
     assert np.linalg.eigvalsh(shared).min() > 0.0
+
+
+def test_a_clock_that_is_believed_is_one_more_measurement_of_the_turn():
+    """Weighted by 20 arcsec against the attitude's own error of it; the turn's slope by differences."""
+    mount = Mount(48.0, 900.0, -900.0, sigma=5.0, sigma_roll=60.0)
+    first, sigma = start(mount), 20.0 * ARCSEC
+    frame = adjusted(mount, 300.0, -500.0, 90, 40.0 / 3600.0, 600.0)
+    h = 1e-5
+
+    def by_attitude_alone(turn):
+        """Where both clocks say the same neither is believed."""
+        matrix = frame.matrix @ Rotation.from_rotvec(turn).as_matrix()
+        seen = LivePhase(first).update(replace(frame, matrix=matrix, time_utc=WHEN + timedelta(seconds=181.0)))
+        assert seen.prior == ""
+        return seen
+
+    alone = by_attitude_alone(np.zeros(3))
+    steps = [(by_attitude_alone(h * e), by_attitude_alone(-h * e)) for e in np.eye(3)]
+    slope = np.array([(more.theta_rad - less.theta_rad) / (2.0 * h) for more, less in steps])
+    moves = np.stack([(more.error.axis - less.error.axis) / (2.0 * h) for more, less in steps], axis=1)
+    lever = np.stack(tangents(alone.error.axis)) @ moves
+    spread = slope @ frame.covariance @ slope + sigma**2
+    gain = frame.covariance @ slope / spread
+    seen = LivePhase(first).update(frame)
+    assert seen.prior == "standing"
+    np.testing.assert_allclose(seen.error.axis, alone.error.axis - moves @ gain * alone.theta_rad, atol=0.01 * ARCSEC)
+    left = alone.theta_rad * (1.0 - slope @ gain)
+    assert seen.theta_rad == pytest.approx(left, abs=0.01 * ARCSEC)
+    surer = frame.covariance - np.outer(gain, slope @ frame.covariance)
+    np.testing.assert_allclose(alone.frame_covariance, lever @ frame.covariance @ lever.T, rtol=1e-4)
+    np.testing.assert_allclose(seen.frame_covariance, lever @ surer @ lever.T, rtol=3e-3)
+
+
+# -- A turn about the declination axis, by the least squares of its angle ---------------------------------
+
+
+def two_moments(angle_arcsec, aside_arcsec, sigma=(2.0, 3.0, 20.0), rho_deg=60.0):
+    """A frame and the next, turned about the declination axis and about what is across it; RA has slipped as well."""
+    mount = Mount(48.0, 0.0, 0.0, rho_deg=rho_deg)
+    before = mount.attitude(0.0)
+    across = np.cross(before[:, 2], mount.axis)
+    across /= np.linalg.norm(across)
+    turn = angle_arcsec * across + aside_arcsec * np.cross(across, mount.axis)
+    now = Rotation.from_rotvec(turn * ARCSEC).as_matrix() @ before
+    covariance = np.diag(np.square(sigma)) * ARCSEC**2
+    slope = np.array([0.0, 0.0, 1.0])
+    moments = [
+        Moment(LocalAttitude(matrix, covariance, WHEN), theta, slope, matrix @ before.T @ mount.axis)
+        for matrix, theta in ((before, 0.0), (now, 1.0))
+    ]
+    both = sum(m.attitude.matrix @ covariance @ m.attitude.matrix.T for m in moments)
+    inverse = np.linalg.inv(both + (20.0 * ARCSEC) ** 2 * np.outer(mount.axis, mount.axis))
+    along = across @ inverse @ across
+    chi2 = turn @ inverse @ turn - (across @ inverse @ turn) ** 2 / along
+    return moments, float(chi2) * ARCSEC**2
+
+
+@pytest.mark.parametrize("angle", [300.0, -300.0, 5400.0])
+@pytest.mark.parametrize(("chi2", "moved"), [(8.5, True), (9.5, False)])
+def test_declination_moved_when_a_turn_about_its_axis_leaves_no_more_than_noise(angle, chi2, moved):
+    """Chi-square of what the best such turn leaves: 9 at most; the clock counts as 20 arcsec about the polar axis."""
+    aside = 1.0
+    for _ in range(2):
+        aside *= np.sqrt(chi2 / two_moments(angle, aside)[1])
+    moments, expected = two_moments(angle, aside)
+    assert expected == pytest.approx(chi2, rel=0.02)
+    found = declination_moved(*moments, [0.0])
+    if moved:
+        assert found / ARCSEC == pytest.approx(angle, rel=1e-3)
+    else:
+        assert found is None
+
+
+@pytest.mark.parametrize(("angle", "moved"), [(58.0, False), (62.0, True), (-58.0, False), (-62.0, True)])
+def test_declination_moves_by_an_arcminute_or_not_at_all(angle, moved):
+    moments, _ = two_moments(angle, 0.0, sigma=(0.5, 0.5, 5.0))
+    assert (declination_moved(*moments, [0.0]) is not None) is moved
+
+
+@pytest.mark.parametrize(("rho_deg", "told"), [(2.5, False), (3.5, True), (176.5, True), (177.5, False)])
+def test_along_the_polar_axis_declination_cannot_be_told(rho_deg, told):
+    """Within 2.9 degrees of it."""
+    moments, _ = two_moments(600.0, 0.0, rho_deg=rho_deg)
+    assert (declination_moved(*moments, [0.0]) is not None) is told
+
+
+@pytest.mark.parametrize(("sigmas", "moved"), [(4.4, False), (4.55, True)])
+def test_bolts_are_refuted_when_ra_is_off_the_clock_by_the_root_of_twenty_sigmas(sigmas, moved):
+    """Of both frames' errors of the turn and the clock's."""
+    (before, now), _ = two_moments(600.0, 0.0)
+    sigma = np.sqrt(2.0 * 20.0**2 + 20.0**2) * ARCSEC  # their slope is that of the roll
+    for sign in (1.0, -1.0):
+        off = replace(now, theta_rad=sign * sigmas * sigma)
+        assert (declination_moved(before, off, [0.0]) is not None) is moved
+    assert declination_moved(before, replace(now, theta_rad=2.0 * np.pi), [0.0]) is None  # a whole turn is none
+
+
+@pytest.mark.parametrize(("sigmas", "moved"), [(4.4, False), (4.55, True)])
+def test_the_polar_axis_has_moved_from_the_root_of_twenty_sigmas_on(sigmas, moved):
+    """Of a frame's small rotation: alike to all sides, and for two frames."""
+    sigma = 30.0
+    moments, _ = two_moments(sigmas * sigma * np.sqrt(2.0), 0.0, sigma=(sigma,) * 3)
+    assert (declination_moved(*moments, [0.0]) is not None) is moved

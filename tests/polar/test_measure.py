@@ -1,5 +1,6 @@
 """A measurement as its callers get it: the error's sign and size, and everything worth saying."""
 
+from dataclasses import replace
 from datetime import timedelta
 
 import numpy as np
@@ -309,3 +310,89 @@ def test_the_pole_is_doubted_within_fifteen_degrees_of_the_equator(latitude, tol
     mount = Mount(latitude, 600.0, 400.0)
     found = measure_local(mount.see([0, 20, 40, 60]), MeasureSettings(mount.site, Pole.REFRACTED))
     assert (PolarFindingKind.POLE in kinds(found)) is told
+
+
+# -- Every finding to the letter ------------------------------------------------------------------------
+
+
+def said(measurement, kind):
+    return [finding.text for finding in measurement.findings if finding.kind is PolarFindingKind[kind]]
+
+
+@pytest.mark.parametrize("label", ["frame 3", ""])
+def test_the_lowest_frame_is_named_with_its_altitude(label):
+    mount = Mount(40.0, rho_deg=90.0, hour_deg=60.0)
+    frames = [replace(a, label=a.label and label) for a in mount.see([0, 20, 60])]
+    deepest = min(np.degrees(np.arcsin(mount.attitude(turn)[2, 2])) for turn in (0, 20, 60))
+    assert deepest < -20.0
+    found = measure_local(frames, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
+    name = label or "A frame"
+    assert said(found, "SITE_OR_TIME") == [
+        f"{name} would be {-deepest:.0f}° below the horizon. Check the site, the time and the time zone."
+    ]
+    assert said(found, "LOW") == []
+    low = Mount(40.0, rho_deg=70.0, hour_deg=70.0)
+    frames = [replace(a, label=a.label and label) for a in low.see([20, 10, 0])]
+    altitudes = [np.degrees(np.arcsin(low.attitude(turn)[2, 2])) for turn in (20, 10, 0)]
+    assert np.argmin(altitudes) in (0, 2)
+    frames[int(np.argmin(altitudes))] = replace(frames[int(np.argmin(altitudes))], label=label)
+    assert said(measure_local(frames, MeasureSettings(low.site, Pole.TRUE, VACUUM)), "LOW") == [
+        f"{name} is only {min(altitudes):.0f}° above the horizon, where refraction is large and hard to predict."
+        " Stay above 15°."
+    ]
+
+
+def test_a_movement_and_its_cure_are_told():
+    mount = Mount(40.0, 600.0, 400.0)
+    found = measured(mount, [0, 20, 40, 60], after=(2, dec_moved(mount, 60.0)))
+    assert said(found, "DEC_MOVED") == [
+        f"Declination moved by {abs(found.movement.angle_arcsec) / 60.0:.1f}′ between frame 2 and frame 3."
+        " Lock it and start again."
+    ]
+    turned = measured(mount, [0, 20, 40, 60], after=(3, Rotation.from_euler("z", 2.0, degrees=True).as_matrix()))
+    assert said(turned, "CAMERA_TURNED") == [
+        "The camera rotated in its holder by 2.00° between frame 3 and frame 4. Tighten it and start again."
+    ]
+
+
+def test_how_little_was_turned_and_how_much_is_not_known_are_told():
+    quiet = Mount(sigma=0.2, sigma_roll=1.0)
+    alike, small = measured(quiet, [0, 1.5]), measured(quiet, [0, 10])
+    assert said(alike, "ALIKE")[0].startswith("RA rotated by only 1.5°, so the uncertainty is ")
+    assert said(alike, "ALIKE")[0].endswith("at best. Rotate by at least 30°.")
+    sigma = small.results[0].error.uncertainty_arcsec
+    assert said(small, "SMALL_TURN") == [f"RA rotated by only 10°, so the uncertainty is {sigma:.0f}″. Rotate further."]
+    steady = measured(Mount(40.0, 600.0, 400.0), [0, 20, 40, 60])
+    assert said(steady, "FLEXURE_NOT_MEASURED") == [
+        f"Flexure not measured (±{steady.error.flexure_total_arcsec:.0f}″ assumed). Sweep again at another"
+        " declination to measure it."
+    ]
+    assert said(measured(Mount(40.0, 11.0 * 3600.0, 0.0), [0, 30, 60]), "FAR") == [
+        "The axis is 11° from the pole. Check the site and the time, and that only RA turned."
+    ]
+
+
+def test_frames_that_scatter_tell_by_how_much():
+    mount = Mount(40.0, 600.0, 400.0)
+    for sigma, kind in ((5.0, "RESTLESS"), (60.0, "DISAGREE")):
+        shaken = replace(mount, sigma=sigma, sigma_roll=sigma).see([0, 15, 30, 45, 60, 75], np.random.default_rng(4))
+        claimed = [replace(a, covariance=a.covariance / (25.0 if kind == "RESTLESS" else 900.0)) for a in shaken]
+        found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
+        worst = np.abs(found.fit.residuals[:, :2]).max() / ARCSEC
+        (text,) = said(found, kind)
+        size = f"up to {worst:.0f}″" if worst < 99.5 else f"({worst / 60.0:.1f}′ apart)"
+        assert size in text or f"({worst:.0f}″ apart)" in text
+        assert bool(worst < 10.0) is (kind == "RESTLESS")
+
+
+@pytest.mark.parametrize(("droop", "word"), [(50.0, "sags"), (-50.0, "rises")])
+def test_a_tube_sags_or_rises_with_its_error(droop, word):
+    mount, other = Mount(40.0, 600.0, 400.0, rho_deg=20.0), Mount(40.0, 600.0, 400.0, rho_deg=80.0)
+    settings = MeasureSettings(mount.site, Pole.TRUE, VACUUM)
+    frames = [a for k, m in enumerate((mount, other)) for a in bent(m.see([0, 20, 40, 60], sweep=k), droop)]
+    found = measure_local(frames, settings)
+    assert said(found, "DROOP") == [
+        f"The tube {word} by {abs(found.droop.arcsec):.0f}″ ± {found.droop.sigma_arcsec:.0f}″ from zenith to horizon."
+        " The axis is corrected for it."
+    ]
+    assert abs(found.droop.arcsec) > 35.0

@@ -305,8 +305,10 @@ def test_an_unsure_bolt_goes_six_tenths_a_sure_one_nine_and_near_the_pole_all_th
     assert asked(5000.0, False) == pytest.approx(-1.5)
     assert asked(5000.0, True) == pytest.approx(-2.25)
     near = 3.0 * 15.0 / np.sqrt(2.0)  # three tolerances
-    assert asked(0.98 * near, True) == pytest.approx(sayable(-0.98 * near / 2000.0))
-    assert asked(1.02 * near, True) == pytest.approx(sayable(-0.9 * 1.02 * near / 2000.0))
+    usual = {"arcsec_a_turn": near / 0.52, "sure": True, "direction": -1}
+    for off, turns in ((0.98 * near, -0.5), (1.02 * near, -0.375)):  # 0.51 turns, and 0.9 of 0.53
+        tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
+        assert tutor.advise(error_at(off, 0.0, sigma=0.1)).turns == turns
     assert asked(40000.0, True) == -6.0  # then measure again
 
 
@@ -324,14 +326,82 @@ def test_the_tolerance_is_a_share_of_the_goal_or_one_sigma():
     assert tutor.tolerance_arcsec(unsure, Knob.AZIMUTH) == pytest.approx(70.0)
 
 
-def test_a_coarse_thread_is_left_where_a_hand_cannot_do_better():
-    """Two degrees of 9000 arcsec a turn are 50: 0.7 of them stay, yet no more than 1.7 tolerances."""
+TOLERANCE = 40.0  # one sigma, where that is more than the goal's share
 
-    def step(arcsec_a_turn, off_arcsec):
-        usual = {"arcsec_a_turn": arcsec_a_turn, "sure": True, "direction": 1}
-        tutor = BoltTutor(goal_arcsec=15.0, bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
-        return tutor.advise(error_at(-off_arcsec, 60.0, sigma=0.1)).knob
 
-    for coarse, limit in ((3600.0, 14.0), (9000.0, 1.7 * 15.0 / np.sqrt(2.0))):
-        assert step(coarse, 0.97 * limit) is Knob.AZIMUTH
-        assert step(coarse, 60.0) is not None
+def knob_off(knob, on_sky_arcsec, sigma=TOLERANCE):
+    """An error of one knob alone, and the knob's arcseconds for one on the sky."""
+    share = 1.0 if knob is Knob.ALTITUDE else np.cos(alt_az(pole_direction(Site(45.0, 0.0)))[0])
+    off = (on_sky_arcsec, 0.0) if knob is Knob.ALTITUDE else (0.0, on_sky_arcsec / share)
+    return error_at(*off, sigma=sigma), share
+
+
+@pytest.mark.parametrize("knob", list(Knob))
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("hand_arcsec", "direction", "limit"),
+    [
+        (1.0, 0, 40.0),
+        (1.0, 1, 40.0),  # it goes on
+        (1.0, -1, 64.0),  # it would have to come back: 1.6 tolerances
+        (50.0, 0, 40.0),
+        (50.0, 1, 50.0),
+        (50.0, -1, 64.0),
+        (200.0, 1, 68.0),  # 1.7 tolerances, however coarse
+        (200.0, -1, 68.0),
+    ],
+)
+def test_a_bolt_is_left_within_its_tolerance_or_where_a_hand_can_do_no_better(
+    knob, sense, hand_arcsec, direction, limit
+):
+    """A hand turns by two degrees at least, and 0.7 of what they move are left alone."""
+    _, share = knob_off(knob, 0.0)
+    a_turn = sense * hand_arcsec / share / (0.7 * 2.0 / 360.0)
+    own, other = (ALTITUDE_BOLT, AZIMUTH_BOLT) if knob is Knob.ALTITUDE else (AZIMUTH_BOLT, ALTITUDE_BOLT)
+    for off, told in ((0.97 * limit, None), (1.03 * limit, knob)):
+        bolt = replace(own, arcsec_a_turn=a_turn, sure=True, direction=int(sense) * direction)
+        tutor = BoltTutor(goal_arcsec=15.0, bolts=(bolt, other))
+        assert tutor.advise(knob_off(knob, -off)[0]).knob is told
+
+
+def test_a_bolt_that_was_told_to_come_back_is_on_its_way_until_it_is_seen_to_move():
+    """Inside 1.6 tolerances, but not inside one: it goes on through its backlash."""
+    bolt = replace(ALTITUDE_BOLT, arcsec_a_turn=2000.0, sure=True, direction=-1)
+    tutor = BoltTutor(goal_arcsec=15.0, bolts=(bolt, AZIMUTH_BOLT))
+    noise = (TOLERANCE, TOLERANCE)
+    assert tutor.advise(knob_off(Knob.ALTITUDE, -100.0)[0], noise_arcsec=noise).turns > 0.0
+    assert tutor.advise(knob_off(Knob.ALTITUDE, -50.0)[0], noise_arcsec=noise).turns > 0.0
+    assert tutor.moves == 1
+    assert tutor.advise(knob_off(Knob.ALTITUDE, -39.0)[0], noise_arcsec=noise).step is TutorStep.STOP
+
+
+def test_the_noise_of_the_azimuth_knob_is_longer_than_the_skys_where_its_error_is_none_too():
+    """A change of 400 of the knob, four sigmas of which are 480; 340 they would be of the altitude's."""
+    tutor = BoltTutor()
+    assert tutor.advise(error_at(10.0, 400.0), noise_arcsec=(60.0, 60.0)).knob is Knob.AZIMUTH
+    tutor.advise(error_at(10.0, 0.0), noise_arcsec=(60.0, 60.0))
+    assert tutor.bolts[Knob.AZIMUTH].arcsec_a_turn is None
+
+
+@pytest.mark.parametrize(
+    ("direction", "backlash_turns", "said"),
+    [(1, 0.1, True), (1, 2.0 / 360.0, True), (1, 1.9 / 360.0, False), (-1, 0.1, False), (0, 0.1, False)],
+)
+def test_backlash_is_named_when_the_bolt_comes_back_through_as_much_as_a_hand_can_turn(direction, backlash_turns, said):
+    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, backlash_turns, direction)
+    told = BoltTutor(bolts=(bolt, AZIMUTH_BOLT)).advise(error_at(4000.0, 0.0))
+    assert told.turns < 0.0
+    assert ("(backlash included)" in told.words) is said
+    assert told.words.endswith("anticlockwise (backlash included). 66.7′ to go." if said else "clockwise. 66.7′ to go.")
+
+
+@pytest.mark.parametrize(("goals", "told"), [(1.43, None), (1.47, Knob.ALTITUDE)])
+def test_another_move_is_not_worth_less_than_half_a_goal(goals, told):
+    """Nearly: up to 1.45 goals it is good as it is, unless the bolt is on its way."""
+    usual = {"arcsec_a_turn": 200.0, "sure": True, "direction": 1}
+    error = error_at(-15.0 * goals, 0.0, sigma=0.1)
+    assert BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT)).advise(error).knob is told
+    on_its_way = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
+    on_its_way.advise(error_at(-60.0, 0.0, sigma=0.1))
+    assert on_its_way.advise(error).knob is Knob.ALTITUDE
+    assert on_its_way.moves == 1

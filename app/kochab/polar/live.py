@@ -88,9 +88,8 @@ def _declination(before: Moment, now: Moment, turn_rad: float) -> float | None:
     angle = float(moved @ across)
     covariance = before.covariance + now.covariance
     covariance = covariance + CLOCK_SIGMA_RAD**2 * np.outer(before.axis, before.axis)
-    rest = moved - angle * across
     inverse = np.linalg.inv(covariance)
-    chi2 = rest @ inverse @ rest - (across @ inverse @ rest) ** 2 / (across @ inverse @ across)
+    chi2 = moved @ inverse @ moved - (across @ inverse @ moved) ** 2 / (across @ inverse @ across)
     return angle if chi2 <= BELIEVED and abs(angle) > LEAST_RAD else None
 
 
