@@ -207,3 +207,18 @@ def test_a_frame_contradicts_by_chance_once_in_ten_thousand() -> None:
     from scipy.stats import chi2
 
     assert chi2.sf(filtering.GATE, 3) == pytest.approx(1e-4, rel=0.02)
+
+
+@pytest.mark.parametrize(("step_s", "counted_s"), [(0.0, 1e-3), (0.0005, 1e-3), (0.0015, 0.0015), (2.0, 2.0)])
+def test_a_manoeuvre_adds_a_jump_of_the_velocity_since_the_frame_before(step_s, counted_s) -> None:
+    """At least a millisecond ago, and of three times what the frame shows, or of a degree a second when that is more."""
+    state = replace(quiet_state(), step_s=step_s)
+    frame = seen_off(state, (0.0, 110.0, 0.0))
+    after = updated(state, frame)
+    assert after.contradicted
+    jump = max(3600.0, 3.0 * 110.0 / counted_s) * ARCSEC
+    added = jump**2 * np.kron([[counted_s**2, -counted_s], [-counted_s, 1.0]], np.eye(3))
+    seen = np.eye(6)[:3]  # of rotation and velocity a frame shows the first
+    told = np.linalg.inv(state.covariance + added) + seen.T @ np.linalg.inv(frame.covariance) @ seen
+    sigma = np.sqrt(np.diag(np.linalg.inv(told)))
+    np.testing.assert_allclose(np.sqrt(np.diag(after.covariance)), sigma, rtol=1e-5)

@@ -143,15 +143,15 @@ def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]
 def sane(camera: Camera) -> bool:
     """Whether the distortion keeps the frame in one piece.
 
-    Along each ray from the principal point to the frame's border the recorded radius must grow,
-    and no border point may be moved by more than two fifths of its radius.
+    Along each ray from the principal point to a corner the recorded radius must grow, and no point
+    of it may be moved by more than two fifths of its radius.
     """
     if not camera.distorted:
         return True
     w, h = camera.width - 1.0, camera.height - 1.0
-    border = np.array([[0, 0], [w / 2, 0], [w, 0], [w, h / 2], [w, h], [w / 2, h], [0, h], [0, h / 2]])
-    ray = (border - [camera.cx, camera.cy]) / camera.focal_px
-    ray = ray * np.linspace(0.05, 1.0, 12)[:, None, None]
+    corners = np.array([[0, 0], [w, 0], [w, h], [0, h]])
+    ray = (corners - [camera.cx, camera.cy]) / camera.focal_px
+    ray = ray * np.linspace(0.05, 1.0, 24)[:, None, None]
     u, v = ray[..., 0], ray[..., 1]
     r2 = u * u + v * v
     shift = r2 * (camera.k1 + camera.k2 * r2)
