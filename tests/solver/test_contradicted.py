@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from kochab.cli.main import main
@@ -11,7 +12,7 @@ from kochab.core.frame import Hint
 from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.frames.fits_write import write_fits
 from kochab.solver import SolveOptions
-from kochab.solver.pipeline import with_doubts
+from kochab.solver.pipeline import with_doubts, within_radius
 
 CAMERA = Camera.centred(1600, 1000, 7600.0)  # 27.1 arcsec/px, 12.0 deg wide
 SOLUTION = Solution(CAMERA, attitude_from(84.0, -2.0, 25.0), (), 0.3, -40.0, "x", warnings=("A.",))
@@ -62,8 +63,6 @@ def test_without_an_answer_nothing_is_contradicted() -> None:
 
 
 def test_the_command_line_tells_them(tmp_path, capsys) -> None:
-    import numpy as np
-
     from kochab.core.frame import Frame
     from kochab.simulate.star_images import FWHM_PER_SIGMA
     from tests.solver.fields import photograph
@@ -96,3 +95,50 @@ def test_a_right_field_does_not_hide_a_wrong_scale() -> None:
     assert "about 0.995 arcsec/px, is wrong" in sentence
     near = Hint(centre_deg=(264.0, 2.0, 10.0))
     assert len(said(SolveOptions(fov_deg=12.0, hint=near))) == 1
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "passes"),
+    [(1.09, 2.0, True), (1.11, 2.0, False), (0.5, 1.0 / 1.09, True), (0.5, 1.0 / 1.11, False)],
+)
+def test_a_scale_may_be_a_tenth_off(low, high, passes) -> None:
+    assert (said(SolveOptions(hint=Hint(scale_arcsec_px=(SCALE * low, SCALE * high)))) == ()) is passes
+
+
+def test_what_is_wrong_with_a_scale_is_told_by_its_geometric_middle() -> None:
+    for low, high, factor in ((SCALE * 2.0, SCALE * 8.0, "4"), (SCALE / 8.0, SCALE / 2.0, "4")):
+        assert said(header=Hint(scale_arcsec_px=(low, high))) == (
+            f"The pixel scale in the header, about {(low * high) ** 0.5:.3g} arcsec/px, is wrong by a factor of"
+            f" {factor}: measured {SCALE:.4g} arcsec/px, a focal length of 7600 px.",
+        )
+
+
+@pytest.mark.parametrize("radius", [0.0, 3.0])
+@pytest.mark.parametrize(("beyond_deg", "passes"), [(-0.01, True), (0.01, False)])
+def test_a_place_may_be_half_the_diagonal_beyond_its_radius(radius, beyond_deg, passes) -> None:
+    """The frame still shows it there, or nearly."""
+    width, height = (2.0 * np.degrees(np.arctan(side / 2.0 / 7600.0)) for side in (1600, 1000))
+    away = radius + np.hypot(width, height) / 2.0 + beyond_deg
+    assert (said(SolveOptions(hint=Hint(centre_deg=(84.0, -2.0 + away, radius)))) == ()) is passes
+
+
+@pytest.mark.parametrize(("place", "away"), [((84.0, 8.0), 10.0), ((84.0, -12.0), 10.0), ((264.0, 2.0), 180.0)])
+def test_a_frame_outside_the_radius_is_no_solution_and_says_what_was_found(place, away) -> None:
+    inside = within_radius(SOLUTION, (*place, away + 1e-6))
+    assert inside is SOLUTION
+    refused = within_radius(SOLUTION, (*place, away - 0.01))
+    assert refused.reason is Reason.OUTSIDE_RADIUS
+    assert refused.measured == pytest.approx({"ra_deg": 84.0, "dec_deg": -2.0, "away_deg": away})
+    assert refused.advice == (
+        f"Solved with 0 stars at RA 84.0000, Dec -2.0000 deg, {away:.4g} deg from the search position;"
+        f" the search radius is {away - 0.01:g} deg."
+    )
+    assert refused.warnings == ("A.",)
+
+
+def test_no_bound_and_no_answer_are_passed_on() -> None:
+    none = NoSolution(Reason.TRAILED, "Wait.")
+    assert within_radius(none, (84.0, -2.0, 1.0)) is none
+    assert within_radius(SOLUTION, None) is SOLUTION
+    there = SOLUTION.ra_dec_deg
+    assert within_radius(SOLUTION, (*there, 0.0)) is SOLUTION  # the very place

@@ -255,3 +255,65 @@ def test_a_pixel_at_the_clipping_level_is_saturated() -> None:
     pixels[:, :400] = 40000
     frame = Frame(pixels, saturation=40000.0)
     assert measure_light(frame, binned(frame)).saturated_share == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(("width_deg", "near"), [(5.7, True), (5.8, False)])
+def test_at_a_known_place_the_catalogue_is_counted_in_a_circle_as_large_as_the_frame(width_deg, near) -> None:
+    """Of a frame three quarters as high as wide; beyond 25 square degrees the mean over the sky will do."""
+    from kochab.core.attitude import unit_vectors
+    from kochab.sky import open_catalogue
+
+    catalogue = open_catalogue()
+    scale = np.degrees(2.0 * np.tan(np.radians(width_deg / 2.0)) / W) * 3600.0
+    hint = Hint(scale_arcsec_px=(scale, scale), centre_deg=(300.0, 35.0, 1.0))
+    area = 0.75 * width_deg**2
+    assert (area < 25.0) is near
+    everything = catalogue.vectors(np.arange(len(catalogue)), 2000.0)
+    away = np.linalg.norm(everything - unit_vectors(300.0, 35.0), axis=1)
+    counted = np.sum(away < 2.0 * np.sin(np.radians(np.sqrt(area / np.pi)) / 2.0))
+    expected = doctor(stars(), hint).measured["stars_expected"]
+    assert expected == pytest.approx(counted if near else len(catalogue) * area / 41253.0, rel=5e-3)
+    assert counted > 1.5 * len(catalogue) * area / 41253.0
+
+
+@pytest.mark.parametrize("side", [np.s_[12], np.s_[28], np.s_[:, 32], np.s_[:, 48]])
+def test_the_light_of_a_star_is_what_stands_two_sigmas_above_its_stamps_rim(side) -> None:
+    """A rim that a neighbour crosses, on any side, hides the faint light: here its outer ring."""
+    y, x = np.mgrid[:60, :80]
+    radius = np.hypot(x - 40.0, y - 20.0)
+    pixels = np.full((60, 80), 100.0)
+    pixels[radius <= 4.0] = 700.0
+    pixels[radius <= 2.0] = 3000.0
+    pixels[side] += 1000.0  # a trail along the rim, eight pixels from the star
+    reach = 8
+    stamp = pixels[20 - reach : 21 + reach, 40 - reach : 41 + reach]
+    rim = np.concatenate([stamp[0], stamp[-1], stamp[:, 0], stamp[:, -1]])
+    light = np.maximum(stamp - np.median(rim) - 2.0 * np.std(rim), 0.0)
+    expected = 2.0 * np.sum(light * radius[12:29, 32:49]) / np.sum(light)
+    found = replace(Detections.from_list(np.array([[40.0, 20.0]]), 80, 60), fwhm_px=np.array([3.2]))
+    assert half_flux_diameter_px(Frame(pixels), found) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("fwhm_px", "reach"), [(np.nan, 4), (1.0, 4), (4.0, 10), (20.0, 30)])
+def test_a_stamp_reaches_two_and_a_half_widths_and_lies_whole_in_the_frame(fwhm_px, reach) -> None:
+    """From 4 to 30 px; a star nearer to the border says nothing."""
+    pixels = np.full((90, 90), 100.0)
+    for at, inside in ((reach, True), (reach - 1, False), (89 - reach, True), (90 - reach, False)):
+        for place in ((at, 45), (45, at)):
+            lit = pixels.copy()
+            lit[place[1], place[0]] = 5000.0
+            found = replace(Detections.from_list(np.array([place], float), 90, 90), fwhm_px=np.array([fwhm_px]))
+            assert bool(np.isfinite(half_flux_diameter_px(Frame(lit), found))) is inside
+
+
+def test_the_fifteen_brightest_stars_that_are_whole_tell_the_focus() -> None:
+    y, x = np.mgrid[:H, :W]
+    places = np.array([(60.0 + 100.0 * (k % 7), 60.0 + 100.0 * (k // 7)) for k in range(28)])
+    pixels = np.full((H, W), 100.0)
+    for k, (cx, cy) in enumerate(places):  # the eight that count least are small, then large ones
+        pixels[np.hypot(x - cx, y - cy) <= (2.0 if k < 8 else 6.0)] = 3000.0
+    found = replace(Detections.from_list(places, W, H), fwhm_px=np.full(28, 8.0))
+    small = half_flux_diameter_px(Frame(pixels), found)
+    assert small == pytest.approx(4.0 / 3.0 * 2.0, rel=0.15)  # eight of fifteen
+    one_less = replace(found, blended=np.arange(28) == 0)
+    assert half_flux_diameter_px(Frame(pixels), one_less) == pytest.approx(4.0 / 3.0 * 6.0, rel=0.05)

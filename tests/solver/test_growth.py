@@ -272,3 +272,19 @@ def test_the_errors_of_centroids_are_those_of_the_fit(fits) -> None:
     assert others
     for matches, given, *_ in others:
         np.testing.assert_array_equal(given, sigma[matches.detection])
+
+
+def test_no_more_than_half_the_sky_is_asked_for() -> None:
+    """A lens of a millimetre, and one whose axis is off the middle: corners are farther than a quarter turn."""
+    xy = scattered(60)
+    wide = Camera.centred(1600, 1000, 100.0)
+    catalogue = Places(xy, camera=wide)
+    chosen = np.arange(30)
+    matches = Matches(chosen, chosen, xy[:30], catalogue.places[:30])
+    extend(
+        Detections.from_list(xy, 1600, 1000), Identification(matches, wide, ATTITUDE, -12.0, "known"), catalogue, 2024.0
+    )
+    assert catalogue.asked[0][1] == pytest.approx(np.pi / 2.0)
+    detections, matches, fit, catalogue = stretched(0.05)
+    stretch(detections, matches, replace(fit, camera=replace(wide, cx=400.0)), catalogue, 2024.0)
+    assert catalogue.asked[0][1] == pytest.approx(np.pi / 2.0)

@@ -208,3 +208,22 @@ def test_a_profile_whose_terms_stand_in_another_order_is_not_taken_for_this_one(
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(KochabError, match="not a camera profile"):
         load_profile("lens", 1280, 960, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("log_focal", "cx", "cy"), [(3e-4, 0.0, 0.0), (0.0, 0.9, 0.0), (0.0, 0.0, -0.9), (0.0, 0.0, 0.0)]
+)
+def test_a_profile_that_is_sure_forgives_what_temperature_does(log_focal, cx, cy) -> None:
+    """A ten-thousandth of the focal length and three tenths of a pixel of the centre, one sigma, beside the stars' errors."""
+    from scipy.stats import chi2
+
+    sure = replace(new_profile("lens", TRUTH), information=np.eye(7) * 1e16)
+    warm = replace(TRUTH, focal_px=3000.0 * np.exp(log_focal), cx=TRUTH.cx + cx, cy=TRUTH.cy + cy)
+    told = evidence(sure, *seen(warm, np.random.default_rng(3), 400, 0.05), 0.05)
+    spread = np.diag(np.square([1e-4, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0])) + np.eye(7) * 1e-16
+    covariance = told.information + told.information @ spread @ told.information
+    scale = np.sqrt(np.diag(covariance))
+    scaled = told.vector / scale
+    square = scaled @ np.linalg.solve(covariance / np.outer(scale, scale), scaled)
+    assert told.chance == pytest.approx(chi2.sf(square, 7), rel=1e-3)
+    assert told.chance > 1e-3

@@ -279,3 +279,23 @@ def test_a_common_offset_and_a_cone_take_numbers_from_the_sightings() -> None:
     assert found["cone error"].would_say(pair[0]) == pytest.approx((ra + 0.5, dec), abs=1e-4)
     assert (found["cone error"].freedom, found["cone error"].weight) == (1, 0.15)
     assert found["cone error"].spread_deg == found["not aligned"].spread_deg == 5.0 / 60.0
+
+
+@pytest.mark.parametrize("ra", [0.2, 95.0, 180.0, 359.8])
+@pytest.mark.parametrize("dec", [-60.0, 5.0])
+def test_whatever_is_wrong_a_mount_says_a_place_of_the_sky(ra, dec) -> None:
+    """A right ascension from 0 to 360 degrees, a declination between the poles."""
+    told = SiteReport(site=Site(44.0, 12.0), time_utc=TIME + timedelta(minutes=20))
+    seen = [
+        replace(sighting(ra_off, dec_off, (ra, dec), beliefs=told), pier_side=side)
+        for ra_off, dec_off, side in ((2.0, 1.0, PierSide.EAST), (-1.0, 0.5, PierSide.WEST))
+    ]
+    found = causes(seen)
+    assert {"summer time", "clock", "epoch", "site latitude", "pier side", "not aligned", "cone error"} <= {
+        c.name for c in found
+    }
+    for c in found:
+        for s in seen:
+            said_ra, said_dec = c.would_say(s)
+            assert 0.0 <= said_ra < 360.0, c.name
+            assert -90.0 <= said_dec <= 90.0, c.name

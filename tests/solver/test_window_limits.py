@@ -5,11 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kochab.attitude.filter import begin
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.identification.predictional_estimate import Estimate
-from kochab.solver.track_prediction import Expected
-from kochab.solver.track_windows import Tracked, TrackedStarImage, WindowSearchResult, WindowStars, look, match
+from kochab.identification.verification import least_likely
+from kochab.solver.track_prediction import Expected, Prediction
+from kochab.solver.track_windows import (
+    Tracked,
+    TrackedStarImage,
+    WindowSearch,
+    WindowSearchResult,
+    WindowStars,
+    look,
+    match,
+)
 
 from .test_track_look import GRID, IMAGE, NOISE, SIGMA, frame, sky
 
@@ -192,3 +202,63 @@ def test_a_star_image_of_the_frame_is_sharp_when_only_so_its_stars_are_found() -
     assert not TrackedStarImage.of(detections, frame(pixels), whole[:4]).sharp  # too few to tell
     assert not TrackedStarImage.of(detections, frame(sky(GRID, [300.0] * len(GRID))), GRID).sharp
     assert not TrackedStarImage.of(detections, frame(sky(GRID[:0], [])), GRID).sharp  # nothing there
+
+
+@pytest.mark.parametrize(("off_px", "agrees"), [(2.9, True), (3.1, False)])
+def test_a_find_three_pixels_off_is_another_star_however_unsure_it_is(off_px, agrees) -> None:
+    places, vectors = field(40)
+    seen = seen_at(places.copy())
+    seen.xy[7, 0] += off_px
+    seen.sigma_px[7] = 2.0
+    answer = match(CAMERA, np.eye(3), vectors, places, seen, 16, 2.0)
+    assert (7 in answer.estimate.seen) is agrees
+    assert len(answer.estimate.seen) == 39 + agrees
+
+
+def test_the_bound_is_that_of_the_distances_in_windows_of_a_side() -> None:
+    places, vectors = field(12)
+    seen = seen_at(places + 0.7 * around(12), 0.7)
+    found = match(CAMERA, np.eye(3), vectors, places, seen, 16, looks=2)
+    left = seen.xy - CAMERA.project(vectors @ found.estimate.attitude.matrix.T)
+    distance2 = np.sum(left**2, axis=1)
+    assert np.median(distance2) > 0.3
+    expected, _ = least_likely(distance2, 12, 1, 33.0**2, 16.0, candidates=2, free=3)
+    assert found.log10_false_alarm == pytest.approx(expected, rel=1e-6)
+
+
+def test_windows_with_nothing_in_them_are_no_finds() -> None:
+    seen = look(frame(sky([], [])), np.zeros((0, 2)), 9, IMAGE)
+    assert (seen.xy.shape, seen.sigma_px.shape, seen.snr.shape) == ((0, 2), (0,), (0,))
+    assert (seen.found.shape, seen.found.dtype) == ((0,), np.bool_)
+    assert seen.moments.shape == (3,)
+    assert np.isnan(seen.moments).all()
+
+
+def test_the_twelve_brightest_finds_tell_the_image() -> None:
+    """They are smeared, the others are not: whoever counts the others sees nothing new."""
+    peaks = np.where(np.arange(len(GRID)) % 3 == 0, 3000.0, 500.0)
+    wide = np.arange(len(GRID)) % 3 == 0
+    assert wide.sum() == 12
+    pixels = sky(GRID[wide], peaks[wide], sigma=(2.6, 2.6)) + sky(GRID[~wide], peaks[~wide], noise=0.0) - 400.0
+    plain, adapted = (look(frame(pixels), GRID, 12, IMAGE, adapt=adapt) for adapt in (False, True))
+    assert not np.allclose(plain.snr, adapted.snr)
+
+
+class Asked:
+    """A sky without stars that keeps what it is asked for."""
+
+    def __init__(self):
+        self.calls = []
+
+    def expected(self, *asked):
+        self.calls.append(asked)
+        return Expected(np.zeros(0, np.int64), np.zeros((0, 2)))
+
+
+def test_stars_are_looked_for_from_four_pixels_inside_the_frame_on_and_five_at_least() -> None:
+    asked = Asked()
+    search = WindowSearch(frame(sky([], [])), CAMERA, TrackedStarImage(), 40)
+    ahead = replace(begin(Attitude(np.eye(3), np.eye(3)), 0.0), step_s=0.1)
+    assert search.at(Prediction(ahead, 12, 3.0), asked) is None
+    assert [(camera, count, inset) for camera, _, count, inset in asked.calls] == [(CAMERA, 40, 4.0)] * 2
+    assert search.looks == 0

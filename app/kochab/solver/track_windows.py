@@ -171,6 +171,7 @@ FEWEST = 4
 LEAST_SHARE = 0.5  # of the finds that must agree
 ROUNDS = 4
 CLIP_SIGMA = 3.7
+FARTHEST_PX = 3.0  # of a find that agrees, however unsure
 WORST_PX = 1.2  # RMS of the residuals; a lens that moved or a wrong match is worse
 
 
@@ -214,7 +215,7 @@ def match(
         scaled = length / seen.sigma_px[finds]
         core = np.isin(finds, kept)
         clip = CLIP_SIGMA * max(1.0, 1.05 * float(np.median(scaled[core])))
-        again = finds[(scaled <= clip) & (length <= max(3.0, 2.0 * WORST_PX))]
+        again = finds[(scaled <= clip) & (length <= FARTHEST_PX)]
         if np.array_equal(again, kept):
             break
         kept = again
