@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from kochab.attitude import small_rotation
-from kochab.attitude.filter import rotation_vector
+from kochab.attitude.filter import predicted, rotation_vector
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Hint
@@ -82,3 +82,8 @@ class Stream:
         own = update.solution.camera
         attitude = turn_between(own, self.camera) @ update.filtered.matrix
         return rotation_vector(self.matrix @ attitude.T) / ARCSEC
+
+
+def prediction(tracker, time_utc):
+    """Where a tracker believes its camera to point at a moment, with its growing covariance; None when lost."""
+    return None if tracker.state is None else predicted(tracker.state, time_utc.timestamp()).attitude

@@ -23,7 +23,7 @@ from kochab.solver.track_prediction import Expected
 from kochab.solver.track_windows import Tracked, WindowSearchResult, WindowStars
 from kochab.solver.tracker import Tracker, filter_after_blind_solve, tracked_solution
 
-from .stream import START
+from .stream import START, prediction
 
 CAMERA = Camera.centred(640, 480, 3000.0)
 FIRST = attitude_from(84.0, -2.0, 25.0)
@@ -109,7 +109,7 @@ def test_a_pointing_holds_for_a_quarter_of_an_hour_and_a_second_back(blind, seco
     blind(solved(), refused())
     at(tracker, 0.0)
     at(tracker, seconds)
-    assert (tracker.prediction(START) is not None) is kept
+    assert (prediction(tracker, START) is not None) is kept
     assert (tracker.camera is not None) is kept
 
 

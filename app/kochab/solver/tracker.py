@@ -177,10 +177,6 @@ class Tracker:
                 return self._tracked(frame, moment, result, 1e3 * (perf_counter() - clock))
         return (yield from self._lost(frame, moment))
 
-    def prediction(self, time_utc: datetime) -> Attitude | None:
-        """Where the camera is believed to point at a moment, with its growing covariance."""
-        return None if self.state is None else predicted(self.state, time_utc.timestamp()).attitude
-
     def _fits(self, frame: Frame, now_s: float) -> bool:
         """Whether what is known can be of use for this frame."""
         if self.state is None or self.camera is None:
