@@ -101,7 +101,7 @@ def test_azimuth_runs_from_north_over_east():
 
 def test_a_time_told_moves_the_controllers_clock_and_nothing_else():
     telescope = BenchTelescope(now=lambda: 1_767_268_800.0)
-    settings = LocalSettings.of(telescope)
+    settings = LocalSettings(telescope)
     sidereal = telescope.sidereal_deg()
     settings.utc_offset_h = 1.0
     settings.set_local(hour=14)

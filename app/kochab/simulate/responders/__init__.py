@@ -8,7 +8,6 @@ first axis and with declination on the second.
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pkgutil import resolve_name
 from typing import Any, ClassVar
@@ -92,23 +91,16 @@ def open_responder(name: str, telescope: EquatorialMount) -> Controller:
     return responder
 
 
-@dataclass(slots=True)
 class LocalSettings:
-    """Site and clock as set on the controller; east longitudes and zones east are positive.
+    """Site and clock as set on the controller, at first right and in universal time.
 
-    Telling it another time moves only what it reports, by ``clock_error``.
+    East longitudes and zones east are positive. Telling it another time moves only what it reports, by ``clock_error``.
     """
 
-    telescope: EquatorialMount
-    latitude_deg: float
-    longitude_deg: float
-    utc_offset_h: float = 0.0
-    clock_error: timedelta = timedelta()
-
-    @classmethod
-    def of(cls, telescope: EquatorialMount) -> "LocalSettings":
-        """Set right, in universal time."""
-        return cls(telescope, telescope.latitude_deg, telescope.longitude_deg)
+    def __init__(self, telescope: EquatorialMount) -> None:
+        self.telescope = telescope
+        self.latitude_deg, self.longitude_deg = telescope.latitude_deg, telescope.longitude_deg
+        self.utc_offset_h, self.clock_error = 0.0, timedelta()
 
     def utc(self) -> datetime:
         """Its idea of universal time."""

@@ -34,7 +34,7 @@ class IoptronResponder(Controller):
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
-        self.settings = LocalSettings.of(telescope)
+        self.settings = LocalSettings(telescope)
         self.rate = 5
         self.target_deg = [0.0, 0.0]
         self.words = {

@@ -80,7 +80,7 @@ class Lx200Responder(Controller):
         super().__init__(telescope)
         self.rate_deg_s = self.rates_deg_s[b"S"]
         self.target_deg = [0.0, 0.0]
-        self.settings = settings = LocalSettings.of(telescope)
+        self.settings = settings = LocalSettings(telescope)
         self.words = {
             b"\x06": self.alignment,
             b"GR": lambda: self.written_ra(telescope.believed_deg()[0]),

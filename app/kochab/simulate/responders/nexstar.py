@@ -68,7 +68,7 @@ class NexStarResponder(Controller):
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
-        self.settings = LocalSettings.of(telescope)
+        self.settings = LocalSettings(telescope)
         self.words = {
             b"K(.)": lambda text: text + b"#",
             b"V": lambda: bytes(self.version) + b"#",
