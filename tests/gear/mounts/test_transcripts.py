@@ -14,6 +14,7 @@ from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from tests.gear.mounts.scripted import CLASSIC_START, transcript
 
 TARGET = (82.5, -12.25)
+READ_BACK = [(b":Gr#", b"05:30:00#"), (b":Gd#", b"-12*15:00#")]
 
 
 def test_lx200_classic_toggles_precision_once_and_reads_back() -> None:
@@ -42,7 +43,7 @@ def test_lx200_classic_state_reads_33_bytes_of_bars_and_the_alignment() -> None:
 def test_lx200_goto_and_sync() -> None:
     target = [(b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1")]
     sync = (b":CM#", b"Coordinates     matched.        #")
-    with transcript(Lx200, [*CLASSIC_START, *target, (b":MS#", b"0"), *target, sync]) as m:
+    with transcript(Lx200, [*CLASSIC_START, *target, *READ_BACK, (b":MS#", b"0"), *target, *READ_BACK, sync]) as m:
         m.goto(*TARGET)
         m.sync(*TARGET)
 
@@ -54,6 +55,7 @@ def test_lx200_that_wants_a_space_gets_it() -> None:
         (b":Sr 05:30:00#", b"1"),
         (b":Sd-12*15:00#", b"0"),
         (b":Sd -12*15:00#", b"1"),
+        *READ_BACK,
         (b":MS#", b"0"),
     ]
     with transcript(Lx200, script) as m:
@@ -65,7 +67,8 @@ def test_lx200_that_wants_a_space_gets_it() -> None:
 )
 def test_lx200_slew_is_refused_with_the_mounts_reason(reply, reason) -> None:
     target = [(b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1")]
-    with transcript(Lx200, [*CLASSIC_START, *target, (b":MS#", reply)]) as m, pytest.raises(RefusedError, match=reason):
+    script = [*CLASSIC_START, *target, *READ_BACK, (b":MS#", reply)]
+    with transcript(Lx200, script) as m, pytest.raises(RefusedError, match=reason):
         m.goto(*TARGET)
 
 

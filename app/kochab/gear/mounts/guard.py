@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
 from kochab.core.attitude import apart_deg, wrapped
-from kochab.core.errors import DeviceError, LineLostError, RefusedError
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing
 from kochab.core.progress import Task
@@ -187,10 +187,16 @@ class Guard:
 
     def _sync(self, ra_deg: float, dec_deg: float) -> None:
         self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump
-        self._send("sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg)
+        silent: NoAnswerError | None = None
+        try:
+            self._send("sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg)
+        except NoAnswerError as error:  # an old Autostar answers with the next command: its position tells
+            silent = error
         here = self.position()
         away = 3600.0 * apart_deg((here.ra_deg, here.dec_deg), (ra_deg, dec_deg))
         if away > self.limits.read_back_arcsec:
+            if silent is not None:
+                raise silent
             sentence = f"The mount ignored the sync, still off by {away / 60.0:.1f}′. Slew by the offset instead."
             self.log.add("sync", "failed", sentence)
             raise RefusedError(sentence)

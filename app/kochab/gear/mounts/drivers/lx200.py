@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, MountState, Pointing, SiteReport
@@ -9,9 +10,11 @@ from kochab.gear.mounts.coordinates import utc_of
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import lx200 as protocol
 from kochab.gear.mounts.protocols import parse_accepted
-from kochab.gear.mounts.serial_line import Command, SerialLink, until
+from kochab.gear.mounts.serial_line import Command, ProtocolError, SerialLink, until
 
 PRODUCT_S = 1.0  # a classic does not know the question and stays silent
+BOOT_TRIES = 10  # opening the port resets an OnStep on an ESP32, which then is silent for about 8 s
+SAME_DEG = 0.1  # a target in low precision is rounded to 0.025 deg
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,8 @@ class Lx200(SerialMount):
         """Find the dialect, and ask for the longer form of coordinates."""
         self.product = self.ask_product()
         self.dialect = self.find_dialect()
+        self.reads_back = self.dialect in (CLASSIC, CLONE)  # its target; the others take it without a space
+        self.tells_alignment = self.dialect is CLASSIC or bool(self.dialect.status)
         self.refine()
         if not self.dialect.pulse:
             self._lacks[Ability.PULSE] = "The classic LX200 has no guide pulse."
@@ -92,12 +97,22 @@ class Lx200(SerialMount):
     def state(self) -> MountState:
         """Slewing from the distance bars, the rest where the dialect reports it."""
         slewing = self.query(protocol.BARS, protocol.parse_slewing)
-        aligned = tracking = None
-        if self.dialect is CLASSIC:
-            aligned = self.query(protocol.ALIGNMENT, protocol.parse_alignment, 1) != "L"
-        elif self.dialect.status:
-            tracking, aligned = self.query(self.dialect.status, protocol.parse_scope_status)
+        tracking, aligned = self.read_alignment() if self.tells_alignment else (None, None)
         return MountState(slewing=slewing, aligned=aligned, tracking=tracking)
+
+    def read_alignment(self) -> tuple[bool | None, bool | None]:
+        """Tracking and aligned; a mount that does not know the question is asked once (LX200GPS 4.0g, Gemini)."""
+        ask, parse = self.talk.query, protocol.parse_scope_status
+        try:
+            if self.dialect.status:
+                return ask(self.dialect.status, self.reply(), parse, again=NoAnswerError)
+            letter = ask(protocol.ALIGNMENT, self.reply(1), protocol.parse_alignment, again=NoAnswerError)
+            return None, letter != "L"
+        except ProtocolError:
+            raise
+        except NoAnswerError:
+            self.tells_alignment = False
+            return None, None
 
     def site_report(self) -> SiteReport:
         """Site, zone and clock."""
@@ -127,15 +142,36 @@ class Lx200(SerialMount):
             raise RefusedError(f"The mount refuses to go there: {reason.rstrip('.')}.")
 
     def set_target(self, ra_deg: float, dec_deg: float) -> None:
-        """``:Sr`` and ``:Sd``; some mounts want a space after them."""
+        """``:Sr`` and ``:Sd``; some mounts want a space after them, and the FS2 takes another target without."""
+        self.send_target(ra_deg, dec_deg, (False, True))
+        if not self.holds_target(ra_deg, dec_deg):
+            self.send_target(ra_deg, dec_deg, (True,))
+            if not self.holds_target(ra_deg, dec_deg):
+                raise RefusedError("The mount takes another target than it is sent.")
+
+    def send_target(self, ra_deg: float, dec_deg: float, spaces: tuple[bool, ...]) -> None:
+        """Both coordinates, in the first form that it accepts."""
         for setter, value in ((protocol.set_ra, ra_deg), (protocol.set_dec, dec_deg)):
-            if not any(self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in (False, True)):
+            if not any(self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in spaces):
                 raise RefusedError("The mount does not accept these coordinates.")
+
+    def holds_target(self, ra_deg: float, dec_deg: float) -> bool:
+        """Whether it reads back the target, as far as it answers that."""
+        if not self.reads_back:
+            return True
+        try:
+            ra = self.query(protocol.GET_TARGET_RA, protocol.parse_ra)
+            return (
+                apart_deg((ra, self.query(protocol.GET_TARGET_DEC, protocol.parse_dec)), (ra_deg, dec_deg)) < SAME_DEG
+            )
+        except NoAnswerError:
+            self.reads_back = False
+            return True
 
     def read_slew(self, link: SerialLink) -> bytes:
         """``0``, or a digit with a text that some leave out."""
         first = link.read_exact(1, self.timeout_s)
-        if first == b"0" or not first.isdigit():
+        if first not in b"123456789e":
             return first
         try:
             return first + link.read_until(b"#", 64, 0.5)
@@ -178,6 +214,10 @@ class OnStep(Lx200):
     bauds = (9600, 115200)
     rates_deg_s = (SIDEREAL_DEG_S, 8 * SIDEREAL_DEG_S, 20 * SIDEREAL_DEG_S, 48 * SIDEREAL_DEG_S)
     rate_commands = (b":RG#", b":RC#", b":RM#", b":R7#")
+
+    def ask_product(self) -> str:
+        """The product's name, also of a board that has just been reset."""
+        return next(filter(None, (super(OnStep, self).ask_product() for _ in range(BOOT_TRIES))), "")
 
     def find_dialect(self) -> Dialect:
         """It names itself ``On-Step`` or ``OnStepX``."""

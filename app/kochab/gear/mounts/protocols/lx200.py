@@ -11,17 +11,25 @@ from kochab.gear.mounts.protocols import code_table, match, require
 
 ALIGNMENT = b"\x06"
 GET_RA, GET_DEC, PRODUCT = b":GR#", b":GD#", b":GVP#"
+GET_TARGET_RA, GET_TARGET_DEC = b":Gr#", b":Gd#"
 SLEW, SYNC, BARS, STATUS = b":MS#", b":CM#", b":D#", b":GU#"
 STOP, TOGGLE_PRECISION = b":Q#", b":U#"
 
 _RA = rb"\s*(\d{1,2}):(\d{2})(?:\.(\d)|:(\d{2})(?:[.,](\d{1,4}))?)#"
 _ANGLE = rb"\s*([+-]?)(\d{1,3})[*:'\xdf\xb0](\d{2})(?:[:'](\d{2})(?:[.,](\d{1,3}))?'?)?#"
 REFUSALS = code_table(
-    "1 below the horizon, 2 above the overhead limit, 3 the mount is in standby, 4 the mount is parked, "
-    "5 a goto is under way, 6 outside the mount's limits, 7 a fault of the hardware, 8 already in motion, "
-    "9 unspecified"
+    "1 below the horizon, 2 above the overhead limit, 3 the mount is in standby, "
+    "4 the mount is parked or the target out of its reach, 5 a goto is under way or the mount is not aligned, "
+    "6 outside the mount's limits or its site is not set, 7 a fault of the hardware, 8 already in motion, 9 unspecified"
 )
-"""OnStepX's codes, ``En`` after a sync; the first two are Meade's as well."""
+"""OnStepX's codes, ``En`` after a sync, and OnStep's where they differ; the first two are Meade's as well."""
+ZWO_REFUSALS = code_table(
+    "1 out of range, 2 a wrong format, 3 a goto or homing is under way, 4 already in motion, 5 below the horizon, "
+    "6 below the altitude limit, 7 its time or site is not set, 8 past the meridian, 9 across the meridian, "
+    "10 the altitude is inverted, 11 so near the pole, 12 too far from where it points, 13 above the altitude limit"
+)
+"""``en`` of the AM3, AM5 and AM7, after a slew, a sync or a setting."""
+NOT_TAKEN = ("match fail", "no object")  # 10micron, Gemini
 
 
 def set_ra(ra_deg: float, space: bool = False) -> bytes:
@@ -94,6 +102,8 @@ def parse_slew(reply: bytes) -> str:
     """Empty when ``:MS#`` was accepted, else why not: ``1text#``, ``2text#`` or a digit."""
     if reply in (b"0", b"0#"):
         return ""
+    if reply[:1] == b"e":
+        return parse_zwo(reply)
     found = match(rb"([1-9])([ -~]*?)#?", reply, "answer to a slew")
     return found[2].decode("ascii").strip() or REFUSALS.get(int(found[1]), f"code {int(found[1])}")
 
@@ -101,9 +111,17 @@ def parse_slew(reply: bytes) -> str:
 def parse_sync(reply: bytes) -> str:
     """Empty when ``:CM#`` was accepted, else why not."""
     text = parse_text(reply)
-    if text.lower().startswith("match fail"):  # 10micron
+    if text.lower().startswith(NOT_TAKEN):
         return text.partition(":")[2].strip() or text
+    if re.fullmatch("e[0-9]+", text):
+        return parse_zwo(reply)
     return REFUSALS[int(text[1])] if re.fullmatch("E[1-9]", text) else ""
+
+
+def parse_zwo(reply: bytes) -> str:
+    """Why a mount by ZWO refused, ``e7#``."""
+    code = int(match(rb"e(\d{1,2})#", reply, "refusal")[1])
+    return ZWO_REFUSALS.get(code, f"code {code}")
 
 
 def parse_flags(reply: bytes) -> MountState:
