@@ -166,13 +166,14 @@ def test_a_comparison_stops_between_two_and_keeps_what_there_was(qtbot, lab, mon
     view.methods.choose(ComparedPart.DETECTOR)
     field_setup(view, "auto", "contours")
     view.setup.numbers["size_px"].setValue(400)
-    asked = threading.Event()
-    monkeypatch.setattr(view.table, "add", lambda trial: (asked.set(), view._stop()))
+    begun, asked = threading.Event(), threading.Event()
+    monkeypatch.setattr(view.table, "add", lambda trial: (begun.wait(30), view._stop(), asked.set()))
     gate = comparison.DETECTORS.make
     waits = iter((False, True))
 
     def slow(name):
         if next(waits):
+            begun.set()
             assert asked.wait(30)
         return gate(name)
 
