@@ -7,6 +7,7 @@ import time
 import pytest
 
 from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.gear.mounts import serial_line
 from kochab.gear.mounts.protocols.nexstar import parse_done
 from kochab.gear.mounts.serial_line import Conversation, ProtocolError, exactly, until
 from tests.gear.mounts.scripted import ScriptedLink
@@ -143,3 +144,28 @@ def test_a_stalled_journal_holds_up_no_byte_of_a_stop() -> None:
         log.removeHandler(disk)
         log.setLevel(level)
     assert link.written == [b":L1", b":L2", b":j1"]
+
+
+class Listening(ScriptedLink):
+    """Notes how long it was listened to before each exchange."""
+
+    def __init__(self, script):
+        super().__init__(script)
+        self.quiet_s = []
+
+    def discard(self, quiet_s=0.0):
+        self.quiet_s.append(quiet_s)
+        self.buffer.clear()
+        return b""
+
+
+@pytest.mark.parametrize("bad", [b"?", b""])
+def test_after_a_bad_answer_two_exchanges_begin_with_a_silent_line(bad) -> None:
+    """An answer that is late must not be taken for the next."""
+    link = Listening([(b"s", bad), *[(b"L", b"#")] * 4])
+    talk = Conversation(link)
+    with pytest.raises(NoAnswerError):
+        talk.ask(b"s", exactly(1, 1.0), parse_done)
+    for _ in range(4):
+        talk.ask(b"L", exactly(1, 1.0), parse_done)
+    assert link.quiet_s == [0.0, serial_line.QUIET_S, serial_line.QUIET_S, 0.0, 0.0]

@@ -265,6 +265,17 @@ def slewing_to(target, *reports):
     return guard, mount, slew, left
 
 
+def test_the_way_left_is_told_as_a_share_of_the_first_report(monkeypatch) -> None:
+    """A detour is no less than nothing done."""
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    target = (-40.0, 50.0)
+    decs = (42.0, 46.0, 41.5, 49.0, 50.0)
+    _, _, slew, _ = slewing_to(target, *((True, -40.0, dec) for dec in decs), (False, *target))
+    told = list(slew)
+    assert [one.fraction for one in told] == pytest.approx([0.0, 0.5, 0.0, 0.875, 1.0], abs=1e-3)
+    assert [one.detail for one in told] == [f"{50.0 - dec:.1f} deg to go" for dec in decs]
+
+
 def test_a_mount_that_stands_elsewhere_has_not_arrived(monkeypatch) -> None:
     monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
     _, mount, slew, _ = slewing_to((-45.0, 42.0), (False, -42.0, 41.0))

@@ -6,11 +6,13 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.attitude import apart_deg, attitude_from, radec_deg
+from kochab.core.camera import Camera
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing
 from kochab.core.progress import run
+from kochab.core.solution import Solution
 from kochab.gear.mounts.coordinates import (
     altitude_deg,
     epoch_of,
@@ -383,3 +385,42 @@ def test_a_move_lasts_a_minute_and_a_quarter_circle_at_most(rate, seconds, refus
     else:
         guard.move(Direction.WEST, rate, seconds)
     assert bool(mount.did) is not bool(refusal)
+
+
+@pytest.mark.parametrize("latitude", [50.0, -35.0])
+def test_a_flip_that_is_allowed_may_go_over_the_pole_that_is_up(latitude) -> None:
+    """Three ways across the meridian of a mount that tells its pier side; else two."""
+    up = np.sign(latitude)
+    ends = (-20.0, up * 40.0), (20.0, up * 30.0)
+    site = Site(latitude, SITE.longitude_deg)
+
+    def ways(side=PierSide.WEST, ends=ends, site=site, **limits):
+        state = replace(READY, pier_side=side)
+        plan = policy(site=site, **limits).plan("goto", here(*ends[0]), state, at(*ends[1]))
+        return with_paths(plan).paths
+
+    *_, over = ways(allow_flip=True)
+    assert np.max(over[:, 2] * up) > np.cos(np.radians(1.0))
+    assert all(np.max(path[:, 2] * up) < np.cos(np.radians(20.0)) for path in ways(allow_flip=True)[:2])
+    assert apart_deg(radec_deg(over[0]), at(*ends[0])) < 0.01
+    assert apart_deg(radec_deg(over[-1]), at(*ends[1])) < 0.01
+    assert len(ways(allow_flip=True)) == 3
+    assert len(ways()) == 2
+    assert len(ways(side=None, allow_flip=True)) == 2
+    assert len(ways(ends=(ends[0], (-25.0, up * 30.0)), allow_flip=True)) == 2
+    assert len(ways(site=None, allow_flip=True)) == 2
+
+
+def test_a_way_of_nothing_has_its_two_ends() -> None:
+    for ra_turn, dec_turn, points in ((0.0, 0.0, 2), (0.9, 0.0, 2), (1.0, -0.5, 2), (1.1, 0.0, 3), (0.0, -10.0, 11)):
+        path = turned((30.0, 20.0), ra_turn, dec_turn)
+        assert len(path) == points
+        np.testing.assert_allclose(radec_deg(path[-1]), (30.0 + ra_turn, 20.0 + dec_turn))
+
+
+def test_the_evidence_of_a_sync_is_that_of_its_solutions() -> None:
+    camera = Camera.centred(1600, 1000, 7600.0)
+    one, two = (Solution(camera, attitude_from(84.0 + k, -2.0, 25.0), (), 0.3 + k, -40.0 - k, "x") for k in (0, 1))
+    found = SyncEvidence.of(one, two)
+    assert found.centres_deg == (pytest.approx((84.0, -2.0)), pytest.approx((85.0, -2.0)))
+    assert (found.rms_px, found.log10_false_alarm) == ((0.3, 1.3), (-40.0, -41.0))

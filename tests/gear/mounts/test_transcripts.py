@@ -7,6 +7,7 @@ import pytest
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, PierSide
+from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.drivers.ioptron import Ioptron
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
@@ -357,3 +358,131 @@ def test_skywatcher_never_repeats_a_lost_start_of_a_steady_motion() -> None:
 def test_skywatcher_without_a_site_says_so() -> None:
     with pytest.raises(DeviceError, match="give --site"), transcript(SkyWatcher, []):
         pass
+
+
+# -- Which way a motor turns: in both hemispheres, on both sides of the pier -------------------------
+
+
+def count(angle_deg):
+    """An encoder so far from its middle, low byte first."""
+    return (0x800000 + round(angle_deg / 360.0 * 9024000)).to_bytes(3, "little").hex().upper().encode()
+
+
+def period(ticks):
+    return ticks.to_bytes(3, "little").hex().upper().encode()
+
+
+def turning(axis, backwards, ticks):
+    return [
+        (b":G%d1%d\r" % (axis, backwards), b"=\r"),
+        (b":I%d%s\r" % (axis, period(ticks)), b"=\r"),
+        (b":J%d\r" % axis, b"=\r"),
+    ]
+
+
+@pytest.mark.parametrize(("latitude", "backwards"), [(50.0, False), (-35.0, True)])
+def test_skywatcher_follows_the_sky_backwards_in_the_south(latitude, backwards) -> None:
+    script = [*MOTORS_START, (b":f1\r", b"=001\r"), *turning(1, backwards, 620)]
+    with transcript(SkyWatcher, script, site=Site(latitude, 8.0), clock=noon) as m:
+        m.track(True)
+
+
+@pytest.mark.parametrize(
+    ("latitude", "direction", "backwards"),
+    [
+        (50.0, Direction.WEST, False),
+        (50.0, Direction.EAST, True),
+        (-35.0, Direction.WEST, True),
+        (-35.0, Direction.EAST, False),
+    ],
+)
+def test_skywatcher_moves_right_ascension_as_the_sky_goes_or_against_it(latitude, direction, backwards) -> None:
+    """At 64 times the sky's rate the period is 64 times shorter, 9.7 ticks."""
+    script = [*MOTORS_START, (b":f1\r", b"=001\r"), *turning(1, backwards, 10)]
+    with transcript(SkyWatcher, script, site=Site(latitude, 8.0), clock=noon) as m:
+        m.move(direction, 0.2674, 1.0)
+
+
+@pytest.mark.parametrize(("direction", "backwards", "ticks"), [(Direction.WEST, False, 69), (Direction.EAST, True, 89)])
+def test_skywatcher_moves_on_top_of_tracking(direction, backwards, ticks) -> None:
+    """Eight times the sky's rate and once more, or once less."""
+    running = [(b":f1\r", b"=111\r"), (b":K1\r", b"=\r"), (b":f1\r", b"=001\r")]
+    tracking = [*MOTORS_START, (b":f1\r", b"=001\r"), *turning(1, False, 620)]
+    with transcript(SkyWatcher, [*tracking, *running, *turning(1, backwards, ticks)], site=SITE, clock=noon) as m:
+        m.track(True)
+        m.move(direction, 0.0334, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("latitude", "second_deg", "direction", "backwards"),
+    [
+        (50.0, -30.0, Direction.NORTH, False),
+        (50.0, -30.0, Direction.SOUTH, True),
+        (50.0, 30.0, Direction.NORTH, True),
+        (50.0, 30.0, Direction.SOUTH, False),
+        (-35.0, -30.0, Direction.NORTH, True),
+        (-35.0, -30.0, Direction.SOUTH, False),
+        (-35.0, 30.0, Direction.NORTH, False),
+        (-35.0, 30.0, Direction.SOUTH, True),
+    ],
+)
+def test_skywatcher_moves_declination_the_other_way_on_the_other_side_of_the_pier(
+    latitude, second_deg, direction, backwards
+) -> None:
+    """Its axis is 0 at the pole, so that a turn towards 0 goes to the pole that is up."""
+    script = [
+        *MOTORS_START,
+        (b":j1\r", b"=000080\r"),
+        (b":j2\r", b"=%s\r" % count(second_deg)),
+        (b":f2\r", b"=001\r"),
+        *turning(2, backwards, 10),
+    ]
+    with transcript(SkyWatcher, script, site=Site(latitude, 8.0), clock=noon) as m:
+        m.move(direction, 0.2674, 1.0)
+
+
+@pytest.mark.parametrize(("direction", "ticks"), [(Direction.WEST, 413), (Direction.EAST, 1240)])
+@pytest.mark.parametrize("latitude", [50.0, -35.0])
+def test_skywatcher_guides_by_half_the_sky_s_rate_more_or_less(direction, ticks, latitude) -> None:
+    script = [*MOTORS_START, (b":f1\r", b"=111\r"), (b":I1%s\r" % period(ticks), b"=\r")]
+    with transcript(SkyWatcher, script, site=Site(latitude, 8.0), clock=noon) as m:
+        m.pulse(direction, 5000)
+
+
+def test_skywatcher_guides_only_while_it_tracks() -> None:
+    script = [*MOTORS_START, (b":f1\r", b"=001\r")]
+    with transcript(SkyWatcher, script, site=SITE, clock=noon) as m, pytest.raises(RefusedError, match="to track"):
+        m.pulse(Direction.WEST, 100)
+
+
+# -- What every make speaks ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "bauds", "blind_stop"),
+    [
+        ("lx200", (9600,), b"#:Q#"),
+        ("onstep", (9600, 115200), b"#:Q#"),
+        ("nexstar", (9600,), b"M"),
+        ("synscan", (9600,), b"MM"),
+        ("ioptron", (115200, 230400), b"#:Q#"),
+        ("skywatcher", (9600, 115200), b":L1\r:L2\r"),
+    ],
+)
+def test_a_make_s_line_rates_and_its_blind_stop(name, bauds, blind_stop) -> None:
+    driver = DRIVERS.load(name)
+    assert (driver.bauds, driver.blind_stop) == (bauds, blind_stop)
+    assert list(driver.rates_deg_s) == sorted(driver.rates_deg_s)
+    assert driver.name == name
+
+
+def test_a_synscan_s_model_is_its_maker_s_number() -> None:
+    """128 to 143 AZ GoTo mounts, 144 to 159 Dobsonians, 160 the AllView; the others in the order of their making."""
+    models = DRIVERS.load("synscan").models
+    assert [models[number] for number in (0, 1, 2, 3, 4, 9, 10)] == [
+        *("EQ6", "HEQ5", "EQ5", "EQ3", "EQ8", "EQ6-R", "Star Adventurer")
+    ]
+    assert [number for number, name in models.items() if name == "AZ GoTo"] == list(range(128, 144))
+    assert [number for number, name in models.items() if name == "Dobsonian"] == list(range(144, 160))
+    assert models[160] == "AllView"
+    assert max(models) == 160

@@ -344,9 +344,8 @@ def with_paths(plan: Plan) -> Plan:
     """The paths a slew may take; over the pole only when a flip is allowed and due."""
     start, target = plan.start_deg, plan.target_deg
     paths = [great_circle(start, target), by_axes(start, target)]
-    if plan.limits.allow_flip and plan.state.pier_side is not None and crosses(plan):
-        north = plan.site is None or plan.site.latitude_deg >= 0.0
-        paths.append(over_the_pole(start, target, north))
+    if plan.site is not None and plan.limits.allow_flip and plan.state.pier_side is not None and crosses(plan):
+        paths.append(over_the_pole(start, target, plan.site.latitude_deg >= 0.0))
     return replace(plan, paths=tuple(paths))
 
 
