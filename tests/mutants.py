@@ -391,7 +391,7 @@ def _mark(path: Path, modules: list[str]) -> str:
     """What changes with a test file, with what the tests share, and with the modules."""
     others = sorted(set(REPOSITORY.glob("tests/**/*.py")) - test_texts().keys() - {Path(__file__)})
     texts = [
-        path.as_posix(),
+        path.relative_to(REPOSITORY).as_posix(),
         path.read_text(encoding="utf-8"),
         *(other.read_text(encoding="utf-8") for other in others),
     ]
