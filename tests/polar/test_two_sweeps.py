@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kochab.core.mount import Direction
+from kochab.polar import plan
 from kochab.polar.error import PolarError
 from kochab.polar.flexure import CombinedSweeps, Droop, SweepResult, combine_sweeps, lever, rest_covariance
 from kochab.polar.horizon import Pole, Refraction
@@ -146,3 +147,25 @@ def test_a_path_is_good_from_twenty_degrees_up_and_to_five_past_the_meridian(low
 
 def test_a_camera_solves_to_two_arcseconds_and_its_roll_to_twenty_unless_told():
     np.testing.assert_allclose(np.sqrt(np.diag(Optics().covariance)) / ARCSEC, [2.0, 2.0, 20.0])
+
+
+@pytest.mark.parametrize(
+    ("latitude", "hour", "rho", "turns_back"),
+    [(40.0, -40.0, 40.0, False), (40.0, -70.0, 60.0, False), (40.0, 60.0, 40.0, True), (-35.0, 60.0, 40.0, True)],
+)
+def test_ra_is_turned_back_first_only_where_that_is_worth_a_twentieth(
+    latitude, hour, rho, turns_back, monkeypatch
+) -> None:
+    mount = Mount(latitude, 500.0, 300.0, rho_deg=rho, hour_deg=hour)
+    settings = MeasureSettings(mount.site, Pole.TRUE, Refraction(pressure_hpa=0.0))
+    found = measure_local(mount.see([0, 15, 30, 45, 60], np.random.default_rng(6)), settings)
+    chosen = plan_second(found, Optics(), 5)
+    assert chosen.back_deg == (pytest.approx(found.turn_deg) if turns_back else 0.0)
+    best = []
+    for costs in (1e-9, 1e9):
+        monkeypatch.setattr(plan, "BACK_COSTS", costs)
+        best.append(plan_second(found, Optics(), 5))
+    back, on = best
+    assert (back.back_deg > 0.0, on.back_deg) == (True, 0.0)
+    assert (1.05 * back.foreseen_arcsec < on.foreseen_arcsec) is turns_back
+    assert chosen.foreseen_arcsec == (back if turns_back else on).foreseen_arcsec
