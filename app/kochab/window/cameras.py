@@ -1,6 +1,6 @@
 """The cameras of a window, shared by its views, and the fields to choose one."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QSignalBlocker, Signal
@@ -136,11 +136,19 @@ class CameraBox(QWidget):
         self.exposure.editingFinished.connect(self._emit)
         self._arrange()
 
-    def follow(self, cameras: Cameras) -> None:
-        """Search through ``cameras``, and show what is found."""
+    def follow(self, cameras: Cameras, is_free: Callable[[], bool] = lambda: True) -> None:
+        """Search through ``cameras``, show what is found and, while ``is_free``, what another view has chosen."""
         self.look_wanted.connect(cameras.look)
         cameras.found.connect(self.show_found)
         cameras.missed.connect(self.show_missed)
+        self._is_free = is_free
+        cameras.chosen.connect(self._adopt)
+        if cameras.choice is not None:
+            self._adopt(*cameras.choice)
+
+    def _adopt(self, source: str, address: str) -> None:
+        if self._is_free() and not self._at_once:  # else its view takes the camera into use
+            self.show_selection(CameraSelection(source, address))
 
     @property
     def kind(self) -> str:

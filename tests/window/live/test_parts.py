@@ -293,7 +293,7 @@ def test_a_trail_stays_small_and_keeps_its_ends():
 
 
 def test_the_chart_knows_bright_stars_and_figures():
-    points = run(sky_points(open_catalogue()))
+    points = run(sky_points(open_catalogue))
     assert 300 < len(points.stars) < 1500
     assert len(points.strokes) > 500
     dubhe_merak = unit_vectors(np.array([165.93, 165.46]), np.array([61.75, 56.38]))

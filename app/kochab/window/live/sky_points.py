@@ -1,5 +1,6 @@
 """What the all-sky chart shows: bright stars, constellation figures, and the trail of the pointing."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,9 +28,10 @@ class SkyPoints:
     strokes: Floats
 
 
-def sky_points(catalogue: "Catalogue") -> Task[SkyPoints]:
+def sky_points(open_catalogue: Callable[[], "Catalogue"]) -> Task[SkyPoints]:
     """Read the chart's stars and figures; CatalogueError when the list of figures is damaged."""
     yield Progress("chart")
+    catalogue = open_catalogue()
     rows = catalogue.cone(np.array([0.0, 0.0, 1.0]), np.pi, FAINTEST)
     stars, mag = catalogue.vectors(rows), catalogue.mag(rows)
     yield Progress("chart")

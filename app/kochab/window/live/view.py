@@ -12,8 +12,6 @@ from PySide6.QtCore import QTimer, Signal
 from PySide6.QtGui import QShowEvent
 
 from kochab.core.capture import CaptureSettings
-from kochab.core.progress import Progress, Task
-from kochab.gear.session import CameraSelection
 from kochab.window.cameras import TITLES
 from kochab.window.job import Job
 from kochab.window.live import status_text
@@ -92,7 +90,7 @@ class LiveView(Page):
         self._restore()
         self._show_idle()
         self.camera.box.search()
-        chart = services.jobs.run(_chart_points(services), "sky-chart")
+        chart = services.jobs.run(sky_points(services.catalogue), "sky-chart")
         chart.succeeded.connect(self.pointing.chart.show_points)
         chart.failed.connect(services.say)
 
@@ -115,10 +113,8 @@ class LiveView(Page):
     def _connect(self) -> None:
         services, cameras = self._services, self._services.cameras
         self.camera.settings_wanted.connect(self._set_camera)
-        self.camera.box.follow(cameras)
         self.camera.box.chosen.connect(lambda chosen: cameras.choose(chosen.source, chosen.address))
         self.record.wanted.connect(self._set_recording)
-        cameras.chosen.connect(self._show_choice)
         cameras.gone.connect(self._show_gone)
         services.session.opening.connect(self._make_way)
         services.jobs.closing.connect(self._save)
@@ -188,11 +184,6 @@ class LiveView(Page):
     def _set_recording(self, folder: Path | None) -> None:
         if self.stream is not None:
             self.stream.recording.wish = folder
-
-    def _show_choice(self, source: str, address: str) -> None:
-        """Another view has chosen a camera: adopt it, unless one runs."""
-        if self.stream is None:
-            self.camera.box.show_selection(CameraSelection(source, address))
 
     def _show_gone(self, source: str, address: str) -> None:
         box = self.camera.box
@@ -279,10 +270,4 @@ class LiveView(Page):
         folder = saved.get("record")
         if isinstance(folder, str) and folder:
             self.record.use_folder(Path(folder))
-        if self._services.cameras.choice is not None:
-            self._show_choice(*self._services.cameras.choice)
-
-
-def _chart_points(services: Services) -> Task[object]:
-    yield Progress("chart")
-    return (yield from sky_points(services.catalogue()))
+        self.camera.box.follow(self._services.cameras, lambda: self.stream is None)

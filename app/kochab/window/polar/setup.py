@@ -127,11 +127,7 @@ class AlignmentSetupPanel(Page):
         self.pole.currentIndexChanged.connect(self._name_pole)
         self.site.textChanged.connect(self._name_pole)
         self._restore()
-        cameras = services.cameras
-        self.camera.follow(cameras)
-        cameras.chosen.connect(self._show_camera)
-        if cameras.choice is not None:
-            self._show_camera(*cameras.choice)
+        self.camera.follow(services.cameras)
         self._enable()
 
     def _lay_out(self) -> None:
@@ -185,9 +181,6 @@ class AlignmentSetupPanel(Page):
             fov_deg=parse_positive(fov, "The field of view", 170.0) if fov else None,
             second_sweep=self.second.isChecked(),
         )
-
-    def _show_camera(self, source: str, address: str) -> None:
-        self.camera.show_selection(CameraSelection(source, address))
 
     def refresh(self) -> None:
         """Show the mount that would turn the axis, and the site unless one is typed."""
