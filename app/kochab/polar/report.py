@@ -175,22 +175,26 @@ def _grid(place: Callable[[float, float], tuple[float, float]], across: float, m
     return "".join(parts)
 
 
+# Opacities stand apart: Qt, which draws the PDF, takes a colour such as #2255aa22 for black.
+DRAWN = """
+.line{fill:none;stroke:#2255aa;stroke-width:1.5}.dot{fill:#2255aa}.bar{stroke:#b34700;
+stroke-width:2;fill:none}.ring{fill:none;stroke:#bbb}.ellipse{fill:#2255aa;fill-opacity:.13;stroke:#2255aa}
+text{font:12px system-ui,sans-serif;fill:#333}
+"""
+
+
 def _svg(width: float, height: float, parts: Sequence[str], title: str) -> str:
     return (
         f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{title}"'
-        f' width="{width:.0f}">{"".join(parts)}</svg>'
+        f' width="{width:.0f}"><style>{DRAWN}</style>{"".join(parts)}</svg>'
     )
 
 
-# Opacities stand apart: Qt, which draws the PDF, takes a colour such as #2255aa22 for black.
 STYLE = """
 body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;margin:2rem auto;padding:0 1rem;
 color:#111;background:#fff}h1{font-size:1.5rem}table{border-collapse:collapse;width:100%}
 td,th{border-bottom:1px solid #ccc;padding:.3rem .5rem;text-align:right;vertical-align:top}
 td:last-child,th:last-child{text-align:left}.big{font-size:2.4rem}svg{max-width:100%;height:auto}
-.line{fill:none;stroke:#2255aa;stroke-width:1.5}.dot{fill:#2255aa}.bar{stroke:#b34700;
-stroke-width:2;fill:none}.ring{fill:none;stroke:#bbb}.ellipse{fill:#2255aa;fill-opacity:.13;stroke:#2255aa}
-svg text{font:12px system-ui,sans-serif;fill:#333}
 """
 
 

@@ -12,7 +12,7 @@ from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
 from kochab.frames.atomic_file import write_atomically
 from kochab.polar.error import angle_in_words
-from kochab.polar.report import STYLE, Entry, History, report_html, write_report
+from kochab.polar.report import Entry, History, report_html, write_report
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.shell.dialogs import ask_save, save_task, tell
@@ -21,7 +21,6 @@ from kochab.window.widgets import Page, button, column, label, row
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
-RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 
 
 def writing(path: Path, history: History) -> Task[Path]:
@@ -72,16 +71,7 @@ def page_document(history: History) -> QTextDocument:
 
 
 def _drawn(drawing: str) -> QImage:
-    """Render a drawing with the page's style."""
-    rules = "".join(
-        f"{name.strip().split()[-1]}{{{body}}}"
-        for name, body in RULE.findall(STYLE)
-        if name.strip().startswith((".", "svg text"))
-    )
-    styled = drawing.replace(">", f"><style>{rules}</style>", 1).replace(
-        "<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1
-    )
-    renderer = QSvgRenderer(styled.encode("utf-8"))
+    renderer = QSvgRenderer(drawing.encode("utf-8"))
     image = QImage(renderer.defaultSize() * FINE, QImage.Format.Format_RGB32)
     image.fill(0xFFFFFF)
     painter = QPainter(image)
