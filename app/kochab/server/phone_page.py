@@ -40,11 +40,6 @@ class PhonePage:
         self._server: _Server | None = None
 
     @property
-    def running(self) -> bool:
-        """Whether the page is being served."""
-        return self._server is not None
-
-    @property
     def url(self) -> str:
         """What a phone opens; empty while switched off."""
         if self._server is None:

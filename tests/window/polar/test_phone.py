@@ -29,7 +29,7 @@ def view(qtbot, settings):
     yield view
     window.close()
     assert commands.session.jobs.join()
-    assert not view.phone.page.running
+    assert not view.phone.page.url
 
 
 def ask(url, method="GET", more=""):
@@ -50,7 +50,7 @@ def switch_on(qtbot, view):
 
 
 def test_off_by_default_and_nothing_is_shown(view):
-    assert not view.phone.page.running
+    assert not view.phone.page.url
     assert view.phone.url.text() == ""
     assert not view.phone.code.rows
     assert view.served.isHidden()
@@ -84,7 +84,7 @@ def test_it_is_read_only(qtbot, view):
 def test_off_again_nobody_answers(qtbot, view):
     url = switch_on(qtbot, view)
     view.phone.switch.setChecked(False)
-    qtbot.waitUntil(lambda: not view.phone.page.running and view.phone.switch.isEnabled(), timeout=LIMIT_MS)
+    qtbot.waitUntil(lambda: not view.phone.page.url and view.phone.switch.isEnabled(), timeout=LIMIT_MS)
     with pytest.raises(ConnectionRefusedError):
         ask(url)
     assert view.served.isHidden()

@@ -20,10 +20,6 @@ class PolarPage(Protocol):
     """A page with the polar error that phones on the local network can open."""
 
     @property
-    def running(self) -> bool:
-        """Whether the page is being served."""
-
-    @property
     def url(self) -> str:
         """What a phone opens; empty while switched off."""
 
