@@ -97,12 +97,11 @@ WAYS = {
 
 
 class NudgePad(QWidget):
-    """Nudges one at a time: presses while the mount moves are ignored. ``beside`` is another widget."""
+    """Nudges by arcsec at deg/s or 0; presses while the mount moves are ignored. ``beside`` is another widget."""
 
-    nudge_wanted = Signal(object, float, float)  # Direction, arcsec, deg/s or 0
-
-    def __init__(self, beside: QWidget) -> None:
+    def __init__(self, nudge: Callable[[Direction, float, float], None], beside: QWidget) -> None:
         super().__init__()
+        self._nudge = nudge
         self.step = choice_box("Step of a nudge", STEPS_ARCSEC, 0)
         self.step.setToolTip("How far one press moves the mount")
         self.step.setCurrentText(FIRST)
@@ -114,7 +113,7 @@ class NudgePad(QWidget):
         grid = QGridLayout()
         grid.setSpacing(4)
         for way, (text, at_row, at_column, _) in WAYS.items():
-            made = ExplainedButton(text, partial(self._nudge, way), f"Nudge {way}")
+            made = ExplainedButton(text, partial(self._press, way), f"Nudge {way}")
             made.setAccessibleName(f"Nudge {way}")
             made.installEventFilter(self)
             grid.addWidget(made, at_row, at_column)
@@ -148,9 +147,8 @@ class NudgePad(QWidget):
                     return True
         return super().eventFilter(watched, event)
 
-    def _nudge(self, way: Direction) -> None:
-        rate = float(self.rate.currentData() or 0.0)
-        self.nudge_wanted.emit(way, float(self.step.currentData()), rate)
+    def _press(self, way: Direction) -> None:
+        self._nudge(way, float(self.step.currentData()), float(self.rate.currentData() or 0.0))
 
 
 def rate_text(rate_deg_s: float) -> str:
@@ -160,23 +158,22 @@ def rate_text(rate_deg_s: float) -> str:
 
 
 TOLERANCE_ARCSEC = (2.0, 3600.0)
+GOTO_TIP = "Slew there by the mount’s own pointing"
+CENTRE_TIP = "Slew there, plate solve, and correct until the target is centred"
 
 
 class GoBox(QWidget):
     """The target, Goto and Centre; ``beside`` stands beside the buttons."""
 
-    goto_wanted = Signal(str)
-    centre_wanted = Signal(str, float)
-
-    def __init__(self, beside: QWidget) -> None:
+    def __init__(self, goto: Callable[[str], None], centre: Callable[[str, float], None], beside: QWidget) -> None:
         super().__init__()
         self.target = text_field("Target", "M 42, Vega, HIP 32349, or 5h35m17s -5d23m (J2000)")
         self._names = QStringListModel(self)
         self.completer = QCompleter(self._names, self, caseSensitivity=Qt.CaseSensitivity.CaseInsensitive)
         self.target.setCompleter(self.completer)
-        self.goto = ExplainedButton("Goto", self._goto, "Slew there by the mount’s own pointing")
+        self.goto = ExplainedButton("Goto", lambda: goto(self.target.text()), GOTO_TIP)
         self.centre = ExplainedButton(
-            "Centre", self._centre, "Slew there, plate solve, and correct until the target is centred", "main"
+            "Centre", lambda: centre(self.target.text(), self.tolerance.value()), CENTRE_TIP, "main"
         )
         self.tolerance = number_field("Centring tolerance, arcseconds", *TOLERANCE_ARCSEC, 60.0, 0, "″")
         self.tolerance.setPrefix("to ")
@@ -188,9 +185,3 @@ class GoBox(QWidget):
     def offer_names(self, names: list[str]) -> None:
         """Names the field completes."""
         self._names.setStringList(names)
-
-    def _goto(self) -> None:
-        self.goto_wanted.emit(self.target.text())
-
-    def _centre(self) -> None:
-        self.centre_wanted.emit(self.target.text(), self.tolerance.value())

@@ -69,10 +69,10 @@ class MountView(Page):
         self.bring = ExplainedButton(
             "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
         )
-        self.pad = NudgePad(self.bring)
+        self.pad = NudgePad(orders.nudge, self.bring)
         self.tracking = ExplainedSwitch("Tracking", "Follow the sky at the sidereal rate")
         self.after = switch("Solve after slew", "Take and solve a frame after each goto or nudge")
-        self.go = GoBox(self.after)
+        self.go = GoBox(orders.goto, orders.centre, self.after)
         self.meridian = narrow_box("What the mount does at the meridian", 8, Meridian)
         self.meridian.setToolTip(MERIDIAN_TIP)
         self.pointing = PointingBox(self.tracking)
@@ -130,9 +130,6 @@ class MountView(Page):
         self.camera.chosen.connect(self._use_camera)
         self.camera.follow(cameras)
         cameras.chosen.connect(self._adopt_camera)
-        self.go.goto_wanted.connect(orders.goto)
-        self.go.centre_wanted.connect(orders.centre)
-        self.pad.nudge_wanted.connect(orders.nudge)
         self.tracking.wanted.connect(orders.track)
         self.meridian.textActivated.connect(lambda text: control.use_meridian(Meridian(text)))
         session = self._services.session
