@@ -66,7 +66,7 @@ def test_what_live_chooses_the_mount_uses(qtbot, commands):
     qtbot.waitUntil(lambda: live.camera.box.found.count() == 2)
     pick(live.camera.box.found, "indi:1/b")
     assert mount.camera.selection == CameraSelection("indi", "indi:1/b", 2.0)
-    assert mount.control.frames.camera.wish == mount.camera.selection
+    assert mount.control.camera.wish == mount.camera.selection
 
 
 def test_the_alignment_uses_it_too_though_its_view_is_made_later(qtbot, commands):
@@ -114,7 +114,7 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     )
     qtbot.waitUntil(lambda: len(live.display.moments) > 2, timeout=15_000)
     mount.control.use_camera(CameraSelection("indi", "one"))
-    eye = mount.control.frames.camera
+    eye = mount.control.camera
     frame = eye.next_frame(5.0)
     assert isinstance(frame, Frame)
     mount.control._posted.emit(None, FrameTaken(frame))
@@ -137,16 +137,16 @@ def test_an_exposure_that_another_view_has_set_is_told_and_can_be_changed_for_bo
     cameras = mount._services.cameras
     live = cameras.open("indi", "one", CaptureSettings(exposure_s=0.5))
     mount.control.use_camera(CameraSelection("indi", "one", 2.0))
-    mount.control.frames.camera.next_frame(1.0)
+    mount.control.camera.next_frame(1.0)
     assert live.in_force.exposure_s == 0.5, "not taken away from whoever watches it"
     mount._show()
     assert "at 0.5 s" in mount.camera.status.text()
     assert not mount.camera.status.isHidden()
-    before = mount.control.frames.camera
+    before = mount.control.camera
     mount.camera.exposure.setValue(3.0)
     mount.camera.exposure.editingFinished.emit()
     before.close()
-    eye = mount.control.frames.camera
+    eye = mount.control.camera
     eye.next_frame(1.0)
     assert live.in_force.exposure_s == 3.0
     mount._show()

@@ -326,14 +326,14 @@ def test_two_clicks_in_the_frame_bring_a_star(qtbot, opened):
     window, commands = opened
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         before = mount.control.known.report.icrs_deg
-        star = mount.control.frames.solution.stars[3]
+        star = mount.control.solution.stars[3]
         mount.view.bring.click()
         frame = window.workspace.view
         for _ in range(2):  # on the star, and on it again: to the middle
             frame.clicked.emit(star.x + 1.0, star.y, 14.0)
         qtbot.waitUntil(lambda: any("Star moved" in s for s in mount.said), timeout=60_000)
         after = mount.control.known.report.icrs_deg
-        centre = mount.control.frames.solution.ra_dec_deg
+        centre = mount.control.solution.ra_dec_deg
         assert after[0] - before[0] == pytest.approx(star.ra_deg - centre[0], abs=0.03)
         assert after[1] - before[1] == pytest.approx(star.dec_deg - centre[1], abs=0.03)
         frame.clicked.emit(star.x, star.y, 14.0)

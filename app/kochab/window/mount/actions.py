@@ -20,7 +20,7 @@ from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed
 from kochab.workflows.goto_target import goto_typed
 from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge
 from kochab.workflows.recover_mount import why_they_disagree
-from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_by_hand, undo_sync
+from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_by_hand
 
 MOST_SIGHTINGS = 6
 SYNC_FIRST = "Use Sync… first to review it."
@@ -60,7 +60,7 @@ class MountActions(QObject):
     def __init__(self, control: MountControl) -> None:
         super().__init__(control)
         self.auto_frame = True
-        self._control, self._frames = control, control.frames
+        self._control = control
         control.ended.connect(self._ended)
 
     def take_frame(self) -> None:
@@ -70,21 +70,21 @@ class MountActions(QObject):
 
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
-        solver, solution = self._control.solver, self._frames.solution
+        solver, solution = self._control.solver, self._control.solution
 
         def offer_of_frame(guard: Guard) -> Task[SyncOffer]:
             assert solution is not None
             yield Progress("sync")
             return offer_of(guard, solution)
 
-        if self._frames.camera is not None:
+        if self._control.camera is not None:
             self._control.ask("sync", lambda guard: offer_sync(guard, solver(guard)))
         elif solution is not None:
             self._control.ask("sync", offer_of_frame)
 
     def diagnose(self) -> None:
         """Find the cause of the mount's offset."""
-        solver, before = self._control.solver, self._frames.sightings
+        solver, before = self._control.solver, self._control.sightings
         self._control.ask("why", lambda guard: why_they_disagree(guard, solver(guard), before))
 
     def accept_sync(self, offer: SyncOffer) -> None:
@@ -93,10 +93,6 @@ class MountActions(QObject):
             self._control.ask("accept", lambda guard: sync_by_hand(guard, offer))
         else:
             self._control.ask("accept", lambda guard: accept_sync(guard, offer, confirmed=True, fall_back=True))
-
-    def undo_sync(self) -> None:
-        """Undo the last sync."""
-        self._control.ask("undo", undo_sync)
 
     def goto(self, text: str) -> None:
         """Slew to a name or coordinates."""
@@ -114,7 +110,7 @@ class MountActions(QObject):
 
     def move_star(self, star: tuple[float, float], here: tuple[float, float]) -> None:
         """Move the mount so that pixel ``star`` of the open frame comes to pixel ``here``."""
-        solution = self._frames.solution
+        solution = self._control.solution
         if solution is not None:
             self._control.ask("bring", lambda guard: bring_here(guard, solution, star, here))
 
@@ -132,7 +128,7 @@ class MountActions(QObject):
         if isinstance(word, OrderFailed):
             return
         self._answered(word.name, word.result)
-        if action(word.name).frame_after and self.auto_frame and self._frames.camera is not None:
+        if action(word.name).frame_after and self.auto_frame and self._control.camera is not None:
             self.take_frame()
 
     def _answered(self, name: str, result: Any) -> None:
@@ -151,13 +147,13 @@ class MountActions(QObject):
                 seen_last = known.sight.solution is result.solution
                 known.moved_since = not seen_last or result.end is CentringEnd.REFUSED
             case (Disagreement(), sightings):
-                self._frames.sightings = sightings[-MOST_SIGHTINGS:]
+                self._control.sightings = sightings[-MOST_SIGHTINGS:]
             case str() if name == "undo":
                 self._resynced()
 
     def _resynced(self) -> None:
         self._control.known.has_synced()
-        self._frames.sightings = ()  # which the sync has changed
+        self._control.sightings = ()  # which the sync has changed
 
 
 FIRST = "Click the star in the frame (Esc cancels). Click it twice to centre it."
@@ -172,7 +168,7 @@ class MoveStarMode(QObject):
 
     def __init__(self, services: Services, control: MountControl, orders: MountActions) -> None:
         super().__init__(control)
-        self._view, self._frames, self._orders = services.panes.view, control.frames, orders
+        self._view, self._control, self._orders = services.panes.view, control, orders
         control.stopping.connect(self.end)
         self._on = False
         self._star: tuple[float, float] | None = None
@@ -200,7 +196,7 @@ class MoveStarMode(QObject):
             return
         star, here = self._star, (x, y)
         self.end()
-        solution = self._frames.solution
+        solution = self._control.solution
         if solution is None:
             return
         if np.hypot(x - star[0], y - star[1]) <= max(reach_px, NEAR_PX):
@@ -208,7 +204,7 @@ class MoveStarMode(QObject):
         self._orders.move_star(star, here)
 
     def _snapped(self, x: float, y: float, reach_px: float) -> tuple[float, float]:
-        solution = self._frames.solution
+        solution = self._control.solution
         if solution is None or not solution.stars:
             return x, y
         nearest = min(solution.stars, key=lambda s: np.hypot(s.x - x, s.y - y))

@@ -77,26 +77,6 @@ class MountTask(QObject):
         self.deleteLater()
 
 
-class MountCameraFrames:
-    """The camera on the mount, and what the next action takes from its frames: a solution, the offsets seen."""
-
-    def __init__(self, session: Session) -> None:
-        self.camera: MountCamera | None = None
-        self.sightings: tuple[MountSighting, ...] = ()
-        self._session = session
-
-    @property
-    def solution(self) -> Solution | None:
-        """The solution of the open frame."""
-        result = self._session.known.result
-        return result if isinstance(result, Solution) else None
-
-    def close(self) -> None:
-        """Close the camera until the next frame; in the thread of the line."""
-        if self.camera is not None:
-            self.camera.close()
-
-
 PRACTISE_LATER = "A mount is connected. Disconnect it before you practise."
 
 
@@ -115,7 +95,8 @@ class MountControl(QObject):
     ) -> None:
         super().__init__(jobs)
         self.known = MountSnapshot()
-        self.frames = MountCameraFrames(session)
+        self.camera: MountCamera | None = None
+        self.sightings: tuple[MountSighting, ...] = ()  # the offsets seen since the last sync
         self._session, self._shown = session, 0  # and how many of the camera's frames it was given
         self.by_hand = False  # a person turns the RA axis for a polar alignment
         self._settings, self._jobs, self._wiring, self._cameras = settings, jobs, wiring, cameras
@@ -154,7 +135,7 @@ class MountControl(QObject):
         self.known = MountSnapshot("connecting", port)
 
         def over() -> None:  # in the line's thread
-            self.frames.close()
+            self.close_camera()
             opening.over()
 
         line = MountLine(opening, lambda event: self._post(line, event), over)
@@ -185,7 +166,7 @@ class MountControl(QObject):
         self._job = self._line = self._opening = None
         practised, self.known = self.known.practice, MountSnapshot()
         if practised:
-            saved, camera = current_profile(self._settings).camera, self.frames.camera
+            saved, camera = current_profile(self._settings).camera, self.camera
             self.use_camera(saved if saved.source else None)
             if camera is not None:
                 self._cameras.forget(camera.wish.source, camera.wish.address)
@@ -231,16 +212,27 @@ class MountControl(QObject):
 
     def use_camera(self, selection: CameraSelection | None) -> None:
         """Use this camera from now on; another exposure of the same holds for the other views that use it, too."""
-        before, new = self.frames.camera, None
+        before, new = self.camera, None
         if before is not None and selection == before.wish:
             return
         if selection is not None:
             same = before is not None and before.wish.camera == selection.camera
             new = MountCamera(selection, self._cameras.open, insists=same)
-        self.frames.camera = new
+        self.camera = new
         if before is not None and self._line is not None:
             self._line.order("camera", lambda _: close_camera(before))
         self.changed.emit()
+
+    def close_camera(self) -> None:
+        """Close the camera until the next frame; in the thread of the line."""
+        if self.camera is not None:
+            self.camera.close()
+
+    @property
+    def solution(self) -> Solution | None:
+        """The solution of the open frame."""
+        result = self._session.known.result
+        return result if isinstance(result, Solution) else None
 
     def use_site(self, site: Site | None) -> None:
         """The site, which sets the guard's horizon limit."""
@@ -272,7 +264,7 @@ class MountControl(QObject):
 
     def solver(self, guard: Guard) -> SolveNow:
         """Takes and solves a frame in the line's thread, and shows it in this one."""
-        line, camera = self._line, self.frames.camera
+        line, camera = self._line, self.camera
         if camera is None:
             raise RefusedError("No camera is chosen.")
         return frame_solver(camera, guard, lambda event: self._post(line, event))
@@ -280,10 +272,10 @@ class MountControl(QObject):
     @property
     def situation(self) -> MountSituation:
         """What decides which actions are possible now."""
-        known, frames = self.known, self.frames
+        known = self.known
         lacks = known.connected.lacks if known.connected is not None else None
         state, can_undo = (known.report.state, known.report.can_undo) if known.report is not None else (None, False)
-        has = frames.camera is not None, frames.solution is not None
+        has = self.camera is not None, self.solution is not None
         return MountSituation(known.phase, lacks, state, known.user, *has, can_undo, self.by_hand)
 
     def _post(self, line: MountLine | None, event: object) -> None:

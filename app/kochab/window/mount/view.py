@@ -33,7 +33,7 @@ from kochab.window.widgets import (
     switch,
 )
 from kochab.workflows.goto_target import names_to_offer
-from kochab.workflows.sync_mount import SyncOffer
+from kochab.workflows.sync_mount import SyncOffer, undo_sync
 
 MERIDIAN_TIP = (
     "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
@@ -64,7 +64,7 @@ class MountView(Page):
         self.camera = CameraBox(at_once=True)
         self.take = ExplainedButton("Take a frame", orders.take_frame, "See where the mount really points")
         self.sync = ExplainedButton("Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main")
-        self.undo = ExplainedButton("Undo sync", orders.undo_sync, "Undo the last sync")
+        self.undo = ExplainedButton("Undo sync", lambda: control.ask("undo", undo_sync), "Undo the last sync")
         self.diagnose = ExplainedButton("Diagnose", orders.diagnose, DIAGNOSE_TIP)
         self.bring = ExplainedButton(
             "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
@@ -227,7 +227,7 @@ class MountView(Page):
             tracking = known.report.state.tracking
             self.tracking.setChecked(bool(tracking))
             self.tracking.setText("Tracking: not reported" if tracking is None else "Tracking")
-        camera = self.control.frames.camera
+        camera = self.control.camera
         selection = None if camera is None else camera.wish
         if selection != self.camera.selection:
             self.camera.show_selection(selection or CameraSelection("", "", self.camera.exposure.value()))

@@ -97,17 +97,11 @@ class AlignmentRun(QObject):
 
     def _on_line(self, guard: Guard) -> Task[History]:
         """Run in the mount's thread; closes the Mount view's camera, which the alignment may need."""
-        self._mount.frames.close()
+        self._mount.close_camera()
         return alignment_task(self._request, self._tools, guard)
 
 
 ARCMIN_A_TURN = (15.0, 60.0)
-AXES = {
-    Direction.WEST: ("ra", "RA", 1.0),
-    Direction.EAST: ("ra", "RA", -1.0),
-    Direction.NORTH: ("dec", "declination", 1.0),
-    Direction.SOUTH: ("dec", "declination", -1.0),
-}
 TURN_SIGMA = 0.05  # of every turn: a person does not turn exactly
 SLACK_TURNS = 1.0 / 360.0
 
@@ -132,8 +126,9 @@ class PracticeAdjuster:
         return self._turn_bolt(state.instruction, state.instruction.knob)
 
     def _turn_axis(self, asked: TurnInstruction) -> str:
-        axis, name, sign = AXES[asked.direction]
-        if axis == "dec" and self._practice.rig.mount.pier_side is PierSide.WEST:
+        axis, name = ("dec", "declination") if asked.direction.in_dec else ("ra", "RA")
+        sign = 1.0 if asked.direction in (Direction.WEST, Direction.NORTH) else -1.0
+        if asked.direction.in_dec and self._practice.rig.mount.pier_side is PierSide.WEST:
             sign = -sign  # declination runs the other way on that side of the pier
         degrees = sign * asked.degrees * self._random.gauss(1.0, TURN_SIGMA)
         self._practice.do(f"{axis} {degrees:.3f}")
