@@ -291,7 +291,7 @@ def test_what_is_over_in_a_moment_hides_no_longer_order():
         (MountSnapshot("lost", busy="goto"), "Mount: CONNECTION LOST"),
         (known(), "Mount: connected"),
         (known(report=report(tracking=True)), "Mount: tracking"),
-        (known(report=report(tracking=False)), "Mount: not tracking"),
+        (known(report=report(tracking=False)), "Mount: idle, not tracking"),
         (known(report=report(slewing=True, tracking=True)), "Mount: slewing"),
         (known(report=report(parked=True)), "Mount: parked"),
         (known(busy="centre", practice=True), "Practice mount: centring"),

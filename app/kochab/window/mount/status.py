@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 from kochab.gear.actions import action
 from kochab.gear.mount_events import MountSnapshot
 from kochab.window.mount.connection import MountControl
+from kochab.window.mount.pointing import words_of
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.widgets import button, label, row, set_role
 
@@ -23,19 +24,12 @@ class StopKey(QObject):
     def __init__(self, stop: Callable[[], None], parent: QObject) -> None:
         super().__init__(parent)
         self._stop = stop
-        self._on = False
         self._last = -1, 0.0  # stamp, and when it came
 
     def listen(self, on: bool) -> None:
         """Watch every event of the program, only while a mount is connected."""
-        app = QApplication.instance()
-        if on == self._on or app is None:
-            return
-        self._on = on
-        if on:
-            app.installEventFilter(self)
-        else:
-            app.removeEventFilter(self)
+        if (app := QApplication.instance()) is not None:
+            (app.installEventFilter if on else app.removeEventFilter)(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() in (QEvent.Type.ShortcutOverride, QEvent.Type.KeyPress):
@@ -102,15 +96,7 @@ def mount_status_text(known: MountSnapshot) -> str:
     if known.busy:
         doing = action(known.busy).doing.partition(" (")[0]
         return f"{name}: {doing or known.busy}"
-    state = None if known.report is None else known.report.state
-    if state is None:
-        return f"{name}: connected"
-    if state.parked:
-        return f"{name}: parked"
-    if state.slewing:
-        return f"{name}: slewing"
-    tracks = {True: "tracking", False: "not tracking", None: "connected"}
-    return f"{name}: {tracks[state.tracking]}"
+    return f"{name}: {'connected' if known.report is None else words_of(known.report.state)[0]}"
 
 
 def _closes_something() -> bool:
