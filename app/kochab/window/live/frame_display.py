@@ -123,7 +123,9 @@ class LiveDisplay(QObject):
             if result is None:
                 session.solve()
             else:
-                session.answer(SolvedFrame(frame.path, frame, _detections(frame, result), result))
+                xy = result.stars_px if isinstance(result, Solution) else np.empty((0, 2))
+                detections = Detections.from_list(xy, frame.width, frame.height)
+                session.answer(SolvedFrame(frame.path, frame, detections, result))
 
     @property
     def drawn_hz(self) -> float | None:
@@ -184,8 +186,3 @@ class LiveDisplay(QObject):
         elif isinstance(result, NoSolution) and self._solved_s:
             self._solved_s = 0.0
             session.unsolved.emit(result)
-
-
-def _detections(frame: Frame, result: Solution | NoSolution) -> Detections:
-    xy = result.stars_px if isinstance(result, Solution) else np.empty((0, 2))
-    return Detections.from_list(xy, frame.width, frame.height)

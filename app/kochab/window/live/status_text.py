@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from kochab.core.angle_text import AngleStyle, age_text, arcsec_text, dec_text, ra_text
+from kochab.core.angle_text import AngleStyle, age_text, arcsec_text, dec_text, milliseconds_text, ra_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.capture import CaptureLimits
@@ -121,7 +121,7 @@ def frame_rate_tip(update: LiveUpdate, drawn_hz: float | None) -> str:
 def latency_text(update: LiveUpdate, screen_ms: float | None) -> str:
     """From the frame's arrival to its solution, and from mid-exposure to the screen."""
     text = f"{update.latency_ms:.0f} ms to solve"
-    return text if screen_ms is None else f"{text}, {_duration(screen_ms)} to the screen"
+    return text if screen_ms is None else f"{text}, {milliseconds_text(screen_ms)} to the screen"
 
 
 def lens_text(lens: Lens, name: str) -> str:
@@ -165,10 +165,6 @@ def _fps(value: float | None) -> str:
     if value is None:
         return f"{NOTHING} fps"
     return f"{value:.0f} fps" if value >= 9.95 else f"{value:.1f} fps"
-
-
-def _duration(ms: float) -> str:
-    return f"{ms:.0f} ms" if ms < 9_950 else f"{ms / 1e3:.0f} s"
 
 
 def _figures(value: float, sign: str = "") -> str:

@@ -41,13 +41,9 @@ class BoltsView(QWidget):
         if state.instruction is not self.state.instruction:
             self._chosen = None
         self.state, self.old = state, state.old(now_s)
-        self._wheel.turn(self._waiting)
+        self._wheel.turn(state.waits(now_s))
         self.setAccessibleDescription(f"{self.digits()} {self.way()}. {state.words}")
         self.update()
-
-    @property
-    def _waiting(self) -> bool:
-        return self.old or (self.state.running and self.state.stage != "adjust")
 
     @property
     def _over(self) -> bool:
@@ -113,7 +109,7 @@ class BoltsView(QWidget):
             old if self.old else self.way(),
             state.words or "Start an alignment first.",
             f"{keys}    ({self.sounding})" if self.sounding else keys,
-            "wheel" if self._waiting else shape,
+            "wheel" if self._wheel.isActive() else shape,
             self.old,
         )
 

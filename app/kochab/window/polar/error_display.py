@@ -173,7 +173,7 @@ class Numbers(QWidget):
             way.setText("" if error is None else f"{cure(error, knob).sign} {cure(error, knob).way}")
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
-        self.spinner.wheel.turn(old or (state.running and state.stage != "adjust"))
+        self.spinner.wheel.turn(state.waits(now_s))
         self.age.setText(age_text(state, now_s))
         self.reminder.setVisible(state.stage == "adjust")
         show_text(self.more, more_text(state))

@@ -20,7 +20,7 @@ WHAT = (
 )
 QUIET = 4  # empty modules around a QR code, as ISO/IEC 18004 requires
 
-Rows = Sequence[Sequence[int]]  # of a QR code: 0 or 1, from the top
+Rows = Sequence[Sequence[int]]  # of a QR code with its margin: 0 or 1, from the top
 
 
 def serving(page: PolarPage, host: str | None = None) -> Task[Rows]:
@@ -28,7 +28,7 @@ def serving(page: PolarPage, host: str | None = None) -> Task[Rows]:
     yield Progress("phone")
     import segno
 
-    return segno.make(page.start(host), error="m", micro=False).matrix
+    return [tuple(bits) for bits in segno.make(page.start(host), error="m", micro=False).matrix_iter(border=QUIET)]
 
 
 def ending(page: PolarPage, starting: Job | None) -> Task[None]:
@@ -56,15 +56,11 @@ class QrCode(QWidget):
         if not self.rows:
             return
         painter = QPainter(self)
-        count = len(self.rows) + 2 * QUIET
-        module = max(1, min(self.width(), self.height()) // count)
-        side = module * count
-        painter.fillRect(QRectF(0, 0, side, side), QColor("#ff0000" if is_red() else "#ffffff"))
+        module = max(1, min(self.width(), self.height()) // len(self.rows))
+        light, dark = QColor("#ff0000" if is_red() else "#ffffff"), QColor("#000000")
         for y, bits in enumerate(self.rows):
             for x, bit in enumerate(bits):
-                if bit:
-                    at = QRectF((x + QUIET) * module, (y + QUIET) * module, module, module)
-                    painter.fillRect(at, QColor("#000000"))
+                painter.fillRect(QRectF(x * module, y * module, module, module), dark if bit else light)
         painter.end()
 
 

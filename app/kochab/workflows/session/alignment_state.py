@@ -66,6 +66,10 @@ class AlignmentState:
         """Whether the number is not of just now: the mount may stand differently already."""
         return self.running and (not self.solved or now_s - self.error_at_s > OLD_S)
 
+    def waits(self, now_s: float) -> bool:
+        """Whether another number is to come: this one is old, or the axis is being measured."""
+        return self.old(now_s) or (self.running and self.stage != "adjust")
+
     @property
     def knob(self) -> Knob | None:
         """The axis to look at: the one that is being turned, else the worse of the two."""
