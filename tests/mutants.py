@@ -189,6 +189,8 @@ def _idle_arguments(call: ast.Call) -> list[ast.AST | None]:
         found += [arg.operand for arg in call.args if ast.unparse(arg) == "-1" and isinstance(arg, ast.UnaryOp)]
     if name == "np.clip" and [ast.unparse(arg) for arg in call.args[1:]] == ["-1.0", "1.0"]:
         found += call.args[1:]
+    if name == "np.arcsin" and (limit := call.args[0]) and ast.unparse(limit).startswith("min(1.0, "):
+        found.append(limit.args[0] if isinstance(limit, ast.Call) else None)
     return found
 
 

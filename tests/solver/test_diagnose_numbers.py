@@ -317,3 +317,55 @@ def test_the_fifteen_brightest_stars_that_are_whole_tell_the_focus() -> None:
     assert small == pytest.approx(4.0 / 3.0 * 2.0, rel=0.15)  # eight of fifteen
     one_less = replace(found, blended=np.arange(28) == 0)
     assert half_flux_diameter_px(Frame(pixels), one_less) == pytest.approx(4.0 / 3.0 * 6.0, rel=0.05)
+
+
+def test_patches_stand_five_sigmas_out_where_bright_ones_are_many() -> None:
+    """Bars over more than a hundredth of the frame; what is only three and a half sigmas bright is no patch."""
+    pixels = noisy(200.0, 10.0)
+    for k in range(12):
+        y, x = 60 + 140 * (k // 4), 60 + 180 * (k % 4)
+        pixels[y : y + 9, x : x + 90] = 5000.0
+        pixels[y + 40 : y + 44, x : x + 12] = 235.0
+    trails = measure_trails(Bins(pixels, 1))
+    assert trails.count == 12
+    assert trails.aspect == pytest.approx(10.0, rel=0.05)
+
+
+def test_the_sixty_largest_patches_tell_the_trails() -> None:
+    pixels = noisy(200.0, 1.0)
+    for k in range(60):
+        y, x = 20 + 55 * (k // 6), 20 + 130 * (k % 6)
+        pixels[y : y + 4, x : x + 40] = 5000.0
+        pixels[y + 20 : y + 28, x + 60 : x + 62] = 5000.0  # smaller ones, across
+    trails = measure_trails(Bins(pixels, 1))
+    assert trails.count == 60
+    assert trails.length_px == pytest.approx(40.0, rel=0.02)
+    assert min(trails.angle_deg, 180.0 - trails.angle_deg) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "bayer", "step"),
+    [
+        ((60, 80), None, 1),
+        ((60, 80), "RGGB", 2),
+        ((1000, 1700), None, 1),
+        ((1000, 1900), None, 2),
+        ((3400, 900), None, 3),
+        ((3400, 900), "RGGB", 4),
+        ((4900, 900), "RGGB", 4),
+        ((1, 1), "RGGB", 1),
+        ((3, 4000), None, 3),
+    ],
+)
+def test_bins_are_as_large_as_leaves_twelve_hundred_a_side_and_colour_cells_whole(shape, bayer, step) -> None:
+    bins = binned(Frame(np.zeros(shape, np.uint8), bayer=bayer))
+    assert bins.step == step
+    assert bins.image.shape == (shape[0] // step, shape[1] // step)
+
+
+def test_a_search_that_ran_out_of_time_stays_one_whatever_the_frame_shows() -> None:
+    trailed = Evidence(stars(fwhm_px=4.0, elongation=3.0, angle_rad=0.5))
+    assert diagnose(trailed, None, {}).reason is Reason.TRAILED
+    ended = diagnose(trailed, NoSolution(Reason.TIMED_OUT, "Allow more than 3 s."), {})
+    assert (ended.reason, ended.advice) == (Reason.TIMED_OUT, "Allow more than 3 s.")
+    assert ended.measured["trail_px"] > 10.0

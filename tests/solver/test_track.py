@@ -12,7 +12,7 @@ from kochab.core.solution import Solution
 from kochab.simulate.star_images import Sky, render
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import turn_between
-from kochab.solver.track_windows import WindowStars, look, match
+from kochab.solver.track_windows import TrackedStarImage, WindowStars, look, match
 from kochab.solver.tracker import Tracker
 
 from .stream import Stream, bright_sky, prediction, wide_camera
@@ -32,9 +32,14 @@ def test_lost_once_then_only_windows_are_read(stream, monkeypatch) -> None:
     first = run(tracker.update(stream.step()))
     assert first.mode == "lost"
     monkeypatch.setattr(track, "examine_frame", None)  # the whole frame is never looked at again
+    taught, learn = [], TrackedStarImage.learn
+    monkeypatch.setattr(TrackedStarImage, "learn", lambda *told: taught.append(told) or learn(*told))
     rate = (0.01, -0.02, 0.03)
     updates = follow(tracker, stream, 25, rate)
     assert {u.mode for u in updates} == {"tracking"}
+    assert [(len(seen.xy), camera.width, exposure_s) for _, seen, _, camera, exposure_s in taught] == [
+        (u.expected, stream.camera.width, stream.exposure_s) for u in updates
+    ]
     last = updates[-1]
     assert isinstance(last.solution, Solution)
     assert last.time_utc == stream.moment
@@ -43,7 +48,9 @@ def test_lost_once_then_only_windows_are_read(stream, monkeypatch) -> None:
     assert last.matched > 20
     assert last.solution.log10_false_alarm < -20
     assert last.solution.stars[0].name
-    assert last.solution.elapsed_ms["total"] > 0
+    spent = last.solution.elapsed_ms
+    assert spent["total"] == spent["detect"] > 0.0
+    assert (spent["read"], spent["identify"], spent["attitude"]) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("bayer", "mirrored", "hot"), [("RGGB", False, 0.0), (None, True, 100.0)])

@@ -299,3 +299,20 @@ def test_whatever_is_wrong_a_mount_says_a_place_of_the_sky(ra, dec) -> None:
             said_ra, said_dec = c.would_say(s)
             assert 0.0 <= said_ra < 360.0, c.name
             assert -90.0 <= said_dec <= 90.0, c.name
+
+
+@pytest.mark.parametrize("dec", [0.0, 60.0, 86.0, 88.0, 89.5])
+def test_a_cone_moves_right_ascension_the_more_the_nearer_the_pole_up_to_twenty_times(dec) -> None:
+    """Half a degree of cone seen at the equator, on both sides of the pier."""
+    pair = [sighting(0.5 * sign, 0.0, (200.0 + 30.0 * sign, 0.0), pier_side=side) for sign, side in SIDES]
+    (cone,) = [c for c in causes(pair) if c.name == "cone error"]
+    for sign, side in SIDES:
+        one = sighting(0.0, 0.0, (200.0, dec), pier_side=side)
+        ra, there = one.expected_deg
+        off = sign * 0.5 / max(np.cos(np.radians(there)), 0.05)
+        said_ra, said_dec = cone.would_say(one)
+        assert (said_ra - ra + 180.0) % 360.0 - 180.0 == pytest.approx(off, rel=1e-3)
+        assert said_dec == there
+
+
+SIDES = ((1.0, PierSide.EAST), (-1.0, PierSide.WEST))
