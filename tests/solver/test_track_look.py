@@ -114,3 +114,11 @@ def test_a_gradient_under_the_stars_is_each_windows_own_background() -> None:
     assert tilted.found.mean() > 0.9
     assert np.median(tilted.snr) < np.median(flat.snr)  # the slope counts as noise
     assert np.hypot(*(tilted.xy - GRID).T)[tilted.found].max() < 0.6
+
+
+def test_a_window_that_leaves_the_frame_has_the_background_of_what_is_in_it() -> None:
+    places = np.array([[5.3, 4.8], [160.2, 120.1], [3.0, 200.0], [W - 4.6, H - 5.2]])
+    seen = look(frame(sky(places, [300.0] * 4)), places, 16, IMAGE)
+    assert seen.found.all()
+    np.testing.assert_allclose(seen.snr, seen.snr[1], rtol=0.25)
+    np.testing.assert_allclose(seen.xy, places, atol=0.15)
