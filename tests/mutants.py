@@ -496,7 +496,7 @@ def try_room(room: str, count: int, seed: int, end: float) -> tuple[int, int]:
             if coverage.survives(copy, bug):
                 survived += 1
                 tests = len(coverage.tests(bug))
-                print(f"SURVIVED {bug.module}:{bug.line}: {bug.change} ({tests} tests)", flush=True)
+                print(f"{tried}: SURVIVED {bug.module}:{bug.line}: {bug.change} ({tests} tests)", flush=True)
     low, high = interval(survived, tried)
     print(f"{room}: {tried} of {len(pool)} mutants tried, {tried - survived} killed, {survived} survived:", end=" ")
     print(f"{100 * survived / max(1, tried):.0f} % (95 %: {100 * low:.0f} to {100 * high:.0f} %)", flush=True)

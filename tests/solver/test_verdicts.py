@@ -70,6 +70,13 @@ def test_a_flat_frame_without_three_clear_stars_is_clouded(verdict, contrast, sn
     assert (verdict(replace(CLEAR, contrast=contrast), found=found).reason is Reason.CLOUDED_OR_DARK) is dark
 
 
+@pytest.mark.parametrize(("clear", "reason"), [(2, Reason.CLOUDED_OR_DARK), (3, Reason.TRAILED)])
+def test_three_clear_stars_let_another_fault_go_before_a_bright_sky(verdict, clear, reason) -> None:
+    found = stars(30, snr=np.where(np.arange(30) < clear, 20.0, 5.0))
+    trails = Trails(30.0, 4.0, 40.0, 20)
+    assert verdict(replace(CLEAR, background_share=0.46), trails, found).reason is reason
+
+
 @pytest.mark.parametrize(
     ("trails", "trailed"),
     [
