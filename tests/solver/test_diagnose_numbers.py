@@ -369,3 +369,17 @@ def test_a_search_that_ran_out_of_time_stays_one_whatever_the_frame_shows() -> N
     ended = diagnose(trailed, NoSolution(Reason.TIMED_OUT, "Allow more than 3 s."), {})
     assert (ended.reason, ended.advice) == (Reason.TIMED_OUT, "Allow more than 3 s.")
     assert ended.measured["trail_px"] > 10.0
+
+
+def test_narrow_bars_have_the_variance_of_whole_pixels() -> None:
+    """A twelfth of the side's square, of three pixels too; a single row is one pixel wide."""
+    for width, rel in ((3, 2e-3), (1, 2e-3)):
+        trails = measure_trails(Bins(bars(40, width), 1))
+        assert trails.aspect == pytest.approx(40.0 / width, rel=rel)
+        assert trails.length_px == pytest.approx(40.0, rel=1e-3)
+
+
+def test_a_frame_of_floats_that_is_all_black_has_no_light() -> None:
+    black = Frame(np.zeros((60, 80)))
+    light = measure_light(black, binned(black))
+    assert (light.background_share, light.contrast, light.glare_share, light.glare_aspect) == (0.0, 0.0, 0.0, 1.0)

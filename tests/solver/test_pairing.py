@@ -66,10 +66,12 @@ def test_a_centroid_is_as_sure_as_its_light_and_twice_as_unsure_when_clipped_or_
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_the_field_is_held_by_the_circle_through_its_farthest_corner(mirrored: bool) -> None:
-    camera = Camera(640, 480, 900.0, 350.0, 200.0, mirrored=mirrored)
+@pytest.mark.parametrize("principal", [(250.0, 150.0), (350.0, 200.0), (300.0, 300.0), (390.0, 320.0)])
+def test_the_field_is_held_by_the_circle_through_its_farthest_corner(mirrored: bool, principal) -> None:
+    """That is the one nearest to the principal point."""
+    camera = Camera(640, 480, 900.0, *principal, mirrored=mirrored)
     attitude = attitude_from(120.0, 40.0, 30.0)
     centre, radius = field_centre(camera, attitude)
     middle, *corners = camera.unproject(np.array([[319.5, 239.5], [0, 0], [639, 0], [0, 479], [639, 479]]))
     np.testing.assert_allclose(centre, middle @ attitude.matrix, atol=1e-12)
-    assert radius == pytest.approx(max(angle_between(middle, corner) for corner in corners))
+    assert radius == pytest.approx(max(angle_between(middle, corner) for corner in corners), rel=1e-9)
