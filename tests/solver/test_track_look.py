@@ -122,3 +122,16 @@ def test_a_window_that_leaves_the_frame_has_the_background_of_what_is_in_it() ->
     assert seen.found.all()
     np.testing.assert_allclose(seen.snr, seen.snr[1], rtol=0.25)
     np.testing.assert_allclose(seen.xy, places, atol=0.15)
+
+
+@pytest.mark.parametrize("brightest", [-3, 0, 3])
+def test_the_middle_of_a_trail_is_found_wherever_along_it_its_brightest_pixel_is(brightest) -> None:
+    """Fifteen pixels long: three pixels from the middle are less than one and a half of its RMS."""
+    places, pixels = GRID[::3], sky([], [])
+    y, x = np.mgrid[:H, :W]
+    for cx, cy in places:
+        pixels += 300.0 * np.exp(-0.5 * ((y - cy) / SIGMA) ** 2) * (np.abs(x - cx) <= 7)
+        pixels[round(cy), round(cx) + brightest] += 120.0
+    seen = look(frame(pixels), places, 15, np.diag([15.0**2 / 12.0, SIGMA**2]))
+    assert seen.found.all()
+    np.testing.assert_allclose(seen.xy, places, atol=0.6)
