@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kochab.gear.journal import open_journal
-
 if TYPE_CHECKING:
     from kochab.core.solution import Solution
     from kochab.server.phone_page import PhonePage
@@ -21,9 +19,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if arguments[:2] == ["mount", "stop"]:
+        from kochab.gear.quick_stop import send_first_stop
+
+        send_first_stop(arguments)
     if not sys.warnoptions:  # python -W shows them; what a person should know is said in sentences
         warnings.simplefilter("ignore")
     try:
+        from kochab.gear.journal import open_journal
+
         to_window = not arguments or _is_file(arguments)
         open_journal(terminal=not to_window)
         if to_window:

@@ -4,25 +4,23 @@ What solved frames teach of a camera and its lens is kept apart, by
 :mod:`kochab.solver.camera_profile`; :attr:`EquipmentProfile.optics` is its name there.
 """
 
-import hashlib
 import json
 import logging
 import math
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from kochab.core import config_folder
 from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.mounts import DRIVERS
-from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.mounts.motion_plan import Horizon, Limits
+from kochab.gear.quick_stop import profile_folder, profile_path
 from kochab.gear.session import BAUDS, EXPOSURE_S, CameraSelection, Meridian, MountSelection, limits_at
 
 FORMAT = 1
@@ -35,7 +33,9 @@ BOUNDS: dict[str, tuple[float, float, str]] = {
     "baud": (*BAUDS, "baud"),
     "lowest_altitude_deg": (-5.0, 89.0, "degrees"),
     "highest_altitude_deg": (1.0, 90.0, "degrees"),
+    "past_meridian_deg": (0.0, 90.0, "degrees"),
 }
+LIMITS = ("lowest_altitude_deg", "highest_altitude_deg", "past_meridian_deg", "horizon_deg")
 ARCSEC_PER_RAD = math.degrees(1.0) * 3600.0
 
 
@@ -66,6 +66,8 @@ class EquipmentProfile:
     meridian: Meridian | None = None
     lowest_altitude_deg: float | None = None
     highest_altitude_deg: float | None = None
+    past_meridian_deg: float | None = None
+    horizon_deg: Horizon | None = None
 
     def __post_init__(self) -> None:
         for name, (low, high, unit) in BOUNDS.items():
@@ -100,13 +102,8 @@ class EquipmentProfile:
     @property
     def limits(self) -> Limits:
         """What the guard of its mount goes by; a mount is a German one until somebody says otherwise."""
-        limits = limits_at(self.meridian or Meridian.STAYS)
-        low, high = self.lowest_altitude_deg, self.highest_altitude_deg
-        return replace(
-            limits,
-            lowest_altitude_deg=limits.lowest_altitude_deg if low is None else low,
-            highest_altitude_deg=limits.highest_altitude_deg if high is None else high,
-        )
+        told = {name: getattr(self, name) for name in LIMITS if getattr(self, name) is not None}
+        return replace(limits_at(self.meridian or Meridian.STAYS), **told)
 
     def as_json(self) -> dict[str, Any]:
         """The stable JSON form, which :func:`from_json` reads."""
@@ -130,6 +127,25 @@ def _text(value: Any) -> str:
     return value
 
 
+def horizon(points: Any) -> Horizon:
+    """Pairs of azimuth and altitude, degrees, by azimuth; UsageError when they are no horizon."""
+    found = sorted((float(azimuth) % 360.0, float(altitude)) for azimuth, altitude in points)
+    if not found or not all(-90.0 <= altitude <= 90.0 for _, altitude in found):
+        raise UsageError("A horizon needs lines of azimuth (from north over east) and altitude, in degrees.")
+    return tuple(found)
+
+
+def read_horizon(path: str) -> Horizon:
+    """A horizon from a text file: two numbers a line, ``#`` begins a comment."""
+    try:
+        lines = [
+            line.partition("#")[0].replace(",", " ").split() for line in Path(path).read_text("utf-8").splitlines()
+        ]
+        return horizon(line[:2] for line in lines if line)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} is not a horizon: it needs lines of azimuth and altitude, in degrees.") from error
+
+
 def _site(value: Any) -> Site:
     return parse_site(value if isinstance(value, str) else ", ".join(str(float(part)) for part in value))
 
@@ -141,6 +157,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "baud": int,
     "epoch": Epoch,
     "site": _site,
+    "horizon_deg": horizon,
     "meridian": lambda name: meridian_named(name),
 }
 
@@ -154,19 +171,6 @@ def meridian_named(name: str) -> Meridian:
 
 
 # -- On disk: one file a profile, written whole or not at all ----------------------------------
-
-
-def profile_folder() -> Path:
-    """Where profiles lie: below ``KOCHAB_CONFIG``, or in the user's own configuration."""
-    return config_folder() / "equipment"
-
-
-def profile_path(name: str) -> Path:
-    """The file of the profile of that name; UsageError when the name is empty."""
-    if not name.strip():
-        raise UsageError("A profile needs a name.")
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or "profile"
-    return profile_folder() / f"{plain}-{hashlib.sha256(name.encode('utf-8')).hexdigest()[:8]}.json"
 
 
 def save_profile(profile: EquipmentProfile) -> Path:
