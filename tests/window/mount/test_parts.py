@@ -17,6 +17,7 @@ from kochab.gear.session import MountSelection, search_text
 from kochab.window.mount.actions import SYNC_FIRST, outcome_text
 from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.pointing import Offset, ring_arcsec, words_of
+from kochab.window.themes import theme_colours
 from kochab.workflows.centre_target import Centring, CentringEnd
 from kochab.workflows.goto_target import parse_target
 from tests.window.fakes import no_solution
@@ -175,9 +176,13 @@ def test_home_is_asked_of_a_motor_board_only_and_anew_every_time(qtbot, settings
     box.show_selection(MountSelection("COM3", "lx200"))
     box.home.setChecked(True)
     box.connect_button.click()
-    assert (box.home.isHidden(), wishes[-1].home) == (True, None)
+    assert (box.home.isHidden(), box.home_picture.isHidden(), wishes[-1].home) == (True, True, None)
     box.show_selection(MountSelection("COM3", "skywatcher"))
     assert not box.home.isHidden()
+    assert not box.home_picture.isHidden()
+    image = box.home_picture.grab().toImage()
+    colours = {image.pixelColor(x, y).name() for x in range(96) for y in range(96)}
+    assert theme_colours().text in colours, "the mount at home is drawn"
     box.connect_button.click()
     assert wishes[-1].home is None
     box.home.setChecked(True)

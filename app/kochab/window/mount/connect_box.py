@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QRectF, Signal
+from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from kochab.core.angle_text import parse_site, site_text
@@ -16,6 +17,7 @@ from kochab.gear.mounts.probe import Diagnosis, PortInfo
 from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
 from kochab.window.job import Job, Jobs
+from kochab.window.themes import draw_glyph, theme_colours
 from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field
 
 BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
@@ -30,6 +32,21 @@ PRACTICE = "Practice with a simulated telescope"
 PRACTICE_TIP = "A misaligned mount with a camera, under a simulated sky"
 WEDGE_TIP = "Kochab moves an AZ-GTi only in equatorial mode, on a wedge"
 SITE_TIP = "Latitude, longitude in degrees, north and east positive; never sent to the mount"
+
+
+class HomePicture(QWidget):
+    """A German mount at home, in the colours of the theme."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setFixedSize(96, 96)
+        self.setAccessibleName("The tube points at the pole, the counterweight hangs down")
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw it."""
+        painter = QPainter(self)
+        draw_glyph(painter, "home", theme_colours().text, QRectF(self.rect()))
+        painter.end()
 
 
 class ConnectBox(QWidget):
@@ -62,6 +79,7 @@ class ConnectBox(QWidget):
         self.site = text_field("Site of the mount", "48.14, 11.58 (sets the horizon limit)", SITE_TIP)
         self.site.editingFinished.connect(self._site_typed)
         self.home = switch("At home: tube at the pole, counterweight down", HOME_TIP)
+        self.home_picture = HomePicture()
         self.equatorial = switch("AZ-GTi on an equatorial wedge", WEDGE_TIP)
         self.driver.currentIndexChanged.connect(self._show_questions)
         self.connect_button = button("Connect", self._connect, "main", "Open the port. Nothing moves.")
@@ -81,7 +99,7 @@ class ConnectBox(QWidget):
             spacing=6,
         )
         buttons = row(self.connect_button, self.find_button, None)
-        parts = (fields, self.home, self.equatorial, buttons, self.practice_button)
+        parts = (fields, self.home_picture, self.home, self.equatorial, buttons, self.practice_button)
         column(*parts, on=self, spacing=8, margins=(0, 0, 0, 0))
 
     def show_profiles(self, names: list[str], chosen: str) -> None:
@@ -143,7 +161,7 @@ class ConnectBox(QWidget):
         return (Home.NOW if self.home.isChecked() else None), self.equatorial.isChecked()
 
     def _show_questions(self) -> None:
-        for question in (self.home, self.equatorial):
+        for question in (self.home_picture, self.home, self.equatorial):
             question.setVisible(self.driver.currentData() == COUNTS_STEPS)
 
     def _site_typed(self) -> None:
