@@ -87,6 +87,25 @@ def test_the_guard_goes_by_its_limits(newton, monkeypatch) -> None:
     assert (limits.lowest_altitude_deg, limits.allow_flip, limits.allow_without_site) == (20.0, True, True)
 
 
+def test_the_meridian_limit_and_the_horizon_are_kept_in_it(newton, capsys, tmp_path) -> None:
+    file = tmp_path / "horizon.txt"
+    file.write_text("# house\n350 12\n10, 30  tree\n\n90 0 # open\n")
+    assert main(["profile", "save", newton, "--horizon", str(file), "--past-meridian", "7.5"]) == 0
+    file.unlink()
+    capsys.readouterr()
+    assert main(["profile", "show", newton]) == 0
+    assert "3 points" in capsys.readouterr().out
+    limits = read("mount", "goto", "Vega", "--profile", newton).limits
+    assert limits.past_meridian_deg == 7.5
+    assert limits.horizon_deg == ((10.0, 30.0), (90.0, 0.0), (350.0, 12.0))
+    assert limits.floors_deg([0.0, 350.0, 50.0, 200.0]) == pytest.approx([21.0, 20.0, 20.0, 20.0])
+    for text in ("", "north 3", "10", "10 95"):
+        file.write_text(text)
+        assert main(["profile", "save", newton, "--horizon", str(file)]) == 2
+        assert "azimuth and altitude" in capsys.readouterr().err.replace("(from north over east) ", "")
+    assert main(["profile", "save", newton, "--horizon", str(tmp_path / "none")]) == 2
+
+
 def test_live_still_learns_under_any_name() -> None:
     assert read("live", "--profile", "new lens").profile == "new lens"
 

@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from kochab.gear.profiles import EquipmentProfile
 
 MERIDIAN = ("stays", "flips", "crosses")
+EDGES = {
+    "lowest-altitude": "horizon limit, degrees (5)",
+    "highest-altitude": "upper limit, degrees (90)",
+    "past-meridian": "how far a German mount may track past the meridian, degrees (15)",
+}
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -45,8 +50,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     save.add_argument(
         "--meridian", choices=MERIDIAN, help="a German mount stays on its side or flips, a fork crosses the meridian"
     )
-    for edge, text in (("lowest", "horizon limit, degrees (5)"), ("highest", "upper limit, degrees (90)")):
-        save.add_argument(f"--{edge}-altitude", type=number, metavar="DEG", dest=f"{edge}_altitude_deg", help=text)
+    for edge, text in EDGES.items():
+        save.add_argument(f"--{edge}", type=number, metavar="DEG", dest=f"{edge.replace('-', '_')}_deg", help=text)
+    save.add_argument("--horizon", metavar="FILE", help="lines of azimuth and altitude, degrees: trees and houses")
     for action, run in ((listing, _list), (show, _show), (save, _save), (remove, _remove)):
         add_options(action, "--json")
         action.set_defaults(run=run)
@@ -133,6 +139,7 @@ def _show(args: argparse.Namespace) -> int:
     for name, value in told.items():
         if value not in (None, ""):
             words = ", ".join(f"{part:g}" for part in value) if isinstance(value, list) else value
+            words = f"{len(value)} points" if name == "horizon_deg" else words
             lines.append(f"{name.replace('_', ' '):21} {words}")
     tell(told, "\n".join(lines), args.json)
     return 0
@@ -148,7 +155,7 @@ def _save(args: argparse.Namespace) -> int:
 
     from kochab.gear.cameras import SOURCES
     from kochab.gear.mounts import DRIVERS
-    from kochab.gear.profiles import EquipmentProfile, load_profile, meridian_named, save_profile
+    from kochab.gear.profiles import EquipmentProfile, load_profile, meridian_named, read_horizon, save_profile
     from kochab.gear.session import EPOCH_NAMES
 
     given = {**vars(args), "exposure_s": args.exposure}
@@ -156,6 +163,7 @@ def _save(args: argparse.Namespace) -> int:
         SOURCES.check(args.source)
     if args.driver:
         DRIVERS.check(args.driver)
+    given["horizon_deg"] = args.horizon and read_horizon(args.horizon)
     given["epoch"] = args.epoch and EPOCH_NAMES[args.epoch]
     given["meridian"] = args.meridian and meridian_named(args.meridian)
     profile = load_profile(args.name) or EquipmentProfile(args.name)

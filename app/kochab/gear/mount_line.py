@@ -207,8 +207,7 @@ class MountLine:
         """The question that may take a while, after the first report."""
         if self._unasked:
             self._unasked = False
-            doubt = guard.epoch_doubt()
-            if doubt:
+            for doubt in filter(None, (guard.epoch_doubt(), guard.clock_doubt())):
                 self._tell(events.EpochDoubted(doubt))
 
     def _wait_for(self, guard: Guard, error: LineLostError, order: MountOrder | None = None) -> Task[None]:

@@ -43,7 +43,7 @@ def board(eqmod=False, slew_deg_s=60.0):
         return opened[-1]
 
     try:
-        yield SimpleNamespace(telescope=telescope, far_end=far_end, clock=clock, connect=connect)
+        yield SimpleNamespace(telescope=telescope, far_end=far_end, clock=clock, connect=connect, port=line.port)
     finally:
         for mount in opened:
             mount.close()

@@ -9,7 +9,8 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Home
 from kochab.gear.mounts.drivers.skywatcher import KeptZero
-from tests.gear.mounts.bench import place
+from kochab.gear.session import MountSelection, guarded
+from tests.gear.mounts.bench import SITE, place
 from tests.gear.mounts.test_conformance import wait_for
 from tests.gear.mounts.test_skywatcher_home import board
 
@@ -139,3 +140,15 @@ def test_a_sync_beside_the_pole_confirms_home_but_does_not_turn_the_ra_axis() ->
         assert abs(mount.axes()[0]) < 5.0
         mount.move(Direction.NORTH, 0.5, 0.2)
         wait_for(lambda: not mount.watchdog.moving)
+
+
+def test_the_command_line_and_the_window_keep_it_by_themselves(tmp_path, monkeypatch) -> None:
+    """Each opens its mount by :func:`guarded`: two programs, one after the other."""
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    with board() as b:
+        for home, confirmed in ((None, False), (Home.NOW, True), (None, True)):
+            with guarded(MountSelection(b.port, "skywatcher", home=home), SITE, b.clock) as guard:
+                assert guard.state().home_confirmed is confirmed
+                if home:
+                    guard.mount.goto(*place(-25.0, 45.0, b.clock))
+                    wait_for(lambda guard=guard: guard.state().slewing is False)

@@ -1,19 +1,23 @@
 """Tracking is stopped at the horizon, the hour angles and past the meridian, with no motion asked for."""
 
+import itertools
+import math
 import re
 from dataclasses import replace
+from datetime import timedelta
 
 import pytest
 
-from kochab.core.errors import RefusedError
-from kochab.core.mount import Ability, Home, MountState, PierSide
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Home, MountState, PierSide, SiteReport
 from kochab.gear.mount_events import LimitReached, OrderDone
 from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import motion_policy
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from tests.gear.mounts.bench import SITE, place
-from tests.gear.mounts.imaginary import guarded
+from tests.gear.mounts.imaginary import NIGHT, at, guarded
 from tests.gear.mounts.test_conformance import wait_for
 from tests.gear.mounts.test_skywatcher_home import board
 
@@ -117,3 +121,74 @@ def test_it_looks_a_minute_ahead() -> None:
     assert guard.hold_limits() == ""
     mount.here = guarded(14.85, 20.0)[1].here
     assert guard.hold_limits()
+
+
+# -- the horizon of the place -------------------------------------------------------------------
+
+TREES = ((0.0, 20.0), (90.0, 20.0), (100.0, 60.0), (180.0, 60.0), (190.0, 10.0), (270.0, 35.0))
+
+
+def altitude_and_azimuth(hour, dec):
+    """By the formulas of any textbook, degrees; azimuth from north over east."""
+    h, d, p = (math.radians(angle) for angle in (hour, dec, 50.0))
+    up = math.sin(p) * math.sin(d) + math.cos(p) * math.cos(d) * math.cos(h)
+    north = math.cos(p) * math.sin(d) - math.sin(p) * math.cos(d) * math.cos(h)
+    return math.degrees(math.asin(up)), math.degrees(math.atan2(-math.cos(d) * math.sin(h), north)) % 360.0
+
+
+@pytest.mark.parametrize(("hour", "dec"), [(hour, dec) for hour in range(-150, 151, 30) for dec in (-10, 10, 30, 50)])
+def test_a_target_behind_a_tree_is_refused_and_one_above_it_is_not(hour, dec) -> None:
+    guard, _ = guarded(hour, dec)
+    guard.limits = Limits(horizon_deg=TREES, crosses_meridian=True)
+    altitude, azimuth = altitude_and_azimuth(hour, dec)
+    points = [*TREES, (360.0, 20.0)]
+    below = max((one, other) for one, other in itertools.pairwise(points) if one[0] <= azimuth)
+    share = (azimuth - below[0][0]) / (below[1][0] - below[0][0])
+    tree = max(5.0, below[0][1] + share * (below[1][1] - below[0][1]))
+    refusals = guard.preview_goto(*at(hour, dec)).refusals
+    assert bool(refusals) is (altitude < tree), (altitude, azimuth, tree, refusals)
+    if refusals:
+        assert f"the limit is {tree:.3g} deg" in refusals[0]
+
+
+def test_a_path_behind_a_tree_is_refused_and_tracking_stops_at_it() -> None:
+    wall = ((150.0, 0.0), (160.0, 70.0), (170.0, 0.0))
+    limits = {"horizon_deg": wall, "crosses_meridian": True}
+    guard, _ = tracking(-50.0, 20.0, **limits)
+    assert "path would dip" in guard.preview_goto(*at(20.0, 20.0)).refusals[0]
+    free, _ = tracking(-50.0, 20.0, crosses_meridian=True)
+    assert free.preview_goto(*at(20.0, 20.0)).allowed
+    hours = [hour / 4.0 for hour in range(-200, 0)]
+    stopped = next(hour for hour in hours if tracking(hour, 20.0, **limits)[0].hold_limits())
+    altitude, azimuth = altitude_and_azimuth(stopped, 20.0)
+    assert altitude == pytest.approx(7.0 * (azimuth - 150.0), abs=4.0)
+
+
+def test_how_long_it_may_track_on_is_told() -> None:
+    assert tracking(0.0, 20.0)[0].tracking_left_s() == 4500.0
+    assert tracking(-15.0, 20.0)[0].tracking_left_s() == 2 * 3600.0
+    assert tracking(0.0, 20.0, replace(WEST_OF_PIER, tracking=False))[0].tracking_left_s() is None
+    assert tracking(0.0, 85.0, crosses_meridian=True)[0].tracking_left_s() is None
+
+
+# -- clock and site of the mount ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "site", "told"),
+    [
+        (30.0, SITE, None),
+        (-3600.0, SITE, "its clock is 1.0 h slow"),
+        (300.0, None, "its clock is 5 min fast"),
+        (None, Site(50.0, -8.0), r"its site is 50.*, -8.*, not 50"),
+        (7200.0, Site(-50.0, 8.0), "its clock is 2.0 h fast and its site is"),
+        (None, None, None),
+    ],
+)
+def test_a_mount_that_contradicts_the_computer_is_told(ahead_s, site, told) -> None:
+    guard, mount = guarded()
+    report = SiteReport(site, None if ahead_s is None else NIGHT + timedelta(seconds=ahead_s))
+    mount.site_report = lambda: report
+    assert re.search(told, guard.clock_doubt()) if told else guard.clock_doubt() == ""
+    mount.site_report = lambda: (_ for _ in ()).throw(NoAnswerError("silent"))
+    assert guard.clock_doubt() == ""

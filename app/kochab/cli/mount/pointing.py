@@ -71,13 +71,20 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
             "target_dec_deg": wanted.dec_deg,
             "preview": {**asdict(preview), "allowed": preview.allowed},
             **where(args, guard),
+            "tracking_left_s": guard.tracking_left_s() if args.yes else None,
         }
+    left_s = told["tracking_left_s"]
     lines = [
         f"{args.action} to {radec(wanted.ra_deg, wanted.dec_deg)} (J2000)",
         f"  {preview.offset_deg:.3f} deg away: {preview.east_deg * 60:+.1f}' east,"
         f" {preview.north_deg * 60:+.1f}' north",
         *preview_lines(preview, args.yes),
         *([f"  done: {radec(told['ra_deg'], told['dec_deg'])} (J2000)"] if args.yes else []),
+        *(
+            [f"  it tracks on unwatched and reaches a limit within {left_s / 3600:g} h: stop it before"]
+            if left_s
+            else []
+        ),
     ]
     tell(told, "\n".join(lines), args.json)
     return 0

@@ -34,12 +34,13 @@ def _position(args: argparse.Namespace) -> int:
             "state": asdict(guard.state()),
             "lacks": lacks,
             "epoch_doubt": guard.epoch_doubt(),
+            "clock_doubt": guard.clock_doubt(),
         }
     lines = [
         told["name"],
         f"{radec(told['ra_deg'], told['dec_deg'])}  (J2000)",
         f"mount: {told['mount_ra_deg']:.4f} {told['mount_dec_deg']:+.4f} {told['epoch']}",
-        *([told["epoch_doubt"]] if told["epoch_doubt"] else []),
+        *filter(None, (told["epoch_doubt"], told["clock_doubt"])),
         *(f"{key.replace('_', ' ')}: {value}" for key, value in told["state"].items() if value is not None),
         *(f"no {ability}: {reason}" for ability, reason in told["lacks"].items()),
     ]

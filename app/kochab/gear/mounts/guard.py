@@ -14,6 +14,7 @@ from time import sleep
 from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
+from kochab.core.angle_text import site_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
@@ -26,6 +27,7 @@ from kochab.gear.mounts.motion_plan import Limits, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import MotionPolicy
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, slew_limit_s
 
+CLOCK_S, SITE_DEG = 120.0, 0.5  # a clock and a site that are set by hand
 OVERRUN, OVERRUN_KNOWN = 4.0, 1.25  # how much further a move may go: rate unknown, or reported
 
 
@@ -136,6 +138,24 @@ class Guard:
             f"The mount's altitude and azimuth show that its coordinates are {found}, not {self.epoch}. "
             f"Choose the epoch {option} (--epoch {option})."
         )
+
+    def clock_doubt(self) -> str:
+        """What the mount's own clock and site contradict of the computer's; empty when nothing, or nothing is told."""
+        try:
+            report = self.mount.site_report()
+        except NoAnswerError:
+            return ""
+        found = []
+        if report.time_utc is not None:
+            ahead_s = (report.time_utc - self.clock()).total_seconds()
+            if abs(ahead_s) > CLOCK_S:
+                size = f"{abs(ahead_s) / 3600.0:.1f} h" if abs(ahead_s) >= 3600.0 else f"{abs(ahead_s) / 60.0:.0f} min"
+                found.append(f"its clock is {size} {'fast' if ahead_s > 0 else 'slow'}")
+        if report.site is not None and self.site is not None:
+            pairs = [(one.longitude_deg, one.latitude_deg) for one in (report.site, self.site)]
+            if apart_deg(*pairs) > SITE_DEG:
+                found.append(f"its site is {site_text(report.site)}, not {site_text(self.site)}")
+        return f"Check the mount's settings: {' and '.join(found)}. Set them on its hand control." if found else ""
 
     # -- syncs: on evidence, read back, and taken back on request -------------------------------
 
@@ -295,6 +315,12 @@ class Guard:
             reason = f"Kochab stopped the tracking. {reason}"
         self.log.add("track", "failed" if by_hand else "done", reason)
         return reason
+
+    def tracking_left_s(self) -> float | None:
+        """How long it may track on, to a quarter of an hour; None when it does not track, or half a day and more."""
+        state, here = self.state(), self.position()
+        ends = (900.0 * quarter for quarter in range(1, 49))
+        return next((s for s in ends if state.tracking and self.policy.tracking(here, state, s)), None)
 
     def _begin_slew(self, ra_deg: float, dec_deg: float) -> float:
         """Send a goto; in how many seconds it must have ended."""

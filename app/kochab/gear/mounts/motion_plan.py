@@ -19,6 +19,9 @@ from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg
 # -- What a guarded mount may do, and the evidence a sync must bring ---------------------------
 
 
+Horizon = tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """The guard's numbers. A fork or alt-azimuth mount ``crosses_meridian`` without a flip.
@@ -29,6 +32,7 @@ class Limits:
     """
 
     lowest_altitude_deg: float = 5.0
+    horizon_deg: Horizon = ()  # what stands higher: azimuth and altitude, by azimuth
     highest_altitude_deg: float = 90.0
     hour_angle_deg: tuple[float, float] = (-180.0, 180.0)  # only its owner knows where the pier is
     past_meridian_deg: float = 15.0  # for a move of the axis, which never flips
@@ -55,6 +59,14 @@ class Limits:
     worst_log10_false_alarm: float = -5.0  # as the solver; two that agree make it 10^-10
     read_back_arcsec: float = 120.0  # the coarsest mounts round to 90
     near_pole_deg: float = 85.0
+
+    def floors_deg(self, azimuths_deg: Floats) -> Floats:
+        """The lowest altitudes allowed at these azimuths (N,), north over east, between the points of the horizon."""
+        low = np.full(len(azimuths_deg), self.lowest_altitude_deg)
+        if not self.horizon_deg:
+            return low
+        azimuths, altitudes = zip(*self.horizon_deg, strict=True)
+        return np.asarray(np.maximum(low, np.interp(azimuths_deg, azimuths, altitudes, period=360.0)))
 
 
 @dataclass(frozen=True, slots=True)

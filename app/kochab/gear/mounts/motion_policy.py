@@ -12,7 +12,15 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Direction, Epoch, MountState, PierSide, Pointing
-from kochab.gear.mounts.coordinates import altitude_deg, from_mount_epoch, of_date, sun_vector, to_mount_epoch
+from kochab.gear.mounts.coordinates import (
+    altitude_deg,
+    from_mount_epoch,
+    horizon_frame,
+    of_date,
+    sidereal_deg,
+    sun_vector,
+    to_mount_epoch,
+)
 from kochab.gear.mounts.motion_plan import (
     Degrees,
     Limits,
@@ -74,32 +82,40 @@ def horizon(plan: Plan) -> Findings:
         else:
             yield refuse(f"No site set, so no horizon limit. Set the site before a {plan.action}.")
         return
-    ends = altitude_deg(np.stack([plan.start, plan.target]), plan.site, plan.time_utc)
-    start, target = float(ends[0]), float(ends[1])
     if plan.action != "sync":
-        yield from _altitudes(plan, plan.site, start, target)
+        yield from _altitudes(plan, plan.site)
         yield from _hour_angles(plan)
-    elif not target >= 0.0:
+        return
+    target = float(altitude_deg(np.atleast_2d(plan.target), plan.site, plan.time_utc)[0])
+    if not target >= 0.0:
         yield refuse(
             f"The sync is refused: that place is {-target:.1f} deg below the horizon; "
             "check the site, the time and the solve."
         )
 
 
-def _altitudes(plan: Plan, site: Site, start: float, target: float) -> Findings:
-    low, high = plan.limits.lowest_altitude_deg, plan.limits.highest_altitude_deg
+def _altitudes(plan: Plan, site: Site) -> Findings:
+    level, high = horizon_frame(site, sidereal_deg(site, plan.time_utc)), plan.limits.highest_altitude_deg
+
+    def seen(vectors: Floats) -> tuple[Floats, Floats]:
+        """Altitudes, and the lowest allowed there."""
+        south, east, up = (vectors @ level).T
+        floors = plan.limits.floors_deg(np.degrees(np.arctan2(east, -south)))
+        return np.degrees(np.arcsin(np.clip(up, -1.0, 1.0))), floors
+
+    (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
     leaving = plan.action in ("move", "pulse", "track")  # these may creep back into the allowed range
     if target < low and not (leaving and target >= start):
-        yield refuse(f"The target is {target:.1f} deg high, the limit is {low:g} deg.")
+        yield refuse(f"The target is {target:.1f} deg high, the limit is {low:.3g} deg.")
         return
     if target > high and not (leaving and target <= start):
         yield refuse(f"The target is {target:.1f} deg high, the upper limit is {high:g} deg.")
         return
     for path in plan.paths:
-        along = altitude_deg(path, site, plan.time_utc)
-        bottom, top = float(along.min()), float(along.max())
-        if bottom < min(low, start) - SLACK_DEG:
-            yield refuse(f"The path would dip to {bottom:.1f} deg, the limit is {low:g} deg.")
+        along, floors = seen(path)
+        worst, top = int(np.argmin(along - floors)), float(along.max())
+        if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:
+            yield refuse(f"The path would dip to {along[worst]:.1f} deg, the limit is {floors[worst]:.3g} deg.")
             return
         if top > max(high, start) + SLACK_DEG:
             yield refuse(f"The path would rise to {top:.1f} deg, the limit is {high:g} deg.")
