@@ -227,8 +227,8 @@ def _patched_http(link, answer) -> None:
 def check_http(data: bytes, folder: Path) -> None:
     """One answer of an Alpaca server, whatever it is: a value, a picture, or one sentence."""
     from kochab.gear.cameras.alpaca import image_of, sensor_numbers
-    from kochab.gear.cameras.alpaca_link import AlpacaLink
-    from kochab.gear.cameras.server_camera import NetAddress
+    from kochab.gear.servers.address import NetAddress
+    from kochab.gear.servers.alpaca_link import AlpacaLink
 
     link = AlpacaLink(NetAddress("127.0.0.1", 11111))
     _patched_http(link, lambda request: data)
@@ -244,7 +244,7 @@ def check_http(data: bytes, folder: Path) -> None:
 def check_alpaca(data: bytes, folder: Path) -> None:
     """A camera whose server tells odd values: opened, exposed and closed, or one sentence."""
     from kochab.gear.cameras.alpaca import AlpacaCamera
-    from kochab.gear.cameras.alpaca_link import AlpacaLink
+    from kochab.gear.servers.alpaca_link import AlpacaLink
 
     values = json.loads(data)
 
@@ -310,9 +310,10 @@ def _indi(folder: Path) -> list[bytes]:
 
 def check_indi(data: bytes, folder: Path) -> None:
     """Any stream from a server: a camera and perhaps a picture, or one sentence, in bounded time."""
-    from kochab.gear.cameras import indi, indi_link, open_camera
+    from kochab.gear.cameras import open_camera
+    from kochab.gear.servers import indi_link
 
-    limits = {indi: {"TELL_S": 0.3, "MORE_S": 0.05, "POWER_UP_S": 0.3, "SET_S": 0.3}, indi_link: {"CONNECT_S": 1.0}}
+    limits = {indi_link: {"TELL_S": 0.3, "MORE_S": 0.05, "POWER_UP_S": 0.3, "SET_S": 0.3, "CONNECT_S": 1.0}}
     before = {module: {name: getattr(module, name) for name in names} for module, names in limits.items()}
     for module, names in limits.items():
         vars(module).update(names)

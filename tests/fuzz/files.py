@@ -408,7 +408,7 @@ def check_typed(data: bytes, folder: Path) -> None:
 
     from kochab.cli import options
     from kochab.core.angle_text import parse_dec_deg, parse_positive, parse_ra_deg, parse_site
-    from kochab.gear.cameras.server_camera import net_address
+    from kochab.gear.servers.address import net_address
 
     text = data.decode("utf-8", "surrogateescape")
     for parse in (parse_ra_deg, parse_dec_deg, parse_site, partial(parse_positive, what="scale", most=1e4)):

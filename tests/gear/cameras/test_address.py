@@ -13,7 +13,7 @@ from PIL import Image
 
 from kochab.core.errors import FrameError, PortError
 from kochab.gear.cameras.indi import frame_of
-from kochab.gear.cameras.server_camera import NetAddress, net_address
+from kochab.gear.servers.address import NetAddress, net_address
 
 
 @pytest.mark.parametrize(

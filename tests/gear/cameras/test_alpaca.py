@@ -323,13 +323,13 @@ def test_values_that_make_no_sense_are_a_sentence(server, device, name, monkeypa
 
 @pytest.mark.parametrize("answer", [b"[]", b"[" * 100_000, b'{"ErrorNumber": null}', b'{"Value": 7}'])
 def test_any_json_is_a_sentence(server, device, monkeypatch, answer) -> None:
-    monkeypatch.setattr("kochab.gear.cameras.alpaca_link.AlpacaLink.fetch", lambda *_: (answer, ""))
+    monkeypatch.setattr("kochab.gear.servers.alpaca_link.AlpacaLink.fetch", lambda *_: (answer, ""))
     with pytest.raises(DeviceError, match=r"^.*\.$"):
         open_camera("alpaca", server.address, QUICK)
 
 
 def test_an_answer_without_an_end_is_not_kept(device, camera, monkeypatch) -> None:
-    monkeypatch.setattr("kochab.gear.cameras.alpaca_link.LARGEST_BYTES", 4000)
+    monkeypatch.setattr("kochab.gear.servers.alpaca_link.LARGEST_BYTES", 4000)
     with pytest.raises(NoAnswerError, match="too much data for an image"):
         until_lost(camera)
 

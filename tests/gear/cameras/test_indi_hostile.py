@@ -64,7 +64,7 @@ def exposed(address: str) -> None:
 
 
 def test_a_picture_without_an_end_is_given_up(monkeypatch) -> None:
-    monkeypatch.setattr("kochab.gear.cameras.indi_link.LARGEST_BYTES", 3_000_000)
+    monkeypatch.setattr("kochab.gear.servers.indi_link.LARGEST_BYTES", 3_000_000)
     with server(CAMERA, b"QUJD" * 16384) as address, pytest.raises(LineLostError):
         exposed(address)
     with server(CAMERA + BLOB, b"QUJD" * 16384) as address, pytest.raises(LineLostError):
@@ -74,7 +74,7 @@ def test_a_picture_without_an_end_is_given_up(monkeypatch) -> None:
 @pytest.mark.parametrize("value", ["x", "--1"])
 @pytest.mark.parametrize("place", ['max="3600"', ">1</defNumber>"])
 def test_numbers_that_are_none_are_a_sentence(value, place, monkeypatch) -> None:
-    monkeypatch.setattr("kochab.gear.cameras.indi.POWER_UP_S", 0.5)
+    monkeypatch.setattr("kochab.gear.servers.indi_link.POWER_UP_S", 0.5)
     wrong = re.sub("3600|(?<=>)1(?=<)", value, place)
     with server(CAMERA.replace(place, wrong), b"") as address, pytest.raises(DeviceError) as caught:
         open_camera("indi", address, CaptureSettings(exposure_s=0.1))

@@ -8,8 +8,8 @@ import pytest
 
 from kochab.core.errors import LineLostError, PortError
 from kochab.gear.cameras import open_camera
-from kochab.gear.cameras.alpaca_link import AlpacaLink
-from kochab.gear.cameras.server_camera import NetAddress
+from kochab.gear.servers.address import NetAddress
+from kochab.gear.servers.alpaca_link import AlpacaLink
 
 from .test_indi_hostile import BLOB, CAMERA, exposed
 
@@ -73,7 +73,7 @@ def test_a_kept_line_that_was_closed_gets_no_second_limit() -> None:
 
 def test_an_indi_server_that_trickles_what_it_has(monkeypatch) -> None:
     pytest.importorskip("indipyclient")
-    monkeypatch.setattr("kochab.gear.cameras.indi.TELL_S", 0.5)
+    monkeypatch.setattr("kochab.gear.servers.indi_link.TELL_S", 0.5)
     with server((b"", CAMERA.encode())) as port, pytest.raises(PortError, match="has no camera"):
         open_camera("indi", f"127.0.0.1:{port}")
 
@@ -81,7 +81,7 @@ def test_an_indi_server_that_trickles_what_it_has(monkeypatch) -> None:
 def test_an_indi_server_that_trickles_a_picture(monkeypatch) -> None:
     pytest.importorskip("indipyclient")
     monkeypatch.setattr("kochab.gear.cameras.server_camera.DOWNLOAD_S", 0.3)
-    monkeypatch.setattr("kochab.gear.cameras.indi.SET_S", 0.3)
+    monkeypatch.setattr("kochab.gear.servers.indi_link.SET_S", 0.3)
     # the first line only knocks, to see that somebody listens
     talks = (b"", b""), (CAMERA.encode(), (BLOB + "QUJD" * 1000).encode())
     with server(*talks) as port, pytest.raises(LineLostError, match="sent no image"):

@@ -14,16 +14,9 @@ from kochab.core.arrays import Array
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Frame, Hint
-from kochab.gear.cameras.alpaca_link import AlpacaLink, NotOfferedError, discover, raise_refusal
-from kochab.gear.cameras.server_camera import (
-    DOWNLOAD_S,
-    ExposingCamera,
-    Exposure,
-    NetAddress,
-    chosen,
-    making_sense,
-    net_address,
-)
+from kochab.gear.cameras.server_camera import DOWNLOAD_S, ExposingCamera, Exposure
+from kochab.gear.servers.address import NetAddress, chosen, making_sense, net_address
+from kochab.gear.servers.alpaca_link import PORT, AlpacaLink, NotOfferedError, discover, raise_refusal
 
 # -- A picture as Alpaca sends it: ImageBytes, or JSON from servers that know no better --------
 # ASCOM's arrays are [x][y] or [x][y][colour]; here they become rows.
@@ -85,7 +78,6 @@ def sensor_numbers(rows: Array, most: int | None) -> Array:
 
 # -- A camera of an ASCOM Alpaca server by the names of its properties -------------------------
 
-PORT = 11111
 POLL_S = 0.05
 POWER_UP_S = 20.0
 _COLOUR, _RGGB, _BROKEN = 1, 2, 5  # SensorType Color, SensorType RGGB, CameraState Error
@@ -126,7 +118,7 @@ class AlpacaCamera(ExposingCamera):
         link = AlpacaLink(where)
         with ExitStack() as failing:
             failing.callback(link.close)
-            camera = cls(link, int(chosen([(str(number), name) for number, name in link.cameras()], where, "Alpaca")))
+            camera = cls(link, int(chosen([(str(number), name) for number, name in link.devices()], where, "Alpaca")))
             camera.configure(settings)
             failing.pop_all()
         return camera
@@ -240,5 +232,5 @@ class AlpacaCamera(ExposingCamera):
 
 def _listed(where: NetAddress) -> list[CameraDevice]:
     with closing(AlpacaLink(where)) as link:
-        cameras = link.cameras()
+        cameras = link.devices()
     return [CameraDevice("alpaca", f"{where.server}/{number}", f"{name} on {where.host}") for number, name in cameras]

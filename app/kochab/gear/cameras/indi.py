@@ -10,10 +10,11 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
-from kochab.core.errors import FrameError, LineLostError, PortError, RefusedError
+from kochab.core.errors import FrameError, PortError, RefusedError
 from kochab.core.frame import Frame
-from kochab.gear.cameras.indi_link import IndiLink
-from kochab.gear.cameras.server_camera import ExposingCamera, Exposure, chosen, making_sense, net_address
+from kochab.gear.cameras.server_camera import ExposingCamera, Exposure
+from kochab.gear.servers.address import chosen, making_sense, net_address
+from kochab.gear.servers.indi_link import CCD_INTERFACE, PORT, SET_S, IndiDevice, IndiLink
 
 # -- Bytes that came over a line to a frame ----------------------------------------------------
 
@@ -57,11 +58,6 @@ def _unpacked(data: bytes, name: str) -> bytes:
 
 # -- A camera of an INDI server by the names of INDI's standard properties ---------------------
 
-PORT = 7624
-TELL_S = 5.0  # how long a server may take to tell what it has
-MORE_S = 0.5  # how long after its first camera it may take to tell of another
-POWER_UP_S = 20.0  # how long a camera may take to connect to its driver
-SET_S = 5.0
 PICTURE = "CCD1"
 GAINS = (("CCD_GAIN", "GAIN"), ("CCD_CONTROLS", "Gain"))
 
@@ -72,6 +68,7 @@ class IndiCamera(ExposingCamera):
     def __init__(self, link: IndiLink, name: str) -> None:
         super().__init__(name, link.close)
         self._link = link
+        self._device = IndiDevice(link, name)
         self._complaints: list[str] = []
         self._power_up()
 
@@ -91,7 +88,7 @@ class IndiCamera(ExposingCamera):
                 raise
             return []
         with closing(link):
-            names = _told(link)
+            names = link.named(CCD_INTERFACE)
         return [CameraDevice("indi", f"{where.server}/{n}", f"{n} on {where.host}") for n in names]
 
     @classmethod
@@ -102,7 +99,7 @@ class IndiCamera(ExposingCamera):
         link = IndiLink(where)
         with ExitStack() as failing:
             failing.callback(link.close)
-            camera = cls(link, chosen([(name, name) for name in _told(link, where.rest)], where, "INDI"))
+            camera = cls(link, chosen([(name, name) for name in link.named(CCD_INTERFACE, where.rest)], where, "INDI"))
             camera.configure(settings)
             failing.pop_all()
         return camera
@@ -150,86 +147,40 @@ class IndiCamera(ExposingCamera):
 
     def _check(self) -> None:
         """Raise when the camera is no longer connected, or has refused to expose."""
-        self._link.check()
-        connected = self._value("CONNECTION", "CONNECT")
-        if connected != "On":
-            why = "its driver stopped" if connected is None else "it was disconnected"
-            raise LineLostError(f"Lost {self.name} on the INDI server: {why}.")
-        if self._exposing is not None and self._state("CCD_EXPOSURE") == "Alert":
-            raise RefusedError(f"{self.name} refused to expose{self._said()}.")
+        self._device.check()
+        if self._exposing is not None and self._device.state("CCD_EXPOSURE") == "Alert":
+            raise RefusedError(f"{self.name} refused to expose{self._device.said()}.")
 
     def _power_up(self) -> None:
         """Connect the camera to its driver and have its pictures sent here as FITS."""
-        if self._value("CONNECTION", "CONNECT") != "On":
-            self._link.send(self.name, "CONNECTION", {"CONNECT": "On"})
-
-        def ready() -> bool:
-            connected = self._value("CONNECTION", "CONNECT") == "On" and self._state("CONNECTION") != "Busy"
-            return connected and None not in (self._state("CCD_EXPOSURE"), self._state(PICTURE))
-
-        if not self._link.wait(ready, POWER_UP_S):
-            raise PortError(f"Can't connect {self.name}{self._said()}. Check its cable and power.")
-        if self._value("UPLOAD_MODE", "UPLOAD_LOCAL") == "On":
-            self._set("UPLOAD_MODE", {"UPLOAD_BOTH": "On"}, "sending pictures")
-        if self._value("CCD_TRANSFER_FORMAT", "FORMAT_FITS") == "Off":
-            self._set("CCD_TRANSFER_FORMAT", {"FORMAT_FITS": "On"}, "FITS")
-        self.exposure_s = float(self._value("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE") or 0.0) or 1.0
+        self._device.power_up("CCD_EXPOSURE", PICTURE)
+        if self._device.value("UPLOAD_MODE", "UPLOAD_LOCAL") == "On":
+            self._device.set("UPLOAD_MODE", {"UPLOAD_BOTH": "On"}, "sending pictures")
+        if self._device.value("CCD_TRANSFER_FORMAT", "FORMAT_FITS") == "Off":
+            self._device.set("CCD_TRANSFER_FORMAT", {"FORMAT_FITS": "On"}, "FITS")
+        self.exposure_s = float(self._device.value("CCD_EXPOSURE", "CCD_EXPOSURE_VALUE") or 0.0) or 1.0
         self._link.want_blobs(self.name, PICTURE)
 
     def _settings(self) -> CaptureSettings:
-        gain, bins = self._gain(), self._value("CCD_BINNING", "HOR_BIN")
-        told = gain and self._value(*gain)
+        gain, bins = self._gain(), self._device.value("CCD_BINNING", "HOR_BIN")
+        told = gain and self._device.value(*gain)
         return CaptureSettings(self.exposure_s, float(told) if told else None, int(float(bins)) if bins else None)
 
     def _set_gain(self, gain: float) -> None:
         if (place := self._gain()) is not None:
-            self._set(place[0], {place[1]: f"{gain:g}"}, "gain")
+            self._device.set(place[0], {place[1]: f"{gain:g}"}, "gain")
 
     def _set_binning(self, binning: int) -> None:
-        self._set("CCD_BINNING", {"HOR_BIN": str(binning), "VER_BIN": str(binning)}, "binning")
+        self._device.set("CCD_BINNING", {"HOR_BIN": str(binning), "VER_BIN": str(binning)}, "binning")
 
     def _start(self) -> None:
-        self._link.send(self.name, "CCD_EXPOSURE", {"CCD_EXPOSURE_VALUE": f"{self.exposure_s:.6g}"})
+        self._device.send("CCD_EXPOSURE", {"CCD_EXPOSURE_VALUE": f"{self.exposure_s:.6g}"})
 
     def _abort(self) -> None:
-        self._link.send(self.name, "CCD_ABORT_EXPOSURE", {"ABORT": "On"})
-        self._link.wait(lambda: self._state("CCD_EXPOSURE") != "Busy", SET_S)
+        self._device.send("CCD_ABORT_EXPOSURE", {"ABORT": "On"})
+        self._link.wait(lambda: self._device.state("CCD_EXPOSURE") != "Busy", SET_S)
         self._link.take_blob(0.0)  # its picture, if it came, is dropped
-
-    def _set(self, vector: str, members: dict[str, str], what: str) -> None:
-        """Set ``members``; RefusedError when the driver does not take them."""
-        self._link.send(self.name, vector, members)
-
-        def done() -> bool:
-            same = (_same(self._value(vector, member), meant) for member, meant in members.items())
-            return self._state(vector) != "Busy" and all(same)
-
-        if not self._link.wait(done, SET_S):
-            raise RefusedError(f"{self.name} does not accept this {what}{self._said()}.")
 
     def _gain(self) -> tuple[str, str] | None:
         """Where its gain stands, which differs from driver to driver."""
-        return next((g for g in GAINS if self._value(*g) is not None), None)
-
-    def _value(self, vector: str, member: str) -> str | None:
-        return self._link.value(self.name, vector, member)
-
-    def _state(self, vector: str) -> str | None:
-        return self._link.state(self.name, vector)
-
-    def _said(self) -> str:
-        return f" ({self._link.message.rstrip('.')})" if self._link.message else ""
-
-
-def _same(told: str | None, meant: str) -> bool:
-    try:
-        return told is not None and abs(float(told) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
-    except ValueError:
-        return told == meant
-
-
-def _told(link: IndiLink, wanted: str = "") -> list[str]:
-    """The server's cameras: they are told one after another, and nobody says which is the last."""
-    if link.wait(lambda: bool(link.cameras()), TELL_S):
-        link.wait(lambda: wanted in link.cameras(), MORE_S)
-    return link.cameras()
+        return next((g for g in GAINS if self._device.value(*g) is not None), None)

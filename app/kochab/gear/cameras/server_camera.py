@@ -1,15 +1,14 @@
-"""A camera behind a server that takes one exposure at a time: its address, its exposures, its limits."""
+"""A camera behind a server that takes one exposure at a time: its exposures, its limits."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from socket import gaierror
 from time import monotonic
 
-from kochab.core.angle_text import short_name
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
-from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
+from kochab.core.errors import DeviceError, LineLostError, RefusedError
+from kochab.gear.servers.address import making_sense
 
 # An exposure under way on a camera that begins the next one when its picture has arrived.
 
@@ -28,85 +27,6 @@ class Exposure:
         """Raise LineLostError when its picture should have been here long ago."""
         if monotonic() > self.begun_s + self.seconds + DOWNLOAD_S:
             raise LineLostError(f"{camera} sent no image after its exposure.")
-
-
-# -- What a person types to name a camera on another computer: ``host:port/camera`` ------------
-
-
-@dataclass(frozen=True, slots=True)
-class NetAddress:
-    """A server and what is wanted of it; ``rest`` is empty when nothing was named."""
-
-    host: str
-    port: int
-    rest: str = ""
-
-    @property
-    def server(self) -> str:
-        """Host and port as they are typed."""
-        return f"{self.host}:{self.port}"
-
-
-def net_address(text: str, default_port: int) -> NetAddress:
-    """``text`` taken apart; nothing means this computer.
-
-    An IPv6 host stands in brackets: ``[fe80::1]:7624/Camera``.
-
-    Raises `PortError` when the port is not a number from 1 to 65535.
-    """
-    server, _, rest = text.strip().removeprefix("http://").partition("/")
-    host, port = server, ""
-    if server.startswith("["):
-        host, _, port = server.partition("]")
-        host, port = host + "]", port.removeprefix(":")
-    elif ":" in server:
-        host, _, port = server.partition(":")
-    number = int(port) if port.isascii() and port.isdigit() else (0 if port else default_port)
-    if not 1 <= number <= 65535:
-        raise PortError(f"'{short_name(port)}' is not a port; write the address as host:{default_port}.")
-    return NetAddress(host or "localhost", number, rest.strip("/"))
-
-
-def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "it") -> PortError:
-    """Why nobody at an address could be asked; ``kind`` is the protocol, ``program`` what is to be started."""
-    if isinstance(error, ConnectionRefusedError):
-        return PortError(f"No {kind} server at {where.server}. Start {program} there.")
-    if isinstance(error, gaierror):
-        return PortError(f"No computer named {where.host} on this network.")
-    return PortError(f"{where.server} does not answer. Check its power and network.")
-
-
-def chosen(cameras: Sequence[tuple[str, str]], where: NetAddress, kind: str) -> str:
-    """Which of a server's ``cameras``, each its address there and its name, ``where.rest`` names.
-
-    The only one need not be named. ``kind`` says of what protocol the server is.
-
-    Raises `PortError` when there is no such camera, none, or one has to be named: with those that there are.
-    """
-    for address, name in cameras:
-        if where.rest in (address, name):
-            return address
-    there = ", ".join(a if a == name else f"{a} ({name})" for a, name in cameras)
-    if where.rest:
-        others = f"; there is {there}" if cameras else ""
-        raise PortError(f"{where.server} has no camera {where.rest}{others}.")
-    if not cameras:
-        raise PortError(f"The {kind} server {where.server} has no camera.")
-    if len(cameras) > 1:
-        raise PortError(f"{where.server} has several cameras: {there}. Write {where.server}/{cameras[0][0]}.")
-    return cameras[0][0]
-
-
-# -- Values of a camera server that are not what they should be --------------------------------
-
-
-@contextmanager
-def making_sense() -> Iterator[None]:
-    """Turn what comes of values of the wrong kind into one sentence: None, "x", 1e999, {}."""
-    try:
-        yield
-    except (ValueError, TypeError, AttributeError, ArithmeticError, LookupError) as error:
-        raise NoAnswerError("The camera's server reports invalid values.") from error
 
 
 # -- Settings against what a camera allows, before it is asked ---------------------------------

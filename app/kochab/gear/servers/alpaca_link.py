@@ -15,8 +15,9 @@ from typing import Any
 from urllib.parse import urlencode
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
-from kochab.gear.cameras.server_camera import NetAddress, making_sense, unreachable
+from kochab.gear.servers.address import NetAddress, making_sense, unreachable
 
+PORT = 11111
 ANSWER_S = 5.0
 LARGEST_BYTES = 1_500_000_000
 DISCOVERY_PORT = 32227
@@ -31,9 +32,13 @@ class NotOfferedError(RefusedError):
 
 
 class AlpacaLink:
-    """One server; the connection is kept open between calls. Not for several threads at once."""
+    """One server, asked about devices of a ``kind``; the connection is kept open between calls.
 
-    def __init__(self, address: NetAddress) -> None:
+    Not for several threads at once.
+    """
+
+    def __init__(self, address: NetAddress, kind: str = "camera") -> None:
+        self._kind = kind
         self._address = address
         self._http = _DeadlineConnection(address.host.strip("[]"), address.port)
         self._transaction = count(1)
@@ -49,14 +54,14 @@ class AlpacaLink:
         kind = {"Content-Type": "application/x-www-form-urlencoded"}
         self._value(self._ask("PUT", f"/api/v1/{path}", limit_s, body, kind)[0])
 
-    def cameras(self) -> list[tuple[int, str]]:
-        """Number and name of every camera the server has."""
+    def devices(self) -> list[tuple[int, str]]:
+        """Number and name of every device of this link's kind that the server has."""
         found = self._value(self.fetch("/management/v1/configureddevices", ANSWER_S)[0])
         with making_sense():
             return sorted(
-                (int(d["DeviceNumber"]), str(d.get("DeviceName", "camera")))
+                (int(d["DeviceNumber"]), str(d.get("DeviceName", self._kind)))
                 for d in found
-                if str(d.get("DeviceType", "")).lower() == "camera"
+                if str(d.get("DeviceType", "")).lower() == self._kind
             )
 
     def fetch(self, path: str, limit_s: float, accept: str = "*/*") -> tuple[bytes, str]:
@@ -123,7 +128,7 @@ class AlpacaLink:
             number, message = int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", ""))
         except (ValueError, AttributeError, TypeError, RecursionError):
             raise NoAnswerError(f"{self._address.server} is not an Alpaca server.") from None
-        raise_refusal(number, message)
+        raise_refusal(number, message, self._kind)
         return told.get("Value")
 
     def _gone(self, error: Exception) -> DeviceError:
@@ -135,16 +140,16 @@ class AlpacaLink:
         return unreachable(self._address, "Alpaca", error)
 
 
-def raise_refusal(number: int, message: str) -> None:
-    """Raise what an Alpaca error number means; 0 is none."""
+def raise_refusal(number: int, message: str, kind: str = "camera") -> None:
+    """Raise what an Alpaca error number of a device of this ``kind`` means; 0 is none."""
     if number == 0:
         return
     text = " ".join(message.split()).rstrip(".") or f"error {number:#x}"
     if number == NOT_CONNECTED:
-        raise LineLostError(f"The camera is no longer connected to its server: {text}.")
+        raise LineLostError(f"The {kind} is no longer connected to its server: {text}.")
     if number == NOT_IMPLEMENTED:
-        raise NotOfferedError(f"The camera does not support this: {text}.")
-    raise RefusedError(f"The camera refused: {text}.")
+        raise NotOfferedError(f"The {kind} does not support this: {text}.")
+    raise RefusedError(f"The {kind} refused: {text}.")
 
 
 def discover(wait_s: float = 1.0) -> list[str]:

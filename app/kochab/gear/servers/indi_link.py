@@ -7,19 +7,25 @@ for a limit, and is told when the line is lost.
 import asyncio
 import logging
 import socket
+from collections import defaultdict, deque
 from collections.abc import Callable, Coroutine
 from threading import Condition, Thread
 from time import monotonic
 from typing import Any, TypeVar
 
-from kochab.core.errors import LineLostError, NoAnswerError, PortError
-from kochab.gear.cameras.server_camera import NetAddress, unreachable
+from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
+from kochab.gear.servers.address import NetAddress, unreachable
 
 T = TypeVar("T")
 CONNECT_S = 5.0
 CALL_S = 5.0
 LARGEST_BYTES = 1_600_000_000  # of a message, in which three bytes are written as four
-CCD_INTERFACE = 1 << 1  # INDI's DriverInterface bit of a camera
+PORT = 7624
+TELL_S = 5.0  # how long a server may take to tell what it has
+MORE_S = 0.5  # how long after its first device it may take to tell of another
+POWER_UP_S = 20.0  # how long a device may take to connect to its driver
+SET_S = 5.0
+TELESCOPE_INTERFACE, CCD_INTERFACE = 1 << 0, 1 << 1  # INDI's DriverInterface bits
 
 
 class IndiLink:
@@ -31,6 +37,8 @@ class IndiLink:
         self._news = Condition()
         self._blob: tuple[bytes, str] | None = None
         self._wanted = ""
+        self._heard: dict[tuple[str, str], deque[tuple[float, str]]] = defaultdict(lambda: deque(maxlen=50))
+        self.defined_s = 0.0  # when the server last told of something new, on `monotonic`
         self._lost: str | None = None
         self._made = False
         self.message = ""
@@ -43,13 +51,34 @@ class IndiLink:
             self.close()
             raise PortError(f"{address.server} does not answer as an INDI server.")
 
-    def cameras(self) -> list[str]:
-        """Names of the devices that are cameras, as far as the server has told."""
-        return self.ask(lambda client: [n for n, d in client.items() if _is_camera(d)])
+    def devices(self, interface: int) -> list[str]:
+        """Names of the devices of a kind, as far as the server has told."""
+        return self.ask(lambda client: [n for n, d in client.items() if _is_of(d, interface)])
+
+    def named(self, interface: int, wanted: str = "") -> list[str]:
+        """The same when all are told: they come one after another, and nobody says which is the last."""
+        if self.wait(lambda: bool(self.devices(interface)), TELL_S):
+            self.wait(lambda: wanted in self.devices(interface), MORE_S)
+        return self.devices(interface)
 
     def value(self, device: str, vector: str, member: str) -> str | None:
         """A member's value, None when there is no such thing (any more)."""
         return self.ask(lambda client: _member(client, device, vector, member))
+
+    def number(self, device: str, vector: str, member: str) -> float | None:
+        """The same of a number, however the server writes it."""
+
+        def read(client: Any) -> float | None:
+            if _member(client, device, vector, member) is None:
+                return None
+            return float(client[device][vector].member(member).getfloatvalue())
+
+        return self.ask(read)
+
+    def heard_since(self, device: str, vector: str, since_s: float) -> list[tuple[float, str]]:
+        """When the device has told of the vector since (both on `monotonic`), and its states then."""
+        with self._news:
+            return [one for one in self._heard[device, vector] if one[0] > since_s]
 
     def bounds(self, device: str, vector: str, member: str) -> tuple[float, float] | None:
         """The least and the most a number may be."""
@@ -120,7 +149,7 @@ class IndiLink:
 
     def close(self) -> None:
         """Leave the server; never raises."""
-        self._lost = self._lost or "The camera was closed."
+        self._lost = self._lost or "The connection was closed."
         if self._client is not None:
             self._client.shutdown()
         self._thread.join(CALL_S)
@@ -183,6 +212,10 @@ class IndiLink:
             self._lose()
         with self._news:
             self._made = self._made or kind == "ConnectionMade"
+            if kind == "Define":
+                self.defined_s = monotonic()
+            elif kind == "Set":
+                self._heard[event.devicename, event.vectorname].append((monotonic(), str(event.state or "")))
             if kind == "SetBLOB" and f"{event.devicename}\n{event.vectorname}" == self._wanted:
                 for name, data in event.items():
                     if data:
@@ -218,10 +251,10 @@ def _knock(address: NetAddress) -> None:
         raise unreachable(address, "INDI", error, "indiserver") from None
 
 
-def _is_camera(device: Any) -> bool:
+def _is_of(device: Any, interface: int) -> bool:
     info = device.get("DRIVER_INFO")
     told = info.get("DRIVER_INTERFACE", "") if info is not None and device.enable else ""
-    return str(told).strip().isdigit() and bool(int(told) & CCD_INTERFACE)
+    return str(told).strip().isdigit() and bool(int(told) & interface)
 
 
 def _member(client: Any, device: str, vector: str, member: str) -> str | None:
@@ -229,3 +262,73 @@ def _member(client: Any, device: str, vector: str, member: str) -> str | None:
     if found is None or not found.enable or member not in found:
         return None
     return str(found[member])
+
+
+class IndiDevice:
+    """One device of a server, by the names of INDI's standard properties."""
+
+    def __init__(self, link: IndiLink, name: str) -> None:
+        self.link, self.name = link, name
+
+    def value(self, vector: str, member: str) -> str | None:
+        """A member's value, None when there is no such thing."""
+        return self.link.value(self.name, vector, member)
+
+    def number(self, vector: str, member: str) -> float | None:
+        """The same of a number."""
+        return self.link.number(self.name, vector, member)
+
+    def state(self, vector: str) -> str | None:
+        """``Idle``, ``Ok``, ``Busy`` or ``Alert``; None when there is no such vector."""
+        return self.link.state(self.name, vector)
+
+    def power_up(self, *vectors: str) -> bool:
+        """Connect the device to its driver, until it has these vectors; whether it was not connected before."""
+        off = self.value("CONNECTION", "CONNECT") != "On"
+        if off:
+            self.send("CONNECTION", {"CONNECT": "On"})
+
+        def ready() -> bool:
+            connected = self.value("CONNECTION", "CONNECT") == "On" and self.state("CONNECTION") != "Busy"
+            return connected and None not in map(self.state, vectors)
+
+        if not self.link.wait(ready, POWER_UP_S):
+            raise PortError(f"Can't connect {self.name}{self.said()}. Check its cable and power.")
+        return off
+
+    def check(self) -> None:
+        """Raise LineLostError when the server has gone, or the device is no longer connected."""
+        self.link.check()
+        connected = self.value("CONNECTION", "CONNECT")
+        if connected != "On":
+            why = "its driver stopped" if connected is None else "it was disconnected"
+            raise LineLostError(f"Lost {self.name} on the INDI server: {why}.")
+
+    def send(self, vector: str, members: dict[str, str]) -> float:
+        """Ask the device to take new values; when that was, on `monotonic`."""
+        self.link.message = ""
+        sent_s = monotonic()
+        self.link.send(self.name, vector, members)
+        return sent_s
+
+    def set(self, vector: str, members: dict[str, str], what: str) -> None:
+        """Set ``members``; RefusedError when the driver does not take them."""
+        self.send(vector, members)
+
+        def done() -> bool:
+            same = (_same(self.value(vector, member), meant) for member, meant in members.items())
+            return self.state(vector) != "Busy" and all(same)
+
+        if not self.link.wait(done, SET_S):
+            raise RefusedError(f"{self.name} does not accept this {what}{self.said()}.")
+
+    def said(self) -> str:
+        """What the server last told as an error, in brackets."""
+        return f" ({self.link.message.rstrip('.')})" if self.link.message else ""
+
+
+def _same(told: str | None, meant: str) -> bool:
+    try:
+        return told is not None and abs(float(told) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
+    except ValueError:
+        return told == meant

@@ -1,0 +1,1 @@
+"""INDI and Alpaca servers, which hold cameras and mounts that programs on the network share."""

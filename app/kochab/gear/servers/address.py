@@ -1,0 +1,87 @@
+"""The address of a device behind a server, and what is said when nobody answers there sensibly."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from socket import gaierror
+
+from kochab.core.angle_text import short_name
+from kochab.core.errors import NoAnswerError, PortError
+
+# -- What a person types to name a device on another computer: ``host:port/device`` ------------
+
+
+@dataclass(frozen=True, slots=True)
+class NetAddress:
+    """A server and what is wanted of it; ``rest`` is empty when nothing was named."""
+
+    host: str
+    port: int
+    rest: str = ""
+
+    @property
+    def server(self) -> str:
+        """Host and port as they are typed."""
+        return f"{self.host}:{self.port}"
+
+
+def net_address(text: str, default_port: int) -> NetAddress:
+    """``text`` taken apart; nothing means this computer.
+
+    An IPv6 host stands in brackets: ``[fe80::1]:7624/Camera``.
+
+    Raises `PortError` when the port is not a number from 1 to 65535.
+    """
+    server, _, rest = text.strip().removeprefix("http://").partition("/")
+    host, port = server, ""
+    if server.startswith("["):
+        host, _, port = server.partition("]")
+        host, port = host + "]", port.removeprefix(":")
+    elif ":" in server:
+        host, _, port = server.partition(":")
+    number = int(port) if port.isascii() and port.isdigit() else (0 if port else default_port)
+    if not 1 <= number <= 65535:
+        raise PortError(f"'{short_name(port)}' is not a port; write the address as host:{default_port}.")
+    return NetAddress(host or "localhost", number, rest.strip("/"))
+
+
+def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "it") -> PortError:
+    """Why nobody at an address could be asked; ``kind`` is the protocol, ``program`` what is to be started."""
+    if isinstance(error, ConnectionRefusedError):
+        return PortError(f"No {kind} server at {where.server}. Start {program} there.")
+    if isinstance(error, gaierror):
+        return PortError(f"No computer named {where.host} on this network.")
+    return PortError(f"{where.server} does not answer. Check its power and network.")
+
+
+def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, what: str = "camera") -> str:
+    """Which of a server's ``devices``, each its address there and its name, ``where.rest`` names.
+
+    The only one need not be named. ``kind`` says of what protocol the server is, ``what`` what they are.
+
+    Raises `PortError` when there is no such device, none, or one has to be named: with those that there are.
+    """
+    for address, name in devices:
+        if where.rest in (address, name):
+            return address
+    there = ", ".join(a if a == name else f"{a} ({name})" for a, name in devices)
+    if where.rest:
+        others = f"; there is {there}" if devices else ""
+        raise PortError(f"{where.server} has no {what} {where.rest}{others}.")
+    if not devices:
+        raise PortError(f"The {kind} server {where.server} has no {what}.")
+    if len(devices) > 1:
+        raise PortError(f"{where.server} has several {what}s: {there}. Write {where.server}/{devices[0][0]}.")
+    return devices[0][0]
+
+
+# -- Values of a server that are not what they should be --------------------------------
+
+
+@contextmanager
+def making_sense() -> Iterator[None]:
+    """Turn what comes of values of the wrong kind into one sentence: None, "x", 1e999, {}."""
+    try:
+        yield
+    except (ValueError, TypeError, AttributeError, ArithmeticError, LookupError) as error:
+        raise NoAnswerError("The server reports invalid values.") from error
