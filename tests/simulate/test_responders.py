@@ -200,7 +200,7 @@ def test_nexstar_speaks_hex_and_binary(telescope):
         (b"J", b"\x01#"),
         (b"L", b"0#"),
         (b"t", b"\x02#"),
-        (b"p", b"W#"),
+        (b"p", b"E#"),
         (b"s3AAAAAAA,F749F49F", b"#"),
         (b"r35B00000,12CE0500", b"#"),
         (b"L", b"1#"),

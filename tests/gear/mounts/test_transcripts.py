@@ -165,7 +165,7 @@ def test_nexstar_goto_sync_state() -> None:
         (b"r3AAAAAAB,F749F49F", b"#"),
         (b"J", b"\x01#"),
         (b"s3AAAAAAB,F749F49F", b"#"),
-        (b"p", b"W#"),
+        (b"p", b"E#"),
         (b"L", b"1#"),
         (b"J", b"\x01#"),
         (b"t", b"\x02#"),
@@ -177,6 +177,22 @@ def test_nexstar_goto_sync_state() -> None:
         assert (state.slewing, state.aligned, state.tracking) == (True, True, True)
         assert state.pier_side is PierSide.WEST
         assert m.identify() == "AVX, hand control 4.21"
+
+
+@pytest.mark.parametrize(
+    ("version", "latitude", "reply", "side"),
+    [
+        (b"\x04\x15#", 50.0, b"E#", PierSide.WEST),
+        (b"\x04\x15#", 50.0, b"W#", PierSide.EAST),
+        (b"\x05\x18#", -33.0, b"E#", PierSide.EAST),
+        (b"\x05\x19#", -33.0, b"E#", PierSide.WEST),
+    ],
+)
+def test_nexstar_names_the_side_it_looks_at_and_old_ones_the_other_in_the_south(version, latitude, reply, side) -> None:
+    """As INDI's celestrongps.cpp reads it. Taken for the side of the tube, tracking would be stopped where it is safe."""
+    asked = [(b"p", reply), (b"L", b"0#"), (b"J", b"\x01#"), (b"t", b"\x02#")]
+    with transcript(NexStar, [(b"V", version), (b"m", b"\x14#"), *asked], site=Site(latitude, 8.0)) as m:
+        assert m.state().pier_side is side
 
 
 def test_nexstar_before_its_alignment_is_refused_before_the_goto_is_sent() -> None:
@@ -274,6 +290,7 @@ MOTORS_START = [
     (b":e1\r", b"=020300\r"),
     (b":f1\r", b"=001\r"),
 ]
+FRESH_START = [*MOTORS_START[:-1], (b":f1\r", b"=000\r")]  # not initialised since it was switched on
 SITE = Site(50.0, 8.0)
 
 
@@ -289,14 +306,14 @@ def test_skywatcher_at_home_points_at_the_pole() -> None:
 
 
 def test_skywatcher_refusal_is_said_and_nothing_starts() -> None:
-    script = [*MOTORS_START, (b":f1\r", b"=000\r"), (b":F1\r", b"!5\r")]
+    script = [*FRESH_START, (b":f1\r", b"=000\r"), (b":F1\r", b"!5\r")]
     with transcript(SkyWatcher, script, site=SITE, clock=noon) as m, pytest.raises(RefusedError, match="sleeps"):
         m.track(True)
 
 
 def test_skywatcher_tracks_by_its_period_and_stops_both_axes() -> None:
     script = [
-        *MOTORS_START,
+        *FRESH_START,
         (b":f1\r", b"=000\r"),
         (b":F1\r", b"=\r"),
         (b":G110\r", b"=\r"),

@@ -87,7 +87,7 @@ class NexStarResponder(Controller):
             b"M": self.cancel,
             b"t": lambda: bytes([self.tracking_mode()]) + b"#",
             b"T(.)": self.set_tracking,
-            b"p": lambda: b"W#" if telescope.pier_side is PierSide.WEST else b"E#",
+            b"p": lambda: b"E#" if (telescope.pier_side is PierSide.WEST) is (telescope.latitude_deg >= 0.0) else b"W#",
             b"w": lambda: self.site() + b"#",
             b"W(.*)": self.set_site,
             b"h": lambda: self.time() + b"#",

@@ -10,6 +10,7 @@ from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, SerialLink
 
 PRECISE_SINCE, SYNC_SINCE, PIER_SINCE = (1, 6), (4, 10), (4, 15)
+REVERSED_IN_SOUTH = (5, 24)  # up to this version (INDI's celestrongps.cpp)
 EQUATORIAL = {"CGE", "CGE Pro", "CGEM DX", "AVX", "CGX", "CGXL", "Advanced GT"}
 GUIDE_PERCENT, GUIDE_LONGEST_MS = 50, 2550
 
@@ -20,7 +21,6 @@ class NexStar(SerialMount):
     name = "nexstar"
     title = "Celestron NexStar hand control"
     blind_stop = b"M"
-    timeout_s = 5.0
     models = protocol.MODELS
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 4, 8, 16, 64)), 0.5, 2.0, 4.0)
     cancels = 1
@@ -56,10 +56,12 @@ class NexStar(SerialMount):
         return self.query(command, protocol.parse_position, length)
 
     def state(self) -> MountState:
-        """Slewing, aligned, tracking; the side of the pier where the version reports it."""
-        knows_side = self.version >= self.pier_since
+        """Slewing, aligned, tracking; the side of the pier where the version reports it, once reversed in the south."""
+        side = self.query(protocol.PIER, protocol.parse_pier, 2) if self.version >= self.pier_since else None
+        if side and self.version <= REVERSED_IN_SOUTH and self.site is not None and self.site.latitude_deg < 0.0:
+            side = side.opposite
         return MountState(
-            pier_side=self.query(protocol.PIER, protocol.parse_pier, 2) if knows_side else None,
+            pier_side=side,
             slewing=self.query(protocol.SLEWING, protocol.parse_digit, 2),
             aligned=self.query(protocol.ALIGNED, protocol.parse_flag, 2),
             tracking=self.byte(protocol.TRACKING) != 0,

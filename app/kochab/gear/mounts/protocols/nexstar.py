@@ -99,9 +99,9 @@ def parse_version(reply: bytes) -> tuple[int, ...]:
 
 
 def parse_pier(reply: bytes) -> PierSide:
-    """``E#`` or ``W#``: the side the telescope is on."""
+    """``E#`` or ``W#``: the side it looks at, which is not the one it is on (INDI's celestrongps.cpp)."""
     side = match(rb"([EW])#", reply, "side of the pier")[1]
-    return PierSide.EAST if side == b"E" else PierSide.WEST
+    return PierSide.WEST if side == b"E" else PierSide.EAST
 
 
 def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes:
