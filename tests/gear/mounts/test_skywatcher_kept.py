@@ -8,9 +8,12 @@ import pytest
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Home
+from kochab.core.progress import run
 from kochab.gear.mounts.drivers.skywatcher import KeptZero
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.session import MountSelection, guarded
-from tests.gear.mounts.bench import SITE, place
+from tests.gear.mounts.bench import SITE, moved, place
 from tests.gear.mounts.test_conformance import wait_for
 from tests.gear.mounts.test_skywatcher_home import board
 
@@ -152,3 +155,28 @@ def test_the_command_line_and_the_window_keep_it_by_themselves(tmp_path, monkeyp
                 if home:
                     guard.mount.goto(*place(-25.0, 45.0, b.clock))
                     wait_for(lambda guard=guard: guard.state().slewing is False)
+
+
+@pytest.mark.parametrize("doing", ["goto", "track", "nothing"])
+def test_a_power_cycle_under_our_hands_is_recognised_and_nothing_goes_on(doing) -> None:
+    """L90: not initialised, in the middle. Before, the slew began anew from counters that mean nothing any more."""
+    with board(slew_deg_s=10.0) as b:
+        mount = b.connect(home=Home.NOW)
+        guard = Guard(mount, SITE, Limits(), clock=b.clock)
+        slew = guard.slew(*place(-25.0, 45.0, b.clock))
+        if doing == "goto":
+            wait_for(lambda: next(slew) and b.telescope.slewing)
+        else:
+            run(slew)
+            guard.track(doing == "track")
+        switched_off_and_on(b.far_end)
+        stood, before = b.telescope.axes_deg(), len(moved(b.telescope))
+        there = place(-40.0, 45.0, b.clock)
+        do = {"goto": lambda: run(slew), "track": guard.state, "nothing": lambda: mount.goto(*there)}[doing]
+        with pytest.raises(RefusedError, match="switched off and on"):
+            do()
+        for _ in range(3):
+            assert guard.state().home_confirmed is False
+        assert (b.telescope.axes_deg(), len(moved(b.telescope))) == (stood, before)
+        with pytest.raises(RefusedError, match="home is not confirmed"):
+            guard.goto(*place(-25.0, 45.0, b.clock))

@@ -10,7 +10,7 @@ from kochab.core.errors import NoAnswerError, StoppedError, StrayedError
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, Epoch, PierSide, Pointing
 from kochab.core.progress import run
-from kochab.gear.mounts import slew_supervisor
+from kochab.gear.mounts import DRIVERS, slew_supervisor
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.motion_policy import MotionPolicy, with_paths
 from kochab.gear.mounts.slew_supervisor import ASIDE_DEG, SupervisedMotion, allowed_region, may_flip, slew_limit_s
@@ -291,3 +291,16 @@ def test_nothing_is_found_at_either_end() -> None:
     seen = SupervisedMotion(plan, allowed_region(plan))
     for place in (plan.start_deg, plan.target_deg):
         assert seen.finding(Pointing(*place, Epoch.DATE), NIGHT) is None
+
+
+def test_a_mount_that_falls_silent_in_a_slew_is_told_at_the_first_question_it_leaves_unanswered() -> None:
+    guard, mount = guarded()
+    slew = guard.slew(*at(-20.0, 40.0))
+    next(slew)
+    mount.state = lambda: (_ for _ in ()).throw(NoAnswerError("silent"))
+    told = [next(slew).detail, next(slew).detail]
+    assert "CUT ITS POWER" in told[0]
+    with pytest.raises(NoAnswerError):
+        run(slew)
+    assert mount.did[-1] == ("stop",)
+    assert all(driver.timeout_s < 5.0 for driver in DRIVERS.loaded().values())

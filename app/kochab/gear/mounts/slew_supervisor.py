@@ -25,6 +25,7 @@ FASTEST_DEG_S = 20.0  # no mount slews faster
 THERE_DEG = 0.5
 LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
 POLL_S = 0.2
+MUTE = "The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER."
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 GRID_DEG = 2.0
@@ -161,6 +162,7 @@ class SlewSupervisor:
                 misses += 1
                 if misses >= MISSES:
                     raise
+                yield Progress("slewing", done, MUTE)
                 continue
             misses = 0
             before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)

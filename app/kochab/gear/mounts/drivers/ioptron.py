@@ -15,7 +15,6 @@ class Ioptron(SerialMount):
     title = "iOptron (version 3 language)"
     blind_stop = b"#:Q#"
     bauds = (115200, 230400)
-    timeout_s = 5.0
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512)), 4.0)
 
     def start(self) -> None:

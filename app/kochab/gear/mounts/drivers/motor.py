@@ -18,11 +18,15 @@ STILL_STEPS = 3
 
 
 class Motor:
-    """One axis, 0 or 1; angles in degrees from its home."""
+    """One axis, 0 or 1; angles in degrees from its home.
 
-    def __init__(self, talk: Conversation, axis: int) -> None:
+    ``on_power_cycle`` is called by a motor that was initialised and is not any more: its counter has begun anew.
+    """
+
+    def __init__(self, talk: Conversation, axis: int, on_power_cycle: Callable[[], None]) -> None:
         self.talk = talk
         self.axis = axis
+        self.initialised, self.on_power_cycle = False, on_power_cycle
         self.tries = LOSSY_TRIES if talk.link.lossy else TRIES
         self.seen_steps = 0
         self.steps_turn = self.number("a")
@@ -45,7 +49,11 @@ class Motor:
 
     def status(self) -> protocol.AxisStatus:
         """The motor's status."""
-        return self.query("f", protocol.parse_status)
+        status = self.query("f", protocol.parse_status)
+        before, self.initialised = self.initialised, status.initialised
+        if before and not status.initialised:
+            self.on_power_cycle()
+        return status
 
     def number(self, letter: str) -> int:
         """A parameter of 24 bits, which must not be 0."""
@@ -119,6 +127,7 @@ class Motor:
         status = self.status()
         if not status.initialised:
             self.order("F")
+            self.initialised = True
         if not status.running:
             return
         self.order("K")

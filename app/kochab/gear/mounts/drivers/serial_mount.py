@@ -24,7 +24,7 @@ class SerialMount:
     title: ClassVar[str]
     bauds: ClassVar[tuple[int, ...]] = (9600,)
     default_epoch: ClassVar[Epoch] = Epoch.DATE
-    timeout_s: ClassVar[float] = 5.0
+    timeout_s: ClassVar[float] = 4.5  # so that silence in a slew is told within 5 s
     blind_stop: ClassVar[bytes]
     rates_deg_s: tuple[float, ...] = ()
 

@@ -10,6 +10,7 @@ import re
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NoReturn
 
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, RefusedError, StoppedError
@@ -112,7 +113,7 @@ class SkyWatcher(SerialMount):
             raise RefusedError("A motor board stores no site: give --site LAT,LON.")
         for ability in (Ability.SITE, Ability.TIME):
             self._lacks[ability] = "A motor board stores neither site nor time."
-        self.motors = (Motor(self.talk, 0), Motor(self.talk, 1))
+        self.motors = tuple(Motor(self.talk, axis, self.lost_power) for axis in (0, 1))
         self.version = self.motors[0].query("e", protocol.parse_data)
         objection = altaz_objection(protocol.parse_mount_code(self.version), self.equatorial)
         if objection:
@@ -196,6 +197,16 @@ class SkyWatcher(SerialMount):
             self.counters()
             self.keep()
         super().close()
+
+    def lost_power(self) -> NoReturn:
+        """The board was switched off and on: nothing goes on, and its home is open again."""
+        self.target_deg, self.tracking, self.home_confirmed, self.offset_deg = None, False, False, (0.0, 0.0)
+        for motor in self.motors:
+            motor.initialised = False
+        raise RefusedError(
+            "The mount was switched off and on: Kochab no longer knows where it points. Sync on a solved frame, or"
+            " connect again with home confirmed (--home now)."
+        )
 
     def require_home(self) -> None:
         """Raise while the home is not confirmed."""
