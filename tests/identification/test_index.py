@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from kochab.core.attitude import apart_deg, attitude_from
 from kochab.core.camera import Camera
@@ -20,7 +21,8 @@ from kochab.identification.index import ARRAYS, open_volume
 from kochab.identification.index_build import all_levels, build_volume, level_quads
 from kochab.identification.index_sort import QuadSort
 from kochab.identification.patterns import FINE, Patterns, SearchStage
-from kochab.identification.quads import canonical, planar
+from kochab.identification.quads import Hypotheses, canonical, planar
+from kochab.identification.verification import support
 from kochab.sky import open_catalogue
 
 BRIGHT = 20_000  # far more stars than the levels of large fields have
@@ -69,12 +71,12 @@ class Mapped:
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such advice")
 def test_what_is_read_next_is_announced_once_and_within_the_file():
     part = 1 << index.AHEAD_BITS
-    mapped = Mapped(2 * part + 100)
+    mapped = Mapped(4 * part + 100)
     ahead = index.ReadAhead(mapped, 12)
     ahead.tell(np.array([[0, 5], [part // 12, 3]]))
-    assert mapped.fetched == [(0, part), (part, part)]
-    ahead.tell(np.array([1, 2 * part // 12]))
-    assert mapped.fetched[2:] == [(2 * part, 100)]
+    assert mapped.fetched == [(0, 2 * part)]  # neighbours in one call
+    ahead.tell(np.array([1, 2 * part // 12, 4 * part // 12]))
+    assert mapped.fetched[1:] == [(2 * part, part), (4 * part, 100)]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such advice")
@@ -86,6 +88,30 @@ def test_a_search_announces_what_it_reads(toy_volume):
     volume.lookup(c.code, np.full(50, 0.01), np.tile([1e-6, 10.0], (50, 1)))
     assert all(mapped.fetched for mapped in told.values())
     assert set(open_volume(toy_volume.folder).ahead) == set(index.SCATTERED)
+
+
+def test_the_quick_look_finds_the_stars_of_each_box_in_one_zone_or_two(toy_volume):
+    """Counted by hand: boxes of a fifth of a zone's height, in which the whole of a touched zone counts."""
+    rng, level, count = np.random.default_rng(4), 2, 200
+    xy, focal, zones = rng.uniform(-400.0, 400.0, (12, 2)), 900.0, toy_volume.zones[level]
+    matrix, flip = Rotation.random(count, random_state=5).as_matrix(), np.arange(count) % 2 == 1
+    proposers = np.tile([0, 1, 9, 10], (count, 1))
+    found = Hypotheses(matrix, np.full(count, focal), flip, np.full(count, level), proposers, proposers)
+    reach = 0.1 * np.pi / zones
+    stars = toy_volume.stars[slice(*toy_volume.offsets[level : level + 2])].astype(float)
+    ra, zone = np.arctan2(stars[:, 1], stars[:, 0]) % (2 * np.pi), (np.arcsin(stars[:, 2]) / np.pi + 0.5) * zones // 1
+    expected = np.zeros((count, len(xy)), dtype=bool)
+    for h in range(count):
+        seen = np.column_stack([xy * [-1.0 if flip[h] else 1.0, 1.0] / focal, np.ones(len(xy))]) @ matrix[h]
+        x, y, z = seen.T / np.linalg.norm(seen, axis=1)
+        wide = np.abs(ra - (np.arctan2(y, x) % (2 * np.pi))[:, None]) * np.sqrt(1.0 - z * z)[:, None] < reach
+        edges = (np.arcsin(z)[:, None] / np.pi + 0.5) * zones + np.array([-0.1, 0.1])
+        expected[h] = (wide & (zone >= edges[:, :1] // 1) & (zone <= edges[:, 1:] // 1)).any(axis=1)
+    expected[:, [0, 1, 9, 10]] = False
+    first, second = (support(toy_volume, xy[k : k + 6], found, reach * focal, first=k) for k in (0, 6))
+    assert 0.05 < expected.mean() < 0.6
+    np.testing.assert_array_equal(first, expected[:, :6].sum(axis=1))
+    np.testing.assert_array_equal(second, expected[:, 6:].sum(axis=1))
 
 
 def test_size_limits_the_answer(toy_volume):

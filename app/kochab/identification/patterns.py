@@ -183,9 +183,10 @@ class Search:
 
     def _check(self, volume: Volume, view: FieldStars, stage: SearchStage, found: Hypotheses) -> Iterator[Verdict]:
         reach = 0.010 * self.side
+        votes = support(volume, self.xy[:8], found, reach)
         if len(found) > CROWD:
-            found = found.take(support(volume, self.xy[:8], found, reach) > 0)
-        votes = support(volume, self.xy[:16], found, reach)
+            found, votes = found.take(votes > 0), votes[votes > 0]
+        votes = votes + support(volume, self.xy[8:16], found, reach, first=8)
         # fewer cannot pass: verification wants two stars besides the proposers as well
         order = np.argsort(-votes, kind="stable")[: min(stage.alone, int((votes > 1).sum()))]
         for h in order:

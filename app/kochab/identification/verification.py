@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Bools, Floats, Ints
@@ -17,10 +18,11 @@ T = TypeVar("T")
 # -- A quick look at many supposed pointings at once, before any is verified in full -----------
 
 
-def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float) -> Ints:
+def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float, first: int = 0) -> Ints:
     """How many of the detections ``xy`` (D, 2), proposers apart, have a star of the level nearby.
 
-    Nearby is a box of half-width ``reach_px``. Stars across RA 0h are missed: it is a quick look.
+    They are numbered from ``first`` on. Nearby is a box of half-width ``reach_px``. Stars across RA 0h
+    are missed: it is a quick look.
     """
     h, d = len(found), len(xy)
     p = np.broadcast_to(xy, (h, d, 2)).copy()
@@ -32,7 +34,7 @@ def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float) -> I
     for level in np.unique(found.level):
         rows = np.nonzero(found.level == level)[0]
         hit[rows] = _occupied(volume, int(level), sky[rows], reach[rows, None])
-    proposer = (found.detections[:, :, None] == np.arange(d)).any(axis=1)
+    proposer = (found.detections[:, :, None] == np.arange(first, first + d)).any(axis=1)
     return np.asarray((hit & ~proposer).sum(axis=1))
 
 
@@ -47,16 +49,21 @@ def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> Bools:
     half = reach * (RA_STEPS / (2 * np.pi)) / np.maximum(np.sqrt(1.0 - z * z), 1e-3)
     left = np.maximum(ra - half, 0.0).astype(np.int64)
     right = np.minimum(ra + half, RA_STEPS - 1).astype(np.int64) + 1
-    found = np.zeros(z.shape, dtype=bool)
     middle = (dec / np.pi + 0.5) * zones
     reach = reach * (zones / np.pi)
     low = np.maximum(middle - reach, 0.0).astype(np.int64)
     high = np.minimum(middle + reach, zones - 1).astype(np.int64)
-    for zone in (low, high):
-        i = np.searchsorted(keys, (zone * RA_STEPS + left).astype(np.uint32))
-        j = np.searchsorted(keys, (zone * RA_STEPS + right).astype(np.uint32))
-        found |= j > i
+    found = _has_key(keys, low * RA_STEPS + left, right - left)
+    across = (high > low).nonzero()  # few: a zone is many times as high as a box
+    found[across] |= _has_key(keys, high[across] * RA_STEPS + left[across], (right - left)[across])
     return found
+
+
+def _has_key(keys: NDArray[np.uint32], first: Ints, count: Ints) -> Bools:
+    """Whether one of the sorted ``keys`` is among the ``count`` numbers from ``first`` on."""
+    first = first.astype(np.uint32)
+    at = np.minimum(keys.searchsorted(first), len(keys) - 1)
+    return np.asarray(keys[at] - first < count)  # unsigned: one below ``first`` is far above
 
 
 # -- How likely chance alone is to give so good an agreement -----------------------------------
@@ -238,10 +245,10 @@ def pair(seen: Floats, expected: Floats, radius: float) -> tuple[Ints, Ints, Flo
     dy = seen[:, 1, None] - expected[None, :, 1]
     d2 = dx * dx + dy * dy
     j = d2.argmin(axis=1)
-    i = np.arange(len(seen))
-    best = d2[i, j]
-    good = (best < radius * radius) & (d2.argmin(axis=0)[j] == i)
-    return i[good], j[good], best[good]
+    best = d2[np.arange(len(seen)), j]
+    i = (best < radius * radius).nonzero()[0]
+    i = i[d2[:, j[i]].argmin(axis=0) == i]
+    return i, j[i], best[i]
 
 
 def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) -> CandidatePointing:
