@@ -11,6 +11,7 @@ seen from the stars themselves.
 """
 
 import json
+import math
 import mmap
 import sys
 from dataclasses import dataclass, field
@@ -48,28 +49,22 @@ def cone_rows(keys: NDArray[np.uint32], zones: int, centre: Floats, radius: floa
 
     Whole zones cut to a range of right ascension: a superset of the cone, never less.
     """
-    dec = float(np.arcsin(np.clip(centre[2], -1.0, 1.0)))
+    dec = math.asin(min(max(float(centre[2]), -1.0), 1.0))
     height = np.pi / zones
     first = max(0, int((dec - radius + np.pi / 2) / height))
     last = min(zones - 1, int((dec + radius + np.pi / 2) / height))
-    zone = np.arange(first, last + 1)
-    if abs(dec) + radius >= np.pi / 2 - 1e-6:
-        low, high = zone * RA_STEPS, (zone + 1) * RA_STEPS
-    else:
-        half = float(np.arcsin(min(1.0, np.sin(min(radius, np.pi / 2)) / np.cos(dec))))
-        ra = float(np.arctan2(centre[1], centre[0]) % (2 * np.pi))
-        a = int(np.floor((ra - half) * (RA_STEPS / (2 * np.pi)))) - 1
-        b = int(np.ceil((ra + half) * (RA_STEPS / (2 * np.pi)))) + 1
-        if b - a >= RA_STEPS:
-            low, high = zone * RA_STEPS, (zone + 1) * RA_STEPS
-        else:
-            starts = [max(a, 0), a + RA_STEPS if a < 0 else 0]
-            ends = [min(b, RA_STEPS), RA_STEPS if a < 0 else max(b - RA_STEPS, 0)]
-            low = np.concatenate([zone * RA_STEPS + s for s in starts])
-            high = np.concatenate([zone * RA_STEPS + e for e in ends])
-    i = np.searchsorted(keys, np.minimum(low, 2**32 - 1).astype(np.uint32))
-    j = np.searchsorted(keys, np.minimum(high, 2**32 - 1).astype(np.uint32))
-    return ranges(i, np.maximum(j - i, 0))
+    parts = [(0, RA_STEPS)]
+    if abs(dec) + radius < np.pi / 2 - 1e-6:
+        half = math.asin(min(1.0, math.sin(min(radius, np.pi / 2)) / math.cos(dec)))
+        ra = math.atan2(centre[1], centre[0]) % (2 * np.pi)
+        a = math.floor((ra - half) * (RA_STEPS / (2 * np.pi))) - 1
+        b = math.ceil((ra + half) * (RA_STEPS / (2 * np.pi))) + 1
+        if b - a < RA_STEPS:
+            across = (a + RA_STEPS, RA_STEPS) if a < 0 else (0, max(b - RA_STEPS, 0))
+            parts = [(max(a, 0), min(b, RA_STEPS)), across]
+    edges = np.array(parts).T[:, :, None] + np.arange(first, last + 1) * RA_STEPS
+    low, high = keys.searchsorted(edges.reshape(2, -1).astype(np.uint32))
+    return ranges(low, high - low)
 
 
 def ranges(start: NDArray[np.integer], count: NDArray[np.integer]) -> Ints:
@@ -178,10 +173,14 @@ class ReadAhead:
         if sys.platform == "win32":
             return
         part = (rows.ravel() * self._row_bytes + HEADER_BYTES) >> AHEAD_BITS
-        part = np.unique(part[~self._told[part]])
-        self._told[part] = True
-        for begin in (part << AHEAD_BITS).tolist():
-            self._mapped.madvise(mmap.MADV_WILLNEED, begin, min(1 << AHEAD_BITS, len(self._mapped) - begin))
+        new = np.zeros_like(self._told)
+        new[part] = True
+        new &= ~self._told
+        self._told |= new
+        edges = np.diff(new, prepend=False, append=False).nonzero()[0] << AHEAD_BITS
+        edges = np.minimum(edges, len(self._mapped)).reshape(-1, 2)
+        for begin, end in edges.tolist():  # neighbours in one call
+            self._mapped.madvise(mmap.MADV_WILLNEED, begin, end - begin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
