@@ -106,6 +106,8 @@ def test_sync_beyond_20_deg_is_refused_unless_armed() -> None:
     guard.sync(*target, evidence(target), confirmed=True)
     assert mount.here == target
     assert not guard.armed, "armed for one sync only"
+    guard.undo_sync()  # as far as it went: nobody has to arm that
+    assert mount.here == pytest.approx(at(-40.0, 40.0))
 
 
 def test_sync_below_the_horizon_is_refused() -> None:

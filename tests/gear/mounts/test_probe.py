@@ -44,6 +44,7 @@ def test_a_silent_port_says_what_to_check() -> None:
         bench.faults.chance("silence", 1.0)
         diagnosis = run(probe_port(bench.port))
         assert not diagnosis.found
+        assert (diagnosis.driver, diagnosis.baud, diagnosis.name) == ("", 0, "")
         assert "9600, 115200, 230400 baud" in diagnosis.advice
         assert "Switch the mount on" in diagnosis.advice
 
