@@ -7,7 +7,7 @@ import pytest
 
 from kochab.attitude import fit as fitting
 from kochab.attitude import small_rotation
-from kochab.attitude.fit import FocalPrior, refine
+from kochab.attitude.fit import FocalPrior, corrections, refine, trust
 from kochab.attitude.least_squares import (
     PARAMETERS,
     FitState,
@@ -375,6 +375,29 @@ def test_where_most_places_are_farther_off_than_may_be_all_of_them_count_alike()
     np.testing.assert_allclose(fit.attitude.matrix, matrix, atol=1e-9)
     assert fit.camera.focal_px == pytest.approx(camera.focal_px, rel=1e-8)
     assert fit.inliers.all()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_fit_stands_where_its_own_weights_leave_it(seed) -> None:
+    """Least squares, weights by the residuals, and so on by hand until nothing changes: some stars are neither right
+    nor wrong."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(100.0, [2900.0, 1900.0], (40, 2))
+    noise = rng.normal(0.0, 0.3, xy.shape)
+    noise[:6] *= 3.5
+    found = matches(CAMERA, xy, noise)
+    right, share = np.ones(40), 1.0 / 11.0
+    for _ in range(60):
+        step, *_ = by_hand(CAMERA, found, BASE_TERMS, np.sqrt(right))
+        camera, matrix = moved(CAMERA, TRUTH.matrix, step)
+        length = np.hypot(*(found.xy - camera.project(found.vectors @ matrix.T)).T)
+        level = np.sqrt(np.sum(right * length**2) / corrections(share)[0] / (2.0 * right.sum() - 4.0))
+        right, share = trust(length / level, share)
+    assert np.any((right > 0.05) & (right < 0.9))
+    fit = refine(found, CAMERA, TRUTH, distortion=False)
+    turn = fit.attitude.matrix @ matrix.T
+    off = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
+    assert np.abs(off / np.sqrt(np.diag(fit.attitude.covariance))).max() < 0.008
 
 
 def test_a_guess_turned_by_a_degree_is_led_home() -> None:
