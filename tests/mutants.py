@@ -149,7 +149,7 @@ def _changes(node: ast.AST) -> Iterator[ast.AST]:
 def _skipped(tree: ast.Module) -> set[int]:
     """Nodes whose change no test could notice, or should.
 
-    Annotations, Protocols, what a dataclass, a cache or a progress report is given; asserts and ``strict=`` of a zip, which only check
+    Annotations, Protocols, what a dataclass, a cache or a progress report is given; how far JSON is indented; asserts and ``strict=`` of a zip, which only check
     the code itself; numbers within the sentence of an error; ``axis=-1``, which is 1 of a table; a millionth and
     less, which twice as large, or with the other sign, guards a division or ends an iteration as well.
     """
@@ -170,7 +170,7 @@ def _skipped(tree: ast.Module) -> set[int]:
             parts.append(node.exc)
         if isinstance(node, ast.Assert):
             parts.append(node)
-        if isinstance(node, ast.keyword) and (node.arg == "strict" or ast.unparse(node) == "axis=-1"):
+        if isinstance(node, ast.keyword) and (node.arg in ("strict", "indent") or ast.unparse(node) == "axis=-1"):
             parts.append(node)
         if _guards(node):
             parts.append(node)

@@ -383,3 +383,18 @@ def test_a_frame_of_floats_that_is_all_black_has_no_light() -> None:
     black = Frame(np.zeros((60, 80)))
     light = measure_light(black, binned(black))
     assert (light.background_share, light.contrast, light.glare_share, light.glare_aspect) == (0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_the_focus_is_the_same_in_any_unit_of_light(scale: float) -> None:
+    y, x = np.mgrid[:H, :W]
+    pixels = np.where(np.hypot(x - 200, y - 150) <= 3.0, 3000.0, 100.0) * scale
+    found = replace(Detections.from_list(np.array([[200.0, 150.0]]), W, H), fwhm_px=np.array([6.0]))
+    assert half_flux_diameter_px(Frame(pixels), found) == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("width", "count"), [(2, 12), (1, 0)])
+def test_six_bins_are_enough_for_a_shape(width: int, count: int) -> None:
+    """Three by two of them; five in a row are not."""
+    pixels = bars(3 if width == 2 else 5, width)
+    assert measure_trails(Bins(pixels, 1)).count == count

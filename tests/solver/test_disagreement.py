@@ -365,3 +365,15 @@ def test_a_mount_that_says_it_is_not_aligned_is_believed_more_than_one_at_the_po
     other = investigate([sighting(SKIES[0], said, aligned=None if aligned is False else False)])
     score = next(s.score for s in other.suspects if s.name == "not aligned")
     assert (score / (1.0 - score)) / odds == pytest.approx(1 / 20.0 if aligned is False else 20.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("hours", "cone"), [((0.03, -0.03), True), ((0.03, 2.0), False), ((-0.03, -2.0), False)])
+def test_the_meridian_parts_the_sides_where_the_mount_does_not_tell_its_pier_side(hours, cone) -> None:
+    """Half a degree beside it is enough."""
+    seen = []
+    for hour in hours:
+        sky = ((sidereal(SITE, TIME) - 15.0 * hour) % 360.0, 20.0)
+        ra, dec = of_date(sky)
+        assert ((sidereal(SITE, TIME) - ra + 180.0) % 360.0 - 180.0) * hour > 0.0
+        seen.append(sighting(sky, (ra + 0.5 * np.sign(hour), dec)))
+    assert ("cone error" in {s.name for s in investigate(seen).suspects}) is cone
