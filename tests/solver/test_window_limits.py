@@ -10,6 +10,7 @@ from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.identification.predictional_estimate import Estimate
 from kochab.identification.verification import least_likely
+from kochab.solver import track_windows
 from kochab.solver.track_prediction import Expected, Prediction
 from kochab.solver.track_windows import (
     Tracked,
@@ -262,3 +263,78 @@ def test_stars_are_looked_for_from_four_pixels_inside_the_frame_on_and_five_at_l
     assert search.at(Prediction(ahead, 12, 3.0), asked) is None
     assert [(camera, count, inset) for camera, _, count, inset in asked.calls] == [(CAMERA, 40, 4.0)] * 2
     assert search.looks == 0
+
+
+# -- How often a frame is looked at, and how --------------------------------------------------------------
+
+
+class Five:
+    """A sky of so many stars, wherever one looks."""
+
+    def __init__(self, count=5):
+        self.vectors = CAMERA.unproject(np.full((count, 2), 200.0))
+        self.matrices = []
+
+    def expected(self, _camera, matrix, _count, _inset):
+        self.matrices.append(matrix)
+        return Expected(np.arange(len(self.vectors)), np.full((len(self.vectors), 2), 200.0))
+
+
+def agreed(seen, sigma_px=0.3, matrix=None):
+    index = np.arange(seen)
+    return Tracked(Estimate(Attitude(matrix), index, index, np.zeros((seen, 2)), sigma_px), -9.0)
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """What each look is told, and what each match says in turn."""
+
+    def told(*answers, stars=5, sharp=False):
+        calls, left, sky = [], list(answers), Five(stars)
+        monkeypatch.setattr(track_windows, "look", lambda _f, xy, half, _c, **how: calls.append((half, how)) or len(xy))
+
+        def matched(_camera, matrix, _vectors, _places, _seen, half, roll_px, *, looks):
+            calls[-1] += (half, roll_px, looks)
+            return left.pop(0)
+
+        monkeypatch.setattr(track_windows, "match", matched)
+        search = WindowSearch(frame(sky_of_nothing), CAMERA, TrackedStarImage(sharp=sharp), 40)
+        ahead = replace(begin(Attitude(np.eye(3), np.eye(3)), 0.0), step_s=0.1)
+        return search.at(Prediction(ahead, 12, 3.0), sky), calls, sky, search.looks
+
+    sky_of_nothing = sky([], [])
+    return told
+
+
+def test_what_is_found_well_is_looked_at_once(looks) -> None:
+    found, calls, seen, count = looks(agreed(5))
+    assert calls == [(12, {"adapt": False, "sharp": False}, 12, 3.0, 1)]
+    assert (found.sky, found.seen, found.found.log10_false_alarm, count) == (seen, 5, -9.0, 1)
+
+
+def test_what_is_not_found_is_looked_for_again_as_if_it_were_smeared(looks) -> None:
+    found, calls, _, count = looks(None, agreed(5))
+    assert found is not None
+    assert calls[1] == (12, {"adapt": True, "sharp": False}, 12, 3.0, 2)
+    nothing, calls, _, count = looks(None, None)
+    assert (nothing, len(calls), count) == (None, 2, 2)
+    _, calls, _, _ = looks(None, agreed(5), sharp=True)
+    assert calls[1][1] == {"adapt": False, "sharp": True}  # single pixels do not smear
+
+
+def test_what_is_found_poorly_is_looked_at_again_where_it_was_found(looks) -> None:
+    """In windows of eight pixels a side, about its own places, with no doubt about the roll."""
+    turned = np.diag([-1.0, -1.0, 1.0])
+    found, calls, seen, _ = looks(agreed(3, matrix=turned), agreed(5, 0.2))
+    assert calls[1] == (8, {"adapt": True, "sharp": False}, 8, 0.0, 2)
+    assert (seen.matrices[0] == np.eye(3)).all()
+    assert seen.matrices[1] is turned
+    assert len(found.found.estimate.seen) == 5
+    kept, _, _, _ = looks(agreed(3, matrix=turned), None)
+    assert len(kept.found.estimate.seen) == 3
+
+
+@pytest.mark.parametrize(("stars", "count"), [(4, 0), (5, 1)])
+def test_five_stars_must_be_expected_for_a_look(looks, stars, count) -> None:
+    found, _, _, made = looks(agreed(stars), stars=stars)
+    assert (found is not None, made) == (count > 0, count)
