@@ -88,6 +88,10 @@ def test_a_mount_whose_tracking_cannot_be_stopped_is_told_in_capitals() -> None:
     assert guard.hold_limits().startswith("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING")
     assert mount.did == []
     assert guard.log.entries[-1].outcome == "failed"
+    mount.lacks.clear()
+    mount.fails["track"] = RefusedError("Not now.")
+    assert guard.hold_limits().startswith("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING")
+    assert mount.now.tracking is True
 
 
 def test_a_motor_board_that_is_only_watched_stops_at_its_limit(monkeypatch) -> None:

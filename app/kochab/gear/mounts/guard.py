@@ -308,12 +308,13 @@ class Guard:
         reason = self.policy.tracking(self.position(), state)
         if not reason:
             return ""
-        if by_hand := Ability.TRACKING in self.lacks:
-            reason = f"KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand. {reason}"
-        else:
+        try:
+            self._require_ability(Ability.TRACKING)
             self.mount.track(False)
-            reason = f"Kochab stopped the tracking. {reason}"
-        self.log.add("track", "failed" if by_hand else "done", reason)
+            outcome, reason = "done", f"Kochab stopped the tracking. {reason}"
+        except RefusedError:
+            outcome, reason = "failed", f"KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand. {reason}"
+        self.log.add("track", outcome, reason)
         return reason
 
     def tracking_left_s(self) -> float | None:
