@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from kochab.core.camera import Camera
 from kochab.core.progress import run
@@ -56,6 +57,15 @@ def test_a_profile_of_another_focal_length_is_doubted_and_then_replaced() -> Non
     assert updates[0].doubt in updates[0].solution.warnings
     assert (updates[-1].doubt, updates[-1].solution.warnings) == ("", ())
     assert abs(again.profile.camera.focal_px / LENS.focal_px - 1) < 1e-3
+
+
+def test_another_lens_is_solved_with_the_third_frame() -> None:
+    tracker, stream, other = Tracker(), Stream(LENS), Stream(wide_camera(fov_deg=11.0))
+    assert follow(tracker, stream, 3)[-1].mode == "tracking"
+    other.number = stream.number
+    updates = follow(tracker, other, 4)
+    assert [u.solution is not None for u in updates] == [False, False, True, True]
+    assert updates[-1].solution.camera.fov_deg[0] == pytest.approx(11.0, rel=1e-3)
 
 
 def test_a_profile_of_another_size_is_left_alone() -> None:

@@ -116,7 +116,7 @@ def in_axes_of(state: FilterState, before: Camera | None, after: Camera | None) 
 BLEND_FWHM = 2.5
 MEMORY_S = 900.0  # a pointing so old is no prediction any more
 MOST_STARS = 40  # looked for in a frame
-PATIENCE = 10  # frames without an answer until the scale of the frames before is doubted
+PATIENCE = 2  # frames without an answer until the scale of the frames before is doubted: a cloud, or another lens
 KNOWN_SCALE = 1.03  # the scale of the frame before is good to so much
 
 
