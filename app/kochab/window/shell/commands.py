@@ -230,6 +230,8 @@ class Commands(QObject):
         self.actions["solve"].setEnabled(known.frame is not None)
         for name in ("copy", "copy_all"):
             self.actions[name].setEnabled(known.last_good is not None)
+        for name in ("tab_solution", "tab_stars", "tab_hints"):  # else their keys are the samples' keys too
+            self.actions[name].setEnabled(self.window.pages.currentWidget() is self.window.workspace)
         for name in ("fit", "one", "in", "out"):
             self.actions[name].setEnabled(known.frame is not None or self.session.streams)
         self.window.menus.export.setEnabled(isinstance(known.result, Solution))
