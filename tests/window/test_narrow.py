@@ -4,6 +4,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QLabel
 
+from kochab.window.mount.status import MountStatus
 from kochab.window.shell.views import VIEWS
 
 
@@ -48,6 +49,33 @@ def test_where_both_have_no_room_the_frame_stays_and_keys_bring_the_side(qtbot, 
     qtbot.waitUntil(panes.tabs.isVisible)
     assert panes.view.isVisible()
     assert panes.tabs.width() >= 320
+
+
+@pytest.mark.parametrize("letters", ["normal", "huge"])
+@pytest.mark.parametrize("name", [None, "mount"])
+def test_stop_and_the_pointing_are_whole_however_much_the_status_bar_has_to_say(qtbot, opened, name, letters):
+    """At scale 2 the window grew to 1,673 x 700 on a screen of 1024 x 700, and Stop was outside."""
+    window, commands = opened
+    commands.looks.use_theme(text_size=letters)
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    if name is not None:
+        commands.views.show(name)
+    status = MountStatus(commands.services.mount, window)
+    status.stop.setVisible(True)
+    status.text.setText("Practice mount: centring the target")
+    window.status.background.setText("Building the small-field index: 42 %, about 38 s left")
+    window.status.place.setText(
+        "05h 36m 12.00s  −01° 12′ 00.0″    alt +45.12°  az 123.12°    x 1234.5  y 234.6  value 12345"
+    )
+    resize(qtbot, window, 1024, 700)
+    resize(qtbot, window, 1024, 700)
+    assert (window.width(), window.height()) == (1024, 700)
+    for shown in (status.stop, window.status.doing):
+        assert shown.width() >= shown.sizeHint().width()
+        assert shown.visibleRegion().boundingRect() == shown.rect()
+    assert "05h 36m" in window.status.doing.text()
+    commands.looks.use_theme(text_size="normal")
+    qtbot.waitUntil(lambda: commands.looks.settled)
 
 
 def test_a_side_that_was_away_when_the_window_closed_comes_back(qtbot, opened, make_window, engine):

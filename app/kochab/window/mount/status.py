@@ -62,6 +62,7 @@ class MountStatus(QWidget):
         self._control = control
         self.text = label("", "muted")
         self.text.setAccessibleName("Mount")
+        self.text.setMinimumWidth(1)  # Stop comes first
         tip = f"Stop the mount now ({KEY} from anywhere)"
         self.stop = button(f"Stop mount ({KEY})", control.stop, "small", tip)
         row(self.text, self.stop, on=self, spacing=8, margins=(10, 0, 0, 0))

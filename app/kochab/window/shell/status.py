@@ -49,6 +49,7 @@ class Status(QStatusBar):
             self.addWidget(widget)
         for widget in (self.background, self.place, self.frame, self.zoom):
             self.addPermanentWidget(widget)
+            widget.setMinimumWidth(1)  # cut on a small screen, else they push Stop out of it
         self.show_idle("Ready")
 
     def show_progress(self, progress: Progress) -> None:
