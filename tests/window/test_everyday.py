@@ -46,7 +46,7 @@ def test_a_very_long_name_leaves_the_window_as_it_is(qtbot, make_window, tmp_pat
     before = window.workspace.tabs.minimumSizeHint().width()
     commands.session._engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(long)
+        commands.presenter.solve()
     assert window.workspace.solution.old.isVisible()
     commands.presenter._failed(f"Can't open {LONG}: not a supported image.")
     assert window.workspace.tabs.minimumSizeHint().width() <= before
@@ -94,17 +94,17 @@ def test_without_a_frame_there_is_nothing_to_zoom(qtbot, make_window, a_file, tm
     assert window.workspace.strip.isEnabled()
 
 
-def test_an_old_pointing_is_not_as_bright_as_a_new_one(qtbot, opened, engine, a_file):
+def test_an_old_pointing_is_not_as_bright_as_a_new_one(qtbot, opened, engine):
     window, commands = opened
     panel = window.workspace.solution
     assert panel.ra.property("role") == "value"
     engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.presenter.solve()
     assert panel.ra.property("role") == panel.dec.property("role") == "value_old"
     engine.result = None
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.presenter.solve()
     assert panel.ra.property("role") == "value"
 
 

@@ -22,6 +22,18 @@ def test_it_starts_on_the_welcome_page_and_offers_samples(make_window, engine):
     assert not commands.actions["cancel"].isEnabled()
 
 
+def test_a_key_of_a_sample_opens_it(qtbot, make_window, engine, tmp_path):
+    (tmp_path / "sample.fits").touch()
+    window, commands = make_window(engine)
+    window.activateWindow()
+    qtbot.waitUntil(window.isActiveWindow)
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        qtbot.keyClick(window, Qt.Key.Key_1, Qt.KeyboardModifier.AltModifier)
+    assert window.pages.currentWidget() is window.workspace
+    qtbot.keyClick(window, Qt.Key.Key_2, Qt.KeyboardModifier.AltModifier)
+    assert window.workspace.tabs.currentWidget() is window.workspace.stars
+
+
 def test_the_first_click_on_a_sample_solves_it(qtbot, make_window, engine, tmp_path):
     (tmp_path / "sample.fits").touch()
     window, commands = make_window(engine)
@@ -44,7 +56,7 @@ def test_opening_shows_solves_and_marks(opened):
     assert panes.stars.model.rowCount() == 24
     assert commands.presenter.overlay.solution is commands.session.known.result
     assert len(commands.presenter.overlay.detected) == 36
-    assert window.status.doing.text() == "Solved in 37 ms"
+    assert window.status.doing.text() == "Solved in 37 ms  05h 36m 12.00s  −01° 12′ 00.0″"
     assert "orion.fits" in window.windowTitle()
 
 
@@ -65,11 +77,11 @@ def test_every_fact_of_the_solution_is_on_the_pane(opened):
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_failed_solve_says_why_and_keeps_the_last_good_pointing(qtbot, opened, engine, a_file):
+def test_a_solve_that_fails_again_says_why_and_keeps_the_pointing_of_this_frame(qtbot, opened, engine):
     window, commands = opened
     engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.presenter.solve()
     card = window.workspace.card
     assert card.title.text() == "No solution: trailed"
     assert card.advice.text() == "Wait 5 s after the slew, then expose again."
@@ -84,6 +96,18 @@ def test_a_failed_solve_says_why_and_keeps_the_last_good_pointing(qtbot, opened,
     assert isinstance(commands.session.known.result, NoSolution)
     card.copy.click()
     assert "trail: 12.3 px" in QGuiApplication.clipboard().text()
+
+
+@pytest.mark.parametrize("broken", [True, False])
+def test_another_file_clears_the_pointing_of_the_one_before(qtbot, opened, engine, a_file, tmp_path, broken):
+    window, commands = opened
+    engine.result = no_solution()
+    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+        commands.open(tmp_path / "missing.fits" if broken else a_file)
+    assert not window.workspace.solution.isVisible()
+    assert not commands.actions["copy"].isEnabled()
+    assert commands.session.known.last_good is None
+    assert window.status.doing.text() in ("Ready", "No solution in 410 ms")
 
 
 def test_a_first_failure_has_no_old_pointing(qtbot, make_window, a_file):

@@ -74,7 +74,7 @@ log = logging.getLogger("kochab")
 
 @dataclass(slots=True)
 class Known:
-    """The open frame; ``last_good`` outlives the frame it came from.
+    """The open frame; ``last_good`` outlives a solve of it again that fails, and ends with the frame.
 
     ``path`` is None and ``name`` is set when the frame came from a camera.
     """
@@ -107,6 +107,7 @@ class Session(QObject):
     failed = Signal(str)
     streaming = Signal(str)  # a camera of that name starts
     streamed = Signal(object)  # ReadyPicture of a camera that runs
+    live = Signal(str)  # how it stands with that camera and its pointing, in a few words
     stopped = Signal()  # cancelled by the person
     idle = Signal()
 
@@ -131,11 +132,11 @@ class Session(QObject):
         self._start("read", _timed(self._engine.read(Path(path))), self._has_read)
 
     def _renew(self, **known: Any) -> None:
-        """Forget the open frame but for the last solution."""
+        """Forget the open frame."""
         for kind in list(self._running):
             self._drop(kind)
-        old, self.streams = self.known, False
-        self.known = Known(last_good=old.last_good, last_good_from=old.last_good_from, **known)
+        self.streams = False
+        self.known = Known(**known)
 
     def solve(self, options: SolveOptions | None = None) -> None:
         """Solve the open frame, again if it was solved before."""

@@ -276,6 +276,11 @@ def test_an_answer_grows_old_on_the_screen_by_itself(qtbot, live):
     qtbot.waitUntil(lambda: view.pointing.old.isVisibleTo(view.pointing), timeout=10_000)
     assert "OLD" in view.pointing.old.text()
     assert view.title.text() == "No new frames"
+    assert view.window().windowTitle() == "Live: No new frames, OLD pointing, a camera – Kochab"
+    assert view.window().status.doing.text() == "Live: No new frames, OLD pointing"
+    view.end()
+    wait_idle(qtbot, view)
+    assert view.window().windowTitle() == "a camera – Kochab"
     assert view.pointing.values["Uncertainty"].text() == NOTHING
 
 
@@ -290,6 +295,24 @@ def test_a_fault_in_the_solver_is_a_sentence_too(qtbot, live):
     run(view, Stars(0.03), Broken())
     wait_idle(qtbot, view)
     assert view.message.text() == "The line broke."
+
+
+@pytest.mark.parametrize(("address", "says"), [("", "Choose the folder"), ("/nowhere", "does not exist")])
+def test_a_folder_that_is_not_there_is_a_sentence_and_the_window_goes_on(qtbot, live, address, says):
+    view, commands = live
+    box = view.camera.box
+    box.source.setCurrentIndex(box.source.findData("folder"))
+    box.address.setText(address)
+    ticks, timer = [], QTimer()
+    timer.timeout.connect(lambda: ticks.append(time.monotonic()))
+    timer.start(10)
+    qtbot.mouseClick(view.start, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: says in view.message.text())
+    wait_idle(qtbot, view)
+    qtbot.wait(300)
+    assert np.diff(ticks).max() < 1.0
+    assert commands.window.windowTitle().startswith("Live: stopped")
+    assert says in commands.window.workspace.card.text.text()
 
 
 # choosing ------------------------------------------------------------------------------------------

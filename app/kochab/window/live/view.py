@@ -164,14 +164,12 @@ class LiveView(Page):
             return
         job.cancel()
         self._ending = job
-        good = None if stream.latest is None else stream.latest.last_good
-        if keep and good is not None:
-            known = self._services.session.known
-            known.last_good, known.last_good_from = good.solution, stream.wish.name
         self._changing_frame = True
         self.display.end(keep)
         self.pointing.show_stopped()
         self._changing_frame = False
+        if keep and self.display.shown is None:
+            self._services.session.live.emit("Live: stopped")
         self._services.panes.show_side(True)
         self._show_status(StreamStatus("Stopping", "Closing the camera…", "heading"))
         self._show_running(False)
@@ -214,6 +212,8 @@ class LiveView(Page):
             self._show_status(StreamStatus("Searching", "Solving the first frame blind.", "heading"))
         elif capture.name:
             self._show_status(StreamStatus("Waiting for a frame", "", "heading"))
+        old = ", OLD pointing" if self.pointing.old.text() else ""
+        self._services.session.live.emit(f"Live: {self.title.text()}{old}")
 
     def _failed(self, job: Job, sentence: str) -> None:
         """The camera failed: show why, and keep the last pointing, marked as old."""
@@ -221,6 +221,8 @@ class LiveView(Page):
         if job is self.job:
             self.write()
             self.end()
+            if self.display.shown is None:
+                self._services.session.failed.emit(sentence)
 
     def _finished(self, job: Job, stream: Stream) -> None:
         for sentence in stream.said:

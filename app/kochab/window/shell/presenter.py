@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QObject
 
-from kochab.core.angle_text import AngleStyle, milliseconds_text
+from kochab.core.angle_text import AngleStyle, milliseconds_text, radec_text
 from kochab.core.errors import printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
@@ -39,6 +39,7 @@ class Presenter(QObject):
         s.pictured.connect(self._pictured)
         s.streaming.connect(self._streaming)
         s.streamed.connect(self._streamed)
+        s.live.connect(self._live)
         s.solving.connect(self._solving)
         s.progressed.connect(self._progressed)
         s.solved.connect(self._solved)
@@ -102,6 +103,10 @@ class Presenter(QObject):
         self.panes.view.show_picture(picture, keep_view=same)
         self._show_marks(result if isinstance(result, Solution) else None)
 
+    def _live(self, headline: str) -> None:
+        self.window.setWindowTitle(f"{headline}, {printable(self.session.known.name)} – Kochab")
+        self.window.status.show_idle(headline)
+
     def _solving(self) -> None:
         self._clear_marks()
         self.panes.view.update()
@@ -142,7 +147,8 @@ class Presenter(QObject):
         total = known.result.elapsed_ms.get("total") if known.result else None
         word = {Solution: "Solved", NoSolution: "No solution"}.get(type(known.result), "Ready")
         took = f" in {milliseconds_text(total)}" if total is not None else ""
-        self.window.status.show_idle(word + took)
+        at = radec_text(*known.result.ra_dec_deg, self.style) if isinstance(known.result, Solution) else ""
+        self.window.status.show_idle(f"{word}{took}  {at}".rstrip())
 
     def _show_marks(self, solution: Solution | None) -> None:
         found = self.session.known.detections
@@ -154,6 +160,7 @@ class Presenter(QObject):
 
     def _age_solution(self) -> None:
         known = self.session.known
+        self.panes.solution.setVisible(known.last_good is not None)
         if known.last_good is not None:
             self.panes.solution.show_solution(known.last_good, known.last_good_from, old=True)
 
@@ -185,3 +192,5 @@ class Presenter(QObject):
         self.style = style
         self.settings.keep("angles", style.value)
         self.panes.stars.set_style(style)
+        if not self.session.busy:
+            self._idle()
