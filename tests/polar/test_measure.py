@@ -396,3 +396,10 @@ def test_a_tube_sags_or_rises_with_its_error(droop, word):
         " The axis is corrected for it."
     ]
     assert abs(found.droop.arcsec) > 35.0
+
+
+def test_why_there_is_no_axis_is_one_sentence_and_what_to_do_another():
+    assert measured(Mount(), [0]).sentence == (
+        "An axis needs at least two frames of one sweep. Rotate RA and take another frame."
+    )
+    assert measured(Mount(sigma=0.2, sigma_roll=1.0), [0, 0.2]).sentence.startswith("RA rotated by only 0.20° between")

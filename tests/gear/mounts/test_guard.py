@@ -11,6 +11,7 @@ import pytest
 from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
 from kochab.core.mount import Direction, Epoch, PierSide, Pointing
 from kochab.core.progress import run
+from kochab.gear.mounts import guard as guarding
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
 from kochab.gear.mounts.guard import Guard
@@ -510,3 +511,18 @@ def test_a_journal_on_a_disk_that_hangs_never_holds_up_a_stop() -> None:
     finally:
         logging.getLogger("kochab").removeHandler(handler)
     assert hanging == [[("stop",)]], "the bytes are on their way before anything is written"
+
+
+@pytest.mark.parametrize(("own", "option"), [(Epoch.DATE, "J2000"), (Epoch.J2000, "date")])
+def test_an_epoch_that_the_mount_contradicts_is_told_with_the_option_that_mends_it(monkeypatch, own, option) -> None:
+    guard, _ = guarded()
+    guard.epoch = own
+    other = Epoch.J2000 if own is Epoch.DATE else Epoch.DATE
+    for found, told in ((None, ""), (own, "")):
+        monkeypatch.setattr(guarding, "reported_epoch", lambda _, found=found: found)
+        assert guard.epoch_doubt() == told
+    monkeypatch.setattr(guarding, "reported_epoch", lambda _: other)
+    assert guard.epoch_doubt() == (
+        f"The mount's altitude and azimuth show that its coordinates are {other}, not {own}. "
+        f"Choose the epoch {option} (--epoch {option})."
+    )

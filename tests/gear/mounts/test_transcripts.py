@@ -7,12 +7,12 @@ import pytest
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, PierSide
-from kochab.gear.mounts import DRIVERS
+from kochab.gear.mounts import DRIVERS, open_mount, serial_line
 from kochab.gear.mounts.drivers.ioptron import Ioptron
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
-from tests.gear.mounts.scripted import CLASSIC_START, transcript
+from tests.gear.mounts.scripted import CLASSIC_START, ScriptedLink, transcript
 
 TARGET = (82.5, -12.25)
 READ_BACK = [(b":Gr#", b"05:30:00#"), (b":Gd#", b"-12*15:00#")]
@@ -503,3 +503,47 @@ def test_a_synscan_s_model_is_its_maker_s_number() -> None:
     assert [number for number, name in models.items() if name == "Dobsonian"] == list(range(144, 160))
     assert models[160] == "AllView"
     assert max(models) == 160
+
+
+class Silent(ScriptedLink):
+    """A line that nobody answers."""
+
+    def __init__(self, *opened):
+        super().__init__([])
+        self.opened, self.written, self.quiet_s = opened, [], []
+
+    def write(self, data):
+        self.written.append(data)
+
+    def discard(self, quiet_s=0.0):
+        self.quiet_s.append(quiet_s)
+        return b""
+
+
+@pytest.mark.parametrize(("baud", "rate"), [(None, 115200), (230400, 230400)])
+def test_a_mount_that_does_not_answer_is_told_with_its_port_and_rate_and_the_line_is_closed(
+    monkeypatch, baud, rate
+) -> None:
+    made = []
+    monkeypatch.setattr(serial_line, "SerialLink", lambda *opened: made.append(Silent(*opened)) or made[-1])
+    with pytest.raises(NoAnswerError, match=rf"^No iOptron .* answers on port7 at {rate} baud: check power"):
+        open_mount("ioptron", "port7", baud)
+    assert (made[0].opened, made[0].closed) == (("port7", rate), True)
+    assert b":Q#" not in b"".join(made[0].written)
+
+
+def test_after_a_lost_line_stop_is_the_first_word_and_its_answer_is_waited_for(monkeypatch) -> None:
+    made = []
+    monkeypatch.setattr(serial_line, "SerialLink", lambda *opened: made.append(Silent(*opened)) or made[-1])
+    with pytest.raises(NoAnswerError):
+        open_mount("skywatcher", "port7", stop_first=True, site=SITE)
+    assert made[0].written[0] == b":L1\r:L2\r"
+    assert made[0].quiet_s[0] == 0.5
+
+
+def test_any_other_failure_closes_the_line_too(monkeypatch) -> None:
+    made = []
+    monkeypatch.setattr(serial_line, "SerialLink", lambda *opened: made.append(Silent(*opened)) or made[-1])
+    with pytest.raises(DeviceError, match="give --site"):
+        open_mount("skywatcher", "port7")
+    assert made[0].closed
