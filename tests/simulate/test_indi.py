@@ -16,7 +16,11 @@ from pathlib import Path
 
 import pytest
 
+from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
+from kochab.core.mount import Home
+from kochab.gear.mounts import open_mount
+from kochab.gear.mounts.drivers.skywatcher import ZEROS
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.night_sky import SimulatedClock
@@ -166,3 +170,26 @@ def test_a_driver_of_indi_connects_syncs_goes_and_reads_back(driven, driver):
             assert set(begun) == {"turn to"}  # twice or more: EQMod looks again and corrects
         else:
             assert begun == ["sync", "sync", "goto"]  # the first is our own
+
+
+def test_after_eqmod_our_own_driver_finds_the_telescope_where_it_is(driven):
+    """EQMod's Init has set the counters; what it left on the board is taken over, or found by a solved position."""
+    _, plans, telescopes = driven
+    if "indi_eqmod_telescope" not in plans:
+        pytest.skip("indi_eqmod_telescope is not there: apt-get install indi-eqmod")
+    plan, telescope = plans["indi_eqmod_telescope"], telescopes["indi_eqmod_telescope"]
+
+    def connect(**told):
+        return open_mount("skywatcher", plan["port"], site=Site(*plan["site"]), **told)
+
+    mount = connect(home=Home.EQMOD)
+    here = mount.position()
+    assert apart_deg((here.ra_deg, here.dec_deg), telescope.believed_deg()) < 0.03
+    mount.close()
+    mount = connect()
+    assert mount.state().home_confirmed is False
+    with pytest.raises(RefusedError, match="home is not confirmed"):
+        mount.goto(*telescope.believed_deg())
+    mount.sync(*telescope.believed_deg())
+    assert mount.offset_deg == pytest.approx(ZEROS[Home.EQMOD], abs=0.05)
+    mount.close()
