@@ -32,7 +32,9 @@ def test_a_short_soak_solves_meets_faults_and_measures(short, tmp_path) -> None:
     assert goals["solves for that"] is None
 
 
-def test_an_unplugged_camera_comes_back_with_the_frame_it_owed(short) -> None:
+@pytest.mark.parametrize("away_s", [0.01, 1.0], ids=["back at once", "missed meanwhile"])
+def test_an_unplugged_camera_comes_back_with_the_frame_it_owed(short, monkeypatch, away_s) -> None:
+    monkeypatch.setattr(capture, "RETRY_S", away_s)
     camera, counts = soak.FaultyCamera(soak.night_rig(), 5.0), Counter()
     camera.number = before = 10 * soak.CYCLE + soak.UNPLUGGED - 2  # the second frame is the one
     live = soak.live_solve(soak.Capture(lambda: camera, reconnect=True), soak.ProfiledTracker())

@@ -155,6 +155,7 @@ def test_a_watched_folder_is_a_camera_and_a_frame_without_answer_says_why(qtbot,
     write_fits(Frame(np.full((300, 400), 1000, np.uint16)), tmp_path / "one.fits")
     qtbot.waitUntil(lambda: "No solution" in view.title.text(), timeout=20_000)
     assert view.text.text()
+    qtbot.waitUntil(lambda: commands.session.known.frame is not None, timeout=20_000)  # rendered in a thread
     assert commands.session.known.frame.width == 400
     view.end()
     wait_idle(qtbot, view)

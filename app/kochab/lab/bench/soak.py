@@ -35,7 +35,7 @@ from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections, solve_frame
 from kochab.workflows.live.capture import Capture
-from kochab.workflows.live.solve import Live, ProfiledTracker, live_solve
+from kochab.workflows.live.solve import WARNING, Live, ProfiledTracker, live_solve
 from kochab.workflows.live.update import LiveUpdate
 
 SEED = 20261123
@@ -155,6 +155,7 @@ def watch(live: Live, camera: "FaultyCamera", counts: Counter[str]) -> None:
                 counts["live solved" if step.track.solution else "live not solved"] += 1
                 counts["warnings"] += len(step.warnings)
                 break
+            counts["warnings"] += step.stage == WARNING  # told while the next frame is waited for
 
 
 def night_rig() -> PracticeRig:
