@@ -288,3 +288,13 @@ def test_no_more_than_half_the_sky_is_asked_for() -> None:
     detections, matches, fit, catalogue = stretched(0.05)
     stretch(detections, matches, replace(fit, camera=replace(wide, cx=400.0)), catalogue, 2024.0)
     assert catalogue.asked[0][1] == pytest.approx(np.pi / 2.0)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.012, True), (0.0065, False)])
+def test_a_stretch_is_believed_when_twice_as_many_stars_agree_with_it(share, told) -> None:
+    """A third of the stars agree without it, or six tenths, those near the middle; all of them with it."""
+    detections, matches, fit, catalogue = stretched(share)
+    near = np.count_nonzero(share * np.abs(scattered(120)[:, 0] - 799.5) < 3.2) / 120.0
+    assert bool(near < 0.45) is told
+    answer = stretch(detections, matches, fit, catalogue, 2024.0)
+    assert answer == (pytest.approx(share, rel=1e-2) if told else None)

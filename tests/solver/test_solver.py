@@ -231,3 +231,25 @@ def test_the_frames_warnings_stay_with_the_answer(identifier) -> None:
     frame = replace(frame_like(identifier.field), warnings=("Odd header.",))
     result = run(solve_frame(frame, replace(OPTIONS, detector="fixed")))
     assert result.warnings == ("Odd header.",)
+
+
+@pytest.mark.parametrize("from_frame", [True, False])
+def test_the_journal_has_one_line_of_every_search(identifier, caplog, from_frame) -> None:
+    """Where and how surely, or why not."""
+    caplog.set_level("DEBUG", logger="kochab.solver.pipeline")
+    options = replace(OPTIONS, detector="fixed")
+    if from_frame:
+        result = run(examine_frame(frame_like(identifier.field), options)).result
+    else:
+        result = run(solve_detections(identifier.field.detections, options))
+    ra, dec = result.ra_dec_deg
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert line == (
+        f"solved in {result.elapsed_ms['total']:.0f} ms by {result.method}: RA {ra:.5f} Dec {dec:+.5f},"
+        f" {len(result.stars)} stars, RMS {result.rms_px:.2f} px"
+    )
+    caplog.clear()
+    refused = run(solve_detections(identifier.field.detections.take(slice(0, 1)), options))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"no solution in {refused.elapsed_ms['total']:.0f} ms: {refused.reason}"
+    ]
