@@ -115,7 +115,8 @@ def _measured(node: ast.AST) -> bool:
     name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
     inside = any(_is_float(n) or (isinstance(n, ast.Name) and n.id in _float_constants()) for n in ast.walk(node))
     divided = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div)
-    return inside or divided or UNITS.search(name) is not None
+    squared = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) and _measured(node.left)
+    return inside or divided or squared or UNITS.search(name) is not None
 
 
 def _changes(node: ast.AST) -> Iterator[ast.AST]:

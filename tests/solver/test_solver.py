@@ -253,3 +253,11 @@ def test_the_journal_has_one_line_of_every_search(identifier, caplog, from_frame
     assert [record.getMessage() for record in caplog.records] == [
         f"no solution in {refused.elapsed_ms['total']:.0f} ms: {refused.reason}"
     ]
+
+
+@pytest.mark.parametrize(("stars", "asked"), [(2, 0), (3, 1)])
+def test_no_method_is_asked_for_less_than_three_stars(identifier, stars, asked) -> None:
+    identifier.never = True
+    result = run(solve_detections(identifier.field.detections.take(slice(0, stars)), OPTIONS))
+    assert result.reason is Reason.TOO_FEW_STARS
+    assert len(identifier.asked) == asked

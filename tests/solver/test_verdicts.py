@@ -323,3 +323,31 @@ def test_a_cone_moves_right_ascension_the_more_the_nearer_the_pole_up_to_twenty_
 
 
 SIDES = ((1.0, PierSide.EAST), (-1.0, PierSide.WEST))
+
+
+@pytest.mark.parametrize(
+    ("aligned", "dec", "witness"), [(False, 30.0, 400.0), (False, 89.6, 400.0), (None, 89.6, 20.0), (None, 89.4, None)]
+)
+def test_a_mount_that_is_not_aligned_says_so_or_stands_at_the_pole(aligned, dec, witness) -> None:
+    """Whatever it says fits, so that two numbers are paid for it; its own word counts twice."""
+    seen = replace(sighting(aligned=aligned), said=Pointing(100.0, dec, Epoch.J2000))
+    found = [c for c in causes([seen]) if c.name == "not aligned"]
+    assert [(c.weight, c.freedom, c.witness, c.spread_deg) for c in found] == (
+        [(0.3, 2, witness, 0.6)] if witness else []
+    )
+    for c in found:
+        assert c.would_say(seen) == (100.0, dec)
+        assert ("reports that it is not aligned" in c.evidence) is (witness == 400.0)
+
+
+@pytest.mark.parametrize(("longitude", "asked"), [(0.9, False), (1.1, True), (-1.1, True)])
+def test_east_and_west_are_not_mistaken_within_a_degree_of_greenwich(longitude, asked) -> None:
+    found = causes([replace(sighting(), site=Site(47.0, longitude))])
+    assert ("longitude sign" in {c.name for c in found}) is asked
+
+
+@pytest.mark.parametrize(("latitude", "witness"), [(0.9, 1.0), (1.1, 20.0), (-1.1, 0.02)])
+def test_a_hemisphere_is_confirmed_or_denied_beyond_a_degree_from_the_equator(latitude, witness) -> None:
+    told = SiteReport(site=Site(-47.0, 8.5))
+    found = [c for c in causes([replace(sighting(beliefs=told), site=Site(latitude, 8.5))]) if c.name == "hemisphere"]
+    assert {c.witness for c in found} == {witness}
