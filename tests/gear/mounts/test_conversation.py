@@ -72,7 +72,8 @@ def test_answers_are_read_in_the_order_of_what_was_sent() -> None:
     link.finished()
 
 
-def test_a_motion_decided_before_a_stop_is_not_begun_after_it() -> None:
+def test_a_motion_decided_before_a_stop_is_not_begun_after_it(caplog) -> None:
+    caplog.set_level(logging.DEBUG, logger=serial_line.logger.name)
     talk = Conversation(ScriptedLink([(b":Q#", b"")]))
     since = talk.stops
     talk.stopping()
@@ -82,6 +83,10 @@ def test_a_motion_decided_before_a_stop_is_not_begun_after_it() -> None:
         talk.ask(b":MS#", exactly(1, 1.0), bytes, since)
     with pytest.raises(RefusedError):
         talk.send(b":Me#", since)
+    said = [record.getMessage() for record in caplog.records]
+    assert [line for line in said if "not sent" in line] == [
+        f"script: {command!r} was not sent, a Stop came first" for command in (b":MS#", b":Me#")
+    ]
 
 
 def test_a_question_is_repeated_after_nonsense_but_an_order_is_not() -> None:

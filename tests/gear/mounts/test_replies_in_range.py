@@ -299,3 +299,27 @@ def test_a_mount_in_the_network_is_asked_everything_once() -> None:
 
     assert run(probe_port("socket://10.0.0.1:9999", refuses)).advice == "Nobody is there."
     assert opened == [("socket://10.0.0.1:9999", 9600)]
+
+
+@pytest.mark.parametrize(
+    ("reply", "answer", "passed"), [(b"#", 0, b""), (b"\x05#", 1, b"\x05"), (b"\x00#", 1, b"\x00"), (b"ab#", 2, b"ab")]
+)
+def test_what_a_motor_board_answers_comes_through_the_hand_control(reply, answer, passed) -> None:
+    assert nexstar.parse_passed(reply, answer) == passed
+
+
+@pytest.mark.parametrize(
+    ("reply", "answer", "sentence"),
+    [
+        (b"\x00#", 0, "could not reach"),
+        (b"\x05\x00#", 1, "could not reach"),
+        (b"\x05#", 0, "motor board"),
+        (b"\x05\x01#", 1, "motor board"),
+        (b"\x05", 1, "motor board"),
+        (b"#", 1, "motor board"),
+    ],
+)
+def test_a_motor_board_that_is_not_reached_is_told_from_nonsense(reply, answer, sentence) -> None:
+    with pytest.raises(ProtocolError, match=sentence) as caught:
+        nexstar.parse_passed(reply, answer)
+    assert ("could not reach" in str(caught.value)) is (sentence == "could not reach")
