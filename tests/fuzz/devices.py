@@ -16,7 +16,7 @@ import numpy as np
 
 from kochab.core.capture import CaptureSettings
 from kochab.core.errors import DeviceError, FrameError, NoAnswerError
-from kochab.core.mount import Direction, Epoch, Home
+from kochab.core.mount import Direction, Epoch, Home, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.probe import probe_port
@@ -161,7 +161,7 @@ def _one_order(mount, rng: Random) -> None:
         case 8:
             mount.pulse(way, 300) if rng.random() < 0.5 else mount.move(way, rng.choice((0.004, 1.0)), 0.2)
         case _:
-            mount.track(rng.random() < 0.5)
+            mount.track(rng.choice(tuple(TrackingRate)))
 
 
 def check_probe(data: bytes, folder: Path) -> None:

@@ -28,7 +28,7 @@ class BenchTelescope:
     ) -> None:
         self.latitude_deg, self.longitude_deg = latitude_deg, longitude_deg
         self.now_unix = now
-        self.parked, self.aligned = False, True
+        self._parked, self.aligned = False, True
         self.pier_side = PierSide.WEST
         self.lowest_deg = 0.0
         self.log: list[tuple[object, ...]] = []
@@ -39,7 +39,7 @@ class BenchTelescope:
         self._rates = [0.0, 0.0]  # beside tracking
         self._targets: list[float | None] = [None, None]
         self._goto: tuple[float, float] | None = None
-        self._tracking = True
+        self._tracking_deg_s = SIDEREAL_DEG_S
         self._last = now()
 
     @property
@@ -52,13 +52,43 @@ class BenchTelescope:
     @property
     def tracking(self) -> bool:
         """The first axis follows the sky."""
-        return self._tracking
+        return self._tracking_deg_s != 0.0
 
     @tracking.setter
     def tracking(self, on: bool) -> None:
+        if on != self.tracking:
+            self.tracking_deg_s = SIDEREAL_DEG_S if on else 0.0
+
+    @property
+    def tracking_deg_s(self) -> float:
+        """How fast."""
+        return self._tracking_deg_s
+
+    @tracking_deg_s.setter
+    def tracking_deg_s(self, rate: float) -> None:
         with self._lock:
             self._advance()
-            self._tracking = on
+            self._tracking_deg_s = rate
+
+    def go_home(self) -> None:
+        """Where it believes to have been switched on."""
+        self.log.append(("home",))
+        with self._lock:
+            self._advance()
+            self.tracking_deg_s, self._goto = 0.0, None
+            self._targets = [90.0 - self._offset[0], math.copysign(90.0, self.latitude_deg) - self._offset[1]]
+            self._advance()
+
+    @property
+    def parked(self) -> bool:
+        """Has been parked, and is there."""
+        return self._parked and not self.slewing
+
+    @parked.setter
+    def parked(self, on: bool) -> None:
+        self._parked = on
+        if on:
+            self.go_home()
 
     def sidereal_deg(self) -> float:
         """Local sidereal time by a linear formula, good to a second this century."""
@@ -115,6 +145,7 @@ class BenchTelescope:
         self.log.append(("stop",))
         with self._lock:
             self._advance()
+            self._parked = self.parked
             self._goto, self._targets, self._rates = None, [None, None], [0.0, 0.0]
 
     def pulse(self, direction: Direction, milliseconds: float) -> None:
@@ -148,7 +179,7 @@ class BenchTelescope:
             self._targets[axis] = None
             self._rates[axis] = rate_deg_s
             if axis == 0:
-                self._tracking = False
+                self._tracking_deg_s = 0.0
 
     def turn_axis_to(self, axis: int, angle_deg: float) -> None:
         """A bare motor's slew."""
@@ -158,14 +189,14 @@ class BenchTelescope:
             self._rates[axis] = 0.0
             self._targets[axis] = angle_deg
             if axis == 0:
-                self._tracking = False
+                self._tracking_deg_s = 0.0
             self._advance()
 
     def _advance(self) -> None:
         """Move both axes on to now."""
         now = self.now_unix()
         elapsed, self._last = now - self._last, now
-        sky = SIDEREAL_DEG_S if self._tracking else 0.0
+        sky = self._tracking_deg_s
         self._axes[0] += (self._rates[0] + sky) * elapsed
         self._axes[1] += self._rates[1] * elapsed
         targets = list(self._targets)

@@ -44,9 +44,15 @@ def make(name, telescope):
     return AutostarResponder(telescope) if name == "autostar" else open_responder(name, telescope)
 
 
+ARRIVE = b"wait until it is there"
+
+
 def talk(responder, *exchanges):
     """Every command gives exactly the answer beside it."""
     for command, answer in exchanges:
+        if command == ARRIVE:
+            responder.telescope.now_unix.t += 100.0
+            continue
         assert responder.feed(command) == answer, command
 
 
@@ -108,7 +114,7 @@ def test_a_meade_says_why_it_does_not_slew(telescope):
     lx200 = make("lx200", telescope)
     talk(lx200, (b":MS#", b"1Object below horizon.#"))
     telescope.parked = True
-    talk(lx200, (b":MS#", b"2Parked.#"))
+    talk(lx200, (ARRIVE, b""), (b":MS#", b"2Parked.#"))
 
 
 def test_site_and_time_in_meades_way_count_westward(telescope):
@@ -148,6 +154,7 @@ def test_an_autostar_is_precise_short_and_takes_pulses(telescope):
         (b":Mn#", b""),
         (b":Qn#", b""),
         (b":hP#", b""),
+        (ARRIVE, b""),
         (b":MS#", b"2Parked.#"),
     )
     assert telescope.log[:3] == [
@@ -178,11 +185,17 @@ def test_onstep_answers_in_digits_and_flags(telescope):
         (b":Q#", b""),
         (b":Td#", b"1"),
         (b":GU#", b"nNpET120#"),
+        (b":TK#:Te#", b"1"),
+        (b":GT#", b"60.14760#"),
         (b":hP#", b"1"),
-        (b":GU#", b"nNPET120#"),
+        (b":GU#", b"nIEkT120#"),
+        (ARRIVE, b""),
+        (b":GU#", b"nNPEHkT120#"),
         (b":MS#", b"4"),
         (b":Te#", b"0"),
         (b":hR#", b"1"),
+        (b":TQ#:Td#", b"1"),
+        (b":GU#", b"nNpEHT120#"),
     )
     onstep.refusal = lambda: "limits"
     talk(onstep, (b":MS#", b"6"), (b":CM#", b"E6#"))
@@ -279,8 +292,17 @@ def test_ioptron_has_two_lengths_of_answer(telescope):
         (b":ST0#", b"1"),
         (b":GLS#", b"-0297000050580000000711#"),
         (b":MP1#", b"1"),
+        (b":GLS#", b"-0297000050580000020711#"),
+        (ARRIVE, b""),
         (b":GLS#", b"-0297000050580000060711#"),
         (b":MS1#", b"0"),
+        (b":MP0#", b"1"),
+        (b":RT2#", b"1"),
+        (b":ST1#", b"1"),
+        (b":GLS#", b"-0297000050580000012711#"),
+        (b":MH#", b"1"),
+        (ARRIVE, b""),
+        (b":GLS#", b"-0297000050580000072711#"),
         (b":SRA129600001#", b"0"),
         (b":nonsense#", b""),
     )

@@ -87,9 +87,21 @@ class RigMount:
             self.rig.mount.halt(self._ends[1])
             self._ends = None
 
-    def track(self, on):
-        self._do("track", on)
-        self.rig.mount.tracking = on
+    def track(self, rate):
+        self._do("track", rate)
+        self.rig.mount.tracking_deg_s = rate.deg_s
+
+    def park(self):
+        self._do("park")
+        self.rig.mount.park()
+
+    def unpark(self):
+        self._do("unpark")
+        self.rig.mount.parked = False
+
+    def go_home(self):
+        self._do("home")
+        self.rig.mount.go_home()
 
     def close(self):
         self.did.append(("close",))

@@ -69,8 +69,41 @@ class Ability(StrEnum):
     PULSE = "guide pulse"
     MOVE = "move at a rate"
     TRACKING = "tracking on and off"
+    SIDEREAL = "sidereal rate"
+    LUNAR = "lunar rate"
+    SOLAR = "solar rate"
+    KING = "King rate"
+    PARK = "park"
+    UNPARK = "unpark"
+    HOME = "go home"
     SITE = "report its site"
     TIME = "report its time"
+
+
+class TrackingRate(StrEnum):
+    """What the mount follows; King's rate is the stars' with the refraction near the pole."""
+
+    OFF = "off"
+    SIDEREAL = "sidereal"
+    LUNAR = "lunar"
+    SOLAR = "solar"
+    KING = "king"
+
+    @property
+    def ability(self) -> Ability:
+        """What a mount needs for it."""
+        return Ability.TRACKING if self is TrackingRate.OFF else Ability[self.name]
+
+    @property
+    def deg_s(self) -> float:
+        """Of the RA axis: the mean Sun's and Moon's; King's in Sidgwick, Amateur Astronomer's Handbook."""
+        return {
+            TrackingRate.OFF: 0.0,
+            TrackingRate.SIDEREAL: SIDEREAL_DEG_S,
+            TrackingRate.LUNAR: SIDEREAL_DEG_S - 360.0 / (27.321661 * 86400.0),
+            TrackingRate.SOLAR: 360.0 / 86400.0,
+            TrackingRate.KING: 15.0369 / 3600.0,
+        }[self]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +120,7 @@ class MountState:
     """State of the mount; None where it does not report it.
 
     ``home_confirmed`` is False where the mount only counts steps from a home that nobody has
-    confirmed: its position is a guess, and it must not slew.
+    confirmed: its position is a guess, and it must not slew. ``rate`` is the one it tracks at.
     """
 
     slewing: bool | None = None
@@ -96,6 +129,8 @@ class MountState:
     tracking: bool | None = None
     pier_side: PierSide | None = None
     home_confirmed: bool | None = None
+    at_home: bool | None = None
+    rate: TrackingRate | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +203,17 @@ class Mount(Protocol):
     def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
         """Move at the nearest rate the mount has, and stop after ``seconds`` at the latest."""
 
-    def track(self, on: bool) -> None:
-        """Sidereal tracking on or off."""
+    def track(self, rate: TrackingRate) -> None:
+        """Track at this rate, or stop tracking."""
+
+    def park(self) -> None:
+        """Begin to go to the park position that is set in the mount; there it stays."""
+
+    def unpark(self) -> None:
+        """Be ready to move again."""
+
+    def go_home(self) -> None:
+        """Begin to go to the mount's own home."""
 
     def close(self) -> None:
         """Stop what moves and give the port back; never raises."""

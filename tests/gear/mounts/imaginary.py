@@ -8,7 +8,7 @@ from math import inf
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import LineLostError, NoAnswerError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Epoch, MountState, Pointing, SiteReport
+from kochab.core.mount import Ability, Epoch, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
@@ -82,7 +82,7 @@ class Imaginary:
         return Pointing(*self.here, self.epoch)
 
     def state(self):
-        return replace(self.now, slewing=True) if self.moving else self.now
+        return replace(self.now, slewing=True, parked=False, at_home=False) if self.moving else self.now
 
     def sync(self, ra_deg, dec_deg):
         self._do("sync", ra_deg, dec_deg)
@@ -111,9 +111,24 @@ class Imaginary:
         ra, dec = self.here
         self._begin((ra + east * angle_deg) % 360.0, dec + north * angle_deg, seconds)
 
-    def track(self, on):
-        self._do("track", on)
-        self.now = replace(self.now, tracking=on)
+    def track(self, rate):
+        self._do("track", rate)
+        self.now = replace(self.now, tracking=rate is not TrackingRate.OFF, rate=rate)
+
+    def _rest(self, name, here, **state):
+        self._do(name)
+        self._begin(*here, apart_deg(self.here, here) / self.slew_deg_s)
+        self.now = replace(self.now, tracking=False, **state)
+
+    def park(self):
+        self._rest("park", (self.here[0], min(90.0, self.here[1] + 3.0)), parked=True)
+
+    def unpark(self):
+        self._do("unpark")
+        self.now = replace(self.now, parked=False)
+
+    def go_home(self):
+        self._rest("home", (self.here[0], 90.0), at_home=True)
 
     def close(self):
         self.did.append(("close",))

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import DeviceError, RefusedError
-from kochab.core.mount import Ability, Direction, Epoch
+from kochab.core.errors import DeviceError, RefusedError, StoppedError
+from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.coordinates import from_mount_epoch, sidereal_deg, to_mount_epoch
@@ -19,6 +19,7 @@ from tests.gear.mounts.imaginary import Imaginary
 
 # what a driver can tell apart: 15 arcsec of the LX200 language, twice
 CLOSE_DEG = 30.0 / 3600.0
+NO_COMMAND = r"hand control|menu|slew where you want it"
 
 
 class ImaginaryTelescope:
@@ -144,7 +145,7 @@ def test_a_pulse_is_small_and_goes_the_right_way(bench, direction) -> None:
             bench.mount.pulse(direction, 500)
         return
     if bench.driver == "skywatcher":
-        bench.mount.track(True)
+        bench.mount.track(TrackingRate.SIDEREAL)
     before = bench.telescope.axes_deg()
     begun = time.monotonic()
     bench.mount.pulse(direction, 1000)
@@ -185,14 +186,71 @@ def test_closing_ends_a_move(bench) -> None:
         bench.mount.position()
 
 
-def test_tracking_goes_off_and_on(bench) -> None:
-    if Ability.TRACKING in bench.mount.lacks:
+@pytest.mark.parametrize("rate", [*TrackingRate])
+def test_it_tracks_at_a_rate_or_says_why_not(bench, rate) -> None:
+    if rate.ability in bench.mount.lacks:
         with pytest.raises(RefusedError):
-            bench.mount.track(False)
+            Guard(bench.mount, SITE, LIMITS, clock=bench.clock).track(rate)
         return
-    for on in (True, False, True):
-        bench.mount.track(on)
-        assert bench.mount.state().tracking is on
+    for wanted in (TrackingRate.SIDEREAL, TrackingRate.OFF, rate):
+        if wanted.ability not in bench.mount.lacks:
+            bench.mount.track(wanted)
+            state = bench.mount.state()
+            assert state.tracking is (wanted is not TrackingRate.OFF)
+            assert wanted is TrackingRate.OFF or state.rate in (None, wanted)
+    if bench.driver != "imaginary":
+        really = bench.telescope.tracking_deg_s or bench.telescope._rates[0]
+        assert really == pytest.approx(rate.deg_s, rel=2e-3)
+
+
+def test_it_parks_and_unparks_or_says_why_not(bench) -> None:
+    guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)
+    if Ability.PARK in bench.mount.lacks:
+        for order in (guard.park, guard.unpark):
+            with pytest.raises(RefusedError, match=NO_COMMAND):
+                order()
+        return
+    run(guard.rest("park"))
+    state = bench.mount.state()
+    assert (state.parked, state.slewing, state.tracking) == (True, False, False)
+    if bench.driver != "imaginary":
+        assert bench.telescope.parked
+        assert not guard.emergency.moving
+    with pytest.raises(RefusedError, match="is parked"):
+        guard.goto(*own(bench, *place(-25.0, 45.0, bench.clock)))
+    run(guard.rest("park"))  # once more changes nothing
+    guard.unpark()
+    assert bench.mount.state().parked is False
+    guard.goto(*own(bench, *place(-25.0, 45.0, bench.clock)))
+    guard.stop()
+
+
+def test_it_goes_home_or_says_why_not(bench) -> None:
+    guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)
+    if Ability.HOME in bench.mount.lacks:
+        with pytest.raises(RefusedError, match=NO_COMMAND):
+            guard.go_home()
+        return
+    run(guard.rest("home"))
+    state = bench.mount.state()
+    assert (state.at_home, state.slewing, state.parked) == (True, False, False)
+    assert bench.mount.position().dec_deg == pytest.approx(90.0, abs=0.02)
+    assert [entry.action for entry in guard.log.sent()] == ["home"]
+
+
+def test_a_stop_on_the_way_to_park_ends_it_unparked(bench) -> None:
+    if Ability.PARK in bench.mount.lacks:
+        pytest.skip("it cannot park")
+    bench.telescope._slew_deg_s = 1.0
+    guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)
+    task = guard.rest("park")
+    for _ in range(3):
+        next(task)
+    guard.stop()
+    with pytest.raises(StoppedError, match="park was stopped"):
+        run(task)
+    wait_for(lambda: still(bench.telescope))
+    assert distance(bench, own(bench, *where(bench))) < 10.0
 
 
 def test_it_tells_its_place_and_time_or_says_that_it_cannot(bench) -> None:

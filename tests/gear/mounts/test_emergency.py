@@ -6,7 +6,7 @@ import time
 import pytest
 
 from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
-from kochab.core.mount import Direction
+from kochab.core.mount import Direction, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import emergency_stop, slew_supervisor
 from kochab.gear.mounts.emergency_stop import Watchdog
@@ -238,7 +238,7 @@ def test_a_parked_mount_is_not_made_to_track() -> None:
     guard, mount = guarded()
     mount.now = replace(mount.now, parked=True)
     with pytest.raises(RefusedError, match="parked"):
-        guard.track(True)
+        guard.track(TrackingRate.SIDEREAL)
     assert mount.did == []
 
 

@@ -10,7 +10,7 @@ from kochab.core.attitude import apart_deg, attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing
+from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, TrackingRate
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.gear.mounts.coordinates import (
@@ -337,7 +337,7 @@ TARGET_DEG = at(-35.0, 40.0)
     [
         (Ability.MOVE, lambda guard: guard.move(Direction.NORTH, 1.0, 1.0)),
         (Ability.PULSE, lambda guard: guard.pulse(Direction.NORTH, 500)),
-        (Ability.TRACKING, lambda guard: guard.track(True)),
+        (Ability.SIDEREAL, lambda guard: guard.track(TrackingRate.SIDEREAL)),
         (Ability.GOTO, lambda guard: run(guard.slew(*TARGET_DEG))),
         (Ability.SYNC, lambda guard: guard.sync(*TARGET_DEG, by_hand=True, confirmed=True)),
     ],

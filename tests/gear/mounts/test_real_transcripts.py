@@ -12,7 +12,8 @@ import pytest
 
 from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Direction, PierSide
+from kochab.core.mount import Direction, PierSide, TrackingRate
+from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.drivers import lx200 as lx200_driver
 from kochab.gear.mounts.drivers.ioptron import Ioptron
@@ -124,10 +125,28 @@ def test_degrees_are_written_with_0xdf() -> None:
 
 @played("L07")
 def test_no_autostar_is_ever_sent_the_mode_that_ruins_its_alignment() -> None:
-    with transcript(Lx200, [(b":GVP#", b"Autostar#"), (b":GR#", b"00:00:00#")]) as m:
+    start = [(b":GVP#", b"Autostar#"), (b":GR#", b"00:00:00#")]
+    with transcript(Lx200, [*start, (b":TQ#", b""), (b":TL#", b""), (b":TS#", b"")]) as m:
         with pytest.raises(RefusedError, match="without losing its alignment"):
-            m.track(True)
-        assert AUTOSTAR.track is None
+            m.track(TrackingRate.OFF)
+        for rate in (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR):
+            m.track(rate)
+    assert not {b":AP#", b":AA#", b":AL#"} & set(AUTOSTAR.commands.values())
+
+
+@played("L09")
+def test_an_autostar_that_has_parked_is_silent_and_taken_for_parked() -> None:
+    start = [(b":GVP#", b"Autostar#"), (b":GR#", b"00:00:00#")]
+    rests, slews = [(b":D#", b"#"), (b":GW#", b"PT2#")], [(b":D#", b"\x7f#"), (b":GW#", b"PT2#")]
+    here, there = ([(b":GR#", ra), (b":GD#", b"+51\xdf14:14#")] for ra in (b"00:00:00#", b"00:10:00#"))
+    script = [*start, *rests, *here, *rests, (b":hP#", b""), *slews, *there, (b":D#", b"")]
+    night = datetime(2026, 1, 15, 22, tzinfo=UTC)
+    with transcript(Lx200, script) as m:
+        guard = Guard(m, None, Limits(allow_without_site=True), clock=lambda: night, wait=lambda s: None)
+        run(guard.rest("park"))
+        assert [entry.action for entry in guard.log.sent()] == ["park"]
+        with pytest.raises(RefusedError, match="switch it off and on"):
+            guard.unpark()
 
 
 @played("L08")
@@ -218,6 +237,45 @@ def test_a_bridge_that_hangs_up_after_one_exchange_is_opened_again() -> None:
     server.close()
 
 
+@played("L21", "L27")
+def test_an_onstep_parks_unparks_and_goes_home_by_its_own_commands_and_is_never_reset() -> None:
+    start = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]
+    script = [
+        (b":hP#", b"1"),
+        (b":GU#", b"nNIEW260#"),
+        (b":GU#", b"nNPEW260#"),
+        (b":hR#", b"1"),
+        (b":GU#", b"NpeEW260#"),
+    ]
+    script += [(b":hC#", b""), (b":GU#", b"nNphEW260#"), (b":GU#", b"nNpHEW260#"), (b":hP#", b"0")]
+    with transcript(OnStep, [*start, *script]) as m:
+        m.park()
+        on_its_way, there = m.state(), m.state()
+        assert (on_its_way.parked, on_its_way.slewing) == (False, True), "though there is no goto"
+        assert (there.parked, there.slewing) == (True, False)
+        m.unpark()
+        assert m.state().parked is False
+        m.go_home()
+        on_its_way, there = m.state(), m.state()
+        assert (on_its_way.at_home, on_its_way.slewing) == (False, True)
+        assert (there.at_home, there.slewing) == (True, False)
+        with pytest.raises(RefusedError, match="refuses this command: park"):
+            m.park()
+    assert b":hF#" not in lx200.ON_STEP_COMMANDS.values()
+
+
+@played("L43")
+def test_a_10micron_found_parked_says_so() -> None:
+    start = [(b":GVP#", b"10micron GM1000HPS#"), (b":GR#", b"00:10:03.24#")]
+    script = [*start, (b":D#", b"#"), (b":Gstat#", b"5#"), (b":PO#", b""), (b":D#", b"#"), (b":Gstat#", b"0#")]
+    with transcript(Lx200, script) as m:
+        state = m.state()
+        assert (state.parked, state.slewing, state.tracking) == (True, False, False)
+        m.unpark()
+        state = m.state()
+        assert (state.parked, state.slewing, state.tracking) == (False, False, True)
+
+
 @played("L20", "L21", "L26", "L32")
 @pytest.mark.parametrize(
     ("flags", "parked", "tracking", "side"),
@@ -287,13 +345,13 @@ def test_what_indi_sends_an_onstep_we_send_too_and_never_60_seconds() -> None:
     start = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]
     script = [*start, (b":Sr17:30:00#", b"1"), (b":Sd+10*00:00#", b"1"), (b":MS#", b"0")]
     script += [(b":Sr17:30:00#", b"1"), (b":Sd+10*00:00#", b"1"), (b":CM#", b"N/A#")]
-    script += [(b":Mgn0500#", b""), (b":Td#", b"1"), (b":Te#", b"1")]
+    script += [(b":Mgn0500#", b""), (b":Td#", b"1"), (b":TQ#:Te#", b"1")]
     with transcript(OnStep, script) as m:
         m.goto(262.5, 10.0)
         m.sync(262.5, 10.0)
         m.pulse(Direction.NORTH, 500)
-        m.track(False)
-        m.track(True)
+        m.track(TrackingRate.OFF)
+        m.track(TrackingRate.SIDEREAL)
     for tenth in range(-20, 20):
         text = lx200.set_ra(17.4 * 15.0 + tenth / 2400.0) + lx200.set_dec(-0.0002 + tenth / 36000.0)
         assert b":60" not in text
@@ -509,7 +567,7 @@ def test_the_mode_is_set_whatever_the_status_says() -> None:
     """AstroEQ's status shows the new mode only when the motor has started."""
     script = [*MOTORS_START, (b":f1\r", b"=101\r"), (b":G110\r", b"=\r"), (b":I16C0200\r", b"=\r"), (b":J1\r", b"=\r")]
     with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 @played("L85")
@@ -543,14 +601,14 @@ def test_a_motor_that_still_brakes_is_waited_for_and_its_refusal_told() -> None:
     braking = [(b":f1\r", b"=111\r"), (b":K1\r", b"=\r"), (b":f1\r", b"=111\r"), (b":f1\r", b"=101\r")]
     start = [(b":G110\r", b"=\r"), (b":I16C0200\r", b"=\r"), (b":J1\r", b"=\r")]
     with transcript(SkyWatcher, [*MOTORS_START, *braking, *start], site=SITE, clock=noon) as m:
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
     with (
         transcript(
             SkyWatcher, [*MOTORS_START, (b":f1\r", b"=101\r"), (b":G110\r", b"!2\r")], site=SITE, clock=noon
         ) as m,
         pytest.raises(RefusedError, match="not stopped"),
     ):
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 @played("L93", "L90")
@@ -572,7 +630,7 @@ def test_a_star_adventurer_gti_tracks_with_its_own_period() -> None:
     begin = [(b":f1\r", b"=100\r"), (b":F1\r", b"=\r"), (b":G110\r", b"=\r"), (order, b"=\r"), (b":J1\r", b"=\r")]
     with transcript(SkyWatcher, [*start, *begin], site=SITE, clock=noon) as m:
         assert [motor.steps_turn for motor in m.motors] == [3628800, 2903040]
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 # -- the account --------------------------------------------------------------------------------
@@ -600,7 +658,6 @@ NOT_MET = {
     "L33": NOT_SENT,
     "L34": NOT_SENT,
     "L41": NOT_SENT,
-    "L43": NOT_SENT,
     "L88": NO_BYTES + "; a mount that moves after a Stop: test_stop_seen",
     "L97": NOT_SENT,
     "L98": NO_BYTES,

@@ -7,7 +7,7 @@ from serial.tools import list_ports as serial_ports
 
 from kochab.core.errors import NoAnswerError, PortError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Direction, PierSide
+from kochab.core.mount import Direction, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.drivers.nexstar import NexStar
@@ -279,7 +279,7 @@ def test_a_nexstar_that_never_tracked_gets_the_mode_of_its_kind_and_hemisphere(m
     start = [(b"V", b"\x04\x15#"), (b"m", bytes([model]) + b"#"), (b"t", b"\x00#")]
     asked = [] if site is None else [(b"w", site)]
     with transcript(NexStar, [*start, *asked, (b"T" + bytes([mode]), b"#")]) as m:
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 def test_a_motor_board_that_counts_nothing_is_no_mount() -> None:

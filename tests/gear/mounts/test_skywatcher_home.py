@@ -10,7 +10,7 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
-from kochab.core.mount import Direction, Epoch, Home, Pointing
+from kochab.core.mount import Direction, Epoch, Home, Pointing, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.coordinates import from_mount_epoch
@@ -193,7 +193,7 @@ def test_after_a_stop_nothing_turns_until_it_is_asked_for(doing) -> None:
     with board(slew_deg_s=2.0) as b:
         mount = b.connect(home=Home.NOW)
         if doing == "track":
-            mount.track(True)
+            mount.track(TrackingRate.SIDEREAL)
         else:
             mount.goto(*place(-25.0, 45.0, b.clock))
         mount.stop()
@@ -203,7 +203,7 @@ def test_after_a_stop_nothing_turns_until_it_is_asked_for(doing) -> None:
             assert mount.state().tracking is False
             mount.position()
         assert b.telescope.axes_deg() == stood
-        mount.track(True)
+        mount.track(TrackingRate.SIDEREAL)
         assert b.telescope._rates[0] > 0.004
         assert still(b.telescope)
 

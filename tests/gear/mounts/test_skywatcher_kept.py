@@ -7,7 +7,7 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
-from kochab.core.mount import Direction, Home
+from kochab.core.mount import Direction, Home, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts.drivers.skywatcher import KeptZero
 from kochab.gear.mounts.guard import Guard
@@ -40,7 +40,7 @@ def test_the_next_program_agrees(tmp_path, tracking) -> None:
     with board() as b:
         before = synced(b, tmp_path)
         if not tracking:
-            before.track(False)
+            before.track(TrackingRate.OFF)
         there = before.position()
         before.close()
         mount = b.connect(kept=tmp_path)
@@ -168,7 +168,7 @@ def test_a_power_cycle_under_our_hands_is_recognised_and_nothing_goes_on(doing) 
             wait_for(lambda: next(slew) and b.telescope.slewing)
         else:
             run(slew)
-            guard.track(doing == "track")
+            guard.track(TrackingRate.SIDEREAL if doing == "track" else TrackingRate.OFF)
         switched_off_and_on(b.far_end)
         stood, before = b.telescope.axes_deg(), len(moved(b.telescope))
         there = place(-40.0, 45.0, b.clock)

@@ -10,7 +10,7 @@ import pytest
 
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Home, MountState, PierSide, SiteReport
+from kochab.core.mount import Ability, Home, MountState, PierSide, SiteReport, TrackingRate
 from kochab.gear.mount_events import LimitReached, OrderDone
 from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import motion_policy
@@ -49,11 +49,11 @@ def test_tracking_that_comes_to_a_limit_is_stopped(hour, dec, limits, why) -> No
         return
     assert reason.startswith("Kochab stopped the tracking. ")
     assert re.search(why, reason), reason
-    assert mount.did == [("track", False)]
+    assert mount.did == [("track", TrackingRate.OFF)]
     assert guard.hold_limits() == "", "it does not track any more"
     with pytest.raises(RefusedError):
-        guard.track(True)
-    assert mount.did == [("track", False)]
+        guard.track(TrackingRate.SIDEREAL)
+    assert mount.did == [("track", TrackingRate.OFF)]
 
 
 @pytest.mark.parametrize(

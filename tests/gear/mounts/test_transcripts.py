@@ -6,11 +6,12 @@ import pytest
 
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, PierSide
+from kochab.core.mount import Ability, Direction, Epoch, PierSide, TrackingRate
 from kochab.gear.mounts import DRIVERS, open_mount, serial_line
 from kochab.gear.mounts.drivers.ioptron import Ioptron
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
+from kochab.gear.mounts.drivers.serial_mount import RESTING
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from tests.gear.mounts.scripted import CLASSIC_START, ScriptedLink, transcript
 
@@ -23,7 +24,7 @@ def test_lx200_classic_toggles_precision_once_and_reads_back() -> None:
         here = m.position()
         assert (here.ra_deg, here.dec_deg, here.epoch) == (*TARGET, Epoch.DATE)
         assert m.identify() == "Meade LX200 classic"
-        assert set(m.lacks) == {Ability.PULSE, Ability.TRACKING}
+        assert set(m.lacks) == {Ability.PULSE, *(rate.ability for rate in TrackingRate), *RESTING}
 
 
 def test_lx200_in_high_precision_is_not_toggled() -> None:
@@ -83,13 +84,13 @@ def test_10micron_has_its_own_precision_and_refuses_far_syncs() -> None:
         (b":Sd-12*15:00#", b"1"),
         (b":CM#", b"Match fail: dist. too large#"),
         (b":AL#", b""),
-        (b":AP#", b""),
+        (b":TQ#:AP#", b""),
     ]
     with transcript(Lx200, script) as m:
         with pytest.raises(RefusedError, match=r"dist\. too large"):
             m.sync(*TARGET)
-        m.track(False)
-        m.track(True)
+        m.track(TrackingRate.OFF)
+        m.track(TrackingRate.SIDEREAL)
 
 
 def test_lx200_move_ends_and_stop_is_one_command() -> None:
@@ -114,7 +115,7 @@ def test_onstep_flags_tracking_pulse() -> None:
         *ONSTEP_START,
         (b":GU#", b"NPT#"),
         (b":GU#", b"nEW#"),
-        (b":Te#", b"1"),
+        (b":TQ#:Te#", b"1"),
         (b":Td#", b"0"),
         (b":Mgn0500#", b""),
     ]
@@ -122,9 +123,9 @@ def test_onstep_flags_tracking_pulse() -> None:
         parked, slewing = m.state(), m.state()
         assert (parked.parked, parked.slewing, parked.pier_side) == (True, False, PierSide.EAST)
         assert (slewing.slewing, slewing.tracking, slewing.pier_side) == (True, False, PierSide.WEST)
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
         with pytest.raises(RefusedError, match="tracking"):
-            m.track(False)
+            m.track(TrackingRate.OFF)
         m.pulse(Direction.NORTH, 500)
 
 
@@ -231,8 +232,8 @@ def test_nexstar_pass_through_that_fails_is_said() -> None:
 def test_nexstar_tracking_comes_back_in_its_own_mode() -> None:
     script = [*NEXSTAR_START, (b"t", b"\x03#"), (b"T\x00", b"#"), (b"t", b"\x00#"), (b"T\x03", b"#")]
     with transcript(NexStar, script) as m:
-        m.track(False)
-        m.track(True)
+        m.track(TrackingRate.OFF)
+        m.track(TrackingRate.SIDEREAL)
 
 
 def test_synscan_is_j2000_and_cancels_twice() -> None:
@@ -265,6 +266,15 @@ def test_ioptron_words() -> None:
         (b":qD#", b"1"),
         (b":ZE00500#", b""),
         (b":ST0#", b"1"),
+        (b":RT1#", b"1"),
+        (b":ST1#", b"1"),
+        (b":MP1#", b"1"),
+        (b":GLS#", b"+0288000050400000062911#"),
+        (b":GEP#", b"-0441000002970000001#"),
+        (b":MP0#", b"1"),
+        (b":MH#", b"1"),
+        (b":GLS#", b"+0288000050400000073911#"),
+        (b":GEP#", b"-0441000002970000001#"),
     ]
     with transcript(Ioptron, script) as m:
         here = m.position()
@@ -277,7 +287,15 @@ def test_ioptron_words() -> None:
         m.move(Direction.EAST, 9.9, 10.0)
         m.stop()
         m.pulse(Direction.NORTH, 500)
-        m.track(False)
+        m.track(TrackingRate.OFF)
+        m.track(TrackingRate.LUNAR)
+        m.park()
+        state = m.state()
+        assert (state.parked, state.at_home, state.rate) == (True, False, TrackingRate.SOLAR)
+        m.unpark()
+        m.go_home()
+        state = m.state()
+        assert (state.parked, state.at_home, state.rate) == (False, True, TrackingRate.KING)
 
 
 MOTORS_START = [
@@ -308,7 +326,7 @@ def test_skywatcher_at_home_points_at_the_pole() -> None:
 def test_skywatcher_refusal_is_said_and_nothing_starts() -> None:
     script = [*FRESH_START, (b":f1\r", b"=000\r"), (b":F1\r", b"!5\r")]
     with transcript(SkyWatcher, script, site=SITE, clock=noon) as m, pytest.raises(RefusedError, match="sleeps"):
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 def test_skywatcher_tracks_by_its_period_and_stops_both_axes() -> None:
@@ -323,7 +341,7 @@ def test_skywatcher_tracks_by_its_period_and_stops_both_axes() -> None:
         (b":L2\r", b"=\r"),
     ]
     with transcript(SkyWatcher, script, site=SITE, clock=noon) as m:
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
         m.stop()
 
 
@@ -369,7 +387,7 @@ def test_skywatcher_never_repeats_a_lost_start_of_a_steady_motion() -> None:
         (b":f1\r", b"=001\r"),
     ]
     with transcript(SkyWatcher, script, site=SITE, clock=noon) as m, pytest.raises(NoAnswerError):
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 def test_skywatcher_without_a_site_says_so() -> None:
@@ -401,7 +419,7 @@ def turning(axis, backwards, ticks):
 def test_skywatcher_follows_the_sky_backwards_in_the_south(latitude, backwards) -> None:
     script = [*MOTORS_START, (b":f1\r", b"=001\r"), *turning(1, backwards, 620)]
     with transcript(SkyWatcher, script, site=Site(latitude, 8.0), clock=noon) as m:
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
 
 
 @pytest.mark.parametrize(
@@ -426,7 +444,7 @@ def test_skywatcher_moves_on_top_of_tracking(direction, backwards, ticks) -> Non
     running = [(b":f1\r", b"=111\r"), (b":K1\r", b"=\r"), (b":f1\r", b"=001\r")]
     tracking = [*MOTORS_START, (b":f1\r", b"=001\r"), *turning(1, False, 620)]
     with transcript(SkyWatcher, [*tracking, *running, *turning(1, backwards, ticks)], site=SITE, clock=noon) as m:
-        m.track(True)
+        m.track(TrackingRate.SIDEREAL)
         m.move(direction, 0.0334, 1.0)
 
 

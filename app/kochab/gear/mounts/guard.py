@@ -18,14 +18,14 @@ from kochab.core.angle_text import site_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing
+from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
 from kochab.core.progress import Task
 from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import EmergencyStop
 from kochab.gear.mounts.motion_plan import Limits, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import MotionPolicy
-from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, slew_limit_s
+from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 
 CLOCK_S, SITE_DEG = 120.0, 0.5  # a clock and a site that are set by hand
 OVERRUN, OVERRUN_KNOWN = 4.0, 1.25  # how much further a move may go: rate unknown, or reported
@@ -239,9 +239,46 @@ class Guard:
         limits, or when the task is cancelled or fails.
         """
         limit_s = self._begin_slew(ra_deg, dec_deg)
+        return (yield from self._finish("goto", self.supervisor.arrival((ra_deg, dec_deg), limit_s)))
+
+    def preview_rest(self, action: str) -> Preview:
+        """What ``park`` or ``home`` would do; nothing moves."""
+        return self.policy.rest(action, self.position(), self.state())[1]
+
+    def park(self) -> None:
+        """Begin to go to the mount's park position; see :meth:`rest` for one that is waited for."""
+        self._begin_rest("park")
+
+    def go_home(self) -> None:
+        """Begin to go to the mount's home."""
+        self._begin_rest("home")
+
+    def rest(self, action: str) -> Task[None]:
+        """``park`` or ``home``, and wait until the mount reports to be there; as careful as :meth:`slew`."""
+        if self.state().parked and action == "park":
+            return
+        self._begin_rest(action)
+        yield from self._finish(action, self.supervisor.rest(action, self.limits.slew_timeout_s))
+
+    def unpark(self) -> None:
+        """Be ready to move again."""
+        self._require_ability(Ability.UNPARK)
+        self._send("unpark", 0.0, self.mount.unpark)
+        if self.state().parked:
+            self._refuse("unpark", "The mount still reports that it is parked: unpark it on its hand control.")
+
+    def _begin_rest(self, action: str) -> None:
+        self._require_ability(Ability.PARK if action == "park" else Ability.HOME)
+        plan, preview = self.policy.rest(action, self.position(), self.state())
+        self._require_allowed(preview, confirmed=True)
+        send = self.mount.park if action == "park" else self.mount.go_home
+        self._send(action, self.limits.slew_timeout_s, send, SupervisedMotion(plan, anywhere()))
+
+    def _finish(self, action: str, arrival: Task[T]) -> Task[T]:
+        """Wait for the end of a motion, which is stopped when it does not come."""
         there = False
         try:
-            result = yield from self.supervisor.arrival((ra_deg, dec_deg), limit_s)
+            result = yield from arrival
             there = True
         except LineLostError:
             self.emergency.unfinished = True
@@ -250,7 +287,7 @@ class Guard:
             if not there:
                 self.halt()
         self.emergency.end()
-        self.log.add("goto", "done")
+        self.log.add(action, "done")
         return result
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:
@@ -289,16 +326,16 @@ class Guard:
             seconds=seconds,
         )
 
-    def track(self, on: bool) -> None:
-        """Sidereal tracking on or off."""
-        self._require_ability(Ability.TRACKING)
-        if on:
+    def track(self, rate: TrackingRate) -> None:
+        """Track at this rate, or stop tracking."""
+        self._require_ability(rate.ability)
+        if rate is not TrackingRate.OFF:
             state = self.state()
             if state.parked:
                 self._refuse("track", "The mount is parked: unpark it before it tracks.")
             if reason := self.policy.tracking(self.position(), state):
                 self._refuse("track", reason)
-        self._send("track", 0.0, lambda: self.mount.track(on), on=int(on))
+        self._send("track", 0.0, lambda: self.mount.track(rate), rate=str(rate))
 
     def hold_limits(self) -> str:
         """Stop tracking that has come to a limit, with no motion asked; why, empty while all is well."""
@@ -310,7 +347,7 @@ class Guard:
             return ""
         try:
             self._require_ability(Ability.TRACKING)
-            self.mount.track(False)
+            self.mount.track(TrackingRate.OFF)
             outcome, reason = "done", f"Kochab stopped the tracking. {reason}"
         except RefusedError:
             outcome, reason = "failed", f"KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand. {reason}"

@@ -104,7 +104,7 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
         return np.degrees(np.arcsin(np.clip(up, -1.0, 1.0))), floors
 
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
-    leaving = plan.action in ("move", "pulse", "track")  # these may creep back into the allowed range
+    leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may creep back into the allowed range
     if target < low and not (leaving and target >= start):
         yield refuse(f"The target is {target:.1f} deg high, the limit is {low:.3g} deg.")
         return
@@ -150,7 +150,7 @@ def sun(plan: Plan) -> Findings:
     cone = plan.limits.sun_cone_deg
     start = separation_deg(plan.start, towards)
     target = separation_deg(plan.target, towards)
-    leaving = plan.action in ("move", "pulse") and target >= start
+    leaving = plan.action in ("move", "pulse", "park", "home") and target >= start
     if target < cone and not leaving:
         yield refuse(f"The target is {target:.0f} deg from the Sun, nearer than {cone:g} deg.")
         return
@@ -277,6 +277,12 @@ def sync_evidence(plan: Plan) -> Findings:
         )
 
 
+def own_way(plan: Plan) -> Findings:
+    """Tell that the way is the mount's own; it is watched on it."""
+    yield warn("The mount goes its own way there, which Kochab cannot check before: watch the telescope.")
+
+
+REST_RULES = (readiness, own_way, horizon, sun)
 MOTION_RULES = (readiness, slew_length, horizon, sun, flip)
 MOVE_RULES = (readiness, horizon, past_meridian, sun)
 TRACKING_RULES = (horizon, past_meridian)
@@ -293,6 +299,13 @@ class MotionPolicy:
         """A slew, and its preview by the rules."""
         plan = with_paths(leaving_home(self.plan("goto", here, state, to_deg)))
         return plan, preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, MOTION_RULES)
+
+    def rest(self, action: str, here: Pointing, state: MountState) -> tuple[Plan, Preview]:
+        """The way to the mount's park position or home, where the counterweight is down: on no wrong side."""
+        to_deg = here.ra_deg, here.dec_deg
+        free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))
+        plan = replace(self.plan(action, here, state, to_deg), limits=free)
+        return plan, preview_of(plan, to_deg, to_deg, REST_RULES)
 
     def move(
         self, action: str, here: Pointing, state: MountState, direction: Direction, angle_deg: float, overrun: float

@@ -1,6 +1,6 @@
 """Slew supervision: each position read back is compared with the plan until the motion has ended."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import datetime
 from time import monotonic
@@ -28,6 +28,7 @@ POLL_S = 0.2
 MUTE = "The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER."
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
+STILL_DEG = 0.01  # from one look to the next, on the way to park or home
 GRID_DEG = 2.0
 FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed without a flip
 
@@ -127,7 +128,7 @@ class SlewSupervisor:
             found = motion.side_finding(state.pier_side)
             if found:
                 self._stop(f"{found}: allow the flip (Meridian, or --allow-flip), and watch the cables")
-        if motion is not None and motion.due:
+        if motion is not None and motion.due and not state.parked:
             self.position()
         return state
 
@@ -144,27 +145,18 @@ class SlewSupervisor:
         Raises `NoAnswerError` when it took longer than ``limit_s`` or missed too many answers in a row, and
         `RefusedError` when it was stopped, or stands still somewhere else.
         """
-        stops = self._emergency.stops
-        end = monotonic() + limit_s
         first = left = None
-        misses = idle = 0
+        idle = 0
+        looks = self._looks("slew", limit_s, self._emergency.stops)
         while True:
             detail = "" if left is None else f"{left:.1f} deg to go"
             done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
             yield Progress("slewing", done, detail)
-            self._emergency.wait(POLL_S)
-            self.check_not_stopped(stops, "slew")
-            if monotonic() > end:
-                raise NoAnswerError(f"The slew did not end within {limit_s:.0f} s and was stopped.")
-            try:
-                slewing, here = self.state().slewing, self.position()
-            except NoAnswerError:
-                misses += 1
-                if misses >= MISSES:
-                    raise
+            state, here = next(looks)
+            if here is None:
                 yield Progress("slewing", done, MUTE)
                 continue
-            misses = 0
+            slewing = state.slewing
             before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
             first = first or left
             unmoved = before is not None and abs(before - left) < 1e-3
@@ -173,6 +165,52 @@ class SlewSupervisor:
                 return here
             if idle >= IDLE:
                 raise RefusedError(f"The mount stopped {left:.1f} deg from its target.")
+
+    def rest(self, action: str, limit_s: float) -> Task[None]:
+        """Yield until the mount reports to be parked or at home, or where it does not report it stands still.
+
+        Raises as :meth:`arrival`.
+        """
+        before, idle = None, 0
+        looks = self._looks(action, limit_s, self._emergency.stops)
+        doing = "parking" if action == "park" else "going home"
+        while True:
+            yield Progress(doing)
+            state, here = next(looks)
+            there = state.parked if action == "park" else state.at_home
+            if there:
+                return
+            if here is None:
+                yield Progress(doing, detail=MUTE)
+                continue
+            still = before is not None and apart_deg(before, (here.ra_deg, here.dec_deg)) < STILL_DEG
+            idle = idle + 1 if still and not state.slewing else 0
+            before = here.ra_deg, here.dec_deg
+            if idle >= IDLE and there is None:
+                return
+            if idle >= IDLE:
+                raise RefusedError(f"The mount stopped before it was {'parked' if action == 'park' else 'at home'}.")
+
+    def _looks(self, what: str, limit_s: float, stops: int) -> Iterator[tuple[MountState, Pointing | None]]:
+        """State and position again and again, no position when the answer was missed."""
+        end = monotonic() + limit_s
+        misses, state = 0, MountState()
+        while True:
+            self._emergency.wait(POLL_S)
+            self.check_not_stopped(stops, what)
+            if monotonic() > end:
+                raise NoAnswerError(f"The {what} did not end within {limit_s:.0f} s and was stopped.")
+            try:
+                state = self.state()
+                here = None if state.parked else self.position()
+            except NoAnswerError:
+                misses += 1
+                if misses >= MISSES:
+                    raise
+                here = None
+            else:
+                misses = 0
+            yield state, here
 
     def _state(self) -> MountState:
         state = self._emergency.mount.state()
@@ -209,6 +247,11 @@ def allowed_region(plan: Plan) -> Floats:
         decs = (start[1], target[1])
         regions.append(_grid(0.0, 360.0, *((min(decs), 90.0) if north else (-90.0, max(decs)))))
     return np.concatenate(regions)
+
+
+def anywhere() -> Floats:
+    """Every place: only the mount knows its way to its park position or home."""
+    return _grid(0.0, 360.0, -90.0, 90.0)
 
 
 def may_flip(plan: Plan) -> bool:

@@ -56,7 +56,8 @@ class EquatorialMount:
         for axis in self._axes:
             axis.top_deg_s, axis.acceleration = config.slew_deg_s, config.acceleration_deg_s2
         self._offset_deg = (0.0, 0.0)  # believed axis angles minus encoders, as syncs set it
-        self._tracking = self._parked = False
+        self._carrier_deg_s = 0.0
+        self._parked = False
         self._parks_at: float | None = None
         self.aligned = config.aligned
         believed = config.computer_site or site
@@ -111,7 +112,7 @@ class EquatorialMount:
 
     def _carrier(self, axis: int) -> float:
         """The rate below all other motion."""
-        return SIDEREAL_DEG_S if axis == 0 and self._tracking else 0.0
+        return self._carrier_deg_s if axis == 0 else 0.0
 
     def _motors(self, t: float) -> tuple[float, float]:
         return self._axes[0].motor_deg(t), self._axes[1].motor_deg(t)
@@ -196,8 +197,8 @@ class EquatorialMount:
             if target is None:
                 return "limits"
             self._parks_at = None
-            self._tracking = True
-            self._axes[0].slew(t, target[0], SIDEREAL_DEG_S, self.config.approach_deg)
+            self._carrier_deg_s = self._carrier_deg_s or SIDEREAL_DEG_S
+            self._axes[0].slew(t, target[0], self._carrier_deg_s, self.config.approach_deg)
             self._axes[1].slew(t, target[1], 0.0, self.config.approach_deg)
             return None
 
@@ -249,22 +250,27 @@ class EquatorialMount:
         """A bare motor: axis 0 or 1 at this rate against the pier, tracking not added."""
         with self._lock:
             if axis == 0:
-                self._tracking = False
+                self._carrier_deg_s = 0.0
             self._axes[axis].run(self.clock.now_unix(), rate_deg_s)
 
     def turn_axis_to(self, axis: int, angle_deg: float) -> None:
         """A bare motor: axis 0 or 1 to this encoder angle at the slew rate, then at rest."""
         with self._lock:
             if axis == 0:
-                self._tracking = False
+                self._carrier_deg_s = 0.0
             self._axes[axis].slew(self.clock.now_unix(), angle_deg)
 
     def park(self) -> None:
         """Go home, weights down and the tube on the pole, and stay there."""
         with self._lock:
+            self._parks_at = self.go_home()
+
+    def go_home(self) -> float:
+        """Go where it was switched on; when it will be there, unix s."""
+        with self._lock:
             t = self.clock.now_unix()
-            self._tracking = False
-            self._parks_at = max(axis.slew(t, angle) for axis, angle in zip(self._axes, self._home_deg, strict=True))
+            self._carrier_deg_s, self._parks_at = 0.0, None
+            return max(axis.slew(t, angle) for axis, angle in zip(self._axes, self._home_deg, strict=True))
 
     @property
     def parked(self) -> bool:
@@ -284,17 +290,26 @@ class EquatorialMount:
 
     @property
     def tracking(self) -> bool:
-        """Whether the hour axis follows the stars."""
-        return self._tracking
+        """Whether the hour axis follows the sky."""
+        return self._carrier_deg_s != 0.0
 
     @tracking.setter
     def tracking(self, on: bool) -> None:
+        if on != self.tracking:
+            self.tracking_deg_s = SIDEREAL_DEG_S if on else 0.0
+
+    @property
+    def tracking_deg_s(self) -> float:
+        """The rate at which it follows, 0 when it does not."""
+        return self._carrier_deg_s
+
+    @tracking_deg_s.setter
+    def tracking_deg_s(self, rate: float) -> None:
         with self._lock:
-            if on == self._tracking or (on and self.parked):
+            if rate and self.parked:
                 return
-            self._tracking = on
-            change = SIDEREAL_DEG_S if on else -SIDEREAL_DEG_S
-            self._axes[0].carry(self.clock.now_unix(), change)
+            self._axes[0].carry(self.clock.now_unix(), rate - self._carrier_deg_s)
+            self._carrier_deg_s = rate
 
     def _sign(self, direction: Direction) -> tuple[int, float]:
         """The axis and the way its angle goes; through the pole, north is backwards."""

@@ -25,6 +25,8 @@ RESPONDERS: dict[str, str] = {
     "skywatcher": "kochab.simulate.responders.skywatcher:SkyWatcherResponder",
 }
 
+HOME_DEG = 0.01  # so near it counts as home
+
 
 class Controller:
     """A byte machine: it neither waits, nor reads a clock, nor raises on any bytes.

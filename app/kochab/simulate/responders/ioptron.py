@@ -7,9 +7,9 @@ INDI found: the letters name the keys of the hand controller, not the sky.
 import re
 from datetime import UTC, datetime, timedelta
 
-from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide, TrackingRate
 from kochab.simulate.mechanics.mount import EquatorialMount
-from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
+from kochab.simulate.responders import HOME_DEG, Controller, LocalSettings, horizontal_deg
 
 PARTS_DEG = 360000.0  # 0.01 arcsec
 J2000_UNIX = 946728000.0
@@ -17,9 +17,10 @@ MOVES = {b"mn": Direction.NORTH, b"ms": Direction.SOUTH, b"mw": Direction.EAST, 
 PULSES = {b"ZS": Direction.EAST, b"ZQ": Direction.WEST, b"ZE": Direction.NORTH, b"ZC": Direction.SOUTH}
 PULSES |= {b"Mn": Direction.NORTH, b"Ms": Direction.SOUTH, b"Me": Direction.EAST, b"Mw": Direction.WEST}
 RATES_DEG_S = tuple(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512, 960))
+RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING)
 SIDES = {PierSide.EAST: 0, PierSide.WEST: 1}
 TAKEN = (
-    rb"RT[0-4]|SGF[01]|SHE[01]|MSR[789]|SAL[+-]\d\d|RG\d{4}|SMT\d{3}|SP[PR][01]|RR\d{5}|SDS[01]"
+    rb"SGF[01]|SHE[01]|MSR[789]|SAL[+-]\d\d|RG\d{4}|SMT\d{3}|SP[PR][01]|RR\d{5}|SDS[01]"
     rb"|SPA\d{9}|SPH\d{8}|SZP|MSH"
 )
 
@@ -36,6 +37,7 @@ class IoptronResponder(Controller):
         super().__init__(telescope)
         self.settings = LocalSettings(telescope)
         self.rate = 5
+        self.tracking_rate = TrackingRate.SIDEREAL
         self.target_deg = [0.0, 0.0]
         self.words = {
             b"MountInfo": lambda: b"0040",
@@ -53,7 +55,9 @@ class IoptronResponder(Controller):
             b"GP[ER]": lambda: b"0",
             b"CM": self.sync,
             b"MS[12]": self.slew,
-            b"Q|MH": telescope.stop,
+            b"Q": telescope.stop,
+            b"MH": self.go_home,
+            b"RT([0-3])": self.set_tracking_rate,
             b"qR": lambda: self.halt(Direction.EAST, Direction.WEST),
             b"qD": lambda: self.halt(Direction.NORTH, Direction.SOUTH),
             b"ST0": lambda: self.track(False),
@@ -81,21 +85,24 @@ class IoptronResponder(Controller):
     def status(self) -> bytes:
         """Place; GPS; status; sidereal; speed of the keys; time from RS-232; hemisphere."""
         place = self.settings
-        return b"%+09d%08d0%d0%d1%d#" % (
+        return b"%+09d%08d0%d%d%d1%d#" % (
             round(place.longitude_deg * PARTS_DEG),
             round((place.latitude_deg + 90.0) * PARTS_DEG),
             self.state(),
+            RATES.index(self.tracking_rate),
             self.rate,
             place.latitude_deg >= 0,
         )
 
     def state(self) -> int:
-        """0 stopped, 1 tracking, 2 slewing, 6 parked."""
+        """0 stopped, 1 tracking, 2 slewing, 6 parked, 7 at the zero position."""
         if self.telescope.slewing:
             return 2
         if self.telescope.parked:
             return 6
-        return 1 if self.telescope.tracking else 0
+        if self.telescope.tracking:
+            return 1
+        return 7 if max(map(abs, self.telescope.from_home_deg())) < HOME_DEG else 0
 
     def time(self) -> bytes:
         """Minutes of the zone, summer time or not, milliseconds since J2000."""
@@ -128,14 +135,21 @@ class IoptronResponder(Controller):
             self.telescope.halt(direction)
 
     def track(self, on: bool) -> None:
-        """Sidereal, on or off."""
-        self.telescope.tracking = on
+        """At the rate that is set, on or off."""
+        self.telescope.tracking_deg_s = self.tracking_rate.deg_s if on else 0.0
+
+    def set_tracking_rate(self, digit: bytes) -> None:
+        """Sidereal, lunar, solar, King."""
+        self.tracking_rate = RATES[int(digit)]
+        self.track(self.telescope.tracking)
+
+    def go_home(self) -> None:
+        """To the zero position."""
+        self.telescope.go_home()
 
     def park(self, on: bool) -> None:
-        """Where it stands."""
+        """At the zero position, until another is set."""
         self.telescope.stop()
-        if on:
-            self.telescope.tracking = False
         self.telescope.parked = on
 
     def set_rate(self, text: bytes) -> None:

@@ -2,9 +2,9 @@
 
 import re
 
-from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, PierSide, TrackingRate
 from kochab.simulate.mechanics.mount import EquatorialMount
-from kochab.simulate.responders import Controller, LocalSettings, horizontal_deg
+from kochab.simulate.responders import HOME_DEG, Controller, LocalSettings, horizontal_deg
 
 # -- Angles as old hand controllers write them, and as they read them --------------------------
 
@@ -215,6 +215,12 @@ class Lx200Responder(Controller):
 
 RATES = tuple(k * SIDEREAL_DEG_S for k in (0.25, 0.5, 1, 2, 4, 8, 20, 48, 240, 480))
 UNSPECIFIED = 9
+RATES_BY_LETTER = {
+    b"Q": TrackingRate.SIDEREAL,
+    b"L": TrackingRate.LUNAR,
+    b"S": TrackingRate.SOLAR,
+    b"K": TrackingRate.KING,
+}
 REASONS = {"below horizon": 1, "overhead": 2, "parked": 4, "in goto": 5, "limits": 6, "moving": 8}
 
 
@@ -230,6 +236,7 @@ class OnStepResponder(Lx200Responder):
 
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
+        self.tracking_rate, self.parking = TrackingRate.SIDEREAL, False
 
         def fine(angle_deg: float) -> bytes:
             return degrees(angle_deg, True, decimals=3) + b"#"
@@ -244,7 +251,7 @@ class OnStepResponder(Lx200Responder):
             b"GE": lambda: b"00#",
             b"GR[aH]": lambda: hours(telescope.believed_deg()[0], True, 4) + b"#",
             b"GD[eH]": lambda: fine(telescope.believed_deg()[1]),
-            b"GT": lambda: b"60.16427#" if telescope.tracking else b"0#",
+            b"GT": lambda: b"%.5f#" % (telescope.tracking_deg_s * 14400.0) if telescope.tracking else b"0#",
             b"GtH": lambda: fine(self.settings.latitude_deg),
             b"GX98": lambda: b"N#",
             b"%B[DR]": lambda: b"0#",
@@ -256,7 +263,8 @@ class OnStepResponder(Lx200Responder):
             b"hP": self.park,
             b"Te": lambda: self.track(True),
             b"Td": lambda: self.track(False),
-            b"T[QSLK]": lambda: None,  # tracking rates
+            b"T([QSLK])": self.set_tracking_rate,
+            b"hC": self.go_home,
         }
 
     def distance_bars(self) -> bytes:
@@ -290,7 +298,12 @@ class OnStepResponder(Lx200Responder):
         """``:GU#``: what is not so has a letter too."""
         t = self.telescope
         out = (b"" if t.tracking else b"n") + (b"" if t.slewing else b"N")
-        out += (b"P" if t.parked else b"p") + b"E"
+        self.parking &= t.slewing
+        out += (b"I" if self.parking else b"P" if t.parked else b"p") + b"E"
+        out += b"H" if not t.tracking and max(map(abs, t.from_home_deg())) < HOME_DEG else b""
+        out += {TrackingRate.LUNAR: b"(", TrackingRate.SOLAR: b"O", TrackingRate.KING: b"k"}.get(
+            self.tracking_rate, b""
+        )
         return out + (b"T" if t.pier_side is PierSide.EAST else b"W") + b"120#"
 
     def side(self) -> bytes:
@@ -301,13 +314,22 @@ class OnStepResponder(Lx200Responder):
         """``1``, or ``0`` when parked."""
         if self.telescope.parked:
             return b"0"
-        self.telescope.tracking = on
+        self.telescope.tracking_deg_s = self.tracking_rate.deg_s if on else 0.0
         return b"1"
 
+    def set_tracking_rate(self, letter: bytes) -> None:
+        """``:TQ#`` ``:TL#`` ``:TS#`` ``:TK#``: nothing is answered."""
+        self.tracking_rate = RATES_BY_LETTER[letter]
+        self.track(self.telescope.tracking)
+
+    def go_home(self) -> None:
+        """``:hC#``: nothing is answered."""
+        self.telescope.go_home()
+
     def park(self) -> bytes:
-        """``1``."""
+        """``1``: it begins."""
         self.telescope.stop()
-        self.telescope.tracking, self.telescope.parked = False, True
+        self.telescope.parked = self.parking = True
         return b"1"
 
     def unpark(self) -> bytes:

@@ -7,7 +7,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
-from kochab.core.mount import Direction
+from kochab.core.mount import Direction, TrackingRate
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.actions import action
@@ -119,7 +119,7 @@ class MountActions(QObject):
 
         def switch(guard: Guard) -> Task[str]:
             yield Progress("tracking")
-            guard.track(on)
+            guard.track(TrackingRate.SIDEREAL if on else TrackingRate.OFF)
             return f"Tracking is {'on' if on else 'off'}."
 
         self._control.ask("track", switch)

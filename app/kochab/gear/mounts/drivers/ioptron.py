@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import ioptron as protocol
 from kochab.gear.mounts.serial_line import Command
@@ -20,6 +20,7 @@ class Ioptron(SerialMount):
     def start(self) -> None:
         """Its model."""
         self.model = self.query(protocol.MOUNT_INFO, protocol.parse_model, 4)
+        self.use_commands(protocol.COMMANDS, "")
 
     def identify(self) -> str:
         """The model."""
@@ -82,7 +83,8 @@ class Ioptron(SerialMount):
         self.bounded(direction, seconds, (halt, (self.reply(1),)))
         self.talk.send(protocol.move(direction), since)
 
-    def track(self, on: bool) -> None:
-        """Sidereal."""
-        command = protocol.TRACK_ON if on else protocol.TRACK_OFF
-        self.require_accepted(command, "The mount refuses to change its tracking.")
+    def track(self, rate: TrackingRate) -> None:
+        """The rate, then tracking on."""
+        super().track(rate)
+        if rate is not TrackingRate.OFF:
+            self.require_accepted(protocol.TRACK_ON, "The mount refuses to track.")

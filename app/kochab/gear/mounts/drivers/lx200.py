@@ -1,6 +1,7 @@
 """The LX200 family: classic, Autostar, 10micron, OnStep and OnStepX."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
@@ -23,14 +24,17 @@ class Dialect:
 
     title: str
     pulse: bool = True
-    status: bytes = b""  # reports tracking and alignment
+    status: bytes = b""  # reports tracking and more, as ``parse`` reads it
+    parse: Callable[[bytes], MountState] = protocol.parse_scope_status
     precise: bytes = protocol.TOGGLE_PRECISION
-    track: tuple[bytes, bytes] | None = None  # off, on
+    commands: Mapping[Ability, bytes] = field(default_factory=dict)  # to track, park and go home
 
 
 CLASSIC = Dialect("Meade LX200 classic", pulse=False)
-AUTOSTAR = Dialect("Meade Autostar", status=b":GW#")
-TEN_MICRON = Dialect("10micron", precise=b":U1#", track=(b":AL#", b":AP#"))
+AUTOSTAR = Dialect("Meade Autostar", status=b":GW#", commands=protocol.AUTOSTAR_COMMANDS)
+TEN_MICRON = Dialect(
+    "10micron", status=b":Gstat#", parse=protocol.parse_10micron, precise=b":U1#", commands=protocol.TEN_MICRON_COMMANDS
+)
 CLONE = Dialect("LX200 compatible mount")
 
 AUTOSTARS = ("autostar", "audiostar", "lx2001", "lx200gps", "etx", "rcx")
@@ -46,20 +50,23 @@ class Lx200(SerialMount):
     blind_stop = b"#:Q#"
     rates_deg_s = (2 * SIDEREAL_DEG_S, 32 * SIDEREAL_DEG_S, 2.0, 6.0)
     rate_commands = (b":RG#", b":RC#", b":RM#", b":RS#")
+    parking = False
 
     def start(self) -> None:
         """Find the dialect, and ask for the longer form of coordinates."""
         self.product = self.ask_product()
         self.dialect = self.find_dialect()
         self.reads_back = self.dialect in (CLASSIC, CLONE)  # its target; the others take it without a space
-        self.tells_alignment = self.dialect is CLASSIC or bool(self.dialect.status)
+        self.tells_status = self.dialect is CLASSIC or bool(self.dialect.status)
         self.refine()
         if not self.dialect.pulse:
             self._lacks[Ability.PULSE] = "The classic LX200 has no guide pulse."
-        if self.dialect.track is None:
-            self._lacks[Ability.TRACKING] = (
-                f"The {self.dialect.title} cannot stop tracking without losing its alignment."
-            )
+        title = self.dialect.title
+        self.use_commands(self.dialect.commands, f"Kochab knows no such command of the {title}: use its hand control.")
+        if Ability.TRACKING in self._lacks:
+            self._lacks[Ability.TRACKING] = f"The {title} cannot stop tracking without losing its alignment."
+        if self.dialect is AUTOSTAR:
+            self._lacks[Ability.UNPARK] = f"A parked {title} does not answer: switch it off and on."
 
     def ask_product(self) -> str:
         """The product's name, or nothing."""
@@ -96,23 +103,30 @@ class Lx200(SerialMount):
 
     def state(self) -> MountState:
         """Slewing from the distance bars, the rest where the dialect reports it."""
-        slewing = self.query(protocol.BARS, protocol.parse_slewing)
-        tracking, aligned = self.read_alignment() if self.tells_alignment else (None, None)
-        return MountState(slewing=slewing, aligned=aligned, tracking=tracking)
-
-    def read_alignment(self) -> tuple[bool | None, bool | None]:
-        """Tracking and aligned; a mount that does not know the question is asked once (LX200GPS 4.0g, Gemini)."""
-        ask, parse = self.talk.query, protocol.parse_scope_status
         try:
-            if self.dialect.status:
-                return ask(self.dialect.status, self.reply(), parse, again=NoAnswerError)
-            letter = ask(protocol.ALIGNMENT, self.reply(1), protocol.parse_alignment, again=NoAnswerError)
-            return None, letter != "L"
+            slewing = self.query(protocol.BARS, protocol.parse_slewing)
         except ProtocolError:
             raise
         except NoAnswerError:
-            self.tells_alignment = False
-            return None, None
+            if not self.parking:
+                raise
+            return MountState(slewing=False, parked=True)  # an Autostar that has parked is silent
+        status = self.read_status() if self.tells_status else MountState()
+        return replace(status, slewing=slewing or bool(status.slewing))
+
+    def read_status(self) -> MountState:
+        """Without the slew; a mount that does not know the question is asked once (LX200GPS 4.0g, Gemini)."""
+        ask = self.talk.query
+        try:
+            if self.dialect.status:
+                return ask(self.dialect.status, self.reply(), self.dialect.parse, again=NoAnswerError)
+            letter = ask(protocol.ALIGNMENT, self.reply(1), protocol.parse_alignment, again=NoAnswerError)
+            return MountState(aligned=letter != "L")
+        except ProtocolError:
+            raise
+        except NoAnswerError:
+            self.tells_status = False
+            return MountState()
 
     def site_report(self) -> SiteReport:
         """Site, zone and clock."""
@@ -194,16 +208,16 @@ class Lx200(SerialMount):
         self.bounded(direction, seconds, (protocol.halt(direction), ()))
         self.talk.send(protocol.move(direction), since)
 
-    def track(self, on: bool) -> None:
-        """Where the dialect can."""
-        self.require(Ability.TRACKING)
-        assert self.dialect.track is not None
-        self.talk.send(self.dialect.track[on])
+    def switch(self, ability: Ability) -> None:
+        """Not answered by these mounts."""
+        self.require(ability)
+        self.talk.send(self.commands[ability])
+        self.parking = ability is Ability.PARK and self.dialect is AUTOSTAR
 
 
 # OnStep and OnStepX: LX200 with a status word, refusals by number, and tracking on and off.
 
-ON_STEP = Dialect("OnStep", track=(b":Td#", b":Te#"))
+ON_STEP = Dialect("OnStep", commands=protocol.ON_STEP_COMMANDS)
 
 
 class OnStep(Lx200):
@@ -230,7 +244,9 @@ class OnStep(Lx200):
         """Everything from ``:GU#``."""
         return self.query(protocol.STATUS, protocol.parse_flags)
 
-    def track(self, on: bool) -> None:
-        """``:Te#`` or ``:Td#``, answered by 1 or 0."""
-        assert self.dialect.track is not None
-        self.require_accepted(self.dialect.track[on], "The mount refuses to change its tracking; is it parked?")
+    def switch(self, ability: Ability) -> None:
+        """Answered by 1 or 0, but for the way home."""
+        if ability is Ability.HOME:
+            super().switch(ability)
+        else:
+            super(Lx200, self).switch(ability)

@@ -3,7 +3,7 @@
 import math
 
 from kochab.core.errors import RefusedError
-from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
@@ -31,6 +31,8 @@ class NexStar(SerialMount):
         self.version = self.talk.query(protocol.VERSION, protocol.read_version(self.timeout_s), protocol.parse_version)
         self.model = self.byte(protocol.MODEL)
         self._mode = 0
+        tracks = dict.fromkeys((Ability.TRACKING, Ability.SIDEREAL), protocol.TRACKING)
+        self.use_commands(tracks, f"A {self.title} has no command for it: use its menu.")
         if self.version < SYNC_SINCE and self.default_epoch is NexStar.default_epoch:
             version = ".".join(str(part) for part in self.version)
             self._lacks[Ability.SYNC] = f"The hand control is version {version}, a sync needs 4.10."
@@ -114,10 +116,11 @@ class NexStar(SerialMount):
         self.bounded(direction, seconds, self.halt(board))
         self.passed(protocol.move_fixed(board, positive, self.nearest_rate(rate_deg_s) + 1), since)
 
-    def track(self, on: bool) -> None:
+    def track(self, rate: TrackingRate) -> None:
         """Off, or on in the mode it had."""
+        self.require(rate.ability)
         self._mode = self.byte(protocol.TRACKING) or self._mode
-        self.done(protocol.track((self._mode or self.usual_mode()) if on else 0))
+        self.done(protocol.track(0 if rate is TrackingRate.OFF else self._mode or self.usual_mode()))
 
     def usual_mode(self) -> int:
         """1 for a fork in altitude and azimuth, 2 or 3 for an axis in the north or the south."""

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import ClassVar, TypeVar, Unpack
 
 from kochab.core.errors import DeviceError, RefusedError
-from kochab.core.mount import Ability, Direction, Epoch, SiteReport
+from kochab.core.mount import Ability, Direction, Epoch, SiteReport, TrackingRate
 from kochab.gear.journal import utc_now
 from kochab.gear.mounts import MountSettings
 from kochab.gear.mounts.emergency_stop import Watchdog
@@ -14,6 +14,7 @@ from kochab.gear.mounts.protocols import parse_accepted
 from kochab.gear.mounts.serial_line import Command, Conversation, Reader, SerialLink, exactly, until
 
 T = TypeVar("T")
+RESTING = (Ability.PARK, Ability.UNPARK, Ability.HOME)
 LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
 
 
@@ -42,6 +43,33 @@ class SerialMount:
 
     def start(self) -> None:
         """Find out what is there; nothing may move."""
+
+    def use_commands(self, commands: Mapping[Ability, bytes], otherwise: str) -> None:
+        """Track, park and go home by these commands; ``otherwise`` is why it can't where there is none."""
+        self.commands = commands
+        switched = (*(rate.ability for rate in TrackingRate), *RESTING)
+        self._lacks |= {ability: otherwise for ability in switched if ability not in commands}
+
+    def switch(self, ability: Ability) -> None:
+        """Send such a command, which is answered by 1 where it is accepted."""
+        self.require(ability)
+        self.require_accepted(self.commands[ability], f"The mount refuses this command: {ability}.")
+
+    def track(self, rate: TrackingRate) -> None:
+        """Track at this rate, or stop tracking."""
+        self.switch(rate.ability)
+
+    def park(self) -> None:
+        """Begin to go to its park position."""
+        self.switch(Ability.PARK)
+
+    def unpark(self) -> None:
+        """Be ready to move again."""
+        self.switch(Ability.UNPARK)
+
+    def go_home(self) -> None:
+        """Begin to go home."""
+        self.switch(Ability.HOME)
 
     @property
     def lacks(self) -> Mapping[Ability, str]:

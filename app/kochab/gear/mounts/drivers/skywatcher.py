@@ -14,7 +14,17 @@ from typing import NoReturn
 
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, RefusedError, StoppedError
-from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Ability, Direction, Home, MountState, PierSide, Pointing
+from kochab.core.mount import (
+    CONFIRM_HOME,
+    SIDEREAL_DEG_S,
+    Ability,
+    Direction,
+    Home,
+    MountState,
+    PierSide,
+    Pointing,
+    TrackingRate,
+)
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers.motor import Motor
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
@@ -119,7 +129,9 @@ class SkyWatcher(SerialMount):
         if objection:
             raise RefusedError(objection)
         self.south = self.site.latitude_deg < 0.0
-        self.sky_rate = -SIDEREAL_DEG_S if self.south else SIDEREAL_DEG_S  # of the first motor
+        self.rate = TrackingRate.SIDEREAL
+        tracks = dict.fromkeys((rate.ability for rate in TrackingRate), b"")
+        self.use_commands(tracks, "A motor board knows no park position: slew where you want it, then stop tracking.")
         first = self.motors[0].status()
         self.tracking = first.running and not first.goto and not first.fast
         self.target_deg: Degrees | None = None
@@ -233,6 +245,7 @@ class SkyWatcher(SerialMount):
             tracking=self.tracking,
             pier_side=self.side() if self.home_confirmed else None,
             home_confirmed=self.home_confirmed,
+            rate=self.rate,
         )
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
@@ -371,12 +384,18 @@ class SkyWatcher(SerialMount):
         self.bounded(direction, seconds, motor.halt_command())
         motor.run(sign * rate_deg_s, since)
 
-    def track(self, on: bool) -> None:
-        """Sidereal rate on the first motor."""
+    @property
+    def sky_rate(self) -> float:
+        """Of the first motor."""
+        return -self.rate.deg_s if self.south else self.rate.deg_s
+
+    def track(self, rate: TrackingRate) -> None:
+        """The first motor at this rate."""
         since = self.talk.stops
-        self.tracking = on
+        self.tracking = rate is not TrackingRate.OFF
         self.motors[0].ensure_stopped()
-        if on:
+        if self.tracking:
+            self.rate = rate
             self.motors[0].run(self.sky_rate, since)
 
     def counters(self) -> Degrees:

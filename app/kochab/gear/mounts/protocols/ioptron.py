@@ -5,14 +5,25 @@ from datetime import UTC, datetime, timedelta
 
 from kochab.core.attitude import wrapped
 from kochab.core.frame import Site
-from kochab.core.mount import Direction, MountState, PierSide
+from kochab.core.mount import Ability, Direction, MountState, PierSide, TrackingRate
 from kochab.gear.mounts.protocols import code_table, match, require
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 TIME, ALTAZ = b":GUT#", b":GAC#"
 MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
 SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
-TRACK_ON, TRACK_OFF = b":ST1#", b":ST0#"
+TRACK_ON = b":ST1#"
+COMMANDS = {
+    Ability.TRACKING: b":ST0#",
+    Ability.SIDEREAL: b":RT0#",
+    Ability.LUNAR: b":RT1#",
+    Ability.SOLAR: b":RT2#",
+    Ability.KING: b":RT3#",
+    Ability.PARK: b":MP1#",
+    Ability.UNPARK: b":MP0#",
+    Ability.HOME: b":MH#",
+}
+RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING, None)  # the last: its own
 HALT_DEC, HALT_RA = b":qD#", b":qR#"
 PARTS_DEG = 360000.0  # 0.01 arcsec
 
@@ -67,9 +78,16 @@ def parse_altaz(reply: bytes) -> tuple[float, float]:
 
 
 def parse_status(reply: bytes) -> MountState:
-    """``:GLS#``: sign, longitude 8, latitude 8, then six digits; the second is the status."""
-    status = int(match(rb"[+-]\d{17}([0-7])\d{4}#", reply, "status")[1])
-    return MountState(slewing=status in (2, 4), parked=status == 6, tracking=status in (1, 3, 5))
+    """``:GLS#``: sign, longitude 8, latitude 8, then six digits; the second is the status, the third the rate."""
+    found = match(rb"[+-]\d{17}([0-7])([0-4])\d{3}#", reply, "status")
+    status = int(found[1])
+    return MountState(
+        slewing=status in (2, 4),
+        parked=status == 6,
+        tracking=status in (1, 3, 5),
+        at_home=status == 7,
+        rate=RATES[int(found[2])],
+    )
 
 
 def parse_site(reply: bytes) -> Site:

@@ -6,7 +6,7 @@ Source: Meade Telescope Serial Command Protocol (2010), OnStepX's command list, 
 import re
 
 from kochab.core.attitude import wrapped
-from kochab.core.mount import Direction, MountState, PierSide
+from kochab.core.mount import Ability, Direction, MountState, PierSide, TrackingRate
 from kochab.gear.mounts.protocols import code_table, match, require
 
 ALIGNMENT = b"\x06"
@@ -14,6 +14,28 @@ GET_RA, GET_DEC, PRODUCT = b":GR#", b":GD#", b":GVP#"
 GET_TARGET_RA, GET_TARGET_DEC = b":Gr#", b":Gd#"
 SLEW, SYNC, BARS, STATUS = b":MS#", b":CM#", b":D#", b":GU#"
 STOP, TOGGLE_PRECISION = b":Q#", b":U#"
+
+# -- To track, park and go home. ``:hF#`` aligns a Meade anew, and resets an OnStep as if it stood at home: never sent.
+
+AUTOSTAR_COMMANDS = {Ability.SIDEREAL: b":TQ#", Ability.LUNAR: b":TL#", Ability.SOLAR: b":TS#", Ability.PARK: b":hP#"}
+TEN_MICRON_COMMANDS = {
+    Ability.TRACKING: b":AL#",
+    Ability.SIDEREAL: b":TQ#:AP#",
+    Ability.LUNAR: b":TL#:AP#",
+    Ability.SOLAR: b":TSOLAR#:AP#",
+    Ability.PARK: b":KA#",
+    Ability.UNPARK: b":PO#",
+}
+ON_STEP_COMMANDS = {
+    Ability.TRACKING: b":Td#",
+    Ability.SIDEREAL: b":TQ#:Te#",
+    Ability.LUNAR: b":TL#:Te#",
+    Ability.SOLAR: b":TS#:Te#",
+    Ability.KING: b":TK#:Te#",
+    Ability.PARK: b":hP#",
+    Ability.UNPARK: b":hR#",
+    Ability.HOME: b":hC#",
+}
 
 _RA = rb"\s*(\d{1,2}):(\d{2})(?:\.(\d)|:(\d{2})(?:[.,](\d{1,4}))?)#"
 _ANGLE = rb"\s*([+-]?)(\d{1,3})[*:'\xdf\xb0](\d{2})(?:[:'](\d{2})(?:[.,](\d{1,3}))?'?)?#"
@@ -125,15 +147,21 @@ def parse_zwo(reply: bytes) -> str:
 
 
 def parse_flags(reply: bytes) -> MountState:
-    """OnStep's ``:GU#``: n not tracking, N no goto, P parked, T and W the pier side."""
+    """OnStep's ``:GU#``: n not tracking, N no goto, P parked, I parking, H at home, h on the way, T and W the side.
+
+    On its way to park or home it may say that there is no goto. Of its rates all but the sidereal one have a letter.
+    """
     flags = parse_text(reply)
     require(re.fullmatch(r"[A-Za-z0-9/*+()&@^~\-_.'!<>:;,=?\"%$| ]+", flags) is not None, reply, "status")
     side = {"T": PierSide.EAST, "W": PierSide.WEST}
+    rates = {"(": TrackingRate.LUNAR, "O": TrackingRate.SOLAR, "k": TrackingRate.KING}
     return MountState(
-        slewing="N" not in flags,
+        slewing="N" not in flags or "I" in flags or "h" in flags,
         parked="P" in flags,
         tracking="n" not in flags,
         pier_side=next((side[f] for f in flags if f in side), None),
+        at_home="H" in flags and "h" not in flags,
+        rate=next((rates[f] for f in flags if f in rates), TrackingRate.SIDEREAL),
     )
 
 
@@ -152,10 +180,16 @@ def pulse(direction: Direction, milliseconds: int) -> bytes:
     return f":Mg{direction.value[0]}{min(max(milliseconds, 0), 9999):04d}#".encode()
 
 
-def parse_scope_status(reply: bytes) -> tuple[bool, bool]:
+def parse_scope_status(reply: bytes) -> MountState:
     """Tracking and aligned from Autostar's ``:GW#``: mounting, T or N, stars aligned on."""
     found = match(rb"[AGPL]([TN])([0-3HP])#", reply, "status")
-    return found[1] == b"T", found[2] != b"0"
+    return MountState(tracking=found[1] == b"T", aligned=found[2] != b"0")
+
+
+def parse_10micron(reply: bytes) -> MountState:
+    """``:Gstat#``: 0 and 10 tracking, 2 parking, 3 unparking, 4 homing, 5 parked, 6 slewing, 7 not tracking."""
+    code = int(match(rb"(\d{1,2})#", reply, "status")[1])
+    return MountState(slewing=code in (2, 3, 4, 6), parked=code == 5, tracking=code in (0, 10))
 
 
 # -- Site and time: longitudes and hours of the zone grow westward ------------------------------

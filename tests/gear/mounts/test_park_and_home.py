@@ -1,0 +1,123 @@
+"""Park, unpark, home and tracking rates behind the guard: watched, limited, stopped and checked."""
+
+import time
+from dataclasses import replace
+
+import pytest
+
+from kochab.core.errors import NoAnswerError, RefusedError, StrayedError
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, TrackingRate
+from kochab.core.progress import run
+from tests.gear.mounts.imaginary import at, guarded
+
+
+def test_a_park_and_a_home_are_waited_for_and_logged() -> None:
+    guard, mount = guarded(dec_deg=84.0)
+    run(guard.rest("park"))
+    assert mount.state().parked
+    assert mount.did == [("park",)]
+    guard.unpark()
+    run(guard.rest("home"))
+    assert mount.state().at_home
+    assert [entry.action for entry in guard.log.sent()] == ["park", "unpark", "home"]
+    assert not guard.emergency.moving
+
+
+@pytest.mark.parametrize("action", ["park", "home"])
+def test_its_preview_sends_nothing_and_tells_that_the_way_is_the_mounts_own(action) -> None:
+    guard, mount = guarded()
+    preview = guard.preview_rest(action)
+    assert preview.allowed
+    assert "its own way" in preview.warnings[0]
+    assert mount.did == []
+
+
+def test_a_mount_on_its_way_to_park_that_comes_below_the_horizon_limit_is_stopped() -> None:
+    guard, mount = guarded(hour_angle_deg=-60.0, dec_deg=20.0)
+    mount.park = lambda: mount._rest("park", at(-110.0, -10.0), parked=True)
+    mount.slew_deg_s = 15.0
+    guard.emergency.wait = lambda s: time.sleep(0.1)
+    with pytest.raises(StrayedError, match="the limit is 5 deg"):
+        run(guard.rest("park"))
+    assert mount.did[-1] == ("stop",)
+    assert mount.position().dec_deg > -10.0
+
+
+def test_no_site_no_park() -> None:
+    guard, mount = guarded(site=None)
+    with pytest.raises(RefusedError, match="Set the site before a park"):
+        run(guard.rest("park"))
+    assert mount.did == []
+
+
+def test_a_mount_that_stands_before_it_is_parked_has_not_parked() -> None:
+    guard, mount = guarded()
+    mount.park = lambda: mount._do("park")
+    with pytest.raises(RefusedError, match="stopped before it was parked"):
+        run(guard.rest("park"))
+    assert mount.did == [("park",), ("stop",)]
+
+
+def test_a_mount_that_reports_no_home_is_there_when_it_stands_still() -> None:
+    guard, mount = guarded()
+    mount.now = replace(mount.now, at_home=None)
+    mount.go_home = lambda: mount._do("home")
+    run(guard.rest("home"))
+    assert mount.did == [("home",)]
+
+
+def test_a_mount_that_is_silent_on_its_way_is_stopped() -> None:
+    guard, mount = guarded()
+
+    def silent():
+        raise NoAnswerError("The mount does not answer.")
+
+    mount.park = lambda: setattr(mount, "state", silent)
+    with pytest.raises(NoAnswerError):
+        run(guard.rest("park"))
+    assert mount.did == [("stop",)]
+
+
+def test_a_mount_that_stays_parked_is_not_unparked() -> None:
+    guard, mount = guarded()
+    mount.now = replace(mount.now, parked=True)
+    mount.unpark = lambda: None
+    with pytest.raises(RefusedError, match="still reports that it is parked"):
+        guard.unpark()
+
+
+@pytest.mark.parametrize(
+    ("rate", "arcsec_s"),
+    [
+        (TrackingRate.SIDEREAL, 15.041067),
+        (TrackingRate.LUNAR, 14.492),
+        (TrackingRate.SOLAR, 15.0),
+        (TrackingRate.KING, 15.0369),
+        (TrackingRate.OFF, 0.0),
+    ],
+)
+def test_a_rate_is_sent_where_the_mount_has_it(rate, arcsec_s) -> None:
+    guard, mount = guarded()
+    guard.track(rate)
+    assert mount.did == [("track", rate)]
+    assert rate.deg_s * 3600.0 == pytest.approx(arcsec_s, abs=1e-3)
+    assert rate.deg_s <= SIDEREAL_DEG_S
+    mount.lacks = {rate.ability: "It cannot."}
+    with pytest.raises(RefusedError, match="It cannot"):
+        guard.track(rate)
+
+
+@pytest.mark.parametrize(
+    ("ability", "order"),
+    [
+        (Ability.PARK, lambda guard: guard.park()),
+        (Ability.UNPARK, lambda guard: guard.unpark()),
+        (Ability.HOME, lambda guard: guard.go_home()),
+    ],
+)
+def test_what_it_lacks_is_not_sent(ability, order) -> None:
+    guard, mount = guarded()
+    mount.lacks = {ability: "It cannot."}
+    with pytest.raises(RefusedError, match="It cannot"):
+        order(guard)
+    assert mount.did == []
