@@ -90,13 +90,17 @@ def test_the_guard_goes_by_its_limits(newton, monkeypatch) -> None:
 def test_the_meridian_limit_and_the_horizon_are_kept_in_it(newton, capsys, tmp_path) -> None:
     file = tmp_path / "horizon.txt"
     file.write_text("# house\n350 12\n10, 30  tree\n\n90 0 # open\n")
-    assert main(["profile", "save", newton, "--horizon", str(file), "--past-meridian", "7.5"]) == 0
+    limits = ["--past-meridian", "7.5", "--hour-angles", "-75,60.5"]
+    assert main(["profile", "save", newton, "--horizon", str(file), *limits]) == 0
     file.unlink()
     capsys.readouterr()
     assert main(["profile", "show", newton]) == 0
     assert "3 points" in capsys.readouterr().out
     limits = read("mount", "goto", "Vega", "--profile", newton).limits
-    assert limits.past_meridian_deg == 7.5
+    assert (limits.past_meridian_deg, limits.hour_angle_deg) == (7.5, (-75.0, 60.5))
+    for pair in ("60,-75", "1", "-200,0", "a,b", "1,2,3"):
+        assert main(["profile", "save", newton, f"--hour-angles={pair}"]) == 2
+        assert "Hour angles are two" in capsys.readouterr().err
     assert limits.horizon_deg == ((10.0, 30.0), (90.0, 0.0), (350.0, 12.0))
     assert limits.floors_deg([0.0, 350.0, 50.0, 200.0]) == pytest.approx([21.0, 20.0, 20.0, 20.0])
     for text in ("", "north 3", "10", "10 95"):

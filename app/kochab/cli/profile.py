@@ -52,6 +52,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     for edge, text in EDGES.items():
         save.add_argument(f"--{edge}", type=number, metavar="DEG", dest=f"{edge.replace('-', '_')}_deg", help=text)
+    save.add_argument("--hour-angles", metavar="EAST,WEST", help="limits, degrees, west of the meridian positive")
     save.add_argument("--horizon", metavar="FILE", help="lines of azimuth and altitude, degrees: trees and houses")
     for action, run in ((listing, _list), (show, _show), (save, _save), (remove, _remove)):
         add_options(action, "--json")
@@ -155,7 +156,14 @@ def _save(args: argparse.Namespace) -> int:
 
     from kochab.gear.cameras import SOURCES
     from kochab.gear.mounts import DRIVERS
-    from kochab.gear.profiles import EquipmentProfile, load_profile, meridian_named, read_horizon, save_profile
+    from kochab.gear.profiles import (
+        EquipmentProfile,
+        hour_angles,
+        load_profile,
+        meridian_named,
+        read_horizon,
+        save_profile,
+    )
     from kochab.gear.session import EPOCH_NAMES
 
     given = {**vars(args), "exposure_s": args.exposure}
@@ -163,6 +171,7 @@ def _save(args: argparse.Namespace) -> int:
         SOURCES.check(args.source)
     if args.driver:
         DRIVERS.check(args.driver)
+    given["hour_angle_deg"] = args.hour_angles and hour_angles(args.hour_angles.split(","))
     given["horizon_deg"] = args.horizon and read_horizon(args.horizon)
     given["epoch"] = args.epoch and EPOCH_NAMES[args.epoch]
     given["meridian"] = args.meridian and meridian_named(args.meridian)

@@ -35,7 +35,7 @@ BOUNDS: dict[str, tuple[float, float, str]] = {
     "highest_altitude_deg": (1.0, 90.0, "degrees"),
     "past_meridian_deg": (0.0, 90.0, "degrees"),
 }
-LIMITS = ("lowest_altitude_deg", "highest_altitude_deg", "past_meridian_deg", "horizon_deg")
+LIMITS = ("lowest_altitude_deg", "highest_altitude_deg", "past_meridian_deg", "hour_angle_deg", "horizon_deg")
 ARCSEC_PER_RAD = math.degrees(1.0) * 3600.0
 
 
@@ -67,6 +67,7 @@ class EquipmentProfile:
     lowest_altitude_deg: float | None = None
     highest_altitude_deg: float | None = None
     past_meridian_deg: float | None = None
+    hour_angle_deg: tuple[float, float] | None = None
     horizon_deg: Horizon | None = None
 
     def __post_init__(self) -> None:
@@ -127,6 +128,17 @@ def _text(value: Any) -> str:
     return value
 
 
+def hour_angles(pair: Any) -> tuple[float, float]:
+    """The hour angles allowed, degrees west positive; UsageError when they are none."""
+    try:
+        east, west = (float(angle) for angle in pair)
+    except ValueError:
+        east = west = math.nan
+    if not -180.0 <= east < west <= 180.0:
+        raise UsageError("Hour angles are two from -180 to 180 degrees, the eastern one first.")
+    return east, west
+
+
 def horizon(points: Any) -> Horizon:
     """Pairs of azimuth and altitude, degrees, by azimuth; UsageError when they are no horizon."""
     found = sorted((float(azimuth) % 360.0, float(altitude)) for azimuth, altitude in points)
@@ -157,6 +169,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "baud": int,
     "epoch": Epoch,
     "site": _site,
+    "hour_angle_deg": hour_angles,
     "horizon_deg": horizon,
     "meridian": lambda name: meridian_named(name),
 }
