@@ -22,7 +22,7 @@ from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.probe import probe_port
 from kochab.gear.mounts.protocols import skywatcher
 from kochab.gear.mounts.serial_line import ProtocolError
-from kochab.simulate.responders import open_responder
+from kochab.simulate.responders import RESPONDERS, open_responder
 from tests.fuzz import mutate
 from tests.fuzz.files import good, in_order
 from tests.fuzz.target import Target, require, told
@@ -167,7 +167,7 @@ def _one_order(mount, rng: Random) -> None:
 def check_probe(data: bytes, folder: Path) -> None:
     """Looking for a mount on a port where anything answers anything."""
     rng = Random(data)
-    found = run(probe_port("noisy", lambda port, baud: NoisyLink(rng.choice(list(DRIVERS.own)), rng, rng.random())))
+    found = run(probe_port("noisy", lambda port, baud: NoisyLink(rng.choice(list(RESPONDERS)), rng, rng.random())))
     require(found.found or found.advice, "neither a mount nor advice")
 
 
@@ -375,7 +375,7 @@ TARGETS = [
     Target("serial reply", _replies, check_parsers, mutate.raw, 60_000, 400),
     *(
         Target(f"mount {name}", lambda folder: [b""], partial(check_driver, name), _number, 4000, 6)
-        for name in DRIVERS.own
+        for name in RESPONDERS
     ),
     Target("mount probe", lambda folder: [b""], check_probe, _number, 3000, 6),
     Target("Alpaca answer", _alpaca, check_http, mutate.raw, 8000, 20),

@@ -16,10 +16,10 @@ from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
-from kochab.gear.mounts import DRIVERS, MountSettings, open_mount
+from kochab.gear.mounts import DRIVERS, SERVERS, MountSettings, open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.gear.mounts.probe import Diagnosis, PortInfo, list_ports, probe_port
+from kochab.gear.mounts.probe import Diagnosis, PortInfo, find_served, list_ports, probe_port
 from kochab.gear.mounts.serial_line import PORTS
 
 DRIVER_DEFAULT = "default"
@@ -65,7 +65,7 @@ class MountSelection:
     ) -> "MountSelection":
         """From what stands in the fields; UsageError says what is wrong."""
         port, baud = port.strip(), baud.strip()
-        if not port:
+        if not port and driver not in SERVERS:
             raise UsageError(f"Choose a port, or type one: {PORTS}; “Find my mount” looks on all of them.")
         rate = None if baud in ("", DRIVER_DEFAULT) else parse_baud(baud)
         return cls(port, driver, rate, EPOCHS.get(epoch), home, equatorial)
@@ -125,7 +125,7 @@ def complete(selection: MountSelection) -> Task[MountSelection]:
     """
     if selection.driver:
         DRIVERS.check(selection.driver)
-    port = selection.port or _only_port()
+    port = selection.port or ("" if selection.driver in SERVERS else _only_port())
     if selection.driver:
         return replace(selection, port=port)
     found = yield from probe_port(port)
@@ -267,8 +267,8 @@ def find_mounts(typed: str) -> Task[tuple[list[PortInfo], list[Diagnosis]]]:
         diagnosis = yield from probe_port(name)
         found.append(diagnosis)
         if diagnosis.found:
-            break
-    return listed, found
+            return listed, found
+    return listed, found + find_served()
 
 
 def search_text(found: list[Diagnosis]) -> str:

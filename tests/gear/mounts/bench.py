@@ -13,6 +13,8 @@ from kochab.simulate.responders import open_responder
 from kochab.simulate.serial_line import Faults, pty_line
 from tests.simulate.bench_telescope import BenchTelescope
 
+from .indi_server import indi_server
+
 SITE = Site(50.0, 8.0)
 START = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)  # the Sun is far below the horizon
 LIMITS = Limits(crosses_meridian=True, read_back_arcsec=120.0)
@@ -61,6 +63,16 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
         line.stop()
 
 
+@contextmanager
+def indi(home):
+    """The same behind INDI's own driver for iOptron mounts."""
+    with simulated("ioptron") as bench, indi_server(home, "indi_ioptronv3_telescope") as server:
+        device = "iOptronV3"
+        server.set(f"{device}.DEVICE_AUTO_SEARCH.INDI_DISABLED=On", f"{device}.DEVICE_PORT.PORT={bench.port}")
+        bench.open = lambda: opened("indi", f"{server.address}/{device}", bench.clock)
+        yield bench
+
+
 def opened(driver, port, clock):
     """The driver on a port; a motor board is told where it points, as after every start."""
     mount = open_mount(driver, port, site=SITE, clock=clock, home=Home.NOW)
@@ -89,4 +101,4 @@ def _ra_rate_is_the_skys(telescope):
     return abs(telescope._rates[0]) < 0.006  # a motor board tracks by a bare rate
 
 
-__all__ = ["LIMITS", "SITE", "START", "Night", "moved", "opened", "place", "simulated", "still", "where"]
+__all__ = ["LIMITS", "SITE", "START", "Night", "indi", "moved", "opened", "place", "simulated", "still", "where"]

@@ -8,18 +8,18 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Pointing, SiteReport
-from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.coordinates import epoch_of, from_altaz, from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.drivers.nexstar import SynScan
 from kochab.gear.mounts.protocols import ioptron, lx200
 from kochab.gear.mounts.serial_line import ProtocolError
+from kochab.simulate.responders import RESPONDERS
 from tests.gear.mounts.bench import simulated
 from tests.gear.mounts.imaginary import NIGHT, SITE, Imaginary, at
 
 TELL = ["lx200", "onstep", "nexstar", "synscan", "ioptron"]
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", RESPONDERS)
 def test_every_simulated_mount_tells_its_epoch_whatever_it_is_taken_for(driver) -> None:
     with simulated(driver) as bench:
         mount = bench.open()

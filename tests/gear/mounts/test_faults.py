@@ -8,9 +8,10 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError
 from kochab.core.mount import Direction
 from kochab.core.progress import run
-from kochab.gear.mounts import DRIVERS, open_mount
+from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
 from kochab.gear.mounts.guard import Guard
+from kochab.simulate.responders import RESPONDERS
 from kochab.simulate.serial_line import Fault
 from tests.gear.mounts.bench import LIMITS, SITE, moved, opened, simulated, still, where
 from tests.gear.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
@@ -18,7 +19,7 @@ from tests.gear.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
 BAD_ANSWERS = [Fault.SILENCE, Fault.GARBAGE, Fault.LATE, Fault.WRONG]
 
 
-@pytest.fixture(params=DRIVERS)
+@pytest.fixture(params=RESPONDERS)
 def bench(request, monkeypatch):
     """A driver that waits a quarter of a second for an answer; the late fault is later than that."""
     with simulated(request.param) as bench:

@@ -7,8 +7,9 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from kochab.core.errors import NoAnswerError, PortError
 from kochab.core.progress import run
-from kochab.gear.mounts import DRIVERS, probe
+from kochab.gear.mounts import probe
 from kochab.gear.mounts.probe import list_ports, port_info, probe_port
+from kochab.simulate.responders import RESPONDERS
 from tests.gear.mounts.bench import moved, simulated
 
 MOVES = re.compile(rb":M[SPnsewgA]|:h|:R|:CM|:U#|r[0-9A-F]{8}|s[0-9A-F]{8}|:[GHIJ][12]..|:MS1|:[mZ]|T[\x00-\x03]")
@@ -19,7 +20,7 @@ def _impatient(monkeypatch):
     monkeypatch.setattr(probe, "PATIENCE_S", 0.15)
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", RESPONDERS)
 def test_it_names_every_simulated_mount_by_questions_only(driver) -> None:
     with simulated(driver) as bench:
         before = bench.telescope.axes_deg()[1]

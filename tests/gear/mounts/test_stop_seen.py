@@ -8,9 +8,10 @@ import pytest
 from kochab.core.errors import LineLostError, NotStoppedError
 from kochab.core.mount import Direction, MountState
 from kochab.core.progress import run
-from kochab.gear.mounts import DRIVERS, emergency_stop
+from kochab.gear.mounts import emergency_stop
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE
 from kochab.gear.mounts.guard import Guard
+from kochab.simulate.responders import RESPONDERS
 from kochab.simulate.serial_line import Fault
 from tests.gear.mounts.bench import LIMITS, SITE, simulated, still
 from tests.gear.mounts.imaginary import SILENT, at, guarded
@@ -112,7 +113,7 @@ def test_leaving_a_guard_looks_at_a_stop_that_nobody_looked_at() -> None:
     assert mount.did == [("stop",), ("close",)]
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", RESPONDERS)
 def test_every_driver_is_seen_to_stand_after_a_slew_and_after_a_move(driver) -> None:
     with simulated(driver, slew_deg_s=2.0) as bench:
         bench.driver, bench.mount = driver, bench.open()
@@ -130,7 +131,7 @@ def test_every_driver_is_seen_to_stand_after_a_slew_and_after_a_move(driver) -> 
         guard.close()
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", RESPONDERS)
 def test_a_mount_that_ignores_stop_is_found_out(driver, monkeypatch) -> None:
     """The axes of the telescope go on turning, whatever its controller answers."""
     heeds, real = ({"stop": True, "turn_axis": True}, {n: getattr(BenchTelescope, n) for n in ("stop", "turn_axis")})

@@ -9,8 +9,8 @@ import threading
 import pytest
 
 from kochab.core.errors import DeviceError
-from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.guard import Guard
+from kochab.simulate.responders import RESPONDERS
 from tests.gear.mounts.bench import LIMITS, SITE, simulated, still
 from tests.gear.mounts.test_conformance import own, place, wait_for
 from tests.gear.mounts.test_faults import said
@@ -31,7 +31,7 @@ class Recorder:
         self._write(data)
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", RESPONDERS)
 def test_stop_leaves_within_one_exchange_of_a_busy_line(driver) -> None:
     with simulated(driver, slew_deg_s=0.2) as bench:
         bench.driver = driver
@@ -77,7 +77,7 @@ def test_stop_leaves_within_one_exchange_of_a_busy_line(driver) -> None:
         guard.close()
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", RESPONDERS)
 def test_stop_does_not_wait_for_a_mount_that_is_silent(driver) -> None:
     """A question waits for its answer: Stop is on the wire before that wait ends."""
     with simulated(driver) as bench:

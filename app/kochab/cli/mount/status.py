@@ -98,29 +98,31 @@ def add_ports_action(actions: "argparse._SubParsersAction[Any]", name: str, text
 
 def _list(args: argparse.Namespace) -> int:
     from kochab.gear.mounts import DRIVERS
-    from kochab.gear.mounts.probe import list_ports
+    from kochab.gear.mounts.probe import find_served, list_ports
 
-    ports = list_ports()
+    ports, served = list_ports(), find_served()
     drivers = {name: driver.title for name, driver in DRIVERS.loaded().items()}
     lines = ["  ".join(x for x in (port.port, port.description, port.usb, port.hint) if x) for port in ports]
+    lines += [f"{one.port}  {one.name}  ({one.driver})" for one in served]
     lines = lines or [NO_PORTS]
     lines.append("drivers: " + "; ".join(f"{name} ({title})" for name, title in drivers.items()))
-    tell({"ports": [asdict(port) for port in ports], "drivers": drivers}, "\n".join(lines), args.json)
+    told = {"ports": [asdict(port) for port in ports], "servers": [asdict(one) for one in served], "drivers": drivers}
+    tell(told, "\n".join(lines), args.json)
     return 0
 
 
 def _probe(args: argparse.Namespace) -> int:
-    from kochab.gear.mounts.probe import list_ports, probe
+    from kochab.gear.mounts.probe import find_served, list_ports, probe
 
     ports = args.port or [port.port for port in list_ports()]
-    found = with_progress("probing", probe(ports))
+    found = with_progress("probing", probe(ports)) + ([] if args.port else find_served())
     told: Json = {"ports": [{**asdict(d), "found": d.found} for d in found]}
     lines = []
     for d in found:
         baud = f" --baud {d.baud}" if d.baud else ""
         words = f"{d.name}: --port {d.port} --driver {d.driver}{baud}" if d.found else ""
         lines.append(". ".join(x for x in (words, d.advice) if x))
-    if not ports:
+    if not found:
         told["error"] = NO_PORTS
         lines.append(NO_PORTS)
     tell(told, "\n".join(lines), args.json)

@@ -6,7 +6,6 @@ import zlib
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from datetime import timedelta
-from importlib.util import find_spec
 from pathlib import Path
 
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
@@ -14,7 +13,7 @@ from kochab.core.errors import FrameError, PortError, RefusedError
 from kochab.core.frame import Frame
 from kochab.gear.cameras.server_camera import ExposingCamera, Exposure
 from kochab.gear.servers.address import chosen, making_sense, net_address
-from kochab.gear.servers.indi_link import CCD_INTERFACE, PORT, SET_S, IndiDevice, IndiLink
+from kochab.gear.servers.indi_link import CCD_INTERFACE, PORT, SET_S, IndiDevice, IndiLink, missing
 
 # -- Bytes that came over a line to a frame ----------------------------------------------------
 
@@ -75,7 +74,7 @@ class IndiCamera(ExposingCamera):
     @classmethod
     def missing(cls) -> str | None:
         """The client library is an extra."""
-        return None if find_spec("indipyclient") else "INDI cameras need one more package: pip install 'kochab[indi]'."
+        return missing()
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:

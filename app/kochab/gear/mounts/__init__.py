@@ -20,10 +20,12 @@ DRIVERS: Registry[Mount] = Registry(
         "synscan": "kochab.gear.mounts.drivers.nexstar:SynScan",
         "ioptron": "kochab.gear.mounts.drivers.ioptron:Ioptron",
         "skywatcher": "kochab.gear.mounts.drivers.skywatcher:SkyWatcher",
+        "indi": "kochab.gear.mounts.drivers.indi:IndiMount",
     },
 )
 
 
+SERVERS = ("indi",)  # drivers of mounts behind a server, which is found by its address in place of a port
 STOP_REPLY_S = 0.5  # the reply to the Stop that opens a line has come by then
 
 
@@ -49,19 +51,25 @@ def open_mount(
 ) -> Mount:
     """Open ``port`` and find the mount there; nothing moves.
 
-    ``driver`` is a name of :data:`DRIVERS`, ``baud`` the driver's default when None. ``stop_first`` sends the bytes of
-    Stop before anything else, as after a line that was lost. Raises `DeviceError` with what to do.
+    ``port`` is a line, or the address of a server. ``driver`` is a name of :data:`DRIVERS`, ``baud`` the driver's
+    default when None. ``stop_first`` sends Stop before anything else, as after a line that was lost. Raises
+    `DeviceError` with what to do.
     """
     from kochab.gear.mounts.serial_line import Conversation, SerialLink
 
     make = DRIVERS.load(driver)
+    if not make.bauds:  # a server holds the line
+        mount: Mount = make(port, **settings)
+        if stop_first:
+            mount.stop()
+        return mount
     rate = baud or make.bauds[0]
     link = SerialLink(port, rate)
     try:
         if stop_first:
             Conversation(link).send_now((make.blind_stop, ()))
             link.discard(STOP_REPLY_S)
-        mount: Mount = make(link, **settings)
+        mount = make(link, **settings)
     except NoAnswerError as error:
         link.close()
         raise NoAnswerError(

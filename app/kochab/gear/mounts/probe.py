@@ -5,6 +5,7 @@ make: NexStar is asked first because the commands of other makes contain its one
 (``R`` in ``:GR#`` begins a goto there).
 """
 
+import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from typing import Any
 
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
+from kochab.gear.mounts import DRIVERS, SERVERS
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
 
@@ -97,6 +99,8 @@ def probe(ports: Iterable[str], opener: Callable[[str, int], SerialLink] = Seria
 
 def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink) -> Task[Diagnosis]:
     """What is on one port, or the exact thing to do."""
+    if SERVED.fullmatch(port):
+        return (yield from _ask_servers(port))
     network = "://" in port
     rounds = ((0, (ask_skywatcher,) if port.startswith(UDP) else ALL),) if network else QUESTIONS
     for baud, questions in rounds:
@@ -127,6 +131,31 @@ def _round(port: str, baud: int, questions: tuple[Question, ...], talk: Conversa
         with suppress(NoAnswerError):
             return ask(talk)
     return None
+
+
+# -- Servers of mounts: INDI on this computer, and what answers on the network ----------------
+
+SERVED = re.compile(r"(\[[^]]+\]|[^/:\[]+)(:\d+(/.*)?|/.+)")
+"""An address such as ``localhost:7624/EQMod Mount``."""
+
+
+def find_served(address: str = "") -> list[Diagnosis]:
+    """The mounts behind the servers at an address, or behind those that need none."""
+    found: list[Diagnosis] = []
+    for driver in SERVERS:
+        with suppress(DeviceError):
+            found += DRIVERS.load(driver).found(address)
+    return found
+
+
+def _ask_servers(port: str) -> Task[Diagnosis]:
+    yield Progress("asking", None, f"{port} for its mounts")
+    there = find_served(port)
+    named = [one for one in there if one.port == port or "/" not in port]
+    if len(named) == 1:
+        return named[0]
+    choice = f": choose one of {', '.join(one.port for one in there)}" if there else ". Start its server there"
+    return Diagnosis(port, advice=f"No mount answers at {port}{choice}.")
 
 
 # -- The serial ports of this computer, with a hint from their USB adapter ---------------------

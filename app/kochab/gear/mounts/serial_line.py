@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
 
-PORTS = "a device, COM3, socket://HOST:PORT or udp://HOST:11880"
+PORTS = "a device, COM3, socket://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE"
 UDP = "udp://"
 BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 

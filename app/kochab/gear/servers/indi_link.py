@@ -9,6 +9,7 @@ import logging
 import socket
 from collections import defaultdict, deque
 from collections.abc import Callable, Coroutine
+from importlib.util import find_spec
 from threading import Condition, Thread
 from time import monotonic
 from typing import Any, TypeVar
@@ -28,10 +29,17 @@ SET_S = 5.0
 TELESCOPE_INTERFACE, CCD_INTERFACE = 1 << 0, 1 << 1  # INDI's DriverInterface bits
 
 
+def missing() -> str | None:
+    """How to get the client library, which is an extra; None when it is there."""
+    return None if find_spec("indipyclient") else "INDI needs one more package: pip install 'kochab[indi]'."
+
+
 class IndiLink:
     """One server, watched from the calling thread. Raises `PortError` when there is no server at the address."""
 
     def __init__(self, address: NetAddress) -> None:
+        if absent := missing():
+            raise PortError(absent)
         _knock(address)
         self._address = address
         self._news = Condition()
@@ -74,6 +82,10 @@ class IndiLink:
             return float(client[device][vector].member(member).getfloatvalue())
 
         return self.ask(read)
+
+    def members(self, device: str, vector: str) -> list[str]:
+        """The names of a vector's members, in the device's order; empty when there is no such vector."""
+        return self.ask(lambda client: list(client.get(device, {}).get(vector) or ()))
 
     def heard_since(self, device: str, vector: str, since_s: float) -> list[tuple[float, str]]:
         """When the device has told of the vector since (both on `monotonic`), and its states then."""

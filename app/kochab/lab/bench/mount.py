@@ -19,9 +19,9 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError
 from kochab.core.progress import Progress
 from kochab.core.progress import run as drive
-from kochab.gear.mounts import DRIVERS
 from kochab.lab.bench import BenchResult, Goal, Report, summary
 from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
+from kochab.simulate.responders import RESPONDERS
 from kochab.workflows.centre_target import Centring, centre_target
 
 RUNS, QUICK_RUNS = 200, 20
@@ -60,7 +60,7 @@ class CentringRun:
 
 def run(quick: bool, report: Report) -> BenchResult:
     """Centre 200 times (``quick``: 20)."""
-    names = list(DRIVERS)
+    names = list(RESPONDERS)
     planned = [
         CentringRun(k, names[k // 2 % len(names)], k % 2 == 1, k % RENDERED_EVERY < 2)
         for k in range(QUICK_RUNS if quick else RUNS)

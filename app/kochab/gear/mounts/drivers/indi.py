@@ -1,0 +1,241 @@
+"""A mount behind an INDI server, whose port another program may hold."""
+
+from contextlib import ExitStack, closing
+from datetime import UTC, datetime, timedelta
+from math import inf
+from time import monotonic
+from typing import ClassVar, Unpack
+
+from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport
+from kochab.gear.mounts import MountSettings
+from kochab.gear.mounts.drivers.server_mount import ServerMount
+from kochab.gear.mounts.probe import Diagnosis
+from kochab.gear.servers.address import chosen, making_sense, net_address
+from kochab.gear.servers.indi_link import CALL_S, PORT, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
+
+STOP_S = 1.0  # how long a driver may take to acknowledge a Stop before it is sent again
+SETTLES_S = 3.0  # after a motion its position is not trusted before the driver has asked the mount again
+MORE_S = 0.3
+NEAR_DEG = 0.02
+PLACES = {"EQUATORIAL_EOD_COORD": Epoch.DATE, "EQUATORIAL_COORD": Epoch.J2000}
+PARTS = {
+    Ability.SYNC: ("ON_COORD_SET", "SYNC"),
+    Ability.GOTO: ("ON_COORD_SET", "TRACK"),
+    Ability.STOP: ("TELESCOPE_ABORT_MOTION", "ABORT"),
+    Ability.PULSE: ("TELESCOPE_TIMED_GUIDE_NS", "TIMED_GUIDE_N"),
+    Ability.MOVE: ("TELESCOPE_MOTION_NS", "MOTION_NORTH"),
+    Ability.TRACKING: ("TELESCOPE_TRACK_STATE", "TRACK_ON"),
+    Ability.SITE: ("GEOGRAPHIC_COORD", "LAT"),
+    Ability.TIME: ("TIME_UTC", "UTC"),
+}
+"""Where a driver that has the ability shows it."""
+SPEEDS = ((0.02, 0.0), (0.3, 1.0 / 3.0), (1.5, 2.0 / 3.0), (inf, 1.0))
+"""Degrees a second below which -> the place among a driver's slew rates, whose speed INDI does not tell."""
+
+
+class IndiMount(ServerMount):
+    """The telescope at ``host:port/name``; its name may be left out when there is one only."""
+
+    name: ClassVar[str] = "indi"
+    title: ClassVar[str] = "INDI server"
+
+    @making_sense()
+    def __init__(self, address: str, **settings: Unpack[MountSettings]) -> None:
+        where = net_address(address, PORT)
+        with ExitStack() as failing:
+            self._link = link = IndiLink(where)
+            failing.callback(link.close)
+            names = [(name, name) for name in link.named(TELESCOPE_INTERFACE, where.rest)]
+            self._device = device = IndiDevice(link, chosen(names, where, "INDI", "telescope"))
+            begun = monotonic()
+            turned_on = device.power_up()
+            link.wait(lambda: monotonic() - max(link.defined_s, begun) > MORE_S and self._place() in PLACES, CALL_S)
+            self._at = self._place()
+            if not self._at:
+                raise NoAnswerError(f"{device.name} on {where.server} does not report where it points.")
+            super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
+            self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + MORE_S)
+            self._unsettled_s = self._refused_s = 0.0
+            if turned_on:  # a driver that has not asked the mount yet reports a place of its own
+                asked = monotonic()
+                link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+            for ability, part in PARTS.items():
+                if device.value(*part) is None:
+                    self._lacks[ability] = f"The INDI driver of {device.name} has no {part[0]}."
+            if Ability.STOP in self._lacks:  # nothing may begin that cannot be ended
+                self._lacks |= dict.fromkeys((Ability.GOTO, Ability.MOVE), self._lacks[Ability.STOP])
+            failing.pop_all()
+
+    @classmethod
+    def found(cls, address: str) -> list[Diagnosis]:
+        """The telescopes of a server, by default of one on this computer."""
+        where = net_address(address, PORT)
+        with closing(IndiLink(where)) as link:
+            return [Diagnosis(f"{where.server}/{n}", cls.name, name=n) for n in link.named(TELESCOPE_INTERFACE)]
+
+    def identify(self) -> str:
+        """Its name on the server."""
+        return self._device.name
+
+    @making_sense()
+    def position(self) -> Pointing:
+        """What the driver last read of the mount; while something may move, what it reads next."""
+        self.watchdog.check()
+        self._device.check()
+        asked = monotonic()
+        if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
+            self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+        if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
+            raise NoAnswerError(f"{self._device.name} gets no position from its mount{self._device.said()}.")
+        ra, dec = (self._device.number(self._at, member) for member in ("RA", "DEC"))
+        if ra is None or dec is None or not (abs(ra) <= 24.0 and abs(dec) <= 90.0):
+            raise NoAnswerError(f"{self._device.name} reports no valid position.")
+        return Pointing(ra * 15.0 % 360.0, dec, self.epoch)
+
+    def state(self) -> MountState:
+        """As the driver shows it, and whoever else moves the mount."""
+        self._device.check()
+        state, on = self._device.state, self._on
+        moves = (self._at, "TELESCOPE_MOTION_NS", "TELESCOPE_MOTION_WE", "TELESCOPE_PARK")
+        sides = [side for side in PierSide if on("TELESCOPE_PIER_SIDE", f"PIER_{side.name}")]
+        return MountState(
+            slewing="Busy" in map(state, moves),
+            parked=on("TELESCOPE_PARK", "PARK"),
+            tracking=on("TELESCOPE_TRACK_STATE", "TRACK_ON"),
+            pier_side=sides[0] if len(sides) == 1 else None,
+        )
+
+    def altaz_deg(self) -> None:
+        """Drivers reckon it from the right ascension themselves, if at all."""
+
+    @making_sense()
+    def site_report(self) -> SiteReport:
+        """The driver's site, and its time where it was set since this mount was opened: INDI's does not run."""
+        number = self._device.number
+        latitude, longitude = number("GEOGRAPHIC_COORD", "LAT"), number("GEOGRAPHIC_COORD", "LONG")
+        site = None  # 0, 0 is where a driver stands that was told no site
+        if latitude is not None and longitude is not None and (latitude or longitude):
+            site = Site(latitude, wrapped(longitude), number("GEOGRAPHIC_COORD", "ELEV") or 0.0)
+        utc, offset = self._device.value("TIME_UTC", "UTC"), self._device.value("TIME_UTC", "OFFSET")
+        told, time_utc = self._told("TIME_UTC", 0.0), None
+        if utc and told:
+            time_utc = datetime.fromisoformat(utc.strip()).replace(tzinfo=UTC)
+            time_utc += timedelta(seconds=monotonic() - told[-1][0])
+        return SiteReport(site, time_utc, float(offset) if offset and offset.strip() else None)
+
+    def sync(self, ra_deg: float, dec_deg: float) -> None:
+        """``ON_COORD_SET`` to ``SYNC``, then the coordinates."""
+        self._aim(Ability.SYNC, ra_deg, dec_deg)
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """``ON_COORD_SET`` to ``TRACK``, then the coordinates."""
+        self._aim(Ability.GOTO, ra_deg, dec_deg)
+
+    def _aim(self, ability: Ability, ra_deg: float, dec_deg: float) -> None:
+        """Send coordinates and wait until the driver shows that it takes them."""
+        self.require(ability)
+        vector, switch = PARTS[ability]
+        with self.moving() as check:
+            if not self._on(vector, switch):
+                self._device.set(vector, {switch: "On"}, str(ability))
+            check()
+            sent = self._device.send(self._at, {"RA": f"{ra_deg / 15.0:.9f}", "DEC": f"{dec_deg:.8f}"})
+            self._unsettled_s = sent + SETTLES_S
+
+            def taken() -> bool:
+                states = {state for _, state in self._told(self._at, sent)}
+                if "Alert" in states or (ability is Ability.GOTO and "Busy" in states):
+                    return True
+                ra, dec = (self._device.number(self._at, member) for member in ("RA", "DEC"))
+                there = ra is not None and dec is not None and apart_deg((ra * 15.0, dec), (ra_deg, dec_deg)) < NEAR_DEG
+                return bool(states) and there
+
+            took = self._link.wait(taken, SET_S)
+            self._answered(self._at, sent, str(ability))
+            if not took and ability is Ability.GOTO:
+                raise RefusedError(f"{self._device.name} does not begin the goto{self._device.said()}.")
+
+    def halt(self) -> None:
+        """``TELESCOPE_ABORT_MOTION``."""
+        vector, member = PARTS[Ability.STOP]
+        sent = self._device.send(vector, {member: "On"})
+        self._unsettled_s = sent + SETTLES_S
+        self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S)
+        try:
+            self._answered(vector, sent, "stop")
+        except RefusedError as error:
+            raise NoAnswerError(str(error)) from error
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """The driver itself ends it."""
+        self.require(Ability.PULSE)
+        axis = "NS" if direction.in_dec else "WE"
+        members = {f"TIMED_GUIDE_{way}": "0" for way in axis} | {f"TIMED_GUIDE_{direction.name[0]}": str(milliseconds)}
+        self._begin(f"TELESCOPE_TIMED_GUIDE_{axis}", members, "guide pulse")
+        self._unsettled_s = monotonic() + milliseconds / 1000.0 + SETTLES_S
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """At the driver's slew rate that is likely nearest, ended by our own clock: INDI's moves do not end.
+
+        Beyond the pole north is where the driver says; INDI's own simulator goes south there.
+        """
+        self.require(Ability.MOVE)
+        self.watchdog.check()
+        vector = f"TELESCOPE_MOTION_{'NS' if direction.in_dec else 'WE'}"
+        member = f"MOTION_{direction.name}"
+        with self.moving() as check:
+            self._set_rate(rate_deg_s)
+            check()
+            self.watchdog.arm(vector, seconds, lambda: self._end_move(vector, member))
+            self._unsettled_s = monotonic() + seconds + SETTLES_S
+            self._begin(vector, {member: "On"}, "move")
+
+    def _end_move(self, vector: str, member: str) -> None:
+        sent = self._device.send(vector, {member: "Off"})
+        if not self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S):
+            raise NoAnswerError(f"{self._device.name} does not answer to the end of a move.")
+
+    def _set_rate(self, rate_deg_s: float) -> None:
+        rates = [m for m in self._link.members(self._device.name, "TELESCOPE_SLEW_RATE") if "CUSTOM" not in m]
+        if rates:
+            share = next(share for below, share in SPEEDS if rate_deg_s < below)
+            rate = rates[round(share * (len(rates) - 1))]
+            if not self._on("TELESCOPE_SLEW_RATE", rate):
+                self._device.set("TELESCOPE_SLEW_RATE", {rate: "On"}, "slew rate")
+
+    def track(self, on: bool) -> None:
+        """Sidereal, as far as another program has not chosen another rate."""
+        self.require(Ability.TRACKING)
+        self._begin("TELESCOPE_TRACK_STATE", {"TRACK_ON" if on else "TRACK_OFF": "On"}, "change of tracking")
+
+    def _begin(self, vector: str, members: dict[str, str], what: str) -> None:
+        """Order something and see that the driver has taken it."""
+        sent = self._device.send(vector, members)
+        self._link.wait(lambda: bool(self._told(vector, sent)), SET_S)
+        self._answered(vector, sent, what)
+
+    def _answered(self, vector: str, sent_s: float, what: str) -> None:
+        """Raise `DeviceError` when the driver has refused what was sent, or not answered at all."""
+        states = [state for _, state in self._told(vector, sent_s)]
+        failed: type[DeviceError] = NoAnswerError
+        if not states:
+            failed, sentence = NoAnswerError, f"{self._device.name} does not answer to a {what} on its INDI server"
+        elif "Alert" in states:
+            self._refused_s = monotonic()
+            failed, sentence = RefusedError, f"{self._device.name} refuses the {what}"
+        else:
+            return
+        raise failed(f"{sentence}{self._device.said()}.")
+
+    def _told(self, vector: str, since_s: float) -> list[tuple[float, str]]:
+        return self._link.heard_since(self._device.name, vector, since_s)
+
+    def _on(self, vector: str, member: str) -> bool | None:
+        value = self._device.value(vector, member)
+        return None if value is None else value == "On"
+
+    def _place(self) -> str:
+        return next((vector for vector in PLACES if self._device.state(vector) is not None), "")

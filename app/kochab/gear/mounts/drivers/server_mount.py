@@ -1,0 +1,70 @@
+"""The base of the mounts behind a server, which holds the port and may serve other programs too."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from types import MappingProxyType
+from typing import ClassVar
+
+from kochab.core.errors import DeviceError, RefusedError, StoppedError
+from kochab.core.mount import Ability, Epoch
+from kochab.gear.mounts.emergency_stop import Watchdog
+
+
+class ServerMount:
+    """The common half; a driver adds the words of its server, and ``hang_up``, which leaves it."""
+
+    title: ClassVar[str]
+    bauds: ClassVar[tuple[int, ...]] = ()  # it has no line of its own
+    blind_stop: ClassVar[bytes] = b""
+    rates_deg_s: ClassVar[tuple[float, ...]] = ()
+
+    def __init__(self, epoch: Epoch, hang_up: Callable[[], None]) -> None:
+        self.epoch = epoch
+        self.watchdog = Watchdog()
+        self._stops = 0
+        self._hang_up = hang_up
+        self._lacks: dict[Ability, str] = {}
+
+    @property
+    def lacks(self) -> Mapping[Ability, str]:
+        """What it cannot do, each with the reason."""
+        return MappingProxyType(self._lacks)
+
+    def require(self, ability: Ability) -> None:
+        """Raise the reason when the mount cannot do this."""
+        if ability in self._lacks:
+            raise RefusedError(self._lacks[ability])
+
+    @contextmanager
+    def moving(self) -> Iterator[Callable[[], None]]:
+        """Within, a motion is ordered; the function given raises `StoppedError` when a Stop came meanwhile.
+
+        A Stop that overtook the order is sent again behind it.
+        """
+        since = self._stops
+
+        def check() -> None:
+            if since != self._stops:
+                raise StoppedError("The motion was stopped before it began.")
+
+        yield check
+        if since != self._stops:
+            self.halt()
+            check()
+
+    def stop(self) -> None:
+        """Stop every motion but tracking, from any thread."""
+        self._stops += 1
+        self.watchdog.disarm()
+        self.halt()
+
+    def halt(self) -> None:
+        """Send Stop and see that the server has taken it."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Stop a bounded motion that still runs, and leave the server; the mount stays connected to it."""
+        if self.watchdog.moving:
+            with suppress(DeviceError):
+                self.stop()
+        self._hang_up()

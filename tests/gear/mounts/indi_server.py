@@ -1,0 +1,59 @@
+"""INDI's own server with drivers of telescopes, in a network of our own."""
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+
+import pytest
+
+from tests.gear.cameras.indi_server import indi_network
+
+
+class IndiServer:
+    """One indiserver, set up by INDI's own command line."""
+
+    address = "localhost:7624"
+
+    def __init__(self, home, *drivers):
+        self.process = subprocess.Popen(
+            ["indiserver", "-p", "7624", *drivers],
+            env={**os.environ, "HOME": str(home)},
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def set(self, *properties):
+        """``device.vector.member=value``, each when the driver has told of it."""
+        for wanted in properties:
+            deadline = time.monotonic() + 20.0
+            while subprocess.run(["indi_setprop", "-t", "2", wanted], capture_output=True).returncode:
+                assert time.monotonic() < deadline, f"no {wanted}"
+                time.sleep(0.1)
+
+    def get(self, name):
+        """What INDI's own client reads."""
+        told = subprocess.run(["indi_getprop", "-1", "-t", "2", name], capture_output=True, text=True)
+        return told.stdout.strip()
+
+    def end(self):
+        """With all its drivers."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait(20)
+
+
+@contextmanager
+def indi_server(home, *drivers):
+    """The server with its drivers; skipped where one of them is not installed."""
+    for driver in drivers:
+        if shutil.which(driver) is None:
+            pytest.skip(f"{driver} is not there: apt-get install indi-bin indi-eqmod")
+    with indi_network():
+        server = IndiServer(home, *drivers)
+        try:
+            yield server
+        finally:
+            server.end()
