@@ -180,19 +180,22 @@ def hostile_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
     return rows + [_field_row(name, max(2, round(3.0 * per))) for name in FIELDS]
 
 
+def shape_answer(name: str, way: str, number: int) -> Row:
+    """What a way makes of the list of that shape and number, the same every time."""
+    seed = SEED + list(SHAPES).index(name)
+    rng = np.random.default_rng([seed, list(WAYS).index(way), number])
+    answer, seconds = timed(partial(WAYS[way][0], shape_list(SHAPES[name], seed, number), rng), time.perf_counter)
+    if isinstance(answer, float):
+        wrong, claim = answer <= ACCEPT_LOG10, answer
+    elif isinstance(answer, Solution):
+        wrong, claim = True, answer.log10_false_alarm
+    else:
+        wrong, claim = False, answer.measured.get("log10_false_alarm", 0.0)
+    return {"right": math.nan, "wrong": wrong, "ms": 1e3 * seconds, "claim": claim}
+
+
 def _shape_row(name: str, way: str, count: int) -> dict[str, Any]:
-    answers, seed = [], SEED + list(SHAPES).index(name)
-    rng = np.random.default_rng([seed, list(WAYS).index(way)])
-    for number in range(count):
-        points = shape_list(SHAPES[name], seed, number)
-        answer, seconds = timed(partial(WAYS[way][0], points, rng), time.perf_counter)
-        if isinstance(answer, float):
-            wrong, claim = answer < 0.0, answer
-        elif isinstance(answer, Solution):
-            wrong, claim = True, answer.log10_false_alarm
-        else:
-            wrong, claim = False, answer.measured.get("log10_false_alarm", 0.0)
-        answers.append({"right": math.nan, "wrong": wrong, "ms": 1e3 * seconds, "claim": claim})
+    answers = [shape_answer(name, way, number) for number in range(count)]
     claims = column(answers, "claim")
     below = {f"below_1e-{k}": int((claims < -k).sum()) for k in LEVELS}
     return answers_row(name, way, answers) | below | {"least_log10": claims.min()}
