@@ -1,11 +1,24 @@
-"""Real frames made worse in one known way, for the doctor's reasons."""
+"""Real frames made worse in one known way, for the doctor's reasons.
 
+``python -m tests.solver.worse FOLDER [COUNT]`` makes the real frames of a folder worse in every way until COUNT
+of them (200) have no solution, and prints which reasons were given for what was done.
+"""
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from kochab.core.frame import Frame, Hint
-from kochab.core.solution import Reason
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason
+from kochab.frames import read_frame
+from kochab.solver import SolveOptions
+from kochab.solver.pipeline import solve_frame
 
 
 def _levels(frame: Frame) -> tuple[np.ndarray, float, float, float]:
@@ -116,3 +129,37 @@ WORSE = {
     "shuffled": (shuffled, {Reason.NO_PATTERN_AGREED}),
 }
 """What was done to the frame, and the reasons that are right."""
+
+
+def reasons(folder: Path, names: list[str]) -> Iterator[tuple[str, str, Reason]]:
+    """Frame by frame: its name, what was done to it, and the reason given; those solved all the same need none."""
+    for number, name in enumerate(names):
+        frame = read_frame(folder / name)
+        for kind, (worsen, _) in WORSE.items():
+            answer = run(solve_frame(worsen(frame, np.random.default_rng(number)), SolveOptions(timeout_s=None)))
+            if isinstance(answer, NoSolution):
+                yield name, kind, answer.reason
+
+
+def main(folder: str, most: str = "200") -> None:
+    """Print the matrix, a way of making worse a line."""
+    told = json.loads(Path(folder, "truth.json").read_text("utf-8"))["frames"]
+    names = sorted(name for name, truth in told.items() if "ra_deg" in truth)
+    table: Counter[tuple[str, Reason]] = Counter()
+    # every other one first: one maker's frames stand beside one another
+    for count, (name, kind, reason) in enumerate(reasons(Path(folder), [*names[::2], *names[1::2]]), 1):
+        table[kind, reason] += 1
+        if reason not in WORSE[kind][1]:
+            print(f"{name}, {kind}: {reason}", flush=True)
+        if count == int(most):
+            break
+    for kind, (_, right) in WORSE.items():
+        given = {reason: n for (done, reason), n in table.items() if done == kind}
+        score = f"{sum(given.get(reason, 0) for reason in right)} of {sum(given.values())}"
+        print(f"{kind:>12}: {score:>8}  {', '.join(f'{reason} {n}' for reason, n in given.items())}")
+    right = sum(n for (kind, reason), n in table.items() if reason in WORSE[kind][1])
+    print(f"{right} of {sum(table.values())} reasons are what was done")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
