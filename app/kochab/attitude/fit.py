@@ -328,7 +328,7 @@ def _covariance(state: FitState, free: Indices, floor_px: float) -> Floats:
     freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
     fitted = normal.only(free)
-    to_rotation = _as_rotation(state.camera)[:, free]
+    to_rotation = as_rotation(state.camera)[:, free]
     spread = to_rotation @ fitted.inverse() @ to_rotation.T * (wider * max(variance, floor_px**2))
     excess = _excess_of_blocks(state, fitted, flat, to_rotation, np.diag(spread))
     return np.asarray(spread * np.sqrt(excess[:, None] * excess))
@@ -378,7 +378,7 @@ def _level(length2: Floats, right: Floats, share: float, parameters: int) -> flo
     return max(math.sqrt(square / freedom), FLOOR_PX)
 
 
-def _as_rotation(camera: Camera) -> Floats:
+def as_rotation(camera: Camera) -> Floats:
     """(3, 10): the rotation that moves the middle of the frame as each parameter does."""
     middle = np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]])
     _, jacobian = project_with_jacobian(camera, camera.unproject(middle))

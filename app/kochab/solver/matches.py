@@ -216,12 +216,17 @@ def catalogue_sigma_rad(mag: Floats, year: float) -> Floats:
     return np.asarray(np.radians(np.hypot(np.where(hipparcos, 0.001, place), motion) / 3600.0))
 
 
+def zonal_covariance(year: float) -> Floats:
+    """Of a pointing (3, 3), rad^2, by what the catalogue's places of a region may share."""
+    shared = np.radians(ZONAL_ARCSEC_YR * (year - CATALOGUE_EPOCH) / 3600.0) ** 2
+    return np.diag([shared, shared, 0.0])
+
+
 def with_catalogue_error(attitude: Attitude, year: float) -> Attitude:
-    """The attitude with what the catalogue's places of a region may share, in its covariance."""
+    """The attitude with the catalogue's share in its covariance."""
     if attitude.covariance is None:
         return attitude
-    shared = np.radians(ZONAL_ARCSEC_YR * (year - CATALOGUE_EPOCH) / 3600.0) ** 2
-    return replace(attitude, covariance=attitude.covariance + np.diag([shared, shared, 0.0]))
+    return replace(attitude, covariance=attitude.covariance + zonal_covariance(year))
 
 
 def centroid_sigma(detections: Detections) -> Floats:

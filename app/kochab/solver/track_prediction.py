@@ -21,7 +21,7 @@ from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.identification.predictional_estimate import expected_px
-from kochab.solver.matches import field_centre
+from kochab.solver.matches import catalogue_sigma_rad, field_centre
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue
@@ -106,8 +106,8 @@ class Expected:
 class Neighbourhood:
     """Stars around a pointing, brightest first, of which a frame shows some.
 
-    ``rows`` (N,), ``vectors`` (N, 3) at ``year`` and ``mag`` (N,); ``alone`` (N,) are those whose
-    image no neighbour disturbs.
+    ``rows`` (N,), ``vectors`` (N, 3) at ``year``, good to ``sigma_rad`` (N,) a coordinate, and
+    ``mag`` (N,); ``alone`` (N,) are those whose image no neighbour disturbs.
     """
 
     def __init__(
@@ -121,6 +121,7 @@ class Neighbourhood:
         self.rows = rows.astype(np.int64)
         self.vectors = catalogue.vectors(rows, year)
         self.mag = catalogue.mag(rows)
+        self.sigma_rad = catalogue_sigma_rad(self.mag, year)
         self.alone = _alone(self.vectors, self.mag, blend_px / camera.focal_px)
         self._labels: dict[int, tuple[str, str]] = {}
 

@@ -306,7 +306,8 @@ class WindowSearch:
         image = self._image.during(place, self._camera, self._frame.hint.exposure_s)
         sharp = self._image.sharp
         seen = look(self._frame, stars.xy, half, image, adapt=adapt and not sharp, sharp=sharp)
-        vectors = sky.vectors[stars.number]
+        vectors, place_px = sky.vectors[stars.number], self._camera.focal_px * sky.sigma_rad[stars.number]
+        seen = replace(seen, sigma_px=np.hypot(seen.sigma_px, place_px))
         found = match(self._camera, matrix, vectors, stars.xy, seen, half, roll_px, looks=self.looks)
         return None if found is None else WindowSearchResult(place, sky, stars, seen, found)
 

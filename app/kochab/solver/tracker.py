@@ -16,6 +16,9 @@ from typing import Literal
 import numpy as np
 
 from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, begin, predicted, rotation_vector, updated
+from kochab.attitude.fit import as_rotation
+from kochab.attitude.least_squares import PARAMETERS, project_with_jacobian
+from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
@@ -23,7 +26,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, TrackedCamera, turn_between
-from kochab.solver.matches import named_stars
+from kochab.solver.matches import named_stars, zonal_covariance
 from kochab.solver.pipeline import Examined, examine_frame, merged_hint, year_of
 from kochab.solver.track_prediction import Neighbourhood, places
 from kochab.solver.track_windows import TrackedStarImage, WindowSearch, WindowSearchResult
@@ -155,6 +158,7 @@ class Tracker:
         self._image = TrackedStarImage()
         self._was_lost = True
         self._failures = 0
+        self.shared: Floats = np.zeros((3, 3))  # covariance of what all frames are off by together
 
     @property
     def camera(self) -> Camera | None:
@@ -199,11 +203,14 @@ class Tracker:
         """What the stars found in their windows say."""
         assert self.camera is not None
         spent = {"read": 0.0, "detect": total_ms, "identify": 0.0, "attitude": 0.0, "total": total_ms}
+        assert self.profile is not None
         solution = tracked_solution(result, self.camera, spent, frame.warnings)
+        own, self.shared = uncertainty(result, self.camera, self.profile.covariance, year_of(moment))
+        solution = replace(solution, attitude=replace(solution.attitude, covariance=own + self.shared))
         self._image.learn(result.seen, result.place, self.camera, frame.hint.exposure_s)
         self._calibrate(result)
         self._failures = 0
-        state = updated(result.place.ahead, solution.attitude)
+        state = updated(result.place.ahead, replace(solution.attitude, covariance=own))
         return self._update(solution, moment, "tracking", state, len(result.stars.number))
 
     def _lost(self, frame: Frame, moment: datetime) -> Task[TrackUpdate]:
@@ -268,7 +275,7 @@ class Tracker:
             mode,
             solution,
             None,
-            state.attitude,
+            Attitude(state.matrix, state.covariance[:3, :3] + self.shared),
             state.rates_deg_s,
             state.rates_sigma_deg_s,
             expected,
@@ -282,6 +289,29 @@ class Tracker:
             blend = BLEND_FWHM * self._image.fwhm_px
             self._sky = Neighbourhood(self.catalogue, self.camera, attitude, year_of(moment), self._faintest, blend)
         return self._sky
+
+
+# The same stars bring the catalogue's errors to every frame, and the same camera brings its own: they are in what
+# a frame and the filter say, but the filter must not take them for noise, which it averages out.
+
+
+def uncertainty(result: WindowSearchResult, camera: Camera, terms: Floats, year: float) -> tuple[Floats, Floats]:
+    """Covariances (3, 3), rad^2, of a frame's pointing: of what is its own, and of what others share.
+
+    ``terms`` (7, 7) is the covariance of the camera's: `Profile.covariance`.
+    """
+    estimate, (_, vectors) = result.found.estimate, result.matched
+    assert estimate.attitude.covariance is not None
+    weight = 1.0 / result.seen.sigma_px[estimate.star]
+    place = weight * camera.focal_px * result.sky.sigma_rad[result.stars.number[estimate.star]]
+    share = float(np.square(weight * place).sum() / np.square(weight).sum())
+    _, slope = project_with_jacobian(camera, vectors @ estimate.attitude.matrix.T)
+    rows = (slope * weight[:, None, None]).reshape(-1, len(PARAMETERS))
+    to_rotation = as_rotation(camera)
+    taken = np.linalg.lstsq(rows[:, :3], rows[:, 3:], rcond=None)[0]  # the turn that hides an error of a term
+    lens = to_rotation[:, 3:] - to_rotation[:, :3] @ taken
+    covariance = estimate.attitude.covariance
+    return (1.0 - share) * covariance, share * covariance + lens @ terms @ lens.T + zonal_covariance(year)
 
 
 def tracked_solution(

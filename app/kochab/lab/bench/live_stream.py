@@ -15,7 +15,7 @@ import numpy as np
 from kochab.attitude import small_rotation
 from kochab.attitude.filter import rotation_vector
 from kochab.core.arrays import Floats
-from kochab.core.attitude import attitude_from
+from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.mount import Direction
@@ -184,7 +184,9 @@ def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:
         frame = star_frame(ring.camera, truth, seed + 100 + k)
         update = run(tracker.update(frame, moment))
         if update.mode == "tracking" and update.solution is not None:
-            single.append(update.solution.attitude)
+            told = update.solution.attitude
+            assert told.covariance is not None
+            single.append(Attitude(told.matrix, told.covariance - tracker.shared))
     middle = average(single).matrix  # what is the same in all frames is no noise
     rows = []
     for n in (1, 4, 16, 64):
