@@ -118,13 +118,13 @@ def foreseen_covariance(axis: Floats, turns_rad: Floats, reference: Floats, cova
 
 
 def _first_axis(measured: Floats, towards: Floats) -> Floats:
-    """The axis of the pair that turned most, short of half a turn, with the first or the last."""
+    """The axis of the pair that turned most, with the first or the last."""
     best, most = np.full(3, np.nan), 0.0
     for first in (measured[0], measured[-1]):
         for second in measured:
             axis, turn = axis_of_two(first, second)
-            if np.sin(turn / 2.0) > most:
-                best, most = axis, float(np.sin(turn / 2.0))
+            if turn > most:
+                best, most = axis, turn
     if most < 1e-9:
         raise ValueError("The attitudes are all the same.")
     return best if best @ towards > 0 else -best
