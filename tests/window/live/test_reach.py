@@ -75,7 +75,7 @@ def test_full_pixels_are_seen_in_the_histogram(qtbot):
     qtbot.addWidget(view)
     view.resize(200, 56)
     view.show()
-    qtbot.waitUntil(lambda: view.plot is not None)
+    qtbot.waitUntil(lambda: view.plot is not None and view.plot.isVisible())
     values = np.linspace(0, 4000, 5000)
     view.show_levels(levels_of(values, 65535.0))
     fine = _pixels(view)
