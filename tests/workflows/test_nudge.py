@@ -40,6 +40,17 @@ def test_a_mount_without_pulses_moves_instead() -> None:
     assert north == pytest.approx(30.0, abs=3.0)
 
 
+@pytest.mark.parametrize("amount", [20.0, 600.0])
+def test_a_stop_before_the_first_word_lets_no_nudge_begin(amount) -> None:
+    b = bench(good(lost_deg=0.0))
+    task = nudge(b.guard, Direction.NORTH, amount, b.wait)
+    next(task)
+    b.guard.stop()
+    with pytest.raises(StoppedError):
+        next(task)
+    assert [did for did in b.mount.did if did[0] in ("move", "pulse")] == []
+
+
 def test_a_chosen_rate_is_one_move_that_the_guard_bounds() -> None:
     b = bench(good(lost_deg=0.0))
     nudged, _, north = moved_arcsec(b, nudge(b.guard, Direction.NORTH, 30.0, b.wait, rate_deg_s=0.1))

@@ -66,9 +66,9 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     left = round(1000.0 * amount_arcsec / GUIDE_ARCSEC_S)
     total, stops = left, mount.stops
     while left > 0:
-        mount.check_not_stopped(stops, "motion")
         part = min(left, mount.limits.longest_pulse_ms)
         yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
+        mount.check_not_stopped(stops, "motion")
         mount.pulse(direction, max(part, 1))
         yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
         wait(part / 1000.0 + AFTER_S)
@@ -88,9 +88,9 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
     stops = mount.stops
     while left > 1e-3:
-        mount.check_not_stopped(stops, "motion")
         part = min(left, longest_s)
         yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}")
+        mount.check_not_stopped(stops, "motion")
         mount.move(direction, rate, part)
         end = part
         while end > 0.0:  # a cancel ends it while it moves, and a wrong motion is noticed

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
+from kochab.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
 from kochab.core.mount import Direction, Epoch, PierSide, Pointing
 from kochab.core.progress import run
 from kochab.gear.mounts import guard as guarding
@@ -342,6 +342,29 @@ def test_a_slew_that_somebody_stops_has_not_arrived() -> None:
         run(slew)
     assert guard.log.entries[-1].action == "stop"
     assert mount.did[-1] == ("stop",)
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [
+        lambda guard: guard.pulse(Direction.NORTH, 500),
+        lambda guard: guard.move(Direction.NORTH, 0.1, 1.0),
+        lambda guard: guard.goto(*at(-30.0, 45.0)),
+    ],
+    ids=["pulse", "move", "goto"],
+)
+def test_a_stop_while_a_motion_is_prepared_lets_nothing_begin(begin, monkeypatch) -> None:
+    """Its position and its state are asked for first; on a slow line a person is quicker."""
+    guard, mount = guarded()
+    asked = mount.state
+    monkeypatch.setattr(mount, "state", lambda: (guard.stop(), asked())[1])
+    with pytest.raises(StoppedError):
+        begin(guard)
+    assert {name for name, *_ in mount.did} == {"stop"}
+    assert not guard.emergency.moving
+    monkeypatch.undo()
+    begin(guard)
+    assert mount.did[-1][0] != "stop"
 
 
 def test_a_guard_that_is_forgotten_stops_what_moves() -> None:

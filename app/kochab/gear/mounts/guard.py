@@ -293,7 +293,7 @@ class Guard:
     def pulse(self, direction: Direction, milliseconds: int) -> None:
         """Guide for a bounded time."""
         self._require_ability(Ability.PULSE)
-        longest = self.limits.longest_pulse_ms
+        stops, longest = self.stops, self.limits.longest_pulse_ms
         if not 0 < milliseconds <= longest:
             self._refuse("pulse", f"A guide pulse of {milliseconds} ms is out of range: 1 to {longest} ms.")
         seconds = milliseconds / 1000.0
@@ -302,6 +302,7 @@ class Guard:
             seconds + 0.5,
             lambda: self.mount.pulse(direction, milliseconds),
             self._allowed_move("pulse", direction, 0.008, seconds),
+            stops,
             direction=str(direction),
             milliseconds=milliseconds,
         )
@@ -309,7 +310,7 @@ class Guard:
     def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
         """Move for a bounded time, over a bounded angle."""
         self._require_ability(Ability.MOVE)
-        rate = self.rate_deg_s(rate_deg_s)
+        stops, rate = self.stops, self.rate_deg_s(rate_deg_s)
         longest_s, longest_deg = self.limits.longest_move_s, self.limits.longest_move_deg
         if not 0.0 < seconds <= longest_s:
             self._refuse("move", f"A move of {seconds:g} s is out of range: at most {longest_s:g} s.")
@@ -321,6 +322,7 @@ class Guard:
             seconds + 2.0,
             lambda: self.mount.move(direction, rate_deg_s, seconds),
             self._allowed_move("move", direction, rate, seconds),
+            stops,
             direction=str(direction),
             rate_deg_s=rate,
             seconds=seconds,
@@ -363,11 +365,12 @@ class Guard:
     def _begin_slew(self, ra_deg: float, dec_deg: float) -> float:
         """Send a goto; in how many seconds it must have ended."""
         self._require_ability(Ability.GOTO)
+        stops = self.stops
         plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
         detail = {"ra_deg": ra_deg, "dec_deg": dec_deg}
-        self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, **detail)
+        self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, **detail)
         return slew_limit_s(plan)
 
     def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:
@@ -445,9 +448,10 @@ class Guard:
         lasts_s: float,
         do: Callable[[], None],
         motion: SupervisedMotion | None = None,
+        stops: int | None = None,
         **detail: float | str,
     ) -> None:
-        """Send once; stop when the reply does not show what the mount does; never repeat."""
+        """Send once, not after a Stop since the count ``stops``; stop when the reply does not show what it does."""
         self.log.add(action, "sent", detail=detail)
         if action != "sync":
             self.emergency.expect_motion()
@@ -455,6 +459,8 @@ class Guard:
             self.supervisor.begin(motion)
             self.emergency.begin(lasts_s)
         try:
+            if stops is not None:  # it was prepared with questions, which take their time
+                self.check_not_stopped(stops, action)
             do()
         except RefusedError as error:
             if lasts_s:
