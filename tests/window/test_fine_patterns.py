@@ -45,6 +45,20 @@ def test_closing_the_task_ends_the_process(elsewhere):
     assert not active_children()
 
 
+def test_a_process_that_does_not_listen_is_ended_soon_and_leaves_nothing(tmp_path, monkeypatch, elsewhere):
+    monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path / "cache"))
+    elsewhere(makers.deaf)
+    task = fine_patterns.make_elsewhere()
+    while next(task).fraction != 0.5:
+        pass
+    assert {path.suffix for path in (tmp_path / "cache").iterdir()} == {".lock", ".part"}
+    asked = time.monotonic()
+    task.close()
+    assert time.monotonic() - asked < 2.0
+    assert not active_children()
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
 @pytest.mark.skipif(os.name != "posix", reason="Windows ends a process without asking it")
 def test_an_ended_process_leaves_nothing_half_made(tmp_path, monkeypatch, capfd):
     monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path / "cache"))

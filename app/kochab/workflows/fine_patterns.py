@@ -5,8 +5,10 @@ second now and then. No Qt is imported there.
 """
 
 import os
+import shutil
 import signal
 import sys
+from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
@@ -14,7 +16,7 @@ from kochab.core.errors import CatalogueError, KochabError
 from kochab.core.progress import Progress, Task
 
 LOOK_EVERY_S = 0.2
-ENDING_S = 4.0
+ENDING_S = 0.5  # a long sort hears nothing for seconds
 
 
 def make_elsewhere() -> Task[None]:
@@ -41,8 +43,21 @@ def make_elsewhere() -> Task[None]:
         process.join(ENDING_S)
         process.kill()
         process.join()
+        _clear_up()
     if step:
         raise CatalogueError(step)
+
+
+def _clear_up() -> None:
+    """Remove what a process that was killed has left half made, unless another program makes it."""
+    from kochab.identification.index import fine_folder
+    from kochab.identification.index_build import acquire, release
+
+    lock = fine_folder().with_suffix(".lock")
+    with suppress(OSError):
+        if lock.exists() and (handle := acquire(lock)) is not None:
+            shutil.rmtree(lock.with_suffix(".part"), ignore_errors=True)
+            release(handle, lock)
 
 
 def make_here(steps: "Connection[Progress | str, None]") -> None:
