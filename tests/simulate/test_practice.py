@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import apart_deg, unit_vectors
 from kochab.core.capture import CaptureSettings
 from kochab.core.errors import LineLostError, PortError, UsageError
 from kochab.core.frame import Site
@@ -134,6 +134,21 @@ def test_it_scores_what_hands_have_done(practice):
     assert not practice.rig.mount.tracking
     assert practice.do("  ") == ""
     assert "alt ARCMIN" in practice.do("help")
+
+
+@pytest.mark.parametrize("line", ["ra 25", "dec -12"])
+def test_a_turn_that_was_asked_for_costs_no_points_until_a_sync(practice, line):
+    """Unlike turns that nobody asked for: the tutor has hands turn the RA axis by tens of degrees."""
+    mount = practice.rig.mount
+    mount.turn_bolts(*(-mount.wedge.error_arcmin))
+    mount.sync(*practice.rig.truth().of_date_deg)
+    practice.do(f"{line} asked")
+    assert practice.score().pointing_arcsec < 60.0
+    assert apart_deg(mount.believed_deg(), practice.rig.truth().of_date_deg) > 5.0
+    mount.sync(*practice.rig.truth().of_date_deg)
+    assert practice.score().pointing_arcsec < 60.0
+    practice.do(line)
+    assert practice.score().pointing_arcsec > 3600.0
 
 
 @pytest.mark.parametrize("line", ["dance", "alt", "alt much", "track maybe", "fault nonsense", "ra 1e"])

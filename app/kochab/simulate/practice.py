@@ -53,7 +53,7 @@ WORST_ARCSEC = 3600.0  # where points run out for who began better than that
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """``pointing_arcsec``: between where the mount believes to point and where it does.
+    """``pointing_arcsec``: between where the mount believes to point and where it does, but for turns it was asked for.
 
     ``axis_arcsec``: between the axis and the refracted pole. ``points`` 0 to 100: half for each,
     full at 1 arcmin and 30 arcsec, none where they were at the beginning, by their logarithms.
@@ -82,7 +82,7 @@ class Score:
 def score(rig: PracticeRig, first: Score | None = None) -> Score:
     """The score now, against ``first``, which was taken at the beginning."""
     truth = rig.truth()
-    pointing = apart_deg(rig.mount.believed_deg(), truth.of_date_deg) * 3600.0
+    pointing = apart_deg(rig.mount.believed_deg(asked=True), truth.of_date_deg) * 3600.0
     error = truth.axis_error()
     began = (first.pointing_arcsec, first.axis_arcsec) if first else (0.0, 0.0)
     points = _share(pointing, began[0], POINTING_GOAL_ARCSEC)
@@ -183,10 +183,10 @@ class PracticeNight:
                 mount.turn_bolts(0.0, _within(words[0], MOST_ARCMIN))
                 return "Azimuth bolt turned."
             case "ra":
-                mount.turn_by_hand(_within(words[0], MOST_DEG))
+                mount.turn_by_hand(_within(words[0], MOST_DEG), asked="asked" in words)
                 return "RA axis turned by hand; the mount has not noticed."
             case "dec":
-                mount.turn_by_hand(0.0, _within(words[0], MOST_DEG))
+                mount.turn_by_hand(0.0, _within(words[0], MOST_DEG), "asked" in words)
                 return "Dec axis turned by hand; the mount has not noticed."
             case "track":
                 mount.tracking = ("off", "on").index(words[0]) == 1

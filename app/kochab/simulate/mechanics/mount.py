@@ -56,6 +56,7 @@ class EquatorialMount:
         for axis in self._axes:
             axis.top_deg_s, axis.acceleration = config.slew_deg_s, config.acceleration_deg_s2
         self._offset_deg = (0.0, 0.0)  # believed axis angles minus encoders, as syncs set it
+        self._asked_deg = (0.0, 0.0)  # turned by hand since the last sync, because somebody was asked to
         self._carrier_deg_s = 0.0
         self._parked = False
         self._parks_at: float | None = None
@@ -91,10 +92,12 @@ class EquatorialMount:
         with self._lock:
             self.wedge.turn(altitude_arcmin, azimuth_arcmin)
 
-    def turn_by_hand(self, hour_deg: float, dec_deg: float = 0.0) -> None:
-        """Open the clutches and turn the axes; the encoders do not see it."""
+    def turn_by_hand(self, hour_deg: float, dec_deg: float = 0.0, asked: bool = False) -> None:
+        """Open the clutches and turn the axes; the encoders do not see it. ``asked`` is remembered until a sync."""
         with self._lock:
             t = self.clock.now_unix()
+            if asked:
+                self._asked_deg = self._asked_deg[0] + hour_deg, self._asked_deg[1] + dec_deg
             self._axes[0].displace(t, hour_deg)
             self._axes[1].displace(t, dec_deg)
 
@@ -133,11 +136,11 @@ class EquatorialMount:
         true = self.clock.now_unix() if t is None else t
         return math.degrees(LocalSky(believed, true + self.config.computer_clock_s).sidereal_rad)
 
-    def believed_deg(self) -> tuple[float, float]:
-        """RA in [0, 360) and Dec of date where it believes to point."""
+    def believed_deg(self, asked: bool = False) -> tuple[float, float]:
+        """RA in [0, 360) and Dec of date where it believes to point, had it seen turns by hand that were ``asked``."""
         with self._lock:
             t = self.clock.now_unix()
-            hour, dec = unfold(*self._believed(t))
+            hour, dec = unfold(*np.add(self._believed(t), self._asked_deg if asked else 0.0).tolist())
             return (self.sidereal_deg(t) - hour) % 360.0, dec
 
     def from_home_deg(self) -> tuple[float, float]:
@@ -214,6 +217,7 @@ class EquatorialMount:
             flipped = self.pier_side is PierSide.WEST
             there = fold(self.sidereal_deg(t) - ra_deg, dec_deg, flipped, self._north)
             self._offset_deg = wrapped(there[0] - motors[0]), wrapped(there[1] - motors[1])
+            self._asked_deg = (0.0, 0.0)
             return None
 
     def stop(self) -> None:

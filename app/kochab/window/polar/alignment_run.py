@@ -131,7 +131,7 @@ class PracticeAdjuster:
         if asked.direction.in_dec and self._practice.rig.mount.pier_side is PierSide.WEST:
             sign = -sign  # declination runs the other way on that side of the pier
         degrees = sign * asked.degrees * self._random.gauss(1.0, TURN_SIGMA)
-        self._practice.do(f"{axis} {degrees:.3f}")
+        self._practice.do(f"{axis} {degrees:.3f} asked")
         return f"Turned {name} by {abs(degrees):.0f}°."
 
     def _turn_bolt(self, instruction: Instruction, knob: Knob) -> str:
