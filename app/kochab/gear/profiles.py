@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import KochabError, UsageError
-from kochab.core.frame import Site
+from kochab.core.frame import Hint, Site
 from kochab.core.mount import Epoch
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.mounts import DRIVERS
@@ -88,6 +88,13 @@ class EquipmentProfile:
         if self.focal_length_mm is None or self.pixel_size_um is None:
             return None
         return ARCSEC_PER_RAD * 1e-3 * self.pixel_size_um * (self.binning or 1) / self.focal_length_mm
+
+    def hint_of(self, source: str, address: str) -> Hint | None:
+        """The pixel scale, good to a tenth, for frames of this camera; None for another, or when it is not known."""
+        scale = self.scale_arcsec_px
+        if scale is None or (source, address) != self.camera.camera:
+            return None
+        return Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1), source="profile")
 
     @property
     def mount(self) -> MountSelection:

@@ -3,8 +3,9 @@
 import pytest
 
 from kochab.core.frame import Site
-from kochab.gear.profiles import current_profile, keep_profile, load_profile, profile_path
+from kochab.gear.profiles import choose_profile, current_profile, keep_profile, load_profile, profile_path
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
+from kochab.workflows.session.live_stream import Stream
 
 
 @pytest.fixture(autouse=True)
@@ -40,6 +41,32 @@ def test_a_new_name_keeps_what_is_used_now_and_another_brings_its_own(view, sett
     assert (view.connect_box.chosen_port, settings.site) == ("COM9", None)
     assert view.control.limits.lowest_altitude_deg == 25.0
     assert view.camera.selection == CameraSelection("folder", "/frames")
+
+
+def test_focal_length_and_pixel_size_reach_live_and_polar_for_the_camera_of_the_profile(
+    qtbot, make_window, engine, settings, tmp_path
+):
+    camera = {"source": "folder", "address": str(tmp_path)}
+    keep_profile(settings, **camera)
+    choose_profile(settings, "Newton")
+    keep_profile(settings, **camera, focal_length_mm=1000.0, pixel_size_um=4.0)
+    _, commands = make_window(engine)
+    for name in ("live", "polar"):
+        commands.views.show(name)
+    live, polar = (commands.views.docks[name].view for name in ("live", "polar"))
+    asked = []
+    live.run = asked.append
+    for view in (live.camera.box, polar.setup.camera):
+        view.show_selection(CameraSelection("folder", str(tmp_path)))
+    live.begin()
+    for hint in (asked[0].hint, polar.setup.request().hint):
+        assert hint.scale_arcsec_px == pytest.approx((0.825 / 1.1, 0.825 * 1.1), rel=1e-3)
+    assert Stream(asked[0], lambda *_: None).options.hint is asked[0].hint
+    for view in (live.camera.box, polar.setup.camera):
+        view.address.setText("/another")
+    live.begin()
+    assert asked[1].hint is None
+    assert polar.setup.request().hint is None
 
 
 def test_a_damaged_profile_is_told_and_not_used(view, settings):

@@ -12,6 +12,7 @@ from PySide6.QtCore import QTimer, Signal
 from PySide6.QtGui import QShowEvent
 
 from kochab.core.capture import CaptureSettings
+from kochab.gear.profiles import current_profile
 from kochab.window.cameras import TITLES
 from kochab.window.job import Job
 from kochab.window.live import status_text
@@ -132,7 +133,8 @@ class LiveView(Page):
         cameras.choose(source, address)
         name = f"{TITLES.get(source, source)} {address}".strip()
         self._save()
-        self.run(StreamRequest(opened, name, panel.lens.text().strip(), panel.reconnect.isChecked()))
+        hint = current_profile(self._services.settings).hint_of(source, address)
+        self.run(StreamRequest(opened, name, panel.lens.text().strip(), panel.reconnect.isChecked(), hint))
 
     def run(self, request: StreamRequest, make_engine: Callable[[], ProfiledTracker] | None = None) -> None:
         """Run any camera, with another engine than the tracker if given."""

@@ -167,19 +167,21 @@ class AlignmentSetupPanel(Page):
     def request(self) -> AlignmentRequest:
         """What was chosen; UsageError says what is wrong."""
         site, fov, turn = self.site.text().strip(), self.fov.text().strip(), self.turn.value()
+        camera = CameraSelection(self.camera.kind, self.camera.address.text().strip(), self.exposure.value())
         return AlignmentRequest(
             self.chosen_source,
             self.chosen_pole,
             parse_site(site) if site else None,
             self.files.paths(0),
             self.files.paths(1),
-            CameraSelection(self.camera.kind, self.camera.address.text().strip(), self.exposure.value()),
+            camera,
             AxisTurnedBy(self.hand.currentText()),
             self._known_mount,
             self.goal.value(),
             None if turn == PLANNED else turn,
             fov_deg=parse_positive(fov, "The field of view", 170.0) if fov else None,
             second_sweep=self.second.isChecked(),
+            hint=current_profile(self._services.settings).hint_of(*camera.camera),
         )
 
     def refresh(self) -> None:

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, RefusedError, UsageError
-from kochab.core.frame import Frame, Site
+from kochab.core.frame import Frame, Hint, Site
 from kochab.core.mount import Ability
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution
@@ -61,7 +61,8 @@ class AlignmentRequest:
 
     ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None takes it from the
     frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when ``hand`` is the mount and the frames come
-    from a camera. With ``second_sweep`` nothing is called good before a sweep at another declination.
+    from a camera. With ``second_sweep`` nothing is called good before a sweep at another declination. ``hint`` is what
+    is known of the camera's frames.
     """
 
     source: FrameSource
@@ -77,6 +78,7 @@ class AlignmentRequest:
     frames: int = 5
     fov_deg: float | None = None
     second_sweep: bool = False
+    hint: Hint | None = None
 
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
@@ -159,7 +161,9 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         if guard is not None:
             guard.site = guard.site or site
             turner = mount_turner(guard, camera)
-        source = CameraSightings(camera, SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg), clock)
+        hint = wish.hint if wish.source is FrameSource.CAMERA else None
+        options = SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg, hint=hint)
+        source = CameraSightings(camera, options, clock)
         done = yield from align(
             source, turner, MeasureSettings(site, wish.pole), options_of(wish), tools.controls, keep=tools.keep
         )

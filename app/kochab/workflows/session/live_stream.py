@@ -8,7 +8,7 @@ from time import monotonic
 
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
-from kochab.core.frame import Frame
+from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Progress, Task
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile
@@ -81,12 +81,14 @@ class StreamRequest:
 
     ``open`` is called in the camera's thread. What is learned of the optics is kept under
     ``profile``, and nothing is kept without a name. With ``again`` a lost camera is waited for.
+    ``hint`` is what is known of its frames.
     """
 
     open: Callable[[], CameraSource]
     name: str
     profile: str = ""
     again: bool = False
+    hint: Hint | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ class Stream:
     ) -> None:
         self.wish = wish
         self.capture = Capture(wish.open, wish.again, self._see)
-        self.options = SolveOptions(timeout_s=SOLVE_TIMEOUT_S)
+        self.options = SolveOptions(timeout_s=SOLVE_TIMEOUT_S, hint=wish.hint)
         self.latest: LiveUpdate | None = None
         self.lens = Lens()
         self.said: deque[str] = deque(maxlen=MOST_SAID)
