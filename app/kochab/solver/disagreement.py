@@ -1,37 +1,50 @@
-"""Why the mount and the sky disagree: each possible cause, weighed.
+"""Why the mount and the sky disagree: one model of a mount, and what is likeliest wrong with it.
 
-Every cause, if it were the only one, would make the mount say a certain thing of the place the sky
-shows. Causes are weighed by how near that comes to what it does say, against the chance that some
-unknown offset comes as near; a mount that tells its own clock and site is a witness besides.
+A cause says which place the mount would report, and which terms of a pointing model it frees: an
+offset of both axes, the tilt of the first axis (2), a cone. What each cause leaves is explained by
+small terms and by noise of an unknown size. All of that is normal, so that the probability of the
+sightings under a cause has a closed form, and the causes are weighed by Bayes' theorem: freer ones
+pay for their freedom, and every sighting more counts (MacKay 2003, Information Theory, chapter 28).
+A mount that tells its own clock and site is a witness besides.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from math import cos, exp, log, pi, radians
+from itertools import product
+from math import cos, exp, log, pi, radians, sin
 
 import numpy as np
 
+from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
-from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg, to_mount_epoch
+from kochab.gear.mounts.coordinates import sidereal_deg, to_mount_epoch
 
 Degrees = tuple[float, float]
 
 AGREE_ARCSEC = 120.0  # a mount's own rounding, and what mechanics leave
-LOOSE_DEG = 0.6  # how well a roughly set up mount points once the cause is allowed for
-TIGHT_DEG = 2.0 / 60.0  # where the mount was well aligned, but in another epoch
 NAMED = 0.8
+HEALTHY = 0.5  # weight of nothing but noise
 UNKNOWN = 0.3  # weight of "something else"
 FAR_DEG = 5.0  # how large offsets without one of these causes usually are
+TIGHT_DEG = 2.0 / 60.0
+
+# Priors by size, degrees: each tuple has the standard deviations that are equally likely.
+SMALL = (0.5 / 60.0,)
+SET_UP = (0.5 / 60.0, 0.2, 0.5)  # a mount set up well, or by hand
+BUILT = (0.5 / 60.0, 0.1)  # and how square its tube is
+OFFSETS, AXES, CONES = (0.3, 2.0, 10.0, 60.0), (0.3, 1.0, 4.0), (0.2, 0.6)
+NOISES = (0.4 / 60.0, 1.0 / 60.0, 2.0 / 60.0, 4.0 / 60.0, 10.0 / 60.0)
+ANYWHERE = (60.0,)
 
 
 @dataclass(frozen=True, slots=True)
 class MountSighting:
     """One solved frame, and what the mount said when it was taken.
 
-    ``sky_deg`` is ICRS; ``time_utc`` and ``site`` are the computer's.
+    ``sky_deg`` is ICRS; ``time_utc`` and ``site`` are the computer's. ``alt_azimuth`` is None where it is not known.
     """
 
     sky_deg: Degrees
@@ -41,44 +54,74 @@ class MountSighting:
     pier_side: PierSide | None = None
     aligned: bool | None = None
     beliefs: SiteReport = field(default_factory=SiteReport)
+    alt_azimuth: bool | None = None
 
     @property
     def expected_deg(self) -> Degrees:
         """What a mount without fault would say, in its own epoch."""
         return to_mount_epoch(*self.sky_deg, self.said.epoch, self.time_utc)
 
-    @property
-    def said_deg(self) -> Degrees:
-        """RA and Dec the mount said."""
-        return self.said.ra_deg, self.said.dec_deg
+
+class Seen:
+    """The sightings as arrays (N, 2) of right ascension and declination, degrees.
+
+    ``sidereal`` (N,) is of the site; without one of Greenwich, which only turns every hour angle. ``side`` (N,) is
+    1 west of the meridian or on the pier's east side, -1 on the other, 0 when unknown.
+    """
+
+    def __init__(self, sightings: Sequence[MountSighting]) -> None:
+        self.sightings, self.last = sightings, sightings[-1]
+        self.site = self.last.site
+        self.expected = np.array([s.expected_deg for s in sightings])
+        self.said = np.array([(s.said.ra_deg, s.said.dec_deg) for s in sightings])
+        self.sidereal = np.array([sidereal_deg(s.site or Site(0.0, 0.0), s.time_utc) for s in sightings])
+        west = np.mod(self.sidereal - self.expected[:, 0], 360.0) < 180.0
+        by_hour = np.where(west, 1.0, -1.0) * (self.site is not None)
+        told: dict[PierSide | None, float] = {PierSide.EAST: 1.0, PierSide.WEST: -1.0}
+        self.side = np.array([told.get(s.pier_side, h) for s, h in zip(sightings, by_hour, strict=True)])
 
     @property
-    def shift_deg(self) -> Degrees:
-        """What the mount says too much along both axes."""
-        there = self.expected_deg
-        return wrapped(self.said.ra_deg - there[0]), self.said.dec_deg - there[1]
+    def shift(self) -> Floats:
+        """What the mount says too much (N, 2), degrees of right ascension and declination."""
+        return np.stack([wrapped(self.said[:, 0] - self.expected[:, 0]), self.said[:, 1] - self.expected[:, 1]], axis=1)
+
+    def in_axes(self, places: Floats, alt_azimuth: bool) -> Floats:
+        """Directions (N, 3) in the mount's axes: x where the second axis is level, y east, z along the first."""
+        vectors = unit_vectors(places[:, 0] - self.sidereal, places[:, 1])
+        if not alt_azimuth or self.site is None:
+            return vectors
+        tilt = radians(90.0 - self.site.latitude_deg)
+        c, s = np.cos(tilt), np.sin(tilt)
+        return np.asarray(vectors @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]))
 
 
-Say = Callable[[MountSighting], Degrees]
+Say = Callable[[Seen], Floats]
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A hypothesis: what the mount would say of a sighting if only this were wrong.
+    """A hypothesis: what the mount would say (N, 2) if only this were wrong.
 
-    ``weight`` is how often that happens before anything is known; ``spread_deg`` how near a mount
-    comes to it; ``freedom`` how many numbers were fitted to the sightings. ``witness`` multiplies
-    the weight by what the mount tells of its clock and site.
+    ``weight`` is how often that happens before anything is known, times what the mount's own clock and site say of
+    it. ``offset``, ``axis`` and ``cone`` are the priors of the terms, ``noise`` those of what is left.
+    Where the terms are the cause itself, ``fitted``, they count as explained, and ``evidence`` has fields for them.
     """
 
     name: str
     advice: str
     would_say: Say
     weight: float
-    spread_deg: float = LOOSE_DEG
-    freedom: int = 0
-    witness: float = 1.0
     evidence: str = ""
+    offset: Sequence[float] = SET_UP
+    axis: Sequence[float] = SET_UP
+    cone: Sequence[float] = BUILT
+    noise: Sequence[float] = NOISES
+    alt_azimuth: bool = False
+    fitted: bool = False
+
+    def scales(self) -> Floats:
+        """Standard deviations (C, 5) of the terms, every combination as likely."""
+        return np.array([(o, o, a, a, c) for o, a, c in product(self.offset, self.axis, self.cone)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +153,14 @@ def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
 
     More sightings, on both sides of the meridian above all, tell more. At least one is needed.
     """
-    suspects = weigh(sightings, list(causes(sightings)))
-    best, last = suspects[0], sightings[-1]
-    offset = max(apart_deg(s.expected_deg, s.said_deg) for s in sightings) * 3600.0
-    ra, dec = last.shift_deg
+    seen = Seen(sightings)
+    suspects = weigh(seen, list(causes(seen)))
+    offset = 3600.0 * max(map(apart_deg, seen.expected, seen.said))
+    shares = {s.name: sum(t.score for t in suspects if t.name == s.name) for s in suspects}
+    name = max(shares, key=lambda one: shares[one])
+    best = next(s for s in suspects if s.name == name)
     agrees = offset <= AGREE_ARCSEC
-    cause = best.name if best.score >= NAMED and not agrees else ""
+    cause = name if shares[name] >= NAMED and not agrees else ""
     if agrees:
         sentence = f"Mount and sky agree within {_angle(offset)}."
     elif cause:
@@ -125,28 +170,83 @@ def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
             f"Mount is off by {_angle(offset)}, and no single cause explains it: align the mount or "
             "sync it on a solved frame, then check again elsewhere in the sky."
         )
-    east, north = -3600.0 * ra * cos(radians(last.expected_deg[1])), -3600.0 * dec
+    (ra, dec), there = seen.shift[-1], seen.expected[-1]
+    east, north = -3600.0 * float(ra) * cos(radians(there[1])), -3600.0 * float(dec)
     return Disagreement(agrees, cause, sentence, offset, east, north, tuple(suspects))
 
 
-def weigh(sightings: Sequence[MountSighting], causes: Sequence[Cause]) -> list[Suspect]:
-    """Each cause's share of the probability, likeliest first; what is left is for no cause."""
-    left = [[apart_deg(cause.would_say(s), s.said_deg) for s in sightings] for cause in causes]
-    logs = [_support(cause, residuals) for cause, residuals in zip(causes, left, strict=True)]
-    nothing = log(UNKNOWN) + sum(_unknown(apart_deg(s.expected_deg, s.said_deg)) for s in sightings)
-    total = float(np.logaddexp.reduce([nothing, *logs]))
-    found = [
-        Suspect(c.name, exp(x - total), worst, f"{c.evidence} It leaves {_angle(worst)} unexplained.", c.advice)
-        for c, x, worst in zip(causes, logs, (3600.0 * max(residuals) for residuals in left), strict=True)
-    ]
-    return sorted(found, key=lambda s: -s.score)
+def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
+    """Each cause's share of the probability, likeliest first; what is left is for none of them."""
+    fits = [fit(seen, cause) for cause in causes]
+    logs = [log(cause.weight) + found for cause, (found, _, _) in zip(causes, fits, strict=True)]
+    unknown = log(UNKNOWN) + sum(map(_unknown, map(apart_deg, seen.expected, seen.said)))
+    total = float(np.logaddexp.reduce([unknown, *logs]))
+    found = []
+    for c, x, (_, terms, left) in zip(causes, logs, fits, strict=True):
+        tilt, cone = np.hypot(*terms[2:4]), abs(terms[4])
+        evidence = c.evidence.format(first=terms[0], second=terms[1], axis=_angle(3600.0 * tilt), cone=60.0 * cone)
+        worst = 3600.0 * float(np.hypot(*left.T).max())
+        found.append(
+            Suspect(c.name, exp(x - total), worst, f"{evidence} It leaves {_angle(worst)} unexplained.", c.advice)
+        )
+    return sorted((s for s in found if s.name), key=lambda s: -s.score)
 
 
-def _support(cause: Cause, residuals_deg: Sequence[float]) -> float:
-    """Logarithm of weight times likelihood; a fitted number costs as much as it could gain."""
-    spread = cause.spread_deg
-    densities = (-0.5 * (residual / spread) ** 2 - log(2.0 * pi * spread**2) for residual in residuals_deg)
-    return log(cause.weight * cause.witness) + sum(densities) - cause.freedom * log(FAR_DEG / spread)
+STEPS = 3  # of Gauss and Newton, as turns by degrees are not quite linear
+FARTHEST_DEG = 15.0
+
+
+def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
+    """Log probability of the sightings under a cause, its terms (5,) and what they leave (N, 2), all in degrees.
+
+    The probability is that of normal data whose mean is linear in terms with normal priors, summed over
+    the sizes of those and of the noise (Bishop 2006, Pattern Recognition and Machine Learning, 3.5.1).
+    """
+    places = cause.would_say(seen)
+    there, said = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.said))
+    side = np.ones(len(places)) if cause.alt_azimuth else seen.side
+    prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
+    noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
+    terms = np.zeros(5)
+    for _ in range(STEPS if cause.fitted else 1):
+        left, slopes = residuals(terms, there, said, side)
+        y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
+        precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
+        pull = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
+        means = np.linalg.solve(precision, pull[..., None])[..., 0]
+        freedom = np.linalg.slogdet(precision)[1] - np.log(prior).sum(axis=-1) + len(y) * np.log(2.0 * pi * noise[:, 0])
+        logs = -0.5 * (y @ y / noise[:, 0] - (pull * means).sum(axis=-1) + freedom)
+        terms = means.reshape(-1, 5)[logs.argmax()]
+        if np.abs(terms[2:4]).max() > FARTHEST_DEG:
+            break  # no such place for a mount; and the slopes hold no longer
+    if not cause.fitted:
+        terms = np.zeros(5)
+    return float(np.logaddexp.reduce(logs, axis=None)) - log(logs.size), terms, residuals(terms, there, said, side)[0]
+
+
+def residuals(terms: Floats, there: Floats, said: Floats, side: Floats) -> tuple[Floats, Floats]:
+    """What the mount says too much (N, 2) east and north on the sky, degrees, and its slopes (N, 2, 5) by the terms.
+
+    ``there`` and ``said`` (N, 3) are in the mount's axes. The terms: both axes' offsets, the turn about x and y,
+    and the cone, which adds to the first axis on one ``side`` and takes away on the other.
+    """
+    turn = np.radians([*terms[2:4], 0.0])
+    there = there - np.cross(turn, there) + 0.5 * np.cross(turn, np.cross(turn, there))
+    (lon, lat), (at, high) = (
+        (np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))) for v in (there, said)
+    )
+    level = np.cos(high)
+    narrow = np.maximum(np.cos(lat), 0.05)
+    first = terms[0] + terms[4] * side / narrow
+    off = np.stack([wrapped(np.degrees(at - lon) - first) * level, np.degrees(high - lat) - terms[1]], axis=1)
+    slopes = np.zeros((len(there), 2, 5))
+    slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, 1.0, side * level / narrow
+    east = np.stack([-np.sin(lon), np.cos(lon), 0.0 * lon], axis=1)
+    north = np.cross(there, east)
+    for k, about in enumerate(np.eye(3)[:2], start=2):
+        moved = np.cross(there, about)
+        slopes[:, 0, k], slopes[:, 1, k] = (moved * east).sum(axis=1) * level / narrow, (moved * north).sum(axis=1)
+    return off, slopes
 
 
 def _unknown(offset_deg: float) -> float:
@@ -167,25 +267,25 @@ def _angle(arcsec: float) -> str:
 SIDEREAL_DEG_H = 3600.0 * SIDEREAL_DEG_S
 CLOCK_S, PLACE_DEG = 60.0, 0.2  # within these a mount's own clock and site are right
 CONFIRMED, DENIED = 20.0, 0.02  # what a witness is worth
-CONE_DEG = 5.0 / 60.0
 
 
-def causes(sightings: Sequence[MountSighting]) -> Iterator[Cause]:
+def causes(seen: Seen) -> Iterator[Cause]:
     """Every cause that can be asked of these sightings."""
-    last = sightings[-1]
-    yield from clocks(last)
-    yield from epochs(last)
-    yield from sites(last)
+    yield Cause("", "", _off(0.0), HEALTHY, offset=SMALL, axis=SMALL, cone=SMALL, noise=NOISES[:-1])
+    yield from clocks(seen.last)
+    yield from epochs(seen.last)
+    yield from sites(seen.last)
     yield Cause(
         "pier side",
         "Slew to the other side of the meridian and back, or start again from home.",
         _off(180.0),
         0.05,
-        evidence="Right ascension is off by 12 h with the declination right: the telescope is "
+        "Right ascension is off by 12 h with the declination right: the telescope is "
         "on the other side of the pier than the mount assumes.",
     )
-    yield from alignments(sightings)
-    yield from cones(sightings)
+    yield from homes(seen)
+    if len(seen.sightings) > 1:
+        yield from alignments(seen)
 
 
 def clocks(last: MountSighting) -> Iterator[Cause]:
@@ -200,9 +300,9 @@ def clocks(last: MountSighting) -> Iterator[Cause]:
             f"Set {'daylight saving (summer time)' if summer else 'the time zone'} on the hand control, "
             "then align again.",
             _off(off_deg),
-            0.15 if summer else 0.10 / 21.0,
-            witness=_witness(None if off_s is None else abs(off_s - 3600.0 * hours) < CLOCK_S),
-            evidence=f"The mount's clock is {abs(hours)} h {'ahead' if hours > 0 else 'behind'}, which is "
+            (0.15 if summer else 0.10 / 21.0)
+            * _witness(None if off_s is None else abs(off_s - 3600.0 * hours) < CLOCK_S),
+            f"The mount's clock is {abs(hours)} h {'ahead' if hours > 0 else 'behind'}, which is "
             f"{abs(off_deg):.1f} deg in right ascension.",
         )
     if off_s is not None and abs(off_s) > CLOCK_S and abs(abs(off_s) % 3600.0 - 1800.0) < 1740.0:
@@ -210,9 +310,8 @@ def clocks(last: MountSighting) -> Iterator[Cause]:
             "clock",
             "Set the mount's clock, then align again.",
             _off(off_s / 3600.0 * SIDEREAL_DEG_H),
-            0.1,
-            witness=CONFIRMED,
-            evidence=f"The mount's own clock is {abs(off_s) / 60.0:.0f} min "
+            0.1 * CONFIRMED,
+            f"The mount's own clock is {abs(off_s) / 60.0:.0f} min "
             f"{'ahead of' if off_s > 0 else 'behind'} the computer's.",
         )
 
@@ -225,10 +324,12 @@ def epochs(last: MountSighting) -> Iterator[Cause]:
     yield Cause(
         "epoch",
         f"Choose the epoch {option} for this mount (--epoch {option}).",
-        lambda s: to_mount_epoch(*s.sky_deg, other, s.time_utc),
+        lambda seen: np.array([to_mount_epoch(*s.sky_deg, other, s.time_utc) for s in seen.sightings]),
         0.15,
-        TIGHT_DEG,
-        evidence=f"The mount reports {words[other]} but is read as {words[last.said.epoch]}.",
+        f"The mount reports {words[other]} but is read as {words[last.said.epoch]}.",
+        offset=SMALL,  # where the mount was well aligned, but in another epoch
+        axis=SMALL,
+        cone=SMALL,
     )
 
 
@@ -241,15 +342,16 @@ def sites(last: MountSighting) -> Iterator[Cause]:
     mirrored = Cause(
         "hemisphere",
         "Set north or south on the hand control, then align again.",
-        lambda s: (s.expected_deg[0], -s.expected_deg[1]),
-        0.05,
-        witness=_witness(opposite),
-        evidence="The declination is mirrored: the mount is set to the other hemisphere.",
+        lambda seen: seen.expected * (1.0, -1.0),
+        0.05 * _witness(opposite),
+        "The declination is mirrored: the mount is set to the other hemisphere.",
     )
     yield mirrored
     if own is None:
         return
-    yield replace(mirrored, would_say=lambda s: _hour_angle_reversed(s, own), weight=0.03)
+    # a mount that counts hour angles the other way, too
+    reverse = replace(mirrored, would_say=_reversed, weight=0.03 * _witness(opposite))
+    yield reverse
     swapped = None if told is None else abs(wrapped(told.longitude_deg + own.longitude_deg)) < PLACE_DEG
     if abs(own.longitude_deg) > 1.0:
         off = wrapped(-2.0 * own.longitude_deg)
@@ -257,9 +359,8 @@ def sites(last: MountSighting) -> Iterator[Cause]:
             "longitude sign",
             "Change east and west of the longitude on the hand control, then align again.",
             _off(off),
-            0.08,
-            witness=_witness(swapped),
-            evidence=f"Right ascension is off by twice the longitude, {off:+.1f} deg: east "
+            0.08 * _witness(swapped),
+            f"Right ascension is off by twice the longitude, {off:+.1f} deg: east "
             "and west of the longitude are swapped.",
         )
     if told is None:
@@ -270,73 +371,89 @@ def sites(last: MountSighting) -> Iterator[Cause]:
             "site longitude",
             "Set the longitude on the hand control, then align again.",
             _off(east),
-            0.1,
-            witness=CONFIRMED,
-            evidence=f"The mount's longitude is {east:+.1f} deg too far east.",
+            0.1 * CONFIRMED,
+            f"The mount's longitude is {east:+.1f} deg too far east.",
         )
     if abs(north - own.latitude_deg) > PLACE_DEG and north * own.latitude_deg >= 0.0:
         yield Cause(
             "site latitude",
             "Set the latitude on the hand control, then align again.",
-            lambda s: _wrong_latitude(s, own, north),
-            0.1,
-            witness=CONFIRMED,
-            evidence=f"The mount's latitude is {north:.1f} deg instead of {own.latitude_deg:.1f} deg.",
+            lambda seen: _wrong_latitude(seen, north - own.latitude_deg),
+            0.1 * CONFIRMED,
+            f"The mount's latitude is {north:.1f} deg instead of {own.latitude_deg:.1f} deg.",
+            alt_azimuth=True,
         )
 
 
-def alignments(sightings: Sequence[MountSighting]) -> Iterator[Cause]:
-    """Still at home, or one offset everywhere."""
-    unaligned = any(s.aligned is False for s in sightings)
-    if unaligned or all(abs(s.said.dec_deg) > 89.5 for s in sightings):
+def homes(seen: Seen) -> Iterator[Cause]:
+    """Still at home: what the mount says has nothing to do with the sky."""
+    unaligned = any(s.aligned is False for s in seen.sightings)
+    if unaligned or (np.abs(seen.said[:, 1]) > 89.5).all():
         yield Cause(
             "not aligned",
             "Align the mount, or sync it on a solved frame.",
-            lambda s: s.said_deg,
-            0.3,
-            freedom=2,
-            witness=CONFIRMED * CONFIRMED if unaligned else CONFIRMED,
-            evidence=f"The mount reports {'that it is not aligned' if unaligned else 'the pole, its home position'}.",
-        )
-    if len(sightings) > 1:
-        ra, dec = np.mean([s.shift_deg for s in sightings], axis=0).tolist()
-        yield Cause(
-            "not aligned",
-            "Sync it on a solved frame.",
-            _off(ra, dec),
-            0.3,
-            CONE_DEG,
-            freedom=2,
-            evidence=f"Both axes are off by the same angles everywhere, {ra:+.2f} and {dec:+.2f} deg.",
+            lambda seen: seen.said,
+            0.3 * (CONFIRMED * CONFIRMED if unaligned else CONFIRMED),
+            f"The mount reports {'that it is not aligned' if unaligned else 'the pole, its home position'}.",
+            noise=ANYWHERE,
         )
 
 
-def cones(sightings: Sequence[MountSighting]) -> Iterator[Cause]:
-    """A tube not square to its axis: the offset in right ascension flips across the meridian."""
-    sides = [_side(s) for s in sightings]
-    if set(sides) != {-1.0, 1.0}:
-        return
-    narrow = [cos(radians(s.expected_deg[1])) for s in sightings]
-    cone = float(np.mean([s.shift_deg[0] * n * side for s, n, side in zip(sightings, narrow, sides, strict=True)]))
-
-    def off(s: MountSighting) -> Degrees:
-        ra, dec = s.expected_deg
-        return (ra + cone * _side(s) / max(cos(radians(dec)), 0.05)) % 360.0, dec
-
-    yield Cause(
-        "cone error",
-        "Shim the dovetail until both sides agree, or sync after every flip.",
-        off,
-        0.15,
-        CONE_DEG,
-        freedom=1,
-        evidence=f"The offset changes sign across the meridian, {abs(cone) * 60.0:.0f} arcmin on either side.",
+def alignments(seen: Seen) -> Iterator[Cause]:
+    """One offset everywhere, a first axis that leans, a tube not square to its axis; or all of that."""
+    last = seen.last
+    alt_azimuth = 0.0 if last.site is None or last.pier_side is not None else float(last.alt_azimuth or 0.2)
+    if last.alt_azimuth is False:
+        alt_azimuth = 0.0
+    offset = Cause(
+        "not aligned",
+        "Sync it on a solved frame.",
+        _off(0.0),
+        0.3,
+        "Both axes are off by the same angles everywhere, {first:+.2f} and {second:+.2f} deg.",
+        offset=OFFSETS,
+        axis=SMALL,
+        cone=SMALL,
+        fitted=True,
     )
+    leaning = replace(offset, offset=(*SMALL, *OFFSETS), axis=AXES)
+    if alt_azimuth:
+        yield replace(offset, weight=0.3 * alt_azimuth, alt_azimuth=True)
+        yield replace(
+            leaning,
+            name="base tilt",
+            advice="Level the base, then align again.",
+            evidence="The base is tilted by {axis}.",
+            weight=0.2 * alt_azimuth,
+            alt_azimuth=True,
+        )
+    if alt_azimuth == 1.0:
+        return
+    german = 1.0 - alt_azimuth
+    yield replace(offset, weight=0.3 * german)
+    yield replace(
+        leaning,
+        name="polar axis",
+        advice="Polar align the mount, then sync it.",
+        evidence="The polar axis is {axis} from the pole.",
+        weight=0.2 * german,
+    )
+    if set(seen.side) >= {-1.0, 1.0}:
+        yield replace(
+            leaning,
+            name="cone error",
+            advice="Shim the dovetail until both sides agree, or sync after every flip.",
+            evidence="The offset changes sign across the meridian, {cone:.0f} arcmin on either side.",
+            weight=0.1 * german,
+            axis=SMALL,
+            cone=CONES,
+        )
+        yield replace(leaning, name="", weight=0.02 * german, cone=CONES)
 
 
-def _off(ra_deg: float, dec_deg: float = 0.0) -> Say:
-    """The same angles too much everywhere, as a right ascension is where sidereal time is ahead."""
-    return lambda s: ((s.expected_deg[0] + ra_deg) % 360.0, s.expected_deg[1] + dec_deg)
+def _off(ra_deg: float) -> Say:
+    """The same angle too much everywhere, as a right ascension is where sidereal time is ahead."""
+    return lambda seen: seen.expected + np.array([ra_deg, 0.0])
 
 
 def _witness(confirms: bool | None) -> float:
@@ -344,27 +461,18 @@ def _witness(confirms: bool | None) -> float:
     return 1.0 if confirms is None else CONFIRMED if confirms else DENIED
 
 
-def _side(s: MountSighting) -> float:
-    """1 west of the meridian or on the pier's east side, -1 on the other, 0 when unknown."""
-    if s.pier_side is not None:
-        return 1.0 if s.pier_side is PierSide.EAST else -1.0
-    if s.site is None:
-        return 0.0
-    return 1.0 if hour_angle_deg(s.expected_deg[0], s.site, s.time_utc) >= 0.0 else -1.0
+def _reversed(seen: Seen) -> Floats:
+    """Hour angles counted the other way, and declinations from the other pole."""
+    ra, dec = seen.expected.T
+    return np.stack([2.0 * seen.sidereal - ra, -dec], axis=1)
 
 
-def _hour_angle_reversed(s: MountSighting, own: Site) -> Degrees:
-    """A mount that counts hour angles the other way, and declinations from the other pole."""
-    ra, dec = s.expected_deg
-    return (sidereal_deg(own, s.time_utc) + hour_angle_deg(ra, own, s.time_utc)) % 360.0, -dec
-
-
-def _wrong_latitude(s: MountSighting, own: Site, latitude_deg: float) -> Degrees:
-    """A mount in altitude and azimuth, levelled and set north, that thinks of another latitude."""
-    lst = sidereal_deg(own, s.time_utc)
-    ra, dec = s.expected_deg
-    x, y, z = unit_vectors(ra - lst, dec)  # x towards the equator on the meridian, z the pole
-    turn = np.radians(latitude_deg - own.latitude_deg)
-    c, n = np.cos(turn), np.sin(turn)
-    found = radec_deg(np.array([c * x - n * z, y, n * x + c * z]))
-    return (found[0] + lst) % 360.0, found[1]
+def _wrong_latitude(seen: Seen, turn_deg: float) -> Floats:
+    """A mount in altitude and azimuth, levelled and set north, that thinks of a latitude so much greater."""
+    ra, dec = seen.expected.T
+    x, y, z = unit_vectors(ra - seen.sidereal, dec).T  # x towards the equator on the meridian, z the pole
+    c, n = cos(radians(turn_deg)), sin(radians(turn_deg))
+    turned = np.stack([c * x - n * z, y, n * x + c * z], axis=1)
+    found = np.array([radec_deg(vector) for vector in turned])
+    found[:, 0] += seen.sidereal
+    return found

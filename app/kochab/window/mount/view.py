@@ -39,7 +39,7 @@ MERIDIAN_TIP = (
     "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
     "alt-azimuth mount goes on without a flip."
 )
-DIAGNOSE_TIP = "Take a frame and find the cause of the offset: summer time, epoch, site, hemisphere, cone error"
+DIAGNOSE_TIP = "Take a frame and find the cause of the offset: summer time, epoch, site, polar axis, cone error"
 ALIGNING = "Polar alignment (F4) is using the mount"
 
 
