@@ -273,6 +273,7 @@ class Five:
 
     def __init__(self, count=5):
         self.vectors = CAMERA.unproject(np.full((count, 2), 200.0))
+        self.sigma_rad = np.full(count, 1e-4)  # of the catalogue's places: 0.3 px
         self.matrices = []
 
     def expected(self, _camera, matrix, _count, _inset):
@@ -291,7 +292,9 @@ def looks(monkeypatch):
 
     def told(*answers, stars=5, sharp=False):
         calls, left, sky = [], list(answers), Five(stars)
-        monkeypatch.setattr(track_windows, "look", lambda _f, xy, half, _c, **how: calls.append((half, how)) or len(xy))
+        monkeypatch.setattr(
+            track_windows, "look", lambda _f, xy, half, _c, **how: calls.append((half, how)) or seen_at(xy)
+        )
 
         def matched(_camera, matrix, _vectors, _places, _seen, half, roll_px, *, looks):
             calls[-1] += (half, roll_px, looks)
@@ -309,7 +312,8 @@ def looks(monkeypatch):
 def test_what_is_found_well_is_looked_at_once(looks) -> None:
     found, calls, seen, count = looks(agreed(5))
     assert calls == [(12, {"adapt": False, "sharp": False}, 12, 3.0, 1)]
-    assert (found.sky, found.seen, found.found.log10_false_alarm, count) == (seen, 5, -9.0, 1)
+    assert (found.sky is seen, found.found.log10_false_alarm, count) == (True, -9.0, 1)
+    assert found.seen.sigma_px == pytest.approx([np.hypot(0.1, 0.3)] * 5)
 
 
 def test_what_is_not_found_is_looked_for_again_as_if_it_were_smeared(looks) -> None:
