@@ -174,7 +174,7 @@ def astrometry_net(detections: Detections) -> Place | None:
         command = ["solve-field", "--overwrite", "--no-plots", "--dir", folder, "--cpulimit", str(LIMIT_S)]
         try:
             subprocess.run(
-                [*command, *size, *names, *bounds, str(stars)], capture_output=True, timeout=20 * LIMIT_S, check=False
+                [*command, *size, *names, *bounds, str(stars)], capture_output=True, timeout=60 * LIMIT_S, check=False
             )
         except subprocess.TimeoutExpired:
             return None
