@@ -10,7 +10,7 @@ import pytest
 from kochab.cli.main import main
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import LineLostError, PortError, RefusedError
-from kochab.core.mount import Ability, Direction, Epoch
+from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.coordinates import sidereal_deg
@@ -149,9 +149,9 @@ def test_it_tells_its_site_and_side_and_does_what_it_says(server, guard) -> None
     site = guard.site_report().site
     assert (site.latitude_deg, site.longitude_deg) == pytest.approx((SITE.latitude_deg, SITE.longitude_deg), abs=1e-3)
     assert guard.state().pier_side is not None
-    assert not guard.lacks
+    assert not {Ability.PULSE, Ability.MOVE, Ability.TRACKING, Ability.PARK, Ability.SITE} & set(guard.lacks)
     for on in (False, True):
-        guard.track(on)
+        guard.track(TrackingRate.SIDEREAL if on else TrackingRate.OFF)
         assert guard.state().tracking is on
         assert server.get(f"{guard.device}.TELESCOPE_TRACK_STATE.TRACK_{'ON' if on else 'OFF'}") == "On"
     guard.pulse(Direction.NORTH, 200)
@@ -219,6 +219,7 @@ def test_a_classic_lx200_without_pulses_says_what_it_lacks(tmp_path) -> None:
 
 def test_a_dead_server_and_a_lost_mount_are_told_with_one_sentence(tmp_path) -> None:
     with indi_server(tmp_path, PROGRAMS[SIMULATOR]) as server:
+        server.set(f"{SIMULATOR}.CONNECTION.CONNECT=On")
         mount = open_mount("indi", "", site=SITE)  # the only telescope of this computer
         server.set(f"{SIMULATOR}.CONNECTION.DISCONNECT=On")
         wait_for(lambda: mount._device.value("CONNECTION", "CONNECT") == "Off")

@@ -9,7 +9,7 @@ from typing import ClassVar, Unpack
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport
+from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts import MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount
 from kochab.gear.mounts.probe import Diagnosis
@@ -28,6 +28,9 @@ PARTS = {
     Ability.PULSE: ("TELESCOPE_TIMED_GUIDE_NS", "TIMED_GUIDE_N"),
     Ability.MOVE: ("TELESCOPE_MOTION_NS", "MOTION_NORTH"),
     Ability.TRACKING: ("TELESCOPE_TRACK_STATE", "TRACK_ON"),
+    **{rate.ability: ("TELESCOPE_TRACK_MODE", f"TRACK_{rate.name}") for rate in TrackingRate if rate.name != "OFF"},
+    Ability.PARK: ("TELESCOPE_PARK", "PARK"),
+    Ability.UNPARK: ("TELESCOPE_PARK", "UNPARK"),
     Ability.SITE: ("GEOGRAPHIC_COORD", "LAT"),
     Ability.TIME: ("TIME_UTC", "UTC"),
 }
@@ -64,7 +67,10 @@ class IndiMount(ServerMount):
                 link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
-                    self._lacks[ability] = f"The INDI driver of {device.name} has no {part[0]}."
+                    self._lacks[ability] = f"{device.name} has no {'.'.join(part)} in INDI: use its hand control."
+            self._lacks[Ability.HOME] = "INDI's drivers have no home in common: use the hand control."
+            if Ability.TRACKING not in self._lacks and device.state("TELESCOPE_TRACK_MODE") is None:
+                del self._lacks[Ability.SIDEREAL]  # the only rate
             if Ability.STOP in self._lacks:  # nothing may begin that cannot be ended
                 self._lacks |= dict.fromkeys((Ability.GOTO, Ability.MOVE), self._lacks[Ability.STOP])
             failing.pop_all()
@@ -100,12 +106,14 @@ class IndiMount(ServerMount):
         self._device.check()
         state, on = self._device.state, self._on
         moves = (self._at, "TELESCOPE_MOTION_NS", "TELESCOPE_MOTION_WE", "TELESCOPE_PARK")
+        rates = [rate for rate in TrackingRate if on("TELESCOPE_TRACK_MODE", f"TRACK_{rate.name}")]
         sides = [side for side in PierSide if on("TELESCOPE_PIER_SIDE", f"PIER_{side.name}")]
         return MountState(
             slewing="Busy" in map(state, moves),
-            parked=on("TELESCOPE_PARK", "PARK"),
+            parked=on("TELESCOPE_PARK", "PARK") and state("TELESCOPE_PARK") != "Busy",
             tracking=on("TELESCOPE_TRACK_STATE", "TRACK_ON"),
             pier_side=sides[0] if len(sides) == 1 else None,
+            rate=rates[0] if len(rates) == 1 else None,
         )
 
     def altaz_deg(self) -> None:
@@ -206,10 +214,25 @@ class IndiMount(ServerMount):
             if not self._on("TELESCOPE_SLEW_RATE", rate):
                 self._device.set("TELESCOPE_SLEW_RATE", {rate: "On"}, "slew rate")
 
-    def track(self, on: bool) -> None:
-        """Sidereal, as far as another program has not chosen another rate."""
-        self.require(Ability.TRACKING)
-        self._begin("TELESCOPE_TRACK_STATE", {"TRACK_ON" if on else "TRACK_OFF": "On"}, "change of tracking")
+    def track(self, rate: TrackingRate) -> None:
+        """The rate, then tracking on."""
+        self.require(rate.ability)
+        if self._on("TELESCOPE_TRACK_MODE", f"TRACK_{rate.name}") is False:
+            self._begin("TELESCOPE_TRACK_MODE", {f"TRACK_{rate.name}": "On"}, "tracking rate")
+        switch = "TRACK_OFF" if rate is TrackingRate.OFF else "TRACK_ON"
+        self._begin("TELESCOPE_TRACK_STATE", {switch: "On"}, "change of tracking")
+
+    def park(self) -> None:
+        """``TELESCOPE_PARK``."""
+        self.require(Ability.PARK)
+        with self.moving():
+            self._begin("TELESCOPE_PARK", {"PARK": "On"}, "park")
+            self._unsettled_s = monotonic() + SETTLES_S
+
+    def unpark(self) -> None:
+        """The same."""
+        self.require(Ability.UNPARK)
+        self._begin("TELESCOPE_PARK", {"UNPARK": "On"}, "unpark")
 
     def _begin(self, vector: str, members: dict[str, str], what: str) -> None:
         """Order something and see that the driver has taken it."""

@@ -58,6 +58,10 @@ class ServerMount:
         self.watchdog.disarm()
         self.halt()
 
+    def go_home(self) -> None:
+        """Begin to go home."""
+        raise RefusedError(self._lacks[Ability.HOME])
+
     def halt(self) -> None:
         """Send Stop and see that the server has taken it."""
         raise NotImplementedError
