@@ -52,6 +52,14 @@ def test_a_mount_that_does_not_tell_its_time_is_no_hindrance() -> None:
     assert sighted(b.guard, solved).beliefs == SiteReport()
 
 
+@pytest.mark.parametrize("alt_azimuth", [True, False, None])
+def test_a_sighting_has_how_the_mount_stands(alt_azimuth) -> None:
+    b = bench(good(lost_deg=0.0))
+    state = b.mount.state()
+    b.mount.state = lambda: replace(state, alt_azimuth=alt_azimuth)
+    assert sighted(b.guard, run(b.solve_now())).alt_azimuth is alt_azimuth
+
+
 def test_the_mounts_clock_is_carried_to_the_time_of_the_frame() -> None:
     b = bench(good(lost_deg=0.0))
     b.mount.site_report = lambda: SiteReport(SITE, b.guard.clock())

@@ -128,6 +128,7 @@ class MountState:
     aligned: bool | None = None
     tracking: bool | None = None
     pier_side: PierSide | None = None
+    alt_azimuth: bool | None = None
     home_confirmed: bool | None = None
     at_home: bool | None = None
     rate: TrackingRate | None = None

@@ -27,10 +27,12 @@ def test_lx200_classic_toggles_precision_once_and_reads_back() -> None:
         assert set(m.lacks) == {Ability.PULSE, *(rate.ability for rate in TrackingRate), *RESTING}
 
 
-def test_lx200_in_high_precision_is_not_toggled() -> None:
+@pytest.mark.parametrize(("letter", "altaz"), [(b"P", False), (b"G", False), (b"A", True), (b"L", None)])
+def test_lx200_in_high_precision_is_not_toggled(letter, altaz) -> None:
     start = [(b":GVP#", b"Autostar#"), (b":GR#", b"05:30:00#")]
-    with transcript(Lx200, [*start, (b":D#", b"\x7f#"), (b":GW#", b"PT2#")]) as m:
+    with transcript(Lx200, [*start, (b":D#", b"\x7f#"), (b":GW#", letter + b"T2#")]) as m:
         state = m.state()
+        assert state.alt_azimuth is altaz
         assert (state.slewing, state.tracking, state.aligned) == (True, True, True)
         assert Ability.PULSE not in m.lacks
 
@@ -176,8 +178,15 @@ def test_nexstar_goto_sync_state() -> None:
         m.sync(*TARGET)
         state = m.state()
         assert (state.slewing, state.aligned, state.tracking) == (True, True, True)
-        assert state.pier_side is PierSide.WEST
+        assert (state.pier_side, state.alt_azimuth) == (PierSide.WEST, False)
         assert m.identify() == "AVX, hand control 4.21"
+
+
+@pytest.mark.parametrize(("mode", "altaz"), [(0, None), (1, True), (2, False), (3, False)])
+def test_nexstar_tracks_in_altitude_and_azimuth_or_about_an_axis(mode, altaz) -> None:
+    script = [*NEXSTAR_START, (b"p", b"E#"), (b"L", b"0#"), (b"J", b"\x01#"), (b"t", bytes([mode]) + b"#")]
+    with transcript(NexStar, script) as m:
+        assert m.state().alt_azimuth is altaz
 
 
 @pytest.mark.parametrize(

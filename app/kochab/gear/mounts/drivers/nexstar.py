@@ -66,7 +66,8 @@ class NexStar(SerialMount):
             pier_side=side,
             slewing=self.query(protocol.SLEWING, protocol.parse_digit, 2),
             aligned=self.query(protocol.ALIGNED, protocol.parse_flag, 2),
-            tracking=self.byte(protocol.TRACKING) != 0,
+            tracking=(mode := self.byte(protocol.TRACKING)) != 0,
+            alt_azimuth=mode == 1 if mode else None,
         )
 
     def site_report(self) -> SiteReport:

@@ -182,8 +182,9 @@ def pulse(direction: Direction, milliseconds: int) -> bytes:
 
 def parse_scope_status(reply: bytes) -> MountState:
     """Tracking and aligned from Autostar's ``:GW#``: mounting, T or N, stars aligned on."""
-    found = match(rb"[AGPL]([TN])([0-3HP])#", reply, "status")
-    return MountState(tracking=found[1] == b"T", aligned=found[2] != b"0")
+    found = match(rb"([AGPL])([TN])([0-3HP])#", reply, "status")
+    altaz = None if found[1] == b"L" else found[1] == b"A"
+    return MountState(tracking=found[2] == b"T", aligned=found[3] != b"0", alt_azimuth=altaz)
 
 
 def parse_10micron(reply: bytes) -> MountState:
