@@ -8,6 +8,7 @@ whole frame. Both share the stars of the middle, so that their difference is rat
 
 import math
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,8 @@ FIELDS_DEG = (1.0, 3.0, 10.0, 30.0)
 WITHIN = {"within_68": (1.0, 0.6827), "within_95": (1.959964, 0.95)}
 POINTS = 3.0
 CROPS = (0.5, 0.75)
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+"""The date of rendered fields: undated ones are solved for another, and their stars move together."""
 REAL = Path(__file__).resolve().parents[5] / "shared" / "frames"
 """Real photographs beside a checkout; without them there is no row."""
 
@@ -82,12 +85,13 @@ def in_sigmas(answer: Solution, truth: Solution, middle: Floats, more: Floats | 
 
 def _rendered(count: int) -> Floats:
     rng, found = np.random.default_rng(SEED), []
+    dated = SolveOptions(hint=Hint(time_utc=J2000))
     for fov in FIELDS_DEG:
         half = math.tan(math.radians(fov) / 2.0)
         for _ in range(count):
             corner = rng.uniform(-0.02, 0.02) if fov > FIELDS_DEG[1] else 0.0
             image = random_picture(open_catalogue(), rng, FieldPlan(fov, noise_px=0.15, k1=corner / (2.0 * half**2)))
-            answer = drive(solve_frame(image.frame, SolveOptions()))
+            answer = drive(solve_frame(image.frame, dated))
             if isinstance(answer, Solution):
                 truth = Solution(image.camera, image.attitude, (), 0.0, 0.0, "truth")
                 middle = np.array([image.camera.width - 1.0, image.camera.height - 1.0]) / 2.0
