@@ -112,6 +112,13 @@ def run(plan, patience_s):
         client.order("Number", PLACE, RA=plan[act][0] / 15.0, DEC=plan[act][1])
         client.wait(f"arrival after {act}", lambda a=act: client.near(plan[a]))
         seen[act] = client.place()
+    if plan.get("rest"):
+        for name, member in (("TELESCOPE_TRACK_MODE", "TRACK_LUNAR"), ("TELESCOPE_PARK", "PARK")):
+            client.order("Switch", name, **{member: "On"})
+            client.wait(
+                member, lambda n=name, m=member: values[n].get(m) == "On" and states[n] != "Busy" and n in client.told
+            )
+            seen[member] = states[name]
     return seen
 
 

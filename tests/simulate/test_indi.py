@@ -18,7 +18,7 @@ import pytest
 
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Home
+from kochab.core.mount import Home, TrackingRate
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.drivers.skywatcher import ZEROS
 from kochab.simulate.mechanics.geometry import MountConfig
@@ -147,6 +147,39 @@ def driven(request, tmp_path_factory):
     finally:
         for line in lines:
             line.stop()
+
+
+@pytest.mark.parametrize("driver", ["indi_lx200_OnStep", "indi_ioptronv3_telescope"])
+def test_a_driver_of_indi_tracks_the_moon_and_parks(driver, tmp_path):
+    network = own_network()
+    if shutil.which(driver) is None:
+        pytest.skip(f"{driver} is not there: apt-get install indi-bin")
+    device, name = FAMILIES[driver]
+    telescope = bench()
+    responder, place, _ = begin(name, telescope)
+    telescope.sync(*place)
+    line = pty_line(responder)
+    plan = {"driver": driver, "device": device, "port": line.port, "sync": None, "goto": None, "rest": True}
+    plan["site"] = telescope.latitude_deg, telescope.longitude_deg
+    try:
+        ran = subprocess.run(
+            [*network, sys.executable, str(Path(__file__).with_name("responder_indi.py"))],
+            input=json.dumps({"drivers": [plan], "patience_s": PATIENCE_S}),
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S + 30.0,
+            env={**os.environ, "HOME": str(tmp_path)},
+        )
+        assert ran.returncode == 0, ran.stderr
+        told = json.loads(ran.stdout)[driver]
+        assert told == {"TRACK_LUNAR": "Ok", "PARK": "Ok"}
+        assert responder.tracking_rate is TrackingRate.LUNAR
+        deadline = time.monotonic() + 10.0
+        while not telescope.parked and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert telescope.parked
+    finally:
+        line.stop()
 
 
 @pytest.mark.parametrize("driver", FAMILIES)
