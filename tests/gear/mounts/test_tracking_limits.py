@@ -196,3 +196,11 @@ def test_a_mount_that_contradicts_the_computer_is_told(ahead_s, site, told) -> N
     assert re.search(told, guard.clock_doubt()) if told else guard.clock_doubt() == ""
     mount.site_report = lambda: (_ for _ in ()).throw(NoAnswerError("silent"))
     assert guard.clock_doubt() == ""
+
+
+@pytest.mark.parametrize("side", [PierSide.EAST, PierSide.WEST])
+@pytest.mark.parametrize("hour", [90.0, -90.0])
+def test_a_mount_at_home_may_begin_to_track_whatever_side_it_reports_there(hour, side) -> None:
+    guard, mount = tracking(hour, 89.99, replace(WEST_OF_PIER, pier_side=side, tracking=False))
+    guard.track(TrackingRate.SIDEREAL)
+    assert mount.did == [("track", TrackingRate.SIDEREAL)]

@@ -320,7 +320,7 @@ class MotionPolicy:
         """Why it must not track on for so long, on its way to the west; empty when it may, or nothing is known."""
         if self.site is None or state.home_confirmed is False:
             return ""
-        still = self.plan("track", here, state, (here.ra_deg, here.dec_deg))
+        still = leaving_home(self.plan("track", here, state, (here.ra_deg, here.dec_deg)))
         plan = with_move(still, Direction.WEST, seconds * SIDEREAL_DEG_S)
         return next(iter(preview_of(plan, plan.start_deg, plan.target_deg, TRACKING_RULES).refusals), "")
 
