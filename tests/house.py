@@ -18,6 +18,17 @@ from tests.patterns import REPOSITORY
 
 SOURCE = REPOSITORY / "app" / "kochab"
 SAMPLES = REPOSITORY / "resources" / "samples"
+LINES = 55_000
+"""The most there may be for what the program could do on the day the house was redrawn (54,957 then)."""
+ADDED = {
+    "mounts behind INDI and Alpaca servers": 620,
+    "park, home and tracking rates": 330,
+    "limits while tracking, a horizon of one's own, power cycles of a motor board": 210,
+    "one model of what is wrong with a mount": 140,
+    "the catalogue and the camera in a tracked frame's error": 40,
+    "the profile in Live, a picture cleared before the next, an end without waiting": 60,
+}
+"""What it has learned since, and how many lines more that may take; every other change must fit below."""
 
 
 @dataclass(frozen=True)
@@ -281,7 +292,7 @@ def numbers() -> list[Number]:
     solve, sync, live, axis = executed_by_solve(), walked(SYNCS), walked(LIVE), walked(AXIS)
     return [
         Number("modules", len(texts), 350),
-        Number("lines", sum(lengths), 55_000),
+        Number("lines", sum(lengths), LINES + sum(ADDED.values())),
         Number("lines of a module, median", median(lengths)),
         Number("lines of the longest module", max(lengths), 500),
         Number("comment lines in a hundred", round(100 * comments / sum(lengths), 1)),
@@ -292,7 +303,7 @@ def numbers() -> list[Number]:
         Number("lines the formatter must skip", sum(text.count("# fmt: skip") for text in texts), 29),
         Number("files executed by kochab solve", len(solve), 45, " ".join(solve)),
         Number("files from the yes to Sync to the bytes", len(sync), 30, " ".join(sync)),
-        Number("files from a live frame to the overlay", len(live), 39, " ".join(live)),
+        Number("files from a live frame to the overlay", len(live), 42, " ".join(live)),
         Number("files from solved pictures to the axis", len(axis), 18, " ".join(axis)),
     ]
 
