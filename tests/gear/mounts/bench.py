@@ -13,6 +13,7 @@ from kochab.simulate.responders import open_responder
 from kochab.simulate.serial_line import Faults, pty_line
 from tests.simulate.bench_telescope import BenchTelescope
 
+from .alpaca_telescope import AlpacaTelescope, alpaca_server
 from .indi_server import indi_server
 
 SITE = Site(50.0, 8.0)
@@ -73,6 +74,23 @@ def indi(home):
         yield bench
 
 
+@contextmanager
+def alpaca(home):
+    """A telescope behind an Alpaca server written from ASCOM's reference."""
+    clock = Night()
+    telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, clock.unix)
+    start = place(-20.0, 40.0, clock)
+    telescope.sync(*start)
+    telescope.log.clear()
+    device = AlpacaTelescope(telescope)
+    with alpaca_server(device) as server:
+        port = f"127.0.0.1:{server.port}/0"
+        line = SimpleNamespace(transcript=[])
+        found = SimpleNamespace(telescope=telescope, line=line, clock=clock, port=port, start=start, device=device)
+        found.open = lambda: opened("alpaca", port, clock)
+        yield found
+
+
 def opened(driver, port, clock):
     """The driver on a port; a motor board is told where it points, as after every start."""
     mount = open_mount(driver, port, site=SITE, clock=clock, home=Home.NOW)
@@ -101,4 +119,17 @@ def _ra_rate_is_the_skys(telescope):
     return abs(telescope._rates[0]) < 0.006  # a motor board tracks by a bare rate
 
 
-__all__ = ["LIMITS", "SITE", "START", "Night", "indi", "moved", "opened", "place", "simulated", "still", "where"]
+__all__ = [
+    "LIMITS",
+    "SITE",
+    "START",
+    "Night",
+    "alpaca",
+    "indi",
+    "moved",
+    "opened",
+    "place",
+    "simulated",
+    "still",
+    "where",
+]

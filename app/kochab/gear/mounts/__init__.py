@@ -21,11 +21,12 @@ DRIVERS: Registry[Mount] = Registry(
         "ioptron": "kochab.gear.mounts.drivers.ioptron:Ioptron",
         "skywatcher": "kochab.gear.mounts.drivers.skywatcher:SkyWatcher",
         "indi": "kochab.gear.mounts.drivers.indi:IndiMount",
+        "alpaca": "kochab.gear.mounts.drivers.alpaca:AlpacaMount",
     },
 )
 
 
-SERVERS = ("indi",)  # drivers of mounts behind a server, which is found by its address in place of a port
+SERVERS = ("indi", "alpaca")  # drivers of mounts behind a server, which is found by its address in place of a port
 STOP_REPLY_S = 0.5  # the reply to the Stop that opens a line has come by then
 
 

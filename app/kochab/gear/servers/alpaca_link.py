@@ -44,9 +44,9 @@ class AlpacaLink:
         self._transaction = count(1)
         self._answered = False
 
-    def get(self, path: str, limit_s: float = ANSWER_S) -> Any:
-        """The value of a property, ``camera/0/gain`` for one."""
-        return self._value(self.fetch(f"/api/v1/{path}", limit_s)[0])
+    def get(self, path: str, limit_s: float = ANSWER_S, query: Mapping[str, object] | None = None) -> Any:
+        """The value of a property, ``camera/0/gain`` for one, of what is in ``query`` where it depends on that."""
+        return self._value(self.fetch(f"/api/v1/{path}", limit_s, query=query)[0])
 
     def put(self, path: str, values: Mapping[str, object], limit_s: float = ANSWER_S) -> None:
         """Set a property or call a method."""
@@ -64,13 +64,16 @@ class AlpacaLink:
                 if str(d.get("DeviceType", "")).lower() == self._kind
             )
 
-    def fetch(self, path: str, limit_s: float, accept: str = "*/*") -> tuple[bytes, str]:
+    def fetch(
+        self, path: str, limit_s: float, accept: str = "*/*", query: Mapping[str, object] | None = None
+    ) -> tuple[bytes, str]:
         """The bytes of an answer and their content type.
 
         Raises `PortError` when nobody listens, `LineLostError` when somebody did before and has gone, `NoAnswerError`
         when the answer is none that Alpaca knows.
         """
-        return self._ask("GET", f"{path}?{urlencode(self._ids())}", limit_s, None, {"Accept": accept})
+        asked = urlencode({**(query or {}), **self._ids()})
+        return self._ask("GET", f"{path}?{asked}", limit_s, None, {"Accept": accept})
 
     def close(self) -> None:
         """Let the connection go."""

@@ -58,6 +58,14 @@ class ServerMount:
         self.watchdog.disarm()
         self.halt()
 
+    def park(self) -> None:
+        """Begin to go to its park position."""
+        raise RefusedError(self._lacks[Ability.PARK])
+
+    def unpark(self) -> None:
+        """Be ready to move again."""
+        raise RefusedError(self._lacks[Ability.UNPARK])
+
     def go_home(self) -> None:
         """Begin to go home."""
         raise RefusedError(self._lacks[Ability.HOME])

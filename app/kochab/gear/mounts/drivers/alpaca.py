@@ -1,0 +1,214 @@
+"""A mount behind an ASCOM Alpaca server, whose port another program may hold."""
+
+from contextlib import closing, suppress
+from datetime import UTC, datetime
+from typing import Any, ClassVar, Unpack
+
+from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
+from kochab.gear.mounts import MountSettings
+from kochab.gear.mounts.drivers.server_mount import ServerMount
+from kochab.gear.mounts.probe import Diagnosis
+from kochab.gear.servers.address import chosen, making_sense, net_address
+from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
+
+POWER_UP_S = 20.0
+EPOCHS = {2: Epoch.J2000}  # ``EquatorialSystem``; 0 is unknown and 1 topocentric, the epoch of date
+SIDES = {0: PierSide.EAST, 1: PierSide.WEST}
+DIRECTIONS = (Direction.NORTH, Direction.SOUTH, Direction.EAST, Direction.WEST)
+RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING)  # ``DriveRates``
+GERMAN = 2  # ``AlignmentMode``
+CAN = {
+    Ability.SYNC: "cansync",
+    Ability.GOTO: "canslewasync",
+    Ability.PULSE: "canpulseguide",
+    Ability.TRACKING: "cansettracking",
+}
+
+
+class AlpacaMount(ServerMount):
+    """The telescope at ``host:port/number``; its number may be left out when there is one only.
+
+    Every exchange has a connection of its own, so that Stop never waits behind another.
+    """
+
+    name: ClassVar[str] = "alpaca"
+    title: ClassVar[str] = "ASCOM Alpaca server"
+
+    @making_sense()
+    def __init__(self, address: str, **settings: Unpack[MountSettings]) -> None:
+        self._where = where = net_address(address, PORT)
+        self._open = True
+        self._link = AlpacaLink(where, "telescope")
+        try:
+            self._start(settings)
+        except BaseException:
+            self._leave()
+            raise
+
+    def _start(self, settings: MountSettings) -> None:
+        """Find the telescope and what it can do."""
+        where = self._where
+        told = [(str(number), name) for number, name in self._link.devices()]
+        self._path = f"telescope/{chosen(told, where, 'Alpaca', 'telescope')}/"
+        self._put("connected", POWER_UP_S, Connected=True)
+        epoch = EPOCHS.get(int(self._get("equatorialsystem", 0)), Epoch.DATE)
+        super().__init__(settings.get("epoch") or epoch, self._leave)
+        for ability, name in CAN.items():
+            if not self._get(name, False):
+                self._lacks[ability] = f"The mount's Alpaca driver reports that it cannot do this ({name} is false)."
+        offered = self._get("trackingrates", None) or [0]
+        for number, rate in enumerate(RATES):
+            if Ability.TRACKING in self._lacks or number not in offered:
+                self._lacks[rate.ability] = "The mount's Alpaca driver has no command for this rate."
+        for ability in (Ability.PARK, Ability.UNPARK, Ability.HOME):  # older drivers answer only when they are there
+            self._lacks[ability] = "Kochab does not do this over Alpaca: use the hand control or the server's own menu."
+        if Ability.GOTO in self._lacks:
+            self._lacks[Ability.MOVE] = self._lacks[Ability.GOTO]
+        for ability, name in ((Ability.SITE, "sitelatitude"), (Ability.TIME, "utcdate")):
+            if self._get(name, None) is None:
+                self._lacks[ability] = f"The mount's Alpaca driver does not report its {ability.value.split()[-1]}."
+
+    @classmethod
+    def found(cls, address: str) -> list[Diagnosis]:
+        """The telescopes of a server, by default of all that answer on the network."""
+        servers = [address] if address else discover()
+        told = []
+        for where in (net_address(server, PORT) for server in servers):
+            with suppress(NoAnswerError, PortError), closing(AlpacaLink(where, "telescope")) as link:
+                told += [Diagnosis(f"{where.server}/{n}", cls.name, name=name) for n, name in link.devices()]
+        return told
+
+    def identify(self) -> str:
+        """Its name on the server."""
+        return str(self._get("name", "Alpaca telescope"))
+
+    @making_sense()
+    def position(self) -> Pointing:
+        """Where it says it points."""
+        self.watchdog.check()
+        ra, dec = float(self._get("rightascension")), float(self._get("declination"))
+        if not (0.0 <= ra <= 24.0 and abs(dec) <= 90.0):
+            raise NoAnswerError(f"The mount reports no valid position: {ra:g} h, {dec:g}°.")
+        return Pointing(ra * 15.0 % 360.0, dec, self.epoch)
+
+    @making_sense()
+    def state(self) -> MountState:
+        """As the server shows it, and whoever else moves the mount."""
+        parked, tracking = self._get("atpark", None), self._get("tracking", None)
+        return MountState(
+            slewing=bool(self._get("slewing")),
+            parked=None if parked is None else bool(parked),
+            tracking=None if tracking is None else bool(tracking),
+            rate=dict(enumerate(RATES)).get(int(self._get("trackingrate", -1))),
+            pier_side=SIDES.get(int(self._get("sideofpier", -1))),
+        )
+
+    @making_sense()
+    def altaz_deg(self) -> tuple[float, float] | None:
+        """Altitude and azimuth where it reports them."""
+        altitude, azimuth = self._get("altitude", None), self._get("azimuth", None)
+        return None if altitude is None or azimuth is None else (float(altitude), float(azimuth))
+
+    @making_sense()
+    def site_report(self) -> SiteReport:
+        """Its site and its clock, in universal time."""
+        latitude, longitude = self._get("sitelatitude", None), self._get("sitelongitude", None)
+        site = None
+        if latitude is not None and longitude is not None:
+            site = Site(float(latitude), float(longitude), float(self._get("siteelevation", 0.0)))
+        utc = self._get("utcdate", None)
+        return SiteReport(site, utc and datetime.fromisoformat(str(utc).strip().rstrip("Z")).replace(tzinfo=UTC))
+
+    def sync(self, ra_deg: float, dec_deg: float) -> None:
+        """``SyncToCoordinates``."""
+        self.require(Ability.SYNC)
+        self._put("synctocoordinates", ANSWER_S, **_place(ra_deg, dec_deg))
+
+    def goto(self, ra_deg: float, dec_deg: float) -> None:
+        """``SlewToCoordinatesAsync``, for which the mount has to track."""
+        self.require(Ability.GOTO)
+        with self.moving() as check:
+            if Ability.TRACKING not in self._lacks and not self._get("tracking"):
+                self._put("tracking", Tracking=True)
+            check()
+            self._put("slewtocoordinatesasync", ANSWER_S, **_place(ra_deg, dec_deg))
+
+    def halt(self) -> None:
+        """``AbortSlew``, over a connection of its own."""
+        with closing(AlpacaLink(self._where, "telescope")) as link:
+            try:
+                link.put(self._path + "abortslew", {})
+            except RefusedError:
+                if link.get(self._path + "slewing"):
+                    raise  # else nothing moves, as of a mount that is parked
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """The server itself ends it."""
+        self.require(Ability.PULSE)
+        self._put("pulseguide", Direction=DIRECTIONS.index(direction), Duration=milliseconds)
+
+    def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
+        """By as much, as a slew that ends by itself: which way Alpaca's MoveAxis turns, its drivers do not tell."""
+        self.require(Ability.MOVE)
+        here, angle = self.position(), rate_deg_s * seconds
+        sign = 1.0 if direction in (Direction.NORTH, Direction.EAST) else -1.0
+        ra, dec = here.ra_deg, here.dec_deg
+        if direction.in_dec:
+            dec = max(-90.0, min(90.0, dec + sign * angle))
+        else:
+            ra = (ra + sign * angle) % 360.0
+        if self._would_flip(ra, dec):
+            raise RefusedError("The mount would flip on this move: slew across the meridian instead.")
+        self.goto(ra, dec)
+
+    @making_sense()
+    def _would_flip(self, ra_deg: float, dec_deg: float) -> bool:
+        if int(self._get("alignmentmode", GERMAN)) != GERMAN:
+            return False
+        try:
+            after = self._link.get(f"{self._path}destinationsideofpier", query=_place(ra_deg, dec_deg))
+        except RefusedError as error:
+            raise RefusedError("The mount does not tell whether it would flip on this move: slew instead.") from error
+        finally:
+            self._link.close()
+        return int(after) != int(self._get("sideofpier", -1))
+
+    def track(self, rate: TrackingRate) -> None:
+        """The rate, then tracking on."""
+        self.require(rate.ability)
+        if rate in RATES and self._get("trackingrate", 0) != RATES.index(rate):
+            self._put("trackingrate", TrackingRate=RATES.index(rate))
+        self._put("tracking", Tracking=rate is not TrackingRate.OFF)
+
+    def _leave(self) -> None:
+        self._open = False
+        self._link.close()
+
+    def _get(self, name: str, *default: Any) -> Any:
+        """A property, or the ``default``, where there is one, of a mount that has it not or not just now."""
+        self._check()
+        try:
+            return self._link.get(self._path + name)
+        except RefusedError:
+            if not default:
+                raise
+            return default[0]
+        finally:
+            self._link.close()
+
+    def _put(self, name: str, limit_s: float = ANSWER_S, /, **values: object) -> None:
+        self._check()
+        try:
+            self._link.put(self._path + name, values, limit_s)
+        finally:
+            self._link.close()
+
+    def _check(self) -> None:
+        if not self._open:
+            raise LineLostError("The connection was closed.")
+
+
+def _place(ra_deg: float, dec_deg: float) -> dict[str, object]:
+    return {"RightAscension": f"{ra_deg / 15.0 % 24.0:.9f}", "Declination": f"{dec_deg:.8f}"}
