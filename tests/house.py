@@ -22,7 +22,7 @@ LINES = 55_000
 """The most there may be for what the program could do on the day the house was redrawn (54,957 then)."""
 ADDED = {
     "mounts behind INDI and Alpaca servers": 620,
-    "park, home and tracking rates": 330,
+    "park, home and tracking rates": 450,
     "limits while tracking, a horizon of one's own, power cycles of a motor board": 210,
     "one model of what is wrong with a mount": 140,
     "the catalogue and the camera in a tracked frame's error": 40,
