@@ -10,6 +10,7 @@ from kochab.cli import mount as mount_cli
 from kochab.cli.main import main
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Site
+from kochab.core.mount import TrackingRate
 from kochab.gear.mounts import DRIVERS, probe
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers import lx200
@@ -42,6 +43,38 @@ def run(capsys, *arguments):
     return code, json.loads(out)
 
 
+@pytest.mark.parametrize("driver", ["onstep", "ioptron"])
+def test_park_unpark_home_and_track_are_previewed_then_done(capsys, driver) -> None:
+    with simulated(driver) as (telescope, port):
+        line = ("--port", port, "--driver", driver, "--site", "50,8")
+        for action in ("park", "home"):
+            code, told = run(capsys, action, *line)
+            assert (code, told["done"], told["preview"]["allowed"], telescope.log) == (0, False, True, [])
+        code, told = run(capsys, "park", *line, "--yes")
+        assert (code, told["done"], told["state"]["parked"], telescope.parked) == (0, True, True, True)
+        code, told = run(capsys, "home", *line, "--yes")
+        assert (code, "unpark it" in told["error"]) == (1, True)
+        code, told = run(capsys, "unpark", *line, "--yes")
+        assert (code, told["state"]["parked"], telescope.parked) == (0, False, False)
+        code, told = run(capsys, "home", *line, "--yes")
+        assert (code, told["state"]["at_home"]) == (0, True)
+        code, told = run(capsys, "track", "lunar", *line)
+        assert (code, told["done"], telescope.tracking) == (0, False, False)
+        code, told = run(capsys, "track", "lunar", *line, "--yes")
+        assert (code, told["rate"], told["state"]["rate"]) == (0, "lunar", "lunar")
+        assert telescope.tracking_deg_s == TrackingRate.LUNAR.deg_s
+
+
+def test_what_the_mount_has_no_command_for_is_refused_in_one_sentence(capsys) -> None:
+    with simulated("nexstar") as (telescope, port):
+        for action in (("park",), ("home",), ("unpark",), ("track", "lunar")):
+            code, told = run(capsys, *action, "--port", port, "--driver", "nexstar", "--yes")
+            assert (code, list(told)) == (1, ["error"])
+            assert told["error"].endswith("use its menu.")
+        assert telescope.log == []
+    assert main(["mount", "track", "fast"]) == 2
+
+
 def test_position_is_icrs_and_the_mounts_own(capsys) -> None:
     with simulated("nexstar") as (telescope, port):
         code, told = run(capsys, "position", "--port", port, "--driver", "nexstar")
@@ -51,7 +84,7 @@ def test_position_is_icrs_and_the_mounts_own(capsys) -> None:
         assert apart_deg((told["mount_ra_deg"], told["mount_dec_deg"]), believed) < 0.001
         assert 0.02 < apart_deg((told["ra_deg"], told["dec_deg"]), believed) < 0.5
         assert told["state"]["aligned"] is True
-        assert told["lacks"] == {}
+        assert {"park", "unpark", "go home", "lunar rate"} < set(told["lacks"])
 
 
 def test_position_tells_when_the_mount_speaks_in_the_other_epoch(capsys) -> None:

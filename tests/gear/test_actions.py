@@ -29,7 +29,7 @@ def test_every_slew_needs_goto_and_a_confirmed_home() -> None:
 def test_what_may_turn_dec_is_excluded_by_an_alignment_by_hand() -> None:
     """A sync that the mount refuses becomes a slew; a nudge in right ascension is the person's own."""
     excluded = {row.name for row in ACTIONS.values() if Need.NOT_BY_HAND in row.needs}
-    assert excluded == {"goto", "centre", "bring", "nudge dec", "sync", "accept", "polar"}
+    assert excluded == {"goto", "centre", "bring", "nudge dec", "sync", "accept", "park", "home", "polar"}
     by_hand = MountSituation("on", {}, MountState(), by_hand=True)
     for row in ACTIONS.values():
         assert bool(reason_against_order(row.name, by_hand)) == (row.name in excluded)
@@ -46,6 +46,7 @@ def test_an_order_waits_for_a_line_that_is_opened_and_for_no_other() -> None:
 def test_every_need_is_checked_by_an_action_that_has_it(need) -> None:
     without = {
         Need.UNPARKED: {"state": MountState(parked=True)},
+        Need.IS_PARKED: {"state": MountState(parked=False)},
         Need.HOME_CONFIRMED: {"state": MountState(home_confirmed=False)},
         Need.NOT_BY_HAND: {"by_hand": True},
         Need.CAMERA: {"camera": False},

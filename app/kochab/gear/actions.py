@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from kochab.core.mount import Ability, MountState
+from kochab.core.mount import Ability, MountState, TrackingRate
 
 CONNECT = "Connect a mount first, or practise with a simulated telescope."
 CONNECTING = "Wait until the mount has answered."
 LEAVING = "Wait until the mount is disconnected."
 LOST = "Connection to the mount lost. Check its cable and power; Kochab reconnects automatically."
 BUSY = "The mount is busy: {}. Wait, or stop it."
-PARKED = "The mount is parked: unpark it on its hand control first."
+PARKED = "The mount is parked: unpark it first."
 BY_HAND = "Polar alignment by hand (F4) is running. End it first, or let the mount turn the axis."
 PHASES = {"off": CONNECT, "connecting": CONNECTING, "leaving": LEAVING, "lost": LOST}
 
@@ -24,6 +24,7 @@ class Need(Enum):
     """What an action needs beside the mount's abilities; the value is the reason against it."""
 
     UNPARKED = PARKED
+    IS_PARKED = "The mount is not parked."
     HOME_CONFIRMED = (
         "Home position not confirmed. Use Sync…, or point the tube at the pole, counterweight down,"
         " and reconnect with “At home” ticked."
@@ -62,6 +63,8 @@ class Action:
 
 _SLEW = (Ability.GOTO, Need.UNPARKED, Need.HOME_CONFIRMED, Need.NOT_BY_HAND)
 POLAR = "polar"
+_REST = (Need.UNPARKED, Need.HOME_CONFIRMED, Need.NOT_BY_HAND)
+TRACK = "track the stars, the Moon or the Sun, or stop tracking"
 _NUDGE = (Ability.MOVE, Need.UNPARKED)
 _ROWS = (
     Action("goto", "slewing to the target", "slew to coordinates or to a name", _SLEW, moves=True, frame_after=True),
@@ -85,7 +88,10 @@ _ROWS = (
     Action("accept", "syncing", needs=(Need.NOT_BY_HAND,), may_slew=True),  # refused, it becomes a slew
     Action("undo", "undoing the sync", "", (Ability.SYNC, Need.SYNC_TO_UNDO)),
     Action("recover", "recovering", "solve blind and sync a lost mount, unattended", (Ability.SYNC,)),
-    Action("track", "switching tracking", "", (Ability.TRACKING, Need.UNPARKED)),
+    Action("park", "parking", "slew to the mount's park position", (Ability.PARK, *_REST), moves=True),
+    Action("unpark", "unparking", "let a parked mount move again", (Ability.UNPARK, Need.IS_PARKED)),
+    Action("home", "going home", "slew to the mount's home", (Ability.HOME, *_REST), moves=True),
+    *(Action(f"track {rate}", "switching tracking", TRACK, (rate.ability, Need.UNPARKED)) for rate in TrackingRate),
     Action("take", "taking a frame", "", (Need.CAMERA,)),
     Action("why", "diagnosing", "find the cause of a pointing offset", (Need.CAMERA,)),
     Action(POLAR, "polar alignment (F4), which turns the RA axis", "", (Need.NOT_BY_HAND,), moves=True),
@@ -125,6 +131,7 @@ class MountSituation:
             return (self.lacks or {}).get(need, "")
         met = {
             Need.UNPARKED: self.state is None or not self.state.parked,
+            Need.IS_PARKED: self.state is None or self.state.parked is not False,
             Need.HOME_CONFIRMED: self.state is None or self.state.home_confirmed is not False,
             Need.NOT_BY_HAND: not self.by_hand,
             Need.CAMERA: self.camera,

@@ -43,7 +43,8 @@ def test_without_a_line_everything_says_why(phase, reason):
 def test_what_the_mount_lacks_is_said_in_its_own_words():
     lacks = {Ability.TRACKING: "It cannot.", Ability.MOVE: "No moves.", Ability.PULSE: "No pulses."}
     told = reasons_against(MountSituation("on", lacks, MountState(), camera=True, solved=True, can_undo=True))
-    assert told["track"] == "It cannot."
+    assert told["track off"] == "It cannot."
+    assert told["track lunar"] == ""
     assert told["nudge"] == "No moves."
     assert told["goto"] == ""
     assert reasons_against(MountSituation("on", {Ability.PULSE: "No."}, MountState()))["nudge"] == ""
@@ -77,8 +78,8 @@ def test_parked_busy_and_blind_have_their_own_reasons():
 def test_while_a_hand_turns_the_axis_only_that_axis_may_turn():
     told = reasons_against(replace(ON, by_hand=True))
     held = {name for name, reason in told.items() if reason == why.BY_HAND}
-    assert held == {"goto", "centre", "bring", "sync", "nudge dec", "accept", why.POLAR}
-    assert not any(told[name] for name in ("nudge", "take", "track", "undo", "why", "stop"))
+    assert held == {"goto", "centre", "bring", "sync", "nudge dec", "accept", "park", "home", why.POLAR}
+    assert not any(told[name] for name in ("nudge", "take", "track off", "undo", "why", "stop"))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QDialog, QDoubleSpinBox, QLineEdit, QWidget
 
 from kochab.core.attitude import apart_deg
-from kochab.core.mount import Direction, Epoch
+from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.gear import actions as why
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
 from kochab.window.mount.status import MountStatus, mount_status_text
@@ -61,9 +61,29 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
         assert "idle" in mount.view.pointing.state.text() or "racking" in (mount.view.pointing.state.text())
         assert mount.view.stop.explanation.reason == ""
         assert mount.view.take.explanation.reason == why.Need.CAMERA.value
-        assert bool(mount.view.tracking.explanation.reason) == (
-            "tracking on and off" in {str(a) for a in mount.opening.guard.lacks}
-        )
+        assert mount.view.rests["park"].explanation.reason == mount.opening.guard.lacks.get(Ability.PARK, "")
+        for i, rate in enumerate(TrackingRate):
+            item, reason = mount.view.tracking.model().item(i), mount.opening.guard.lacks.get(rate.ability, "")
+            assert (item.isEnabled(), item.toolTip()) == (not reason, reason)
+
+
+def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, "onstep") as mount:
+        view, telescope = mount.view, mount.telescope
+        assert view.rests["unpark"].explanation.reason == why.Need.IS_PARKED.value
+        view.rests["park"].click()
+        qtbot.waitUntil(lambda: at_rest(mount) and telescope.parked, timeout=15_000)
+        qtbot.waitUntil(lambda: view.go.goto.explanation.reason == why.PARKED, timeout=5_000)
+        assert view.message.text() == "Parked."
+        assert view.tracking.currentText() == "Tracking off"
+        view.rests["unpark"].click()
+        qtbot.waitUntil(lambda: view.rests["home"].explanation.reason == "" and at_rest(mount), timeout=5_000)
+        view.rests["home"].click()
+        qtbot.waitUntil(lambda: view.message.text() == "At home.", timeout=15_000)
+        view.tracking.activated.emit(list(TrackingRate).index(TrackingRate.LUNAR))
+        qtbot.waitUntil(lambda: view.tracking.currentText() == "Track the Moon", timeout=5_000)
+        assert telescope.tracking_deg_s == TrackingRate.LUNAR.deg_s
 
 
 def test_a_mount_taken_for_another_epoch_than_it_speaks_in_is_told(qtbot, opened, monkeypatch):
@@ -82,13 +102,13 @@ def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands, "lx200") as mount:
         tracking = mount.view.tracking
-        reason = next(iter(r for a, r in mount.opening.guard.lacks.items() if "tracking" in a))
+        reason = mount.opening.guard.lacks[Ability.SIDEREAL]
         assert tracking.toolTip() == tracking.explanation.reason == reason
         assert reason in tracking.accessibleDescription()
         tracking.setFocus()
         assert mount.view.why.isVisible()
         assert mount.view.why.text() == reason
-        tracking.click()
+        tracking.activated.emit(1)
         mount.view.stop.setFocus()
         assert not mount.view.why.isVisible()
         assert not [e for e in mount.telescope.log if e[0] == "track"]

@@ -11,7 +11,7 @@ from kochab.cli.options import CAMERA, MOUNT, SEARCH, add_options, capture_setti
 from kochab.cli.output import reporting_failures, with_progress
 from kochab.core.errors import UsageError
 from kochab.core.mount import Home
-from kochab.gear.actions import ACTIONS
+from kochab.gear.actions import ACTIONS, TRACK
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard
@@ -24,6 +24,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "position": ("status:add_status_action", "position and state of the mount"),
     "sync": ("pointing:add_sync_or_goto", ACTIONS["sync"].help),
     "goto": ("pointing:add_sync_or_goto", ACTIONS["goto"].help),
+    "park": ("rest:add_rest", ACTIONS["park"].help),
+    "unpark": ("rest:add_rest", ACTIONS["unpark"].help),
+    "home": ("rest:add_rest", ACTIONS["home"].help),
+    "track": ("rest:add_rest", TRACK),
     "stop": ("status:add_status_action", ACTIONS["stop"].help),
     "centre": ("pointing:add_centre", ACTIONS["centre"].help),
     "recover": ("recover:add_recover", ACTIONS["recover"].help),

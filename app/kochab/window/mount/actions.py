@@ -114,15 +114,28 @@ class MountActions(QObject):
         if solution is not None:
             self._control.ask("bring", lambda guard: bring_here(guard, solution, star, here))
 
-    def track(self, on: bool) -> None:
-        """Switch tracking."""
+    def track(self, rate: TrackingRate) -> None:
+        """Track at this rate, or stop tracking."""
 
         def switch(guard: Guard) -> Task[str]:
             yield Progress("tracking")
-            guard.track(TrackingRate.SIDEREAL if on else TrackingRate.OFF)
-            return f"Tracking is {'on' if on else 'off'}."
+            guard.track(rate)
+            return "Tracking is off." if rate is TrackingRate.OFF else f"Tracking at the {rate.ability}."
 
-        self._control.ask("track", switch)
+        self._control.ask(f"track {rate}", switch)
+
+    def rest(self, name: str) -> None:
+        """Park, unpark or go home."""
+
+        def do(guard: Guard) -> Task[str]:
+            if name == "unpark":
+                yield Progress("unparking")
+                guard.unpark()
+            else:
+                yield from guard.rest(name)
+            return {"park": "Parked.", "unpark": "Unparked.", "home": "At home."}[name]
+
+        self._control.ask(name, do)
 
     def _ended(self, word: OrderDone | OrderFailed) -> None:
         if isinstance(word, OrderFailed):

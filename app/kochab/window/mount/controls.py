@@ -1,13 +1,13 @@
 """Goto, centre and nudge, and buttons that explain why they cannot be used now."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, Signal
-from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
+from PySide6.QtGui import QKeyEvent, QStandardItemModel
+from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
 
-from kochab.core.mount import SIDEREAL_DEG_S, Direction
+from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
 from kochab.window.widgets import choice_box, column, label, number_field, row, set_property, text_field
 
 
@@ -71,18 +71,51 @@ class ExplainedButton(QPushButton):
             self._pressed()
 
 
-class ExplainedSwitch(QCheckBox):
-    """Shows a state of the mount; a click only asks for the other."""
+RATES = {
+    TrackingRate.OFF: "Tracking off",
+    TrackingRate.SIDEREAL: "Track the stars",
+    TrackingRate.LUNAR: "Track the Moon",
+    TrackingRate.SOLAR: "Track the Sun",
+    TrackingRate.KING: "King rate",
+}
 
-    wanted = Signal(bool)
 
-    def __init__(self, text: str, tip: str) -> None:
-        super().__init__(text)
-        self.explanation = Explanation(self, tip)
+class TrackingChoice(QComboBox):
+    """Shows what the mount tracks; a choice only asks for another."""
 
-    def nextCheckState(self) -> None:
+    wanted = Signal(TrackingRate)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAccessibleName("Tracking rate")
+        for rate, text in RATES.items():
+            self.addItem(text, rate)
+        self.explanation = Explanation(self, "What the mount follows; King’s rate is sidereal with refraction")
+        self._shown: TrackingRate | None = None
+        self.activated.connect(self._choose)
+
+    def show_state(self, state: MountState, reasons: Mapping[str, str]) -> None:
+        """Show what it tracks; ``reasons`` are those against each rate, by the names of the actions."""
+        self._shown = state.rate if state.tracking else None if state.tracking is None else TrackingRate.OFF
+        against = [reasons[f"track {rate}"] for rate in RATES]
+        items = self.model()
+        assert isinstance(items, QStandardItemModel)
+        for i, reason in enumerate(against):
+            item = items.item(i)
+            item.setEnabled(not reason)
+            item.setToolTip(reason)
+        self.explanation.set_reason("" if "" in against else against[1])
+        self.setPlaceholderText("Tracking" if state.tracking else "Tracking: not reported")
+        self._show_rate()
+
+    def _show_rate(self) -> None:
+        self.setCurrentIndex(-1 if self._shown is None else self.findData(self._shown))
+
+    def _choose(self, index: int) -> None:
+        rate = TrackingRate(self.itemData(index))
+        self._show_rate()
         if self.explanation.allows():
-            self.wanted.emit(not self.isChecked())
+            self.wanted.emit(rate)
 
 
 STEPS_ARCSEC = {"10″": 10.0, "30″": 30.0, "1′": 60.0, "5′": 300.0, "20′": 1200.0, "1°": 3600.0, "5°": 18000.0}

@@ -6,6 +6,7 @@ from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from kochab.core.errors import KochabError
+from kochab.core.mount import MountState
 from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
 from kochab.gear.profiles import choose_profile, current_profile, save_selection, saved_profiles
@@ -13,7 +14,7 @@ from kochab.gear.session import CameraSelection, Meridian, MountSelection
 from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.connect_box import ConnectBox
-from kochab.window.mount.controls import ExplainedButton, ExplainedSwitch, GoBox, NudgePad
+from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, TrackingChoice
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
 from kochab.window.shell.views import Services
@@ -40,6 +41,11 @@ MERIDIAN_TIP = (
     "alt-azimuth mount goes on without a flip."
 )
 DIAGNOSE_TIP = "Take a frame and find the cause of the offset: summer time, epoch, site, polar axis, cone error"
+RESTS = {
+    "park": "Slew to the park position that is set in the mount, and stay there",
+    "unpark": "Let a parked mount move again",
+    "home": "Slew to the mount’s own home position",
+}
 ALIGNING = "Polar alignment (F4) is using the mount"
 
 
@@ -70,12 +76,14 @@ class MountView(Page):
             "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
         )
         self.pad = NudgePad(orders.nudge, self.bring)
-        self.tracking = ExplainedSwitch("Tracking", "Follow the sky at the sidereal rate")
+        self.tracking = TrackingChoice()
         self.after = switch("Solve after slew", "Take and solve a frame after each goto or nudge")
         self.go = GoBox(orders.goto, orders.centre, self.after)
         self.meridian = narrow_box("What the mount does at the meridian", 8, Meridian)
         self.meridian.setToolTip(MERIDIAN_TIP)
         self.pointing = PointingBox(self.tracking)
+        rests = {name: ExplainedButton(name.title(), partial(orders.rest, name), tip) for name, tip in RESTS.items()}
+        self.rests = rests
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
         self.stop = ExplainedButton(f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop")
         self.cancel_find = button("Cancel", self.connect_box.cancel_search)
@@ -91,6 +99,7 @@ class MountView(Page):
             "centre": self.go.centre,
             "bring": self.bring,
             "why": self.diagnose,
+            **self.rests,
             "stop": self.stop,
         }
 
@@ -104,9 +113,10 @@ class MountView(Page):
 
     def _cards(self) -> QWidget:
         frames = row(self.take, self.sync, self.undo, self.diagnose, None)
+        meridian = row(label("Meridian"), (self.meridian, 1))
         self.connection = _card(self.connect_box)
         self.compared = _card(self.pointing, frames, self.camera)
-        self.moving = _card(self.go, row(label("Meridian"), (self.meridian, 1)), styled_frame("rule"), self.pad)
+        self.moving = _card(self.go, meridian, row(*self.rests.values(), None), styled_frame("rule"), self.pad)
         inside, top = page(), row((self.name, 1), self.leave)
         parts = (top, self.connection, self.compared, self.moving, None)
         column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))
@@ -222,11 +232,7 @@ class MountView(Page):
         self.pad.allow(why["nudge"], why["nudge dec"])
         if known.connected is not None:
             self.pad.show_rates(known.connected.rates_deg_s)
-        self.tracking.explanation.set_reason(why["track"])
-        if known.report is not None:
-            tracking = known.report.state.tracking
-            self.tracking.setChecked(bool(tracking))
-            self.tracking.setText("Tracking: not reported" if tracking is None else "Tracking")
+        self.tracking.show_state(MountState() if known.report is None else known.report.state, why)
         camera = self.control.camera
         selection = None if camera is None else camera.wish
         if selection != self.camera.selection:

@@ -1,0 +1,55 @@
+"""``kochab mount park``, ``unpark``, ``home`` and ``track``: a preview, and with ``--yes`` the order."""
+
+import argparse
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
+
+from kochab.cli.mount import NOTHING_SENT, add_line_options, guarded_mount, preview_lines
+from kochab.cli.mount.status import where
+from kochab.cli.output import Json, tell, with_progress
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.mount import Ability, TrackingRate
+
+ABILITIES = {"park": Ability.PARK, "unpark": Ability.UNPARK, "home": Ability.HOME}
+
+
+def add_rest(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
+    """Add one of the four."""
+    parser = actions.add_parser(name, help=text)
+    if name == "track":
+        parser.add_argument("rate", type=TrackingRate, choices=list(TrackingRate), help="what the mount follows")
+    add_line_options(parser, run_rest, ("yes", "no-site"))
+
+
+def run_rest(args: argparse.Namespace) -> int:
+    """Preview; then, when asked, do it and tell how the mount is."""
+    travels = args.action in ("park", "home")
+    ability = args.rate.ability if args.action == "track" else ABILITIES[args.action]
+    title = f"track {args.rate}" if args.action == "track" else args.action
+    lines = [title]
+    with guarded_mount(args) as guard:
+        if ability in guard.lacks:
+            raise RefusedError(guard.lacks[ability])
+        told: Json = {"action": args.action, "done": bool(args.yes), **where(args, guard)}
+        if args.action == "track":
+            told["rate"] = str(args.rate)
+        if travels:
+            preview = guard.preview_rest(args.action)
+            told["preview"] = {**asdict(preview), "allowed": preview.allowed}
+            lines += preview_lines(preview, args.yes)
+        elif not args.yes:
+            lines.append(f"  {NOTHING_SENT}")
+        if args.yes:
+            if travels:
+                with_progress(args.action, guard.rest(args.action))
+            elif args.action == "unpark":
+                guard.unpark()
+            else:
+                guard.track(args.rate)
+            lines.append("  done")
+        with suppress(NoAnswerError):  # an Autostar that has parked is silent
+            told |= where(args, guard)
+        told["state"] = asdict(guard.state())
+    tell(told, "\n".join(lines), args.json)
+    return 0
