@@ -18,7 +18,7 @@ from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortEr
 from kochab.gear.servers.address import NetAddress, making_sense, unreachable
 
 PORT = 11111
-ANSWER_S = 5.0
+ANSWER_S = 4.5
 LARGEST_BYTES = 1_500_000_000
 DISCOVERY_PORT = 32227
 QUESTION = b"alpacadiscovery1"

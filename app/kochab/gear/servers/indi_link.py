@@ -19,7 +19,7 @@ from kochab.gear.servers.address import NetAddress, unreachable
 
 T = TypeVar("T")
 CONNECT_S = 5.0
-CALL_S = 5.0
+CALL_S = 4.5
 LARGEST_BYTES = 1_600_000_000  # of a message, in which three bytes are written as four
 PORT = 7624
 TELL_S = 5.0  # how long a server may take to tell what it has
@@ -294,10 +294,9 @@ class IndiDevice:
         """``Idle``, ``Ok``, ``Busy`` or ``Alert``; None when there is no such vector."""
         return self.link.state(self.name, vector)
 
-    def power_up(self, *vectors: str) -> bool:
-        """Connect the device to its driver, until it has these vectors; whether it was not connected before."""
-        off = self.value("CONNECTION", "CONNECT") != "On"
-        if off:
+    def power_up(self, *vectors: str) -> None:
+        """Connect the device to its driver, until it has these vectors."""
+        if self.value("CONNECTION", "CONNECT") != "On":
             self.send("CONNECTION", {"CONNECT": "On"})
 
         def ready() -> bool:
@@ -306,7 +305,6 @@ class IndiDevice:
 
         if not self.link.wait(ready, POWER_UP_S):
             raise PortError(f"Can't connect {self.name}{self.said()}. Check its cable and power.")
-        return off
 
     def check(self) -> None:
         """Raise LineLostError when the server has gone, or the device is no longer connected."""

@@ -54,7 +54,7 @@ class IndiMount(ServerMount):
             names = [(name, name) for name in link.named(TELESCOPE_INTERFACE, where.rest)]
             self._device = device = IndiDevice(link, chosen(names, where, "INDI", "telescope"))
             begun = monotonic()
-            turned_on = device.power_up()
+            device.power_up()
             link.wait(lambda: monotonic() - max(link.defined_s, begun) > MORE_S and self._place() in PLACES, CALL_S)
             self._at = self._place()
             if not self._at:
@@ -62,9 +62,8 @@ class IndiMount(ServerMount):
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + MORE_S)
             self._unsettled_s = self._refused_s = 0.0
-            if turned_on:  # a driver that has not asked the mount yet reports a place of its own
-                asked = monotonic()
-                link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+            asked = monotonic()  # a driver just turned on, or told its site, reports a place of before that
+            link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
                     self._lacks[ability] = f"{device.name} has no {'.'.join(part)} in INDI: use its hand control."
