@@ -262,7 +262,7 @@ def test_along_the_polar_axis_declination_cannot_be_told(rho_deg, told):
 
 @pytest.mark.parametrize(("sigmas", "moved"), [(4.4, False), (4.55, True)])
 def test_bolts_are_refuted_when_ra_is_off_the_clock_by_the_root_of_twenty_sigmas(sigmas, moved):
-    """Of both frames' errors of the turn and the clock's."""
+    """The sigma combines both frames' rotation errors and the clock error."""
     (before, now), _ = two_moments(600.0, 0.0)
     sigma = np.sqrt(2.0 * 20.0**2 + 20.0**2) * ARCSEC  # their slope is that of the roll
     for sign in (1.0, -1.0):

@@ -196,7 +196,7 @@ def sighting(ra_off=0.0, dec_off=0.0, sky=(200.0, 30.0), **more):
 
 
 def cause(off_deg, **more):
-    """One that would put the mount so many degrees north of what it says, with tiny terms and one noise."""
+    """A cause that puts the mount so many degrees north of its report, with tiny terms and a single noise level."""
     tiny = dict.fromkeys(("offset", "axis", "cone"), (1e-6,)) | {"noise": (0.6,)}
     return Cause(
         f"{off_deg}", "Mend it.", lambda seen: seen.said + np.array([0.0, off_deg]), **({"weight": 0.2} | tiny | more)

@@ -326,7 +326,7 @@ def epochs(last: MountSighting) -> Iterator[Cause]:
         f"Choose the epoch {option} for this mount (--epoch {option}).",
         lambda seen: np.array([to_mount_epoch(*s.sky_deg, other, s.time_utc) for s in seen.sightings]),
         0.15,
-        f"The mount reports {words[other]} but is read as {words[last.said.epoch]}.",
+        f"The mount reports {words[other]} but Kochab takes its coordinates as {words[last.said.epoch]}.",
         offset=SMALL,  # where the mount was well aligned, but in another epoch
         axis=SMALL,
         cone=SMALL,

@@ -137,7 +137,7 @@ class CameraBox(QWidget):
         self._arrange()
 
     def follow(self, cameras: Cameras, is_free: Callable[[], bool] = lambda: True) -> None:
-        """Search through ``cameras``, show what is found and, while ``is_free``, what another view has chosen."""
+        """Use ``cameras`` to search, show what they find and, while ``is_free``, adopt another view's choice."""
         self.look_wanted.connect(cameras.look)
         cameras.found.connect(self.show_found)
         cameras.missed.connect(self.show_missed)

@@ -66,7 +66,7 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
 
 @contextmanager
 def indi(home):
-    """The same behind INDI's own driver for iOptron mounts."""
+    """The same mount, reached through INDI's own iOptron driver."""
     with simulated("ioptron") as bench, indi_server(home, "indi_ioptronv3_telescope") as server:
         device = "iOptronV3"
         server.set(f"{device}.DEVICE_AUTO_SEARCH.INDI_DISABLED=On", f"{device}.DEVICE_PORT.PORT={bench.port}")

@@ -92,7 +92,7 @@ def wifi(loss=0.0, seed=1, slew_deg_s=60.0):
 
 
 def test_a_datagram_holds_one_command_and_nothing_else() -> None:
-    """L92. Two commands that are written together, as the Stop that opens a line, are two datagrams."""
+    """L92. Two commands written together, like the Stop sent on opening a line, travel as two datagrams."""
     with wifi() as w:
         link = SerialLink(w.board.port)
         link.write(b":L1\r:L2\r")

@@ -127,7 +127,7 @@ def reaching(ways: list[dict]) -> tuple[int, np.ndarray]:
 
 
 def interval(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What may be expected where so many are seen: Poisson's 95 % limits (Garwood 1936)."""
+    """The 95 % Poisson limits of the mean when so many are counted (Garwood 1936)."""
     low = np.where(seen > 0, chi2.ppf(0.025, np.maximum(2 * seen, 1)) / 2.0, 0.0)
     return low, np.asarray(chi2.ppf(0.975, 2 * seen + 2) / 2.0)
 

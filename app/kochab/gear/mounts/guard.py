@@ -261,7 +261,7 @@ class Guard:
         yield from self._finish(action, self.supervisor.rest(action, self.limits.slew_timeout_s))
 
     def unpark(self) -> None:
-        """Be ready to move again."""
+        """Unpark it, so that it can move again."""
         self._require_ability(Ability.UNPARK)
         self._send("unpark", 0.0, self.mount.unpark)
         if self.state().parked:

@@ -51,7 +51,7 @@ def named(truth: RandomField, hint: Hint | None = None) -> Row:
 
 
 def field_row(fields: str, mode: str, answers: Sequence[Row]) -> Row:
-    """One line of the table of fields that are named."""
+    """One row of the table: how many of these fields were identified."""
     of_rich = summary(answers, rich=("rich", np.sum), rich_right=("rich_right", np.sum))
     share = of_rich["rich_right"] / of_rich["rich"] if of_rich["rich"] else math.nan
     return answers_row(fields, mode, answers) | of_rich | {"success_10_stars": share}

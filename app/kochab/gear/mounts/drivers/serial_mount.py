@@ -51,7 +51,7 @@ class SerialMount:
         self._lacks |= {ability: otherwise for ability in switched if ability not in commands}
 
     def switch(self, ability: Ability) -> None:
-        """Send such a command, which is answered by 1 where it is accepted."""
+        """Send the command for this ability; the mount answers 1 when it accepts it."""
         self.require(ability)
         self.require_accepted(self.commands[ability], f"The mount refuses this command: {ability}.")
 
@@ -64,7 +64,7 @@ class SerialMount:
         self.switch(Ability.PARK)
 
     def unpark(self) -> None:
-        """Be ready to move again."""
+        """Unpark it, so that it can move again."""
         self.switch(Ability.UNPARK)
 
     def go_home(self) -> None:

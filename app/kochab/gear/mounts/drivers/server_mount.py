@@ -63,7 +63,7 @@ class ServerMount:
         raise RefusedError(self._lacks[Ability.PARK])
 
     def unpark(self) -> None:
-        """Be ready to move again."""
+        """Unpark it, so that it can move again."""
         raise RefusedError(self._lacks[Ability.UNPARK])
 
     def go_home(self) -> None:

@@ -185,13 +185,13 @@ class SkyWatcher(SerialMount):
         return self.kept / f"{re.sub('[^A-Za-z0-9]+', '-', self.talk.link.port)}-{self.version}-{turns}.json"
 
     def recall(self) -> KeptZero | None:
-        """What the last program has kept; a damaged file is none."""
+        """What the last program saved; None when the file is damaged."""
         with suppress(OSError, ValueError, TypeError):
             return KeptZero(**json.loads(file.read_text("utf-8"))) if (file := self.kept_file()) else None
         return None
 
     def keep(self) -> None:
-        """Keep the zero and the counters that were read last; a full disk holds up no mount."""
+        """Save the zero point and the last counters read; a full disk does not stop the mount's work."""
         file = self.kept_file()
         if file is None or not self.home_confirmed:
             return
