@@ -2,7 +2,7 @@
 
 import json
 from contextlib import contextmanager
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -63,6 +63,26 @@ def test_park_unpark_home_and_track_are_previewed_then_done(capsys, driver) -> N
         code, told = run(capsys, "track", "lunar", *line, "--yes")
         assert (code, told["rate"], told["state"]["rate"]) == (0, "lunar", "lunar")
         assert telescope.tracking_deg_s == TrackingRate.LUNAR.deg_s
+
+
+def test_a_wrong_clock_is_told_refused_and_set(capsys) -> None:
+    telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 60.0)
+    telescope.sync((sidereal_deg(SITE, datetime.now(UTC)) + 90.0) % 360.0, 85.0)
+    responder = open_responder("onstep", telescope)
+    responder.settings.clock_error = timedelta(hours=2)
+    with serve_pty(responder) as port:
+        line = ("--port", port, "--driver", "onstep", "--site", "50,8")
+        there = ("--ra-deg", str(sidereal_deg(SITE, datetime.now(UTC)) + 60.0), "--dec-deg", "80")
+        wrong = "its clock is 2.0 h fast (summer time or zone?)"
+        code, told = run(capsys, "goto", *there, *line, "--yes")
+        assert (code, wrong in told["error"], telescope.slewing) == (1, True, False)
+        code, told = run(capsys, "goto", *there, *line, "--trust-mount")
+        assert (code, told["preview"]["allowed"]) == (0, True)
+        for yes in ((), ("--yes",)):
+            code, told = run(capsys, "set-clock", *line, *yes)
+            assert (code, told["done"], wrong in told["clock_doubt"]) == (0, bool(yes), not yes)
+        code, told = run(capsys, "goto", *there, *line)
+        assert (code, told["preview"]["allowed"]) == (0, True)
 
 
 def test_what_the_mount_has_no_command_for_is_refused_in_one_sentence(capsys) -> None:

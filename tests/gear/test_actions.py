@@ -53,6 +53,8 @@ def test_every_need_is_checked_by_an_action_that_has_it(need) -> None:
         Need.CAMERA_OR_SOLUTION: {"camera": False, "solved": False},
         Need.SOLVED_FRAME: {"solved": False},
         Need.SYNC_TO_UNDO: {"can_undo": False},
+        Need.AGREEMENT: {"doubt": "Its clock is slow."},
+        Need.SYNCED: {"until_sync": "It has shifted."},
     }[need]
     from dataclasses import replace
 

@@ -78,6 +78,8 @@ class Ability(StrEnum):
     HOME = "go home"
     SITE = "report its site"
     TIME = "report its time"
+    SET_SITE = "set its site"
+    SET_CLOCK = "set its clock"
 
 
 class TrackingRate(StrEnum):
@@ -136,7 +138,7 @@ class MountState:
 
 @dataclass(frozen=True, slots=True)
 class SiteReport:
-    """The site and time that a mount uses; None where it does not report them. Read, never sent.
+    """The site and time that a mount uses; None where it does not report them.
 
     ``utc_offset_h`` is east positive, summer time included.
     """
@@ -188,6 +190,12 @@ class Mount(Protocol):
 
     def site_report(self) -> SiteReport:
         """The site and time it uses, as far as it reports them."""
+
+    def set_site(self, site: Site) -> None:
+        """Let it use this site."""
+
+    def set_clock(self, now: datetime) -> None:
+        """Set its clock and its zone to a local time, whose zone is of whole hours."""
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set its coordinates to these; nothing moves."""

@@ -34,6 +34,8 @@ class Need(Enum):
     CAMERA_OR_SOLUTION = "Choose a camera above, or open a frame that solves."
     SOLVED_FRAME = "Solve a frame first: its solution shows where the star is."
     SYNC_TO_UNDO = "No sync to undo."
+    AGREEMENT = "The mount’s clock or site contradicts this computer’s: see above."
+    SYNCED = "The mount’s position shifted with its new clock or site: sync first, see above."
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class Action:
         return self.moves or self.may_slew
 
 
-_SLEW = (Ability.GOTO, Need.UNPARKED, Need.HOME_CONFIRMED, Need.NOT_BY_HAND)
+_SLEW = (Ability.GOTO, Need.UNPARKED, Need.HOME_CONFIRMED, Need.AGREEMENT, Need.SYNCED, Need.NOT_BY_HAND)
 POLAR = "polar"
 _REST = (Need.UNPARKED, Need.HOME_CONFIRMED, Need.NOT_BY_HAND)
 TRACK = "track the stars, the Moon or the Sun, or stop tracking"
@@ -82,7 +84,7 @@ _ROWS = (
         "sync",
         "solving twice",
         "sync the mount on a solved frame",
-        (Ability.SYNC, Need.UNPARKED, Need.NOT_BY_HAND, Need.CAMERA_OR_SOLUTION),
+        (Ability.SYNC, Need.UNPARKED, Need.AGREEMENT, Need.NOT_BY_HAND, Need.CAMERA_OR_SOLUTION),
         instead=(Ability.GOTO, Need.CAMERA),  # a mount that cannot be synced slews by the offset
     ),
     Action("accept", "syncing", needs=(Need.NOT_BY_HAND,), may_slew=True),  # refused, it becomes a slew
@@ -92,6 +94,8 @@ _ROWS = (
     Action("unpark", "unparking", "let a parked mount move again", (Ability.UNPARK, Need.IS_PARKED)),
     Action("home", "going home", "slew to the mount's home", (Ability.HOME, *_REST), moves=True),
     *(Action(f"track {rate}", "switching tracking", TRACK, (rate.ability, Need.UNPARKED)) for rate in TrackingRate),
+    Action("set clock", "setting the clock", "set the mount's clock to this computer's", (Ability.SET_CLOCK,)),
+    Action("set site", "setting the site", "set the mount's site to yours", (Ability.SET_SITE,)),
     Action("take", "taking a frame", "", (Need.CAMERA,)),
     Action("why", "diagnosing", "find the cause of a pointing offset", (Need.CAMERA,)),
     Action(POLAR, "polar alignment (F4), which turns the RA axis", "", (Need.NOT_BY_HAND,), moves=True),
@@ -124,6 +128,8 @@ class MountSituation:
     solved: bool = False
     can_undo: bool = False
     by_hand: bool = False
+    doubt: str = ""
+    until_sync: str = ""
 
     def missing(self, need: Ability | Need) -> str:
         """Why ``need`` is not met; empty when it is."""
@@ -138,6 +144,8 @@ class MountSituation:
             Need.CAMERA_OR_SOLUTION: self.camera or self.solved,
             Need.SOLVED_FRAME: self.solved,
             Need.SYNC_TO_UNDO: self.can_undo,
+            Need.AGREEMENT: not self.doubt,
+            Need.SYNCED: not self.until_sync,
         }[need]
         return "" if met else need.value
 

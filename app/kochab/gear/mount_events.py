@@ -36,11 +36,13 @@ class EpochDoubted(MountEvent):
 
 @dataclass(frozen=True, slots=True)
 class PositionReport(MountEvent):
-    """Where it says it points, ICRS degrees, and how it is."""
+    """Where it says it points, ICRS degrees, how it is, and what its clock or site forbids: all, or all but a sync."""
 
     icrs_deg: tuple[float, float]
     state: MountState
     can_undo: bool = False
+    doubt: str = ""
+    until_sync: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -69,7 +69,7 @@ class MountLine:
         self._stops = 0  # an order that was wished for before a Stop is given up
         self._guard: Guard | None = None
         self._looked = self._spoke = 0.0
-        self._unasked = True  # which epoch it speaks in
+        self._unasked = True  # which epoch it speaks in, and which clock and site it has
         self._watched, self._limit = 0.0, ""  # when its tracking was compared with the limits, and what was told
         self._stage = ""  # what was told last
 
@@ -190,7 +190,8 @@ class MountLine:
             return
         self._looked = monotonic()
         try:
-            said = events.PositionReport(guard.position_icrs(), guard.state(), guard.can_undo)
+            doubts = guard.policy.doubt, guard.policy.until_sync
+            said = events.PositionReport(guard.position_icrs(), guard.state(), guard.can_undo, *doubts)
             if monotonic() - self._watched >= WATCH_S:
                 self._watched = monotonic()
                 before, self._limit = self._limit, guard.hold_limits()
@@ -207,7 +208,8 @@ class MountLine:
         """The question that may take a while, after the first report."""
         if self._unasked:
             self._unasked = False
-            for doubt in filter(None, (guard.epoch_doubt(), guard.clock_doubt())):
+            guard.clock_doubt()
+            if doubt := guard.epoch_doubt():
                 self._tell(events.EpochDoubted(doubt))
 
     def _wait_for(self, guard: Guard, error: LineLostError, order: MountOrder | None = None) -> Task[None]:
@@ -229,6 +231,7 @@ class MountLine:
             tried = monotonic()
             try:
                 guard.reconnect()
+                self._unasked = True
                 again = _connected(guard)
             except DeviceError as still:
                 self._tell(events.LineLost(str(error), str(still)))

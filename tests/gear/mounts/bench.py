@@ -46,7 +46,8 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, slew_deg_s, clock.unix)
     telescope.aligned = aligned
     faults = Faults(late_s=0.5)
-    line = pty_line(open_responder(driver, telescope), faults)
+    responder = open_responder(driver, telescope)
+    line = pty_line(responder, faults)
     start = place(-20.0, 40.0, clock)
     telescope.sync(*start)
     telescope.log.clear()
@@ -54,6 +55,7 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
         yield SimpleNamespace(
             telescope=telescope,
             line=line,
+            settings=None if driver == "skywatcher" else responder.settings,
             faults=faults,
             clock=clock,
             port=line.port,

@@ -2,9 +2,11 @@
 
 import gc
 import logging
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,7 +16,6 @@ from kochab.core.progress import run
 from kochab.gear.mounts import guard as guarding
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
-from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
 from tests.gear.mounts.imaginary import NIGHT, NOON, SILENT, Imaginary, at, guarded
 
@@ -491,12 +492,17 @@ def test_without_a_site_the_sun_is_taken_to_be_up() -> None:
 # -- time, site and hemisphere ----------------------------------------------------------------
 
 
-def test_nothing_of_the_guard_or_a_driver_can_set_time_or_site() -> None:
-    from kochab.gear.mounts import DRIVERS
+def test_clock_and_site_are_set_by_what_a_person_asks_for_alone() -> None:
+    """See test_clock_and_site.py."""
+    import kochab
 
-    for thing in (Guard, *DRIVERS.loaded().values()):
-        setters = [n for n in dir(thing) if n.startswith("set_") and ("time" in n or "site" in n)]
-        assert not setters
+    callers = {
+        path.name
+        for path in Path(kochab.__file__).parent.rglob("*.py")
+        if re.search(r"\.set_(clock|site)\b", path.read_text("utf-8")) and "protocols" not in path.parts
+    }
+    drivers = {"lx200.py", "nexstar.py", "ioptron.py"}  # which call their protocols' functions
+    assert callers - drivers == {"guard.py", "rest.py", "actions.py"}
 
 
 # -- the record -------------------------------------------------------------------------------

@@ -3,13 +3,14 @@
 import json
 import threading
 import time
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from kochab.cli.main import main
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import LineLostError, PortError, RefusedError
+from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
@@ -235,3 +236,21 @@ def test_a_dead_server_and_a_lost_mount_are_told_with_one_sentence(tmp_path) -> 
         mount.close()
         with pytest.raises(PortError, match=r"No INDI server at localhost:7624\. Start indiserver there"):
             open_mount("indi", "localhost")
+
+
+def test_its_clock_and_site_are_set_as_indis_own_client_reads_them(server, guard) -> None:
+    guard.clock_and_site.trust()
+    guard.set_site(Site(48.25, -11.5, 300.0))
+    place = [float(server.get(f"{guard.device}.GEOGRAPHIC_COORD.{name}")) for name in ("LAT", "LONG", "ELEV")]
+    assert place == pytest.approx([48.25, 348.5, 300.0], abs=1e-3)
+    now = datetime.now(UTC)
+    guard.set_clock(now - timedelta(hours=1))
+    utc = datetime.fromisoformat(server.get(f"{guard.device}.TIME_UTC.UTC")).replace(tzinfo=UTC)
+    assert abs((utc - now).total_seconds() + 3600.0) < 10.0
+    guard.clock_and_site.forget()
+    assert "its clock is 1.0 h slow (summer time or zone?) and its site is 48.25, -11.5" in guard.clock_doubt()
+    with pytest.raises(RefusedError, match="contradicts"):
+        guard.goto(*at(-30.0, 60.0))
+    guard.set_clock()
+    guard.set_site(Site(SITE.latitude_deg, SITE.longitude_deg, 120.0))
+    assert guard.clock_doubt() == ""

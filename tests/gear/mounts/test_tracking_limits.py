@@ -4,20 +4,18 @@ import itertools
 import math
 import re
 from dataclasses import replace
-from datetime import timedelta
 
 import pytest
 
-from kochab.core.errors import NoAnswerError, RefusedError
-from kochab.core.frame import Site
-from kochab.core.mount import Ability, Home, MountState, PierSide, SiteReport, TrackingRate
+from kochab.core.errors import RefusedError
+from kochab.core.mount import Ability, Home, MountState, PierSide, TrackingRate
 from kochab.gear.mount_events import LimitReached, OrderDone
 from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import motion_policy
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from tests.gear.mounts.bench import SITE, place
-from tests.gear.mounts.imaginary import NIGHT, at, guarded
+from tests.gear.mounts.imaginary import at, guarded
 from tests.gear.mounts.test_conformance import wait_for
 from tests.gear.mounts.test_skywatcher_home import board
 
@@ -176,26 +174,6 @@ def test_how_long_it_may_track_on_is_told() -> None:
 
 
 # -- clock and site of the mount ----------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("ahead_s", "site", "told"),
-    [
-        (30.0, SITE, None),
-        (-3600.0, SITE, "its clock is 1.0 h slow"),
-        (300.0, None, "its clock is 5 min fast"),
-        (None, Site(50.0, -8.0), r"its site is 50.*, -8.*, not 50"),
-        (7200.0, Site(-50.0, 8.0), "its clock is 2.0 h fast and its site is"),
-        (None, None, None),
-    ],
-)
-def test_a_mount_that_contradicts_the_computer_is_told(ahead_s, site, told) -> None:
-    guard, mount = guarded()
-    report = SiteReport(site, None if ahead_s is None else NIGHT + timedelta(seconds=ahead_s))
-    mount.site_report = lambda: report
-    assert re.search(told, guard.clock_doubt()) if told else guard.clock_doubt() == ""
-    mount.site_report = lambda: (_ for _ in ()).throw(NoAnswerError("silent"))
-    assert guard.clock_doubt() == ""
 
 
 @pytest.mark.parametrize("side", [PierSide.EAST, PierSide.WEST])

@@ -1,6 +1,7 @@
 """The Mount view over a simulated telescope: what is shown, asked for, refused, lost and stopped."""
 
 import threading
+from datetime import timedelta
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QDialog, QDoubleSpinBo
 
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
+from kochab.core.progress import Progress
 from kochab.gear import actions as why
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
 from kochab.window.mount.status import MountStatus, mount_status_text
@@ -84,6 +86,38 @@ def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, opened):
         view.tracking.activated.emit(list(TrackingRate).index(TrackingRate.LUNAR))
         qtbot.waitUntil(lambda: view.tracking.currentText() == "Track the Moon", timeout=5_000)
         assert telescope.tracking_deg_s == TrackingRate.LUNAR.deg_s
+
+
+def test_a_clock_that_contradicts_greys_the_slews_and_is_set_by_one_click(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, "onstep") as mount:
+        view, doubted = mount.view, mount.view.doubted
+        assert not doubted.isVisible()
+        settings, guard = mount.bench.settings, mount.opening.guard
+        settings.clock_error = -timedelta(hours=1)
+        mount.control.order("look", lambda guard: looking(guard))
+        qtbot.waitUntil(lambda: doubted.isVisible() and at_rest(mount), timeout=15_000)
+        assert "its clock is 1.0 h slow (summer time or zone?)" in view.doubt.text()
+        for greyed in (view.go.goto, view.sync):
+            assert greyed.explanation.reason == why.Need.AGREEMENT.value
+        assert view.pad.buttons[Direction.NORTH].explanation.reason == ""
+        view.settles["set clock"].click()
+        qtbot.waitUntil(lambda: not doubted.isVisible() and at_rest(mount), timeout=15_000)
+        assert abs(settings.clock_error.total_seconds()) < 3.0
+        assert "The mount has this computer’s clock." in mount.said
+        assert view.go.goto.explanation.reason == ""
+        settings.clock_error = timedelta(hours=1)
+        mount.control.order("look", lambda guard: looking(guard))
+        qtbot.waitUntil(lambda: doubted.isVisible() and at_rest(mount), timeout=15_000)
+        view.trust.click()
+        qtbot.waitUntil(lambda: not doubted.isVisible() and at_rest(mount), timeout=15_000)
+        assert view.go.goto.explanation.reason == ""
+        assert guard.clock_doubt() == ""
+
+
+def looking(guard):
+    guard.clock_doubt()
+    yield Progress("looking")
 
 
 def test_a_mount_taken_for_another_epoch_than_it_speaks_in_is_told(qtbot, opened, monkeypatch):

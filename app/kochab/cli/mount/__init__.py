@@ -28,6 +28,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "unpark": ("rest:add_rest", ACTIONS["unpark"].help),
     "home": ("rest:add_rest", ACTIONS["home"].help),
     "track": ("rest:add_rest", TRACK),
+    "set-clock": ("rest:add_rest", ACTIONS["set clock"].help),
+    "set-site": ("rest:add_rest", ACTIONS["set site"].help),
     "stop": ("status:add_status_action", ACTIONS["stop"].help),
     "centre": ("pointing:add_centre", ACTIONS["centre"].help),
     "recover": ("recover:add_recover", ACTIONS["recover"].help),
@@ -64,14 +66,18 @@ def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int],
     for name, text in SWITCHES.items():
         if name in moves:
             parser.add_argument(f"--{name}", action="store_true", help=text)
-    parser.set_defaults(run=reporting_failures(run, 1), limits=None, **dict.fromkeys(("no_site", "allow_flip"), False))
+    parser.set_defaults(run=reporting_failures(run, 1), limits=None, **dict.fromkeys(FALSE, False))
 
 
 SWITCHES = {
     "yes": "carry it out (default: preview only)",
     "no-site": "allow it without a site, so without a horizon limit",
     "allow-flip": "allow a meridian flip",
+    "trust-mount": "the mount is right where its clock or site differs from this computer's",
 }
+
+
+FALSE = ("no_site", "allow_flip", "trust_mount")
 
 
 def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> "Guard":
@@ -90,7 +96,10 @@ def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> "Guard"
         allow_flip=args.allow_flip or limits.allow_flip,
         crosses_meridian=args.fork or limits.crosses_meridian,
     )
-    return guarded(selection, args.site, limits=limits, stop_first=stop_first)
+    guard = guarded(selection, args.site, limits=limits, stop_first=stop_first)
+    if args.trust_mount:
+        guard.clock_and_site.trust()
+    return guard
 
 
 def preview_lines(preview: "Preview", done: bool = False) -> list[str]:

@@ -45,7 +45,7 @@ def add_sync_or_goto(actions: "argparse._SubParsersAction[Any]", name: str, text
     """Add ``sync`` or ``goto``."""
     parser = actions.add_parser(name, help=text)
     add_target(parser)
-    moves = ("yes", "no-site", "allow-flip") if name == "goto" else ("yes", "no-site")
+    moves = ("yes", "no-site", "allow-flip", "trust-mount") if name == "goto" else ("yes", "no-site", "trust-mount")
     add_line_options(parser, run_sync_or_goto, moves)
     parser.set_defaults(arm=False)
     if name == "sync":
@@ -99,7 +99,7 @@ def add_centre(actions: "argparse._SubParsersAction[Any]", name: str, text: str)
         name, help=text, description="Exit code: 0 centred (or, without --yes, previewed), 1 not, 2 usage."
     )
     add_target(parser)
-    add_line_options(parser, run_centre, ("yes", "no-site", "allow-flip"))
+    add_line_options(parser, run_centre, ("yes", "no-site", "allow-flip", "trust-mount"))
     add_camera(parser)
     parser.add_argument(
         "--tolerance", type=between(1.0, 36000.0, "arcsec"), default=60.0, metavar="ARCSEC", help="centred within (60)"

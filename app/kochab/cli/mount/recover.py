@@ -28,7 +28,7 @@ def add_recover(actions: "argparse._SubParsersAction[Any]", name: str, text: str
         "start count. A script or a timer syncs at once; at a terminal it is a preview until you "
         "add --yes. Exit code: 0 synced (or previewed), 1 not, 2 usage.",
     )
-    add_line_options(parser, run_recover, ("no-site",))
+    add_line_options(parser, run_recover, ("no-site", "trust-mount"))
     add_camera(parser, files=True)
     parser.add_argument(
         "--yes",

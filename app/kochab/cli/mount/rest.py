@@ -1,4 +1,4 @@
-"""``kochab mount park``, ``unpark``, ``home`` and ``track``: a preview, and with ``--yes`` the order."""
+"""``kochab mount park``, ``unpark``, ``home``, ``track``, ``set-clock`` and ``set-site``: a preview, or the order."""
 
 import argparse
 from contextlib import suppress
@@ -11,11 +11,17 @@ from kochab.cli.output import Json, tell, with_progress
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import Ability, TrackingRate
 
-ABILITIES = {"park": Ability.PARK, "unpark": Ability.UNPARK, "home": Ability.HOME}
+ABILITIES = {
+    "park": Ability.PARK,
+    "unpark": Ability.UNPARK,
+    "home": Ability.HOME,
+    "set-clock": Ability.SET_CLOCK,
+    "set-site": Ability.SET_SITE,
+}
 
 
 def add_rest(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
-    """Add one of the four."""
+    """Add one of them."""
     parser = actions.add_parser(name, help=text)
     if name == "track":
         parser.add_argument("rate", type=TrackingRate, choices=list(TrackingRate), help="what the mount follows")
@@ -43,11 +49,15 @@ def run_rest(args: argparse.Namespace) -> int:
         if args.yes:
             if travels:
                 with_progress(args.action, guard.rest(args.action))
-            elif args.action == "unpark":
-                guard.unpark()
-            else:
+            elif args.action == "track":
                 guard.track(args.rate)
+            else:
+                {"unpark": guard.unpark, "set-clock": guard.set_clock, "set-site": guard.set_site}[args.action]()
             lines.append("  done")
+        if args.action.startswith("set-"):
+            guard.clock_doubt()
+            told["clock_doubt"] = guard.policy.doubt or guard.policy.until_sync
+            lines += filter(None, [told["clock_doubt"]])
         with suppress(NoAnswerError):  # an Autostar that has parked is silent
             told |= where(args, guard)
         told["state"] = asdict(guard.state())

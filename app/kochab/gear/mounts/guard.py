@@ -2,7 +2,7 @@
 
 Everything that moves a mount does it through a :class:`Guard`, itself a :class:`~kochab.core.mount.Mount`.
 A motion is planned and allowed by its policy, written into its log, supervised while it lasts, and
-ended by its emergency stop when something goes wrong. Time and site are never sent to a mount.
+ended by its emergency stop when something goes wrong. Time and site are sent only when a person asks for it.
 """
 
 import weakref
@@ -14,20 +14,19 @@ from time import sleep
 from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
-from kochab.core.angle_text import site_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
 from kochab.core.progress import Task
 from kochab.gear.journal import MotionLog, utc_now
+from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import EmergencyStop
 from kochab.gear.mounts.motion_plan import Limits, Preview, SyncEvidence
-from kochab.gear.mounts.motion_policy import MotionPolicy
+from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 
-CLOCK_S, SITE_DEG = 120.0, 0.5  # a clock and a site that are set by hand
 OVERRUN, OVERRUN_KNOWN = 4.0, 1.25  # how much further a move may go: rate unknown, or reported
 
 
@@ -70,6 +69,7 @@ class Guard:
         self.policy = MotionPolicy(site, limits or Limits(), clock)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
         self.supervisor = SlewSupervisor(self.emergency, self.log, clock)
+        self.clock_and_site = ClockAndSite(self.policy)
         self._reopen = reopen
         self._sync_shift_deg: tuple[float, float] | None = None  # what takes the last sync back
         self._finalizer = weakref.finalize(self, self.emergency.at_exit)
@@ -78,12 +78,13 @@ class Guard:
 
     @property
     def site(self) -> Site | None:
-        """The site of the mount, for the horizon and the meridian; never sent."""
+        """The site of the mount, for the horizon and the meridian."""
         return self.policy.site
 
     @site.setter
     def site(self, site: Site | None) -> None:
         self.policy.site = site
+        self.clock_and_site.forget()
 
     @property
     def limits(self) -> Limits:
@@ -141,21 +142,34 @@ class Guard:
 
     def clock_doubt(self) -> str:
         """What the mount's own clock and site contradict of the computer's; empty when nothing, or nothing is told."""
-        try:
-            report = self.mount.site_report()
-        except NoAnswerError:
-            return ""
-        found = []
-        if report.time_utc is not None:
-            ahead_s = (report.time_utc - self.clock()).total_seconds()
-            if abs(ahead_s) > CLOCK_S:
-                size = f"{abs(ahead_s) / 3600.0:.1f} h" if abs(ahead_s) >= 3600.0 else f"{abs(ahead_s) / 60.0:.0f} min"
-                found.append(f"its clock is {size} {'fast' if ahead_s > 0 else 'slow'}")
-        if report.site is not None and self.site is not None:
-            pairs = [(one.longitude_deg, one.latitude_deg) for one in (report.site, self.site)]
-            if apart_deg(*pairs) > SITE_DEG:
-                found.append(f"its site is {site_text(report.site)}, not {site_text(self.site)}")
-        return f"Check the mount's settings: {' and '.join(found)}. Set them on its hand control." if found else ""
+        return self.clock_and_site.ask(self.mount)
+
+    # -- the mount's clock and site: set only when a person asks for it --------------------------
+
+    def set_clock(self, now: datetime | None = None) -> None:
+        """Set the mount's clock to the computer's."""
+        self._set(Ability.SET_CLOCK, lambda: self.mount.set_clock(wall_clock(now or self.clock())))
+
+    def set_site(self, site: Site | None = None) -> None:
+        """Set the mount's site to the one used here."""
+        site = site or self.site
+        if site is None:
+            self._refuse("set site", "No site set: set your site first.")
+        self._set(Ability.SET_SITE, lambda: self.mount.set_site(site))
+
+    def _set(self, ability: Ability, do: Callable[[], None]) -> None:
+        """A mount whose position has moved with its clock must be synced before it slews."""
+        self._require_ability(ability)
+        if self.state().slewing or self.emergency.moving:
+            self._refuse(str(ability), "The mount is moving: stop it first.")
+        self.supervisor.forget()
+        before = self.position()
+        self._send(str(ability), 0.0, do)
+        self.clock_and_site.shifted(before, self.position())
+        self.log.add(str(ability), "done", self.policy.until_sync)
+        self.clock_and_site.ask(self.mount)
+        if ability in self.clock_and_site.wrong:
+            self._refuse(str(ability), f"The mount did not take it. {self.policy.doubt}")
 
     # -- syncs: on evidence, read back, and taken back on request -------------------------------
 
@@ -163,6 +177,7 @@ class Guard:
         self, ra_deg: float, dec_deg: float, evidence: SyncEvidence | None = None, by_hand: bool = False
     ) -> Preview:
         """What a sync to the mount's own coordinates would do; nothing changes."""
+        self.clock_and_site.compare(self.mount)
         to_deg = (ra_deg, dec_deg)
         return self.policy.sync(self.position(), self.state(), to_deg, evidence, by_hand, self.armed)
 
@@ -185,6 +200,7 @@ class Guard:
         self._require_allowed(preview, confirmed)
         guessed = self.state().home_confirmed is False
         self._sync(ra_deg, dec_deg)
+        self.policy.until_sync = ""
         shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
         self._sync_shift_deg = None if guessed else shift  # a guess is nothing to go back to
         self.armed = False
@@ -226,6 +242,7 @@ class Guard:
 
     def preview_goto(self, ra_deg: float, dec_deg: float) -> Preview:
         """What a goto to the mount's own coordinates would do; nothing moves."""
+        self.clock_and_site.compare(self.mount)
         return self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))[1]
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
@@ -366,6 +383,7 @@ class Guard:
         """Send a goto; in how many seconds it must have ended."""
         self._require_ability(Ability.GOTO)
         stops = self.stops
+        self.clock_and_site.compare(self.mount)
         plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
@@ -375,7 +393,9 @@ class Guard:
 
     def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:
         """Check where a move or pulse ends at the latest; what is then supervised."""
-        here, angle = self.position(), rate_deg_s * seconds
+        if (angle := rate_deg_s * seconds) > NUDGE_DEG:
+            self.clock_and_site.compare(self.mount)
+        here = self.position()
         overrun = OVERRUN_KNOWN if self.rates_deg_s else OVERRUN
         plan, preview, region = self.policy.move(action, here, self.state(), direction, angle, overrun)
         self._require_allowed(preview, confirmed=True)
@@ -405,6 +425,7 @@ class Guard:
         if self._reopen is None:
             raise LineLostError("Connection to the mount lost. Reconnect.")
         self.emergency.reconnect(self._reopen)
+        self.clock_and_site.forget()
 
     def close(self) -> None:
         """Stop what moves and give the port back; never raises."""

@@ -109,6 +109,7 @@ class Plan:
 
     ``paths`` are arrays (N, 3) of unit vectors of date: paths the telescope may take.
     ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
+    ``doubt`` is why the mount's clock or site must not be relied upon.
     """
 
     start_deg: tuple[float, float]
@@ -124,6 +125,7 @@ class Plan:
     armed: bool = False
     action: str = "goto"
     from_home: bool = False
+    doubt: str = ""
 
     @property
     def start(self) -> Floats:

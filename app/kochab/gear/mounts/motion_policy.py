@@ -41,6 +41,7 @@ from kochab.gear.mounts.motion_plan import (
 Findings = Iterator[RuleFinding]
 AHEAD_S = 60.0  # tracking ends before its limit
 HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # from the pole; of its hour angle from counterweight down
+NUDGE_DEG = 5.0  # so far the axes may be moved while the mount's clock or site is in doubt
 
 
 def readiness(plan: Plan) -> Findings:
@@ -57,6 +58,12 @@ def readiness(plan: Plan) -> Findings:
         yield refuse(
             "The mount's home is not confirmed: only a solved frame can do that, or you when you connect (--home now)."
         )
+
+
+def agreement(plan: Plan) -> Findings:
+    """Refuse all but a nudge while clock or site of the mount contradict the computer's, see `clock_and_site`."""
+    if plan.doubt and (plan.action in ("goto", "sync") or plan.distance_deg > NUDGE_DEG):
+        yield refuse(plan.doubt)
 
 
 def slew_length(plan: Plan) -> Findings:
@@ -283,17 +290,21 @@ def own_way(plan: Plan) -> Findings:
 
 
 REST_RULES = (readiness, own_way, horizon, sun)
-MOTION_RULES = (readiness, slew_length, horizon, sun, flip)
-MOVE_RULES = (readiness, horizon, past_meridian, sun)
+MOTION_RULES = (readiness, agreement, slew_length, horizon, sun, flip)
+MOVE_RULES = (readiness, agreement, horizon, past_meridian, sun)
 TRACKING_RULES = (horizon, past_meridian)
-SYNC_RULES = (readiness, sync_step, sync_evidence, horizon, sync_across_meridian)
+SYNC_RULES = (readiness, agreement, sync_step, sync_evidence, horizon, sync_across_meridian)
 
 
 class MotionPolicy:
-    """Plans motions and syncs and checks the rules; positions in the mount's own epoch."""
+    """Plans motions and syncs and checks the rules; positions in the mount's own epoch.
+
+    ``doubt`` is what clock and site of the mount contradict; ``until_sync`` is what forbids a slew before a sync.
+    """
 
     def __init__(self, site: Site | None, limits: Limits, clock: Callable[[], datetime]) -> None:
         self.site, self.limits, self.clock = site, limits, clock
+        self.doubt = self.until_sync = ""
 
     def goto(self, here: Pointing, state: MountState, to_deg: Degrees) -> tuple[Plan, Preview]:
         """A slew, and its preview by the rules."""
@@ -351,6 +362,7 @@ class MotionPolicy:
             time_utc=now,
             site=self.site,
             action=action,
+            doubt=self.doubt or ("" if action == "sync" else self.until_sync),
         )
 
 

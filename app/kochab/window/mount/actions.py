@@ -137,6 +137,19 @@ class MountActions(QObject):
 
         self._control.ask(name, do)
 
+    def settle(self, name: str) -> None:
+        """Set the mount's clock or site, or trust the mount as it is."""
+
+        def do(guard: Guard) -> Task[str]:
+            yield Progress("asking the mount")
+            if name == "trust":
+                guard.clock_and_site.trust()
+                return "Using the mount as it is."
+            (guard.set_clock if name == "set clock" else guard.set_site)()
+            return "The mount has this computer’s clock." if name == "set clock" else "The mount has your site."
+
+        self._control.ask(name, do)
+
     def _ended(self, word: OrderDone | OrderFailed) -> None:
         if isinstance(word, OrderFailed):
             return

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 from PySide6.QtCore import QObject, Signal
 
@@ -274,9 +275,11 @@ class MountControl(QObject):
         """What decides which actions are possible now."""
         known = self.known
         lacks = known.connected.lacks if known.connected is not None else None
-        state, can_undo = (known.report.state, known.report.can_undo) if known.report is not None else (None, False)
         has = self.camera is not None, self.solution is not None
-        return MountSituation(known.phase, lacks, state, known.user, *has, can_undo, self.by_hand)
+        if (report := known.report) is None:
+            return MountSituation(known.phase, lacks, None, known.user, *has, by_hand=self.by_hand)
+        now = MountSituation(known.phase, lacks, report.state, known.user, *has, report.can_undo, self.by_hand)
+        return replace(now, doubt=report.doubt, until_sync=report.until_sync)
 
     def _post(self, line: MountLine | None, event: object) -> None:
         """Pass an event on from the line's threads."""

@@ -46,6 +46,11 @@ RESTS = {
     "unpark": "Let a parked mount move again",
     "home": "Slew to the mount’s own home position",
 }
+SETTLES = {
+    "set clock": ("Set clock", "Set the mount’s clock to this computer’s"),
+    "set site": ("Set site", "Set the mount’s site to yours"),
+}
+TRUST_TIP = "Slew and sync all the same; the limits are kept by this computer’s clock and your site"
 ALIGNING = "Polar alignment (F4) is using the mount"
 
 
@@ -82,6 +87,9 @@ class MountView(Page):
         self.meridian = narrow_box("What the mount does at the meridian", 8, Meridian)
         self.meridian.setToolTip(MERIDIAN_TIP)
         self.pointing = PointingBox(self.tracking)
+        settles = {n: ExplainedButton(text, partial(orders.settle, n), tip) for n, (text, tip) in SETTLES.items()}
+        self.settles, self.doubt = settles, label("", "wrong", wrap=True)
+        self.trust = button("Mount is right", partial(orders.settle, "trust"), "", TRUST_TIP)
         rests = {name: ExplainedButton(name.title(), partial(orders.rest, name), tip) for name, tip in RESTS.items()}
         self.rests = rests
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
@@ -100,6 +108,7 @@ class MountView(Page):
             "bring": self.bring,
             "why": self.diagnose,
             **self.rests,
+            **self.settles,
             "stop": self.stop,
         }
 
@@ -115,10 +124,11 @@ class MountView(Page):
         frames = row(self.take, self.sync, self.undo, self.diagnose, None)
         meridian = row(label("Meridian"), (self.meridian, 1))
         self.connection = _card(self.connect_box)
+        self.doubted = _card(self.doubt, row(*self.settles.values(), self.trust, None))
         self.compared = _card(self.pointing, frames, self.camera)
         self.moving = _card(self.go, meridian, row(*self.rests.values(), None), styled_frame("rule"), self.pad)
         inside, top = page(), row((self.name, 1), self.leave)
-        parts = (top, self.connection, self.compared, self.moving, None)
+        parts = (top, self.connection, self.doubted, self.compared, self.moving, None)
         column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))
         return inside
 
@@ -224,6 +234,9 @@ class MountView(Page):
         self.connection.setVisible(off)
         for part in (self.leave, self.compared, self.moving):
             part.setVisible(not off)
+        doubt = self.control.situation.doubt or self.control.situation.until_sync
+        self.doubted.setVisible(bool(doubt))
+        self.doubt.setText(doubt)
         self.leave.setText("End practice" if known.practice else "Disconnect")
         self.name.setText(self._title())
         self.pointing.show_known(known, self._services.settings.angle_style)

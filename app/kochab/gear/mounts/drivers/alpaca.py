@@ -66,9 +66,13 @@ class AlpacaMount(ServerMount):
             self._lacks[ability] = "Kochab does not do this over Alpaca: use the hand control or the server's own menu."
         if Ability.GOTO in self._lacks:
             self._lacks[Ability.MOVE] = self._lacks[Ability.GOTO]
-        for ability, name in ((Ability.SITE, "sitelatitude"), (Ability.TIME, "utcdate")):
+        for reporting, setting, name in (
+            (Ability.SITE, Ability.SET_SITE, "sitelatitude"),
+            (Ability.TIME, Ability.SET_CLOCK, "utcdate"),
+        ):
             if self._get(name, None) is None:
-                self._lacks[ability] = f"The mount's Alpaca driver does not report its {ability.value.split()[-1]}."
+                why = f"The mount's Alpaca driver does not report its {reporting.value.split()[-1]}."
+                self._lacks |= {reporting: why, setting: why}
 
     @classmethod
     def found(cls, address: str) -> list[Diagnosis]:
@@ -120,6 +124,17 @@ class AlpacaMount(ServerMount):
             site = Site(float(latitude), float(longitude), float(self._get("siteelevation", 0.0)))
         utc = self._get("utcdate", None)
         return SiteReport(site, utc and datetime.fromisoformat(str(utc).strip().rstrip("Z")).replace(tzinfo=UTC))
+
+    def set_site(self, site: Site) -> None:
+        """``SiteLatitude`` and ``SiteLongitude``, which some drivers only report."""
+        self.require(Ability.SET_SITE)
+        self._put("sitelatitude", SiteLatitude=site.latitude_deg)
+        self._put("sitelongitude", SiteLongitude=site.longitude_deg)
+
+    def set_clock(self, now: datetime) -> None:
+        """``UTCDate``, which some drivers only report."""
+        self.require(Ability.SET_CLOCK)
+        self._put("utcdate", UTCDate=f"{now.astimezone(UTC):%Y-%m-%dT%H:%M:%S.%f}Z")
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """``SyncToCoordinates``."""

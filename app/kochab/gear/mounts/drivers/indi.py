@@ -33,6 +33,8 @@ PARTS = {
     Ability.UNPARK: ("TELESCOPE_PARK", "UNPARK"),
     Ability.SITE: ("GEOGRAPHIC_COORD", "LAT"),
     Ability.TIME: ("TIME_UTC", "UTC"),
+    Ability.SET_SITE: ("GEOGRAPHIC_COORD", "LAT"),
+    Ability.SET_CLOCK: ("TIME_UTC", "UTC"),
 }
 """Where a driver that has the ability shows it."""
 SPEEDS = ((0.02, 0.0), (0.3, 1.0 / 3.0), (1.5, 2.0 / 3.0), (inf, 1.0))
@@ -132,6 +134,19 @@ class IndiMount(ServerMount):
             time_utc = datetime.fromisoformat(utc.strip()).replace(tzinfo=UTC)
             time_utc += timedelta(seconds=monotonic() - told[-1][0])
         return SiteReport(site, time_utc, float(offset) if offset and offset.strip() else None)
+
+    def set_site(self, site: Site) -> None:
+        """``GEOGRAPHIC_COORD``, whose longitudes grow eastward to 360."""
+        self.require(Ability.SET_SITE)
+        place = {"LAT": site.latitude_deg, "LONG": site.longitude_deg % 360.0, "ELEV": site.height_m}
+        self._begin("GEOGRAPHIC_COORD", {name: f"{value:.7f}" for name, value in place.items()}, "site")
+
+    def set_clock(self, now: datetime) -> None:
+        """``TIME_UTC`` and the zone."""
+        self.require(Ability.SET_CLOCK)
+        zone = (now.utcoffset() or timedelta()) / timedelta(hours=1)
+        utc = f"{now.astimezone(UTC):%Y-%m-%dT%H:%M:%S}"
+        self._begin("TIME_UTC", {"UTC": utc, "OFFSET": f"{zone:g}"}, "time")
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """``ON_COORD_SET`` to ``SYNC``, then the coordinates."""

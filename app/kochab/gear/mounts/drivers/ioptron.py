@@ -1,7 +1,9 @@
 """iOptron mounts with the version 3 language."""
 
 from dataclasses import replace
+from datetime import datetime
 
+from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import ioptron as protocol
@@ -48,6 +50,16 @@ class Ioptron(SerialMount):
         """Site, zone and clock."""
         site = self.query(protocol.STATUS, protocol.parse_site)
         return SiteReport(site, *self.query(protocol.TIME, protocol.parse_time))
+
+    def set_site(self, site: Site) -> None:
+        """Latitude and longitude."""
+        for command in protocol.set_site(site):
+            self.require_accepted(command, "The mount does not accept this site.")
+
+    def set_clock(self, now: datetime) -> None:
+        """The zone, then universal time."""
+        for command in protocol.set_clock(now):
+            self.require_accepted(command, "The mount does not accept this time.")
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then match it."""

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, MountState, Pointing, SiteReport
 from kochab.gear.mounts.coordinates import utc_of
-from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, SerialMount
 from kochab.gear.mounts.protocols import lx200 as protocol
 from kochab.gear.mounts.protocols import parse_accepted
 from kochab.gear.mounts.serial_line import Command, ProtocolError, SerialLink, until
@@ -139,6 +140,19 @@ class Lx200(SerialMount):
             return SiteReport(site, utc_of(*date, *time, offset), offset)
         except ValueError:
             return SiteReport(site, None, offset)
+
+    def set_site(self, site: Site) -> None:
+        """``:St`` and ``:Sg``."""
+        for command in protocol.set_site(site):
+            self.require_accepted(command, "The mount does not accept this site.")
+
+    def set_clock(self, now: datetime) -> None:
+        """Zone, time and date, after which a Meade tells in two texts that it reckons the planets anew."""
+        if self.dialect is AUTOSTAR and self.read_status().aligned:
+            raise RefusedError(ALIGNED_BY_CLOCK)
+        for command in protocol.set_clock(now):
+            self.require_accepted(command, "The mount does not accept this time.")
+        self.talk.link.discard(PRODUCT_S)
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then match it."""

@@ -1,10 +1,12 @@
 """NexStar hand controls (Celestron), and SynScan (Sky-Watcher), which shares their framing."""
 
 import math
+from datetime import datetime
 
 from kochab.core.errors import RefusedError
+from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
-from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, SerialMount
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, SerialLink
@@ -74,6 +76,19 @@ class NexStar(SerialMount):
         """Site, zone and clock."""
         site = self.query(protocol.SITE, protocol.parse_site, 9)
         return SiteReport(site, *self.query(protocol.TIME, protocol.parse_time, 9))
+
+    def set_site(self, site: Site) -> None:
+        """``W``, before it is aligned."""
+        self._set_unaligned(protocol.set_site(site))
+
+    def set_clock(self, now: datetime) -> None:
+        """``H``, before it is aligned."""
+        self._set_unaligned(protocol.set_clock(now))
+
+    def _set_unaligned(self, command: bytes) -> None:
+        if self.query(protocol.ALIGNED, protocol.parse_flag, 2):
+            raise RefusedError(ALIGNED_BY_CLOCK)
+        self.done(command)
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """``s``, since version 4.10."""

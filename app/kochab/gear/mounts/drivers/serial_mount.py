@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from datetime import datetime
 from types import MappingProxyType
 from typing import ClassVar, TypeVar, Unpack
 
 from kochab.core.errors import DeviceError, RefusedError
+from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, SiteReport, TrackingRate
 from kochab.gear.journal import utc_now
 from kochab.gear.mounts import MountSettings
@@ -15,6 +17,10 @@ from kochab.gear.mounts.serial_line import Command, Conversation, Reader, Serial
 
 T = TypeVar("T")
 RESTING = (Ability.PARK, Ability.UNPARK, Ability.HOME)
+ALIGNED_BY_CLOCK = (
+    "The mount is aligned on stars by its clock and site as they are. If it points right, say that the mount is right;"
+    " else switch it off and on, set them, and align it again."
+)
 LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
 
 
@@ -83,6 +89,14 @@ class SerialMount:
     def site_report(self) -> SiteReport:
         """The site and time it uses, where it reports them."""
         return SiteReport()
+
+    def set_site(self, site: Site) -> None:
+        """Let it use this site."""
+        raise RefusedError(self._lacks[Ability.SET_SITE])
+
+    def set_clock(self, now: datetime) -> None:
+        """Set its clock and zone."""
+        raise RefusedError(self._lacks[Ability.SET_CLOCK])
 
     def stop(self) -> None:
         """Stop every motion, from any thread; the answers are read later."""

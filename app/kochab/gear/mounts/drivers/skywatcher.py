@@ -121,7 +121,7 @@ class SkyWatcher(SerialMount):
         """Read the motors' parameters; nothing is switched on yet."""
         if self.site is None:
             raise RefusedError("A motor board stores no site: give --site LAT,LON.")
-        for ability in (Ability.SITE, Ability.TIME):
+        for ability in (Ability.SITE, Ability.TIME, Ability.SET_SITE, Ability.SET_CLOCK):
             self._lacks[ability] = "A motor board stores neither site nor time."
         self.motors = tuple(Motor(self.talk, axis, self.lost_power) for axis in (0, 1))
         self.version = self.motors[0].query("e", protocol.parse_data)

@@ -107,6 +107,17 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
     return time_utc, int(found[1]) / 60.0 + int(found[2])
 
 
+def set_clock(now: datetime) -> tuple[bytes, bytes, bytes]:
+    """``:SGsMMM#``, ``:SDS0#`` and ``:SUT%013d#``: minutes of the zone, summer time in them, and :func:`parse_time`."""
+    minutes = round((now.utcoffset() or timedelta()) / timedelta(minutes=1))
+    return b":SG%+04d#" % minutes, b":SDS0#", b":SUT%013d#" % round((now - J2000) / timedelta(milliseconds=1))
+
+
+def set_site(site: Site) -> tuple[bytes, bytes]:
+    """``:SLAsTTTTTTTT#`` and ``:SLOsTTTTTTTT#`` in 0.01 arcsec, north and east positive."""
+    return b":SLA%+09d#" % round(site.latitude_deg * PARTS_DEG), b":SLO%+09d#" % round(site.longitude_deg * PARTS_DEG)
+
+
 def move_rate(step: int) -> bytes:
     """Rate 1 to 9 for the four arrows."""
     return b":SR%d#" % min(max(step, 1), 9)

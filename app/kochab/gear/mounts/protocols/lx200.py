@@ -4,8 +4,10 @@ Source: Meade Telescope Serial Command Protocol (2010), OnStepX's command list, 
 """
 
 import re
+from datetime import datetime, timedelta
 
 from kochab.core.attitude import wrapped
+from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, MountState, PierSide, TrackingRate
 from kochab.gear.mounts.protocols import code_table, match, require
 
@@ -236,3 +238,16 @@ def parse_date(reply: bytes) -> tuple[int, int, int]:
     month, day, year = (int(part) for part in found.groups())
     require(1 <= month <= 12 and 1 <= day <= 31, reply, "date")
     return 2000 + year, month, day
+
+
+def set_clock(now: datetime) -> tuple[bytes, bytes, bytes]:
+    """``:SGsHH#``, ``:SLHH:MM:SS#`` and ``:SCMM/DD/YY#`` of a local time in a zone of whole hours."""
+    west = -round((now.utcoffset() or timedelta()) / timedelta(hours=1))
+    return f":SG{west:+03d}#".encode(), f":SL{now:%H:%M:%S}#".encode(), f":SC{now:%m/%d/%y}#".encode()
+
+
+def set_site(site: Site) -> tuple[bytes, bytes]:
+    """``:StsDD*MM#`` and ``:SgDDD*MM#``, to the nearest arcminute."""
+    north, west = round(site.latitude_deg * 60.0), round(-site.longitude_deg % 360.0 * 60.0) % 21600
+    latitude = f"{'-' if north < 0 else '+'}{abs(north) // 60:02d}*{abs(north) % 60:02d}"
+    return f":St{latitude}#".encode(), f":Sg{west // 60:03d}*{west % 60:02d}#".encode()

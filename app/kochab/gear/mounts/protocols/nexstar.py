@@ -4,7 +4,7 @@ Source: NexStar Communication Protocol 1.2 (2006); SynScan serial protocol 3.3. 
 in ``#``, but a data byte may be ``#`` as well: answers are read by their length.
 """
 
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from kochab.core.frame import Site
 from kochab.core.mount import PierSide
@@ -141,6 +141,21 @@ def parse_site(reply: bytes) -> Site:
     sixtieths = reply[1:3] + reply[5:7]
     require(abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and max(sixtieths) <= 59, reply, "site")
     return Site(latitude, longitude)
+
+
+def set_site(site: Site) -> bytes:
+    """``W`` and the eight bytes of :func:`parse_site`."""
+    data = bytearray(b"W")
+    for angle in (site.latitude_deg, site.longitude_deg):
+        seconds = round(abs(angle) * 3600.0)
+        data += bytes([seconds // 3600, seconds // 60 % 60, seconds % 60, angle < 0.0])
+    return bytes(data)
+
+
+def set_clock(now: datetime) -> bytes:
+    """``H`` and the eight bytes of :func:`parse_time`: a local time in a zone of whole hours."""
+    zone = round((now.utcoffset() or timedelta()) / timedelta(hours=1)) % 256
+    return b"H" + bytes([now.hour, now.minute, now.second, now.month, now.day, now.year % 100, zone, 0])
 
 
 def parse_time(reply: bytes) -> tuple[datetime, float]:

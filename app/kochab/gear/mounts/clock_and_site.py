@@ -1,0 +1,96 @@
+"""The mount's clock and site beside the computer's: what contradicts forbids slews and syncs."""
+
+from datetime import UTC, datetime, timedelta
+
+from kochab.core.angle_text import site_text
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import NoAnswerError
+from kochab.core.mount import Ability, Mount, Pointing, SiteReport
+from kochab.gear.mounts.motion_policy import MotionPolicy
+
+CLOCK_S, SITE_DEG = 120.0, 0.5  # in two minutes the sky turns by half a degree, too
+SHIFTED_DEG = 0.5  # by a new clock or site
+ASKED = 2  # a mount that did not answer so often does not report them
+COMMANDS = {Ability.SET_CLOCK: "kochab mount set-clock", Ability.SET_SITE: "kochab mount set-site"}
+HOUR_S, ZONE_S, DAY_S = 3600.0, 1800.0, 86400.0
+
+
+class ClockAndSite:
+    """Tells the ``policy`` what a mount contradicts of the computer's clock and of the site."""
+
+    def __init__(self, policy: MotionPolicy) -> None:
+        self._policy = policy
+        self.forget()
+
+    def forget(self) -> None:
+        """Compare again before the next slew: the site is another, or the mount was switched on again."""
+        self._left, self._trusted, self._policy.doubt, self._policy.until_sync = ASKED, False, "", ""
+        self.wrong: dict[Ability, str] = {}  # what would mend it, and what is wrong
+
+    def trust(self) -> None:
+        """A person says that the mount is right."""
+        self._trusted, self._policy.doubt, self._policy.until_sync = True, "", ""
+
+    def shifted(self, before: Pointing, after: Pointing) -> None:
+        """Its position, with a new clock or site: a sync before it was of the old one."""
+        shift_deg = apart_deg((before.ra_deg, before.dec_deg), (after.ra_deg, after.dec_deg))
+        if shift_deg > SHIFTED_DEG and not self._trusted:
+            self._policy.until_sync = (
+                f"The mount's position shifted by {shift_deg:.1f}° with its new clock or site. Sync on a solved frame"
+                " before you slew, or say that the mount is right (--trust-mount)."
+            )
+
+    def compare(self, mount: Mount) -> None:
+        """Ask the mount, unless it agreed already: what contradicts may have been set on its hand control."""
+        if not self._trusted and (self._left > 0 or self._policy.doubt):
+            self.ask(mount)
+
+    def ask(self, mount: Mount) -> str:
+        """What contradicts now, in a sentence; empty when nothing does, or nothing is told."""
+        try:
+            report = mount.site_report()
+        except NoAnswerError:
+            self._left -= 1
+            return self._policy.doubt
+        self._left = 0
+        said = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
+        self.wrong = {ability: words for ability, words in said.items() if words and not self._trusted}
+        self._policy.doubt = self._sentence(mount) if self.wrong else ""
+        return self._policy.doubt
+
+    def _sentence(self, mount: Mount) -> str:
+        commands = " and ".join(COMMANDS[ability] for ability in self.wrong)
+        able = not self.wrong.keys() & mount.lacks.keys()
+        where = f"in the Mount view, or by {commands}" if able else "on its hand control"
+        return (
+            f"The mount contradicts this computer: {' and '.join(self.wrong.values())}. Before a slew or a sync set"
+            f" {'them' if len(self.wrong) > 1 else 'it'} {where}; or say that the mount is right (--trust-mount)."
+        )
+
+    def _clock(self, report: SiteReport) -> str:
+        if report.time_utc is None:
+            return ""
+        ahead_s = (report.time_utc - self._policy.clock()).total_seconds()
+        size_s = abs(ahead_s)
+        if size_s <= CLOCK_S:
+            return ""
+        if size_s > 1.5 * DAY_S:
+            return f"its date is {report.time_utc:%Y-%m-%d}"
+        zone = " (summer time or zone?)" if abs(size_s - ZONE_S * round(size_s / ZONE_S)) < CLOCK_S else ""
+        size = f"{size_s / HOUR_S:.1f} h" if size_s >= HOUR_S else f"{size_s / 60.0:.0f} min"
+        return f"its clock is {size} {'fast' if ahead_s > 0 else 'slow'}{zone}"
+
+    def _site(self, report: SiteReport) -> str:
+        if report.site is None or self._policy.site is None:
+            return ""
+        pairs = [(one.longitude_deg, one.latitude_deg) for one in (report.site, self._policy.site)]
+        if apart_deg(*pairs) <= SITE_DEG:
+            return ""
+        return f"its site is {site_text(report.site)}, not {site_text(self._policy.site)}"
+
+
+def wall_clock(now_utc: datetime) -> datetime:
+    """The time as this computer's zone has it; universal time where a mount's whole hours can't say the zone."""
+    local = now_utc.astimezone()
+    whole = not (local.utcoffset() or timedelta()) % timedelta(hours=1)
+    return local if whole else now_utc.astimezone(UTC)

@@ -1,0 +1,303 @@
+"""A mount whose clock or site contradicts the computer's: no slew and no sync before it is settled."""
+
+import re
+from datetime import UTC, datetime, timedelta, timezone
+from types import SimpleNamespace
+
+import pytest
+
+from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Ability, Direction, SiteReport
+from kochab.core.progress import run
+from kochab.gear.mounts import DRIVERS, SERVERS
+from kochab.gear.mounts.clock_and_site import wall_clock
+from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.simulate.responders import open_responder
+from kochab.simulate.serial_line import pty_line
+from tests.gear.mounts.bench import LIMITS, SITE, Night, alpaca, moved, opened, place
+from tests.gear.mounts.imaginary import NIGHT, at, guarded
+from tests.gear.mounts.scripted import transcript
+from tests.gear.mounts.test_real_transcripts import GPS_START
+from tests.simulate.bench_telescope import BenchTelescope
+
+HOUR = timedelta(hours=1)
+ELSEWHERE = Site(48.0, -8.0)
+
+
+def believing(report, **limits):
+    """A guard around a mount that tells this of its clock and site, and can be told otherwise."""
+    guard, mount = guarded(**limits)
+    believes = SimpleNamespace(report=report, asked=0)
+
+    def tell():
+        believes.asked += 1
+        if isinstance(believes.report, Exception):
+            raise believes.report
+        return believes.report
+
+    def take(**new):
+        believes.report = SiteReport(
+            new.get("site", believes.report.site), new.get("time_utc", believes.report.time_utc)
+        )
+
+    mount.site_report = tell
+    mount.set_clock = lambda now: take(time_utc=now)
+    mount.set_site = lambda site: take(site=site)
+    return guard, mount, believes
+
+
+def refused(guard, match):
+    """Goto, offset move and sync, with not a byte sent."""
+    before = list(guard.mount.did)
+    for order in (
+        lambda: guard.goto(*at(-30.0, 50.0)),
+        lambda: run(guard.slew(*at(-30.0, 50.0))),
+        lambda: guard.sync(*at(-38.0, 41.0), by_hand=True, confirmed=True),
+        lambda: guard.move(Direction.EAST, 1.0, 10.0),
+    ):
+        with pytest.raises(RefusedError, match=match):
+            order()
+    assert any(re.search(match, refusal) for refusal in guard.preview_goto(*at(-30.0, 50.0)).refusals)
+    assert guard.mount.did == before
+
+
+@pytest.mark.parametrize(
+    ("ahead", "site", "told"),
+    [
+        (timedelta(seconds=-90.0), Site(50.2, 8.2), ""),  # its clock was set by hand, its site is the next town
+        (-HOUR, None, r"its clock is 1.0 h slow \(summer time or zone\?\)"),
+        (timedelta(seconds=300.0), None, "its clock is 5 min fast[.]"),
+        (5.5 * HOUR, None, r"its clock is 5.5 h fast \(summer time or zone\?\)"),
+        (-9000 * 24 * HOUR, None, "its date is 2001-05-26"),  # never set
+        (None, Site(50.0, -8.0), "its site is 50, -8, not 50, 8"),
+        (2 * HOUR, Site(-50.0, 8.0), "its clock is 2.0 h fast .* and its site is -50, 8, not 50, 8"),
+        (None, None, ""),
+    ],
+)
+def test_a_contradiction_forbids_what_needs_the_sky_and_nothing_else(ahead, site, told) -> None:
+    guard, mount, believes = believing(SiteReport(site, None if ahead is None else NIGHT + ahead))
+    if not told:
+        guard.goto(*at(-30.0, 50.0))
+        guard.sync(*at(-31.0, 50.0), by_hand=True, confirmed=True)
+        assert believes.asked == 1, "once, as long as it agrees"
+        return
+    refused(guard, told)
+    guard.move(Direction.NORTH, 0.5, 4.0)
+    guard.pulse(Direction.WEST, 500)
+    guard.stop()
+    run(guard.rest("park"))
+    assert [entry[0] for entry in mount.did] == ["move", "pulse", "stop", "park"]
+
+
+def test_a_clock_set_on_the_hand_control_is_seen_at_the_next_slew() -> None:
+    guard, mount, believes = believing(SiteReport(None, NIGHT - HOUR))
+    refused(guard, "1.0 h slow")
+    believes.report = SiteReport(None, NIGHT)
+    guard.goto(*at(-30.0, 50.0))
+    assert mount.did[-1][0] == "goto"
+
+
+def test_a_person_may_say_that_the_mount_is_right_until_it_was_switched_off_or_the_site_is_another() -> None:
+    for again in (lambda guard: guard.reconnect(), lambda guard: setattr(guard, "site", SITE)):
+        guard, mount, _ = believing(SiteReport(None, NIGHT - HOUR))
+        guard._reopen = lambda mount=mount: setattr(mount, "closed", False) or mount
+        refused(guard, "say that the mount is right")
+        guard.clock_and_site.trust()
+        guard.goto(*at(-30.0, 50.0))
+        assert guard.clock_doubt() == ""
+        guard.stop()
+        again(guard)
+        refused(guard, "1.0 h slow")
+
+
+def test_an_answer_that_is_missed_once_is_asked_for_again_and_a_mount_that_tells_nothing_is_not_held_up() -> None:
+    guard, _, believes = believing(NoAnswerError("silent"))
+    assert guard.clock_doubt() == ""
+    believes.report = SiteReport(None, NIGHT - HOUR)
+    refused(guard, "1.0 h slow")
+    believes.report = NoAnswerError("silent")
+    refused(guard, "1.0 h slow")
+    guard, _, believes = believing(NoAnswerError("silent"))
+    for hour in (-30.0, -31.0, -32.0, -33.0):
+        guard.goto(*at(hour, 50.0))
+        guard.stop()
+    assert believes.asked == 2
+
+
+def test_it_is_set_when_a_person_asks_for_it_and_read_back() -> None:
+    guard, mount, believes = believing(SiteReport(ELSEWHERE, NIGHT - HOUR))
+    refused(guard, "kochab mount set-clock and kochab mount set-site")
+    guard.set_clock()
+    assert believes.report == SiteReport(ELSEWHERE, NIGHT)
+    refused(guard, "its site is 48, -8")
+    guard.set_site()
+    guard.goto(*at(-30.0, 50.0))
+    assert [entry.action for entry in guard.log.sent()] == ["set its clock", "set its site", "goto"]
+    guard, mount, believes = believing(SiteReport(None, NIGHT - HOUR))
+    mount.set_clock = lambda now: None
+    with pytest.raises(RefusedError, match="did not take it"):
+        guard.set_clock()
+    guard.site = None
+    with pytest.raises(RefusedError, match="set your site first"):
+        guard.set_site()
+
+
+def test_a_mount_that_shifts_with_its_clock_is_synced_before_it_slews() -> None:
+    """Synced on the old clock, it would go 15 degrees aside."""
+    for settled in (
+        lambda g: g.sync(*at(-38.0, 41.0), by_hand=True, confirmed=True),
+        lambda g: g.clock_and_site.trust(),
+    ):
+        guard, mount, _ = believing(SiteReport(None, NIGHT - HOUR))
+        take = mount.set_clock
+
+        def shifting(now, mount=mount, take=take):
+            take(now)
+            mount.here = ((mount.here[0] + 15.0) % 360.0, mount.here[1])
+
+        mount.set_clock = shifting
+        guard.set_clock()
+        with pytest.raises(RefusedError, match=r"shifted by 11.5° with its new clock or site. Sync on a solved frame"):
+            guard.goto(*at(-30.0, 50.0))
+        assert not mount.did
+        settled(guard)
+        guard.goto(*at(-30.0, 50.0))
+
+
+def test_a_moving_mount_keeps_its_clock() -> None:
+    guard, mount, _ = believing(SiteReport(None, NIGHT - HOUR))
+    mount.slew_deg_s = 1.0
+    guard.clock_and_site.trust()
+    guard.goto(*at(-30.0, 50.0))
+    with pytest.raises(RefusedError, match="moving"):
+        guard.set_clock()
+
+
+def test_where_it_cannot_be_set_the_hand_control_is_named() -> None:
+    guard, mount, _ = believing(SiteReport(None, NIGHT - HOUR))
+    mount.lacks = {Ability.SET_CLOCK: "It has no command for it."}
+    refused(guard, "on its hand control")
+    with pytest.raises(RefusedError, match="no command for it"):
+        guard.set_clock()
+
+
+@pytest.mark.parametrize("driver", [name for name in DRIVERS if name not in SERVERS])
+def test_what_a_simulated_controller_believes_is_asked_and_set_as_its_protocol_says(driver) -> None:
+    """The responders were written from the protocols' documents."""
+    clock = Night()
+    telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, clock.unix)
+    telescope.sync(*place(-20.0, 40.0, clock))
+    responder = open_responder(driver, telescope)
+    line = pty_line(responder)
+    try:
+        mount = opened(driver, line.port, clock)
+        guard = Guard(mount, SITE, LIMITS, clock=clock)
+        target = place(-30.0, 50.0, clock)
+        telescope.log.clear()
+        if driver == "skywatcher":
+            with pytest.raises(RefusedError, match="neither site nor time"):
+                guard.set_clock()
+            assert guard.clock_doubt() == ""
+            mount.close()
+            return
+        believes = responder.settings
+        believes.clock_error, believes.latitude_deg, believes.longitude_deg = -2.0 * HOUR, -33.25, -70.5
+        with pytest.raises(RefusedError, match=r"clock is 2.0 h slow .* site is -33.25, -70.5"):
+            guard.goto(*target)
+        assert not moved(telescope)
+        if driver in ("nexstar", "synscan"):
+            with pytest.raises(RefusedError, match="aligned on stars"):
+                guard.set_clock()
+            telescope.aligned = False
+        guard.set_clock()
+        assert abs((believes.utc() - clock()).total_seconds()) < 3.0
+        guard.set_site()
+        there = believes.latitude_deg, believes.longitude_deg
+        assert there == pytest.approx((SITE.latitude_deg, SITE.longitude_deg), abs=0.01)
+        telescope.aligned = True
+        run(guard.slew(*target))
+        for zone in (timezone(-5 * HOUR), timezone(13 * HOUR), UTC):
+            telescope.aligned = driver not in ("nexstar", "synscan")
+            mount.set_clock(clock().astimezone(zone))
+            assert abs((believes.utc() - clock()).total_seconds()) < 3.0
+            assert timedelta(hours=believes.utc_offset_h) == zone.utcoffset(None)
+        for site in (Site(-33.9, 151.2), Site(64.1, -21.9), Site(-0.2, -0.3)):
+            mount.set_site(site)
+            told = believes.latitude_deg, believes.longitude_deg
+            assert told == pytest.approx((site.latitude_deg, site.longitude_deg), abs=0.01)
+        mount.close()
+    finally:
+        line.stop()
+
+
+def test_a_zone_that_is_no_whole_hour_is_sent_as_universal_time(monkeypatch) -> None:
+    class India(datetime):
+        def astimezone(self, tz=None):
+            return datetime.astimezone(self, tz or timezone(5.5 * HOUR))
+
+    now = India(2026, 1, 15, 22, 0, tzinfo=UTC)
+    assert (wall_clock(now), wall_clock(now).utcoffset()) == (now, timedelta())
+
+
+def test_clock_and_site_behind_an_alpaca_server(tmp_path) -> None:
+    with alpaca(tmp_path) as bench:
+        device = bench.device
+        device.get_utcdate = lambda: f"{bench.clock() - HOUR:%Y-%m-%dT%H:%M:%S}Z"
+        sent = []
+        device.put_utcdate = lambda UTCDate: sent.append(UTCDate)
+        guard = Guard(bench.open(), SITE, LIMITS, clock=bench.clock)
+        with pytest.raises(RefusedError, match=r"1.0 h slow"):
+            guard.goto(*place(-30.0, 50.0, bench.clock))
+        assert not moved(bench.telescope)
+        with pytest.raises(RefusedError, match="did not take it"):
+            guard.set_clock()
+        assert (
+            abs((datetime.fromisoformat(sent[0].rstrip("Z")).replace(tzinfo=UTC) - bench.clock()).total_seconds()) < 5
+        )
+        guard.close()
+
+
+# -- as real mounts answer, see ../shared/mount-transcripts.md ---------------------------------
+
+NOON = datetime(2026, 9, 26, 1, 0, tzinfo=UTC).astimezone(timezone(2 * HOUR))
+
+
+def test_l06_a_meade_tells_in_two_texts_that_it_reckons_the_planets() -> None:
+    script = [*GPS_START, (b":GW#", b"PN0#"), (b":SG-02#", b"1"), (b":SL03:00:00#", b"1")]
+    script += [(b":SC09/26/26#", b"1Updating Planetary Data#" + b" " * 32 + b"#"), (b":GR#", b"05:30:00#")]
+    with transcript(Lx200, [*script, (b":GD#", b"-12\xdf15:00#")]) as mount:
+        taken = mount.talk.link.buffer
+        mount.talk.link.discard = lambda quiet_s=0.0: taken.clear() or b""
+        mount.set_clock(NOON)
+        assert mount.position().ra_deg == 82.5
+
+
+def test_l2a_an_onstep_answers_the_date_with_one_byte() -> None:
+    script = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#"), (b":SG-02#", b"1"), (b":SL03:00:00#", b"1")]
+    site = [(b":St+40*52#", b"1"), (b":Sg345*34#", b"1")]
+    with transcript(OnStep, [*script, (b":SC09/26/26#", b"1"), *site]) as mount:
+        mount.set_clock(NOON)
+        mount.set_site(Site(40.8728, 14.4377))
+
+
+def test_nothing_is_set_that_nobody_asked_for() -> None:
+    for driver in DRIVERS:
+        if driver in SERVERS:
+            continue
+        clock = Night()
+        telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, clock.unix)
+        telescope.sync(*place(-20.0, 40.0, clock))
+        responder = open_responder(driver, telescope)
+        line = pty_line(responder)
+        mount = opened(driver, line.port, clock)
+        guard = Guard(mount, SITE, Limits(crosses_meridian=True), clock=clock)
+        before = responder.settings.__dict__.copy() if driver != "skywatcher" else {}
+        guard.sync(*guard.to_mount(*guard.position_icrs()), by_hand=True, confirmed=True)
+        run(guard.slew(*place(-30.0, 50.0, clock)))
+        guard.epoch_doubt(), guard.clock_doubt()
+        guard.close()
+        line.stop()
+        assert (responder.settings.__dict__ if driver != "skywatcher" else {}) == before, driver
