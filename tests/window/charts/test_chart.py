@@ -36,8 +36,7 @@ def put(qtbot):
         qtbot.addWidget(place)
         place.resize(width, height)
         place.show()
-        qtbot.waitUntil(lambda: place.plot is not None)
-        qtbot.wait(20)
+        qtbot.waitUntil(lambda: place.plot is not None and place.plot.isVisible())
         return place
 
     return shown

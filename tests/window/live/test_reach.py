@@ -55,7 +55,7 @@ def test_the_chart_draws_the_trail_and_marks_an_old_place(qtbot):
     qtbot.addWidget(chart)
     chart.resize(400, 206)
     chart.show()
-    qtbot.waitUntil(lambda: chart.plot is not None)
+    qtbot.waitUntil(lambda: chart.plot is not None and chart.plot.isVisible())
     empty = _pixels(chart)
     chart.show_points(SkyPoints(np.eye(3), np.array([0.0, 1.0, 2.0]), np.eye(3)[None, :2]))
     stars = _pixels(chart)
