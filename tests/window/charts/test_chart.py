@@ -37,6 +37,7 @@ def put(qtbot):
         place.resize(width, height)
         place.show()
         qtbot.waitUntil(lambda: place.plot is not None and place.plot.isVisible())
+        place.grab()  # the range follows what is drawn when that is painted
         return place
 
     return shown
