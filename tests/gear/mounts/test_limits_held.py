@@ -424,3 +424,14 @@ def test_the_evidence_of_a_sync_is_that_of_its_solutions() -> None:
     found = SyncEvidence.of(one, two)
     assert found.centres_deg == (pytest.approx((84.0, -2.0)), pytest.approx((85.0, -2.0)))
     assert (found.rms_px, found.log10_false_alarm) == ((0.3, 1.3), (-40.0, -41.0))
+
+
+@pytest.mark.parametrize(
+    ("beside", "turn", "refused"),
+    [(0.2, 0.1, True), (1.0, 6.0, True), (1.0, 4.0, False), (4.9, 6.0, True), (5.1, 6.0, False)],
+)
+@pytest.mark.parametrize("armed", [False, True])
+def test_a_sync_beside_the_pole_does_not_turn_right_ascension(beside, turn, refused, armed) -> None:
+    """There it is a step of nothing; everywhere else the mount then points that far beside, below the horizon too."""
+    preview = sync((30.0, 90.0 - beside), (30.0 - turn, 90.0 - beside), armed=armed)
+    assert ("farther from the pole" in " ".join(preview.refusals)) is refused

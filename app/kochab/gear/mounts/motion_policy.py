@@ -9,7 +9,7 @@ from math import copysign
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
+from kochab.core.attitude import radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Direction, Epoch, MountState, PierSide, Pointing
 from kochab.gear.mounts.coordinates import (
@@ -243,7 +243,14 @@ def sync_step(plan: Plan) -> Findings:
     """Refuse beyond the largest step; ask beyond the smaller one."""
     limits, step = plan.limits, plan.distance_deg
     guessed = plan.state.home_confirmed is False  # the step is from a guess: it proves nothing
-    if step > limits.refuse_sync_deg and not plan.armed and not guessed:
+    turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
+    near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
+    if (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a step of nothing here is one of everything elsewhere
+        yield refuse(
+            f"So near the pole this sync would shift right ascension by {turn:+.0f}° everywhere. "
+            "Slew to a star farther from the pole and sync there."
+        )
+    elif step > limits.refuse_sync_deg and not plan.armed and not guessed:
         yield refuse(
             f"The sync would shift the mount by {step:.1f}°, more than {limits.refuse_sync_deg:g}°. "
             "If you are sure, allow it (--arm)."
