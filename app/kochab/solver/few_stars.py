@@ -90,7 +90,7 @@ def identify_few(
 def _alarm(detections: Detections, worst_px: float, density: float, tried: int) -> float:
     """The bound, log10, for stars of which ``density`` lie in a square px."""
     chance = min(1.0, density * np.pi * worst_px**2)
-    return float(np.log10(max(tried, 1)) + (len(detections) - 2) * np.log10(chance))
+    return float(np.log10(tried) + (len(detections) - 2) * np.log10(chance))
 
 
 def _focal_windows(detections: Detections, scale: tuple[float, float] | None) -> list[tuple[float, float]]:

@@ -1,0 +1,290 @@
+"""Every rule of motion at its limit, from both sides; on the meridian a declination 40 deg higher is the altitude."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.mount import Direction, MountState, PierSide
+from kochab.gear.mounts import motion_policy as policy
+from kochab.gear.mounts.coordinates import altitude_deg, hour_angle_deg, sun_vector
+from kochab.gear.mounts.motion_plan import Limits, Plan, SyncEvidence
+
+from .imaginary import NIGHT, NOON, SITE, at
+
+AWAKE = MountState(slewing=False, parked=False)
+
+
+def plan(start, target, action="goto", via=(), time_utc=NIGHT, site=SITE, **more):
+    """From one place of date to another, through the places ``via``."""
+    limits = Limits(**{k: more.pop(k) for k in list(more) if k in Limits.__dataclass_fields__})
+    path = np.array([unit_vectors(*place) for place in (start, *via, target)])
+    told = {"state": AWAKE, "site": site, "paths": (path,), "action": action} | more
+    return Plan(start, target, target, limits=limits, time_utc=time_utc, **told)
+
+
+def high(altitude):
+    return at(0.0, altitude - 40.0)
+
+
+def said(rule, asked):
+    return " ".join(finding.sentence for finding in rule(asked))
+
+
+LEAVES = ("move", "pulse", "track", "park", "home")
+
+
+@pytest.mark.parametrize(
+    ("start", "target", "actions", "words"),
+    [
+        (50.0, 5.1, ("goto", *LEAVES), ""),
+        (50.0, 4.9, ("goto", *LEAVES), "is 4.9 deg high, the limit is 5 deg"),
+        (2.0, 4.0, ("goto",), "is 4.0 deg high, the limit is 5 deg"),
+        (2.0, 4.0, LEAVES, ""),
+        (4.0, 2.0, LEAVES, "is 2.0 deg high"),
+        (50.0, 79.9, ("goto", *LEAVES), ""),
+        (50.0, 80.1, ("goto", *LEAVES), "is 80.1 deg high, the upper limit is 80 deg"),
+        (85.0, 82.0, ("goto",), "is 82.0 deg high, the upper limit is 80 deg"),
+        (85.0, 82.0, LEAVES, ""),
+        (82.0, 85.0, LEAVES, "is 85.0 deg high"),
+        (85.0, 50.0, ("goto",), ""),
+        (2.0, 50.0, ("goto",), ""),
+    ],
+)
+def test_who_is_too_low_or_too_high_may_leave_but_not_go_on(start, target, actions, words) -> None:
+    for action in actions:
+        found = said(policy.horizon, plan(high(start), high(target), action, highest_altitude_deg=80.0))
+        assert (words in found) if words else not found, action
+
+
+@pytest.mark.parametrize(
+    ("start", "between", "words"),
+    [
+        (50.0, 4.96, ""),
+        (50.0, 4.94, "would dip to 4.9 deg, the limit is 5 deg"),
+        (3.0, 2.96, ""),
+        (3.0, 2.94, "would dip to 2.9 deg"),
+        (50.0, 80.04, ""),
+        (50.0, 80.06, "would rise to 80.1 deg, the limit is 80 deg"),
+        (85.0, 85.04, ""),
+        (85.0, 85.06, "would rise to 85.1 deg"),
+    ],
+)
+def test_a_path_may_pass_the_altitudes_by_a_twentieth_of_a_degree(start, between, words) -> None:
+    found = said(policy.horizon, plan(high(start), high(50.0), via=[high(between)], highest_altitude_deg=80.0))
+    assert (words in found) if words else not found
+
+
+@pytest.mark.parametrize(
+    ("allowed", "start", "between", "words"),
+    [
+        ((-60.0, 45.0), 0.0, 45.04, ""),
+        ((-60.0, 45.0), 0.0, 45.06, "reaches hour angle +3.0 h, the limits are -4.0 to +3.0 h"),
+        ((-60.0, 45.0), 0.0, -60.04, ""),
+        ((-60.0, 45.0), 0.0, -60.06, "reaches hour angle -4.0 h"),
+        ((-60.0, 45.0), 75.0, 75.04, ""),
+        ((-60.0, 45.0), 75.0, 75.06, "reaches hour angle +5.0 h"),
+        ((-60.0, 45.0), -75.0, -75.04, ""),
+        ((-60.0, 45.0), -75.0, -75.06, "reaches hour angle -5.0 h"),
+        ((-180.0, 45.0), 0.0, 46.0, "limits are -12.0 to +3.0 h"),
+        ((-60.0, 180.0), 0.0, -61.0, "limits are -4.0 to +12.0 h"),
+        ((-180.0, 180.0), 0.0, 150.0, ""),
+    ],
+)
+def test_a_path_may_pass_the_hour_angles_by_a_twentieth_of_a_degree(allowed, start, between, words) -> None:
+    asked = plan(at(start, 60.0), at(0.0, 60.0), via=[at(between, 60.0)], hour_angle_deg=allowed)
+    found = said(policy.horizon, asked)
+    assert (words in found) if words else not found
+
+
+def test_a_sync_is_to_a_place_above_the_horizon_and_asks_for_nothing_else() -> None:
+    for altitude, words in ((0.1, ""), (-0.2, "that place is 0.2 deg below the horizon")):
+        found = said(policy.horizon, plan(high(50.0), high(altitude), "sync", hour_angle_deg=(-1.0, -0.5)))
+        assert (words in found) if words else not found
+
+
+@pytest.mark.parametrize(
+    ("action", "allow", "severity"), [("goto", False, "refuse"), ("goto", True, "warn"), ("pulse", False, "warn")]
+)
+def test_without_a_site_only_a_pulse_needs_no_leave(action, allow, severity) -> None:
+    (found,) = policy.horizon(plan((0.0, 0.0), (1.0, 0.0), action, site=None, allow_without_site=allow))
+    assert found.severity == severity
+
+
+SUN = radec_deg(sun_vector(NOON))
+
+
+def below_sun(deg):
+    """A place so far from the Sun."""
+    return SUN[0], SUN[1] - deg
+
+
+@pytest.mark.parametrize(
+    ("start", "target", "between", "actions", "words"),
+    [
+        (60.0, 30.1, None, ("goto", "move", "pulse", "park", "home", "track"), ""),
+        (
+            60.0,
+            29.8,
+            None,
+            ("goto", "move", "pulse", "park", "home", "track"),
+            "is 30 deg from the Sun, nearer than 30",
+        ),
+        (20.0, 25.0, None, ("goto", "track"), "is 25 deg from the Sun"),
+        (20.0, 25.0, None, ("move", "pulse", "park", "home"), ""),
+        (25.0, 20.0, None, ("move", "pulse", "park", "home"), "is 20 deg from the Sun"),
+        (60.0, 60.0, 29.96, ("goto",), ""),
+        (60.0, 60.0, 29.94, ("goto",), "path passes 30 deg from the Sun"),
+        (20.0, 60.0, 19.96, ("goto", "move"), ""),
+        (20.0, 60.0, 19.94, ("goto", "move"), "path passes 20 deg from the Sun"),
+    ],
+)
+def test_the_sun_has_a_cone_of_thirty_degrees_that_one_may_only_leave(start, target, between, actions, words) -> None:
+    via = [] if between is None else [below_sun(between)]
+    for action in actions:
+        found = said(policy.sun, plan(below_sun(start), below_sun(target), action, via, NOON))
+        assert (words in found) if words else not found, action
+
+
+def test_the_sun_is_up_until_it_is_ten_degrees_below_the_horizon() -> None:
+    height = float(altitude_deg(np.atleast_2d(sun_vector(NOON)), SITE, NOON)[0])
+    asked = plan(below_sun(60.0), below_sun(10.0), time_utc=NOON)
+    for limit, up in ((height - 0.1, True), (height + 0.1, False)):
+        assert bool(said(policy.sun, replace(asked, limits=Limits(sun_up_deg=limit)))) is up
+    assert said(policy.sun, replace(asked, site=None))
+    assert Limits().sun_up_deg == -10.0
+
+
+@pytest.mark.parametrize(
+    ("side", "between", "dec", "words"),
+    [
+        (PierSide.WEST, 15.04, 60.0, ""),
+        (PierSide.WEST, 15.06, 60.0, "15° past the meridian on the west side"),
+        (PierSide.EAST, -15.04, 60.0, ""),
+        (PierSide.EAST, -15.06, 60.0, "15° past the meridian on the east side"),
+        (PierSide.WEST, 30.0, 60.04, "30° past"),
+        (PierSide.WEST, 30.0, 60.06, ""),  # the other axis turns
+    ],
+)
+def test_a_move_passes_the_meridian_by_fifteen_degrees(side, between, dec, words) -> None:
+    state = replace(AWAKE, pier_side=side)
+    found = said(policy.past_meridian, plan(at(0.0, 60.0), at(0.0, dec), "move", [at(between, 60.0)], state=state))
+    assert (words in found) if words else not found
+
+
+@pytest.mark.parametrize(
+    ("step", "state", "armed", "severity"),
+    [
+        (4.9, AWAKE, False, []),
+        (5.1, AWAKE, False, ["confirm"]),
+        (19.9, AWAKE, False, ["confirm"]),
+        (20.1, AWAKE, False, ["refuse"]),
+        (20.1, AWAKE, True, ["confirm"]),
+        (20.1, replace(AWAKE, home_confirmed=False), False, ["confirm"]),
+        (20.1, replace(AWAKE, home_confirmed=True), False, ["refuse"]),
+    ],
+)
+def test_a_sync_of_five_degrees_is_asked_for_and_one_of_twenty_refused(step, state, armed, severity) -> None:
+    asked = plan((10.0, 20.0), (10.0, 20.0 + step), "sync", state=state, armed=armed)
+    assert [found.severity for found in policy.sync_step(asked)] == severity
+
+
+GOOD = SyncEvidence(((10.0, 20.0), (10.0, 20.0)), (1.9, 0.1), (-5.1, -12.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, ""),
+        ({"rms_px": (0.1, 2.1)}, "residual is 2.1 px (limit 2 px)"),
+        ({"log10_false_alarm": (-12.0, -4.9)}, "Possible chance match: 10^-5"),
+        ({"centres_deg": ((10.0, 20.0), (10.0, 20.0 + 119.0 / 3600.0))}, ""),
+        ({"centres_deg": ((10.0, 20.0), (10.0, 20.0 + 121.0 / 3600.0))}, "differ by 121″ (limit 120″)"),
+        ({"centres_deg": ((10.0, 20.0 + 119.0 / 3600.0),) * 2}, ""),
+        ({"centres_deg": ((10.0, 20.0 + 121.0 / 3600.0),) * 2}, "is 121″ from the solved position"),
+        ({"centres_deg": ((10.0, 20.0),)}, "not 1"),
+        ({"rms_px": (0.1,)}, "incomplete"),
+        ({"log10_false_alarm": (-12.0,)}, "incomplete"),
+    ],
+)
+def test_a_sync_needs_two_solves_that_agree_to_two_arcminutes_and_are_good(change, words) -> None:
+    asked = plan((12.0, 20.0), (10.0, 20.0), "sync", evidence=replace(GOOD, **change))
+    found = said(policy.sync_evidence, asked)
+    assert (words in found) if words else not found
+    assert not list(policy.sync_evidence(replace(asked, by_hand=True)))
+
+
+@pytest.mark.parametrize(("dec", "warned"), [(84.9, False), (85.1, True), (-84.9, False), (-85.1, True)])
+def test_a_sync_near_either_pole_is_warned_of(dec, warned) -> None:
+    assert bool(said(policy.sync_across_meridian, plan((10.0, dec), (10.0, dec), "sync"))) is warned
+
+
+@pytest.mark.parametrize(
+    ("distance", "from_home", "refused"),
+    [(119.9, False, False), (120.1, False, True), (120.1, True, False), (np.nan, True, True)],
+)
+def test_a_slew_is_no_longer_than_its_cap_but_from_home(distance, from_home, refused) -> None:
+    asked = plan((0.0, 0.0), (distance, 0.0), from_home=from_home)
+    assert bool(said(policy.slew_length, asked)) is refused
+
+
+# -- A slew from home ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("hour", "dec", "home"),
+    [
+        (10.0, 89.75, True),  # noise, whatever the hour angle
+        (10.0, 89.65, False),  # it tracks beside the pole
+        (109.0, 89.65, True),
+        (111.0, 89.65, False),
+        (-71.0, 89.65, True),
+        (-69.0, 89.65, False),
+        (90.0, 88.1, True),
+        (90.0, 87.9, False),
+        (-90.0, -88.1, True),
+    ],
+)
+def test_home_is_two_degrees_about_the_pole_with_the_counterweight_down(hour, dec, home) -> None:
+    state = replace(AWAKE, pier_side=PierSide.WEST)
+    for target, leaves_at in ((30.0, 90.0), (-30.0, -90.0)):
+        asked = plan(at(hour, dec), at(target, 40.0), state=state)
+        leaving = policy.leaving_home(asked)
+        assert leaving.from_home is home
+        assert (leaving.state.pier_side is None) is home
+        if home:
+            assert hour_angle_deg(leaving.start_deg[0], SITE, NIGHT) == pytest.approx(leaves_at)
+            assert 0.0 <= leaving.start_deg[0] < 360.0
+            assert leaving.start_deg[1] == dec
+        else:
+            assert leaving == asked
+
+
+@pytest.mark.parametrize(
+    ("hour", "allow", "side", "count"),
+    [
+        (20.0, True, PierSide.WEST, 3),
+        (-5.0, True, PierSide.WEST, 2),
+        (20.0, False, PierSide.WEST, 2),
+        (20.0, True, None, 2),
+    ],
+)
+def test_a_path_over_the_pole_is_looked_at_when_a_flip_is_due(hour, allow, side, count) -> None:
+    asked = plan(at(-20.0, 40.0), at(hour, 40.0), state=replace(AWAKE, pier_side=side), allow_flip=allow)
+    assert len(policy.with_paths(asked).paths) == count
+
+
+@pytest.mark.parametrize(
+    ("direction", "east", "north"),
+    [
+        (Direction.EAST, 8.0, 0.0),
+        (Direction.WEST, -8.0, 0.0),
+        (Direction.NORTH, 0.0, 8.0),
+        (Direction.SOUTH, 0.0, -8.0),
+    ],
+)
+def test_a_move_turns_one_axis_by_its_angle(direction, east, north) -> None:
+    moved = policy.with_move(plan((100.0, 40.0), (100.0, 40.0), "move"), direction, 8.0)
+    assert moved.target_deg == pytest.approx((100.0 + east, 40.0 + north))
+    np.testing.assert_allclose(moved.paths[0][0], unit_vectors(100.0, 40.0))
