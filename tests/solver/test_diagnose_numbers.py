@@ -398,3 +398,35 @@ def test_six_bins_are_enough_for_a_shape(width: int, count: int) -> None:
     """Three by two of them; five in a row are not."""
     pixels = bars(3 if width == 2 else 5, width)
     assert measure_trails(Bins(pixels, 1)).count == count
+
+
+@pytest.mark.parametrize(
+    ("shape", "side"), [((40, 60), 31), ((380, 900), 31), ((400, 384), 32), ((600, 800), 50), ((1200, 1200), 100)]
+)
+def test_the_background_of_shapes_is_a_twelfth_of_the_frame_wide_or_thirty_one_bins(monkeypatch, shape, side) -> None:
+    from scipy import ndimage
+
+    sides, smooth = [], ndimage.uniform_filter
+    monkeypatch.setattr(ndimage, "uniform_filter", lambda image, size: sides.append(size) or smooth(image, size))
+    measure_trails(Bins(np.zeros(shape), 1))
+    assert sides == [side]
+
+
+@pytest.mark.parametrize(("across", "agreed"), [(3, True), (4, False)])
+def test_trails_have_a_direction_when_three_fifths_agree(across: int, agreed: bool) -> None:
+    """Of sixteen, three across leave 10/16 of the sum, four half of it."""
+    pixels = noisy(200.0, 1.0)
+    for k in range(16):
+        y, x = 40 + 140 * (k // 4), 40 + 190 * (k % 4)
+        pixels[np.s_[y : y + 40, x : x + 5] if k < across else np.s_[y : y + 5, x : x + 40]] = 5000.0
+    trails = measure_trails(Bins(pixels, 1))
+    assert trails.count == 16
+    assert bool(np.isfinite(trails.angle_deg)) is agreed
+
+
+@pytest.mark.parametrize(("level", "share"), [(0.49, 0.0), (0.51, 1600 / 480000)])
+def test_glare_is_brighter_than_half_the_clipping_level(level: float, share: float) -> None:
+    pixels = noisy(100.0, 1.0)
+    pixels[200:240, 300:340] = level * 40000.0
+    frame = Frame(pixels.astype(np.float32), saturation=40000.0)
+    assert measure_light(frame, binned(frame)).glare_share == pytest.approx(share)
