@@ -12,6 +12,7 @@ from kochab.gear.mounts.drivers import motor as motors_of
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
 from kochab.gear.mounts.drivers.skywatcher import KeptZero, SkyWatcher, reads, to_axes
+from kochab.gear.mounts.protocols import lx200
 from kochab.gear.mounts.serial_line import ProtocolError
 
 from .scripted import CLASSIC_START, transcript
@@ -445,17 +446,87 @@ def test_a_line_that_breaks_while_it_is_asked_says_so_itself(monkeypatch) -> Non
 
 
 @pytest.mark.parametrize(
-    ("name", "sidereal", "deg_s"),
+    ("name", "timeout_s", "sidereal", "deg_s"),
     [
-        ("lx200", (2, 32), (2.0, 6.0)),
-        ("onstep", (1, 8, 20, 48), ()),
-        ("nexstar", (0.5, 1, 4, 8, 16, 64), (0.5, 2.0, 4.0)),
-        ("synscan", (0.5, 1, 4, 8, 16, 64), (0.5, 2.0, 4.0)),
-        ("ioptron", (1, 2, 8, 16, 64, 128, 256, 512), (4.0,)),
-        ("skywatcher", (0.5, 1, 8, 16, 64), (0.5, 1.0, 3.0)),
+        ("lx200", 4.5, (2, 32), (2.0, 6.0)),
+        ("onstep", 4.5, (1, 8, 20, 48), ()),
+        ("nexstar", 4.5, (0.5, 1, 4, 8, 16, 64), (0.5, 2.0, 4.0)),
+        ("synscan", 3.0, (0.5, 1, 4, 8, 16, 64), (0.5, 2.0, 4.0)),
+        ("ioptron", 4.5, (1, 2, 8, 16, 64, 128, 256, 512), (4.0,)),
+        ("skywatcher", 1.5, (0.5, 1, 8, 16, 64), (0.5, 1.0, 3.0)),
     ],
 )
-def test_the_speeds_of_a_hand_control_s_keys(name, sidereal, deg_s) -> None:
+def test_the_speeds_of_a_hand_control_s_keys_and_its_patience(name, timeout_s, sidereal, deg_s) -> None:
     """So many times that of the stars, 15.041 arcsec a second, and the fastest in degrees."""
+    driver = DRIVERS.load(name)
     expected = [times * 15.041067 / 3600.0 for times in sidereal] + list(deg_s)
-    assert DRIVERS.load(name).rates_deg_s == pytest.approx(expected, rel=1e-6)
+    assert driver.rates_deg_s == pytest.approx(expected, rel=1e-6)
+    assert driver.timeout_s == timeout_s
+
+
+@pytest.mark.parametrize(("length", "told"), [(63, "x" * 63), (64, "below the horizon")])
+def test_a_refusal_has_up_to_sixty_four_bytes(length, told) -> None:
+    """After its digit, which alone is understood when there is no end to it."""
+    target = [(b":Sr05:30:00#", b"1"), (b":Sd-12*15:00#", b"1"), (b":Gr#", b"05:30:00#"), (b":Gd#", b"-12*15:00#")]
+    script = [*CLASSIC_START, *target, (b":MS#", b"1" + b"x" * length + b"#")]
+    with transcript(Lx200, script) as m, pytest.raises(RefusedError, match=told):
+        m.goto(*TARGET)
+
+
+@pytest.mark.parametrize(
+    ("code", "slewing", "parked", "tracking"),
+    [
+        (0, False, False, True),
+        (1, False, False, False),
+        (2, True, False, False),
+        (3, True, False, False),
+        (4, True, False, False),
+        (5, False, True, False),
+        (6, True, False, False),
+        (7, False, False, False),
+        (8, False, False, False),
+        (10, False, False, True),
+        (99, False, False, False),
+    ],
+)
+def test_the_states_of_a_10micron(code, slewing, parked, tracking) -> None:
+    state = lx200.parse_10micron(b"%d#" % code)
+    assert (state.slewing, state.parked, state.tracking) == (slewing, parked, tracking)
+
+
+@pytest.mark.parametrize(("answer", "ratio"), [(b"=\r", 1), (b"=00\r", 1), (b"=20\r", 32), (b"=1000\r", 16)])
+def test_a_board_without_a_fast_mode_has_its_ratio_one(answer, ratio) -> None:
+    start = [(command, answer if command[:2] == b":g" else reply) for command, reply in MOTORS_START]
+    with board(start=start) as m:
+        assert [motor.ratio for motor in m.motors] == [ratio, ratio]
+
+
+def test_what_is_kept_is_kept_again_in_a_folder_of_its_own(tmp_path) -> None:
+    folder = tmp_path / "config" / "mounts"
+    with board(*counters(0.0, 0.0), home=Home.POWER_ON, kept=folder) as m:
+        m.keep()
+        (file,) = folder.iterdir()
+        assert file.name == "script-020300-9024000-9024000.json"
+        m.offset_deg = (1.5, -2.5)
+        m.keep()
+        assert m.recall().offset_deg == [1.5, -2.5]
+        m.home_confirmed = False
+        m.offset_deg = (7.0, 7.0)
+        m.keep()
+        assert m.recall().offset_deg == [1.5, -2.5]
+
+
+@pytest.mark.parametrize(
+    ("axes", "hour", "side"),
+    [
+        ((80.0, -40.0), -30.0, PierSide.WEST),  # hour angle -10, as usual
+        ((80.0, -40.0), 30.0, PierSide.EAST),
+        ((-100.0, 40.0), -30.0, PierSide.EAST),  # the same place from the other side: it stays there
+        ((-100.0, 40.0), 30.0, PierSide.EAST),
+        ((100.0, -40.0), 30.0, PierSide.WEST),  # followed past the meridian
+        ((100.0, -40.0), -30.0, PierSide.WEST),
+    ],
+)
+def test_a_slew_changes_the_side_of_the_pier_only_across_the_meridian(slews, axes, hour, side) -> None:
+    m, _, _, _ = slews(axes, axes)
+    assert m.side_for((m.sidereal() - hour) % 360.0) is side

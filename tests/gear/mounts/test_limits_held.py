@@ -161,7 +161,7 @@ def test_a_sync_asks_from_five_degrees_and_refuses_from_twenty(step, confirmed, 
     assert not any("would shift" in refusal for refusal in guessed.refusals)
 
 
-@pytest.mark.parametrize(("dec", "warned"), [(84.9, False), (85.1, True)])
+@pytest.mark.parametrize(("dec", "warned"), [(84.9, False), (85.1, True), (-84.9, False), (-85.1, True)])
 def test_near_the_pole_a_sync_hardly_corrects_right_ascension(dec, warned) -> None:
     found = sync((-30.0, dec - 1.0), (-30.0, dec))
     assert any("hardly corrects right ascension" in warning for warning in found.warnings) is warned
@@ -201,6 +201,7 @@ def solves(apart_arcsec=0.0, away_arcsec=0.0, rms_px=0.5, alarm=-20.0, count=2):
         (solves(alarm=-5.1), ""),
         (solves(alarm=-4.9), "chance match"),
         (replace(solves(), rms_px=(0.1,)), "incomplete"),
+        (replace(solves(), log10_false_alarm=(-20.0,)), "incomplete"),
     ],
 )
 def test_the_solves_that_a_sync_needs(evidence, refusal) -> None:

@@ -8,8 +8,8 @@ import pytest
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.mount import Direction, MountState, PierSide
 from kochab.gear.mounts import motion_policy as policy
-from kochab.gear.mounts.coordinates import altitude_deg, hour_angle_deg, sun_vector
-from kochab.gear.mounts.motion_plan import Limits, Plan, SyncEvidence
+from kochab.gear.mounts.coordinates import hour_angle_deg, sun_vector
+from kochab.gear.mounts.motion_plan import Limits, Plan
 
 from .imaginary import NIGHT, NOON, SITE, at
 
@@ -98,12 +98,6 @@ def test_a_path_may_pass_the_hour_angles_by_a_twentieth_of_a_degree(allowed, sta
     assert (words in found) if words else not found
 
 
-def test_a_sync_is_to_a_place_above_the_horizon_and_asks_for_nothing_else() -> None:
-    for altitude, words in ((0.1, ""), (-0.2, "that place is 0.2 deg below the horizon")):
-        found = said(policy.horizon, plan(high(50.0), high(altitude), "sync", hour_angle_deg=(-1.0, -0.5)))
-        assert (words in found) if words else not found
-
-
 @pytest.mark.parametrize(
     ("action", "allow", "severity"), [("goto", False, "refuse"), ("goto", True, "warn"), ("pulse", False, "warn")]
 )
@@ -147,15 +141,6 @@ def test_the_sun_has_a_cone_of_thirty_degrees_that_one_may_only_leave(start, tar
         assert (words in found) if words else not found, action
 
 
-def test_the_sun_is_up_until_it_is_ten_degrees_below_the_horizon() -> None:
-    height = float(altitude_deg(np.atleast_2d(sun_vector(NOON)), SITE, NOON)[0])
-    asked = plan(below_sun(60.0), below_sun(10.0), time_utc=NOON)
-    for limit, up in ((height - 0.1, True), (height + 0.1, False)):
-        assert bool(said(policy.sun, replace(asked, limits=Limits(sun_up_deg=limit)))) is up
-    assert said(policy.sun, replace(asked, site=None))
-    assert Limits().sun_up_deg == -10.0
-
-
 @pytest.mark.parametrize(
     ("side", "between", "dec", "words"),
     [
@@ -188,36 +173,6 @@ def test_a_move_passes_the_meridian_by_fifteen_degrees(side, between, dec, words
 def test_a_sync_of_five_degrees_is_asked_for_and_one_of_twenty_refused(step, state, armed, severity) -> None:
     asked = plan((10.0, 20.0), (10.0, 20.0 + step), "sync", state=state, armed=armed)
     assert [found.severity for found in policy.sync_step(asked)] == severity
-
-
-GOOD = SyncEvidence(((10.0, 20.0), (10.0, 20.0)), (1.9, 0.1), (-5.1, -12.0))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({}, ""),
-        ({"rms_px": (0.1, 2.1)}, "residual is 2.1 px (limit 2 px)"),
-        ({"log10_false_alarm": (-12.0, -4.9)}, "Possible chance match: 10^-5"),
-        ({"centres_deg": ((10.0, 20.0), (10.0, 20.0 + 119.0 / 3600.0))}, ""),
-        ({"centres_deg": ((10.0, 20.0), (10.0, 20.0 + 121.0 / 3600.0))}, "differ by 121″ (limit 120″)"),
-        ({"centres_deg": ((10.0, 20.0 + 119.0 / 3600.0),) * 2}, ""),
-        ({"centres_deg": ((10.0, 20.0 + 121.0 / 3600.0),) * 2}, "is 121″ from the solved position"),
-        ({"centres_deg": ((10.0, 20.0),)}, "not 1"),
-        ({"rms_px": (0.1,)}, "incomplete"),
-        ({"log10_false_alarm": (-12.0,)}, "incomplete"),
-    ],
-)
-def test_a_sync_needs_two_solves_that_agree_to_two_arcminutes_and_are_good(change, words) -> None:
-    asked = plan((12.0, 20.0), (10.0, 20.0), "sync", evidence=replace(GOOD, **change))
-    found = said(policy.sync_evidence, asked)
-    assert (words in found) if words else not found
-    assert not list(policy.sync_evidence(replace(asked, by_hand=True)))
-
-
-@pytest.mark.parametrize(("dec", "warned"), [(84.9, False), (85.1, True), (-84.9, False), (-85.1, True)])
-def test_a_sync_near_either_pole_is_warned_of(dec, warned) -> None:
-    assert bool(said(policy.sync_across_meridian, plan((10.0, dec), (10.0, dec), "sync"))) is warned
 
 
 @pytest.mark.parametrize(
@@ -259,20 +214,6 @@ def test_home_is_two_degrees_about_the_pole_with_the_counterweight_down(hour, de
             assert leaving.start_deg[1] == dec
         else:
             assert leaving == asked
-
-
-@pytest.mark.parametrize(
-    ("hour", "allow", "side", "count"),
-    [
-        (20.0, True, PierSide.WEST, 3),
-        (-5.0, True, PierSide.WEST, 2),
-        (20.0, False, PierSide.WEST, 2),
-        (20.0, True, None, 2),
-    ],
-)
-def test_a_path_over_the_pole_is_looked_at_when_a_flip_is_due(hour, allow, side, count) -> None:
-    asked = plan(at(-20.0, 40.0), at(hour, 40.0), state=replace(AWAKE, pier_side=side), allow_flip=allow)
-    assert len(policy.with_paths(asked).paths) == count
 
 
 @pytest.mark.parametrize(
