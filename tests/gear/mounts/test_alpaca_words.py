@@ -92,8 +92,8 @@ EVERY_RATE = {Ability.SIDEREAL, Ability.LUNAR, Ability.SOLAR, Ability.KING}
         ({"trackingrates": [0, 2]}, {Ability.LUNAR, Ability.KING}),
         ({"trackingrates": []}, EVERY_RATE - {Ability.SIDEREAL}),
         ({"trackingrates": None}, EVERY_RATE - {Ability.SIDEREAL}),
-        ({"sitelatitude": None}, {Ability.SITE}),
-        ({"utcdate": None}, {Ability.TIME}),
+        ({"sitelatitude": None}, {Ability.SITE, Ability.SET_SITE}),
+        ({"utcdate": None}, {Ability.TIME, Ability.SET_CLOCK}),
     ],
 )
 def test_what_its_driver_says_it_cannot_is_lacking(scope, change, lacking) -> None:

@@ -119,8 +119,8 @@ ABSENT = {
     "TELESCOPE_TRACK_STATE": {Ability.TRACKING},
     MODE: {Ability.LUNAR, Ability.SOLAR},
     PARK: {Ability.PARK, Ability.UNPARK},
-    "GEOGRAPHIC_COORD": {Ability.SITE},
-    "TIME_UTC": {Ability.TIME},
+    "GEOGRAPHIC_COORD": {Ability.SITE, Ability.SET_SITE},
+    "TIME_UTC": {Ability.TIME, Ability.SET_CLOCK},
 }
 
 
