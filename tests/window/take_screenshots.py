@@ -90,8 +90,6 @@ def main(folder, *arguments):
         path = frame or next(s.path for s in samples() if "pleiades" in s.path.name)
         commands.open(Path(path))
         loop.exec()
-        while window.workspace.strip.histogram.plot is None:
-            pause(100)
         pause(300)
         keep(window, folder / "window.png")
         if "--laboratory" in arguments:

@@ -13,7 +13,7 @@ def test_the_first_start_prepares_and_says_how_far(qtbot, make_window, a_file):
     shown = window.status.background
     qtbot.waitUntil(lambda: "42 %" in shown.text(), timeout=5000)
     assert "small-field index" in shown.text()
-    assert not window.status.cancel.isVisible()
+    assert not window.bar.cancel.isVisible()
     with qtbot.waitSignal(background.job.finished, timeout=5000):
         engine.gate.set()
     assert shown.text() == ""

@@ -21,8 +21,8 @@ def picture_of(menu, action):
 
 def test_the_menu_shows_what_is_switched_on(qtbot, opened):
     window, commands = opened
-    menu = next(a.menu() for a in window.menuBar().actions() if a.text() == "&View")
-    marks = next(a.menu() for a in menu.actions() if a.text() == "&Marks")
+    menu = next(a.menu() for a in window.bar.menus.actions() if a.text() == "&View")
+    marks = next(a.menu() for a in menu.actions() if a.text() == "La&yers")
     for name in MARKS:
         action = commands.actions[name]
         action.setChecked(True)
@@ -47,7 +47,7 @@ def test_a_very_long_name_leaves_the_window_as_it_is(qtbot, make_window, tmp_pat
     commands.session._engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.presenter.solve()
-    assert window.workspace.solution.old.isVisible()
+    assert window.workspace.card.old.isVisible()
     commands.presenter._failed(f"Can't open {LONG}: not a supported image.")
     assert window.workspace.tabs.minimumSizeHint().width() <= before
     window.menus.recent.ensurePolished()
@@ -83,12 +83,12 @@ def test_without_a_frame_there_is_nothing_to_zoom(qtbot, make_window, a_file, tm
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(a_file)
     assert all(action.isEnabled() for action in zooms)
-    assert window.status.zoom.text()
+    assert commands.actions["fit"].iconText().startswith("Fit 1")
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(tmp_path / "missing.fits")
     assert not any(action.isEnabled() for action in zooms)
     assert not window.workspace.strip.isEnabled()
-    assert (window.status.frame.text(), window.status.zoom.text()) == ("", "")
+    assert (window.status.frame.text(), commands.actions["fit"].iconText()) == ("", "Fit")
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(a_file)
     assert window.workspace.strip.isEnabled()
@@ -96,7 +96,7 @@ def test_without_a_frame_there_is_nothing_to_zoom(qtbot, make_window, a_file, tm
 
 def test_an_old_pointing_is_not_as_bright_as_a_new_one(qtbot, opened, engine):
     window, commands = opened
-    panel = window.workspace.solution
+    panel = window.workspace.card
     assert panel.ra.property("role") == "value"
     engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):

@@ -75,7 +75,7 @@ def test_the_welcome_page_and_a_failure_are_red(qtbot, make_window, a_file):
 
 def test_menus_lists_boxes_and_tips_are_red(qtbot, night):
     window, commands = night
-    for menu in (window.menus.recent, window.menus.export, *(a.menu() for a in window.menuBar().actions())):
+    for menu in (window.menus.recent, window.menus.export, *(a.menu() for a in window.bar.menus.actions())):
         assert_red(menu)
     box = window.workspace.hints.method
     window.workspace.tabs.setCurrentIndex(2)
@@ -155,7 +155,7 @@ def test_a_working_window_is_red(qtbot, night):
 
     window, _ = night
     for fraction in (None, 0.4):
-        window.status.show_progress(Progress("identify", fraction, "patterns"))
+        window.bar.show_progress(Progress("identify", fraction, "patterns"))
         window.workspace.card.show_working(Progress("identify", fraction, "patterns"))
         qtbot.wait(20)
         assert_red(window)

@@ -46,6 +46,7 @@ def usable(widget):
 @pytest.mark.parametrize("tab", [0, 1, 2])
 def test_tab_stops_at_every_control(qtbot, opened, tab):
     window, commands = opened
+    opened[1].views.show("details")
     window.workspace.tabs.setCurrentIndex(tab)
     commands.actions["log"].trigger()
     stops = tab_stops(qtbot, window)
@@ -67,6 +68,7 @@ def test_tab_stops_at_every_control(qtbot, opened, tab):
 @pytest.mark.parametrize("tab", [0, 1, 2])
 def test_every_control_says_what_it_is(opened, tab):
     window, _ = opened
+    opened[1].views.show("details")
     window.workspace.tabs.setCurrentIndex(tab)
     silent = [
         w
@@ -98,7 +100,7 @@ def test_every_action_is_in_a_menu(opened):
             else:
                 yield action
 
-    listed = [a for top in window.menuBar().actions() for a in walk(top.menu())]
+    listed = [a for top in window.bar.menus.actions() for a in walk(top.menu())]
     missing = [n for n, a in commands.actions.items() if a not in listed]
     assert missing == []
 
@@ -110,7 +112,7 @@ def mnemonic(text):
 
 def test_mnemonics_in_a_menu_differ(opened):
     window, _ = opened
-    for menu in [*window.findChildren(QMenu), window.menuBar()]:
+    for menu in [*window.findChildren(QMenu), window.bar.menus]:
         letters = [m for a in menu.actions() if (m := mnemonic(a.text()))]
         assert len(letters) == len(set(letters)), (menu.title() if isinstance(menu, QMenu) else "bar", letters)
 
@@ -118,12 +120,13 @@ def test_mnemonics_in_a_menu_differ(opened):
 @pytest.mark.parametrize("tab", [0, 1, 2])
 def test_mnemonics_in_sight_differ(opened, tab):
     window, _ = opened
+    opened[1].views.show("details")
     panes = window.workspace
     panes.tabs.setCurrentIndex(tab)
     texts = [b.text() for b in window.findChildren(QAbstractButton) if b.isVisible() and not isinstance(b, QToolButton)]
     texts += [w.text() for w in window.findChildren(QLabel) if w.isVisible() and w.buddy()]
     texts += [panes.tabs.tabText(i) for i in range(3)]
-    texts += [a.text() for a in window.menuBar().actions()]
+    texts += [a.text() for a in window.bar.menus.actions()]
     letters = sorted(m for t in texts if (m := mnemonic(t)))
     assert len(letters) == len(set(letters)), letters
 
@@ -166,9 +169,9 @@ def test_help_boxes_open_and_close_by_key(qtbot, opened):
 @pytest.mark.parametrize("size", ["small", "huge"])
 def test_text_size_changes_everything(qtbot, opened, size):
     window, commands = opened
-    before = window.status.doing.fontMetrics().height()
+    before = window.bar.doing.fontMetrics().height()
     commands.looks.use_theme(text_size=size)
     qtbot.waitUntil(lambda: commands.looks.settled)
-    after = window.status.doing.fontMetrics().height()
+    after = window.bar.doing.fontMetrics().height()
     assert (after < before) if size == "small" else (after > before * 1.3)
     commands.looks.use_theme(text_size="normal")

@@ -49,14 +49,18 @@ def test_opening_shows_solves_and_marks(opened):
     assert panes.view.picture is not None
     assert panes.card.title.text() == "Solved"
     assert "1 in 10¹⁴" in panes.card.text.text()
-    assert panes.solution.isVisible()
-    assert panes.solution.ra.text() == "05h 36m 12.00s"
-    assert panes.solution.dec.text() == "−01° 12′ 00.0″"
-    assert not panes.solution.old.isVisible()
+    assert panes.card.ra.isVisible()
+    assert panes.card.ra.text() == "05h 36m 12.00s"
+    assert panes.card.dec.text() == "−01° 12′ 00.0″"
+    assert (
+        panes.card.facts.text().replace("\u00a0", " ")
+        == "± 0.206″   Field 12.00° × 8.02°   Scale 72.26″/px   Up +27.0°"
+    )
+    assert not panes.card.old.isVisible()
     assert panes.stars.model.rowCount() == 24
     assert commands.presenter.overlay.solution is commands.session.known.result
     assert len(commands.presenter.overlay.detected) == 36
-    assert window.status.doing.text() == "Solved in 37 ms  05h 36m 12.00s  −01° 12′ 00.0″"
+    assert (window.bar.name.text(), window.bar.doing.text()) == ("orion.fits", "Solved in 37 ms")
     assert "orion.fits" in window.windowTitle()
 
 
@@ -88,9 +92,9 @@ def test_a_solve_that_fails_again_says_why_and_keeps_the_pointing_of_this_frame(
     shown = [card._numbers.itemAt(i).widget().text() for i in range(card._numbers.count())]
     assert "12.3\u00a0px" in shown
     assert "37°" in shown
-    assert window.workspace.solution.isVisible()
-    assert window.workspace.solution.old.isVisible()
-    assert "orion.fits" in window.workspace.solution.old.text()
+    assert card.ra.isVisible()
+    assert card.old.isVisible()
+    assert "orion.fits" in card.old.text()
     assert commands.presenter.overlay.solution is None
     assert window.workspace.stars.model.rowCount() == 0
     assert isinstance(commands.session.known.result, NoSolution)
@@ -104,17 +108,17 @@ def test_another_file_clears_the_pointing_of_the_one_before(qtbot, opened, engin
     engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(tmp_path / "missing.fits" if broken else a_file)
-    assert not window.workspace.solution.isVisible()
+    assert not window.workspace.card.ra.isVisible()
     assert not commands.actions["copy"].isEnabled()
     assert commands.session.known.last_good is None
-    assert window.status.doing.text() in ("Ready", "No solution in 410 ms")
+    assert window.bar.doing.text() in ("Ready", "No solution in 410 ms")
 
 
 def test_a_first_failure_has_no_old_pointing(qtbot, make_window, a_file):
     window, commands = make_window(FakeEngine(result=no_solution()))
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.open(a_file)
-    assert not window.workspace.solution.isVisible()
+    assert not window.workspace.card.ra.isVisible()
 
 
 def test_a_file_that_cannot_be_read_is_one_sentence(qtbot, make_window, engine, tmp_path):
@@ -167,13 +171,13 @@ def test_cancel_stops_a_solve(qtbot, make_window, a_file):
     with qtbot.waitSignal(commands.session.solving, timeout=10_000):
         commands.open(a_file)
     qtbot.waitUntil(lambda: commands.session.known.picture is not None, timeout=10_000)
-    assert window.status.cancel.isVisible()
+    assert window.bar.cancel.isVisible()
     assert commands.actions["cancel"].isEnabled()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         qtbot.keyClick(window, Qt.Key.Key_Escape)
     assert engine.stopped.is_set()
     assert window.workspace.card.title.text() == "Cancelled"
-    assert not window.status.cancel.isVisible()
+    assert not window.bar.cancel.isVisible()
 
 
 def test_closing_in_the_middle_of_a_solve_ends_its_thread(qtbot, make_window, a_file):

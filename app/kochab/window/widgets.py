@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QEvent, QLocale, QObject, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter
+from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QCheckBox,
@@ -193,6 +193,18 @@ def tab_pages(name: str, *pages: tuple[str, QWidget]) -> QTabWidget:
     for title, inside in pages:
         made.addTab(inside, title)
     return made
+
+
+class ElidedLabel(QLabel):
+    """One line that ends in … where it has no room; it never pushes its neighbours, and its tip has the whole text."""
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(1, super().minimumSizeHint().height())
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, self.width())
+        at = int(self.alignment() | Qt.AlignmentFlag.AlignVCenter)
+        self.style().drawItemText(QPainter(self), self.rect(), at, self.palette(), True, text, self.foregroundRole())
 
 
 def clear_layout(layout: QLayout) -> None:

@@ -92,7 +92,7 @@ def test_fit_follows_the_window_and_one_to_one_does_not(qtbot, opened):
     assert corners[1, 0] <= view.width()
     commands.actions["one"].trigger()
     assert view.viewport.scale == pytest.approx(1.0)
-    assert window.status.zoom.text() == "100 %"
+    assert commands.actions["fit"].iconText() == "Fit 100 %"
 
 
 def test_keys_zoom_move_and_switch(qtbot, opened):

@@ -278,7 +278,7 @@ def test_an_answer_grows_old_on_the_screen_by_itself(qtbot, live):
     assert "OLD" in view.pointing.old.text()
     assert view.title.text() == "No new frames"
     assert view.window().windowTitle() == "Live: No new frames, OLD pointing, a camera – Kochab"
-    assert view.window().status.doing.text() == "Live: No new frames, OLD pointing"
+    assert view.window().bar.doing.text() == "Live: No new frames, OLD pointing"
     view.end()
     wait_idle(qtbot, view)
     assert view.window().windowTitle() == "a camera – Kochab"

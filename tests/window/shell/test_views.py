@@ -1,4 +1,4 @@
-"""The places of the Tools menu: docks that cost nothing until seen and come back after a restart."""
+"""The modes of the rail: docks that cost nothing until seen and come back after a restart."""
 
 import threading
 
@@ -41,18 +41,31 @@ def test_an_open_view_is_open_after_a_restart(make_window, engine):
     assert last.views.docks["laboratory"].isHidden()
 
 
-def test_views_share_a_place_and_the_hidden_one_comes_to_the_front(qtbot, make_window, engine, monkeypatch):
-    twice = views.VIEWS | {"second": ("&Second", "F12", views.VIEWS["laboratory"][2])}
-    monkeypatch.setattr(views, "VIEWS", twice)
-    _, commands = make_window(engine)
-    first, second = (commands.views.docks[n] for n in ("laboratory", "second"))
-    commands.views.show("laboratory")
-    commands.views.show("second")
-    qtbot.waitUntil(lambda: first.visibleRegion().isEmpty())
-    assert not first.isHidden()
-    commands.views.toggle("laboratory")  # behind the other: it comes to the front instead of closing
-    qtbot.waitUntil(lambda: second.visibleRegion().isEmpty())
-    assert not first.isHidden()
+def test_one_view_at_a_time_stands_beside_the_image(qtbot, opened):
+    window, commands = opened
+    views, wide = commands.views, window.workspace.view.width()
+    for name in ("details", "laboratory", "polar", "image"):
+        views.show(name)
+        assert views.docked == [name] * (name != "image")
+        assert views.image.isChecked() == (name in ("image", "details"))
+        assert views.actions["polar"].isChecked() == (name == "polar")
+    qtbot.waitUntil(lambda: window.workspace.view.width() == wide)
+    views.docks["polar"].setFloating(True)
+    views.show("polar")
+    views.show("details")
+    assert views.docked == ["details"]
+    assert views.docks["polar"].isVisible()  # on a screen of its own
+    assert not views.image.isChecked() or views.docked == ["details"]
+    views.docks["polar"].setFloating(False)
+
+
+def test_a_click_on_the_rail_changes_the_mode(qtbot, opened):
+    window, commands = opened
+    buttons = {a.objectName(): window.rail.widgetForAction(a) for a in window.rail.actions()}
+    for name in ("view_polar", "view_laboratory", "view_image"):
+        qtbot.mouseClick(buttons[name], Qt.MouseButton.LeftButton)
+        assert [n for n, made in buttons.items() if n.startswith("view_") and made.isChecked()] == [name]
+    assert commands.views.docked == []
 
 
 def test_a_view_fits_a_small_screen(qtbot, make_window, engine):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
+from PySide6.QtGui import QColor, QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
@@ -44,7 +44,7 @@ class FrameView(QWidget):
         self._image = ScreenImage()
         self._fits = True
         self._pressed: QPointF | None = None
-        self._dragged = False
+        self._dragged = self._focus_by_key = False
 
     @property
     def picture(self) -> FrameImage | RenderedFrame | None:
@@ -110,7 +110,7 @@ class FrameView(QWidget):
             if self.marks is not None:
                 painter.setRenderHint(QPainter.RenderHint.Antialiasing)
                 self.marks(painter, self.viewport)
-        if self.hasFocus():
+        if self._focus_by_key and self.hasFocus():
             painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
             painter.setPen(self.palette().highlight().color())
             painter.setBrush(Qt.BrushStyle.NoBrush)
@@ -160,6 +160,11 @@ class FrameView(QWidget):
             self.actual_pixels(event.position())
         else:
             self.fit()
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        """The edge that shows the focus is for those who go by the keyboard."""
+        self._focus_by_key = event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason)
+        super().focusInEvent(event)
 
     def leaveEvent(self, event: object) -> None:
         self.hovered.emit(None)

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtCore import QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPen, QPixmap, QPolygonF
 
 from kochab.core.arrays import Floats
@@ -217,9 +217,13 @@ def _letter(painter: QPainter, at: QPointF, way: Floats, letter: str, shade: QCo
 
 @dataclass(slots=True)
 class Overlay:
-    """Paints detections and a solution: those of :data:`MARKS` that are ``on``; ``selected`` indexes its stars."""
+    """Paints detections and a solution: those of :data:`MARKS` that are ``on``; ``selected`` indexes its stars.
+
+    No label goes where the view is ``covered``, screen px.
+    """
 
     on: dict[str, bool] = field(default_factory=lambda: dict.fromkeys(MARKS, True))
+    covered: list[QRect] = field(default_factory=list)
     selected: int | None = None
     solution: Solution | None = None
     detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
@@ -240,6 +244,8 @@ class Overlay:
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
         brush = Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
+        for box in self.covered:
+            brush.space.place(QRectF(box))
         solution = self.solution
         edges = _edges(view, solution)
         lines = self._grid(view, solution) if self.on["grid"] else []

@@ -1,4 +1,4 @@
-"""The strip under the frame: histogram, automatic stretch, black and brightness sliders."""
+"""The stretch over the frame: histogram, automatic stretch, black and brightness sliders."""
 
 import math
 from typing import TYPE_CHECKING
@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, QSize, Qt, Signal
-from PySide6.QtWidgets import QLabel, QSizePolicy, QSlider
+from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QSlider
 
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame
-from kochab.window.widgets import Page, grid, named, row, switch
+from kochab.window.widgets import grid, named, row, switch
 
 if TYPE_CHECKING:
     from kochab.window.charts.histogram_plot import HistogramPlot
@@ -63,13 +63,14 @@ STEPS = 1000
 DECADES = 4.0  # brightness runs from linear to four decades of lift
 
 
-class StretchStrip(Page):
+class StretchStrip(QFrame):
     """Emits the stretch to use; linear while automatic is off and no slider was moved."""
 
     changed = Signal(object)  # Stretch
 
     def __init__(self) -> None:
         super().__init__()
+        self.setObjectName("card")
         self._automatic = ScreenStretch()
         self.histogram = Histogram()
         self.auto = switch("Auto stretch", "Stretch the image so that faint stars show (T)")

@@ -192,9 +192,8 @@ class LaboratorySetupPanel(Page):
         self._kept = {**self.numbers, "source": self.source, "hints": self.hints}
         titles = ("Stars from", "Known", *(title for title, *_ in NUMBERS.values()))
         fields = (self.source, self.hints, *self.numbers.values())
-        cells = [cell for title, field in zip(titles, fields, strict=True) for cell in (label(title), field)]
-        rows = (cells[at : at + 4] for at in range(0, len(cells), 4))
-        form = grid(*rows, down=5, stretch=(0, 1, 0, 1))
+        rows = ((label(title), field) for title, field in zip(titles, fields, strict=True))
+        form = grid(*rows, down=5, stretch=(0, 1))
         column(form, None, on=self, margins=(8, 8, 8, 8))
         self.source.currentIndexChanged.connect(self._enable)
         self._enable()

@@ -147,7 +147,6 @@ class LiveView(Page):
             stream.recording.wish = self.record.folder
         self.pointing.clear()
         self.pointing.angle_style = self._services.settings.angle_style
-        self._services.panes.show_side(False)  # the frame needs the room
         self._show_message("")
         self.job = job = self._services.jobs.run(stream.task(), "live")
         job.failed.connect(lambda sentence: self._failed(job, sentence))
@@ -172,7 +171,6 @@ class LiveView(Page):
         self._changing_frame = False
         if keep and self.display.shown is None:
             self._services.session.live.emit("Live: stopped")
-        self._services.panes.show_side(True)
         self._show_status(StreamStatus("Stopping", "Closing the camera…", "heading"))
         self._show_running(False)
         self.start.setEnabled(False)

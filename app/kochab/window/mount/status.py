@@ -1,4 +1,4 @@
-"""The state of the mount and Stop in the status bar, in sight of every view; Escape stops from anywhere."""
+"""The state of the mount and Stop in the bar above every view; Escape stops from anywhere."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -12,7 +12,7 @@ from kochab.gear.mount_events import MountSnapshot
 from kochab.window.mount.connection import MountControl
 from kochab.window.mount.pointing import words_of
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.widgets import button, label, row, set_role
+from kochab.window.widgets import ElidedLabel, button, row, set_role
 
 KEY = "Esc"
 SAME_S = 0.1
@@ -55,18 +55,17 @@ ALARM = "THE MOUNT MAY STILL MOVE: CUT ITS POWER"
 
 
 class MountStatus(QWidget):
-    """The state of the mount in the status bar of every view, Stop, and the Stop key."""
+    """The state of the mount in the bar above every view, Stop at its end, and the Stop key."""
 
     def __init__(self, control: MountControl, window: MainWindow) -> None:
         super().__init__()
         self._control = control
-        self.text = label("", "muted")
+        self.text = ElidedLabel()
         self.text.setAccessibleName("Mount")
-        self.text.setMinimumWidth(1)  # Stop comes first
         tip = f"Stop the mount now ({KEY} from anywhere)"
-        self.stop = button(f"Stop mount ({KEY})", control.stop, "small", tip)
-        row(self.text, self.stop, on=self, spacing=8, margins=(10, 0, 0, 0))
-        window.status.addPermanentWidget(self)
+        self.stop = button(f"STOP  {KEY}", control.stop, "alarm", tip)
+        row(self.text, self.stop, on=self, spacing=8, margins=(4, 0, 0, 0))
+        window.bar.add(self)
         self._key = StopKey(self._pressed, self)
         window.closing.connect(lambda: self._key.listen(False))
         control.changed.connect(self._show)
@@ -80,6 +79,7 @@ class MountStatus(QWidget):
         self.text.setToolTip(", ".join(w for w in (name, known.port, known.user) if name and w))
         role = "bad" if known.alarm else {"lost": "wrong", "off": "muted"}.get(known.phase, "")
         set_role(self.text, role)
+        self.text.setMinimumWidth(self.text.sizeHint().width() if known.alarm else 1)  # an alarm is never cut
         self.stop.setVisible(known.phase not in ("off", "leaving"))
 
     def _pressed(self) -> None:

@@ -1,4 +1,4 @@
-"""What menus, toolbar and keys do, and the help boxes."""
+"""What menus, buttons and keys do, and the help boxes."""
 
 import time
 from collections.abc import Callable
@@ -16,13 +16,15 @@ from kochab.window.image.overlay import MARKS
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.dialogs import ask_open, ask_save, save_task, tell, without_icons
 from kochab.window.shell.exports import FrameExporter
-from kochab.window.shell.menus import SPECS
+from kochab.window.shell.menus import SPECS, colour_icons
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
+from kochab.window.themes import theme_colours
 from kochab.window.widgets import Part, column, grid, label, row
 from kochab.workflows.session.wiring import Wiring
 
+LAYOUT = 2  # of the parts of the window; places kept by an older one are forgotten
 LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
 ABOUT = (
     f"Kochab {__version__}",
@@ -85,6 +87,7 @@ class Commands(QObject):
         panes = self.window.workspace
         self.services = Services(self.settings, self.session, self.looks, jobs, wiring, self._say, panes)
         self.views = Views(self.window, self.services)
+        colour_icons(self.actions, theme_colours())
         self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
         self._restore()
         self._connect()
@@ -95,8 +98,8 @@ class Commands(QObject):
         self._enable()
 
     def _restore(self) -> None:
-        window, panes = self.window, self.window.workspace
-        parts = {"geometry": window.restoreGeometry, "state": window.restoreState, "splitter": panes.restoreState}
+        window = self.window
+        parts = {"geometry": window.restoreGeometry, "rail": lambda kept: window.restoreState(kept, LAYOUT)}
         for name, restore in parts.items():
             if (saved := self.settings.data(name)) is not None:
                 restore(saved)
@@ -116,6 +119,7 @@ class Commands(QObject):
             "out": panes.view.zoom_out,
             "stretch": panes.strip.auto.setChecked,
             "colour": self.looks.show_frame,
+            "histogram": panes.strip.setVisible,
             "night": self.looks.use_night,
             "fill": self._fill,
             "full": self._full_screen,
@@ -213,10 +217,9 @@ class Commands(QObject):
 
     def _tab(self, index: int) -> None:
         panes = self.window.workspace
-        if panes.turn_to(index):
-            (panes.tabs.tabBar(), panes.stars.table, panes.hints.fov)[index].setFocus()
-        else:
-            panes.view.setFocus()
+        self.views.show("details")
+        panes.tabs.setCurrentIndex(index)
+        (panes.tabs.tabBar(), panes.stars.table, panes.hints.fov)[index].setFocus()
 
     def _escape(self) -> None:
         if self.session.busy:
@@ -230,7 +233,7 @@ class Commands(QObject):
         self.actions["solve"].setEnabled(known.frame is not None)
         for name in ("copy", "copy_all"):
             self.actions[name].setEnabled(known.last_good is not None)
-        for name in ("tab_solution", "tab_stars", "tab_hints"):  # else their keys are the samples' keys too
+        for name in ("details", "tab_solution", "tab_stars", "tab_hints"):  # else their keys are the samples' keys too
             self.actions[name].setEnabled(self.window.pages.currentWidget() is self.window.workspace)
         for name in ("fit", "one", "in", "out"):
             self.actions[name].setEnabled(known.frame is not None or self.session.streams)
@@ -244,8 +247,7 @@ class Commands(QObject):
     def _close(self) -> None:
         window, keep = self.window, self.settings
         keep.keep("geometry", window.saveGeometry())
-        keep.keep("state", window.saveState())
-        keep.keep("splitter", window.workspace.saveState())
+        keep.keep("rail", window.saveState(LAYOUT))
         keep.keep("closed", time.strftime("%Y-%m-%d"))
         keep.write()
 

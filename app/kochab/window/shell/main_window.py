@@ -2,84 +2,87 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QChildEvent, QSize, Qt, Signal
+from PySide6.QtCore import QChildEvent, QEvent, QObject, QPoint, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
-from PySide6.QtWidgets import QMainWindow, QSplitter, QStackedWidget, QWidget
+from PySide6.QtWidgets import QBoxLayout, QMainWindow, QStackedWidget, QToolButton, QWidget
 
 from kochab.window.image.frame_view import FrameView
 from kochab.window.image.stretch_strip import StretchStrip
+from kochab.window.panels.card import Card
 from kochab.window.panels.hints_panel import HintsPanel
 from kochab.window.panels.log_panel import LogPanel
-from kochab.window.panels.solution_panel import SolutionPanel, StateCard
+from kochab.window.panels.solution_panel import SolutionPanel
 from kochab.window.panels.star_table import StarTable
-from kochab.window.shell.menus import Menus, make_actions, make_toolbar
-from kochab.window.shell.status import Status
+from kochab.window.shell.menus import Menus, Rail, button_of, make_actions
+from kochab.window.shell.status import Status, TopBar
 from kochab.window.shell.welcome import Sample, Welcome
-from kochab.window.widgets import column, page, scrolled, tab_pages
+from kochab.window.widgets import Page, column, page, row, scrolled, styled_frame, tab_pages
 
-SIDE_PX, LEAST_SIDE_PX = 400, 320
-LEAST_FRAME_PX = 420  # beside the side; a frame that is smaller is better seen alone
+CARD_LETTERS = 50  # about as wide as a line of so many
+MARGIN_PX, STRIP_PX = 8, 560
 
 
-class Workspace(QSplitter):
-    """The open frame with its strip, and the side pane with its tabs.
+class Workspace(Page):
+    """The open frame, and over it the card, a few buttons and the stretch; ``tabs`` stand beside it when asked for."""
 
-    Where a tool leaves no room for both, the frame is shown alone, and the keys of the side's tabs
-    swap it for the side and back.
-    """
-
-    def __init__(self, methods: list[str], detectors: list[str]) -> None:
-        super().__init__(Qt.Orientation.Horizontal)
+    def __init__(self, methods: list[str], detectors: list[str], buttons: list[QToolButton]) -> None:
+        super().__init__()
         self.view = FrameView()
         self.strip = StretchStrip()
-        self.card = StateCard()
+        self.card = Card()
         self.solution = SolutionPanel()
         self.stars = StarTable()
         self.hints = HintsPanel(methods, detectors)
         first = page()
-        column(self.card, self.solution, None, on=first, spacing=12, margins=(12, 12, 12, 12))
+        column(self.solution, None, on=first, spacing=12, margins=(12, 12, 12, 12))
         tabs = ("Solution", scrolled(first)), ("Stars", self.stars), ("Hints, method", scrolled(self.hints))
         self.tabs = tab_pages("Frame details", *tabs)
         for index in range(self.tabs.count()):
             self.tabs.setTabToolTip(index, f"Alt+{index + 1}")
-        self.tabs.setMinimumWidth(LEAST_SIDE_PX)
-        self._side_wanted, self._side_alone = True, False
-        self._left = page()
-        column((self.view, 1), self.strip, on=self._left, spacing=0, margins=(0, 0, 0, 0))
-        self.addWidget(self._left)
-        self.addWidget(self.tabs)
-        self.setStretchFactor(0, 1)
-        self.setSizes([900, SIDE_PX])
-        self.setCollapsible(0, False)
+        self.buttons = styled_frame("card")
+        self._row = row(*buttons, on=self.buttons, spacing=2, margins=(3, 3, 3, 3))
+        column((self.view, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
+        self.strip.hide()
+        self.covered: list[QRect] = []  # parts of the view, where no label could be read
+        for over in (self.card, self.buttons, self.strip):
+            over.setParent(self)
+            over.installEventFilter(self)
+        self.view.installEventFilter(self)
 
     def minimumSizeHint(self) -> QSize:
-        """As narrow as the frame alone."""
-        return QSize(self._left.minimumSizeHint().width(), super().minimumSizeHint().height())
+        """Wide enough for the card."""
+        least = super().minimumSizeHint()
+        return least.expandedTo(QSize(self.card.minimumSizeHint().width() + 2 * MARGIN_PX, 0))
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        super().resizeEvent(event)
-        self._share()
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() in (QEvent.Type.LayoutRequest, QEvent.Type.Resize, QEvent.Type.ShowToParent):
+            self._place()
+            if watched is self.card:
+                self.updateGeometry()
+        return super().eventFilter(watched, event)
 
-    def show_side(self, on: bool) -> None:
-        """Whether the side may be seen at all."""
-        self._side_wanted = on
-        self._share()
-
-    def turn_to(self, index: int) -> bool:
-        """Bring a tab of the side in front; False when that has brought the frame back instead."""
-        again = self._side_alone and self.tabs.currentIndex() == index
-        self._side_alone = not again
-        self.tabs.setCurrentIndex(index)
-        self._share()
-        return self.tabs.isVisible()
-
-    def _share(self) -> None:
-        least = max(self._left.minimumSizeHint().width(), LEAST_FRAME_PX)
-        both = self.width() >= least + LEAST_SIDE_PX
-        if both or not self._side_wanted:
-            self._side_alone = False
-        self.tabs.setVisible(self._side_wanted and (both or self._side_alone))
-        self._left.setVisible(not self._side_alone)
+    def _place(self) -> None:
+        """The card at the lower left, the buttons at the lower right, or at the top when there is no room beside it."""
+        inside = self.view.geometry().adjusted(MARGIN_PX, MARGIN_PX, -MARGIN_PX, -MARGIN_PX)
+        letters = self.fontMetrics().averageCharWidth() * CARD_LETTERS
+        card = QRect(QPoint(), QSize(min(letters, inside.width()), 0))
+        card.setHeight(self.card.heightForWidth(card.width()))
+        card.moveBottomLeft(inside.bottomLeft())
+        long = sum(made.sizeHint().width() + 4 for made in self.buttons.findChildren(QToolButton))
+        way = QBoxLayout.Direction.LeftToRight if long < inside.width() else QBoxLayout.Direction.TopToBottom
+        if self._row.direction() != way:
+            self._row.setDirection(way)
+        buttons = QRect(QPoint(), self.buttons.sizeHint())
+        buttons.moveBottomRight(inside.bottomRight())
+        if buttons.intersects(card.adjusted(0, 0, MARGIN_PX, 0)):
+            buttons.moveTopLeft(inside.topLeft())
+        strip = QRect(QPoint(), QSize(min(STRIP_PX, inside.width()), self.strip.sizeHint().height()))
+        strip.moveBottomRight(buttons.topRight() - QPoint(0, MARGIN_PX))
+        if strip.intersects(card) or not inside.contains(strip):
+            strip.moveTopLeft(inside.topLeft() if buttons.top() > inside.top() else buttons.bottomLeft())
+        self.covered[:] = (card, buttons)
+        for over, at in ((self.card, card), (self.buttons, buttons), (self.strip, strip)):
+            over.setGeometry(at)
 
 
 class MainWindow(QMainWindow):
@@ -97,10 +100,15 @@ class MainWindow(QMainWindow):
         self.setStyleSheet("QMainWindow::separator { background: transparent; width: 4px; height: 4px; }")
         self.resize(1360, 860)
         self.actions_by_name = make_actions(self)
-        self.menus = Menus(self, self.actions_by_name)
-        self.tools = make_toolbar(self, self.actions_by_name)
+        self.bar = TopBar()
+        self.setMenuWidget(self.bar)
+        self.menus = Menus(self, self.bar.menus, self.actions_by_name)
+        self.rail = Rail(self)
         self.welcome = Welcome(samples)
-        self.workspace = Workspace(methods, detectors)
+        over = [self.actions_by_name[name] for name in ("histogram", "fit", "details")]
+        self.bar.add_first(button_of(self.actions_by_name["open"]))
+        buttons = [button_of(self.menus.layers.menuAction(), self.menus.layers), *map(button_of, over)]
+        self.workspace = Workspace(methods, detectors, buttons)
         self.pages = _Pages()
         self.pages.addWidget(self.welcome)
         self.pages.addWidget(self.workspace)
@@ -115,6 +123,10 @@ class MainWindow(QMainWindow):
     def show_frame_page(self) -> None:
         self.pages.setCurrentWidget(self.workspace)
         self.workspace.view.setFocus()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.rail.suit(self.width())
 
     def childEvent(self, event: QChildEvent) -> None:
         child = event.child() if event.polished() else None

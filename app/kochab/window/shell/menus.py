@@ -1,12 +1,12 @@
-"""The actions of the window, its menu bar and its toolbar."""
+"""The actions of the window, its menus, the rail at its left, and the buttons over the image."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import QEvent, QSize, Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
-from PySide6.QtWidgets import QMainWindow, QMenu, QToolBar
+from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QSizePolicy, QToolBar, QToolButton, QWidget
 
 from kochab.core.angle_text import short_name
 from kochab.window.image.overlay import MARKS
@@ -22,32 +22,34 @@ class Spec:
     keys: str = ""  # separated by spaces
     tip: str = ""
     switch: bool = False
-    short: str = ""  # text on the toolbar
+    short: str = ""  # text on a button
 
 
 SPECS = (
-    Spec("open", "&Open…", "Ctrl+O", "Open an image", short="Open"),
+    Spec("open", "&Open…", "Ctrl+O", "Open an image", short="Open…"),
     Spec("clear_recent", "&Clear this list"),
     Spec("quit", "&Quit", "Ctrl+Q"),
-    Spec("solve", "&Solve again", "F5 Ctrl+R", "Plate solve the open image again", short="Solve"),
-    Spec("cancel", "&Cancel", "Esc", "Stop the current task", short="Cancel"),
+    Spec("solve", "&Solve again", "F5 Ctrl+R", "Plate solve the open image again"),
+    Spec("cancel", "&Cancel", "Esc", "Stop the current task"),
     Spec("fit", "&Fit to window", "0 Ctrl+0", "Show the whole image", short="Fit"),
-    Spec("one", "&Actual pixels", "1 Ctrl+1", "Show the image at 100 %", short="1:1"),
-    Spec("in", "Zoom &in", "+ = Ctrl++", short="In"),
-    Spec("out", "Zoom &out", "- Ctrl+-", short="Out"),
-    Spec("stretch", "Automatic &stretch", "T", "Stretch the image so that faint stars show", True, "Stretch"),
-    Spec("colour", "&Colour", "C", "Show in colour or mono", True, "Colour"),
-    Spec("detected", "&Detected stars", "D", "Circle every detected star", True, "Detected"),
-    Spec("identified", "&Identified stars", "I", "Circle identified stars", True, "Identified"),
-    Spec("names", "&Names", "N", "Label identified stars", True, "Names"),
-    Spec("grid", "RA/Dec &grid", "G", "Right ascension and declination lines", True, "Grid"),
-    Spec("centre", "&Centre cross", "X", "Mark the centre of the frame", True, "Centre"),
-    Spec("compass", "North and &east arrows", "E", "Show north and east", True, "N/E"),
+    Spec("one", "&Actual pixels", "1 Ctrl+1", "Show the image at 100 %"),
+    Spec("in", "Zoom &in", "+ = Ctrl++"),
+    Spec("out", "Zoom &out", "- Ctrl+-"),
+    Spec("stretch", "Automatic &stretch", "T", "Stretch the image so that faint stars show", True),
+    Spec("histogram", "Histogra&m", "H", "Show the histogram, black point and brightness", True, "Stretch"),
+    Spec("colour", "&Colour", "C", "Show in colour or mono", True),
+    Spec("detected", "&Detected stars", "D", "Circle every detected star", True),
+    Spec("identified", "&Identified stars", "I", "Circle identified stars", True),
+    Spec("names", "&Names", "N", "Label identified stars", True),
+    Spec("grid", "RA/Dec &grid", "G", "Right ascension and declination lines", True),
+    Spec("centre", "&Centre cross", "X", "Mark the centre of the frame", True),
+    Spec("compass", "North and &east arrows", "E", "Show north and east", True),
     Spec("night", "Ni&ght", "Ctrl+N", "Red light only, for dark-adapted eyes", True, "Night"),
+    Spec("details", "&Details", "Ctrl+D", "Attitude, camera, times, the stars, hints and methods", True, "Details"),
     Spec("fill", "Tool fills the &window", "Shift+F11", "Hide the image beside an open tool", True),
     Spec("full", "F&ull screen", "F11", "", True),
     Spec("log", "&Log", "Ctrl+L", "Show the log", True),
-    Spec("copy", "Copy &RA/Dec", "Ctrl+Shift+C", "Copy the coordinates of the frame's centre", short="Copy"),
+    Spec("copy", "Copy &RA/Dec", "Ctrl+Shift+C", "Copy the coordinates of the frame's centre"),
     Spec("copy_all", "Copy &everything"),
     Spec("tab_solution", "Solutio&n", "Alt+1"),
     Spec("tab_stars", "Sta&rs", "Alt+2"),
@@ -57,6 +59,7 @@ SPECS = (
     Spec("report", "Save a &report…", "", "Pack the journal and versions for a bug report"),
 )
 Actions = dict[str, QAction]
+LEAST_LETTERS = 105  # of the window's width, for a rail with names
 
 
 def make_actions(window: QMainWindow) -> Actions:
@@ -86,8 +89,7 @@ def colour_icons(actions: Actions, colours: Colours) -> None:
 class Menus:
     """Owns the menus that change: recent files, export, theme, text size, tools."""
 
-    def __init__(self, window: QMainWindow, actions: Actions) -> None:
-        bar = window.menuBar()
+    def __init__(self, window: QMainWindow, bar: QMenuBar, actions: Actions) -> None:
         file = bar.addMenu("&File")
         file.addAction(actions["open"])
         self.recent: QMenu = file.addMenu("Open &recent")
@@ -99,10 +101,10 @@ class Menus:
         file.addAction(actions["quit"])
         _fill(bar.addMenu("&Edit"), actions, "copy", "copy_all")
         view = bar.addMenu("&View")
-        _fill(view, actions, "fit", "one", "in", "out", "", "stretch", "colour", "")
-        marks = view.addMenu("&Marks")
-        _fill(marks, actions, *MARKS)
-        _fill(view, actions, "", "tab_solution", "tab_stars", "tab_hints", "log", "")
+        _fill(view, actions, "fit", "one", "in", "out", "", "stretch", "histogram", "colour", "")
+        self.layers = view.addMenu("La&yers")
+        _fill(self.layers, actions, *MARKS)
+        _fill(view, actions, "", "details", "tab_solution", "tab_stars", "tab_hints", "log", "")
         self.themes = _choices(window, view.addMenu("&Theme"), THEME_TITLES)
         titles = {name: f"&{name.capitalize()}" for name in TEXT_SIZES}
         self.text_sizes = _choices(window, view.addMenu("Te&xt size"), titles)
@@ -128,28 +130,49 @@ class Menus:
             menu.addAction(self._clear)
 
 
-def make_toolbar(window: QMainWindow, actions: Actions) -> QToolBar:
-    """The toolbar: the frame, the view, the marks, night."""
-    bar = QToolBar("Tools", window, movable=False, iconSize=QSize(22, 22))
-    bar.setObjectName("tools")
-    bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
-    groups = (
-        ("open", "solve", "cancel"),
-        ("fit", "one", "in", "out"),
-        ("stretch", "colour", "night"),
-        MARKS,
-        ("copy",),
-    )
-    for i, group in enumerate(groups):
-        if i:
-            bar.addSeparator()
-        for name in group:
-            bar.addAction(actions[name])
-            button = bar.widgetForAction(actions[name])
+class Rail(QToolBar):
+    """The modes at the left of the window; large letters on a small screen leave them their icons."""
+
+    def __init__(self, window: QMainWindow) -> None:
+        super().__init__("Modes", window, movable=False, iconSize=QSize(22, 22))
+        self.setObjectName("rail")
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)  # which would offer to hide it
+        window.addToolBar(Qt.ToolBarArea.LeftToolBarArea, self)
+
+    def fill(self, modes: list[QAction], below: list[QAction]) -> None:
+        """Buttons for ``modes``, and at the lower end those ``below``, all of one width."""
+        space = QWidget()
+        space.setSizePolicy(QSizePolicy.Policy.Minimum, QSizePolicy.Policy.Expanding)
+        self.addActions(modes)
+        self.addWidget(space)
+        self.addActions(below)
+        for action in [*modes, *below]:
+            button = self.widgetForAction(action)
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-            button.setAccessibleName(actions[name].text().replace("&", ""))
-    window.addToolBar(bar)
-    return bar
+            button.setAccessibleName(action.text().replace("&", ""))
+            button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def suit(self, width_px: int) -> None:
+        """Show the names of the modes, or icons alone in a window of ``width_px``."""
+        small = width_px < self.fontMetrics().averageCharWidth() * LEAST_LETTERS
+        style = Qt.ToolButtonStyle
+        self.setToolButtonStyle(style.ToolButtonIconOnly if small else style.ToolButtonTextUnderIcon)
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.StyleChange:
+            self.suit(self.window().width())
+
+
+def button_of(action: QAction, menu: QMenu | None = None) -> QToolButton:
+    """A small button over the image that triggers ``action``, or opens ``menu``, which is then the action's."""
+    made = QToolButton(popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
+    made.setDefaultAction(action)
+    made.setMenu(menu)  # type: ignore[arg-type]  # None is no menu
+    made.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+    made.setAccessibleName(action.text().replace("&", ""))
+    made.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+    return made
 
 
 def _fill(menu: QMenu, actions: Actions, *names: str) -> None:

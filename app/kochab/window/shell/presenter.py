@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QObject
 
-from kochab.core.angle_text import AngleStyle, milliseconds_text, radec_text
+from kochab.core.angle_text import AngleStyle, milliseconds_text, short_name
 from kochab.core.errors import printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
@@ -28,8 +28,9 @@ class Presenter(QObject):
         self.overlay = Overlay()
         self.style = settings.angle_style
         self.panes = panes = window.workspace
-        panes.view.marks = self.overlay.paint
+        panes.view.marks, self.overlay.covered = self.overlay.paint, panes.covered
         panes.solution.set_style(self.style)
+        panes.card.set_style(self.style)
         panes.hints.show_site(settings.site)
         panes.stars.set_style(self.style)
         session.options_for = lambda frame: panes.hints.checked_options(frame.width)
@@ -49,32 +50,38 @@ class Presenter(QObject):
         s.idle.connect(self._idle)
         panes.view.hovered.connect(self._hovered)
         panes.view.clicked.connect(self._clicked)
-        panes.view.zoomed.connect(self.window.status.show_zoom)
+        panes.view.zoomed.connect(self._zoomed)
         panes.stars.picked.connect(self._picked)
         panes.solution.style_changed.connect(self._restyled)
         panes.hints.solve_wanted.connect(self.solve)
         panes.hints.site_given.connect(self.settings.keep_site)
         panes.card.again_wanted.connect(self.solve)
         panes.card.hints_wanted.connect(self._turn_to_hints)
-        self.window.status.cancel_wanted.connect(self.session.cancel)
+        self.window.bar.cancel_wanted.connect(self.session.cancel)
 
     def solve(self) -> None:
         """Solve the open frame with what the hints pane says."""
         if (frame := self.session.known.frame) is None:
             return
         options = self.panes.hints.checked_options(frame.width)
-        self.panes.tabs.setCurrentIndex(0 if options is not None else 2)
         if options is not None:
             self.session.solve(options)
+        else:
+            self._turn_to_hints()
 
     def _turn_to_hints(self) -> None:
-        self.panes.tabs.setCurrentIndex(2)
-        self.panes.hints.fov.setFocus()
+        self.window.actions_by_name["tab_hints"].trigger()
 
     def _opening(self, path: Path) -> None:
-        self.window.setWindowTitle(f"{printable(path.name)} – Kochab")
+        self._entitle(printable(path.name))
         self._begin(Progress("read", None, path.name))
         self._progressed(Progress("read", None))
+
+    def _entitle(self, name: str, state: str = "") -> None:
+        """Say in the title and in the bar what is shown."""
+        self.window.setWindowTitle(f"{state}{', ' * bool(state)}{name} – Kochab")
+        self.window.bar.name.setText(short_name(name))
+        self.window.bar.name.setToolTip(name)
 
     def _begin(self, progress: Progress) -> None:
         """Clear what belongs to the frame before."""
@@ -104,8 +111,8 @@ class Presenter(QObject):
         self._show_marks(result if isinstance(result, Solution) else None)
 
     def _live(self, headline: str) -> None:
-        self.window.setWindowTitle(f"{headline}, {printable(self.session.known.name)} – Kochab")
-        self.window.status.show_idle(headline)
+        self._entitle(printable(self.session.known.name), headline)
+        self.window.bar.show_idle(headline)
 
     def _solving(self) -> None:
         self._clear_marks()
@@ -113,7 +120,7 @@ class Presenter(QObject):
         self._age_solution()
 
     def _progressed(self, progress: Progress) -> None:
-        self.window.status.show_progress(progress)
+        self.window.bar.show_progress(progress)
         if progress.stage != "display":
             self.panes.card.show_working(progress)
 
@@ -129,17 +136,15 @@ class Presenter(QObject):
         known = self.session.known
         self._show_marks(None)
         self.panes.card.show_failure(failure, known.path.name if known.path else "")
-        self.panes.tabs.setCurrentIndex(0)
         self._age_solution()
         self.panes.view.update()
 
     def _failed(self, sentence: str) -> None:
         known = self.session.known
         self.panes.card.show_error("No image" if known.frame is None else "Error", sentence)
-        self.panes.tabs.setCurrentIndex(0)
         if known.frame is None:  # facts of the frame before must not seem to be this one's
             self.window.status.show_frame("", "")
-            self.window.status.zoom.clear()
+            self._zoomed(None)
             self.panes.strip.forget_picture()
 
     def _idle(self) -> None:
@@ -147,8 +152,7 @@ class Presenter(QObject):
         total = known.result.elapsed_ms.get("total") if known.result else None
         word = {Solution: "Solved", NoSolution: "No solution"}.get(type(known.result), "Ready")
         took = f" in {milliseconds_text(total)}" if total is not None else ""
-        at = radec_text(*known.result.ra_dec_deg, self.style) if isinstance(known.result, Solution) else ""
-        self.window.status.show_idle(f"{word}{took}  {at}".rstrip())
+        self.window.bar.show_idle(f"{word}{took}")
 
     def _show_marks(self, solution: Solution | None) -> None:
         found = self.session.known.detections
@@ -161,8 +165,7 @@ class Presenter(QObject):
     def _age_solution(self) -> None:
         known = self.session.known
         self.panes.solution.setVisible(known.last_good is not None)
-        if known.last_good is not None:
-            self.panes.solution.show_solution(known.last_good, known.last_good_from, old=True)
+        self.panes.card.show_pointing(known.last_good, known.last_good_from)
 
     def _hovered(self, at: tuple[float, float] | None) -> None:
         known = self.session.known
@@ -171,6 +174,13 @@ class Presenter(QObject):
             solution = known.result if isinstance(known.result, Solution) else None
             text = readout(known.frame, solution, *at, style=self.style, site=self.settings.site)
         self.window.status.place.setText(text)
+
+    def _zoomed(self, scale: float | None) -> None:
+        """Screen pixels to an image pixel, on the button that fits it; None without an image."""
+        percent = 0.0 if scale is None else scale * 100.0
+        self.window.actions_by_name["fit"].setIconText(
+            "Fit" if scale is None else f"Fit {percent:.0f} %" if percent >= 10 else f"Fit {percent:.1f} %"
+        )
 
     def _clicked(self, x: float, y: float, reach: float) -> None:
         result = self.session.known.result
@@ -192,5 +202,4 @@ class Presenter(QObject):
         self.style = style
         self.settings.keep("angles", style.value)
         self.panes.stars.set_style(style)
-        if not self.session.busy:
-            self._idle()
+        self.panes.card.set_style(style)

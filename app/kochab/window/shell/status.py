@@ -1,17 +1,17 @@
-"""The status bar: what is going on, and what is under the cursor."""
+"""The bar above the image: menus, the file and what is done with it. The bar below: what is under the cursor."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QStatusBar
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QWidget
 
 from kochab.core.angle_text import AngleStyle, altaz_text, radec_text
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress
 from kochab.core.solution import Solution
-from kochab.window.widgets import ProgressBar, button, label
+from kochab.window.widgets import ElidedLabel, ProgressBar, button, label, row
 
 if TYPE_CHECKING:
     from kochab.polar.horizon import Horizon
@@ -27,52 +27,67 @@ STAGE_TEXT = {
 }
 
 
-class Status(QStatusBar):
-    """Progress with its Cancel, the place under the cursor, and facts of the open frame."""
+class TopBar(QFrame):
+    """Menus, the open file and its state, progress with its Cancel; at the right end the mount, Stop last."""
 
     cancel_wanted = Signal()
 
     def __init__(self) -> None:
         super().__init__()
-        self.setSizeGripEnabled(False)
-        self.setContentsMargins(8, 2, 8, 2)
-        self.doing = label("Ready")
-        self.bar = ProgressBar("Progress")
-        self.bar.setFixedWidth(150)
+        self.setObjectName("bar")
+        self.menus = QMenuBar(self)
+        self.menus.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
+        self.name, self.doing = ElidedLabel(), ElidedLabel("Ready")
+        for text, role, said in ((self.name, "strong", "File"), (self.doing, "muted", "State")):
+            text.setProperty("role", role)
+            text.setAccessibleName(said)
+            text.setTextFormat(Qt.TextFormat.PlainText)
+        self.progress = ProgressBar("Progress")
+        self.progress.setFixedWidth(110)
         self.cancel = button("Cancel", self.cancel_wanted.emit, "small", "Stop (Esc)")
-        self.background = label("", "muted")
-        self.frame = label("", "muted")
-        self.place = label("")
-        self.place.setAccessibleName("Under the cursor")
-        self.zoom = label("", "muted")
-        for widget in (self.doing, self.bar, self.cancel):
-            self.addWidget(widget)
-        for widget in (self.background, self.place, self.frame, self.zoom):
-            self.addPermanentWidget(widget)
-            widget.setMinimumWidth(1)  # cut on a small screen, else they push Stop out of it
+        self._row = row(self.menus, 10, self.name, (self.doing, 1), self.progress, self.cancel, on=self, spacing=8)
+        self._row.setContentsMargins(6, 3, 8, 3)
         self.show_idle("Ready")
+
+    def add_first(self, widget: QWidget) -> None:
+        """Put a widget beside the menus."""
+        self._row.insertWidget(2, widget)
+
+    def add(self, widget: QWidget) -> None:
+        """Put a widget at the right end."""
+        self._row.addWidget(widget)
 
     def show_progress(self, progress: Progress) -> None:
         text = STAGE_TEXT.get(progress.stage, progress.stage.capitalize())
         self.doing.setText(f"{text}…")
         self.doing.setToolTip(progress.detail)
-        self.bar.show_share(progress.fraction)
-        self.bar.show()
+        self.progress.show_share(progress.fraction)
+        self.progress.show()
         self.cancel.show()
 
     def show_idle(self, text: str) -> None:
         self.doing.setText(text)
-        self.bar.hide()
+        self.progress.hide()
         self.cancel.hide()
+
+
+class Status(QStatusBar):
+    """What runs in the background, the place under the cursor, and the size of the open frame."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSizeGripEnabled(False)
+        self.setContentsMargins(8, 0, 8, 0)
+        self.place, self.background, self.frame = ElidedLabel(), ElidedLabel(), label("", "muted")
+        self.place.setAccessibleName("Under the cursor")
+        self.addWidget(self.place, 1)
+        self.addPermanentWidget(self.background)
+        self.addPermanentWidget(self.frame)
 
     def show_frame(self, text: str, tip: str) -> None:
         """Size of the open frame, and its reader's warnings."""
         self.frame.setText(f"{text} ⚠" if tip else text)
         self.frame.setToolTip(tip)
-
-    def show_zoom(self, scale: float) -> None:
-        """Screen pixels to an image pixel."""
-        self.zoom.setText(f"{scale * 100:.0f} %" if scale >= 0.1 else f"{scale * 100:.1f} %")
 
 
 def readout(

@@ -1,4 +1,4 @@
-"""The views of the Tools menu: each a dock, built when first shown, and what every view is given."""
+"""The modes of the rail: each a dock beside the image, built when first shown, and what every view is given."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
-from PySide6.QtWidgets import QDockWidget, QTabWidget, QWidget
+from PySide6.QtWidgets import QDockWidget, QWidget
 
 from kochab.window.job import Jobs
 from kochab.window.session import Session
@@ -75,8 +75,9 @@ VIEWS: dict[str, tuple[str, str, str]] = {
     "polar": ("&Polar alignment", "F4", "kochab.window.polar.view:PolarView"),
     "laboratory": ("&Laboratory", "F6", "kochab.window.laboratory.view:LaboratoryView"),
 }
-WITH_MOUNT = ("live", "mount", "polar")  # these show the mount's state in the status bar
-SHARE = 0.5  # of the window's width, for the first dock that is opened
+SHORT = {"image": "Image", "live": "Live", "mount": "Mount", "polar": "Polar", "laboratory": "Lab"}  # on the rail
+WITH_MOUNT = ("live", "mount", "polar")  # these show the mount's state in the bar
+SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 
 
 class ViewDock(QDockWidget):
@@ -88,74 +89,89 @@ class ViewDock(QDockWidget):
         self.view: QWidget | None = None
         self._name, self._services = name, services
 
+    def hold(self, view: QWidget) -> None:
+        """Hold a view that is made already."""
+        self.view = view
+        self.setWidget(view)
+
     def showEvent(self, event: QShowEvent) -> None:
         if self.view is None:
             if self._name in WITH_MOUNT:
-                self._services.mount  # noqa: B018  (puts itself in the status bar)
+                self._services.mount  # noqa: B018  (puts itself in the bar)
             module, _, kind = VIEWS[self._name][2].partition(":")
-            made: QWidget = getattr(import_module(module), kind)(self._services)
-            self.view = made
-            self.setWidget(scrolled(made))  # a view may be taller than a small screen
-            self._services.looks.redden_carets(made)
+            self.view = getattr(import_module(module), kind)(self._services)
+            self.setWidget(scrolled(self.view))  # a view may be taller than a small screen
+            self._services.looks.redden_carets(self.view)
         super().showEvent(event)
 
 
 class Views(QObject):
-    """The docks of all views and the actions that show them."""
+    """The docks of all views, the frame's details among them, and the actions that show them: one at a time."""
 
     emptied = Signal()  # the last docked view was closed or taken out
 
     def __init__(self, window: MainWindow, services: Services) -> None:
         super().__init__(window)
         self._window = window
-        window.setTabPosition(Qt.DockWidgetArea.RightDockWidgetArea, QTabWidget.TabPosition.North)
         self.docks: dict[str, ViewDock] = {}
-        self.actions: dict[str, QAction] = {}
-        for name in VIEWS:
+        self.image = self._action("image", "Ima&ge", "F8")
+        self.image.triggered.connect(lambda _=False: self.show("image"))
+        self.actions = {name: self._action(name, title, keys) for name, (title, keys, _) in VIEWS.items()}
+        window.rail.fill([self.image, *self.actions.values()], [window.actions_by_name["night"]])
+        self.actions["details"] = window.actions_by_name["details"]
+        for name in self.actions:
             self._add(name, services)
+        self.docks["details"].hold(services.panes.tabs)
+        self._look()
+
+    def _action(self, name: str, title: str, keys: str) -> QAction:
+        action = QAction(title, self._window, checkable=True, shortcut=QKeySequence(keys), iconVisibleInMenu=False)
+        action.setObjectName(f"view_{name}")
+        action.setIconText(SHORT.get(name, title.replace("&", "")))
+        action.setToolTip(f"{title.replace('&', '')} ({keys})")
+        self._window.actions_by_name[name] = action
+        self._window.menus.tools.addAction(action)
+        self._window.addAction(action)
+        return action
 
     def _add(self, name: str, services: Services) -> None:
-        title, keys, _ = VIEWS[name]
-        dock = ViewDock(name, title.replace("&", ""), services, self._window)
+        dock = ViewDock(name, self.actions[name].text().replace("&", ""), services, self._window)
         self._window.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, dock)
         if self.docks:
             self._window.tabifyDockWidget(next(iter(self.docks.values())), dock)
         dock.hide()
-        action = QAction(title, self._window, checkable=True, shortcut=QKeySequence(keys))
-        action.setObjectName(f"view_{name}")
-        action.triggered.connect(lambda _=False: self.toggle(name))
-        dock.visibilityChanged.connect(lambda _: action.setChecked(not dock.isHidden()))
+        self.actions[name].triggered.connect(lambda _=False: self.toggle(name))
         dock.visibilityChanged.connect(self._look)
         dock.topLevelChanged.connect(self._look)
-        self._window.menus.tools.addAction(action)
-        self._window.addAction(action)
-        self.docks[name], self.actions[name] = dock, action
+        self.docks[name] = dock
 
     @property
-    def empty(self) -> bool:
-        """Whether no view is docked in the window."""
-        return all(dock.isHidden() or dock.isFloating() for dock in self.docks.values())
+    def docked(self) -> list[str]:
+        """What stands beside the image."""
+        return [name for name, dock in self.docks.items() if not (dock.isHidden() or dock.isFloating())]
 
-    def _look(self, _: bool) -> None:
-        if self.empty:
+    def _look(self, _: bool = False) -> None:
+        for name, dock in self.docks.items():
+            self.actions[name].setChecked(not dock.isHidden())
+        self.image.setChecked(not set(self.docked) - {"details"})
+        if not self.docked:
             self.emptied.emit()
 
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""
-        dock = self.docks[name]
-        if not dock.isHidden() and not dock.visibleRegion().isEmpty():
-            dock.close()
-        else:
-            self.show(name)
-        self.actions[name].setChecked(not dock.isHidden())
+        self.show(name if self.docks[name].isHidden() else "image")
 
     def show(self, name: str) -> None:
-        """Bring a view to the front and give it the focus."""
-        dock = self.docks[name]
-        alone = self.empty
-        dock.show()
-        dock.raise_()
-        if alone and not dock.isFloating():
-            self._window.resizeDocks([dock], [round(self._window.width() * SHARE)], Qt.Orientation.Horizontal)
-        if dock.view is not None:
-            dock.view.setFocus()
+        """Put a view beside the image, in place of the one there, and give it the focus; "image" puts none there."""
+        dock, before = self.docks.get(name), self.docked
+        if dock is not None:
+            dock.show()
+            dock.raise_()
+            if not dock.isFloating() and not before:
+                width = min(round(self._window.width() * SHARE), MOST_PX)
+                self._window.resizeDocks([dock], [width], Qt.Orientation.Horizontal)
+            if dock.view is not None:
+                dock.view.setFocus()
+        for other in before:
+            self.docks[other].setHidden(other != name)
+        self._look()

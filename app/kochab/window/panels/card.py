@@ -1,0 +1,120 @@
+"""The card over the image: the state of the frame, and where it points."""
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFrame
+
+from kochab.core import angle_text
+from kochab.core.angle_text import AngleStyle, breakable, short_name, unbroken
+from kochab.core.progress import Progress
+from kochab.core.solution import NoSolution, Solution
+from kochab.window.widgets import (
+    button,
+    clear_layout,
+    column,
+    copy_text,
+    facts_grid,
+    grid,
+    label,
+    position_labels,
+    set_role,
+    show_text,
+)
+from kochab.workflows import solution_text
+
+LONGEST = 120  # letters of a stage's detail
+
+
+class Card(QFrame):
+    """What the frame shows and where it points; for a failed solve the advice and the numbers."""
+
+    hints_wanted = Signal()
+    again_wanted = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("card")
+        self.style_of_angles = AngleStyle.SEXAGESIMAL
+        self._solution: Solution | None = None
+        self._failure: NoSolution | None = None
+        self._source = ""
+        self.title = label("", "heading", wrap=True)
+        self.text, self.advice = label("", "muted", wrap=True), label("", "strong", wrap=True)
+        self.old = label("", "old", wrap=True)
+        self.ra, self.dec = position_labels()
+        self.facts = label("", wrap=True)
+        self._pointing = (self.ra, self.dec, self.facts)
+        self._numbers = facts_grid(3)
+        self.again = button("Solve agai&n", self.again_wanted.emit)
+        self.hints = button("H&ints…", self.hints_wanted.emit, tip="Give a pixel scale, a field or a position")
+        self.copy = button("Copy re&port", self._copy)
+        buttons = grid((self.again, self.hints), (self.copy,), across=8, down=6, stretch=(0, 0, 1))
+        state = (self.title, self.text, self.advice, self._numbers, buttons)
+        column(*state, self.old, *self._pointing, on=self, spacing=4, margins=(12, 10, 12, 10))
+        self._say("No image", "Open an image of the night sky.")
+        self.show_pointing(None)
+
+    def show_working(self, progress: Progress) -> None:
+        doing = {"read": "Reading", "display": "Preparing the image"}.get(progress.stage, "Solving")
+        self._say(f"{doing}…", short_name(progress.detail or progress.stage, LONGEST))
+
+    def show_solution(self, solution: Solution) -> None:
+        """How many stars matched, and how likely that is by chance."""
+        odds = angle_text.false_alarm_text(solution.log10_false_alarm)
+        self._say("Solved", f"{len(solution.stars)} stars matched (chance match: {odds})", "\n".join(solution.warnings))
+        self.show_pointing(solution)
+
+    def show_pointing(self, solution: Solution | None, old_from: str = "") -> None:
+        """Show where a frame points; ``old_from`` marks it as the last one known of that file. None hides it."""
+        self._solution = solution
+        show_text(self.old, f"OLD: last solution, from {short_name(old_from)}" if old_from else "")
+        for value in (self.ra, self.dec):
+            set_role(value, "value_old" if old_from else "value")
+        for shown in self._pointing:
+            shown.setVisible(solution is not None)
+        self.set_style(self.style_of_angles)
+
+    def set_style(self, style: AngleStyle) -> None:
+        """How the angles are written."""
+        self.style_of_angles, s = style, self._solution
+        if s is None:
+            return
+        ra, dec = s.ra_dec_deg
+        self.ra.setText(angle_text.ra_text(ra, style))
+        self.dec.setText(angle_text.dec_text(dec, style))
+        self.facts.setText(solution_text.field_text(s))
+
+    def show_failure(self, failure: NoSolution, source: str = "") -> None:
+        """Why there is no solution, and what to do about it."""
+        tried = f"Tried: {failure.tried}" if failure.tried else ""
+        self._say(f"No solution: {failure.reason}", tried, failure.advice, role="bad")
+        self._failure, self._source = failure, source
+        numbers = [*solution_text.measured_rows(failure), ("time", solution_text.times_text(failure.elapsed_ms))]
+        for at, (name, value) in enumerate(numbers):
+            self._numbers.addWidget(label(name, "muted"), at, 0)
+            self._numbers.addWidget(label(unbroken(value), wrap=True), at, 1)
+        for b in (self.again, self.hints, self.copy):
+            b.setVisible(True)
+
+    def show_error(self, title: str, sentence: str) -> None:
+        """A file that cannot be read, or a fault."""
+        self._say(title, sentence, role="bad")
+
+    def show_stopped(self) -> None:
+        self._say("Cancelled", "")
+        self.again.setVisible(True)
+        self.hints.setVisible(True)
+
+    def _say(self, title: str, text: str, advice: str = "", role: str = "heading") -> None:
+        self._failure = None
+        show_text(self.title, title, role)
+        show_text(self.text, breakable(text))
+        show_text(self.advice, advice)
+        clear_layout(self._numbers)
+        for b in (self.again, self.hints, self.copy):
+            b.setVisible(False)
+        self.setAccessibleName(title)
+        self.setAccessibleDescription(f"{text} {advice}".strip())
+
+    def _copy(self) -> None:
+        if self._failure is not None:
+            copy_text(solution_text.failure_plain(self._failure, self._source))
