@@ -1,6 +1,6 @@
 """What a mount behind Alpaca is told and asked, by ASCOM's API reference (ITelescopeV3), with no server behind it."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
@@ -193,6 +193,22 @@ def test_its_site_and_its_clock(scope, change, site) -> None:
     assert report.site == site
     assert report.time_utc == datetime(2026, 1, 15, 22, tzinfo=UTC)
     assert scope(utcdate=None)[0].site_report().time_utc is None
+
+
+def test_a_site_and_a_time_are_set_where_they_are_told(scope) -> None:
+    mount, link = scope()
+    mount.set_site(Site(50.5, -8.25, 120.0))
+    mount.set_clock(datetime(2026, 1, 15, 23, 30, tzinfo=timezone(timedelta(hours=1))))
+    assert link.sent == [
+        ("sitelatitude", {"SiteLatitude": 50.5}),
+        ("sitelongitude", {"SiteLongitude": -8.25}),
+        ("utcdate", {"UTCDate": "2026-01-15T22:30:00.000000Z"}),
+    ]
+    lacking, other = scope(sitelatitude=None, utcdate=None)
+    for order in (lambda: lacking.set_site(Site(50.0, 8.0)), lambda: lacking.set_clock(datetime.now(UTC))):
+        with pytest.raises(RefusedError):
+            order()
+    assert not other.sent
 
 
 PLACE = {"RightAscension": "5.500000000", "Declination": "-12.25000000"}

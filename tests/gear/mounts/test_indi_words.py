@@ -1,6 +1,6 @@
 """What a mount behind INDI is told and asked, by INDI's standard properties, with no server behind it."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
@@ -30,6 +30,8 @@ USUAL = {
     "GEOGRAPHIC_COORD": {"LAT": "50", "LONG": "352", "ELEV": "120"},
     "TIME_UTC": {"UTC": "2026-01-15T22:00:00", "OFFSET": "1.00"},
 }
+
+SITE = Site(50.0, 8.0)
 
 
 class Link:
@@ -264,6 +266,22 @@ def test_its_state_is_what_the_driver_shows(scope, states, values, expected) -> 
 )
 def test_a_driver_that_was_told_no_site_stands_at_zero(scope, place, site) -> None:
     assert scope(GEOGRAPHIC_COORD=place)[0].site_report().site == site
+
+
+@pytest.mark.parametrize(("longitude", "sent"), [(8.0, "8.0000000"), (-8.0, "352.0000000")])
+def test_a_site_and_a_time_are_set_as_the_driver_counts_them(scope, longitude, sent) -> None:
+    mount, link = scope()
+    mount.set_site(Site(50.0, longitude, 120.0))
+    mount.set_clock(datetime(2026, 1, 15, 23, 30, tzinfo=timezone(timedelta(hours=1.5))))
+    assert link.sent == [
+        ("GEOGRAPHIC_COORD", {"LAT": "50.0000000", "LONG": sent, "ELEV": "120.0000000"}),
+        ("TIME_UTC", {"UTC": "2026-01-15T22:00:00", "OFFSET": "1.5"}),
+    ]
+    lacking, other = scope(GEOGRAPHIC_COORD=None, TIME_UTC=None)
+    for order in (lambda: lacking.set_site(SITE), lambda: lacking.set_clock(datetime.now(UTC))):
+        with pytest.raises(RefusedError, match="Scope has no"):
+            order()
+    assert not other.sent
 
 
 def test_its_clock_runs_from_when_it_was_set(scope) -> None:

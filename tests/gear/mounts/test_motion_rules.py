@@ -184,6 +184,28 @@ def test_a_slew_is_no_longer_than_its_cap_but_from_home(distance, from_home, ref
     assert bool(said(policy.slew_length, asked)) is refused
 
 
+@pytest.mark.parametrize(
+    ("action", "distance", "refused"),
+    [("goto", 0.1, True), ("sync", 0.1, True), ("move", 4.9, False), ("move", 5.1, True), ("pulse", 0.1, False)],
+)
+def test_while_clock_or_site_are_in_doubt_a_mount_is_moved_by_five_degrees_at_most(action, distance, refused) -> None:
+    asked = plan((10.0, 20.0), (10.0, 20.0 + distance), action, doubt="Its clock is wrong.")
+    assert said(policy.agreement, asked) == ("Its clock is wrong." if refused else "")
+    assert not said(policy.agreement, replace(asked, doubt=""))
+
+
+@pytest.mark.parametrize(
+    ("turn", "beside", "refused"),
+    [(5.1, 4.9, True), (-5.1, 4.9, True), (4.9, 4.9, False), (5.1, 5.1, False), (0.0, 0.29, True), (0.0, 0.31, False)],
+)
+@pytest.mark.parametrize("pole", [1.0, -1.0])
+def test_beside_the_pole_a_sync_turns_right_ascension_by_five_degrees_at_most(turn, beside, refused, pole) -> None:
+    """Five degrees from it; where three tenths are left, a right ascension is no direction at all."""
+    dec = pole * (90.0 - beside)
+    found = said(policy.sync_step, plan((10.0, dec), (10.0 + turn, dec), "sync"))
+    assert ("So near the pole" in found) is refused
+
+
 # -- A slew from home ------------------------------------------------------------------------------------
 
 
