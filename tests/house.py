@@ -26,6 +26,7 @@ ADDED = {
     "limits while tracking, a horizon of one's own, power cycles of a motor board": 210,
     "the mount's clock and site compared and set": 300,
     "one model of what is wrong with a mount": 140,
+    "frames out of focus known by their discs": 125,
     "a window around the image, a film strip that solves many files": 400,
     "the catalogue and the camera in a tracked frame's error": 40,
     "the profile in Live, a picture cleared before the next, an end without waiting": 60,

@@ -1,7 +1,8 @@
 """Real frames made worse in one known way, for the doctor's reasons.
 
-``python -m tests.solver.worse FOLDER [COUNT]`` makes the real frames of a folder worse in every way until COUNT
-of them (200) have no solution, and prints which reasons were given for what was done.
+``python -m tests.solver.worse FOLDER [COUNT [SEED [STRENGTH]]]`` makes the real frames of a folder worse in every
+way until COUNT of them (200) have no solution, and prints which reasons were given for what was done. STRENGTH (1)
+is of trails, discs and the Moon: 0.5 is half as large.
 """
 
 import json
@@ -47,37 +48,43 @@ def _blurred(frame: Frame, kernel: np.ndarray, rng: np.random.Generator) -> Fram
     return _with(frame, sky + 6.0 * light + rng.normal(0.0, noise, pixels.shape), clip)
 
 
-def trailed(frame: Frame, rng: np.random.Generator) -> Frame:
+def trailed(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """A mount that moved while the shutter was open."""
-    length, angle = rng.uniform(0.03, 0.06) * frame.width, rng.uniform(0.0, np.pi)
+    length, angle = strength * rng.uniform(0.03, 0.06) * frame.width, rng.uniform(0.0, np.pi)
     half = int(np.ceil(length / 2.0)) + 1
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     along, across = x * np.cos(angle) + y * np.sin(angle), -x * np.sin(angle) + y * np.cos(angle)
     return _blurred(frame, ((np.abs(across) < 1.0) & (np.abs(along) < length / 2.0)) * 1.0, rng)
 
 
-def defocused(frame: Frame, rng: np.random.Generator) -> Frame:
+def defocused(frame: Frame, rng: np.random.Generator, strength: float = 1.0, hole: float = 0.0) -> Frame:
     """Stars as discs of some 40 px."""
-    radius = rng.uniform(16.0, 24.0)
+    radius = strength * rng.uniform(16.0, 24.0)
     half = int(radius) + 1
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
-    return _blurred(frame, (np.hypot(x, y) < radius) * 1.0, rng)
+    away = np.hypot(x, y)
+    return _blurred(frame, ((away < radius) & (away >= hole * radius)) * 1.0, rng)
 
 
-def bright_sky(frame: Frame, rng: np.random.Generator) -> Frame:
+def ringed(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """The same through a telescope whose secondary mirror makes a hole in them."""
+    return defocused(frame, rng, strength, 0.4)
+
+
+def bright_sky(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """Daylight, dusk or cloud."""
     pixels, clip, sky, noise = _levels(frame)
     day = clip * rng.uniform(0.55, 0.9)
     return _with(frame, day + 0.05 * (pixels - sky) + rng.normal(0.0, 3.0 * noise, pixels.shape), clip)
 
 
-def dark(frame: Frame, rng: np.random.Generator) -> Frame:
+def dark(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """A cap left on."""
     pixels, clip, sky, noise = _levels(frame)
     return _with(frame, min(sky, 0.2 * clip) + rng.normal(0.0, noise, pixels.shape), clip)
 
 
-def few_stars(frame: Frame, rng: np.random.Generator) -> Frame:
+def few_stars(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """Thin cloud: four stars are left."""
     pixels, clip, sky, noise = _levels(frame)
     out = sky + rng.normal(0.0, noise, pixels.shape).astype(np.float32)
@@ -87,25 +94,25 @@ def few_stars(frame: Frame, rng: np.random.Generator) -> Frame:
     return _with(frame, out, clip)
 
 
-def moonlit(frame: Frame, rng: np.random.Generator) -> Frame:
+def moonlit(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """The Moon in a halo that drowns all but a handful of stars."""
     few = few_stars(frame, rng)
     pixels, clip, _, _ = _levels(few)
     y, x = np.mgrid[: frame.height, : frame.width]
     away = np.hypot(x - rng.uniform(0.3, 0.7) * frame.width, y - rng.uniform(0.3, 0.7) * frame.height)
-    radius = rng.uniform(0.06, 0.12) * frame.height
+    radius = strength * rng.uniform(0.06, 0.12) * frame.height
     halo = 0.3 * clip / (1.0 + (away / (2.0 * radius)) ** 2)
     return _with(frame, np.where(away < radius, clip, pixels + halo), clip)
 
 
-def small_field(frame: Frame, rng: np.random.Generator) -> Frame:
+def small_field(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """Ten arcminutes, told by the header."""
     out = shuffled(frame, rng)
     scale = 600.0 / frame.width
     return replace(out, hint=Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1)))
 
 
-def shuffled(frame: Frame, rng: np.random.Generator) -> Frame:
+def shuffled(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
     """Healthy stars in places where there are none: tiles of the frame, exchanged and turned over."""
     pixels, clip, sky, _ = _levels(frame)
     size = max(frame.width, frame.height) // 14 // 2 * 2
@@ -121,6 +128,7 @@ def shuffled(frame: Frame, rng: np.random.Generator) -> Frame:
 WORSE = {
     "trailed": (trailed, {Reason.TRAILED}),
     "defocused": (defocused, {Reason.OUT_OF_FOCUS}),
+    "ringed": (ringed, {Reason.OUT_OF_FOCUS}),
     "bright sky": (bright_sky, {Reason.CLOUDED_OR_DARK}),
     "dark": (dark, {Reason.CLOUDED_OR_DARK, Reason.TOO_FEW_STARS}),
     "few stars": (few_stars, {Reason.TOO_FEW_STARS}),
@@ -131,32 +139,36 @@ WORSE = {
 """What was done to the frame, and the reasons that are right."""
 
 
-def reasons(folder: Path, names: list[str]) -> Iterator[tuple[str, str, Reason]]:
-    """Frame by frame: its name, what was done to it, and the reason given; those solved all the same need none."""
+def reasons(
+    folder: Path, names: list[str], seed: int = 0, strength: float = 1.0
+) -> Iterator[tuple[str, str, NoSolution]]:
+    """Frame by frame: its name, what was done to it, and what was said of it; those solved all the same need none."""
     for number, name in enumerate(names):
         frame = read_frame(folder / name)
         for kind, (worsen, _) in WORSE.items():
-            answer = run(solve_frame(worsen(frame, np.random.default_rng(number)), SolveOptions(timeout_s=None)))
+            worse = worsen(frame, np.random.default_rng(1000 * seed + number), strength)
+            answer = run(solve_frame(worse, SolveOptions(timeout_s=None)))
             if isinstance(answer, NoSolution):
-                yield name, kind, answer.reason
+                yield name, kind, answer
 
 
-def main(folder: str, most: str = "200") -> None:
+def main(folder: str, most: str = "200", seed: str = "0", strength: str = "1") -> None:
     """Print the matrix, a way of making worse a line."""
     told = json.loads(Path(folder, "truth.json").read_text("utf-8"))["frames"]
     names = sorted(name for name, truth in told.items() if "ra_deg" in truth)
     table: Counter[tuple[str, Reason]] = Counter()
     # every other one first: one maker's frames stand beside one another
-    for count, (name, kind, reason) in enumerate(reasons(Path(folder), [*names[::2], *names[1::2]]), 1):
-        table[kind, reason] += 1
-        if reason not in WORSE[kind][1]:
-            print(f"{name}, {kind}: {reason}", flush=True)
+    given = reasons(Path(folder), [*names[::2], *names[1::2]], int(seed), float(strength))
+    for count, (name, kind, answer) in enumerate(given, 1):
+        table[kind, answer.reason] += 1
+        if answer.reason not in WORSE[kind][1]:
+            print(f"{name}, {kind}: {answer.reason} ({answer.advice})", flush=True)
         if count == int(most):
             break
     for kind, (_, right) in WORSE.items():
-        given = {reason: n for (done, reason), n in table.items() if done == kind}
-        score = f"{sum(given.get(reason, 0) for reason in right)} of {sum(given.values())}"
-        print(f"{kind:>12}: {score:>8}  {', '.join(f'{reason} {n}' for reason, n in given.items())}")
+        told_of = {reason: n for (done, reason), n in table.items() if done == kind}
+        score = f"{sum(told_of.get(reason, 0) for reason in right)} of {sum(told_of.values())}"
+        print(f"{kind:>12}: {score:>8}  {', '.join(f'{reason} {n}' for reason, n in told_of.items())}")
     right = sum(n for (kind, reason), n in table.items() if reason in WORSE[kind][1])
     print(f"{right} of {sum(table.values())} reasons are what was done")
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Detections, Frame, Hint
@@ -14,7 +15,9 @@ from kochab.solver.frame_quality import (
     FrameLevels,
     Trails,
     binned,
+    clipping_level,
     half_flux_diameter_px,
+    measure_discs,
     measure_light,
     measure_trails,
 )
@@ -26,12 +29,17 @@ TRAILED_ASPECT = 2.2
 SHORTEST_ARC_PX = 10.0
 """Patches that point in all directions are trails, around a pole, only when they are so long."""
 TRAILED_ELONGATION = 1.8
+CHANCE_ALIGNED = 0.005
+BAR_PER_FWHM = math.sqrt(12.0) / 2.3548
+"""Length of an even trail over the full width at half maximum of a Gaussian with its variance."""
 DAY_SHARE = 0.45
 WHITE_SHARE = 0.8
 FLAT_CONTRAST = 4.0
 GLARE_SHARE, LARGE_GLARE_SHARE = 0.002, 0.01
 FEW_BESIDE_GLARE = 20
 OUT_OF_FOCUS_PX = 12.0
+FEWEST_DISCS = 3
+"""Or as many as there are clear stars, of which sharp ones would be many more."""
 FISHEYE_DEG = 100.0
 SKY_DEG2 = 41253.0
 LARGE_DEG2 = 25.0
@@ -97,6 +105,11 @@ def _measure(evidence: Evidence) -> None:
         out["background_share"] = evidence.light.background_share
         out["saturated_share"] = evidence.light.saturated_share
         out["contrast_sigma"] = evidence.light.contrast
+        discs = measure_discs(bins, clipping_level(evidence.frame))
+        clear = int(np.count_nonzero(_clear(d)))
+        width = out.get("half_flux_diameter_px", discs.diameter_px)  # two thirds of an even disc's
+        if discs.count >= max(1, min(FEWEST_DISCS, clear), clear / 8) and width > discs.diameter_px / 3.0:
+            out["disc_diameter_px"] = discs.diameter_px
     field_deg = implied_field_deg(evidence)
     if field_deg is not None:
         out["field_deg"] = field_deg
@@ -108,15 +121,17 @@ def _findings(case: Evidence) -> Iterator[Finding]:
     yield from _no_stars(case)
     yield from _trailing(case)
     yield from _daylight(case)
+    yield from _discs(case)
     yield from _glare(case, LARGE_GLARE_SHARE)
     yield from _focus(case)
     yield from _glare(case, GLARE_SHARE)  # no larger than a star out of focus
     yield from _field(case)
-    if len(case.detections) < FEWEST_STARS:
+    clear = int(np.count_nonzero(_clear(case.detections)))
+    if clear < FEWEST_STARS:
+        found = "stars found" if clear == len(case.detections) else "stars stand out of the noise"
         yield (
             Reason.TOO_FEW_STARS,
-            f"Only {len(case.detections)} stars found, {FEWEST_STARS} or more are needed: expose longer "
-            "or use a wider field.",
+            f"Only {clear} {found}, {FEWEST_STARS} or more are needed: expose longer or use a wider field.",
         )
 
 
@@ -124,12 +139,12 @@ def _no_stars(case: Evidence) -> Iterator[Finding]:
     light = case.light
     if light is None:
         return
-    snr = case.detections.snr
-    clear = int(np.count_nonzero(~(snr < CLEAR_SNR)))
+    clear = int(np.count_nonzero(_clear(case.detections)))
     if light.background_share > (DAY_SHARE if clear < 3 else WHITE_SHARE):
         yield from _daylight(case)
     if clear < 3 and light.contrast < FLAT_CONTRAST:
-        yield from _focus(case)  # discs hardly stand out
+        yield from _discs(case)  # they hardly stand out
+        yield from _focus(case)
         yield (
             Reason.CLOUDED_OR_DARK,
             "No stars above the background: check for clouds, a closed cover or dew, then expose longer.",
@@ -148,17 +163,27 @@ def _daylight(case: Evidence) -> Iterator[Finding]:
 
 def _trailing(case: Evidence) -> Iterator[Finding]:
     trails, d = case.trails, case.detections
-    least_px = case.measured.get("fwhm_px", 0.0)  # shorter than a star is wide, it is no trail
+    across_px = _median(d.fwhm_px / np.sqrt(d.elongation))  # shorter than that it is no trail
+    least_px = across_px if math.isfinite(across_px) else 0.0
     if trails is not None and not math.isfinite(trails.angle_deg):
         least_px = max(least_px, SHORTEST_ARC_PX)
     if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT and trails.length_px > least_px:
         yield _trail(case, trails.length_px, trails.angle_deg)
-    bright = d.take(slice(0, 50))
-    if len(d) >= FEWEST_STARS and _median(bright.elongation) > TRAILED_ELONGATION:
-        length = _median(bright.fwhm_px) * math.sqrt(_median(bright.elongation) ** 2 - 1.0)
-        spin = np.mean(np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)]))
-        if abs(spin) > 0.6:
-            yield _trail(case, length, float(np.degrees(np.angle(spin)) / 2 % 180.0))
+    for stars in (d, d.take(np.flatnonzero(_clear(d)))):  # noise has no direction
+        bright = stars.take(slice(0, 50))
+        if _median(bright.elongation) > TRAILED_ELONGATION:
+            longer = _median(bright.elongation)  # whose width is the mean of both axes
+            length = _median(bright.fwhm_px) * math.sqrt(longer - 1.0 / longer) * BAR_PER_FWHM
+            twice = np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)])
+            if _aligned(twice):
+                yield _trail(case, length, float(np.degrees(np.angle(twice.mean())) / 2 % 180.0))
+
+
+def _aligned(twice: NDArray[np.complex128]) -> bool:
+    """Whether directions agree by more than chance, by Rayleigh's test (Zar 1999, equation 27.4)."""
+    count, length = len(twice), abs(twice.sum())
+    log_chance = math.sqrt(1.0 + 4.0 * count + 4.0 * (count**2 - length**2)) - (1.0 + 2.0 * count)
+    return length > 0.6 * count and log_chance < math.log(CHANCE_ALIGNED)
 
 
 def _trail(case: Evidence, length_px: float, angle_deg: float) -> Finding:
@@ -172,14 +197,26 @@ def _trail(case: Evidence, length_px: float, angle_deg: float) -> Finding:
     return Reason.TRAILED, f"Stars trail {length_px:.0f} px {at}: {advice}"
 
 
+def _discs(case: Evidence) -> Iterator[Finding]:
+    yield from _wide(case.measured.get("disc_diameter_px", 0.0))
+
+
 def _focus(case: Evidence) -> Iterator[Finding]:
     fwhm = case.measured.get("fwhm_px", 0.0)
-    width = min(case.measured.get("half_flux_diameter_px", fwhm), fwhm)
-    if len(case.detections) >= 3 and width > OUT_OF_FOCUS_PX:
+    if len(case.detections) >= 3:
+        yield from _wide(min(case.measured.get("half_flux_diameter_px", fwhm), fwhm))
+
+
+def _wide(width_px: float) -> Iterator[Finding]:
+    if width_px > OUT_OF_FOCUS_PX:
         yield (
             Reason.OUT_OF_FOCUS,
-            f"Stars are {width:.0f} px wide: focus until they are under 5 px, then expose again.",
+            f"Stars are {width_px:.0f} px wide: focus until they are under 5 px, then expose again.",
         )
+
+
+def _clear(stars: Detections) -> NDArray[np.bool_]:
+    return np.asarray(~(stars.snr < CLEAR_SNR))  # in a bare list it is not known
 
 
 def _field(case: Evidence) -> Iterator[Finding]:

@@ -1,5 +1,6 @@
 """Sky brightness, trails and focus of a frame that did not solve."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,12 @@ from kochab.core.frame import Detections, Frame
 
 SIDE_PX = 1200
 """Frames are binned to about this many pixels a side before shapes are looked at."""
+
+DISC_BINS = (4.0, 5.6)
+"""Radii, in bins of each halving of the frame, at which discs are looked for."""
+LEAST_DISC_PX = 12.0
+CLEAR_DISC_SNR = 15.0
+DISCS_ALIKE = 0.12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +58,14 @@ class Trails:
     count: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Discs:
+    """Stars out of focus: the ``count`` of discs or rings all as wide, and their median diameter."""
+
+    diameter_px: float = 0.0
+    count: int = 0
+
+
 def binned(frame: Frame) -> Bins:
     """The frame in bins, about SIDE_PX a side, whole colour cells of a mosaic together."""
     step = max(1, round(max(frame.width, frame.height) / SIDE_PX))
@@ -70,12 +85,83 @@ def measure_light(frame: Frame, bins: Bins) -> FrameLevels:
     small = bins.image
     median, noise = _level(small)
     top = float(np.quantile(small, 0.999))
-    whole = frame.pixels.dtype.kind in "iu"
-    clip = frame.saturation or float(np.iinfo(frame.pixels.dtype).max if whole else np.nanmax(frame.pixels))
+    clip = clipping_level(frame)
     saturated = float(np.mean(frame.pixels[::3, ::3] >= clip))
     contrast = (top - median) / noise if noise > 0 else 0.0
     share = median / clip if clip > 0 else 0.0
     return FrameLevels(float(np.clip(share, 0, 1)), saturated, contrast, *_glare(small, clip))
+
+
+def clipping_level(frame: Frame) -> float:
+    """The level at which pixels saturate, as far as it is known."""
+    whole = frame.pixels.dtype.kind in "iu"
+    return frame.saturation or float(np.iinfo(frame.pixels.dtype).max if whole else np.nanmax(frame.pixels))
+
+
+def measure_discs(bins: Bins, clip: float) -> Discs:
+    """Flat discs with a sharp edge, a hole in them or not, as a lens or telescope out of focus makes of stars.
+
+    Seeing and nebulae have no edge, saturated stars are no wider than their brightness makes them; a disc below
+    ``clip`` shows the aperture, and all of a frame are as wide.
+    """
+    from scipy import ndimage
+
+    image, step = bins.image, bins.step
+    found: list[tuple[float, float, Floats]] = []
+    while min(image.shape) > 14 * DISC_BINS[-1]:
+        for radius in DISC_BINS if 2.0 * DISC_BINS[-1] * step > LEAST_DISC_PX else ():
+            inner, outer = 2 * round(0.7 * radius) + 1, 2 * round(1.6 * radius) + 1
+            light = ndimage.uniform_filter(image, inner) - ndimage.uniform_filter(image, outer)
+            peaks = np.argwhere((light == ndimage.maximum_filter(light, 2 * round(radius) + 1)) & (light > 0))
+            brightest = np.argsort(-light[tuple(peaks.T)])[:20]
+            discs = (_disc(image, place, radius, clip) for place in peaks[brightest].astype(float))
+            found += [(snr, r * step, place * step) for snr, r, place in filter(None, discs)]
+        h, w = (side // 2 for side in image.shape)
+        image, step = image[: 2 * h, : 2 * w].reshape(h, 2, w, 2).mean(axis=(1, 3)), 2 * step
+    apart: list[tuple[float, Floats]] = []
+    for _, radius, place in sorted(found, key=lambda disc: -disc[0]):
+        if all(np.hypot(*(place - there)) > r for r, there in apart):
+            apart.append((radius, place))
+    radii = np.array([radius for radius, _ in apart])
+    alike = [radii[abs(radii / radius - 1.0) < DISCS_ALIKE] for radius in radii]
+    widest = max(alike, key=len, default=radii)
+    return Discs(2.0 * float(np.median(widest)), len(widest)) if len(widest) else Discs()
+
+
+def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[float, float, Floats] | None:
+    """Signal to noise, radius and centre (y, x) of a disc near ``place``, all in bins; None when it is none."""
+    for last in (False, False, True):
+        reach, (y, x) = math.ceil(2.0 * radius), np.round(place).astype(int)
+        if not (reach <= x < image.shape[1] - reach and reach <= y < image.shape[0] - reach):
+            return None
+        stamp = image[y - reach : y + reach + 1, x - reach : x + reach + 1]
+        dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1] + (np.array([y, x]) - place)[:, None, None]
+        r = np.hypot(dx, dy) / radius
+        around = (r > 1.4) & (r <= 2.0)
+        plane = np.stack([np.ones_like(r), dy, dx], axis=-1)
+        light = stamp - plane @ np.linalg.lstsq(plane[around], stamp[around], rcond=None)[0]
+        light -= np.median(light[around])
+        noise = float(np.std(light[around]))
+        if last:
+            break
+        level = float(np.median(light[r < 0.7]))
+        if level <= 0.0:
+            return None
+        core = np.clip(light, 0.0, level) * (r < 1.4)
+        wider = math.sqrt(core.sum() / level / math.pi) / radius
+        if not 0.6 < wider < 1.3:
+            return None
+        place = place + np.array([(core * dy).sum(), (core * dx).sum()]) / core.sum()
+        radius *= wider
+    ring = light[(r >= 0.45) & (r < 0.85)]
+    level = float(ring.mean())
+    if not level > noise or stamp[r < 0.85].max() > 0.95 * clip:
+        return None
+    rough = math.sqrt(max(0.0, float(ring.var()) - noise**2))
+    flat = light[r < 0.45].mean() < 1.25 * level and rough < 0.3 * level
+    edge = light[(r > 1.2) & (r < 1.5)].mean() < 0.15 * level
+    snr = level * math.sqrt(ring.size) / max(noise, 1e-9)
+    return (snr, radius, place) if flat and edge and snr > CLEAR_DISC_SNR else None
 
 
 def measure_trails(bins: Bins) -> Trails:
