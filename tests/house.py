@@ -28,6 +28,7 @@ ADDED = {
     "one model of what is wrong with a mount": 140,
     "frames out of focus known by their discs": 125,
     "a window around the image, a film strip that solves many files": 400,
+    "eight makes' dialects of LX200, StarSense, iOptron's present models": 400,
     "the catalogue and the camera in a tracked frame's error": 40,
     "the profile in Live, a picture cleared before the next, an end without waiting": 60,
     "a polar bench of rendered frames, through a ray-traced atmosphere": 240,

@@ -90,9 +90,10 @@ def run(plan, patience_s):
     """Connect, sync, goto; what was read back."""
     client = Client(plan["device"], patience_s)
     values, states = client.values, client.states
-    client.wait("device", lambda: "CONNECTION" in values)
+    client.wait("device", lambda: "CONNECTION" in values and values.keys() & {"CONNECTION_MODE", "DEVICE_PORT"})
     if "CONNECTION_MODE" in values:
         client.order("Switch", "CONNECTION_MODE", CONNECTION_SERIAL="On")
+        client.wait("serial line", lambda: values["CONNECTION_MODE"]["CONNECTION_SERIAL"] == "On")
     client.wait("port to set", lambda: "DEVICE_PORT" in values and "DEVICE_AUTO_SEARCH" in values)
     client.order("Switch", "DEVICE_AUTO_SEARCH", INDI_DISABLED="On")
     client.order("Text", "DEVICE_PORT", PORT=plan["port"])
@@ -103,6 +104,8 @@ def run(plan, patience_s):
     latitude, longitude = plan["site"]
     client.order("Number", "GEOGRAPHIC_COORD", LAT=latitude, LONG=longitude, ELEV=100)
     client.order("Switch", "TELESCOPE_PARK", UNPARK="On")
+    if plan.get("track"):
+        client.order("Switch", "TELESCOPE_TRACK_STATE", TRACK_ON="On")
     seen = {}
     for act, switch in (("sync", "SYNC"), ("goto", "TRACK")):
         if plan[act] is None:

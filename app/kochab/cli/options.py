@@ -113,7 +113,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--exposure": valued("S", "seconds", number_above_zero),
     "--gain": valued("G", "in the camera's units", number),
     "--binning": valued("N", "pixels a side", whole(1, 256)),
-    "--port": valued("P", "/dev/ttyUSB0, COM3, socket://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE"),
+    "--port": valued("P", "/dev/ttyUSB0, COM3, tcp://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE"),
     "--driver": valued("NAME", "the mount's protocol (default: detected)"),
     "--baud": valued("N", "baud rate (default: the driver's)", whole(300, 4_000_000, "baud rate")),
     "--epoch": {"choices": ["J2000", "date"], "help": "equinox of the mount's coordinates"},

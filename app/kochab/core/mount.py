@@ -122,7 +122,8 @@ class MountState:
     """State of the mount; None where it does not report it.
 
     ``home_confirmed`` is False where the mount only counts steps from a home that nobody has
-    confirmed: its position is a guess, and it must not slew. ``rate`` is the one it tracks at.
+    confirmed: its position is a guess, and it must not slew. ``rate`` is the one it tracks at. ``fault`` is why it
+    stopped by itself, empty when it did not.
     """
 
     slewing: bool | None = None
@@ -134,6 +135,7 @@ class MountState:
     home_confirmed: bool | None = None
     at_home: bool | None = None
     rate: TrackingRate | None = None
+    fault: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

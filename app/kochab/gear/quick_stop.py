@@ -15,7 +15,10 @@ from kochab.core.errors import UsageError
 STOPS = {
     "lx200": (9600, b"#:Q#"),
     "onstep": (9600, b"#:Q#"),
+    **dict.fromkeys(("10micron", "am5", "teenastro", "astrophysics", "gemini"), (9600, b"#:Q#")),
+    **dict.fromkeys(("nyx", "rainbow"), (115200, b"#:Q#")),
     "nexstar": (9600, b"M"),
+    "starsense": (9600, b"M"),
     "synscan": (9600, b"MM"),
     "ioptron": (115200, b"#:Q#"),
     "skywatcher": (9600, b":L1\r:L2\r"),
@@ -40,7 +43,8 @@ def send_first_stop(arguments: Sequence[str]) -> None:
         if stop and given["port"] and not given["port"].startswith("udp://"):
             import serial
 
-            with serial.serial_for_url(given["port"], baudrate=int(given["baud"] or baud), write_timeout=1.0) as line:
+            port = given["port"].replace("tcp://", "socket://", 1)
+            with serial.serial_for_url(port, baudrate=int(given["baud"] or baud), write_timeout=1.0) as line:
                 line.write(stop)
 
 

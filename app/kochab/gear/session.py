@@ -16,10 +16,10 @@ from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
-from kochab.gear.mounts import DRIVERS, SERVERS, MountSettings, open_mount
+from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis, MountSettings, open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.gear.mounts.probe import Diagnosis, PortInfo, find_served, list_ports, probe_port
+from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_port
 from kochab.gear.mounts.serial_line import PORTS
 
 DRIVER_DEFAULT = "default"
@@ -247,7 +247,7 @@ class PracticeOpening(Opening):
 
 NO_PORTS = (
     "There is no serial port: plug in the USB cable of the mount and switch it on. A mount on the "
-    "network is typed as socket://HOST:PORT, the Wi-Fi of a Sky-Watcher as udp://HOST:11880."
+    "network is typed as tcp://HOST:PORT, the Wi-Fi of a Sky-Watcher as udp://HOST:11880."
 )
 
 

@@ -9,9 +9,9 @@ from kochab.core.mount import Home
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.simulate.responders import open_responder
 from kochab.simulate.serial_line import Faults, pty_line
 from tests.simulate.bench_telescope import BenchTelescope
+from tests.simulate.dialects import open_any
 
 from .alpaca_telescope import AlpacaTelescope, alpaca_server
 from .indi_server import indi_server
@@ -46,7 +46,7 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, slew_deg_s, clock.unix)
     telescope.aligned = aligned
     faults = Faults(late_s=0.5)
-    responder = open_responder(driver, telescope)
+    responder = open_any(driver, telescope)
     line = pty_line(responder, faults)
     start = place(-20.0, 40.0, clock)
     telescope.sync(*start)

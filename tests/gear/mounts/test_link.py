@@ -124,7 +124,7 @@ def test_a_port_in_use_is_said(ends) -> None:
         ("mount", "kochab mount list"),
         ("socket://127.0.0.1:1", "No answer at"),
         ("socket://127.0.0.1:99999", "socket://HOST:PORT"),
-        ("nonsense://x", "socket://HOST:PORT"),
+        ("nonsense://x", "tcp://HOST:PORT"),
     ],
 )
 def test_a_port_that_is_not_there_is_one_sentence_with_the_fix(port, advice) -> None:

@@ -11,6 +11,7 @@ from kochab.gear.mounts import probe
 from kochab.gear.mounts.probe import list_ports, port_info, probe_port
 from kochab.simulate.responders import RESPONDERS
 from tests.gear.mounts.bench import moved, simulated
+from tests.simulate.dialects import DIALECT_RESPONDERS
 
 MOVES = re.compile(rb":M[SPnsewgA]|:h|:R|:CM|:U#|r[0-9A-F]{8}|s[0-9A-F]{8}|:[GHIJ][12]..|:MS1|:[mZ]|T[\x00-\x03]")
 
@@ -20,7 +21,7 @@ def _impatient(monkeypatch):
     monkeypatch.setattr(probe, "PATIENCE_S", 0.15)
 
 
-@pytest.mark.parametrize("driver", RESPONDERS)
+@pytest.mark.parametrize("driver", [*RESPONDERS, *DIALECT_RESPONDERS])
 def test_it_names_every_simulated_mount_by_questions_only(driver) -> None:
     with simulated(driver) as bench:
         before = bench.telescope.axes_deg()[1]

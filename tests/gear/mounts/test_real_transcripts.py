@@ -15,9 +15,9 @@ from kochab.core.frame import Site
 from kochab.core.mount import Direction, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
-from kochab.gear.mounts.drivers import lx200 as lx200_driver
 from kochab.gear.mounts.drivers.ioptron import Ioptron
-from kochab.gear.mounts.drivers.lx200 import AUTOSTAR, CLONE, TEN_MICRON, Lx200, OnStep
+from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
+from kochab.gear.mounts.drivers.lx200_dialects import AUTOSTAR, CLONE, DIALECTS, ON_STEP
 from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from kochab.gear.mounts.guard import Guard
@@ -176,7 +176,7 @@ def test_an_openastrotracker_is_not_asked_for_an_alignment_it_writes_in_its_own_
         assert m.dialect is CLONE
         assert m.state().aligned is None
     with pytest.raises(ProtocolError):
-        lx200.parse_alignment(b"1")
+        lx200.parse_aligned(b"1")
 
 
 @played("L11")
@@ -240,7 +240,7 @@ def test_a_bridge_that_hangs_up_after_one_exchange_is_opened_again() -> None:
 
 @played("L21", "L27")
 def test_an_onstep_parks_unparks_and_goes_home_by_its_own_commands_and_is_never_reset() -> None:
-    start = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]
+    start = [(b":GVP#", b"On-Step#"), (b":GVN#", b"10.19d#"), (b":GRH#", b"05:30:00.0000#")]
     script = [
         (b":hP#", b"1"),
         (b":GU#", b"nNIEW260#"),
@@ -268,10 +268,12 @@ def test_an_onstep_parks_unparks_and_goes_home_by_its_own_commands_and_is_never_
 @played("L43")
 def test_a_10micron_found_parked_says_so() -> None:
     start = [(b":GVP#", b"10micron GM1000HPS#"), (b":GR#", b"00:10:03.24#")]
-    script = [*start, (b":D#", b"#"), (b":Gstat#", b"5#"), (b":PO#", b""), (b":D#", b"#"), (b":Gstat#", b"0#")]
+    ask = [(b":D#", b"#"), (b":Gstat#", b"5#"), (b":pS#", b"West#")]
+    script = [*start, *ask, (b":PO#", b""), ask[0], (b":Gstat#", b"0#"), ask[2]]
     with transcript(Lx200, script) as m:
         state = m.state()
         assert (state.parked, state.slewing, state.tracking) == (True, False, False)
+        assert state.pier_side is PierSide.WEST
         m.unpark()
         state = m.state()
         assert (state.parked, state.slewing, state.tracking) == (False, False, True)
@@ -315,19 +317,16 @@ def test_a_slew_refused_by_a_digit_is_told_in_words(reply, reason) -> None:
 @played("L27", "L126")
 @pytest.mark.parametrize(("reply", "reason"), [(b"E6#", "outside the mount's limits"), (b"No object!#", "No object")])
 def test_a_sync_refused_by_a_text_is_no_sync(reply, reason) -> None:
-    start = [(b":GVP#", b"NYX-101#"), (b":GR#", b"05:30:00#")]
-    with (
-        transcript(Lx200, [*start, *SENT, *READ_BACK, (b":CM#", reply)]) as m,
-        pytest.raises(RefusedError, match=reason),
-    ):
+    start = [(b":GVP#", b"NYX-101#"), (b":GRH#", b"05:30:00.0000#")]
+    with transcript(Lx200, [*start, *SENT, (b":CM#", reply)]) as m, pytest.raises(RefusedError, match=reason):
         m.sync(*TARGET)
 
 
 @played("L28", "L89")
 @pytest.mark.parametrize("stray", [b"\r\n", b"x"])
 def test_bytes_after_the_end_of_an_answer_are_thrown_away(stray) -> None:
-    script = [(b":GVP#", b"Pegasus NYX-101#" + stray), (b":GR#", b"05:30:00#" + stray)]
-    script += [(b":GR#", b"05:30:00#" + stray), (b":GD#", b"+51\xdf14:14#" + stray), (b":D#", b"#")]
+    script = [(b":GVP#", b"Pegasus NYX-101#" + stray), (b":GRH#", b"05:30:00.0000#" + stray)]
+    script += [(b":GRH#", b"05:30:00.0000#" + stray), (b":GDH#", b"+51*14:14.000#" + stray), (b":GU#", b"NpeEW260#")]
     mount, link = loose(Lx200, script)
     assert mount.identify() == "Pegasus NYX-101"
     assert mount.position().dec_deg == pytest.approx(51.2372, abs=1e-4)
@@ -337,15 +336,16 @@ def test_bytes_after_the_end_of_an_answer_are_thrown_away(stray) -> None:
 
 @played("L29")
 def test_an_answer_that_belongs_to_another_question_is_asked_again() -> None:
-    with transcript(OnStep, [(b":GVP#", b"On-Step#"), (b":GR#", b"On-Step#"), (b":GR#", b"05:30:00#")]) as m:
+    place = [(b":GRH#", b"On-Step#"), (b":GRH#", b"05:30:00.0000#")]
+    with transcript(OnStep, [(b":GVP#", b"On-Step#"), (b":GVN#", b"10.23a#"), *place]) as m:
         assert m.product == "On-Step"
 
 
 @played("L2A", "L36")
 def test_what_indi_sends_an_onstep_we_send_too_and_never_60_seconds() -> None:
-    start = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]
-    script = [*start, (b":Sr17:30:00#", b"1"), (b":Sd+10*00:00#", b"1"), (b":MS#", b"0")]
-    script += [(b":Sr17:30:00#", b"1"), (b":Sd+10*00:00#", b"1"), (b":CM#", b"N/A#")]
+    start = [(b":GVP#", b"On-Step#"), (b":GVN#", b"10.23a#"), (b":GRH#", b"05:30:00.0000#")]
+    target = [(b":Sr17:30:00.0000#", b"1"), (b":Sd+10*00:00.000#", b"1")]
+    script = [*start, *target, (b":MS#", b"0"), *target, (b":CM#", b"N/A#")]
     script += [(b":Mgn0500#", b""), (b":Td#", b"1"), (b":TQ#:Te#", b"1")]
     with transcript(OnStep, script) as m:
         m.goto(262.5, 10.0)
@@ -354,8 +354,11 @@ def test_what_indi_sends_an_onstep_we_send_too_and_never_60_seconds() -> None:
         m.track(TrackingRate.OFF)
         m.track(TrackingRate.SIDEREAL)
     for tenth in range(-20, 20):
-        text = lx200.set_ra(17.4 * 15.0 + tenth / 2400.0) + lx200.set_dec(-0.0002 + tenth / 36000.0)
-        assert b":60" not in text
+        for decimals in (0, 1, 2, 4):
+            place = 17.4 * 15.0 + tenth / 2400.0, -0.0002 + tenth / 36000.0
+            text = lx200.set_ra(place[0], decimals=decimals) + lx200.set_dec(place[1], decimals=decimals)
+            assert b":60" not in text
+    assert lx200.set_ra(359.9999999, decimals=2) == b":Sr00:00:00.00#"
     with pytest.raises(ProtocolError):
         lx200.parse_ra(b"17:23:60.00#")
 
@@ -363,13 +366,14 @@ def test_what_indi_sends_an_onstep_we_send_too_and_never_60_seconds() -> None:
 @played("L2B")
 def test_an_onstep_that_is_reset_by_the_opening_is_waited_for() -> None:
     """Eight seconds of silence: a second a question."""
-    assert lx200_driver.BOOT_TRIES >= 9
-    with transcript(OnStep, [(b":GVP#", b"")] * 8 + [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]) as m:
+    assert ON_STEP.boot_s >= 9
+    booted = [(b":GVP#", b"0On-Step#"), (b":GVN#", b"10.23a#"), (b":GRH#", b"05:30:00.0000#")]
+    with transcript(OnStep, [(b":GVP#", b"")] * 8 + booted) as m:
         assert m.identify() == "On-Step"
 
 
 @played("L30", "L31")
-def test_an_am5_is_a_clone_with_its_own_name() -> None:
+def test_an_am5_is_found_by_its_name() -> None:
     script = [(b":GVP#", b"AM5#"), (b":GR#", b"08:04:30#"), (b":GR#", b"08:04:30#"), (b":GD#", b"+89*00:38#")]
     with transcript(Lx200, script) as m:
         here = m.position()
@@ -380,21 +384,26 @@ def test_an_am5_is_a_clone_with_its_own_name() -> None:
 @played("L35")
 def test_an_am5_refuses_with_e_and_a_number() -> None:
     start = [(b":GVP#", b"AM5#"), (b":GR#", b"08:04:30#")]
-    script = [*start, *SENT, *READ_BACK, (b":MS#", b"e7#"), *SENT, *READ_BACK, (b":CM#", b"e11#")]
+    script = [*start, *SENT, (b":MS#", b"e7#"), *SENT, (b":CM#", b"e11#"), SENT[0], (b":Sd-12*15:00#", b"e2#")]
+    script += [(b":Sd -12*15:00#", b"e2#")]
     with transcript(Lx200, script) as m:
         with pytest.raises(RefusedError, match="time or site is not set"):
             m.goto(*TARGET)
         with pytest.raises(RefusedError, match="so near the pole"):
             m.sync(*TARGET)
-    assert {code for code in range(1, 14) if "code" in lx200.parse_zwo(b"e%d#" % code)} == set()
+        with pytest.raises(RefusedError, match="does not accept"):
+            m.goto(*TARGET)
+    told = {code: lx200.parse_slew(b"e%d#" % code, lx200.ZWO_REFUSALS) for code in range(1, 14)}
+    assert not [reason for reason in told.values() if "code" in reason]
 
 
 @played("L40", "L42", "L44")
 def test_a_10micron_takes_a_goto_and_refuses_a_far_sync() -> None:
     start = [(b":GVP#", b"10micron GM1000HPS#"), (b":GR#", b"00:10:03.24#")]
-    script = [*start, *SENT, (b":MS#", b"0"), *SENT, (b":CM#", b"Coordinates     matched        #")]
-    with transcript(Lx200, [*script, *SENT, (b":CM#", b"Match fail: dist. too large#")]) as m:
-        assert m.dialect is TEN_MICRON
+    fine = [(b":Sr05:30:00.00#", b"1"), (b":Sd-12*15:00.0#", b"1")]
+    script = [*start, *fine, (b":MS#", b"0"), *fine, (b":CM#", b"Coordinates     matched        #")]
+    with transcript(Lx200, [*script, *fine, (b":CM#", b"Match fail: dist. too large#")]) as m:
+        assert m.dialect is DIALECTS["10micron"]
         m.goto(*TARGET)
         m.sync(*TARGET)
         with pytest.raises(RefusedError, match=r"dist\. too large"):

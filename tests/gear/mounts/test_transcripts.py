@@ -80,10 +80,10 @@ def test_10micron_has_its_own_precision_and_refuses_far_syncs() -> None:
     script = [
         (b":GVP#", b"10micron GM1000HPS#"),
         (b":GR#", b"05:30.0#"),
-        (b":U1#", b""),
+        (b":U1#:U2#", b""),
         (b":GR#", b"05:30:00.00#"),
-        (b":Sr05:30:00#", b"1"),
-        (b":Sd-12*15:00#", b"1"),
+        (b":Sr05:30:00.00#", b"1"),
+        (b":Sd-12*15:00.0#", b"1"),
         (b":CM#", b"Match fail: dist. too large#"),
         (b":AL#", b""),
         (b":TQ#:AP#", b""),
@@ -109,7 +109,7 @@ def test_lx200_classic_has_no_pulse() -> None:
         m.pulse(Direction.NORTH, 100)
 
 
-ONSTEP_START = [(b":GVP#", b"On-Step#"), (b":GR#", b"05:30:00#")]
+ONSTEP_START = [(b":GVP#", b"On-Step#"), (b":GVN#", b"4.24g#"), (b":GR#", b"05:30:00#")]
 
 
 def test_onstep_flags_tracking_pulse() -> None:
@@ -143,7 +143,10 @@ def test_onstep_sync_codes(reply, reason) -> None:
 
 
 def test_onstep_is_not_taken_for_another_mount() -> None:
-    with pytest.raises(NoAnswerError, match="not an OnStep"), transcript(OnStep, [(b":GVP#", b"ETX#")]):
+    with (
+        pytest.raises(NoAnswerError, match=r"calls itself ETX.* is for OnStep"),
+        transcript(OnStep, [(b":GVP#", b"ETX#")]),
+    ):
         pass
 
 
@@ -152,7 +155,7 @@ NEXSTAR_START = [(b"V", b"\x04\x15#"), (b"m", b"\x14#")]
 
 def test_nexstar_position_with_hashes_among_the_data() -> None:
     """Version 35.35: both data bytes are the terminator."""
-    script = [(b"V", b"###"), (b"m", b"##"), (b"e", b"3AAAAAAA,F749F49F#")]
+    script = [(b"V", b"###"), (b"v", b"##"), (b"m", b"##"), (b"e", b"3AAAAAAA,F749F49F#")]
     with transcript(NexStar, script) as m:
         assert m.version == (35, 35)
         assert m.model == 35
@@ -211,7 +214,7 @@ def test_nexstar_before_its_alignment_is_refused_before_the_goto_is_sent() -> No
 
 
 def test_nexstar_of_old_has_no_sync_and_coarse_positions() -> None:
-    script = [(b"V", b"\x01\x02#"), (b"m", b"\x01#"), (b"E", b"3AAB,F74A#")]
+    script = [(b"V", b"\x01\x02#"), (b"v", b""), (b"m", b"\x01#"), (b"E", b"3AAB,F74A#")]
     with transcript(NexStar, script) as m:
         assert "4.10" in m.lacks[Ability.SYNC]
         with pytest.raises(RefusedError, match=r"4\.10"):

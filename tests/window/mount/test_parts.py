@@ -11,7 +11,7 @@ from kochab.core.errors import UsageError
 from kochab.core.mount import Ability, Epoch, Home, MountState
 from kochab.gear import actions as why
 from kochab.gear.actions import MountSituation, Need, reasons_against
-from kochab.gear.mounts.probe import Diagnosis
+from kochab.gear.mounts import Diagnosis
 from kochab.gear.profiles import current_profile, save_selection
 from kochab.gear.session import MountSelection, search_text
 from kochab.window.mount.actions import SYNC_FIRST, outcome_text

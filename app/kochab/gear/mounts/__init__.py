@@ -1,6 +1,7 @@
 """Telescope mounts: serial line, protocol, driver and guard, each apart."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -16,7 +17,15 @@ DRIVERS: Registry[Mount] = Registry(
     {
         "lx200": "kochab.gear.mounts.drivers.lx200:Lx200",
         "onstep": "kochab.gear.mounts.drivers.lx200:OnStep",
+        "10micron": "kochab.gear.mounts.drivers.lx200:TenMicron",
+        "am5": "kochab.gear.mounts.drivers.lx200:Am5",
+        "nyx": "kochab.gear.mounts.drivers.lx200:Nyx",
+        "teenastro": "kochab.gear.mounts.drivers.lx200:TeenAstro",
+        "astrophysics": "kochab.gear.mounts.drivers.lx200:AstroPhysics",
+        "gemini": "kochab.gear.mounts.drivers.lx200:Gemini",
+        "rainbow": "kochab.gear.mounts.drivers.lx200:Rainbow",
         "nexstar": "kochab.gear.mounts.drivers.nexstar:NexStar",
+        "starsense": "kochab.gear.mounts.drivers.nexstar:StarSense",
         "synscan": "kochab.gear.mounts.drivers.nexstar:SynScan",
         "ioptron": "kochab.gear.mounts.drivers.ioptron:Ioptron",
         "skywatcher": "kochab.gear.mounts.drivers.skywatcher:SkyWatcher",
@@ -28,6 +37,22 @@ DRIVERS: Registry[Mount] = Registry(
 
 SERVERS = ("indi", "alpaca")  # drivers of mounts behind a server, which is found by its address in place of a port
 STOP_REPLY_S = 0.5  # the reply to the Stop that opens a line has come by then
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The mount on a port, or what to do; ``advice`` may come with a mount as well."""
+
+    port: str = ""
+    driver: str = ""
+    baud: int = 0
+    name: str = ""
+    advice: str = ""
+
+    @property
+    def found(self) -> bool:
+        """Whether a mount answered."""
+        return bool(self.driver)
 
 
 class MountSettings(TypedDict, total=False):
@@ -56,7 +81,7 @@ def open_mount(
     default when None. ``stop_first`` sends Stop before anything else, as after a line that was lost. Raises
     `DeviceError` with what to do.
     """
-    from kochab.gear.mounts.serial_line import Conversation, SerialLink
+    from kochab.gear.mounts.serial_line import Conversation, SerialLink, with_port
 
     make = DRIVERS.load(driver)
     if not make.bauds:  # a server holds the line
@@ -65,7 +90,7 @@ def open_mount(
             mount.stop()
         return mount
     rate = baud or make.bauds[0]
-    link = SerialLink(port, rate)
+    link = SerialLink(with_port(port, make.tcp_port), rate)
     try:
         if stop_first:
             Conversation(link).send_now((make.blind_stop, ()))

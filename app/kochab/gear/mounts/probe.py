@@ -13,27 +13,13 @@ from typing import Any
 
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
-from kochab.gear.mounts import DRIVERS, SERVERS
+from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis
+from kochab.gear.mounts.drivers.lx200_dialects import DIALECTS, named
+from kochab.gear.mounts.drivers.nexstar import MAKER_SINCE, STARSENSE, VARIANTS
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
 
 PATIENCE_S = 0.8
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
-    """The mount on a port, or what to do; ``advice`` may come with a mount as well."""
-
-    port: str = ""
-    driver: str = ""
-    baud: int = 0
-    name: str = ""
-    advice: str = ""
-
-    @property
-    def found(self) -> bool:
-        """Whether a mount answered."""
-        return bool(self.driver)
 
 
 def ask_nexstar(talk: Conversation) -> Diagnosis:
@@ -42,6 +28,10 @@ def ask_nexstar(talk: Conversation) -> Diagnosis:
     talk.ask(echo, exactly(2, PATIENCE_S), lambda reply: nexstar.parse_echo(reply, echo[1:]))
     version = talk.ask(nexstar.VERSION, nexstar.read_version(PATIENCE_S), nexstar.parse_version)
     driver, maker = ("synscan", "SynScan") if len(version) == 3 else ("nexstar", "NexStar")
+    if maker == "NexStar" and not (2, 2) <= version < MAKER_SINCE:
+        with suppress(NoAnswerError):
+            if VARIANTS.get(talk.ask(nexstar.VARIANT, exactly(2, PATIENCE_S), nexstar.parse_byte)) is STARSENSE:
+                driver, maker = "starsense", "StarSense"
     aligned = talk.ask(nexstar.ALIGNED, exactly(2, PATIENCE_S), nexstar.parse_flag)
     advice = "" if aligned else "It is not aligned: do its alignment on the hand control first."
     name = f"{maker} hand control, version {'.'.join(map(str, version))}"
@@ -58,16 +48,20 @@ def ask_skywatcher(talk: Conversation) -> Diagnosis:
 
 
 def ask_lx200(talk: Conversation) -> Diagnosis:
-    """Declination first, for ``:GR#`` is not sent to an unknown device; then the product's name."""
+    """Declination first, for ``:GR#`` is not sent to an unknown device; then the names it may have."""
     reader = until(b"#", 40, PATIENCE_S)
     talk.send(b"#")  # ends a question of another make
-    talk.ask(lx200.GET_DEC, reader, lx200.parse_dec)
-    talk.ask(lx200.GET_RA, reader, lx200.parse_ra)
+    echo = talk.ask(lx200.GET_DEC, reader, lx200.parse_echoed)
+    if not echo:
+        talk.ask(lx200.GET_RA, reader, lx200.parse_ra)
     product = ""
-    with suppress(NoAnswerError):
-        product = talk.ask(lx200.PRODUCT, reader, lx200.parse_text)
-    driver = "onstep" if "onstep" in product.lower().replace("-", "") else "lx200"
-    return Diagnosis(driver=driver, name=product or "LX200 classic or compatible")
+    for who in (lx200.PRODUCT, DIALECTS["astrophysics"].who) if not echo else (DIALECTS["rainbow"].who,):
+        with suppress(NoAnswerError):
+            product = talk.ask(who, reader, lx200.parse_text)
+            break
+    driver = named(product)
+    name = product if driver not in ("astrophysics", "rainbow") else f"{DIALECTS[driver].title} {product.strip(':AV')}"
+    return Diagnosis(driver=driver or "lx200", name=name or "LX200 classic or compatible")
 
 
 def ask_ioptron(talk: Conversation) -> Diagnosis:

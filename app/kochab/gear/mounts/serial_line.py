@@ -17,14 +17,14 @@ from urllib.parse import urlsplit
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
 
-PORTS = "a device, COM3, socket://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE"
-UDP = "udp://"
+PORTS = "a device, COM3, tcp://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE"
+UDP, TCP = "udp://", ("tcp://", "socket://")
 BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 
 
 def not_opened(port: str, error: Exception) -> PortError:
     """The `PortError` for what pyserial raised on opening ``port``."""
-    if port.startswith(("socket://", UDP)):
+    if port.startswith((*TCP, UDP)):
         return PortError(_server(port, error))
     if "://" in port:
         return PortError(f"{port} is not a port: give {PORTS}.")
@@ -76,6 +76,14 @@ def _absent(port: str) -> str:
     return f"No port {port}{where}: list ports with `kochab mount list`."
 
 
+def with_port(address: str, usual: int | None) -> str:
+    """A TCP address with the port that its driver's mounts have, where none is given."""
+    if usual is None or not address.startswith(TCP):
+        return address
+    parts = urlsplit(address)
+    return address if parts.port is not None or not parts.hostname else f"{address.rstrip('/')}:{usual}"
+
+
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 SLICE_S = 0.05  # a read returns this often, so that a closed line is seen at once
@@ -118,7 +126,7 @@ class UdpPort:
 
 
 class SerialLink:
-    """A line over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``socket://``; and ``udp://``.
+    """A line over anything pyserial opens: ``/dev/ttyUSB0``, ``COM3``, ``tcp://`` (its ``socket://``); and ``udp://``.
 
     ``lossy``: what is sent may be lost without a sign. One thread reads; any thread may write. Every
     failure of an open line is a `LineLostError` at once: a pulled cable, a hung-up pseudo-terminal,
@@ -133,7 +141,8 @@ class SerialLink:
         if "://" not in port and not port.upper().startswith("COM"):  # Windows' are always exclusive
             settings["exclusive"] = True
         try:
-            self._serial: Any = UdpPort(port) if self.lossy else serial.serial_for_url(port, baudrate=baud, **settings)
+            url = port.replace("tcp://", "socket://", 1)
+            self._serial: Any = UdpPort(port) if self.lossy else serial.serial_for_url(url, baudrate=baud, **settings)
         except (OSError, ValueError) as error:
             raise not_opened(port, error) from error
         self._writing = Lock()

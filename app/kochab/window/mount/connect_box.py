@@ -12,8 +12,8 @@ from kochab.core.frame import Site
 from kochab.core.mount import Home
 from kochab.core.progress import Progress
 from kochab.gear import session as equipment
-from kochab.gear.mounts import DRIVERS
-from kochab.gear.mounts.probe import Diagnosis, PortInfo
+from kochab.gear.mounts import DRIVERS, Diagnosis
+from kochab.gear.mounts.probe import PortInfo
 from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
 from kochab.window.job import Job, Jobs

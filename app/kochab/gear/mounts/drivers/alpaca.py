@@ -7,9 +7,8 @@ from typing import Any, ClassVar, Unpack
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
-from kochab.gear.mounts import MountSettings
+from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount
-from kochab.gear.mounts.probe import Diagnosis
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
 

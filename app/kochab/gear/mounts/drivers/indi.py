@@ -10,9 +10,8 @@ from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
-from kochab.gear.mounts import MountSettings
+from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount
-from kochab.gear.mounts.probe import Diagnosis
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.indi_link import CALL_S, PORT, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
 

@@ -17,6 +17,7 @@ class Ioptron(SerialMount):
     title = "iOptron (version 3 language)"
     blind_stop = b"#:Q#"
     bauds = (115200, 230400)
+    tcp_port = 8899
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512)), 4.0)
 
     def start(self) -> None:
@@ -44,7 +45,8 @@ class Ioptron(SerialMount):
 
     def state(self) -> MountState:
         """``:GLS#``, and the pier side from ``:GEP#``."""
-        return replace(self.query(protocol.STATUS, protocol.parse_status), pier_side=self.read_position().pier_side)
+        told, side = self.query(protocol.STATUS, protocol.parse_status), self.read_position().pier_side
+        return replace(told, pier_side=side, alt_azimuth=protocol.is_alt_azimuth(self.model))
 
     def site_report(self) -> SiteReport:
         """Site, zone and clock."""

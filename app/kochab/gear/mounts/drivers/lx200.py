@@ -1,136 +1,157 @@
-"""The LX200 family: classic, Autostar, 10micron, OnStep and OnStepX."""
+"""The LX200 family: one driver, which speaks the dialects of the table."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import asdict
 from datetime import datetime
+from typing import ClassVar, TypeVar
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, MountState, Pointing, SiteReport
+from kochab.core.mount import Ability, Direction, MountState, Pointing, SiteReport
 from kochab.gear.mounts.coordinates import utc_of
+from kochab.gear.mounts.drivers.lx200_dialects import AUTOSTAR, CLASSIC, CLONE, DIALECTS, Dialect, Question, named
 from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, SerialMount
 from kochab.gear.mounts.protocols import lx200 as protocol
-from kochab.gear.mounts.protocols import parse_accepted
 from kochab.gear.mounts.serial_line import Command, ProtocolError, SerialLink, until
 
+T = TypeVar("T")
 PRODUCT_S = 1.0  # a classic does not know the question and stays silent
-BOOT_TRIES = 10  # opening the port resets an OnStep on an ESP32, which then is silent for about 8 s
 SAME_DEG = 0.1  # a target in low precision is rounded to 0.025 deg
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
-    """What differs between the members of the family."""
-
-    title: str
-    pulse: bool = True
-    status: bytes = b""  # reports tracking and more, as ``parse`` reads it
-    parse: Callable[[bytes], MountState] = protocol.parse_scope_status
-    precise: bytes = protocol.TOGGLE_PRECISION
-    commands: Mapping[Ability, bytes] = field(default_factory=dict)  # to track, park and go home
-
-
-CLASSIC = Dialect("Meade LX200 classic", pulse=False)
-AUTOSTAR = Dialect("Meade Autostar", status=b":GW#", commands=protocol.AUTOSTAR_COMMANDS)
-TEN_MICRON = Dialect(
-    "10micron", status=b":Gstat#", parse=protocol.parse_10micron, precise=b":U1#", commands=protocol.TEN_MICRON_COMMANDS
-)
-CLONE = Dialect("LX200 compatible mount")
-
-AUTOSTARS = ("autostar", "audiostar", "lx2001", "lx200gps", "etx", "rcx")
-DIALECTS = {"10micron": TEN_MICRON, **dict.fromkeys(AUTOSTARS, AUTOSTAR)}
-"""Part of the product's name, lower case -> its dialect."""
-
-
 class Lx200(SerialMount):
-    """A mount that speaks Meade's LX200 language."""
+    """A mount that speaks Meade's LX200 language; the dialect is found by the name that it gives."""
 
     name = "lx200"
-    title = "Meade LX200, Autostar, 10micron and compatible"
+    title = "Meade LX200, Autostar and compatible"
     blind_stop = b"#:Q#"
-    rates_deg_s = (2 * SIDEREAL_DEG_S, 32 * SIDEREAL_DEG_S, 2.0, 6.0)
-    rate_commands = (b":RG#", b":RC#", b":RM#", b":RS#")
+    rates_deg_s = tuple(CLONE.rates.values())
+    tcp_port: ClassVar[int | None] = 4030  # of a SkyFi
+    only: ClassVar[Dialect | None] = None
     parking = False
 
     def start(self) -> None:
         """Find the dialect, and ask for the longer form of coordinates."""
-        self.product = self.ask_product()
         self.dialect = self.find_dialect()
-        self.reads_back = self.dialect in (CLASSIC, CLONE)  # its target; the others take it without a space
-        self.tells_status = self.dialect is CLASSIC or bool(self.dialect.status)
+        row = self.dialect
+        self.rates_deg_s = tuple(row.rates.values()) if row.rates_known else ()
+        self.reads_back, self.unanswered = row.reads_back, set[bytes]()
+        version = self.ask_version() if row.fine_since or row.pulse_since else ()
+        fine = version >= row.fine_since
+        self.places = row.places if fine else (protocol.GET_RA, protocol.GET_DEC)
+        self.decimals = row.decimals if fine else 0
         self.refine()
-        if not self.dialect.pulse:
-            self._lacks[Ability.PULSE] = "The classic LX200 has no guide pulse."
-        title = self.dialect.title
-        self.use_commands(self.dialect.commands, f"Kochab knows no such command of the {title}: use its hand control.")
+        if not row.longest_pulse_ms or version < row.pulse_since:
+            self._lacks[Ability.PULSE] = f"The {row.title} has no guide pulse that Kochab could send."
+        site = dict.fromkeys((Ability.SITE, Ability.TIME), row.tells_site)
+        site |= dict.fromkeys((Ability.SET_SITE, Ability.SET_CLOCK), row.takes_site)
+        hand = f"of the {row.title}: use its hand control."
+        self._lacks |= {one: f"Kochab knows no command to {one} {hand}" for one, can in site.items() if not can}
+        self.use_commands(row.commands, f"Kochab knows no such command {hand}")
         if Ability.TRACKING in self._lacks:
-            self._lacks[Ability.TRACKING] = f"The {title} cannot stop tracking without losing its alignment."
-        if self.dialect is AUTOSTAR:
-            self._lacks[Ability.UNPARK] = f"A parked {title} does not answer: switch it off and on."
+            self._lacks[Ability.TRACKING] = f"The {row.title} cannot stop tracking without losing its alignment."
+        if row is AUTOSTAR:
+            self._lacks[Ability.UNPARK] = f"A parked {row.title} does not answer: switch it off and on."
 
-    def ask_product(self) -> str:
+    def find_dialect(self) -> Dialect:
+        """The one that was chosen, or by the product's name; no name is a classic."""
+        if self.only is None:
+            self.product = self.ask_product(protocol.PRODUCT)
+            plain = self.product.lower().replace(" ", "")
+            meade = AUTOSTAR if any(part in plain for part in AUTOSTAR.names) else CLONE
+            return DIALECTS.get(named(self.product), meade) if self.product else CLASSIC
+        row = self.only
+        tries = (self.ask_product(row.who) for _ in range(row.boot_s))
+        self.product = next(filter(None, tries), "").lstrip("0")  # which a board that boots may answer first
+        if not self.product or (row.who == protocol.PRODUCT and DIALECTS.get(named(self.product)) is not row):
+            name = f"calls itself {self.product}" if self.product else "does not give its name"
+            raise NoAnswerError(
+                f"The device on {self.talk.link.port} {name}, and the driver {self.name} is for {row.title}: "
+                "choose another driver or baud rate."
+            )
+        return row
+
+    def ask_product(self, question: bytes) -> str:
         """The product's name, or nothing."""
         try:
-            return self.talk.ask(protocol.PRODUCT, until(b"#", 40, PRODUCT_S), protocol.parse_text)
+            return self.talk.ask(question, until(b"#", 40, PRODUCT_S), protocol.parse_text)
         except NoAnswerError:
             return ""
 
-    def find_dialect(self) -> Dialect:
-        """By the product's name; no name is a classic."""
-        plain = self.product.lower().replace(" ", "")
-        found = next((d for key, d in DIALECTS.items() if key in plain), None)
-        return found or (CLONE if self.product else CLASSIC)
+    def ask_version(self) -> tuple[int, ...]:
+        """Of the firmware: (10, 24) of ``10.24i``."""
+        return protocol.parse_version(self.ask_product(protocol.VERSION))
 
     def refine(self) -> None:
         """``:U#`` toggles: read, toggle only when coarse, read again."""
-        if self.query(protocol.GET_RA, protocol.parse_coarse):
+        if self.query(self.places[0], protocol.parse_coarse):
             self.talk.send(self.dialect.precise)
-            self.query(protocol.GET_RA, protocol.parse_ra)  # the toggle itself is not answered
+            self.query(self.places[0], protocol.parse_ra)  # the toggle itself is not answered
+
+    def query(self, command: bytes, parse: Callable[[bytes], T], size: int = 0) -> T:
+        """Answer to a question, which some begin with the question itself."""
+        return super().query(command, self.plain(command, parse), size)
+
+    def plain(self, command: bytes, parse: Callable[[bytes], T]) -> Callable[[bytes], T]:
+        """``parse`` of an answer that may begin with its question."""
+        echo = command.rstrip(b"#") if self.dialect.echoes else b""
+
+        def read(reply: bytes) -> T:
+            if not reply.startswith(echo):
+                raise ProtocolError(f"{reply!r} is no answer to {command!r}.")
+            return parse(reply.removeprefix(echo))
+
+        return read
 
     def identify(self) -> str:
         """The product's name where it has one."""
+        if self.dialect.who != protocol.PRODUCT:
+            return f"{self.dialect.title} {self.product.removeprefix(':AV')}"
         return self.product or self.dialect.title
 
     def position(self) -> Pointing:
         """Where it says it points."""
         self.watchdog.check()
-        ra = self.query(protocol.GET_RA, protocol.parse_ra)
-        return Pointing(ra, self.query(protocol.GET_DEC, protocol.parse_dec), self.epoch)
+        ra = self.query(self.places[0], protocol.parse_ra)
+        return Pointing(ra, self.query(self.places[1], protocol.parse_dec), self.epoch)
 
     def altaz_deg(self) -> tuple[float, float]:
         """Altitude and azimuth, which some count from south."""
         return self.query(protocol.ALTITUDE, protocol.parse_dec), self.query(protocol.AZIMUTH, protocol.parse_azimuth)
 
     def state(self) -> MountState:
-        """Slewing from the distance bars, the rest where the dialect reports it."""
+        """What the dialect's questions tell."""
+        (command, size, parse), *others = self.dialect.questions
         try:
-            slewing = self.query(protocol.BARS, protocol.parse_slewing)
+            found = self.query(command, parse, size)
         except ProtocolError:
             raise
         except NoAnswerError:
             if not self.parking:
                 raise
             return MountState(slewing=False, parked=True)  # an Autostar that has parked is silent
-        status = self.read_status() if self.tells_status else MountState()
-        return replace(status, slewing=slewing or bool(status.slewing))
+        for question in others:
+            found = with_more(found, self.ask_more(question))
+        return found
 
-    def read_status(self) -> MountState:
-        """Without the slew; a mount that does not know the question is asked once (LX200GPS 4.0g, Gemini)."""
-        ask = self.talk.query
+    def ask_more(self, question: Question) -> MountState:
+        """A mount that does not know this question is asked once (LX200GPS 4.0g)."""
+        command, size, parse = question
+        if command in self.unanswered:
+            return MountState()
         try:
-            if self.dialect.status:
-                return ask(self.dialect.status, self.reply(), self.dialect.parse, again=NoAnswerError)
-            letter = ask(protocol.ALIGNMENT, self.reply(1), protocol.parse_alignment, again=NoAnswerError)
-            return MountState(aligned=letter != "L")
+            return self.talk.query(command, self.reply(size), self.plain(command, parse), again=NoAnswerError)
         except ProtocolError:
             raise
         except NoAnswerError:
-            self.tells_status = False
+            self.unanswered.add(command)
             return MountState()
 
     def site_report(self) -> SiteReport:
         """Site, zone and clock."""
+        if not self.dialect.tells_site:
+            return SiteReport()
         latitude = self.query(protocol.LATITUDE, protocol.parse_dec)
         site = Site(latitude, self.query(protocol.LONGITUDE, protocol.parse_longitude))
         offset = self.query(protocol.ZONE, protocol.parse_zone)
@@ -143,21 +164,27 @@ class Lx200(SerialMount):
 
     def set_site(self, site: Site) -> None:
         """``:St`` and ``:Sg``."""
+        self.require(Ability.SET_SITE)
         for command in protocol.set_site(site):
             self.require_accepted(command, "The mount does not accept this site.")
 
     def set_clock(self, now: datetime) -> None:
         """Zone, time and date, after which a Meade tells in two texts that it reckons the planets anew."""
-        if self.dialect is AUTOSTAR and self.read_status().aligned:
+        self.require(Ability.SET_CLOCK)
+        if self.dialect is AUTOSTAR and self.ask_more(AUTOSTAR.questions[-1]).aligned:
             raise RefusedError(ALIGNED_BY_CLOCK)
         for command in protocol.set_clock(now):
             self.require_accepted(command, "The mount does not accept this time.")
         self.talk.link.discard(PRODUCT_S)
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
-        """Set the target, then match it."""
+        """Set the target, then match it; or both at once, which is not answered."""
+        if b"%" in self.dialect.sync:
+            self.talk.send(self.dialect.sync % (round(ra_deg, 3) % 360.0, dec_deg))
+            return
         self.set_target(ra_deg, dec_deg)
-        reason = self.talk.ask(protocol.SYNC, self.reply(), protocol.parse_sync)
+        refusals = self.dialect.refusals
+        reason = self.talk.ask(self.dialect.sync, self.reply(), lambda reply: protocol.parse_sync(reply, refusals))
         if reason:
             raise RefusedError(f"The mount refuses the sync: {reason}.")
 
@@ -165,13 +192,17 @@ class Lx200(SerialMount):
         """Set the target, then slew."""
         since = self.talk.stops
         self.set_target(ra_deg, dec_deg)
-        reason = self.talk.ask(protocol.SLEW, self.read_slew, protocol.parse_slew, since)
+        if not self.dialect.slew_answered:
+            self.talk.send(protocol.SLEW, since)
+            return
+        refusals = self.dialect.refusals
+        reason = self.talk.ask(protocol.SLEW, self.read_slew, lambda reply: protocol.parse_slew(reply, refusals), since)
         if reason:
             raise RefusedError(f"The mount refuses to go there: {reason.rstrip('.')}.")
 
     def set_target(self, ra_deg: float, dec_deg: float) -> None:
         """``:Sr`` and ``:Sd``; some mounts want a space after them, and the FS2 takes another target without."""
-        self.send_target(ra_deg, dec_deg, (False, True))
+        self.send_target(ra_deg, dec_deg, self.dialect.spaces)
         if not self.holds_target(ra_deg, dec_deg):
             self.send_target(ra_deg, dec_deg, (True,))
             if not self.holds_target(ra_deg, dec_deg):
@@ -179,9 +210,19 @@ class Lx200(SerialMount):
 
     def send_target(self, ra_deg: float, dec_deg: float, spaces: tuple[bool, ...]) -> None:
         """Both coordinates, in the first form that it accepts."""
-        for setter, value in ((protocol.set_ra, ra_deg), (protocol.set_dec, dec_deg)):
-            if not any(self.talk.ask(setter(value, space), self.reply(1), parse_accepted) for space in spaces):
+        fine = self.decimals, max(0, self.decimals - 1)  # an arcsecond is a fifteenth of a second of time
+        for setter, value, decimals in ((protocol.set_ra, ra_deg, fine[0]), (protocol.set_dec, dec_deg, fine[1])):
+            if not any(self.takes(setter(value, space, decimals)) for space in spaces):
                 raise RefusedError("The mount does not accept these coordinates.")
+
+    def takes(self, command: bytes) -> bool:
+        """Whether a part of the target is accepted; ZWO's ``e2#`` is longer than a digit."""
+        return self.talk.ask(command, self.read_set, protocol.parse_set)
+
+    def read_set(self, link: SerialLink) -> bytes:
+        """A digit, or ``e`` with a number."""
+        first = link.read_exact(1, self.timeout_s)
+        return first if first != b"e" else first + link.read_until(b"#", 3, self.timeout_s)
 
     def holds_target(self, ra_deg: float, dec_deg: float) -> bool:
         """Whether it reads back the target, as far as it answers that."""
@@ -211,56 +252,44 @@ class Lx200(SerialMount):
         return [(protocol.STOP, ())]
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:
-        """The mount itself ends it."""
+        """The mount itself ends it; the longest that it can."""
         self.require(Ability.PULSE)
-        self.talk.send(protocol.pulse(direction, milliseconds))
+        bounded = min(max(milliseconds, 1), self.dialect.longest_pulse_ms)
+        self.talk.send(self.dialect.pulse % (direction.value[0].encode(), bounded))
 
     def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
-        """At the nearest of four rates."""
-        since = self.talk.stops
-        self.talk.send(self.rate_commands[self.nearest_rate(rate_deg_s)])
-        self.bounded(direction, seconds, (protocol.halt(direction), ()))
+        """At the nearest of its rates."""
+        since, rates = self.talk.stops, self.dialect.rates
+        self.talk.send(min(rates, key=lambda command: abs(rates[command] - rate_deg_s)))
+        halt = protocol.halt(direction) if self.dialect.halts_axes else protocol.STOP
+        self.bounded(direction, seconds, (halt, ()))
         self.talk.send(protocol.move(direction), since)
 
     def switch(self, ability: Ability) -> None:
-        """Not answered by these mounts."""
+        """Answered by 1 or 0, or not at all."""
+        if ability in self.dialect.answered:
+            super().switch(ability)
+            return
         self.require(ability)
         self.talk.send(self.commands[ability])
         self.parking = ability is Ability.PARK and self.dialect is AUTOSTAR
 
 
-# OnStep and OnStepX: LX200 with a status word, refusals by number, and tracking on and off.
+def with_more(found: MountState, more: MountState) -> MountState:
+    """What the first answer leaves open is told by the second; either may say that it slews."""
+    told = {name: value for name, value in asdict(found).items() if value is not None}
+    return MountState(**asdict(more) | told | ({"slewing": True} if more.slewing else {}))
 
-ON_STEP = Dialect("OnStep", commands=protocol.ON_STEP_COMMANDS)
+
+def speaking(driver: str) -> type[Lx200]:
+    """The driver of one row of the table, which finds this make only."""
+    row = DIALECTS[driver]
+
+    class Speaking(Lx200):
+        name, title, bauds, tcp_port, only = driver, row.title, row.bauds, row.tcp_port, row
+        rates_deg_s = tuple(row.rates.values()) if row.rates_known else ()
+
+    return Speaking
 
 
-class OnStep(Lx200):
-    """A mount with Howard Dutton's OnStep."""
-
-    name = "onstep"
-    title = "OnStep and OnStepX"
-    bauds = (9600, 115200)
-    rates_deg_s = (SIDEREAL_DEG_S, 8 * SIDEREAL_DEG_S, 20 * SIDEREAL_DEG_S, 48 * SIDEREAL_DEG_S)
-    rate_commands = (b":RG#", b":RC#", b":RM#", b":R7#")
-
-    def ask_product(self) -> str:
-        """The product's name, also of a board that has just been reset."""
-        return next(filter(None, (super(OnStep, self).ask_product() for _ in range(BOOT_TRIES))), "")
-
-    def find_dialect(self) -> Dialect:
-        """It names itself ``On-Step`` or ``OnStepX``."""
-        if "onstep" not in self.product.lower().replace("-", ""):
-            name = f"calls itself {self.product}" if self.product else "does not give its name"
-            raise NoAnswerError(f"The device on {self.talk.link.port} {name}: not an OnStep, or wrong baud rate.")
-        return ON_STEP
-
-    def state(self) -> MountState:
-        """Everything from ``:GU#``."""
-        return self.query(protocol.STATUS, protocol.parse_flags)
-
-    def switch(self, ability: Ability) -> None:
-        """Answered by 1 or 0, but for the way home."""
-        if ability is Ability.HOME:
-            super().switch(ability)
-        else:
-            super(Lx200, self).switch(ability)
+OnStep, TenMicron, Am5, Nyx, TeenAstro, AstroPhysics, Gemini, Rainbow = map(speaking, DIALECTS)

@@ -1,24 +1,45 @@
 """NexStar hand controls (Celestron), and SynScan (Sky-Watcher), which shares their framing."""
 
-import math
+from dataclasses import dataclass
 from datetime import datetime
+from math import inf
+from typing import ClassVar
 
-from kochab.core.errors import RefusedError
+from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, SerialMount
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
-from kochab.gear.mounts.serial_line import Command, SerialLink
+from kochab.gear.mounts.serial_line import Command, SerialLink, exactly
 
-PRECISE_SINCE, SYNC_SINCE, PIER_SINCE = (1, 6), (4, 10), (4, 15)
-REVERSED_IN_SOUTH = (5, 24)  # up to this version (INDI's celestrongps.cpp)
+PRECISE_SINCE, MAKER_SINCE = (1, 6), (5, 28)
+VARIANT_S = 1.0
 EQUATORIAL = {"CGE", "CGE Pro", "CGEM DX", "AVX", "CGX", "CGXL", "Advanced GT"}
 GUIDE_PERCENT, GUIDE_LONGEST_MS = 50, 2550
 
 
+@dataclass(frozen=True, slots=True)
+class HandControl:
+    """What the make of a hand control decides: the versions since which it has a sync and reports the pier's side.
+
+    In the south it has named the other side up to a version; where that is not known, none is taken from it.
+    """
+
+    sync_since: tuple[float, ...]
+    pier_since: tuple[float, ...]
+    reversed_in_south: tuple[float, ...] | None = None
+
+
+NEXSTAR = HandControl((4, 10), (4, 15), reversed_in_south=(5, 24))
+STARSENSE = HandControl((1, 18), (1, 18))
+SYNSCAN = HandControl((), (inf,))  # the side never: only newer versions report it
+VARIANTS = {0x13: STARSENSE}
+"""Answer to ``v``; a StarSense counts its versions anew. Source: INDI's celestrondriver.h and celestrongps.cpp."""
+
+
 class NexStar(SerialMount):
-    """A mount behind a NexStar hand control."""
+    """A mount behind a NexStar hand control, or a StarSense one, which is found."""
 
     name = "nexstar"
     title = "Celestron NexStar hand control"
@@ -26,18 +47,33 @@ class NexStar(SerialMount):
     models = protocol.MODELS
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 4, 8, 16, 64)), 0.5, 2.0, 4.0)
     cancels = 1
-    pier_since: tuple[float, ...] = PIER_SINCE
+    tcp_port = 4030  # of a SkyFi
+    control: ClassVar[HandControl] = NEXSTAR
 
     def start(self) -> None:
-        """Its version decides what it can."""
+        """Its make and version decide what it can."""
         self.version = self.talk.query(protocol.VERSION, protocol.read_version(self.timeout_s), protocol.parse_version)
+        self.hand_control = self.find_control()
         self.model = self.byte(protocol.MODEL)
         self._mode = 0
         tracks = dict.fromkeys((Ability.TRACKING, Ability.SIDEREAL), protocol.TRACKING)
         self.use_commands(tracks, f"A {self.title} has no command for it: use its menu.")
-        if self.version < SYNC_SINCE and self.default_epoch is NexStar.default_epoch:
-            version = ".".join(str(part) for part in self.version)
-            self._lacks[Ability.SYNC] = f"The hand control is version {version}, a sync needs 4.10."
+        if self.version < self.hand_control.sync_since:
+            version, needed = (
+                ".".join(f"{n:02}" if i else str(n) for i, n in enumerate(v))
+                for v in (self.version, self.hand_control.sync_since)
+            )
+            self._lacks[Ability.SYNC] = f"The hand control is version {version}, a sync needs {needed}."
+
+    def find_control(self) -> HandControl:
+        """The variant tells it; versions between never knew the question, those before 2.0 are silent."""
+        if self.control is not NEXSTAR or (2, 2) <= self.version < MAKER_SINCE:
+            return self.control
+        try:
+            variant = self.talk.ask(protocol.VARIANT, exactly(2, VARIANT_S), protocol.parse_byte)
+        except NoAnswerError:
+            return self.control
+        return VARIANTS.get(variant, self.control)
 
     def identify(self) -> str:
         """Model and version."""
@@ -61,9 +97,11 @@ class NexStar(SerialMount):
 
     def state(self) -> MountState:
         """Slewing, aligned, tracking; the side of the pier where the version reports it, once reversed in the south."""
-        side = self.query(protocol.PIER, protocol.parse_pier, 2) if self.version >= self.pier_since else None
-        if side and self.version <= REVERSED_IN_SOUTH and self.site is not None and self.site.latitude_deg < 0.0:
-            side = side.opposite
+        control = self.hand_control
+        side = self.query(protocol.PIER, protocol.parse_pier, 2) if self.version >= control.pier_since else None
+        if side and self.site is not None and self.site.latitude_deg < 0.0:
+            until = control.reversed_in_south
+            side = None if until is None else side.opposite if self.version <= until else side
         return MountState(
             pier_side=side,
             slewing=self.query(protocol.SLEWING, protocol.parse_digit, 2),
@@ -166,6 +204,14 @@ class NexStar(SerialMount):
         return reply if reply == b"#" else reply + link.read_exact(1, self.timeout_s)
 
 
+class StarSense(NexStar):
+    """A mount behind a StarSense hand control."""
+
+    name = "starsense"
+    title = "Celestron StarSense hand control"
+    control = STARSENSE
+
+
 def axis_of(direction: Direction) -> tuple[int, bool]:
     """The motor board and the sign: north and west count up."""
     board = protocol.ALT if direction.in_dec else protocol.AZM
@@ -191,7 +237,7 @@ class SynScan(NexStar):
     timeout_s = 3.0
     models = MODELS
     cancels = 2  # the first may be lost while it slews
-    pier_since = (math.inf,)  # never: only newer versions report it
+    control = SYNSCAN
 
     def start(self) -> None:
         """No guide pulse through the hand control."""

@@ -30,6 +30,7 @@ class SerialMount:
     name: ClassVar[str]
     title: ClassVar[str]
     bauds: ClassVar[tuple[int, ...]] = (9600,)
+    tcp_port: ClassVar[int | None] = None  # of its Wi-Fi or its usual adapter
     default_epoch: ClassVar[Epoch] = Epoch.DATE
     timeout_s: ClassVar[float] = 4.5  # so that silence in a slew is told within 5 s
     blind_stop: ClassVar[bytes]

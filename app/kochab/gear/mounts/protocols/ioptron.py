@@ -28,11 +28,23 @@ HALT_DEC, HALT_RA = b":qD#", b":qR#"
 PARTS_DEG = 360000.0  # 0.01 arcsec
 
 MODELS = code_table(
-    "0010 Cube II, 0025 CEM25, 0026 CEM26 or CEM25-EC, 0027 CEM26-EC, 0028 GEM28, 0029 GEM28-EC, 0033 SmartEQ Pro+, "
-    "0035 SkyGuider Pro, 0040 CEM40, 0041 CEM40-EC, 0043 GEM45, 0044 GEM45-EC, 0045 iEQ45 Pro EQ, "
-    "0046 iEQ45 Pro AA, 0060 CEM60, 0061 CEM60-EC, 0070 CEM70, 0071 CEM70-EC, 0120 CEM120, "
-    "0121 CEM120-EC, 0122 CEM120-EC2, 5010 Cube II EQ, 5035 AZ Mount Pro"
+    "0010 SkyHunter EQ or Cube II, 0011 SkyHunter AA or SmartEQ Pro+, 0012 HAE16 EQ, 0013 HAE16 AA, 0014 HAE18 EQ, "
+    "0015 HEM15, 0022 HAE18 AA, 0025 HEM27 or CEM25, 0026 CEM26 or CEM25-EC, 0027 CEM26-EC, 0028 GEM28, 0029 GEM28-EC, "
+    "0030 HEM27-EC or iEQ30 Pro, 0031 HAE29 EQ, 0032 HAE29-EC EQ, 0033 HAE29 AA, 0034 HAE29-EC AA, 0035 HAZ31, "
+    "0036 HAE29C EQ, 0037 HAE29C-EC EQ, 0038 HAE29C AA, 0039 HAE29C-EC AA, 0040 CEM40, 0041 CEM40-EC, 0043 GEM45, "
+    "0044 GEM45-EC, 0045 HEM44-EC or iEQ45 Pro EQ, 0046 HEM44A or iEQ45 Pro AA, 0047 HEM44A-EC, 0048 HAE43 EQ, "
+    "0049 HAE43-EC EQ, 0050 HAE43 AA, 0051 HAE43-EC AA, 0052 HAZ46, 0053 HAE43C EQ, 0054 HAE43C-EC EQ, 0055 HAE43C AA, "
+    "0056 HAE43C-EC AA, 0060 CEM60, 0061 CEM60-EC, 0062 HAE69 EQ, 0063 HAE69-EC EQ, 0064 HAE69 AA, 0065 HAE69-EC AA, "
+    "0066 HAE69C EQ, 0067 HAE69C-EC EQ, 0068 HAE69C AA, 0069 HAE69C-EC AA, 0070 CEM70, 0071 CEM70-EC, 0072 CEM70-EC2, "
+    "0073 HAZ71, 0120 CEM120, 0121 CEM120-EC, 0122 CEM120-EC2, 5010 Cube II AA, 5035 AZ Mount Pro, 5045 iEQ45 Pro AA"
 )
+"""Some numbers were given again to newer mounts; AA and HAZ are alt-azimuth. Source: INDI's ioptronv3driver.cpp."""
+ALT_AZIMUTH = ("AA", "HAZ", "AZ Mount")
+
+
+def is_alt_azimuth(model: str) -> bool | None:
+    """Whether a model moves in altitude and azimuth; None where its number means two mounts."""
+    return None if " or " in model or model.startswith("model") else any(word in model for word in ALT_AZIMUTH)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,13 @@
-"""Meade's LX200 language and its dialects (classic, Autostar, OnStep, 10micron).
+"""Meade's LX200 language and its dialects.
 
-Source: Meade Telescope Serial Command Protocol (2010), OnStepX's command list, 10micron's command protocol 2.x.
+Source: Meade Telescope Serial Command Protocol (2010); those of the dialects are named in their table.
 """
 
 import re
+from collections.abc import Mapping
 from datetime import datetime, timedelta
+from functools import reduce
+from operator import xor
 
 from kochab.core.attitude import wrapped
 from kochab.core.frame import Site
@@ -12,7 +15,7 @@ from kochab.core.mount import Ability, Direction, MountState, PierSide, Tracking
 from kochab.gear.mounts.protocols import code_table, match, require
 
 ALIGNMENT = b"\x06"
-GET_RA, GET_DEC, PRODUCT = b":GR#", b":GD#", b":GVP#"
+GET_RA, GET_DEC, PRODUCT, VERSION = b":GR#", b":GD#", b":GVP#", b":GVN#"
 GET_TARGET_RA, GET_TARGET_DEC = b":Gr#", b":Gd#"
 SLEW, SYNC, BARS, STATUS = b":MS#", b":CM#", b":D#", b":GU#"
 STOP, TOGGLE_PRECISION = b":Q#", b":U#"
@@ -38,6 +41,44 @@ ON_STEP_COMMANDS = {
     Ability.UNPARK: b":hR#",
     Ability.HOME: b":hC#",
 }
+ZWO_COMMANDS = {
+    Ability.TRACKING: b":Td#",
+    Ability.SIDEREAL: b":TQ#:Te#",
+    Ability.LUNAR: b":TL#:Te#",
+    Ability.SOLAR: b":TS#:Te#",
+    Ability.HOME: b":hC#",
+}
+GTO_COMMANDS = {
+    Ability.TRACKING: b":RT9#",
+    Ability.SIDEREAL: b":RT2#",
+    Ability.LUNAR: b":RT0#",
+    Ability.SOLAR: b":RT1#",
+    Ability.PARK: b":KA#",
+    Ability.UNPARK: b":PO#",
+}
+RAINBOW_COMMANDS = {
+    Ability.TRACKING: b":CtL#",
+    Ability.SIDEREAL: b":CtR#:CtA#",
+    Ability.LUNAR: b":CtM#:CtA#",
+    Ability.SOLAR: b":CtS#:CtA#",
+}
+
+
+def native(number: int) -> bytes:
+    """A setting of Gemini's own language: the checksum is the exclusive or of all before it."""
+    text = b">%d:" % number
+    return text + bytes([reduce(xor, text) % 128 + 64]) + b"#"
+
+
+GEMINI_COMMANDS = {
+    Ability.TRACKING: native(191),
+    Ability.SIDEREAL: native(131) + native(192),
+    Ability.KING: native(132) + native(192),
+    Ability.LUNAR: native(133) + native(192),
+    Ability.SOLAR: native(134) + native(192),
+    Ability.PARK: b":hP#",
+    Ability.UNPARK: b":hW#",
+}
 
 _RA = rb"\s*(\d{1,2}):(\d{2})(?:\.(\d)|:(\d{2})(?:[.,](\d{1,4}))?)#"
 _ANGLE = rb"\s*([+-]?)(\d{1,3})[*:'\xdf\xb0](\d{2})(?:[:'](\d{2})(?:[.,](\d{1,3}))?'?)?#"
@@ -53,22 +94,36 @@ ZWO_REFUSALS = code_table(
     "10 the altitude is inverted, 11 so near the pole, 12 too far from where it points, 13 above the altitude limit"
 )
 """``en`` of the AM3, AM5 and AM7, after a slew, a sync or a setting."""
+TEENASTRO_REFUSALS = REFUSALS | code_table(
+    "2 no target, 4 the mount is parked, 5 a goto is under way, 6 outside the mount's limits, 7 it is guiding, "
+    "8 above the overhead limit, 9 a fault of its motors"
+)
+FAULTS = code_table(
+    "1 a fault of its motors, 2 the horizon limit, 3 a limit switch, 4 the limit of declination, 5 the limit of "
+    "azimuth, 6 the limit below the pole, 7 the meridian limit, 8 a sync too far away, 9 its park failed"
+)
+"""Why an OnStep or a TeenAstro stopped, by the last digit of its status."""
 NOT_TAKEN = ("match fail", "no object")  # 10micron, Gemini
 
 
-def set_ra(ra_deg: float, space: bool = False) -> bytes:
-    """``:SrHH:MM:SS#``, to the nearest second of time."""
-    seconds = round(ra_deg % 360.0 * 240.0) % 86400
-    text = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
-    return f":Sr{' ' * space}{text}#".encode()
+def set_ra(ra_deg: float, space: bool = False, decimals: int = 0) -> bytes:
+    """``:SrHH:MM:SS#``, ``:SrHH:MM:SS.SSSS#``: to the nearest second of time, or part of it."""
+    ticks = round(ra_deg % 360.0 * 240.0 * 10**decimals) % (86400 * 10**decimals)
+    return f":Sr{' ' * space}{_sixtieths(ticks, decimals, ':')}#".encode()
 
 
-def set_dec(dec_deg: float, space: bool = False) -> bytes:
-    """``:SdsDD*MM:SS#``, to the nearest arcsecond."""
-    seconds = round(abs(dec_deg) * 3600.0)
-    sign = "-" if dec_deg < 0 and seconds else "+"
-    text = f"{sign}{seconds // 3600:02d}*{seconds // 60 % 60:02d}:{seconds % 60:02d}"
-    return f":Sd{' ' * space}{text}#".encode()
+def set_dec(dec_deg: float, space: bool = False, decimals: int = 0) -> bytes:
+    """``:SdsDD*MM:SS#``, to the nearest arcsecond, or part of it."""
+    ticks = round(abs(dec_deg) * 3600.0 * 10**decimals)
+    sign = "-" if dec_deg < 0 and ticks else "+"
+    return f":Sd{' ' * space}{sign}{_sixtieths(ticks, decimals, '*')}#".encode()
+
+
+def _sixtieths(ticks: int, decimals: int, mark: str) -> str:
+    """Seconds, in parts of ``decimals`` digits, as ``12:34:56.78``."""
+    seconds, part = divmod(ticks, 10**decimals)
+    text = f"{seconds // 3600:02d}{mark}{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return f"{text}.{part:0{decimals}d}" if decimals else text
 
 
 def parse_ra(reply: bytes) -> float:
@@ -95,6 +150,12 @@ def parse_dec(reply: bytes) -> float:
     return angle
 
 
+def parse_echoed(reply: bytes) -> bool:
+    """Whether an answer to ``:GD#`` begins with its question, as a Rainbow's does."""
+    parse_dec(reply.removeprefix(b":GD"))
+    return reply.startswith(b":GD")
+
+
 def _fraction(digits: bytes | None) -> float:
     return int(digits) / 10.0 ** len(digits) if digits else 0.0
 
@@ -105,14 +166,19 @@ def parse_coarse(reply: bytes) -> bool:
     return match(_RA, reply, "right ascension")[3] is not None
 
 
-def parse_alignment(reply: bytes) -> str:
-    """The letter after ``0x06``."""
-    return match(rb"[APLDG]", reply, "alignment of a Meade mount")[0].decode()
+def parse_aligned(reply: bytes) -> MountState:
+    """The letter after ``0x06``: L is a mount that is not aligned."""
+    return MountState(aligned=match(rb"[APLDG]", reply, "alignment of a Meade mount")[0] != b"L")
 
 
 def parse_text(reply: bytes) -> str:
     """Printable text up to ``#``."""
     return match(rb"([ -~]*)#", reply, "text")[1].decode("ascii").strip()
+
+
+def parse_version(text: str) -> tuple[int, ...]:
+    """The numbers of ``10.24i`` or ``1.32.1``; none where there is none."""
+    return tuple(int(part) for part in re.findall(r"\d+", text))
 
 
 def parse_slewing(reply: bytes) -> bool:
@@ -122,30 +188,32 @@ def parse_slewing(reply: bytes) -> bool:
     return any(byte not in (0x00, 0x20) for byte in bars)
 
 
-def parse_slew(reply: bytes) -> str:
-    """Empty when ``:MS#`` was accepted, else why not: ``1text#``, ``2text#`` or a digit."""
+def parse_bars(reply: bytes) -> MountState:
+    """What the bars of ``:D#`` say."""
+    return MountState(slewing=parse_slewing(reply))
+
+
+def parse_slew(reply: bytes, refusals: Mapping[int, str] = REFUSALS) -> str:
+    """Empty when ``:MS#`` was accepted, else why not: ``1text#``, ``2text#``, a digit or ``e7#``."""
     if reply in (b"0", b"0#"):
         return ""
-    if reply[:1] == b"e":
-        return parse_zwo(reply)
-    found = match(rb"([1-9])([ -~]*?)#?", reply, "answer to a slew")
-    return found[2].decode("ascii").strip() or REFUSALS.get(int(found[1]), f"code {int(found[1])}")
+    found = match(rb"([1-9])([ -~]*?)#?|e(\d{1,2})#", reply, "answer to a slew")
+    code = int(found[1] or found[3])
+    return (found[2] or b"").decode("ascii").strip() or refusals.get(code, f"code {code}")
 
 
-def parse_sync(reply: bytes) -> str:
+def parse_set(reply: bytes) -> bool:
+    """Whether a target was taken: ``1``, or else ``0`` or ZWO's ``e2#``."""
+    return match(rb"[01]|e\d{1,2}#", reply, "0 or 1")[0] == b"1"
+
+
+def parse_sync(reply: bytes, refusals: Mapping[int, str] = REFUSALS) -> str:
     """Empty when ``:CM#`` was accepted, else why not."""
     text = parse_text(reply)
     if text.lower().startswith(NOT_TAKEN):
         return text.partition(":")[2].strip() or text
-    if re.fullmatch("e[0-9]+", text):
-        return parse_zwo(reply)
-    return REFUSALS[int(text[1])] if re.fullmatch("E[1-9]", text) else ""
-
-
-def parse_zwo(reply: bytes) -> str:
-    """Why a mount by ZWO refused, ``e7#``."""
-    code = int(match(rb"e(\d{1,2})#", reply, "refusal")[1])
-    return ZWO_REFUSALS.get(code, f"code {code}")
+    found = re.fullmatch("[eE]([0-9]{1,2})", text)
+    return refusals.get(int(found[1]), f"code {int(found[1])}") if found else ""
 
 
 def parse_flags(reply: bytes) -> MountState:
@@ -164,7 +232,70 @@ def parse_flags(reply: bytes) -> MountState:
         pier_side=next((side[f] for f in flags if f in side), None),
         at_home="H" in flags and "h" not in flags,
         rate=next((rates[f] for f in flags if f in rates), TrackingRate.SIDEREAL),
+        fault=FAULTS.get(int(flags[-1]), "") if flags[-1].isdigit() else None,
     )
+
+
+SIDES = {b"E": PierSide.EAST, b"W": PierSide.WEST}
+GTO_RATES = {b"0": TrackingRate.LUNAR, b"1": TrackingRate.SOLAR, b"2": TrackingRate.SIDEREAL}
+
+
+def parse_side(reply: bytes) -> MountState:
+    """``E#``, ``West#``; ``N#`` where it has none."""
+    return MountState(pier_side=SIDES.get(match(rb"(?i:(E|W)(?:ast|est)?|N)#", reply, "side of the pier")[1]))
+
+
+def parse_zwo_status(reply: bytes) -> MountState:
+    """``NGM011000211#``: n not tracking, H at home, Z alt-azimuth; the last digit 2 goto, 3 move, 4 home, 5 park."""
+    flags, state = match(rb"([A-Za-z]*)\d*(\d)#", reply, "status").groups()
+    return MountState(
+        slewing=state in b"2345", tracking=b"n" not in flags, at_home=b"H" in flags, alt_azimuth=b"Z" in flags
+    )
+
+
+def parse_gto(reply: bytes) -> MountState:
+    """``:GOS#``: P parked, the rate (9 none), that of Dec, S slewing; then the moves, and a fault at the eleventh."""
+    parked, rate, slewing = match(rb"([P01])([0-9A-Za-z]).([S0])[ -~]{6,12}#", reply, "status").groups()
+    return MountState(slewing=slewing == b"S", parked=parked == b"P", tracking=rate != b"9", rate=GTO_RATES.get(rate))
+
+
+def parse_gemini(reply: bytes) -> MountState:
+    """``:Gv#``: N no movement, T tracking, G guiding, C centering, S slewing, ! stalled."""
+    letter = match(rb"[NTGCS!]", reply, "state of a Gemini")[0]
+    if letter == b"N":
+        return MountState(slewing=False, tracking=False)
+    fault = "its motors have stalled" if letter == b"!" else ""
+    return MountState(slewing=letter in b"CS", parked=False, tracking=letter in b"TG", fault=fault)
+
+
+def parse_gemini_parked(reply: bytes) -> MountState:
+    """``:h?#``: 1 parked, and also later while it moves; 2 on its way."""
+    digit = match(rb"[012]", reply, "state of a Gemini's park")[0]
+    return MountState(slewing=digit == b"2", parked=digit == b"1")
+
+
+def parse_teenastro(reply: bytes) -> MountState:
+    """``:GXI#``: 0 idle, 1 tracking, 2 and 3 slewing; third P parked, I parking; then H home; the side; a fault."""
+    found = match(rb"([0-3])[ -~]([ -~])([ -~])[ -~]{9}([EW ])[ -~]([0-9])[ -~]*#", reply, "status")
+    motion, park, home, side, fault = found.groups()
+    return MountState(
+        slewing=motion in b"23" or park == b"I",
+        parked=park == b"P",
+        tracking=motion == b"1",
+        pier_side=SIDES.get(side),
+        at_home=home == b"H",
+        fault=FAULTS.get(int(fault), ""),
+    )
+
+
+def parse_rainbow(reply: bytes) -> MountState:
+    """``:CL1#`` while it slews."""
+    return MountState(slewing=match(rb"([01])#", reply, "state of a slew")[1] == b"1")
+
+
+def parse_rainbow_tracking(reply: bytes) -> MountState:
+    """``:AT1#`` while it tracks."""
+    return MountState(tracking=match(rb"([01])#", reply, "state of the tracking")[1] == b"1")
 
 
 def move(direction: Direction) -> bytes:
@@ -175,11 +306,6 @@ def move(direction: Direction) -> bytes:
 def halt(direction: Direction) -> bytes:
     """``:Qn#`` and its like."""
     return f":Q{direction.value[0]}#".encode()
-
-
-def pulse(direction: Direction, milliseconds: int) -> bytes:
-    """``:MgnDDDD#``; four digits are all there is."""
-    return f":Mg{direction.value[0]}{min(max(milliseconds, 0), 9999):04d}#".encode()
 
 
 def parse_scope_status(reply: bytes) -> MountState:
@@ -217,8 +343,9 @@ def parse_azimuth(reply: bytes) -> float:
 
 
 def parse_zone(reply: bytes) -> float:
-    """Hours, east positive, of ``sHH#``, ``sHH.H#`` or ``sHH:MM#``, which the mount adds to get UTC."""
-    sign, hours, tenths, minutes = match(rb"\s*([+-]?)(\d{1,2})(?:\.(\d)|:([0-5]\d))?#", reply, "time zone").groups()
+    """Hours, east positive, of ``sHH#``, ``sHH.H#`` or ``sHH:MM:SS.S#``, which the mount adds to get UTC."""
+    pattern = rb"\s*([+-]?)(\d{1,2})(?:\.(\d)|:([0-5]\d)(?:[:.]\d+)*)?#"
+    sign, hours, tenths, minutes = match(pattern, reply, "time zone").groups()
     require(int(hours) <= 14, reply, "time zone")
     total = int(hours) + int(tenths or 0) / 10.0 + int(minutes or 0) / 60.0
     return total if sign == b"-" else -total
@@ -233,9 +360,9 @@ def parse_time(reply: bytes) -> tuple[int, int, int]:
 
 
 def parse_date(reply: bytes) -> tuple[int, int, int]:
-    """Year, month and day of ``MM/DD/YY#``."""
-    found = match(rb"(\d{2})/(\d{2})/(\d{2})(?:\.\d+)?#", reply, "date")
-    month, day, year = (int(part) for part in found.groups())
+    """Year, month and day of ``MM/DD/YY#``, ``MM:DD:YY#`` or ``YYYY-MM-DD#``."""
+    found = match(rb"(\d{2})[/:](\d{2})[/:](\d{2})(?:\.\d+)?#|20(\d{2})-(\d{2})-(\d{2})#", reply, "date")
+    month, day, year = (int(part) for part in (found.group(1, 2, 3) if found[1] else found.group(5, 6, 4)))
     require(1 <= month <= 12 and 1 <= day <= 31, reply, "date")
     return 2000 + year, month, day
 

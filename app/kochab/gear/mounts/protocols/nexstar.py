@@ -15,7 +15,7 @@ from kochab.gear.mounts.serial_line import ProtocolError, Reader, SerialLink
 TURN = 1 << 32
 GET_PRECISE, GET_COARSE = b"e", b"E"
 ALTAZ_PRECISE, ALTAZ_COARSE = b"z", b"Z"
-VERSION, MODEL, ALIGNED, SLEWING = b"V", b"m", b"J", b"L"
+VERSION, VARIANT, MODEL, ALIGNED, SLEWING = b"V", b"v", b"m", b"J", b"L"
 TRACKING, CANCEL, PIER, SITE, TIME = b"t", b"M", b"p", b"w", b"h"
 AZM, ALT = 16, 17  # the motor boards: RA or azimuth, Dec or altitude
 POSITIVE, NEGATIVE, GUIDE = 36, 37, 38  # move at a fixed rate, 0 to 9; guide pulse
