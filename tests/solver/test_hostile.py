@@ -10,7 +10,9 @@ from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
-from kochab.solver.pipeline import solve_detections
+from kochab.solver.pipeline import solve_detections, solve_frame
+
+from .stream import Stream, wide_camera
 
 SIDE, YEAR = 1024, 2016.0
 
@@ -36,16 +38,17 @@ def solved(detections, **options):
     return run(solve_detections(detections, SolveOptions(timeout_s=None, **options)))
 
 
-def test_a_stretched_image_is_refused_with_how_much_it_is_stretched():
+@pytest.mark.parametrize("share", [0.04, 0.07])
+def test_a_stretched_image_is_refused_with_how_much_it_is_stretched(share):
     """Square pixels agree with such a field along a line, turned by up to as much as the stretch: 3 deg."""
     xy, flux = sky(300.0, 40.0, 15.0, 23.0)
     along = np.radians(30.0)
     axis = np.array([np.cos(along), np.sin(along)])
-    found = solved(listed(xy + 0.06 * (xy @ axis)[:, None] * axis, flux))
+    found = solved(listed(xy + share * (xy @ axis)[:, None] * axis, flux))
     assert isinstance(found, NoSolution)
     assert found.reason is Reason.DISTORTION_TOO_STRONG
-    assert found.measured["stretch_share"] == pytest.approx(0.06, abs=0.003)
-    assert "6.0 %" in found.advice
+    assert found.measured["stretch_share"] == pytest.approx(share, abs=0.003)
+    assert f"{100 * share:.1f} %" in found.advice
 
 
 def test_a_lens_that_bends_is_not_taken_for_a_stretched_image():
@@ -80,3 +83,20 @@ def test_every_further_search_makes_chance_likelier():
     wrong = solved(detections, hint=Hint(scale_arcsec_px=(5.0, 6.0)))
     assert wrong.ra_dec_deg == pytest.approx(blind.ra_dec_deg)
     assert wrong.log10_false_alarm == pytest.approx(blind.log10_false_alarm + np.log10(2.0), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ra", "dec", "roll"), [(84.0, -2.0, 25.0), (84.1, -1.6, 355.6), (83.7, -1.6, 159.1), (84.0, -1.6, 14.1)]
+)
+def test_orion_told_twice_its_scale_is_not_its_likeness_in_centaurus(ra, dec, roll) -> None:
+    """Mirrored and half as large, 14 stars lie within 2.3 px of others: that was claimed to be one in 10^5 to 10^7."""
+    true, told = (wide_camera(fov_deg=fov).scale_arcsec_px for fov in (6.0, 12.0))
+    frame = Stream(wide_camera(fov_deg=6.0), matrix=attitude_from(ra, dec, roll).matrix).step()
+    for good_to in (1.01, 1.02, 1.03):
+        hint = Hint(scale_arcsec_px=(told / good_to, told * good_to))
+        refused = run(solve_frame(frame, SolveOptions(hint=hint, blind_after_hint=False)))
+        assert isinstance(refused, NoSolution)
+        assert refused.measured["log10_false_alarm"] > -3.0
+    right = run(solve_frame(frame, SolveOptions(hint=hint)))
+    assert isinstance(right, Solution)
+    assert right.camera.scale_arcsec_px == pytest.approx(true, rel=1e-3)

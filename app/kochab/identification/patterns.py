@@ -136,7 +136,7 @@ class Search:
 
     def alarm(self, verdict: Verdict) -> float:
         """The verdict's false-alarm bound after counting all pointings and ways tried."""
-        return min(0.0, verdict.log10_tail + math.log10(max(1, self.tried) * self.ways))
+        return min(0.0, verdict.log10_chance + math.log10(max(1, self.tried) * self.ways))
 
     def round(self, volume: Volume, stage: SearchStage) -> Iterator[Verdict]:
         """Accepted verdicts of one stage in one volume, best first."""
@@ -283,7 +283,7 @@ def triangle_search(
             if search.allows(p.matrix[2], p.focal):
                 table = known.table
                 return identification_of(
-                    verdict, detections, table.rows, table.vectors, verdict.log10_tail, known.tried
+                    verdict, detections, table.rows, table.vectors, verdict.log10_chance, known.tried
                 )
         search.least = min(search.least, known.least)
         search.before += known.tried

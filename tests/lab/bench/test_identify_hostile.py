@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kochab.core.solution import Solution
-from kochab.lab.bench.identify_hostile import FIELDS, WAYS, chance_of_so_many, hostile_goals, off_px
+from kochab.identification.verification import ACCEPT_LOG10
+from kochab.lab.bench.identify_hostile import FIELDS, WAYS, chance_of_so_many, hostile_goals, likeness_answer, off_px
 from kochab.lab.bench.identify_shapes import SHAPES, shape_list
 
 
@@ -39,3 +40,10 @@ def test_the_goals_are_missed_by_one_wrong_answer_and_by_a_bound_that_promises_t
     assert not hostile_goals([row | claims | {"below_1e-4": 3}])[2].met
     assert chance_of_so_many(0, 0.1) == 1.0
     assert chance_of_so_many(1, 0.1) == pytest.approx(1.0 - np.exp(-0.1))
+
+
+def test_a_true_field_told_a_wrong_scale_counts_as_one_without_truth() -> None:
+    rows = [likeness_answer(number) for number in range(12)]
+    assert not any(row["wrong"] for row in rows)
+    assert min(row["claim"] for row in rows) > ACCEPT_LOG10
+    assert likeness_answer(3)["claim"] == rows[3]["claim"]

@@ -1,8 +1,9 @@
 """Every way to a verdict on lists and pictures that are no star field, and on fields that are not one alone.
 
 Shapes (:mod:`kochab.lab.bench.identify_shapes`) hold no field: any solution is wrong. Double exposures,
-ghosts and stretched images hold true fields: a solution of any of these is right. The number of
-lists follows ``KOCHAB_BENCH_LISTS``, 100,000 of them take a night.
+ghosts and stretched images hold true fields: a solution of any of these is right. True fields told a wrong
+scale hold nothing but likenesses of other fields. The number of lists follows ``KOCHAB_BENCH_LISTS``, 100,000 of
+them take a night.
 """
 
 import math
@@ -177,6 +178,9 @@ def hostile_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
     for name in SHAPES:
         report(f"{name}: lists without truth ...")
         rows += [_shape_row(name, way, max(1, round(share * per))) for way, (_, share) in WAYS.items()]
+    rows.append(
+        _claims_row("true fields", "wrong scale told", [likeness_answer(k) for k in range(round(10 * per) + 2)])
+    )
     return rows + [_field_row(name, max(2, round(3.0 * per))) for name in FIELDS]
 
 
@@ -184,7 +188,24 @@ def shape_answer(name: str, way: str, number: int) -> Row:
     """What a way makes of the list of that shape and number, the same every time."""
     seed = SEED + list(SHAPES).index(name)
     rng = np.random.default_rng([seed, list(WAYS).index(way), number])
-    answer, seconds = timed(partial(WAYS[way][0], shape_list(SHAPES[name], seed, number), rng), time.perf_counter)
+    return _claimed(partial(WAYS[way][0], shape_list(SHAPES[name], seed, number), rng))
+
+
+def likeness_answer(number: int) -> Row:
+    """The same for a true field of that number told a scale that is off by 1.3 to 4: any solution is wrong."""
+    rng = np.random.default_rng([SEED, len(SHAPES), number])
+    field, factor = (
+        random_field(open_catalogue(), rng, _plan(rng)),
+        log_uniform(rng, 1.3, 4.0) ** rng.choice([-1.0, 1.0]),
+    )
+    scale, good_to = field.camera.scale_arcsec_px * factor, rng.choice([1.01, 1.03, 1.1])
+    told = SolveOptions(hint=Hint(scale_arcsec_px=(scale / good_to, scale * good_to)), blind_after_hint=False)
+    return _claimed(lambda: drive(solve_detections(field.detections, told)))
+
+
+def _claimed(solve: Callable[[], float | Answer]) -> Row:
+    """A row of what is wrong if it is accepted, with what it claims."""
+    answer, seconds = timed(solve, time.perf_counter)
     if isinstance(answer, float):
         wrong, claim = answer <= ACCEPT_LOG10, answer
     elif isinstance(answer, Solution):
@@ -195,10 +216,13 @@ def shape_answer(name: str, way: str, number: int) -> Row:
 
 
 def _shape_row(name: str, way: str, count: int) -> dict[str, Any]:
-    answers = [shape_answer(name, way, number) for number in range(count)]
+    return _claims_row(name, way, [shape_answer(name, way, number) for number in range(count)])
+
+
+def _claims_row(name: str, mode: str, answers: Sequence[Row]) -> dict[str, Any]:
     claims = column(answers, "claim")
     below = {f"below_1e-{k}": int((claims < -k).sum()) for k in LEVELS}
-    return answers_row(name, way, answers) | below | {"least_log10": claims.min()}
+    return answers_row(name, mode, answers) | below | {"least_log10": claims.min()}
 
 
 def _field_row(name: str, count: int) -> dict[str, Any]:
