@@ -24,6 +24,7 @@ ADDED = {
     "mounts behind INDI and Alpaca servers": 620,
     "park, home and tracking rates": 450,
     "limits while tracking, a horizon of one's own, power cycles of a motor board": 210,
+    "a mount that was switched off and on where it stands": 28,
     "the mount's clock and site compared and set": 300,
     "one model of what is wrong with a mount": 140,
     "frames out of focus known by their discs": 125,

@@ -218,7 +218,8 @@ class Telescope(EquatorialMount):
         super().move(direction, rate_deg_s)
 
     def pulse(self, direction, milliseconds):
-        self._note("pulse", direction, milliseconds)
+        if not self.slewing:  # else it is not heeded
+            self._note("pulse", direction, milliseconds)
         super().pulse(direction, milliseconds)
 
     def turn_axis(self, axis, rate_deg_s):
@@ -231,11 +232,8 @@ class Telescope(EquatorialMount):
         super().turn_axis_to(axis, angle_deg)
 
     def true_place(self):
-        """Hour angle in [-180, 180) and declination of the tube, degrees, and how far the weights are from below."""
-        hour_deg, dec_deg = self.true_axes_deg(self.clock.now_unix())
-        hour, dec = radians(hour_deg), radians(dec_deg)
-        x, y, z = cos(dec) * cos(hour), -cos(dec) * sin(hour), sin(dec)
-        return degrees(atan2(-y, x)), degrees(asin(z)), abs(hour_deg - 90.0)
+        """See :func:`place_of_axes`."""
+        return place_of_axes(*self.true_axes_deg(self.clock.now_unix()))
 
     def rates_deg_s(self):
         t = self.clock.now_unix()
@@ -260,6 +258,16 @@ class Telescope(EquatorialMount):
         """Somebody opens the clutches, and puts the tube at the pole with the weights below."""
         true = self.true_axes_deg(self.clock.now_unix())
         self.turn_by_hand(*(home - here for home, here in zip(self._home_deg, true, strict=True)))
+
+
+def place_of_axes(first_deg, second_deg):
+    """Hour angle in [-180, 180) and declination of the tube, degrees, and how far the weights are from below.
+
+    The axes are the hour angle and the declination of a tube east of its pier; home is 90, 90.
+    """
+    hour, dec = radians(first_deg), radians(second_deg)
+    x, y, z = cos(dec) * cos(hour), -cos(dec) * sin(hour), sin(dec)
+    return degrees(atan2(-y, x)), degrees(asin(max(-1.0, min(1.0, z)))), abs(first_deg - 90.0)
 
 
 def altitude_deg(hour_deg, dec_deg, latitude_deg):
@@ -339,7 +347,7 @@ class Evening:
         self.healthy_since = world.now()
         self.cut_off = False  # since the last order of ours our bytes did not reach the mount
         self.step = ("begin", ())
-        self._before, self.looked = self._altitude(), 0.0
+        self._before, self.looked, self.fast = self._altitude(), 0.0, False
         world.look = self.look
 
     # what is true
@@ -359,11 +367,11 @@ class Evening:
         fast = abs(ra_rate) > 2.0 * SIDEREAL_DEG_S or abs(dec_rate) > 0.5 * SIDEREAL_DEG_S
         if not fast and now < self.looked + SELDOM_S:
             return
-        self.looked = now
+        self.looked, was_fast, self.fast = now, self.fast, fast
         (altitude, weights), (was_high, was_out) = (here := self._altitude()), self._before
         self._before = here
         ours = telescope.mover == "kochab"
-        if ours and fast:
+        if ours and fast and was_fast:
             self.counts["looks at a motion of ours"] += 1
             beyond_deg = OWN_WAY_DEG if telescope.orders[-1][2] == "home" else TOLERANCE_DEG
             low = altitude < LOW_DEG - beyond_deg and altitude < was_high - 1e-6
@@ -372,6 +380,7 @@ class Evening:
                 and self.plan.driver not in TELL_NO_SIDE
                 and weights > 90.0 + PAST_DEG + TOLERANCE_DEG
                 and weights > was_out + 1e-6
+                and abs(ra_rate) > 2.0 * SIDEREAL_DEG_S
             )
             if low or out:
                 what = f"{altitude:.1f} deg high" if low else f"the weights {weights:.1f} deg from below"
@@ -379,13 +388,21 @@ class Evening:
             if self.told_until is not None and now > self.told_until + GRACE_S:
                 if self.cut_off:
                     self.counts["moves that went on after the line or the process was lost"] += 1
+                    telescope.mover = "runaway"
                 else:
                     self.found(f"a motion {now - self.told_until:.1f} s longer than told")
                 self.told_until = None
         if self.stopped_at is not None and fast and ours and now > self.stopped_at:
             self.found("it moves after a Stop that was seen")
             self.stopped_at = None
-        if not fast and self._may_hold(now) and altitude < LOW_DEG - TOLERANCE_DEG and altitude < was_high - 1e-6:
+        tracks = not fast and abs(ra_rate) > 0.5 * SIDEREAL_DEG_S
+        if (
+            tracks
+            and not was_fast
+            and self._may_hold(now)
+            and altitude < LOW_DEG - TOLERANCE_DEG
+            and altitude < was_high - 1e-6
+        ):
             self.found(f"it tracks at {altitude:.1f} deg")
 
     def _may_hold(self, now):
@@ -806,6 +823,8 @@ def main() -> int:
         plan = planned(seed)
         evening = play(plan)
         rows[plan.driver] += evening.counts
+        if seed % 100 == 99:
+            print(f"{seed + 1 - given.first} of {given.count}", file=sys.stderr, flush=True)
         rows[plan.driver]["evenings"] += 1
         rows[plan.driver]["violations"] += len(evening.violations)
         if evening.violations or given.show:

@@ -308,3 +308,43 @@ def test_a_mount_that_falls_silent_in_a_slew_is_told_at_the_first_question_it_le
     waits = {name: getattr(driver, "timeout_s", None) for name, driver in DRIVERS.loaded().items()}
     waits |= {"indi": CALL_S, "alpaca": ANSWER_S}  # a server has its limit for all devices
     assert max(waits.values()) < 5.0
+
+
+def woken(hour, dec, lost, moving=False):
+    """What a guard says of a goto after its mount has jumped there, with or without a line that was lost."""
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
+    guard.position()
+    if moving:
+        guard.move(Direction.NORTH, 0.5, 2.0)
+    mount.here = at(hour, dec)
+    if lost:
+        guard._reopen = lambda: Imaginary(*mount.here)
+        guard.reconnect()
+    guard.position()
+    return guard, " ".join(guard.preview_goto(*at(-30.0, 50.0)).refusals)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize(("dec", "refused"), [(90.0, True), (88.5, True), (86.0, False)])
+def test_a_mount_that_jumps_to_the_pole_was_switched_off_and_on(dec, refused, lost) -> None:
+    """OnStep and iOptron wake up at home wherever the tube is; nothing else that they say tells of it."""
+    guard, refusals = woken(-40.0, dec, lost)
+    assert ("switched off and on" in refusals) is refused
+    if refused:
+        guard.sync(*at(-40.0, dec - 10.0), by_hand=True, confirmed=True)
+        assert guard.preview_goto(*at(-30.0, 50.0)).allowed
+
+
+def test_a_mount_that_moved_when_its_line_was_lost_may_have_gone_to_the_pole() -> None:
+    _, refusals = woken(-40.0, 90.0, lost=True, moving=True)
+    assert "switched off" not in refusals
+
+
+def test_a_mount_that_was_not_looked_at_may_have_gone_to_the_pole(monkeypatch) -> None:
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
+    guard.position()
+    then = slew_supervisor.monotonic()
+    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: then + 5.0)
+    mount.here = at(-40.0, 90.0)
+    guard.position()
+    assert guard.preview_goto(*at(-30.0, 50.0)).allowed

@@ -68,7 +68,7 @@ class Guard:
         self.armed = False
         self.policy = MotionPolicy(site, limits or Limits(), clock)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
-        self.supervisor = SlewSupervisor(self.emergency, self.log, clock)
+        self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
         self.clock_and_site = ClockAndSite(self.policy)
         self._reopen = reopen
         self._sync_shift_deg: tuple[float, float] | None = None  # what takes the last sync back
@@ -424,6 +424,7 @@ class Guard:
         """Open the line again and, first of all, stop what was moving; repeat no motion."""
         if self._reopen is None:
             raise LineLostError("Connection to the mount lost. Reconnect.")
+        self.supervisor.reconnecting()
         self.emergency.reconnect(self._reopen)
         self.clock_and_site.forget()
 

@@ -1,8 +1,9 @@
 """Slew supervision: each position read back is compared with the plan until the motion has ended."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from datetime import datetime
+from datetime import UTC, datetime
+from math import inf
 from time import monotonic
 from typing import NoReturn
 
@@ -17,7 +18,7 @@ from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
 from kochab.gear.mounts.emergency_stop import EmergencyStop
 from kochab.gear.mounts.motion_plan import Degrees, Plan, Severity
-from kochab.gear.mounts.motion_policy import crosses, horizon, sun
+from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy, crosses, horizon, sun
 
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
@@ -26,6 +27,10 @@ THERE_DEG = 0.5
 LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
 POLL_S = 0.2
 MUTE = "The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER."
+WOKE_UP = (
+    "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
+    " Sync on a solved frame before you slew, or say that the mount is right (--trust-mount)."
+)
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
@@ -92,10 +97,11 @@ class SupervisedMotion:
 class SlewSupervisor:
     """Reads the mount's state and position for its guard, and stops a motion that goes wrong."""
 
-    def __init__(self, emergency: EmergencyStop, log: MotionLog, clock: Callable[[], datetime]) -> None:
+    def __init__(self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy) -> None:
         self.strayed = ""  # why the last motion was stopped on its way
-        self._emergency, self._log, self._clock = emergency, log, clock
+        self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
+        self._seen: tuple[Floats, float, datetime] | None = None  # where it stood, on both clocks
 
     def begin(self, motion: SupervisedMotion | None) -> None:
         """A motion begins; a new one replaces what was supervised before."""
@@ -103,7 +109,12 @@ class SlewSupervisor:
 
     def forget(self) -> None:
         """Compare no more: the mount's coordinates are about to change by a sync."""
-        self._motion = None
+        self._motion = self._seen = None
+
+    def reconnecting(self) -> None:
+        """What stood when the line was lost stands there still, or was switched off and on meanwhile."""
+        moved = self._emergency.moving or self._emergency.unfinished
+        self._seen = None if moved or self._seen is None else (self._seen[0], inf, datetime.max.replace(tzinfo=UTC))
 
     def position(self) -> Pointing:
         """Where the mount says it points; one that leaves its path is stopped.
@@ -117,7 +128,20 @@ class SlewSupervisor:
             found = motion.finding(here, self._clock())
             if found:
                 self._stop(found)
+        self._see(here)
         return here
+
+    def _see(self, here: Pointing) -> None:
+        """Forbid slews after a jump to the pole: a mount that is switched on takes any place for its home."""
+        now_s, now = monotonic(), self._clock()
+        place = unit_vectors(*of_date(here, now))
+        if self._seen is not None and 90.0 - abs(here.dec_deg) < HOME_DEG:
+            before, at_s, at = self._seen
+            jump_deg, passed_s = separation_deg(before, place), max(0.0, now_s - at_s, (now - at).total_seconds())
+            if jump_deg > FASTEST_DEG_S * passed_s + ASIDE_DEG:
+                self._policy.until_sync = WOKE_UP.format(jump_deg)
+                self._log.add("position", "failed", self._policy.until_sync)
+        self._seen = place, now_s, now
 
     def state(self) -> MountState:
         """How the mount is, and while it moves where it is, too: see :meth:`position`."""
