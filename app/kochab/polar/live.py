@@ -21,6 +21,7 @@ from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import northern
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
+from kochab.polar.one_camera import seen_by
 from kochab.polar.rotations import ARCSEC, about, alt_az, cross_matrix, rotation_vector, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude
 
@@ -124,6 +125,7 @@ class LivePhase:
     def __init__(self, measurement: Measurement) -> None:
         fit, last = measurement.fit, measurement.last_of_fit
         self._settings = measurement.settings
+        self._camera = measurement.camera
         self._start = measurement.error
         self._camera_axis = fit.reference.T @ measurement.error.axis
         self._camera_covariance = fit.camera_covariance + _beyond(measurement)
@@ -135,6 +137,7 @@ class LivePhase:
 
     def update(self, now: LocalAttitude) -> LiveError:
         """The error at a new frame, from its attitude in E, N, U."""
+        now = seen_by(self._camera, now)
         matrix, covariance = now.matrix, now.covariance
         theta, slope = self._watch_declination(now)
         sigma2 = float(slope @ covariance @ slope)

@@ -9,11 +9,13 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
+from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, find_movement, fit_axis
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction
+from kochab.polar.one_camera import with_one_camera
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 
@@ -227,7 +229,7 @@ class Measurement:
 
     ``fit`` is that of the last sweep; ``error`` combines all. ``results`` are the errors of the single sweeps,
     ``before`` what was known of the tube's droop before them and ``droop`` what is now. ``last_of_fit`` is the last
-    attitude of the fitted sweep, ``time_utc`` that of the last frame.
+    attitude of the fitted sweep, ``time_utc`` that of the last frame. ``camera`` is what all frames share.
     """
 
     error: PolarError
@@ -241,6 +243,7 @@ class Measurement:
     results: tuple[SweepResult, ...] = ()
     before: Droop = UNKNOWN
     droop: Droop = UNKNOWN
+    camera: Camera | None = None
 
     @property
     def turn_deg(self) -> float:
@@ -279,6 +282,7 @@ def measure_local(
     ``before`` is what earlier sweeps with this tube have shown of its droop.
     """
     towards = pole_direction(settings.site, settings.pole, settings.refraction)
+    attitudes, camera = with_one_camera(attitudes)
     sweeps = _sweeps(attitudes)
     if not sweeps:
         return NoAxis("an axis needs at least two frames of one sweep", "Rotate RA and take another frame.")
@@ -301,6 +305,7 @@ def measure_local(
         results=tuple(results),
         before=before,
         droop=combined.droop,
+        camera=camera,
     )
 
 

@@ -1,6 +1,6 @@
 """A solved frame as polar alignment sees it: an attitude at a moment, and how sure it is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -9,7 +9,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
-from kochab.core.solution import Solution
+from kochab.core.solution import Matches, Solution
 from kochab.polar.horizon import STANDARD_REFRACTION, Horizon, Refraction
 from kochab.polar.rotations import ARCSEC, alt_az, best_rotation
 
@@ -24,7 +24,8 @@ class Sighting:
 
     ``attitude`` carries its covariance; ``field_deg`` is (width, height). ``sweep`` counts the sweeps: frames of one
     sweep differ only by turns about the axis. ``label`` names the frame. ``sky`` (25, 3) are the ICRS unit vectors
-    that the frame's field points really show; None when they are those of a camera without distortion.
+    that the frame's field points really show; None when they are those of a camera without distortion. ``camera`` is
+    as this frame alone was fitted, ``matches`` are its stars.
     """
 
     attitude: Attitude
@@ -33,6 +34,8 @@ class Sighting:
     label: str = ""
     sweep: int = 0
     sky: Floats | None = None
+    camera: Camera | None = None
+    matches: Matches | None = None
 
     @classmethod
     def of(cls, solution: Solution, time_utc: datetime, label: str = "", sweep: int = 0) -> "Sighting":
@@ -46,17 +49,11 @@ class Sighting:
         it leaves out the errors of the distortion, which grow where a part of the field shows no
         stars (the tilts scatter by 1.6 and the roll by 4 of its sigmas with half of it covered).
         """
-        fitted = solution.camera
-        plain = Camera.centred(fitted.width, fitted.height, _focal_px(solution), fitted.mirrored)
-        points = _field_points(plain.fov_deg)
-        pixels = plain.project(points)
-        sky = solution.sky_at(pixels)
-        to_plain = best_rotation(fitted.unproject(pixels), points)
-        covariance = solution.attitude.covariance
-        if covariance is not None:
-            covariance = to_plain @ covariance @ to_plain.T
-        attitude = Attitude(to_plain @ solution.attitude.matrix, covariance)
-        return cls(attitude, time_utc, plain.fov_deg, label, sweep, sky)
+        field_deg, pixels, _ = _fixed_places(solution.camera)
+        number = np.arange(len(solution.stars))
+        stars = Matches(number, number, solution.stars_px, solution.star_vectors)
+        attitude, sky = in_plain_axes(solution.attitude, solution.camera), solution.sky_at(pixels)
+        return cls(attitude, time_utc, field_deg, label, sweep, sky, solution.camera, stars)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +61,8 @@ class LocalAttitude:
     """A camera among the things on the ground.
 
     ``matrix`` (3, 3) takes camera axes to E, N, U; ``covariance`` (3, 3), rad^2, is of a small
-    rotation about the camera's axes.
+    rotation about the camera's axes. ``matches`` are its stars, their directions in E, N, U as observed, and
+    ``camera`` is what they were fitted with.
     """
 
     matrix: Floats
@@ -72,6 +70,8 @@ class LocalAttitude:
     time_utc: datetime
     label: str = ""
     sweep: int = 0
+    camera: Camera | None = None
+    matches: Matches | None = None
 
     @property
     def boresight(self) -> Floats:
@@ -92,8 +92,12 @@ def to_local(sighting: Sighting, site: Site, refraction: Refraction = STANDARD_R
     """
     points = _field_points(sighting.field_deg)
     icrs = points @ sighting.attitude.matrix if sighting.sky is None else sighting.sky
-    matrix = best_rotation(points, Horizon(site, sighting.time_utc, refraction).observed(icrs))
-    return LocalAttitude(matrix, covariance_of(sighting.attitude), sighting.time_utc, sighting.label, sighting.sweep)
+    horizon, stars = Horizon(site, sighting.time_utc, refraction), sighting.matches
+    matrix, covariance = best_rotation(points, horizon.observed(icrs)), covariance_of(sighting.attitude)
+    if stars is not None:
+        stars = replace(stars, vectors=horizon.observed(stars.vectors))
+    named = (sighting.time_utc, sighting.label, sighting.sweep)
+    return LocalAttitude(matrix, covariance, *named, sighting.camera, stars)
 
 
 def covariance_of(attitude: Attitude) -> Floats:
@@ -106,15 +110,31 @@ def covariance_of(attitude: Attitude) -> Floats:
     return np.asarray(attitude.covariance + np.eye(3) * (FLOOR_ARCSEC * ARCSEC) ** 2)
 
 
-def _focal_px(solution: Solution) -> float:
+def in_plain_axes(attitude: Attitude, camera: Camera) -> Attitude:
+    """An attitude of ``camera``'s own axes as that of a plain pinhole about the middle of the frame."""
+    _, pixels, points = _fixed_places(camera)
+    to_plain = best_rotation(camera.unproject(pixels), points)
+    covariance = attitude.covariance
+    if covariance is not None:
+        covariance = to_plain @ covariance @ to_plain.T
+    return Attitude(to_plain @ attitude.matrix, covariance)
+
+
+def plain_focal_px(camera: Camera) -> float:
     """Focal length of a pinhole as wide as the middle half of the frame is on the sky.
 
     The fitted one depends on what the fit took for distortion; the sky between two pixels does not.
     """
-    camera = solution.camera
     x, y, quarter = (camera.width - 1) / 2.0, (camera.height - 1) / 2.0, camera.width / 4.0
-    left, right = solution.sky_at(np.array([[x - quarter, y], [x + quarter, y]]))
+    left, right = camera.unproject(np.array([[x - quarter, y], [x + quarter, y]]))
     return float(quarter / np.tan(angle_between(left, right) / 2.0))
+
+
+def _fixed_places(camera: Camera) -> tuple[tuple[float, float], Floats, Floats]:
+    """The field, degrees, of that pinhole, places (25, 2), px, all over it, and their directions (25, 3) in it."""
+    plain = Camera.centred(camera.width, camera.height, plain_focal_px(camera), camera.mirrored)
+    points = _field_points(plain.fov_deg)
+    return plain.fov_deg, plain.project(points), points
 
 
 def _field_points(field_deg: tuple[float, float]) -> Floats:
