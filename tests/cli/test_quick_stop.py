@@ -1,15 +1,23 @@
 """``kochab mount stop`` has Stop on the line before it has imported what the rest of it needs."""
 
 import os
+import socket
 import subprocess
 import sys
 import time
+import xml.etree.ElementTree
+from datetime import UTC, datetime
 
 import pytest
 
+from kochab.core.attitude import apart_deg
 from kochab.gear import quick_stop
 from kochab.gear.mounts import DRIVERS, SERVERS
+from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.profiles import EquipmentProfile, save_profile
+from tests.gear.mounts.bench import SITE, alpaca, place
+from tests.gear.mounts.indi_server import indi_server
+from tests.gear.mounts.test_conformance import wait_for
 
 pty, tty = (pytest.importorskip(name) for name in ("pty", "tty"))  # Windows has none
 
@@ -101,3 +109,84 @@ def test_the_program_itself_sends_it_first(terminal) -> None:
     ran.communicate(timeout=60)
     print(f"first byte {1000 * first_s:.0f} ms, the command's own {1000 * again_s:.0f} ms")
     assert first_s < again_s
+
+
+# -- over a network ----------------------------------------------------------------------------
+
+
+def program(*arguments):
+    return subprocess.Popen(
+        [sys.executable, "-m", "kochab", "mount", "stop", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def test_a_motor_board_on_its_wifi_is_stopped_first_by_datagrams_of_one_command() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as board:
+        board.bind(("127.0.0.1", 0))
+        board.settimeout(60.0)
+        begun = time.monotonic()
+        ran = program("--port", f"udp://127.0.0.1:{board.getsockname()[1]}", "--driver", "skywatcher")
+        heard = [board.recv(64)]
+        first_s = time.monotonic() - begun
+        heard += [board.recv(64) for _ in range(5)]
+        ran.kill()
+        ran.communicate(timeout=60)
+    print(f"first datagram after {1000 * first_s:.0f} ms")
+    assert heard == 3 * [b":L1\r", b":L2\r"], "some datagrams are lost"
+
+
+def first_bytes(driver, device):
+    """What a server hears first of the program, and how soon."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(60.0)
+        begun = time.monotonic()
+        ran = program("--port", f"127.0.0.1:{server.getsockname()[1]}{device}", "--driver", driver)
+        connection, _ = server.accept()
+        heard = b""
+        while not heard.endswith((b"</newSwitchVector>", b"ClientTransactionID=1")):
+            heard += connection.recv(4096)
+        print(f"{driver}: first bytes after {1000 * (time.monotonic() - begun):.0f} ms")
+        connection.close()
+        ran.kill()
+        ran.communicate(timeout=60)
+    return heard
+
+
+def test_a_server_is_told_to_stop_before_anything_is_asked_of_it() -> None:
+    indi = xml.etree.ElementTree.fromstring(b"<all>" + first_bytes("indi", "/EQMod Mount") + b"</all>")
+    vector = indi.find("newSwitchVector")
+    assert (vector.get("device"), vector.get("name")) == ("EQMod Mount", "TELESCOPE_ABORT_MOTION")
+    assert (vector.find("oneSwitch").get("name"), vector.find("oneSwitch").text) == ("ABORT", "On")
+    head, _, body = first_bytes("alpaca", "/3").partition(b"\r\n\r\n")
+    assert head.startswith(b"PUT /api/v1/telescope/3/abortslew HTTP/1.1\r\n")
+    assert f"Content-Length: {len(body)}".encode() in head
+
+
+@pytest.mark.parametrize("address", ["/0", ""])
+def test_an_alpaca_server_stops_its_telescope_by_the_first_bytes_alone(tmp_path, address) -> None:
+    with alpaca(tmp_path) as bench:
+        bench.open()
+        bench.telescope.goto(*place(40.0, 60.0, bench.clock))
+        server = bench.port.partition("/")[0]
+        quick_stop.send_first_stop(["mount", "stop", "--port", server + address, "--driver", "alpaca"])
+        assert not bench.telescope.slewing
+
+
+def test_indis_own_server_stops_its_telescope_by_the_first_bytes_alone(tmp_path) -> None:
+    pytest.importorskip("indipyclient")
+    device = "Telescope Simulator"
+    with indi_server(tmp_path, "indi_simulator_telescope") as server:
+        for wish in ("CONNECTION.CONNECT=On", "GEOGRAPHIC_COORD.LAT;LONG;ELEV=50;8;120", "TELESCOPE_PARK.UNPARK=On"):
+            server.set(f"{device}.{wish}")
+        server.set(f"{device}.ON_COORD_SET.TRACK=On")
+        now = datetime.now(UTC)
+        ra = (sidereal_deg(SITE, now) + 60.0) % 360.0 / 15.0
+        server.set(f"{device}.EQUATORIAL_EOD_COORD.RA;DEC={ra};70")
+        wait_for(lambda: server.get(f"{device}.EQUATORIAL_EOD_COORD._STATE") == "Busy")
+        quick_stop.send_first_stop(["mount", "stop", "--port", f"{server.address}/{device}", "--driver", "indi"])
+        wait_for(lambda: server.get(f"{device}.EQUATORIAL_EOD_COORD._STATE") != "Busy")
+        there = (
+            float(server.get(f"{device}.EQUATORIAL_EOD_COORD.RA")),
+            float(server.get(f"{device}.EQUATORIAL_EOD_COORD.DEC")),
+        )
+        assert apart_deg((there[0] * 15.0, there[1]), (ra * 15.0, 70.0)) > 1.0, "it was stopped on its way"

@@ -18,6 +18,7 @@ class RigMount:
     name = "rig"
     epoch = Epoch.DATE
     blind_stop = b""
+    ends_alone = True
     rates_deg_s = (15.0 / 3600.0, 120.0 / 3600.0, 1.0)
 
     def __init__(self, rig):
@@ -94,6 +95,9 @@ class RigMount:
     def park(self):
         self._do("park")
         self.rig.mount.park()
+
+    def park_altitude_deg(self):
+        return None
 
     def unpark(self):
         self._do("unpark")

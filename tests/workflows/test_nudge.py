@@ -7,8 +7,9 @@ from kochab.core.attitude import wrapped
 from kochab.core.errors import RefusedError, StoppedError
 from kochab.core.mount import Ability, Direction
 from kochab.core.progress import run
+from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.apparent import of_date_matrix
-from kochab.workflows.nudge import bring_here, nudge, turn_to_bring
+from kochab.workflows.nudge import RUNS_ON, bring_here, nudge, turn_to_bring
 from tests.workflows.mount_nights import SOUTH, bench, good, worn
 
 
@@ -38,6 +39,51 @@ def test_a_mount_without_pulses_moves_instead() -> None:
     nudged, _, north = moved_arcsec(b, nudge(b.guard, Direction.NORTH, 30.0, b.wait))
     assert nudged.by == "moves"
     assert north == pytest.approx(30.0, abs=3.0)
+
+
+def alone(b, ends_alone):
+    b.mount.ends_alone = ends_alone
+    return b
+
+
+@pytest.mark.parametrize("direction", Direction)
+def test_a_mount_that_does_not_end_a_move_itself_goes_there(direction) -> None:
+    """A crash leaves a move running, never a goto."""
+    b = alone(bench(good(lost_deg=0.0, start=(-60.0, 40.0))), False)
+    nudged, east, north = moved_arcsec(b, nudge(b.guard, direction, 600.0, b.wait))
+    assert nudged.by == "a goto"
+    assert {"north": north, "south": -north, "east": east, "west": -east}[direction.value] == pytest.approx(600, abs=5)
+    assert [did[0] for did in b.mount.did] == ["goto"]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda b: b.mount.lacks.update({Ability.GOTO: "It cannot."}),
+        lambda b: setattr(b.guard.policy, "until_sync", "Its clock was set."),
+        lambda b: setattr(b.guard, "limits", Limits(crosses_meridian=False)),
+        lambda b: setattr(b.rig.mount, "tracking", False),
+    ],
+    ids=["no goto", "clock in doubt", "followed past the meridian", "stands"],
+)
+def test_where_no_goto_may_go_it_moves_and_tells_that_it_would_run_on(spoil) -> None:
+    b = alone(bench(good(lost_deg=0.0, start=(5.0, 40.0))), False)
+    spoil(b)
+    told = [p.detail for p in nudge(b.guard, Direction.NORTH, 600.0, b.wait)]
+    assert all(RUNS_ON in detail for detail in told)
+    assert [did[0] for did in b.mount.did] == ["move"]
+    b = bench(good(lost_deg=0.0))
+    assert not any(RUNS_ON in p.detail for p in nudge(b.guard, Direction.NORTH, 600.0, b.wait))
+
+
+def test_pulses_and_moves_are_renewed_within_a_second() -> None:
+    b = bench(good(lost_deg=0.0))
+    run(nudge(b.guard, Direction.NORTH, 60.0, b.wait))
+    run(nudge(b.guard, Direction.NORTH, 5.0 * 3600.0, b.wait))
+    assert max(did[2] for did in b.mount.did if did[0] == "pulse") <= 1000
+    moves = [did[2] * did[3] for did in b.mount.did if did[0] == "move"]
+    assert max(moves) <= 2.0
+    assert sum(moves) == pytest.approx(5.0, abs=0.01)
 
 
 @pytest.mark.parametrize("amount", [20.0, 600.0])
@@ -70,10 +116,10 @@ def test_too_little_is_nothing_and_too_much_is_refused() -> None:
 
 
 def test_long_pulses_are_cut_into_what_the_guard_allows() -> None:
-    b = bench(good(lost_deg=0.0), longest_pulse_ms=2000)
+    b = bench(good(lost_deg=0.0), longest_pulse_ms=600)
     run(nudge(b.guard, Direction.NORTH, 60.0, b.wait))
     pulses = [did[2] for did in b.mount.did if did[0] == "pulse"]
-    assert max(pulses) <= 2000
+    assert max(pulses) <= 600
     assert sum(pulses) == pytest.approx(60.0 / 7.52 * 1000.0, rel=0.01)
 
 

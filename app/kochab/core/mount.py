@@ -175,6 +175,10 @@ class Mount(Protocol):
         """The rates of :meth:`move`, slowest first; empty when they are not known."""
 
     @property
+    def ends_alone(self) -> bool:
+        """Whether the mount itself ends :meth:`move`, as each ends pulses and gotos, if this program fails."""
+
+    @property
     def lacks(self) -> Mapping[Ability, str]:
         """What it cannot do, each with the reason in one sentence."""
 
@@ -219,6 +223,9 @@ class Mount(Protocol):
 
     def park(self) -> None:
         """Begin to go to the park position that is set in the mount; there it stays."""
+
+    def park_altitude_deg(self) -> float | None:
+        """How high it points when parked; None when not reported."""
 
     def unpark(self) -> None:
         """Be ready to move again."""

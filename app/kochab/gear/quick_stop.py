@@ -24,6 +24,15 @@ STOPS = {
     "skywatcher": (9600, b":L1\r:L2\r"),
 }
 """Driver -> its usual baud rate and the bytes of Stop, as its class has them, which would take too long to import."""
+SERVER_PORTS = {"indi": 7624, "alpaca": 11111}
+SERVER_STOPS = {
+    "indi": '<getProperties version="1.7" device="DEVICE"/><newSwitchVector device="DEVICE"'
+    ' name="TELESCOPE_ABORT_MOTION"><oneSwitch name="ABORT">On</oneSwitch></newSwitchVector>',
+    "alpaca": "PUT /api/v1/telescope/DEVICE/abortslew HTTP/1.1\r\nHost: kochab\r\nConnection: close\r\nContent-Type:"
+    " application/x-www-form-urlencoded\r\nContent-Length: 35\r\n\r\nClientID=6521&ClientTransactionID=1",
+}
+"""Driver of a server -> the bytes of Stop, in which DEVICE stands for the name or the number of the mount."""
+NETWORK_S, TIMES = 0.5, 3
 
 
 def send_first_stop(arguments: Sequence[str]) -> None:
@@ -40,12 +49,37 @@ def send_first_stop(arguments: Sequence[str]) -> None:
             kept = json.loads(profile_path(given["profile"]).read_text("utf-8"))
             given |= {name: value or str(kept.get(name) or "") for name, value in given.items()}
         baud, stop = STOPS.get(given["driver"], (0, b""))
-        if stop and given["port"] and not given["port"].startswith("udp://"):
+        if given["driver"] in SERVER_PORTS or given["port"].startswith("udp://"):
+            _send_over_network(given["driver"], given["port"], stop)
+        elif stop and given["port"]:
             import serial
 
             port = given["port"].replace("tcp://", "socket://", 1)
             with serial.serial_for_url(port, baudrate=int(given["baud"] or baud), write_timeout=1.0) as line:
                 line.write(stop)
+
+
+def _send_over_network(driver: str, address: str, stop: bytes) -> None:
+    """Send Stop to a motor board by UDP, or to a server; an INDI device has to be named in the address."""
+    import socket
+    from urllib.parse import urlsplit
+
+    server, _, device = address.rpartition("://")[2].partition("/")
+    where = urlsplit(f"//{server}")
+    to = where.hostname or "localhost", where.port or SERVER_PORTS.get(driver, 0)
+    if driver not in SERVER_PORTS:
+        kind = socket.getaddrinfo(*to, type=socket.SOCK_DGRAM)[0][0]
+        with socket.socket(kind, socket.SOCK_DGRAM) as line:
+            for command in TIMES * stop.splitlines(keepends=True):  # each in a datagram of its own, and some are lost
+                line.sendto(command, to)
+        return
+    if driver == "indi" and (not device or re.search("[<>&\"']", device)):
+        return
+    name = device if driver == "indi" else device or "0"
+    with socket.create_connection(to, NETWORK_S) as connection:
+        connection.sendall(SERVER_STOPS[driver].replace("DEVICE", name).encode())
+        while connection.recv(4096) and driver == "alpaca":  # by an answer the server has read it
+            pass
 
 
 # -- Where a profile lies, for those who must not import all that it knows ----------------------

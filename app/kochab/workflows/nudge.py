@@ -12,6 +12,7 @@ from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
 from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.slew_supervisor import FOLLOWED_DEG
 from kochab.polar.rotations import about
 from kochab.sky.apparent import of_date_matrix
 from kochab.workflows.goto_target import Wait, settled, with_retries
@@ -21,12 +22,15 @@ GUIDE_ARCSEC_S = 0.5 * SIDEREAL_DEG_S * 3600.0  # most mounts' setting
 MOST_PULSED_ARCSEC = 90.0
 LEAST_ARCSEC = 0.3
 SHORTEST_S, LONGEST_S = 0.08, 8.0  # shorter is inaccurate, longer is tedious
-AFTER_S = 0.4
+AFTER_S, RUNS_OUT = 0.4, 10  # and how often so long until it stands
+LONGEST_GOTO_DEG = 10.0
+LONGEST_PULSE_MS, LONGEST_MOVE_DEG = 1000, 2.0  # at a time: what has begun ends within a second without this program
+RUNS_ON = "this move runs on if the computer fails: keep an eye on the mount"
 
 
 @dataclass(frozen=True, slots=True)
 class Nudged:
-    """What was sent: ``by`` is "guide pulses", "moves", one move or, for too little, "nothing"."""
+    """What was sent: ``by`` is "guide pulses", "moves", one move, "a goto" or, for too little, "nothing"."""
 
     direction: Direction
     amount_arcsec: float
@@ -53,6 +57,9 @@ def nudge(
     try:
         if not rate_deg_s and Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC:
             nudged = yield from _pulses(mount, direction, amount_arcsec, wait)
+        elif not rate_deg_s and (there := _goto_instead(mount, direction, amount_arcsec / 3600.0)):
+            yield from mount.slew(*there)
+            nudged = Nudged(direction, amount_arcsec, "a goto", 0.0)
         else:
             nudged = yield from _moves(mount, direction, amount_arcsec, wait, rate_deg_s)
         moving = False
@@ -66,7 +73,7 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     left = round(1000.0 * amount_arcsec / GUIDE_ARCSEC_S)
     total, stops = left, mount.stops
     while left > 0:
-        part = min(left, mount.limits.longest_pulse_ms)
+        part = min(left, mount.limits.longest_pulse_ms, LONGEST_PULSE_MS)
         yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
         mount.check_not_stopped(stops, "motion")
         mount.pulse(direction, max(part, 1))
@@ -76,6 +83,24 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     return Nudged(direction, amount_arcsec, "guide pulses", total / 1000.0)
 
 
+def _goto_instead(mount: Guard, direction: Direction, amount_deg: float) -> tuple[float, float] | None:
+    """The target of a goto that the mount ends by itself, in place of a move that it does not; None where none may go.
+
+    A mount that does not track would begin to by a goto, and one that has followed past the meridian might flip.
+    """
+    state = mount.state()
+    if mount.ends_alone or Ability.GOTO in mount.lacks or amount_deg > LONGEST_GOTO_DEG or state.tracking is False:
+        return None
+    here, sign = mount.position(), 1.0 if direction in (Direction.NORTH, Direction.EAST) else -1.0
+    turn = (0.0, sign * amount_deg) if direction.in_dec else (sign * amount_deg, 0.0)
+    there = shifted((here.ra_deg, here.dec_deg), *turn)
+    mount.clock_and_site.compare(mount.mount)
+    plan, preview = mount.policy.goto(here, state, there)
+    ends = plan.hour_angles_deg() or (0.0, 0.0)
+    may_flip = not plan.limits.crosses_meridian and any(-amount_deg <= ha < FOLLOWED_DEG for ha in ends)
+    return None if preview.refusals or may_flip else there
+
+
 def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait, chosen_deg_s: float) -> Task[Nudged]:
     amount_deg = amount_arcsec / 3600.0
     if amount_deg > mount.limits.longest_move_deg:
@@ -83,18 +108,18 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
     rate = chosen_deg_s or move_rate_deg_s(mount, amount_deg)
     left = seconds = amount_deg / rate
     # At a rate that a person chose it is one move, which the guard refuses when it is too long.
-    longest_s = seconds if chosen_deg_s else mount.limits.longest_move_s
+    longest_s = seconds if chosen_deg_s else min(mount.limits.longest_move_s, LONGEST_MOVE_DEG / rate)
     if seconds < SHORTEST_S and not chosen_deg_s:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
-    stops = mount.stops
+    stops, told = mount.stops, "" if mount.ends_alone else f"; {RUNS_ON}"
     while left > 1e-3:
         part = min(left, longest_s)
-        yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}")
+        yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}{told}")
         mount.check_not_stopped(stops, "motion")
         mount.move(direction, rate, part)
         end = part
         while end > 0.0:  # a cancel ends it while it moves, and a wrong motion is noticed
-            yield Progress("move", 1.0 - left / seconds, f"{direction}")
+            yield Progress("move", 1.0 - left / seconds, f"{direction}{told}")
             wait(min(end, 0.5))
             end -= 0.5
             if end > 1.0:  # towards its end the line is left to the command that ends it
@@ -102,7 +127,11 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
                     mount.position()
             mount.check_not_stopped(stops, "motion")
         left -= part
-    wait(AFTER_S)
+        wait(AFTER_S)
+        for _ in range(RUNS_OUT):
+            if left <= 1e-3 or not mount.state().slewing:
+                break
+            wait(AFTER_S)
     return Nudged(direction, amount_arcsec, f"one move of {seconds:.1f} s" if chosen_deg_s else "moves", seconds)
 
 

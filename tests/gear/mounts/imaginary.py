@@ -24,6 +24,7 @@ class Imaginary:
     name = "imaginary"
     epoch = Epoch.DATE
     blind_stop = b""
+    ends_alone = True
     rates_deg_s = ()
 
     def __init__(self, ra_deg=0.0, dec_deg=0.0, slew_deg_s=inf):
@@ -122,6 +123,9 @@ class Imaginary:
 
     def park(self):
         self._rest("park", (self.here[0], min(90.0, self.here[1] + 3.0)), parked=True)
+
+    def park_altitude_deg(self):
+        return None
 
     def unpark(self):
         self._do("unpark")

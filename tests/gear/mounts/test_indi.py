@@ -238,6 +238,36 @@ def test_a_dead_server_and_a_lost_mount_are_told_with_one_sentence(tmp_path) -> 
             open_mount("indi", "localhost")
 
 
+def test_indis_simulator_parks_on_the_horizon_where_it_says_it_does_and_nowhere_below(server) -> None:
+    """By default at an hour angle of -6 h on the equator, which the horizon limit of 5 deg kept it from."""
+    mount = open_mount("indi", f"{server.address}/{SIMULATOR}", site=SITE, clock=now)
+    with Guard(mount, SITE, Limits(crosses_meridian=True), clock=now) as guard:
+        start(guard)
+        assert guard.park_altitude_deg() == pytest.approx(0.0, abs=0.1)
+        server.set(f"{SIMULATOR}.TELESCOPE_PARK_POSITION.PARK_HA;PARK_DEC=-6;-30")
+        assert wait_until(lambda: guard.park_altitude_deg() < -20.0)
+        with pytest.raises(RefusedError, match="23° below the horizon"):
+            run(guard.rest("park"))
+        server.set(f"{SIMULATOR}.TELESCOPE_PARK_POSITION.PARK_HA;PARK_DEC=-6;0")
+        assert wait_until(lambda: abs(guard.park_altitude_deg()) < 0.1)
+        run(guard.rest("park"))
+        assert guard.state().parked
+        here = guard.position()
+        assert away(guard, (here.ra_deg, 0.0)) < 1.0
+        guard.unpark()
+        start(guard)
+    mount = open_mount("indi", f"{server.address}/{EQMOD}", site=SITE, clock=now)
+    assert mount.park_altitude_deg() is None, "it tells the counts of its encoders"
+    mount.close()
+
+
+def wait_until(condition):
+    end = time.monotonic() + 20.0
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.1)
+    return condition()
+
+
 def test_its_clock_and_site_are_set_as_indis_own_client_reads_them(server, guard) -> None:
     guard.clock_and_site.trust()
     guard.set_site(Site(48.25, -11.5, 300.0))

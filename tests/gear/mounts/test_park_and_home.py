@@ -1,5 +1,6 @@
 """Park, unpark, home and tracking rates behind the guard: watched, limited, stopped and checked."""
 
+import re
 import time
 from dataclasses import replace
 
@@ -37,10 +38,42 @@ def test_a_mount_on_its_way_to_park_that_comes_below_the_horizon_limit_is_stoppe
     mount.park = lambda: mount._rest("park", at(-110.0, -10.0), parked=True)
     mount.slew_deg_s = 15.0
     guard.emergency.wait = lambda s: time.sleep(0.1)
-    with pytest.raises(StrayedError, match="the limit is 5 deg"):
+    with pytest.raises(StrayedError, match=r"on its way to rest: .* the limit is 5 deg"):
         run(guard.rest("park"))
     assert mount.did[-1] == ("stop",)
     assert mount.position().dec_deg > -10.0
+
+
+@pytest.mark.parametrize(("reports", "limits"), [(0.4, {}), (30.0, {"lowest_altitude_deg": 45.0})])
+def test_a_park_position_that_the_mount_reports_is_reached_below_the_horizon_limit(reports, limits) -> None:
+    guard, mount = guarded(hour_angle_deg=-60.0, dec_deg=50.0, horizon_deg=((0.0, 40.0),), **limits)
+    low = at(-90.0, 0.5) if reports < 1.0 else at(-60.0, 17.2)  # some 0.4 and 30 deg high
+    mount.park = lambda: mount._rest("park", low, parked=True)
+    mount.slew_deg_s = 25.0
+    guard.emergency.wait = lambda s: time.sleep(0.1)
+    mount.park_altitude_deg = lambda: reports
+    assert any("high: until then that is the horizon limit" in told for told in guard.preview_rest("park").warnings)
+    run(guard.rest("park"))
+    assert mount.state().parked
+    assert mount.did == [("park",)]
+    assert guard.limits.horizon_deg, "it holds again"
+
+
+def test_a_park_position_below_the_horizon_is_refused_before_it_begins() -> None:
+    guard, mount = guarded()
+    mount.park_altitude_deg = lambda: -12.0
+    with pytest.raises(RefusedError, match="park position is 12° below the horizon: set another"):
+        run(guard.rest("park"))
+    assert mount.did == []
+    assert guard.preview_rest("home").allowed
+
+
+def test_a_mount_that_does_not_report_its_park_position_is_told_of_the_limit_before() -> None:
+    guard, _ = guarded()
+    assert any(
+        re.search(r"below your horizon limit .5°. Kochab stops it", told)
+        for told in guard.preview_rest("park").warnings
+    )
 
 
 def test_no_site_no_park() -> None:

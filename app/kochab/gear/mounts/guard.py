@@ -104,9 +104,11 @@ class Guard:
     epoch = FromDriver(lambda driver: driver.epoch)
     lacks = FromDriver(lambda driver: driver.lacks)
     blind_stop = FromDriver(lambda driver: driver.blind_stop)
+    ends_alone = FromDriver(lambda driver: driver.ends_alone)
     rates_deg_s = FromDriver(lambda driver: driver.rates_deg_s)
     identify = FromDriver(lambda driver: driver.identify)
     altaz_deg = FromDriver(lambda driver: driver.altaz_deg)
+    park_altitude_deg = FromDriver(lambda driver: driver.park_altitude_deg)
     site_report = FromDriver(lambda driver: driver.site_report)
 
     def position(self) -> Pointing:
@@ -144,10 +146,8 @@ class Guard:
         """What the mount's own clock and site contradict of the computer's; empty when nothing, or nothing is told."""
         return self.clock_and_site.ask(self.mount)
 
-    # -- the mount's clock and site: set only when a person asks for it --------------------------
-
     def set_clock(self, now: datetime | None = None) -> None:
-        """Set the mount's clock to the computer's."""
+        """Set the mount's clock to the computer's, only when a person asks for it."""
         self._set(Ability.SET_CLOCK, lambda: self.mount.set_clock(wall_clock(now or self.clock())))
 
     def set_site(self, site: Site | None = None) -> None:
@@ -260,7 +260,7 @@ class Guard:
 
     def preview_rest(self, action: str) -> Preview:
         """What ``park`` or ``home`` would do; nothing moves."""
-        return self.policy.rest(action, self.position(), self.state())[1]
+        return self.policy.rest(action, self.position(), self.state(), self.park_altitude_deg())[1]
 
     def park(self) -> None:
         """Begin to go to the mount's park position; see :meth:`rest` for one that is waited for."""
@@ -286,7 +286,7 @@ class Guard:
 
     def _begin_rest(self, action: str) -> None:
         self._require_ability(Ability.PARK if action == "park" else Ability.HOME)
-        plan, preview = self.policy.rest(action, self.position(), self.state())
+        plan, preview = self.policy.rest(action, self.position(), self.state(), self.park_altitude_deg())
         self._require_allowed(preview, confirmed=True)
         send = self.mount.park if action == "park" else self.mount.go_home
         self._send(action, self.limits.slew_timeout_s, send, SupervisedMotion(plan, anywhere()))

@@ -126,6 +126,7 @@ class Plan:
     action: str = "goto"
     from_home: bool = False
     doubt: str = ""
+    park_altitude_deg: float | None = None
 
     @property
     def start(self) -> Floats:

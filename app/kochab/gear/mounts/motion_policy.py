@@ -41,6 +41,7 @@ from kochab.gear.mounts.motion_plan import (
 Findings = Iterator[RuleFinding]
 AHEAD_S = 60.0  # tracking ends before its limit
 HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # from the pole; of its hour angle from counterweight down
+PARKED_DEG = 1.0  # so exactly it parks
 NUDGE_DEG = 5.0  # so far the axes may be moved while the mount's clock or site is in doubt
 
 
@@ -292,8 +293,20 @@ def sync_evidence(plan: Plan) -> Findings:
 
 
 def own_way(plan: Plan) -> Findings:
-    """Tell that the way is the mount's own; it is watched on it."""
+    """Tell that the way is the mount's own; it is watched on it. Refuse a park position below the horizon."""
+    low, limit = plan.park_altitude_deg, plan.limits.lowest_altitude_deg
     yield warn("The mount goes its own way there, which Kochab cannot check before: watch the telescope.")
+    if plan.action != "park":
+        return
+    if low is None:
+        yield warn(
+            f"The mount does not report its park position: below your horizon limit ({limit:g}°) Kochab stops it on"
+            " the way. Then lower the limit."
+        )
+    elif low < -PARKED_DEG:
+        yield refuse(f"The mount's park position is {-low:.0f}° below the horizon: set another in its driver.")
+    elif limit <= low - PARKED_DEG:
+        yield warn(f"The mount parks {low:.1f}° high: until then that is the horizon limit.")
 
 
 REST_RULES = (readiness, own_way, horizon, sun)
@@ -318,11 +331,19 @@ class MotionPolicy:
         plan = with_paths(leaving_home(self.plan("goto", here, state, to_deg)))
         return plan, preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, MOTION_RULES)
 
-    def rest(self, action: str, here: Pointing, state: MountState) -> tuple[Plan, Preview]:
-        """The way to the mount's park position or home, where the counterweight is down: on no wrong side."""
-        to_deg = here.ra_deg, here.dec_deg
+    def rest(
+        self, action: str, here: Pointing, state: MountState, park_altitude_deg: float | None = None
+    ) -> tuple[Plan, Preview]:
+        """The way to the mount's park position or home, where the counterweight is down: on no wrong side.
+
+        A park position that is lower than the horizon limit is that limit on the way to it.
+        """
+        to_deg, low = (here.ra_deg, here.dec_deg), park_altitude_deg if action == "park" else None
         free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))
-        plan = replace(self.plan(action, here, state, to_deg), limits=free)
+        if low is not None:
+            lowest = min(free.lowest_altitude_deg, low - PARKED_DEG)
+            free = replace(free, lowest_altitude_deg=lowest, horizon_deg=())
+        plan = replace(self.plan(action, here, state, to_deg), limits=free, park_altitude_deg=low)
         return plan, preview_of(plan, to_deg, to_deg, REST_RULES)
 
     def move(

@@ -243,7 +243,8 @@ class SlewSupervisor:
         return state
 
     def _stop(self, found: str) -> NoReturn:
-        self.strayed = f"Kochab stopped the slew: {found}."
+        resting = self._motion is not None and self._motion.plan.action in ("park", "home")
+        self.strayed = f"Kochab stopped the {'mount on its way to rest' if resting else 'slew'}: {found}."
         try:
             self._emergency.halt()
         finally:  # afterwards: no disk holds up a Stop

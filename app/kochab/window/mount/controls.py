@@ -120,6 +120,10 @@ class TrackingChoice(QComboBox):
 
 STEPS_ARCSEC = {"10″": 10.0, "30″": 30.0, "1′": 60.0, "5′": 300.0, "20′": 1200.0, "1°": 3600.0, "5°": 18000.0}
 FIRST = "5′"
+RATE_TIP = (
+    "How fast. Auto nudges in a way that the mount ends by itself; at a rate of your choice most mounts move on"
+    " if this computer fails."
+)
 HINT = "Arrow keys nudge while a button here has the focus: up is north, left is east."
 WAYS = {
     Direction.NORTH: ("N ↑", 0, 1, Qt.Key.Key_Up),
@@ -139,7 +143,7 @@ class NudgePad(QWidget):
         self.step.setToolTip("How far one press moves the mount")
         self.step.setCurrentText(FIRST)
         self.rate = choice_box("Rate of a nudge", (), 0)
-        self.rate.setToolTip("How fast; auto takes the slowest suitable rate of the mount")
+        self.rate.setToolTip(RATE_TIP)
         self.rate.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.show_rates(())
         self.buttons: dict[Direction, ExplainedButton] = {}

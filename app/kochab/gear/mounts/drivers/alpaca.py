@@ -34,6 +34,7 @@ class AlpacaMount(ServerMount):
 
     name: ClassVar[str] = "alpaca"
     title: ClassVar[str] = "ASCOM Alpaca server"
+    ends_alone: ClassVar[bool] = True
 
     @making_sense()
     def __init__(self, address: str, **settings: Unpack[MountSettings]) -> None:

@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack, closing
 from datetime import UTC, datetime, timedelta
-from math import inf
+from math import asin, cos, degrees, inf, radians, sin
 from time import monotonic
 from typing import ClassVar, Unpack
 
@@ -241,6 +241,16 @@ class IndiMount(ServerMount):
         with self.moving():
             self._begin("TELESCOPE_PARK", {"PARK": "On"}, "park")
             self._unsettled_s = monotonic() + SETTLES_S
+
+    @making_sense()
+    def park_altitude_deg(self) -> float | None:
+        """Of drivers that park by altitude or hour angle; others tell the counts of their encoders."""
+        told = {name: self._device.number("TELESCOPE_PARK_POSITION", f"PARK_{name}") for name in ("ALT", "HA", "DEC")}
+        latitude = self._device.number("GEOGRAPHIC_COORD", "LAT")
+        if told["ALT"] is not None or told["HA"] is None or told["DEC"] is None or latitude is None:
+            return told["ALT"]
+        hour, dec, north = map(radians, (told["HA"] * 15.0, told["DEC"], latitude))
+        return degrees(asin(sin(north) * sin(dec) + cos(north) * cos(dec) * cos(hour)))
 
     def unpark(self) -> None:
         """The same."""

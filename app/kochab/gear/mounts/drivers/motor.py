@@ -114,10 +114,6 @@ class Motor:
         ratio = self.ratio if abs(rate_deg_s) > FAST_DEG_S else 1
         return protocol.step_period(rate_deg_s, self.steps_turn, self.timer_hz, ratio)
 
-    def rate_command(self, rate_deg_s: float) -> Command:
-        """The bytes of another rate while it turns the same way, for :meth:`Conversation.send_now`."""
-        return protocol.command("I", self.axis, protocol.low_first(self.period(rate_deg_s))), (REPLY,)
-
     def halt_command(self, now: bool = False) -> Command:
         """The bytes that stop it, at once or with a ramp."""
         return protocol.command("L" if now else "K", self.axis), (REPLY,)

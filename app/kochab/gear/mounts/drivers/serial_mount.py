@@ -34,6 +34,7 @@ class SerialMount:
     default_epoch: ClassVar[Epoch] = Epoch.DATE
     timeout_s: ClassVar[float] = 4.5  # so that silence in a slew is told within 5 s
     blind_stop: ClassVar[bytes]
+    ends_alone: ClassVar[bool] = False
     rates_deg_s: tuple[float, ...] = ()
 
     def __init__(self, link: SerialLink, **settings: Unpack[MountSettings]) -> None:
@@ -70,6 +71,10 @@ class SerialMount:
         """Begin to go to its park position."""
         self.switch(Ability.PARK)
 
+    def park_altitude_deg(self) -> float | None:
+        """These do not report it."""
+        return None
+
     def unpark(self) -> None:
         """Unpark it, so that it can move again."""
         self.switch(Ability.UNPARK)
@@ -90,6 +95,10 @@ class SerialMount:
     def site_report(self) -> SiteReport:
         """The site and time it uses, where it reports them."""
         return SiteReport()
+
+    def pulse(self, direction: Direction, milliseconds: int) -> None:
+        """Guide for a bounded time."""
+        raise RefusedError(self._lacks[Ability.PULSE])
 
     def set_site(self, site: Site) -> None:
         """Let it use this site."""

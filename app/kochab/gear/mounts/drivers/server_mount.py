@@ -16,6 +16,7 @@ class ServerMount:
     title: ClassVar[str]
     bauds: ClassVar[tuple[int, ...]] = ()  # it has no line of its own
     blind_stop: ClassVar[bytes] = b""
+    ends_alone: ClassVar[bool] = False
     rates_deg_s: ClassVar[tuple[float, ...]] = ()
 
     def __init__(self, epoch: Epoch, hang_up: Callable[[], None]) -> None:
@@ -61,6 +62,10 @@ class ServerMount:
     def park(self) -> None:
         """Begin to go to its park position."""
         raise RefusedError(self._lacks[Ability.PARK])
+
+    def park_altitude_deg(self) -> float | None:
+        """How high it points when parked, where the server tells."""
+        return None
 
     def unpark(self) -> None:
         """Unpark it, so that it can move again."""

@@ -65,7 +65,7 @@ def natural_side(hour_angle_deg: float) -> PierSide:
 SLEW_DEG_S = 3.0  # predicts where the sky will be
 REACH_DEG = 105.0  # of the first axis from the counterweight's lowest place
 CLOSE_DEG, APPROACHES = 2.0 / 3600.0, 4
-GUIDE = 0.5
+LEAST_S, RESUMES_S = 1.0, 0.5  # a short goto is over by then; tracking resumes so long after it
 
 ZEROS: dict[Home, Degrees] = {Home.POWER_ON: (0.0, 0.0), Home.EQMOD: (0.0, -90.0)}
 """Home -> the offset of both axes, degrees, that makes home zero."""
@@ -114,6 +114,7 @@ class SkyWatcher(SerialMount):
     title = "Sky-Watcher motor board (EQMOD, EQDIR)"
     blind_stop = b":L1\r:L2\r"
     bauds = (9600, 115200)
+    ends_alone = True
     timeout_s = 1.5
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 8, 16, 64)), 0.5, 1.0, 3.0)
 
@@ -121,6 +122,7 @@ class SkyWatcher(SerialMount):
         """Read the motors' parameters; nothing is switched on yet."""
         if self.site is None:
             raise RefusedError("A motor board stores no site: give --site LAT,LON.")
+        self._lacks[Ability.PULSE] = "Kochab nudges a motor board by short gotos, which the board itself ends."
         for ability in (Ability.SITE, Ability.TIME, Ability.SET_SITE, Ability.SET_CLOCK):
             self._lacks[ability] = "A motor board stores neither site nor time."
         self.motors = tuple(Motor(self.talk, axis, self.lost_power) for axis in (0, 1))
@@ -345,44 +347,22 @@ class SkyWatcher(SerialMount):
         """``L`` on both axes."""
         return [motor.halt_command(now=True) for motor in self.motors]
 
-    def pulse(self, direction: Direction, milliseconds: int) -> None:
-        """RA by another period while it tracks, Dec by a short turn."""
-        self.require(Ability.PULSE)
-        since = self.talk.stops
-        seconds = milliseconds / 1000.0
-        if direction.in_dec:
-            self.turn_dec(direction, GUIDE * SIDEREAL_DEG_S, seconds, since)
-            return
-        if not self.motors[0].status().running:
-            raise RefusedError("A guide pulse in right ascension needs the mount to track.")
-        motor, factor = self.motors[0], 1.0 + GUIDE if direction is Direction.WEST else 1.0 - GUIDE
-        self.bounded(direction, seconds, motor.rate_command(self.sky_rate))
-        self.talk.send_now(motor.rate_command(self.sky_rate * factor))
-
     def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
-        """At the nearest rate, on top of tracking, which resumes at the next question."""
+        """By as much, as a short goto that the board itself ends; tracking resumes at the next question after it."""
         since = self.talk.stops
-        rate = self.rates_deg_s[self.nearest_rate(rate_deg_s)]
-        if rate * seconds > NUDGE_DEG:
+        seconds, angle = max(seconds, LEAST_S), self.rates_deg_s[self.nearest_rate(rate_deg_s)] * seconds
+        if angle > NUDGE_DEG:
             self.require_home()
         if direction.in_dec:
-            self.turn_dec(direction, rate, seconds, since)
-            return
-        motor = self.motors[0]
-        over_sky = rate if direction is Direction.WEST else -rate
-        sky = self.sky_rate if self.tracking else 0.0
+            turn = angle if (direction is Direction.NORTH) is (self.side() is PierSide.WEST) else -angle
+        else:
+            turn = angle if (direction is Direction.WEST) is not self.south else -angle
+            turn += self.sky_rate * (seconds + RESUMES_S) if self.tracking else 0.0
+        motor = self.motors[direction.in_dec]
         motor.ensure_stopped()
+        motor.angle_deg()
         self.bounded(direction, seconds, motor.halt_command())
-        motor.run(sky + (-over_sky if self.south else over_sky), since)
-
-    def turn_dec(self, direction: Direction, rate_deg_s: float, seconds: float, since: int) -> None:
-        """The second motor for a bounded time."""
-        north = direction is Direction.NORTH
-        sign = 1.0 if north is (self.side() is PierSide.WEST) else -1.0
-        motor = self.motors[1]
-        motor.ensure_stopped()
-        self.bounded(direction, seconds, motor.halt_command())
-        motor.run(sign * rate_deg_s, since)
+        motor.turn_by(turn, since)
 
     @property
     def sky_rate(self) -> float:
