@@ -26,6 +26,7 @@ ADDED = {
     "limits while tracking, a horizon of one's own, power cycles of a motor board": 210,
     "a mount that was switched off and on where it stands": 28,
     "the mount's clock and site compared and set": 300,
+    "the meridian flip asked and watched": 100,
     "a nudge that ends by itself, a quick stop over the network, a park position below the limit": 110,
     "one model of what is wrong with a mount": 140,
     "frames out of focus known by their discs": 125,

@@ -92,6 +92,7 @@ _ROWS = (
     Action("recover", "recovering", "solve blind and sync a lost mount, unattended", (Ability.SYNC,)),
     Action("park", "parking", "slew to the mount's park position", (Ability.PARK, *_REST), moves=True),
     Action("unpark", "unparking", "let a parked mount move again", (Ability.UNPARK, Need.IS_PARKED)),
+    Action("flip", "flipping", "flip a German mount where it points", _SLEW, moves=True, frame_after=True),
     Action("home", "going home", "slew to the mount's home", (Ability.HOME, *_REST), moves=True),
     *(Action(f"track {rate}", "switching tracking", TRACK, (rate.ability, Need.UNPARKED)) for rate in TrackingRate),
     Action("set clock", "setting the clock", "set the mount's clock to this computer's", (Ability.SET_CLOCK,)),

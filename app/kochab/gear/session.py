@@ -81,7 +81,7 @@ def parse_baud(text: str) -> int:
 class Meridian(StrEnum):
     """The texts are on the screen."""
 
-    STAYS = "German mount: never flip it"
+    STAYS = "German mount: ask before a flip"
     FLIPS = "German mount: a goto may flip it"
     CROSSES = "Fork or wedge: no flip needed"
 

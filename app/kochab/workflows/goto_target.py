@@ -11,10 +11,11 @@ import numpy as np
 
 from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.attitude import apart_deg, radec_deg
-from kochab.core.errors import NoAnswerError, StrayedError, UsageError
+from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
 from kochab.core.mount import Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_policy import due_side
 
 T = TypeVar("T")
 Wait = Callable[[float], None]
@@ -98,21 +99,53 @@ def names_to_offer() -> Task[list[str]]:
     return [f"M {n}" for n in range(1, 111)] + stars
 
 
-def goto_typed(mount: Guard, text: str) -> Task[str]:
-    """Slew to a name or coordinates as a person typed them; a sentence on what the mount says."""
+@dataclass(frozen=True, slots=True)
+class FlipQuestion:
+    """Nothing but a meridian flip stands against a goto: a person decides."""
+
+    text: str
+    sentence: str
+
+
+def goto_typed(mount: Guard, text: str, flip: bool = False) -> Task[str | FlipQuestion]:
+    """Slew to a name or coordinates as a person typed them, by a ``flip`` only when asked for; what the mount says."""
     yield Progress("goto", None, text)
     target = parse_target(text, mount.clock())
-    yield from goto_target(mount, target)
+    there = mount.to_mount(target.ra_deg, target.dec_deg)
+    if not flip and mount.policy.asks_flip(mount.position(), state := mount.state(), there):
+        return FlipQuestion(
+            text,
+            f"{target.name} is across the meridian: the mount is {state.pier_side} of its pier and must flip."
+            " Watch the cables and the tube. For a fork or wedge, set Meridian.",
+        )
+    yield from goto_target(mount, target, flip=flip)
     return f"The mount reports that it reached {target.name}."
 
 
-def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep) -> Task[Pointing]:
+def flip_mount(mount: Guard) -> Task[str]:
+    """Flip a German mount where it points, and see it on the other side of its pier.
+
+    Raises `RefusedError` when no flip is due, or the mount does not do it.
+    """
+    yield Progress("flip")
+    state, here = mount.state(), mount.position()
+    if mount.limits.crosses_meridian:
+        raise RefusedError("A fork or wedge needs no flip.")
+    if (side := state.pier_side) is None:
+        raise RefusedError("The mount does not report its pier side: flip it with its hand control.")
+    if due_side(mount.policy.goto(here, state, (here.ra_deg, here.dec_deg))[0], flip=True) in (None, side):
+        raise RefusedError(f"No flip is due: the mount is {side} of its pier, as it should be here.")
+    yield from mount.slew(here.ra_deg, here.dec_deg, flip=True)
+    return f"Flipped: the mount is {side.opposite} of its pier."
+
+
+def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep, flip: bool = False) -> Task[Pointing]:
     """Slew within the guard and return when the mount is at rest; cancelling stops it.
 
     Raises RefusedError when the guard or the mount refuses; one sentence.
     """
     yield Progress("goto", 0.0, target.name)
-    yield from mount.slew(*mount.to_mount(target.ra_deg, target.dec_deg))
+    yield from mount.slew(*mount.to_mount(target.ra_deg, target.dec_deg), flip)
     return (yield from settled(mount, wait))
 
 

@@ -31,6 +31,25 @@ def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, set
         assert current_profile(settings).meridian is Meridian.CROSSES
 
 
+def test_a_person_is_asked_before_a_flip_and_may_have_it_by_one_click(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, "nexstar", at=None) as mount:
+        mount.telescope.pier_side = PierSide.WEST
+        choose(mount.view, Meridian.STAYS)
+        target = place(30.0, 40.0, mount.bench.clock)
+        mount.view.go.target.setText(f"{target[0]:.4f} {target[1]:.4f}")
+        mount.view.go.goto.click()
+        qtbot.waitUntil(lambda: mount.view.flip.isVisible(), timeout=20_000)
+        assert "must flip" in mount.view.message.text()
+        assert not mount.telescope.log
+        qtbot.waitUntil(lambda: not mount.control.known.busy, timeout=20_000)
+        mount.telescope.pier_side = PierSide.EAST  # the bench's telescope has no pier: where it will end
+        mount.view.flip.click()
+        qtbot.waitUntil(lambda: any("reports that it reached" in s for s in mount.said), timeout=30_000)
+        assert [e[0] for e in mount.telescope.log if e[0] == "goto"] == ["goto"]
+        assert not mount.view.flip.isVisible()
+
+
 def test_what_was_chosen_is_in_force_from_the_first_motion_after_a_restart(qtbot, make_window, engine, settings):
     keep_profile(settings, meridian=Meridian.FLIPS)
     _, commands = make_window(engine)

@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "park": ("rest:add_rest", ACTIONS["park"].help),
     "unpark": ("rest:add_rest", ACTIONS["unpark"].help),
     "home": ("rest:add_rest", ACTIONS["home"].help),
+    "flip": ("rest:add_rest", ACTIONS["flip"].help),
     "track": ("rest:add_rest", TRACK),
     "set-clock": ("rest:add_rest", ACTIONS["set clock"].help),
     "set-site": ("rest:add_rest", ACTIONS["set site"].help),

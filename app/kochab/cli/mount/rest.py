@@ -1,4 +1,4 @@
-"""``kochab mount park``, ``unpark``, ``home``, ``track``, ``set-clock`` and ``set-site``: a preview, or the order."""
+"""``kochab mount park``, ``unpark``, ``home``, ``flip``, ``track``, ``set-clock``, ``set-site``: a preview first."""
 
 import argparse
 from contextlib import suppress
@@ -15,6 +15,7 @@ ABILITIES = {
     "park": Ability.PARK,
     "unpark": Ability.UNPARK,
     "home": Ability.HOME,
+    "flip": Ability.GOTO,
     "set-clock": Ability.SET_CLOCK,
     "set-site": Ability.SET_SITE,
 }
@@ -30,6 +31,8 @@ def add_rest(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -
 
 def run_rest(args: argparse.Namespace) -> int:
     """Preview; then, when asked, do it and tell how the mount is."""
+    from kochab.workflows.goto_target import flip_mount
+
     travels = args.action in ("park", "home")
     ability = args.rate.ability if args.action == "track" else ABILITIES[args.action]
     title = f"track {args.rate}" if args.action == "track" else args.action
@@ -49,6 +52,8 @@ def run_rest(args: argparse.Namespace) -> int:
         if args.yes:
             if travels:
                 with_progress(args.action, guard.rest(args.action))
+            elif args.action == "flip":
+                lines.append(f"  {with_progress('flip', flip_mount(guard))}")
             elif args.action == "track":
                 guard.track(args.rate)
             else:

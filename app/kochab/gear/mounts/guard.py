@@ -23,8 +23,8 @@ from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import EmergencyStop
-from kochab.gear.mounts.motion_plan import Limits, Preview, SyncEvidence
-from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy
+from kochab.gear.mounts.motion_plan import Limits, Plan, Preview, SyncEvidence
+from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 
 OVERRUN, OVERRUN_KNOWN = 4.0, 1.25  # how much further a move may go: rate unknown, or reported
@@ -152,10 +152,9 @@ class Guard:
 
     def set_site(self, site: Site | None = None) -> None:
         """Set the mount's site to the one used here."""
-        site = site or self.site
-        if site is None:
+        if (wanted := site or self.site) is None:
             self._refuse("set site", "No site set: set your site first.")
-        self._set(Ability.SET_SITE, lambda: self.mount.set_site(site))
+        self._set(Ability.SET_SITE, lambda: self.mount.set_site(wanted))
 
     def _set(self, ability: Ability, do: Callable[[], None]) -> None:
         """A mount whose position has moved with its clock must be synced before it slews."""
@@ -249,14 +248,15 @@ class Guard:
         """Begin a slew that every rule allows; see :meth:`slew` for one that is waited for."""
         self._begin_slew(ra_deg, dec_deg)
 
-    def slew(self, ra_deg: float, dec_deg: float) -> Task[Pointing]:
-        """Go to the mount's own coordinates and wait until it is there.
+    def slew(self, ra_deg: float, dec_deg: float, flip: bool = False) -> Task[Pointing]:
+        """Go to the mount's own coordinates and wait until it is there, by a ``flip`` that a person has asked for.
 
         The mount is stopped when it takes too long, does not answer, leaves its path or the
         limits, or when the task is cancelled or fails.
         """
-        limit_s = self._begin_slew(ra_deg, dec_deg)
-        return (yield from self._finish("goto", self.supervisor.arrival((ra_deg, dec_deg), limit_s)))
+        plan = self._begin_slew(ra_deg, dec_deg, flip)
+        arrival = self.supervisor.arrival((ra_deg, dec_deg), slew_limit_s(plan), due_side(plan, flip))
+        return (yield from self._finish("goto", arrival))
 
     def preview_rest(self, action: str) -> Preview:
         """What ``park`` or ``home`` would do; nothing moves."""
@@ -379,17 +379,17 @@ class Guard:
         ends = (900.0 * quarter for quarter in range(1, 49))
         return next((s for s in ends if state.tracking and self.policy.tracking(here, state, s)), None)
 
-    def _begin_slew(self, ra_deg: float, dec_deg: float) -> float:
-        """Send a goto; in how many seconds it must have ended."""
+    def _begin_slew(self, ra_deg: float, dec_deg: float, flip: bool = False) -> Plan:
+        """Send a goto."""
         self._require_ability(Ability.GOTO)
         stops = self.stops
         self.clock_and_site.compare(self.mount)
-        plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))
+        plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg), flip)
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
         detail = {"ra_deg": ra_deg, "dec_deg": dec_deg}
         self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, **detail)
-        return slew_limit_s(plan)
+        return plan
 
     def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:
         """Check where a move or pulse ends at the latest; what is then supervised."""

@@ -210,7 +210,25 @@ def sync_across_meridian(plan: Plan) -> Findings:
         )
 
 
+def due_side(plan: Plan, flip: bool = False) -> PierSide | None:
+    """The side of the pier on which the ``flip`` asked for ends, or one that is due; None where either will do.
+
+    A mount that begins on a wrong side, as it says, may name its sides the other way round.
+    """
+    ends, limit = plan.hour_angles_deg(), plan.limits.past_meridian_deg
+    if ends is None or plan.state.pier_side is None or plan.limits.crosses_meridian or plan.from_home:
+        return None
+    before, after = (PierSide.WEST if hour_angle < 0.0 else PierSide.EAST for hour_angle in ends)
+    doubtful = plan.state.pier_side is not before and abs(ends[0]) > limit
+    due = plan.limits.allow_flip and crosses(plan) and abs(ends[1]) > limit and not doubtful
+    return after if flip or due else None
+
+
 EAST_MOST_DEG = -270.0  # past the lower meridian counts on from there
+
+
+MOVE_ADVICE = "Start farther from the meridian, or move the other way."
+PAST_ADVICE = {"track": "Flip the mount (Flip in the Mount view, or kochab mount flip)."}
 
 
 def past_meridian(plan: Plan) -> Findings:
@@ -232,8 +250,8 @@ def past_meridian(plan: Plan) -> Findings:
     if not worst <= max(limit, start) + SLACK_DEG:
         yield refuse(
             f"The {plan.action} would take the telescope {worst:.0f}° past the meridian on the {side} side of"
-            f" the pier, where it may hit the pier (limit {limit:g}°). Start farther from the meridian,"
-            " or move the other way. For a fork or wedge, set Meridian in the Mount view (--fork)."
+            f" the pier, where it may hit the pier (limit {limit:g}°). {PAST_ADVICE.get(plan.action, MOVE_ADVICE)}"
+            " For a fork or wedge, set Meridian in the Mount view (--fork)."
         )
 
 
@@ -326,10 +344,17 @@ class MotionPolicy:
         self.site, self.limits, self.clock = site, limits, clock
         self.doubt = self.until_sync = ""
 
-    def goto(self, here: Pointing, state: MountState, to_deg: Degrees) -> tuple[Plan, Preview]:
-        """A slew, and its preview by the rules."""
-        plan = with_paths(leaving_home(self.plan("goto", here, state, to_deg)))
+    def goto(self, here: Pointing, state: MountState, to_deg: Degrees, flip: bool = False) -> tuple[Plan, Preview]:
+        """A slew, and its preview by the rules; ``flip``: a person has asked for it."""
+        plan = leaving_home(self.plan("goto", here, state, to_deg))
+        if flip:
+            plan = replace(plan, limits=replace(plan.limits, allow_flip=True))
+        plan = with_paths(plan, flip)
         return plan, preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, MOTION_RULES)
+
+    def asks_flip(self, here: Pointing, state: MountState, to_deg: Degrees) -> bool:
+        """Whether nothing but a meridian flip stands against this slew."""
+        return not self.goto(here, state, to_deg)[1].allowed and self.goto(here, state, to_deg, flip=True)[1].allowed
 
     def rest(
         self, action: str, here: Pointing, state: MountState, park_altitude_deg: float | None = None
@@ -409,11 +434,16 @@ def leaving_home(plan: Plan) -> Plan:
     return replace(plan, start_deg=(ra_deg, plan.start_deg[1]), state=state, from_home=True)
 
 
-def with_paths(plan: Plan) -> Plan:
-    """The paths a slew may take; over the pole only when a flip is allowed and due."""
+def with_paths(plan: Plan, flip: bool = False) -> Plan:
+    """The paths a slew may take; over the pole only when a flip is allowed and due, or asked for."""
     start, target = plan.start_deg, plan.target_deg
     paths = [great_circle(start, target), by_axes(start, target)]
-    if plan.site is not None and plan.limits.allow_flip and plan.state.pier_side is not None and crosses(plan):
+    if (
+        plan.site is not None
+        and plan.limits.allow_flip
+        and plan.state.pier_side is not None
+        and (flip or crosses(plan))
+    ):
         paths.append(over_the_pole(start, target, plan.site.latitude_deg >= 0.0))
     return replace(plan, paths=tuple(paths))
 

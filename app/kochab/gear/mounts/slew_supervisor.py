@@ -163,8 +163,8 @@ class SlewSupervisor:
         if self._emergency.stops != stops:
             raise StoppedError(f"The {what} was stopped.")
 
-    def arrival(self, target_deg: Degrees, limit_s: float) -> Task[Pointing]:
-        """Yield the distance left until the mount reports that it no longer slews.
+    def arrival(self, target_deg: Degrees, limit_s: float, side: PierSide | None = None) -> Task[Pointing]:
+        """Yield the distance left until the mount reports that it no longer slews, and is on this ``side`` of its pier.
 
         Raises `NoAnswerError` when it took longer than ``limit_s`` or missed too many answers in a row, and
         `RefusedError` when it was stopped, or stands still somewhere else.
@@ -185,8 +185,13 @@ class SlewSupervisor:
             first = first or left
             unmoved = before is not None and abs(before - left) < 1e-3
             idle = idle + 1 if slewing is False or (slewing is None and unmoved) else 0
-            if idle and left < FAR_DEG:
+            if idle and left < FAR_DEG and side in (None, state.pier_side):
                 return here
+            if idle >= IDLE and left < FAR_DEG:
+                raise RefusedError(
+                    f"THE MOUNT DID NOT FLIP: it is still {state.pier_side} of its pier and may hit it."
+                    " Slew it away from the meridian, or flip it with its hand control."
+                )
             if idle >= IDLE:
                 raise RefusedError(f"The mount stopped {left:.1f} deg from its target.")
 

@@ -17,7 +17,7 @@ from kochab.solver.disagreement import Disagreement
 from kochab.window.mount.connection import MountControl
 from kochab.window.shell.views import Services
 from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed
-from kochab.workflows.goto_target import goto_typed
+from kochab.workflows.goto_target import FlipQuestion, flip_mount, goto_typed
 from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge
 from kochab.workflows.recover_mount import why_they_disagree
 from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_by_hand
@@ -33,6 +33,8 @@ def outcome_text(result: Any, sight: SolvedPosition | None) -> tuple[str, str]:
             return result, ""
         case SyncOffer():
             return result.in_words, ""
+        case FlipQuestion():
+            return result.sentence, "wrong"
         case SyncDone():
             return result.sentence, "good" if result.synced else ""
         case NoSolution():
@@ -56,6 +58,7 @@ class MountActions(QObject):
     """Gives orders to the :class:`MountControl`; with ``auto_frame`` a frame follows each motion."""
 
     offered = Signal(object)  # SyncOffer
+    flip_asked = Signal(object)  # FlipQuestion
 
     def __init__(self, control: MountControl) -> None:
         super().__init__(control)
@@ -94,9 +97,9 @@ class MountActions(QObject):
         else:
             self._control.ask("accept", lambda guard: accept_sync(guard, offer, confirmed=True, fall_back=True))
 
-    def goto(self, text: str) -> None:
-        """Slew to a name or coordinates."""
-        self._control.ask("goto", lambda guard: goto_typed(guard, text))
+    def goto(self, text: str, flip: bool = False) -> None:
+        """Slew to a name or coordinates; a person is asked before a ``flip``."""
+        self._control.ask("goto", lambda guard: goto_typed(guard, text, flip))
 
     def centre(self, text: str, tolerance_arcsec: float) -> None:
         """Slew there, plate solve and correct until it is centred."""
@@ -125,9 +128,11 @@ class MountActions(QObject):
         self._control.ask(f"track {rate}", switch)
 
     def rest(self, name: str) -> None:
-        """Park, unpark or go home."""
+        """Park, unpark, flip or go home."""
 
         def do(guard: Guard) -> Task[str]:
+            if name == "flip":
+                return (yield from flip_mount(guard))
             if name == "unpark":
                 yield Progress("unparking")
                 guard.unpark()
@@ -154,7 +159,8 @@ class MountActions(QObject):
         if isinstance(word, OrderFailed):
             return
         self._answered(word.name, word.result)
-        if action(word.name).frame_after and self.auto_frame and self._control.camera is not None:
+        moved = action(word.name).frame_after and not isinstance(word.result, FlipQuestion)
+        if moved and self.auto_frame and self._control.camera is not None:
             self.take_frame()
 
     def _answered(self, name: str, result: Any) -> None:
@@ -165,6 +171,8 @@ class MountActions(QObject):
         match result:
             case SyncOffer():
                 self.offered.emit(result)
+            case FlipQuestion():
+                self.flip_asked.emit(result)
             case SyncDone(synced=True):
                 self._resynced()
             case SyncDone(slewed=True):

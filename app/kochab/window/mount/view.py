@@ -33,7 +33,7 @@ from kochab.window.widgets import (
     styled_frame,
     switch,
 )
-from kochab.workflows.goto_target import names_to_offer
+from kochab.workflows.goto_target import FlipQuestion, names_to_offer
 from kochab.workflows.sync_mount import SyncOffer, undo_sync
 
 MERIDIAN_TIP = (
@@ -45,6 +45,7 @@ RESTS = {
     "park": "Slew to the park position that is set in the mount, and stay there",
     "unpark": "Let a parked mount move again",
     "home": "Slew to the mount’s own home position",
+    "flip": "Take a German mount to the other side of its pier where it points",
 }
 SETTLES = {
     "set clock": ("Set clock", "Set the mount’s clock to this computer’s"),
@@ -90,6 +91,7 @@ class MountView(Page):
         settles = {n: ExplainedButton(text, partial(orders.settle, n), tip) for n, (text, tip) in SETTLES.items()}
         self.settles, self.doubt = settles, label("", "wrong", wrap=True)
         self.trust = button("Mount is right", partial(orders.settle, "trust"), "", TRUST_TIP)
+        self.flip = button("Flip and go", self._flip_and_go, "", "Flip the mount on its way there")
         rests = {name: ExplainedButton(name.title(), partial(orders.rest, name), tip) for name, tip in RESTS.items()}
         self.rests = rests
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
@@ -113,11 +115,11 @@ class MountView(Page):
         }
 
     def _lay_out(self) -> None:
-        for hidden in (self.bar, self.cancel_find, self.why):
+        for hidden in (self.bar, self.cancel_find, self.why, self.flip):
             hidden.setVisible(False)
         self.area = scrolled(self._cards())
         progress = row((self.bar, 1), self.cancel_find)
-        parts = ((self.area, 1), self.message, self.why, progress, self.stop)
+        parts = ((self.area, 1), self.message, row(self.flip, None), self.why, progress, self.stop)
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
     def _cards(self) -> QWidget:
@@ -142,6 +144,7 @@ class MountView(Page):
         control.changed.connect(self._show)
         control.progressed.connect(self._show_progress)
         orders.offered.connect(self._offer)
+        orders.flip_asked.connect(self._ask_flip)
         box.progressed.connect(self._show_progress)
         box.connect_wanted.connect(self._connect_mount)
         box.practice_wanted.connect(self.practise)
@@ -225,6 +228,7 @@ class MountView(Page):
         """One sentence that stays until the next."""
         if sentence:
             show_text(self.message, sentence, role)
+            self.flip.hide()
 
     def _show(self) -> None:
         known, why = self.control.known, reasons_against(self.control.situation)
@@ -271,6 +275,14 @@ class MountView(Page):
         self.bar.show_share(progress.fraction)
         words = (user, progress.stage if user else progress.stage.capitalize(), progress.detail)
         self.say(": ".join(w.rstrip(".…") for w in words if w) + "…", "muted")
+
+    def _ask_flip(self, question: FlipQuestion) -> None:
+        """Offer the flip until something else is said."""
+        self.asked_flip = question.text
+        self.flip.show()
+
+    def _flip_and_go(self) -> None:
+        self.orders.goto(self.asked_flip, flip=True)
 
     def _offer(self, offer: SyncOffer) -> None:
         report = self.control.known.report
