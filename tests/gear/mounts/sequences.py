@@ -36,25 +36,20 @@ from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.night_sky import SimulatedClock
-from kochab.simulate.responders import RESPONDERS, open_responder
+from kochab.simulate.responders import RESPONDERS
+from kochab.workflows.nudge import RUNS_ON, nudge
+from tests.simulate.dialects import DIALECT_RESPONDERS, open_any
 
 NIGHT_UNIX = datetime(2026, 1, 15, 20, 0, tzinfo=UTC).timestamp()
 LOOK_S, SELDOM_S, EXCHANGE_S, TURN_S = 0.25, 5.0, 0.02, 0.25  # seldom: while nothing but tracking moves it
 SLEW_DEG_S = 12.0
 FORKS = ("lx200",)
-TELL_NO_SIDE = ("lx200", "synscan")  # their pier is not guarded: nothing tells that there is one
 ALIGNS = ("lx200", "nexstar", "synscan")  # switched on, they say that they are not aligned
-INDI = {
-    "lx200": "indi_lx200basic",
-    "onstep": "indi_lx200_OnStep",
-    "nexstar": "indi_celestron_gps",
-    "synscan": "indi_synscan_telescope",
-    "ioptron": "indi_ioptronv3_telescope",
-    "skywatcher": "indi_eqmod_telescope",
-}
+MOUNTS = (*RESPONDERS, *DIALECT_RESPONDERS)
 LOW_DEG, PAST_DEG = 5.0, 15.0
 TOLERANCE_DEG = 0.6  # syncs by others are so good
 OWN_WAY_DEG = 3.0  # where only the mount knows its way it is stopped at the limit, which takes a second at 12 deg/s
+FALLS_DEG = 0.05  # less is no motion towards a limit
 GRACE_S = 1.0  # how much longer than told a bounded motion may last
 
 
@@ -240,13 +235,14 @@ class Telescope(EquatorialMount):
         return tuple(axis.motor_rate_deg_s(t) for axis in self._axes)
 
     def power_off(self):
-        """Everything stands, and what its computer knew is gone."""
+        """Everything stands, and its computer takes that for home when it is switched on again."""
         t = self.clock.now_unix()
-        for axis in self._axes:
-            axis.run(t, 0.0, gently=False)
+        true = self.true_axes_deg(t)
+        for axis, home, here in zip(self._axes, self._home_deg, true, strict=True):
+            axis.place(t, home)
+            axis.displace(t, here - home)
         self._carrier_deg_s, self._parks_at, self._parked = 0.0, None, False
-        motors = self._motors(t)
-        self._offset_deg = self._home_deg[0] - motors[0], self._home_deg[1] - motors[1]
+        self._offset_deg = 0.0, 0.0
 
     def align(self):
         """Its computer knows where the tube points."""
@@ -316,7 +312,7 @@ class Plan:
 
 def planned(seed):
     rng = np.random.default_rng([seed, 14])
-    driver = list(RESPONDERS)[seed % len(RESPONDERS)]
+    driver = MOUNTS[seed % len(MOUNTS)]
     plan = Plan(seed, driver, float(rng.choice([50.0, 35.0, 60.0, -33.0])), bool(rng.random() < 0.5))
     names, weights = list(CHANCES), np.array(list(CHANCES.values()), dtype=float)
     plan.steps.append(("connect", tuple(rng.random(6).tolist())))
@@ -336,18 +332,22 @@ class Evening:
         config = MountConfig(slew_deg_s=SLEW_DEG_S, acceleration_deg_s2=12.0, german=plan.driver not in FORKS)
         self.telescope = Telescope(config, self.site, world.clock)
         self.telescope.aligned = plan.driver not in ALIGNS
-        self.far_end = open_responder(plan.driver, self.telescope)
+        self.far_end = open_any(plan.driver, self.telescope)
         self.violations, self.counts = [], Counter()
         self.wire = self.line = self.running = self.guard = None
         self.plugged, self.mute_until = True, 0.0
         self.lies, self.fresh = False, True  # about where it points; as it was switched on, at home
         self.asked = self.killed = False  # an order of ours is under way; our process is to end in it
         self.stopped_at = None  # a Stop of ours was seen to work
+        self.tells_side = False  # else nothing tells that there is a pier
+        self.lasts = None  # how long the order of ours may move it
         self.told_until = None  # when the bounded motion that we ordered is over
         self.healthy_since = world.now()
+        self.number = self.moving = 0  # of our present order, and of the one that moved the mount last
+        self.told_to_run_on = set()  # numbers of moves that, as Kochab has said, would
         self.cut_off = False  # since the last order of ours our bytes did not reach the mount
         self.step = ("begin", ())
-        self._before, self.looked, self.fast = self._altitude(), 0.0, False
+        self._before, self._tracked, self.looked, self.fast = self._altitude(), -90.0, 0.0, False
         world.look = self.look
 
     # what is true
@@ -368,26 +368,28 @@ class Evening:
         if not fast and now < self.looked + SELDOM_S:
             return
         self.looked, was_fast, self.fast = now, self.fast, fast
-        (altitude, weights), (was_high, was_out) = (here := self._altitude()), self._before
-        self._before = here
+        altitude, weights = self._altitude()
+        if not was_fast:
+            self._before = altitude, weights
+        was_high, was_out = self._before  # when this motion began
         ours = telescope.mover == "kochab"
         if ours and fast and was_fast:
             self.counts["looks at a motion of ours"] += 1
             beyond_deg = OWN_WAY_DEG if telescope.orders[-1][2] == "home" else TOLERANCE_DEG
-            low = altitude < LOW_DEG - beyond_deg and altitude < was_high - 1e-6
+            low = altitude < LOW_DEG - beyond_deg and altitude < was_high - FALLS_DEG
             out = (
                 telescope.config.german
-                and self.plan.driver not in TELL_NO_SIDE
+                and self.tells_side
                 and weights > 90.0 + PAST_DEG + TOLERANCE_DEG
-                and weights > was_out + 1e-6
+                and weights > was_out + FALLS_DEG
                 and abs(ra_rate) > 2.0 * SIDEREAL_DEG_S
             )
             if low or out:
                 what = f"{altitude:.1f} deg high" if low else f"the weights {weights:.1f} deg from below"
                 self.found("while it lies about where it points, " * self.lies + what, lies=self.lies)
             if self.told_until is not None and now > self.told_until + GRACE_S:
-                if self.cut_off:
-                    self.counts["moves that went on after the line or the process was lost"] += 1
+                if self.cut_off and self.moving in self.told_to_run_on:
+                    self.counts["moves of a chosen rate that went on when all was lost, as told"] += 1
                     telescope.mover = "runaway"
                 else:
                     self.found(f"a motion {now - self.told_until:.1f} s longer than told")
@@ -395,15 +397,10 @@ class Evening:
         if self.stopped_at is not None and fast and ours and now > self.stopped_at:
             self.found("it moves after a Stop that was seen")
             self.stopped_at = None
-        tracks = not fast and abs(ra_rate) > 0.5 * SIDEREAL_DEG_S
-        if (
-            tracks
-            and not was_fast
-            and self._may_hold(now)
-            and altitude < LOW_DEG - TOLERANCE_DEG
-            and altitude < was_high - 1e-6
-        ):
+        tracks = not fast and not was_fast and abs(ra_rate) > 0.5 * SIDEREAL_DEG_S
+        if tracks and self._may_hold(now) and altitude < min(LOW_DEG - TOLERANCE_DEG, self._tracked - 1e-6):
             self.found(f"it tracks at {altitude:.1f} deg")
+        self._tracked = altitude
 
     def _may_hold(self, now):
         """Whether Kochab watches the tracking, and has had the time to stop it."""
@@ -428,8 +425,9 @@ class Evening:
         before = len(self.telescope.orders)
         with self.acting("kochab"):
             reply = self.far_end.feed(data)
-        for _, _, kind, given in self.telescope.orders[before:]:
-            self.stopped_at, self.cut_off = None, False
+        for at, _, kind, given in self.telescope.orders[before:]:
+            self.stopped_at, self.cut_off, self.fast, self.moving = None, False, False, self.number
+            self.told_until = at + self.lasts + 2.0 if self.lasts is not None and kind in ("move", "turn") else None
             self.counts["orders of ours"] += 1
             if not self.asked:
                 self.found(f"{kind} {given} that nobody asked for")
@@ -474,8 +472,12 @@ class Evening:
 
     def tell(self, event):
         self.counts[type(event).__name__] += 1
+        if isinstance(event, events.PositionReport):
+            self.tells_side |= event.state.pier_side is not None
         if isinstance(event, events.StandsStill):
             self.stopped_at = self.world.now()
+        if isinstance(event, events.OrderProgress):
+            self.told_to_run_on |= {self.number} if RUNS_ON in event.progress.detail else set()
         if isinstance(event, (events.OrderDone, events.OrderFailed)):
             self.asked = False
 
@@ -526,11 +528,10 @@ class Evening:
         self.do_connect()
         if self.line is None:
             return
-        self.asked = True
+        self.asked, self.lasts, self.number = True, lasts, self.number + 1
 
         def make(guard):
             yield Progress(name)
-            self.told_until = None if lasts is None else self.world.now() + lasts + 2.0
             task = do(guard)
             if task is not None:
                 yield from task
@@ -538,11 +539,11 @@ class Evening:
         self.line.order(name, make)
         self.counts[name] += 1
         end = self.world.now() + 400.0
+        self.killed = False
         while self.asked and self.running is not None and self.world.now() < end:
             self.turn(TURN_S)
-        self.asked = False
-        if lasts is not None:
-            self.turn(lasts)
+        self.asked = self.killed = False
+        self.turn(0.0 if lasts is None else 3.0)
 
     # the steps
 
@@ -596,7 +597,6 @@ class Evening:
         telescope.power_off()
         if carried:
             telescope.carry_home()
-            self._before = self._altitude()
         if self.plan.driver == "skywatcher":
             for one in self.far_end.motors:
                 one.set_steps(0x800000)
@@ -710,9 +710,7 @@ class Evening:
         self._meanwhile(c, d)
         hour, sine = 300.0 * (a - 0.5), -0.5 + 1.5 * b
         dec = float(np.degrees(np.arcsin(sine))) * np.sign(self.site.latitude_deg)
-        self.killed = False
         self._goto((self.telescope.sidereal_deg() - hour) % 360.0, dec)
-        self._after()
 
     def _goto(self, ra, dec):
         def do(guard):
@@ -734,28 +732,17 @@ class Evening:
                 raise Killed
             yield progress
 
-    def _after(self):
-        self.killed = False
-
-    def do_nudge(self, a, b, c, d, e, *_):
-        direction, rate = list(Direction)[int(4 * a)], float([0.02, 0.1, 0.5, 2.0, 4.0][int(5 * b)])
+    def do_nudge(self, a, b, c, d, e, f):
+        """By an angle, as the arrows of the window do; in a third at a rate that a person has chosen."""
+        direction, rate = list(Direction)[int(4 * a)], float([0.02, 0.1, 0.5, 2.0, 4.0][int(5 * b)]) * (f < 1.0 / 3.0)
         seconds = 0.2 + (30.0 if c > 0.8 else 5.0) * c
+        arcsec = 3600.0 * (rate * seconds if rate else 10.0 ** (4.0 * c - 3.0))
         self._meanwhile(d, e)
-        self.killed = False
 
         def do(guard):
-            guard.move(direction, rate, seconds)
-            return self._killable(self._waits(guard, seconds + 0.5))
+            return self._killable(nudge(guard, direction, arcsec, self.world.pass_time, rate))
 
-        self.order("nudge", do, seconds)
-        self._after()
-
-    def _waits(self, guard, seconds):
-        end, stops = self.world.now() + seconds, guard.stops
-        while self.world.now() < end:
-            guard.check_not_stopped(stops, "nudge")
-            self.world.pass_time(0.1)
-            yield Progress("nudging")
+        self.order("nudge", do, 4.0 * seconds if rate else 60.0)
 
     def do_pulse(self, a, b, *_):
         milliseconds = int(50 + 4000 * b)
@@ -767,15 +754,11 @@ class Evening:
 
     def do_park(self, a, b, *_):
         self._meanwhile(a, b)
-        self.killed = False
         self.order("park", lambda guard: self._killable(guard.rest("park")))
-        self._after()
 
     def do_home(self, a, b, *_):
         self._meanwhile(a, b)
-        self.killed = False
         self.order("home", lambda guard: self._killable(guard.rest("home")))
-        self._after()
 
     def do_unpark(self, *_):
         self.order("unpark", lambda guard: guard.unpark())
@@ -818,7 +801,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--show", action="store_true")
     given = parser.parse_args()
-    rows = {name: Counter() for name in RESPONDERS}
+    rows = {name: Counter() for name in MOUNTS}
     for seed in range(given.first, given.first + given.count):
         plan = planned(seed)
         evening = play(plan)

@@ -24,7 +24,7 @@ from kochab.gear.mounts.coordinates import (
     utc_of,
 )
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence, great_circle, turned
-from kochab.gear.mounts.motion_policy import MotionPolicy, with_paths
+from kochab.gear.mounts.motion_policy import MotionPolicy, leaving_home, with_paths
 from kochab.gear.mounts.slew_supervisor import SupervisedMotion, allowed_region, may_flip, slew_limit_s
 from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, at, guarded
 
@@ -390,7 +390,7 @@ def test_a_move_lasts_a_minute_and_a_quarter_circle_at_most(rate, seconds, refus
 
 @pytest.mark.parametrize("latitude", [50.0, -35.0])
 def test_a_flip_that_is_allowed_may_go_over_the_pole_that_is_up(latitude) -> None:
-    """Three ways across the meridian of a mount that tells its pier side; else two."""
+    """Three ways across the meridian, too where a mount does not tell its side; two of a fork and of one that stays."""
     up = np.sign(latitude)
     ends = (-20.0, up * 40.0), (20.0, up * 30.0)
     site = Site(latitude, SITE.longitude_deg)
@@ -398,7 +398,7 @@ def test_a_flip_that_is_allowed_may_go_over_the_pole_that_is_up(latitude) -> Non
     def ways(side=PierSide.WEST, ends=ends, site=site, **limits):
         state = replace(READY, pier_side=side)
         plan = policy(site=site, **limits).plan("goto", here(*ends[0]), state, at(*ends[1]))
-        return with_paths(plan).paths
+        return with_paths(leaving_home(plan)).paths
 
     *_, over = ways(allow_flip=True)
     assert np.max(over[:, 2] * up) > np.cos(np.radians(1.0))
@@ -407,7 +407,9 @@ def test_a_flip_that_is_allowed_may_go_over_the_pole_that_is_up(latitude) -> Non
     assert apart_deg(radec_deg(over[-1]), at(*ends[1])) < 0.01
     assert len(ways(allow_flip=True)) == 3
     assert len(ways()) == 2
-    assert len(ways(side=None, allow_flip=True)) == 2
+    assert len(ways(side=None, allow_flip=True)) == len(ways(side=None)) == 3
+    assert len(ways(side=None, crosses_meridian=True)) == 2
+    assert len(ways(side=None, ends=((-90.0, up * 90.0), ends[1]))) == 2
     assert len(ways(ends=(ends[0], (-25.0, up * 30.0)), allow_flip=True)) == 2
     assert len(ways(site=None, allow_flip=True)) == 2
 

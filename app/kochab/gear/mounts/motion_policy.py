@@ -435,15 +435,11 @@ def leaving_home(plan: Plan) -> Plan:
 
 
 def with_paths(plan: Plan, flip: bool = False) -> Plan:
-    """The paths a slew may take; over the pole only when a flip is allowed and due, or asked for."""
-    start, target = plan.start_deg, plan.target_deg
+    """The paths a slew may take; over the pole where a ``flip`` is asked for, or due and allowed or not told."""
+    start, target, limits = plan.start_deg, plan.target_deg, plan.limits
     paths = [great_circle(start, target), by_axes(start, target)]
-    if (
-        plan.site is not None
-        and plan.limits.allow_flip
-        and plan.state.pier_side is not None
-        and (flip or crosses(plan))
-    ):
+    due = crosses(plan) and (limits.allow_flip or plan.state.pier_side is None)
+    if plan.site is not None and (flip or due) and not (limits.crosses_meridian or plan.from_home):
         paths.append(over_the_pole(start, target, plan.site.latitude_deg >= 0.0))
     return replace(plan, paths=tuple(paths))
 

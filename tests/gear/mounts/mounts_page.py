@@ -1,0 +1,125 @@
+"""The page of mounts, from the drivers' own tables: ``python -m tests.gear.mounts.mounts_page`` writes it."""
+
+from pathlib import Path
+
+from kochab.core.mount import Ability
+from kochab.gear.mounts import DRIVERS, SERVERS
+from tests.gear.mounts.bench import simulated
+from tests.gear.mounts.sequences import MOUNTS
+from tests.gear.mounts.test_real_transcripts import ELSEWHERE, PLAYED
+from tests.patterns import REPOSITORY
+from tests.simulate.test_indi import FAMILIES, GOTO_ONLY, SYNC_ONLY
+
+PAGE = Path(REPOSITORY) / "app" / "MOUNTS.md"
+WORDS = {
+    "sync": (Ability.SYNC,),
+    "goto": (Ability.GOTO,),
+    "guide pulse": (Ability.PULSE,),
+    "move": (Ability.MOVE,),
+    "tracking on and off": (Ability.TRACKING,),
+    "lunar and solar rate": (Ability.LUNAR, Ability.SOLAR),
+    "park": (Ability.PARK,),
+    "unpark": (Ability.UNPARK,),
+    "home": (Ability.HOME,),
+    "tells site and time": (Ability.SITE, Ability.TIME),
+    "takes site and time": (Ability.SET_SITE, Ability.SET_CLOCK),
+}
+"""What the table says, and the abilities it stands for."""
+EXCHANGES = {
+    "lx200": (1, 15),
+    "onstep": (20, 29),
+    "am5": (30, 36),
+    "10micron": (40, 44),
+    "ioptron": (50, 57),
+    "nexstar": (60, 64),
+    "synscan": (70, 72),
+    "skywatcher": (80, 98),
+    "astrophysics": (120, 120),
+    "gemini": (125, 126),
+}
+"""Driver -> first and last number of its family in the collection of real exchanges; L2A and L2B are OnStep's too."""
+HEAD = """# Which mounts, and how each was tried
+
+**No real telescope has met Kochab yet.** What stands here is what was tried instead. `--driver` names the first column; without it
+Kochab asks the port who is there. `python -m tests.gear.mounts.mounts_page` writes this page from the drivers' own tables, and a test
+fails when they differ.
+
+| driver | mounts | line | what it can do | how it was tried |
+| --- | --- | --- | --- | --- |
+"""
+TAIL = """
+What is not in a row the mount, or its language, cannot do, or no source tells how; Kochab then says so and sends nothing. Every driver
+moves behind the same guard: horizon, Sun, meridian, length, read-back, Stop.
+
+- **Real exchanges:** what real mounts sent and answered to other programs, in logs and owners' reports, played back to the driver byte
+  for byte (`tests/gear/mounts/test_real_transcripts.py`, which names each by its number, and those that no driver could meet).
+- **INDI's own driver:** written by others, it syncs our simulated mount, slews it and reads it back (`tests/simulate/test_indi.py`).
+- **Simulator:** ours, written from the maker's protocol document and from what INDI's drivers expect, never from our driver
+  (`kochab/simulate/responders`, `tests/simulate/dialects.py`). Where a row names nothing else, only our reading of a document stands behind it.
+- **Random evenings:** connect, power cycle, another program, sync, goto, flip, nudge, tracking, park, home, Stop, a pulled cable, silence
+  and `kill -9` in random order, while the simulator's mechanical axes are watched: `python -m tests.gear.mounts.sequences 2000`, and
+  `python -m tests.gear.mounts.indi_sequences 60` at INDI's telescope simulator and at EQMod's simulated board.
+  They cannot know a mount that was switched off and on where it stands *before* Kochab connects: it says that it is at home, and nothing
+  in its language tells otherwise. Sync on a solved frame first.
+- **Not tried at all:** alt-azimuth mounts without a hand control, Vixen's Star Book, Celestron's AUX bus and Wi-Fi. They have no driver.
+"""
+
+
+def line(name):
+    """Where the mount is reached."""
+    if name in SERVERS:
+        return {"indi": "INDI server, port 7624", "alpaca": "Alpaca server, found by discovery"}[name]
+    driver = DRIVERS.load(name)
+    told = [f"serial, {' or '.join(map(str, driver.bauds))} baud"]
+    if name == "skywatcher":
+        told.append("UDP 11880 (Wi-Fi)")
+    elif driver.tcp_port:
+        told.append(f"TCP, usually {driver.tcp_port}")
+    return "; ".join(told)
+
+
+def can(name):
+    """What its driver finds at a simulated mount."""
+    if name in SERVERS:
+        return "what the server's driver offers"
+    with simulated(name) as bench:
+        mount = bench.open()
+        lacks, state = set(mount.lacks), mount.state()
+        mount.close()
+    told = [word for word, abilities in WORDS.items() if not lacks & set(abilities)]
+    told += ["tells its pier side"] if state.pier_side is not None else []
+    return ", ".join(told)
+
+
+def tried(name):
+    """By whose hands, the strongest first."""
+    told = []
+    first, last = EXCHANGES.get(name, (1, 0))
+    numbers = {f"L{n:02d}" for n in range(first, last + 1)} | ({"L2A", "L2B"} if name == "onstep" else set())
+    if count := len(numbers & (PLAYED | ELSEWHERE.keys())):
+        told.append(f"{count} real exchange{'s' if count > 1 else ''}")
+    if name == "indi":
+        told.append("INDI's telescope simulator, its EQMod with its simulated board, its LX200 and iOptron drivers")
+    if name == "alpaca":
+        told.append("a server of ours, written from ASCOM's reference")
+    for program, (_, far_end) in FAMILIES.items():
+        if far_end == name:
+            only = " (goto only)" if program in GOTO_ONLY else " (sync only)" if program in SYNC_ONLY else ""
+            told.append(f"`{program}` drives its simulator{only}")
+    if name in MOUNTS:
+        told.append("random evenings at its simulator")
+    elif name == "indi":
+        told.append("random evenings")
+    return "; ".join(told)
+
+
+def page():
+    """All of it."""
+    rows = [
+        f"| `{name}` | {DRIVERS.load(name).title} | {line(name)} | {can(name)} | {tried(name)} |" for name in DRIVERS
+    ]
+    return HEAD + "\n".join(rows) + "\n" + TAIL
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
