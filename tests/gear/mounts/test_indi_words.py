@@ -1,10 +1,11 @@
 """What a mount behind INDI is told and asked, by INDI's standard properties, with no server behind it."""
 
+from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
-from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, PierSide, TrackingRate
 from kochab.gear.mounts.drivers import indi
@@ -133,10 +134,17 @@ def test_what_a_driver_does_not_show_it_cannot_do(scope, vector, lacking) -> Non
     assert set(scope()[0].lacks) == always
     mount, link = scope(**{vector: None})
     assert set(mount.lacks) == always | lacking
-    for ability, order in ((Ability.PULSE, lambda: mount.pulse(Direction.EAST, 9)), (Ability.PARK, mount.park)):
-        if ability in lacking:
-            with pytest.raises(RefusedError, match=f"Scope has no {vector}"):
-                order()
+    orders = {
+        Ability.SYNC: lambda: mount.sync(1.0, 2.0),
+        Ability.GOTO: lambda: mount.goto(1.0, 2.0),
+        Ability.PULSE: lambda: mount.pulse(Direction.EAST, 9),
+        Ability.MOVE: lambda: mount.move(Direction.EAST, 0.1, 9.0),
+        Ability.PARK: mount.park,
+        Ability.UNPARK: mount.unpark,
+    }
+    for ability in orders.keys() & lacking:
+        with pytest.raises(RefusedError, match=f"Scope has no {vector}"):
+            orders[ability]()
     assert not link.sent
 
 
@@ -188,16 +196,17 @@ def test_while_it_moves_and_three_seconds_after_its_next_report_is_waited_for(sc
     mount.position()
     assert link.waits == pytest.approx([1.3])
     link.states[COORD] = "Ok"
-    for begin in (
-        mount.park,
-        mount.stop,
-        lambda: mount.move(Direction.NORTH, 1.0, 0.0),
-        lambda: mount.pulse(Direction.NORTH, 0),
+    for begin, lasts_s in (
+        (mount.park, 0.0),
+        (mount.stop, 0.0),
+        (lambda: mount.goto(82.5, -12.25), 0.0),
+        (lambda: mount.move(Direction.NORTH, 1.0, 20.0), 20.0),
+        (lambda: mount.pulse(Direction.NORTH, 2000), 2.0),
     ):
         link.waits.clear()
         begin()
         mount.watchdog.disarm()
-        link.now[0] += 2.9
+        link.now[0] += lasts_s + 2.9
         mount.position()
         assert len(link.waits) == 1
         link.now[0] += 0.2
@@ -319,6 +328,55 @@ def test_a_goto_that_does_not_begin_is_refused_unless_it_is_there(scope, off_deg
         assert link.waits == [5.0]
         link.vectors["ON_COORD_SET"] = {"SYNC": "On"}
         mount.sync(82.5, -12.25 + off_deg)  # the guard reads it back
+
+
+@pytest.mark.parametrize(
+    ("ability", "answer", "waits"),
+    [
+        ("goto", "Busy", []),
+        ("goto", "Alert", []),
+        ("sync", "Alert", []),
+        ("sync", "Busy", [5.0]),
+        ("sync", "Ok", [5.0]),
+    ],
+)
+def test_a_goto_is_taken_when_it_is_busy_and_a_sync_when_it_is_there(scope, ability, answer, waits) -> None:
+    mount, link = scope()
+    link.vectors["ON_COORD_SET"] = {ability.upper().replace("GOTO", "TRACK"): "On"}
+    link.answers[COORD], link.takes = answer, False
+    with pytest.raises(RefusedError) if answer == "Alert" else nullcontext():
+        getattr(mount, ability)(10.0, 20.0)
+    assert link.waits == waits
+
+
+@pytest.mark.parametrize(
+    ("order", "first", "last"),
+    [
+        (lambda m: m.goto(10.0, 20.0), "ON_COORD_SET", COORD),
+        (lambda m: m.move(Direction.NORTH, 3.0, 60.0), "TELESCOPE_SLEW_RATE", NS),
+    ],
+)
+def test_a_stop_between_two_words_lets_no_motion_begin(scope, monkeypatch, order, first, last) -> None:
+    mount, link = scope(ON_COORD_SET={"TRACK": "Off", "SYNC": "On"})
+    send = link.send
+
+    def stopped(device, vector, members):
+        send(device, vector, members)
+        if vector == first:
+            mount.stop()
+
+    monkeypatch.setattr(link, "send", stopped)
+    with pytest.raises(StoppedError):
+        order(mount)
+    assert last not in [vector for vector, _ in link.sent]
+
+
+def test_a_move_that_could_not_be_ended_is_told_before_the_next(scope) -> None:
+    mount, link = scope()
+    mount.watchdog.failure = NoAnswerError("It may still move.")
+    with pytest.raises(NoAnswerError, match="may still move"):
+        mount.move(Direction.NORTH, 0.1, 1.0)
+    assert not link.sent
 
 
 @pytest.mark.parametrize(
