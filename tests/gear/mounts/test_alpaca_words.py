@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
-from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
+from kochab.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, PierSide, TrackingRate
 from kochab.gear.mounts.drivers import alpaca
@@ -39,26 +39,27 @@ class Link:
     def __init__(self, **change):
         self.properties = {name: value for name, value in (USUAL | change).items() if value is not None}
         self.sent, self.limits, self.refused = [], [], set()
+        self.open = False
 
     def devices(self):
         return [(0, "Scope")]
 
     def get(self, path, query=None):
-        name = path.removeprefix("telescope/0/")
+        name, self.open = path.removeprefix("telescope/0/"), True
         if name not in self.properties:
             raise RefusedError(f"{name} is not implemented")
         value = self.properties[name]
         return value(query) if callable(value) else value
 
     def put(self, path, values, limit_s=None):
-        name = path.removeprefix("telescope/0/")
+        name, self.open = path.removeprefix("telescope/0/"), True
         if name in self.refused:
             raise RefusedError(f"{name} is refused")
         self.sent.append((name, values))
         self.limits.append(limit_s)
 
     def close(self):
-        pass
+        self.open = False
 
 
 @pytest.fixture
@@ -105,7 +106,7 @@ def test_what_its_driver_says_it_cannot_is_lacking(scope, change, lacking) -> No
         Ability.PARK: mount.park,
         Ability.HOME: mount.go_home,
     }
-    orders |= {Ability.UNPARK: mount.unpark}
+    orders |= {Ability.UNPARK: mount.unpark, Ability.GOTO: lambda: mount.goto(1.0, 2.0)}
     for ability in orders.keys() & mount.lacks.keys():
         with pytest.raises(RefusedError, match=mount.lacks[ability].split(" (")[0]):
             orders[ability]()
@@ -299,6 +300,46 @@ def test_tracking_is_its_rate_where_it_has_another_and_then_on_or_off(scope) -> 
         assert link.sent == sent
     with pytest.raises(RefusedError, match="no command for this rate"):
         scope(trackingrates=[0])[0].track(TrackingRate.LUNAR)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        lambda m: m.position(),
+        lambda m: m.state(),
+        lambda m: m.goto(1.0, 2.0),
+        lambda m: m.move(Direction.NORTH, 0.1, 1.0),
+        lambda m: m.stop(),
+        lambda m: m.close(),
+    ],
+)
+def test_every_exchange_has_a_connection_of_its_own(scope, order) -> None:
+    mount, link = scope(alignmentmode=2, destinationsideofpier=1)
+    order(mount)
+    assert not link.open
+
+
+@pytest.mark.parametrize("change", [{"sideofpier": None, "destinationsideofpier": 1}, {"destinationsideofpier": None}])
+def test_a_german_mount_that_does_not_tell_its_sides_is_not_moved(scope, change) -> None:
+    mount, link = scope(alignmentmode=2, **change)
+    with pytest.raises(RefusedError, match="would flip on this move"):
+        mount.move(Direction.NORTH, 0.5, 4.0)
+    assert not link.sent
+
+
+def test_a_stop_while_tracking_is_turned_on_lets_no_goto_begin(scope, monkeypatch) -> None:
+    mount, link = scope(tracking=False)
+    put = link.put
+
+    def stopped(path, values, *limit):
+        put(path, values, *limit)
+        if path.endswith("tracking"):
+            mount.stop()
+
+    monkeypatch.setattr(link, "put", stopped)
+    with pytest.raises(StoppedError):
+        mount.goto(1.0, 2.0)
+    assert "slewtocoordinatesasync" not in [name for name, _ in link.sent]
 
 
 def test_after_it_was_closed_nothing_is_asked(scope) -> None:
