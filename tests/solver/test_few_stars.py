@@ -222,6 +222,21 @@ def test_the_bound_counts_every_pair_and_the_farthest_witness(monkeypatch) -> No
     assert found.log10_false_alarm == pytest.approx(np.log10(found.candidates) + 3.0 * np.log10(chance), abs=0.15)
 
 
+def test_the_crowd_is_counted_about_the_middle_of_the_frame(monkeypatch) -> None:
+    """Of the three that bear witness, among all stars where they should be."""
+    asked = []
+    monkeypatch.setattr("kochab.identification.verification.crowding", lambda *told: asked.append(told) or 1.0)
+    detections = orion()
+    hint = Hint(scale_arcsec_px=(0.99 * SCALE, 1.01 * SCALE), centre_deg=(84.0, 0.0, 1.0))
+    assert identify_few(detections, hint, open_catalogue(), YEAR)
+    _, others = base_of(detections.xy)
+    ((seen, stars, half, density),) = asked
+    np.testing.assert_allclose(seen, detections.xy[others] - [300.0, 225.0])
+    assert np.linalg.norm(seen[:, None] - stars, axis=2).min(axis=1).max() < 1.0
+    assert len(stars) > 5
+    assert (half.tolist(), density) == ([300.0, 225.0], pytest.approx(1.6 * 5 / (600 * 450)))
+
+
 class Neighbours:
     """Five stars where a frame shows them, and a brighter one beside one of the witnesses."""
 

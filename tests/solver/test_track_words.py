@@ -274,6 +274,17 @@ def test_a_profile_that_three_frames_in_a_row_contradict_starts_anew() -> None:
     assert held.camera.focal_px == pytest.approx(3030.0, rel=1e-4)
 
 
+def test_a_profile_that_has_started_anew_takes_three_contradictions_again() -> None:
+    held = TrackedCamera(learned())
+    wrong, third = (stars_of(replace(CAMERA, focal_px=focal), 60) for focal in (3030.0, 3060.0))
+    for stars, frames in ((wrong, 30), (wrong, 30), (wrong, 1), (third, 1), (third, 1)):
+        assert "off" in held.learn(*stars, SURE, 0.1)
+        assert held.profile.frames == frames
+    assert held.camera.focal_px == pytest.approx(3030.0, rel=1e-4)
+    held.learn(*third, SURE, 0.1)
+    assert held.camera.focal_px == pytest.approx(3060.0, rel=1e-4)
+
+
 def test_a_frame_that_contradicts_keeps_its_own_camera_and_one_that_agrees_takes_the_profiles() -> None:
     other = replace(CAMERA, focal_px=3030.0)
     held = TrackedCamera(learned())
