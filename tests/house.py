@@ -29,6 +29,7 @@ ADDED = {
     "the meridian flip asked and watched": 100,
     "a nudge that ends by itself, a quick stop over the network, a park position below the limit": 110,
     "one model of what is wrong with a mount": 140,
+    "a pointing model for gotos, a spiral search, why a mount stopped": 460,
     "frames out of focus known by their discs": 125,
     "a window around the image, a film strip that solves many files": 400,
     "eight makes' dialects of LX200, StarSense, iOptron's present models": 400,

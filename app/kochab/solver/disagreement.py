@@ -87,12 +87,16 @@ class Seen:
 
     def in_axes(self, places: Floats, alt_azimuth: bool) -> Floats:
         """Directions (N, 3) in the mount's axes: x where the second axis is level, y east, z along the first."""
-        vectors = unit_vectors(places[:, 0] - self.sidereal, places[:, 1])
-        if not alt_azimuth or self.site is None:
-            return vectors
-        tilt = radians(90.0 - self.site.latitude_deg)
-        c, s = np.cos(tilt), np.sin(tilt)
-        return np.asarray(vectors @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]))
+        return np.asarray(unit_vectors(places[:, 0] - self.sidereal, places[:, 1]) @ axes_of(self.site, alt_azimuth))
+
+
+def axes_of(site: Site | None, alt_azimuth: bool) -> Floats:
+    """The mount's axes, columns of (3, 3), in those of hour angle and declination."""
+    if not alt_azimuth or site is None:
+        return np.eye(3)
+    tilt = radians(90.0 - site.latitude_deg)
+    c, s = cos(tilt), sin(tilt)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 Say = Callable[[Seen], Floats]
@@ -194,6 +198,7 @@ def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
 
 STEPS = 3  # of Gauss and Newton, as turns by degrees are not quite linear
 FARTHEST_DEG = 15.0
+NARROW = 0.05  # the cosine beside the pole, where the first axis says nothing
 
 
 def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
@@ -230,13 +235,12 @@ def residuals(terms: Floats, there: Floats, said: Floats, side: Floats) -> tuple
     ``there`` and ``said`` (N, 3) are in the mount's axes. The terms: both axes' offsets, the turn about x and y,
     and the cone, which adds to the first axis on one ``side`` and takes away on the other.
     """
-    turn = np.radians([*terms[2:4], 0.0])
-    there = there - np.cross(turn, there) + 0.5 * np.cross(turn, np.cross(turn, there))
+    there = turned(there, terms)
     (lon, lat), (at, high) = (
         (np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))) for v in (there, said)
     )
     level = np.cos(high)
-    narrow = np.maximum(np.cos(lat), 0.05)
+    narrow = np.maximum(np.cos(lat), NARROW)
     first = terms[0] + terms[4] * side / narrow
     off = np.stack([wrapped(np.degrees(at - lon) - first) * level, np.degrees(high - lat) - terms[1]], axis=1)
     slopes = np.zeros((len(there), 2, 5))
@@ -247,6 +251,12 @@ def residuals(terms: Floats, there: Floats, said: Floats, side: Floats) -> tuple
         moved = np.cross(there, about)
         slopes[:, 0, k], slopes[:, 1, k] = (moved * east).sum(axis=1) * level / narrow, (moved * north).sum(axis=1)
     return off, slopes
+
+
+def turned(there: Floats, terms: Floats) -> Floats:
+    """Directions (..., 3) as a first axis sees them that leans by two of the terms."""
+    turn = np.radians([*terms[2:4], 0.0])
+    return np.asarray(there - np.cross(turn, there) + 0.5 * np.cross(turn, np.cross(turn, there)))
 
 
 def _unknown(offset_deg: float) -> float:

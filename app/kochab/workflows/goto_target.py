@@ -145,8 +145,21 @@ def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep, flip: boo
     Raises RefusedError when the guard or the mount refuses; one sentence.
     """
     yield Progress("goto", 0.0, target.name)
-    yield from mount.slew(*mount.to_mount(target.ra_deg, target.dec_deg), flip)
+    yield from mount.slew(*aimed(mount, target, flip), flip)
     return (yield from settled(mount, wait))
+
+
+def aimed(mount: Guard, target: Target, flip: bool = False) -> tuple[float, float]:
+    """Where to send the mount: the target in its own coordinates, by the pointing model that is in use.
+
+    Raises RefusedError when the target itself is not allowed, wherever the model would send the mount.
+    """
+    place, aim = mount.to_mount(target.ra_deg, target.dec_deg), mount.supervisor.aim
+    if aim is None:
+        return place
+    for refusal in mount.policy.goto(mount.position(), mount.state(), place, flip)[1].refusals:
+        raise RefusedError(refusal)
+    return aim(place, mount.clock())
 
 
 def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -> Task[Pointing]:

@@ -1,5 +1,7 @@
 """The table of dialects: what each make is sent and what its answers mean, by its documents and by real exchanges."""
 
+from dataclasses import replace
+
 import pytest
 
 from kochab.core.errors import NoAnswerError, RefusedError
@@ -186,6 +188,26 @@ def test_an_old_onstep_is_read_and_sent_in_whole_seconds_and_a_new_one_finely() 
         m.goto(*TARGET)
         here = m.position()
         assert (here.ra_deg, here.dec_deg) == pytest.approx(TARGET, abs=1e-6)
+
+
+def test_why_an_onstep_stopped_on_its_way_is_told() -> None:
+    from kochab.core.progress import run
+    from kochab.gear.mounts.guard import Guard
+    from tests.gear.mounts.bench import LIMITS, SITE, simulated
+    from tests.gear.mounts.bench import place as at
+
+    with simulated("onstep", slew_deg_s=2.0) as bench:
+        mount = bench.open()
+        guard = Guard(mount, SITE, LIMITS, clock=bench.clock)
+        slew = guard.slew(*at(-60.0, 50.0, bench.clock))
+        for _ in range(3):
+            next(slew)
+        bench.telescope.stop()
+        state = mount.state
+        mount.state = lambda: replace(state(), fault=lx200.parse_flags(b"NpEW267#").fault)
+        with pytest.raises(RefusedError, match=r"deg from its target: the meridian limit\."):
+            run(slew)
+        mount.close()
 
 
 # -- StarSense, and forks -----------------------------------------------------------------------------

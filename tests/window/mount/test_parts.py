@@ -78,7 +78,19 @@ def test_parked_busy_and_blind_have_their_own_reasons():
 def test_while_a_hand_turns_the_axis_only_that_axis_may_turn():
     told = reasons_against(replace(ON, by_hand=True))
     held = {name for name, reason in told.items() if reason == why.BY_HAND}
-    assert held == {"goto", "centre", "bring", "sync", "nudge dec", "accept", "park", "home", why.POLAR}
+    assert held == {
+        "goto",
+        "centre",
+        "bring",
+        "flip",
+        "sync",
+        "nudge dec",
+        "accept",
+        "park",
+        "home",
+        "spiral",
+        why.POLAR,
+    }
     assert not any(told[name] for name in ("nudge", "take", "track off", "undo", "why", "stop"))
 
 

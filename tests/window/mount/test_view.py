@@ -1,6 +1,7 @@
 """The Mount view over a simulated telescope: what is shown, asked for, refused, lost and stopped."""
 
 import threading
+from dataclasses import replace
 from datetime import timedelta
 
 import numpy as np
@@ -505,3 +506,32 @@ def picture(widget):
     image = widget.grab().toImage().convertToFormat(widget.grab().toImage().Format.Format_RGB32)
     bits = np.frombuffer(image.constBits(), np.uint8).copy()
     return bits.reshape(image.height(), image.bytesPerLine() // 4, 4)[:, : image.width(), :3]
+
+
+def test_a_pointing_model_is_made_of_what_diagnose_has_seen_and_ends_with_a_sync(qtbot, opened):
+    from tests.solver.faulty_mounts import sightings
+    from tests.solver.test_pointing_model import bad_mount
+
+    _, commands = opened
+    with connected(qtbot, commands, "onstep") as mount:
+        mount.view.model.click()
+        qtbot.waitUntil(lambda: "needs 4 sightings" in mount.view.message.text(), timeout=10_000)
+        faulty, rng = bad_mount(2)
+        seen = sightings(faulty, 6, rng, sides=True)
+        late = mount.opening.guard.clock() - max(one.time_utc for one in seen)
+        mount.control.sightings = tuple(replace(one, time_utc=one.time_utc + late) for one in seen)
+        mount.view.model.click()
+        qtbot.waitUntil(lambda: "aimed by a pointing model" in mount.view.message.text(), timeout=10_000)
+        assert mount.opening.guard.supervisor.aim is not None
+
+
+def test_a_spiral_search_is_one_press_and_stop_ends_it(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, "onstep") as mount:
+        mount.telescope.log.clear()
+        mount.view.spiral.click()
+        qtbot.waitUntil(lambda: any(entry[0] == "goto" for entry in mount.telescope.log), timeout=10_000)
+        mount.view.stop.click()
+        qtbot.waitUntil(lambda: at_rest(mount), timeout=10_000)
+        count = len([entry for entry in mount.telescope.log if entry[0] == "goto"])
+        assert count < 24

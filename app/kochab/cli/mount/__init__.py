@@ -35,6 +35,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "centre": ("pointing:add_centre", ACTIONS["centre"].help),
     "recover": ("recover:add_recover", ACTIONS["recover"].help),
     "disagree": ("recover:add_disagree", ACTIONS["why"].help),
+    "model": ("model:add_model", ACTIONS["model"].help),
+    "spiral": ("model:add_spiral", ACTIONS["spiral"].help),
 }
 """Action -> the function of this package that adds its parser, called with (actions, name, help)."""
 

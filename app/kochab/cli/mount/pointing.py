@@ -3,6 +3,7 @@
 import argparse
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import add_camera, add_line_options, guarded_mount, mount_frames, preview_lines
@@ -13,6 +14,7 @@ from kochab.core.errors import UsageError
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard
+    from kochab.solver.pointing_model import PointingModel
     from kochab.workflows.centre_target import Centring
     from kochab.workflows.goto_target import Target
 
@@ -48,15 +50,22 @@ def add_sync_or_goto(actions: "argparse._SubParsersAction[Any]", name: str, text
     moves = ("yes", "no-site", "allow-flip", "trust-mount") if name == "goto" else ("yes", "no-site", "trust-mount")
     add_line_options(parser, run_sync_or_goto, moves)
     parser.set_defaults(arm=False)
+    if name == "goto":
+        parser.add_argument("--model", type=Path, metavar="FILE", help="aim by this file of `kochab mount model`")
     if name == "sync":
         parser.add_argument("--arm", "--armed", dest="arm", action="store_true", help="even beyond 20 deg")
 
 
 def run_sync_or_goto(args: argparse.Namespace) -> int:
     """Preview; then, when asked and allowed, do it and tell where the mount is."""
-    wanted = target(args)
+    from kochab.workflows.goto_target import aimed
+    from kochab.workflows.pointing_model import use_model
+
+    wanted, model = target(args), _model(args)
     with guarded_mount(args) as guard:
-        there = guard.to_mount(wanted.ra_deg, wanted.dec_deg)
+        if model is not None:
+            use_model(guard, model)
+        there = aimed(guard, wanted)
         guard.armed = args.arm
         preview = guard.preview_goto(*there) if args.action == "goto" else guard.preview_sync(*there, by_hand=True)
         if args.yes:
@@ -88,6 +97,16 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
     ]
     tell(told, "\n".join(lines), args.json)
     return 0
+
+
+def _model(args: argparse.Namespace) -> "PointingModel | None":
+    """The pointing model that a goto is given."""
+    if args.action != "goto" or args.model is None:
+        return None
+    from kochab.solver.pointing_model import fit_model
+    from kochab.workflows.pointing_model import load_sightings
+
+    return fit_model(load_sightings(args.model))
 
 
 # -- ``kochab mount centre``: go there, look, correct, until the target is in the middle -------

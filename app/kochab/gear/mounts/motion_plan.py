@@ -218,6 +218,8 @@ def preview_of(
 # changes sides goes over the pole. A slew is allowed when all of them are.
 
 Degrees = tuple[float, float]
+Aim = Callable[[Degrees, datetime], Degrees]
+"""Where a mount is sent so that it points at a place, both in its own coordinates."""
 STEP_DEG = 1.0
 
 

@@ -17,7 +17,7 @@ from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
 from kochab.gear.mounts.emergency_stop import EmergencyStop
-from kochab.gear.mounts.motion_plan import Degrees, Plan, Severity
+from kochab.gear.mounts.motion_plan import Aim, Degrees, Plan, Severity
 from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy, crosses, horizon, sun
 
 RULES = (horizon, sun)
@@ -99,6 +99,7 @@ class SlewSupervisor:
 
     def __init__(self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy) -> None:
         self.strayed = ""  # why the last motion was stopped on its way
+        self.aim: Aim | None = None  # a pointing model's, while the mount's coordinates are those it was made in
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
         self._seen: tuple[Floats, float, datetime] | None = None  # where it stood, on both clocks
@@ -109,10 +110,11 @@ class SlewSupervisor:
 
     def forget(self) -> None:
         """Compare no more: the mount's coordinates are about to change by a sync."""
-        self._motion = self._seen = None
+        self._motion = self._seen = self.aim = None
 
     def reconnecting(self) -> None:
         """What stood when the line was lost stands there still, or was switched off and on meanwhile."""
+        self.aim = None
         moved = self._emergency.moving or self._emergency.unfinished
         self._seen = None if moved or self._seen is None else (self._seen[0], inf, datetime.max.replace(tzinfo=UTC))
 
@@ -193,7 +195,8 @@ class SlewSupervisor:
                     " Slew it away from the meridian, or flip it with its hand control."
                 )
             if idle >= IDLE:
-                raise RefusedError(f"The mount stopped {left:.1f} deg from its target.")
+                why = f": {state.fault}" if state.fault else ""
+                raise RefusedError(f"The mount stopped {left:.1f} deg from its target{why}.")
 
     def rest(self, action: str, limit_s: float) -> Task[None]:
         """Yield until the mount reports to be parked or at home, or where it does not report it stands still.

@@ -14,15 +14,19 @@ from kochab.gear.actions import action
 from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
 from kochab.gear.mounts.guard import Guard
 from kochab.solver.disagreement import Disagreement
+from kochab.solver.pointing_model import fit_model
 from kochab.window.mount.connection import MountControl
 from kochab.window.shell.views import Services
 from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed
 from kochab.workflows.goto_target import FlipQuestion, flip_mount, goto_typed
 from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge
+from kochab.workflows.pointing_model import use_model
 from kochab.workflows.recover_mount import why_they_disagree
+from kochab.workflows.spiral_search import spiral_search
 from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_by_hand
 
-MOST_SIGHTINGS = 6
+MOST_SIGHTINGS = 12
+SPIRAL_TURNS, SPIRAL_PAUSE_S, FIELD_DEG = 2, 4.0, 0.5
 SYNC_FIRST = "Use Sync… first to review it."
 
 
@@ -89,6 +93,30 @@ class MountActions(QObject):
         """Find the cause of the mount's offset."""
         solver, before = self._control.solver, self._control.sightings
         self._control.ask("why", lambda guard: why_they_disagree(guard, solver(guard), before))
+
+    def use_model(self) -> None:
+        """Aim gotos by a pointing model of the offsets seen since the last sync."""
+        sightings = self._control.sightings
+
+        def do(guard: Guard) -> Task[str]:
+            yield Progress("fitting")
+            model = fit_model(sightings)
+            use_model(guard, model)
+            return f"Gotos are aimed by a pointing model until the next sync. {model.lines()[-1]}"
+
+        self._control.ask("model", do)
+
+    def spiral(self) -> None:
+        """Search around where the mount points, two thirds of the frame's smaller side at a time."""
+        solution = self._control.solution
+        field = FIELD_DEG if solution is None else min(solution.camera.fov_deg)
+        step = min(field * 2.0 / 3.0, 2.0)
+
+        def do(guard: Guard) -> Task[str]:
+            yield from spiral_search(guard, step, SPIRAL_TURNS, SPIRAL_PAUSE_S)
+            return f"Searched {SPIRAL_TURNS * step:.1f}° around."
+
+        self._control.ask("spiral", do)
 
     def accept_sync(self, offer: SyncOffer) -> None:
         """Do a sync that was shown and accepted."""

@@ -194,6 +194,8 @@ def words_of(state: MountState) -> list[str]:
         words.append("home NOT CONFIRMED (the position is a guess)")
     if state.pier_side is not None:
         words.append(f"{state.pier_side} of the pier")
+    if state.fault:
+        words.append(f"STOPPED: {state.fault}")
     return words
 
 

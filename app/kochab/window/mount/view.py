@@ -41,6 +41,8 @@ MERIDIAN_TIP = (
     "alt-azimuth mount goes on without a flip."
 )
 DIAGNOSE_TIP = "Take a frame and find the cause of the offset: summer time, epoch, site, polar axis, cone error"
+MODEL_TIP = "Aim gotos by a model of the offsets that Diagnose has seen in four places or more, until the next sync"
+SPIRAL_TIP = "Not in the field? Search around here in a square spiral, two thirds of a field at a time; Stop ends it"
 RESTS = {
     "park": "Slew to the park position that is set in the mount, and stay there",
     "unpark": "Let a parked mount move again",
@@ -78,6 +80,8 @@ class MountView(Page):
         self.sync = ExplainedButton("Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main")
         self.undo = ExplainedButton("Undo sync", lambda: control.ask("undo", undo_sync), "Undo the last sync")
         self.diagnose = ExplainedButton("Diagnose", orders.diagnose, DIAGNOSE_TIP)
+        self.model = ExplainedButton("Pointing model", orders.use_model, MODEL_TIP)
+        self.spiral = ExplainedButton("Spiral search", orders.spiral, SPIRAL_TIP)
         self.bring = ExplainedButton(
             "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
         )
@@ -109,6 +113,8 @@ class MountView(Page):
             "centre": self.go.centre,
             "bring": self.bring,
             "why": self.diagnose,
+            "model": self.model,
+            "spiral": self.spiral,
             **self.rests,
             **self.settles,
             "stop": self.stop,
@@ -123,12 +129,14 @@ class MountView(Page):
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
     def _cards(self) -> QWidget:
-        frames = row(self.take, self.sync, self.undo, self.diagnose, None)
+        frames = column(row(self.take, self.sync, self.undo, None), row(self.diagnose, self.model, None))
         meridian = row(label("Meridian"), (self.meridian, 1))
         self.connection = _card(self.connect_box)
         self.doubted = _card(self.doubt, row(*self.settles.values(), self.trust, None))
         self.compared = _card(self.pointing, frames, self.camera)
-        self.moving = _card(self.go, meridian, row(*self.rests.values(), None), styled_frame("rule"), self.pad)
+        self.moving = _card(
+            self.go, meridian, row(*self.rests.values(), self.spiral, None), styled_frame("rule"), self.pad
+        )
         inside, top = page(), row((self.name, 1), self.leave)
         parts = (top, self.connection, self.doubted, self.compared, self.moving, None)
         column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))

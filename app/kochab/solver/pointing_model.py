@@ -1,0 +1,165 @@
+"""A pointing model: how far a mount is off everywhere, from frames solved in several places.
+
+Its terms are those of :mod:`kochab.solver.disagreement`: both axes' offsets, the lean of the first axis (2), the cone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from math import cos, hypot, radians, sqrt
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
+from kochab.core.errors import RefusedError
+from kochab.core.frame import Site
+from kochab.core.mount import Epoch
+from kochab.gear.mounts.coordinates import sidereal_deg
+from kochab.solver.disagreement import (
+    AXES,
+    BUILT,
+    CONES,
+    NARROW,
+    OFFSETS,
+    SET_UP,
+    SMALL,
+    Cause,
+    Degrees,
+    MountSighting,
+    Seen,
+    axes_of,
+    fit,
+    residuals,
+    turned,
+)
+
+FEWEST = 4  # sightings: eight numbers for five terms
+FARTHEST_DEG = 5.0  # beyond, a mount is to be aligned or synced
+FLOOR_DEG = 15.0 / 3600.0  # what mounts round to
+NAMES = {
+    False: (
+        "right ascension's offset",
+        "declination's offset",
+        "polar axis to the west",
+        "polar axis too high",
+        "cone",
+    ),
+    True: ("azimuth", "altitude", "base to the west", "base to the south", "cone"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PointingModel:
+    """What a mount says too much, with one sigma: five terms in degrees, by :func:`fit_model`.
+
+    ``before_arcsec`` and ``after_arcsec`` are root mean squares of the sightings it was made from, ``foretold_arcsec``
+    that of each by a model made from the others: what a goto can hope for.
+    """
+
+    terms_deg: tuple[float, ...]
+    sigmas_deg: tuple[float, ...]
+    alt_azimuth: bool
+    site: Site
+    epoch: Epoch
+    sightings: int
+    made_utc: datetime
+    before_arcsec: float
+    after_arcsec: float
+    foretold_arcsec: float
+
+    @property
+    def helps(self) -> bool:
+        """Whether it foretells places better than the mount does alone."""
+        return self.foretold_arcsec < self.before_arcsec
+
+    def lines(self) -> list[str]:
+        """Each term with its sigma, and what it is worth."""
+        south = -1.0 if self.site.latitude_deg < 0.0 and not self.alt_azimuth else 1.0  # of the other pole
+        signs = (1.0, 1.0, south, south, 1.0)
+        terms = (sign * term for sign, term in zip(signs, self.terms_deg, strict=True))
+        rows = zip(NAMES[self.alt_azimuth], terms, self.sigmas_deg, strict=True)
+        verdict = "" if self.helps else " It does not help: sync the mount instead."
+        return [
+            *(f"{name:22} {60.0 * term:+8.2f}′ ± {60.0 * sigma:.2f}′" for name, term, sigma in rows),
+            f"{self.sightings} sightings are off by {self.before_arcsec / 60.0:.1f}′, with the model by "
+            f"{self.after_arcsec / 60.0:.1f}′; a new place by about {self.foretold_arcsec / 60.0:.1f}′.{verdict}",
+        ]
+
+    def aim(self, place_deg: Degrees, time_utc: datetime) -> Degrees:
+        """Where to send the mount, in its own coordinates, so that it points at ``place_deg``, in the same.
+
+        Raises `RefusedError` when that is farther than five degrees away, or beyond a pole.
+        """
+        said = said_at(self, place_deg, sidereal_deg(self.site, time_utc))
+        away = apart_deg(said, place_deg)
+        if not away <= FARTHEST_DEG:
+            raise RefusedError(f"The pointing model would shift this goto by {away:.1f}°, more than {FARTHEST_DEG:g}°.")
+        return said
+
+
+def said_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> Degrees:
+    """What the mount says when it points at a place, at this local sidereal time, degrees."""
+    terms, axes = np.asarray(model.terms_deg), axes_of(model.site, model.alt_azimuth)
+    there = unit_vectors(place_deg[0] - sidereal, place_deg[1]) @ axes
+    lon, lat = radec_deg(turned(there, terms))
+    west = (sidereal - place_deg[0]) % 360.0 < 180.0
+    cone = terms[4] / max(cos(radians(lat)), NARROW) * (1.0 if model.alt_azimuth or west else -1.0)
+    ra, dec = radec_deg(unit_vectors(lon + terms[0] + cone, lat + terms[1]) @ axes.T)
+    return (ra + sidereal) % 360.0, dec
+
+
+def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
+    """The terms of a mount from four sightings or more; `RefusedError` says what is missing."""
+    if len(sightings) < FEWEST:
+        raise RefusedError(f"A pointing model needs {FEWEST} sightings far from each other, not {len(sightings)}.")
+    site = sightings[-1].site
+    if site is None:
+        raise RefusedError("A pointing model needs the site: set it first.")
+    alt_azimuth = bool(sightings[-1].alt_azimuth)
+    terms, left, seen = _fitted(sightings, alt_azimuth)
+    there = seen.in_axes(seen.expected, alt_azimuth)
+    said, side = seen.in_axes(seen.said, alt_azimuth), np.ones(len(there)) if alt_azimuth else seen.side
+    slopes = residuals(terms, there, said, side)[1].reshape(-1, 5)
+    freedom = max(1, left.size - 5)
+    noise = max(float(np.sqrt((left**2).sum() / freedom)), FLOOR_DEG)
+    covariance = np.linalg.inv(slopes.T @ slopes / noise**2 + np.diag(_cause(alt_azimuth).scales().max(axis=0) ** -2.0))
+    foretold = [_foretold(sightings, k, alt_azimuth) for k in range(len(sightings))]
+    before = [apart_deg(e, s) for e, s in zip(seen.expected, seen.said, strict=True)]
+    return PointingModel(
+        tuple(map(float, terms)),
+        tuple(map(float, np.sqrt(np.diag(covariance)))),
+        alt_azimuth,
+        site,
+        sightings[-1].said.epoch,
+        len(sightings),
+        sightings[-1].time_utc,
+        3600.0 * _rms(before),
+        3600.0 * _rms([hypot(*row) for row in left]),
+        3600.0 * _rms(foretold),
+    )
+
+
+def _cause(alt_azimuth: bool) -> Cause:
+    offset, axis, cone = (*SMALL, *OFFSETS), (*SET_UP, *AXES), (*BUILT, *CONES)
+    free = Cause("", "", lambda seen: seen.expected, 1.0, offset=offset, axis=axis, cone=cone, fitted=True)
+    return replace(free, alt_azimuth=alt_azimuth)
+
+
+def _fitted(sightings: Sequence[MountSighting], alt_azimuth: bool) -> tuple[Floats, Floats, Seen]:
+    seen = Seen(sightings)
+    _, terms, left = fit(seen, _cause(alt_azimuth))
+    return terms, left, seen
+
+
+def _foretold(sightings: Sequence[MountSighting], k: int, alt_azimuth: bool) -> float:
+    """How far off, degrees, sighting ``k`` is by a model made from the others."""
+    terms, _, _ = _fitted([s for j, s in enumerate(sightings) if j != k], alt_azimuth)
+    one = Seen([sightings[k]])
+    there, said = one.in_axes(one.expected, alt_azimuth), one.in_axes(one.said, alt_azimuth)
+    off, _ = residuals(terms, there, said, np.ones(1) if alt_azimuth else one.side)
+    return float(np.hypot(*off[0]))
+
+
+def _rms(values: Sequence[float]) -> float:
+    return sqrt(sum(value**2 for value in values) / len(values))

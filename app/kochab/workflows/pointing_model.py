@@ -1,0 +1,71 @@
+"""Collect sightings for a pointing model in a file, and use it for gotos until the mount's coordinates change."""
+
+import json
+from dataclasses import asdict, replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from kochab.core.errors import RefusedError, UsageError
+from kochab.core.frame import Site
+from kochab.core.mount import Epoch, PierSide, Pointing
+from kochab.frames.atomic_file import atomic_file
+from kochab.gear.mounts.guard import Guard
+from kochab.solver.disagreement import MountSighting
+from kochab.solver.pointing_model import PointingModel
+
+LASTS = timedelta(hours=16)  # a night: a mount is seldom still aligned the same way on the next
+
+
+def use_model(mount: Guard, model: PointingModel) -> None:
+    """Aim gotos by the model, until the next sync, or the line is opened again; `RefusedError` where it cannot hold."""
+    age = mount.clock() - model.made_utc
+    if not timedelta(0) <= age + timedelta(minutes=1) <= LASTS:
+        hours = age / timedelta(hours=1)
+        raise RefusedError(
+            f"The pointing model is {hours:.0f} h old, and the mount may have been set up anew: make another."
+        )
+    if model.epoch is not mount.epoch:
+        raise RefusedError(f"The pointing model is for coordinates {model.epoch}, the mount's are {mount.epoch}.")
+    if not model.helps:
+        raise RefusedError("The pointing model does not help: sync the mount instead.")
+    mount.supervisor.aim = model.aim
+
+
+def save_sightings(path: Path, sightings: list[MountSighting]) -> None:
+    """Write them whole or not at all."""
+    rows = [
+        {
+            "sky_deg": s.sky_deg,
+            "said_deg": (s.said.ra_deg, s.said.dec_deg),
+            "epoch": s.said.epoch,
+            "time_utc": s.time_utc.isoformat(),
+            "site": None if s.site is None else asdict(s.site),
+            "pier_side": s.pier_side,
+            "alt_azimuth": s.alt_azimuth,
+        }
+        for s in sightings
+    ]
+    with atomic_file(path) as part:
+        part.write_text(json.dumps({"sightings": rows}, indent=1), encoding="utf-8")
+
+
+def load_sightings(path: Path) -> list[MountSighting]:
+    """What :func:`save_sightings` has written, none where there is no file; `UsageError` when it is something else."""
+    if not path.exists():
+        return []
+    try:
+        return [_sighting(row) for row in json.loads(path.read_text("utf-8"))["sightings"]]
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise UsageError(f"{path} holds no sightings of a mount.") from error
+
+
+def _sighting(row: dict[str, Any]) -> MountSighting:
+    (ra, dec), (said_ra, said_dec) = (map(float, row[name]) for name in ("sky_deg", "said_deg"))
+    said = Pointing(said_ra % 360.0, said_dec, Epoch(row["epoch"]))
+    time_utc = datetime.fromisoformat(row["time_utc"])
+    if time_utc.tzinfo is None or max(abs(dec), abs(said_dec)) > 90.0:
+        raise ValueError(row)
+    seen = MountSighting((ra % 360.0, dec), said, time_utc, None if row["site"] is None else Site(**row["site"]))
+    side = None if row["pier_side"] is None else PierSide(row["pier_side"])
+    return replace(seen, pier_side=side, alt_azimuth=row["alt_azimuth"])

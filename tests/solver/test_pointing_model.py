@@ -1,0 +1,104 @@
+"""A pointing model made from some places, tried at others, on mounts made from axes and rotations with ERFA."""
+
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import apart_deg
+from kochab.core.errors import RefusedError
+from kochab.solver.pointing_model import FEWEST, fit_model
+from tests.solver.faulty_mounts import _tilt, make, sightings
+
+NEW = 6  # places that the model has not seen
+
+
+def bad_mount(seed, alt_azimuth=False):
+    """An axis that leans by a degree, both axes off by half of one, and a cone of 20 arcmin; 0.5 arcmin of noise."""
+    rng = np.random.default_rng(seed)
+    mount = make("base tilt" if alt_azimuth else "polar axis", rng)
+    mount.base, mount.offset, mount.noise = _tilt(rng, 1.0), tuple(rng.normal(0.0, 0.5, 2)), 0.5
+    mount.cone = 0.0 if alt_azimuth else 20.0 / 60.0
+    return mount, rng
+
+
+def pointing_errors_deg(mount, model, rng):
+    """How far from a place the telescope points after a goto to it, without the model and with it.
+
+    A goto sends the mount to where it is told; what it then says is that. So the telescope stands where a sighting says
+    just this: the place is wanted whose command is what the mount said, and the error is the command's from there.
+    """
+    plain, aimed = [], []
+    for seen in sightings(mount, NEW, rng, sides=True):
+        command = model.aim(seen.expected_deg, seen.time_utc)
+        said = seen.said.ra_deg, seen.said.dec_deg
+        plain.append(apart_deg(seen.expected_deg, said))
+        aimed.append(apart_deg(command, said))
+    return plain, aimed
+
+
+@pytest.mark.parametrize("alt_azimuth", [False, True])
+@pytest.mark.parametrize("count", [6, 10])
+def test_a_misaligned_mount_points_much_better_with_its_model(alt_azimuth, count) -> None:
+    """Over 12 mounts in both hemispheres."""
+    before, after = [], []
+    for seed in range(12):
+        mount, rng = bad_mount(seed, alt_azimuth)
+        model = fit_model(sightings(mount, count, rng, sides=True))
+        plain, aimed = pointing_errors_deg(mount, model, rng)
+        before, after = before + plain, after + aimed
+        assert model.helps
+    assert np.sqrt(np.mean(np.square(before))) * 60.0 > 30.0  # arcmin
+    assert np.sqrt(np.mean(np.square(after))) * 60.0 < 3.0
+
+
+def test_the_terms_are_those_of_the_mount_within_their_sigmas() -> None:
+    pulls = []
+    for seed in range(20):
+        mount, rng = bad_mount(seed)
+        model = fit_model(sightings(mount, 10, rng, sides=True))
+        leans = np.degrees(mount.base.as_rotvec()[:2])
+        pulls += list((np.array(model.terms_deg[2:4]) - leans) / np.array(model.sigmas_deg[2:4]))
+    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=0.5)
+    assert np.abs(pulls).max() < 5.0
+
+
+@pytest.mark.parametrize("north", [True, False])
+def test_a_polar_axis_that_is_too_high_is_called_so_in_both_hemispheres(north) -> None:
+    """The axis is turned in the meridian towards the zenith by a degree."""
+    from scipy.spatial.transform import Rotation
+
+    mount, rng = bad_mount(3)
+    mount.site = mount.believes = replace(mount.site, latitude_deg=45.0 if north else -45.0)
+    towards_zenith = 1.0 if north else -1.0  # of the end of the axis at the north pole
+    mount.base, mount.cone, mount.noise = Rotation.from_rotvec([0.0, np.radians(towards_zenith), 0.0]), 0.0, 0.01
+    lines = fit_model(sightings(mount, 10, rng, sides=True)).lines()
+    (high,) = (line.split()[4] for line in lines if line.startswith("polar axis too high"))
+    assert float(high.rstrip("′")) == pytest.approx(60.0, abs=1.0)
+
+
+def test_three_sightings_no_site_and_a_far_shift_are_refused() -> None:
+    mount, rng = bad_mount(1)
+    seen = sightings(mount, 8, rng, sides=True)
+    with pytest.raises(RefusedError, match=f"needs {FEWEST} sightings"):
+        fit_model(seen[:3])
+    with pytest.raises(RefusedError, match="needs the site"):
+        fit_model([replace(one, site=None) for one in seen])
+    model = fit_model(seen)
+    far = replace(model, terms_deg=(0.0, 6.0, 0.0, 0.0, 0.0))
+    with pytest.raises(RefusedError, match="shift this goto by 6"):
+        far.aim(seen[0].expected_deg, seen[0].time_utc)
+    assert apart_deg(model.aim(seen[0].expected_deg, seen[0].time_utc), seen[0].expected_deg) < 5.0
+
+
+def test_a_healthy_mount_gains_nothing_and_loses_nothing() -> None:
+    rng = np.random.default_rng(5)
+    mount = make("", rng)
+    mount.noise = 0.5
+    model = fit_model(sightings(mount, 8, rng, sides=True))
+    plain, aimed = pointing_errors_deg(mount, model, rng)
+    assert max(aimed) < max(plain) + 2.0 / 60.0
+    place = (100.0, 20.0)
+    later = model.made_utc + timedelta(hours=1)
+    assert apart_deg(model.aim(place, later), place) < 4.0 / 60.0
