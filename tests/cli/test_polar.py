@@ -243,8 +243,10 @@ def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
 def test_one_frame_elsewhere_is_no_second_sweep_and_nothing_is_promised(bent, capsys):
     _, first, second = bent
     code, out, _ = polar(capsys, *first, second[1])
-    assert code == 0
-    assert "note" in out
+    assert code == 1
+    assert out.startswith("Spoilt, don't turn a bolt. ")
+    assert "raise the axis" not in out
+    assert "lower the axis" not in out
     assert "of 2 sweeps" not in out
     assert "better" not in out
 
@@ -292,9 +294,14 @@ def test_a_folder_is_one_sentence(night, capsys, tmp_path):
 def test_a_wrong_site_is_doubted(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files, "--site", "-30,8")
-    assert code == 0
-    assert "note" in out
-    assert "below the horizon" in out or "from the pole" in out
+    assert code == 1
+    assert re.match("Spoilt, don't turn a bolt. .*(below the horizon|from the pole)", out)
+    code, out, _ = polar(capsys, *files, "--site", "-30,8", "--json")
+    told = json.loads(out)
+    assert (code, told["spoilt"]) == (1, True)
+    assert next(f["code"] for f in told["findings"] if f["spoils"]) in ("site_or_time", "far")
+    code, out, _ = polar(capsys, *files, "--json")
+    assert (code, json.loads(out)["spoilt"]) == (0, False)
 
 
 def test_a_file_that_is_not_there(capsys):

@@ -13,7 +13,7 @@ from kochab.core.progress import Progress, run
 from kochab.core.solution import NoSolution, Reason
 from kochab.lab.bench.polar_rig import ALIGN, follow, make_rig
 from kochab.polar.horizon import Refraction
-from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
+from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, measure_local
 from kochab.polar.plan import Optics, best_path, sweep_path
 from kochab.polar.sighting import Sighting, to_local
 from kochab.polar.tutor import BoltTutor, TutorStep
@@ -195,6 +195,28 @@ def test_a_frame_without_an_answer_keeps_the_last_error_and_says_so():
     assert len(lost) == 1
     assert lost[0].steady is not None
     assert "trailed" in lost[0].detail
+
+
+def test_no_bolt_is_turned_by_a_spoilt_measurement(monkeypatch):
+    """It is measured again; when it stays spoilt the alignment ends without an instruction."""
+    from kochab.workflows.polar import align as module
+
+    sky, real = rig(), module.measure_axis
+    spoils = PolarFinding(PolarFindingKind.DISAGREE, "Something slipped.", spoils=True)
+
+    def spoilt(*args):
+        found = yield from real(*args)
+        measurement = replace(found.measurement, findings=(spoils,))
+        return replace(found, measurement=measurement, findings=(spoils,))
+
+    monkeypatch.setattr(module, "measure_axis", spoilt)
+    updates = []
+    ended = run(module.align(sky, sky, sky.settings), updates.append)
+    told = [u for u in updates if isinstance(u, PolarUpdate)]
+    assert all(u.instruction is None for u in told)
+    assert (ended.good, ended.moves, ended.rounds) == (False, 0, module.MOST_ROUNDS)
+    assert told[-1].detail.startswith("Spoilt, don't turn a bolt. Something slipped.")
+    assert sum("Don't turn a bolt: measuring again." in u.detail for u in told) == module.MOST_ROUNDS - 1
 
 
 def test_a_large_move_measures_again():

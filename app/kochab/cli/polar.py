@@ -17,7 +17,7 @@ from kochab.core.solution import NoSolution
 from kochab.frames.outputs import refuse_overwriting
 from kochab.polar.error import altitude_in_words, azimuth_in_words, split_in_words, total_in_words
 from kochab.polar.horizon import Pole, Refraction, name_of
-from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.plan import more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
@@ -34,16 +34,6 @@ class UnusableFrame:
     code: int
 
 
-SPOILT = {
-    PolarFindingKind.FAR,
-    PolarFindingKind.SITE_OR_TIME,
-    PolarFindingKind.DEC_MOVED,
-    PolarFindingKind.CAMERA_TURNED,
-    PolarFindingKind.DISAGREE,
-}
-"""What must be put right first: nothing is better after it."""
-
-
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     """Add ``polar`` to the command line."""
     parser = subparsers.add_parser(
@@ -51,7 +41,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         description="Take frames while rotating RA only, by hand or by motor, anywhere in the sky,"
         " 30 degrees or more from first to last; tracking may be on or off. The uncertainty (1 sigma)"
         " is measurement and possible flexure; only a second sweep (--check) measures flexure. Exit"
-        " code: 0 measured, 1 a frame has no solution or there is no axis, 2 unusable input.",
+        " code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
+        " bolt by it), 2 unusable input.",
     )
     parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
     add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
@@ -111,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         history = History()
         history.measured(result)
         write_report(args.report, history)
-    return 0
+    return int(result.spoilt)
 
 
 def as_json(m: Measurement, doubts: Sequence[str] = ()) -> Json:
@@ -134,6 +125,8 @@ def as_json(m: Measurement, doubts: Sequence[str] = ()) -> Json:
         "frames": len(m.attitudes),
         "chi2": m.fit.chi2,
         "degrees_of_freedom": m.fit.freedom,
+        "spoilt": m.spoilt,
+        "findings": [{"code": f.kind.name.lower(), "spoils": f.spoils, "text": f.text} for f in m.findings],
         "warnings": [*(finding.text for finding in m.findings), *doubts],
     }
 
@@ -143,19 +136,24 @@ def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
     error = m.error
     sweeps = f" of {len(m.results)} sweeps" if len(m.results) > 1 else ""
     chi2 = f"; chi-square {m.fit.chi2:.1f} of {m.fit.freedom} expected" if m.fit.freedom > 0 else ""
+    bolts = [f"altitude  {altitude_in_words(error)}", f"azimuth   {azimuth_in_words(error)}"]
     lines = [
         f"{total_in_words(error)} from the {name_of(m.settings.pole, m.settings.site)}",
-        f"altitude  {altitude_in_words(error)}",
-        f"azimuth   {azimuth_in_words(error)}",
+        *([] if m.spoilt else bolts),
         f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
         f" {m.rho_deg:.0f} deg from the axis{chi2}",
         f"of the ±  {split_in_words(error)}",
     ]
-    if error.below_uncertainty:
+    if error.below_uncertainty and not m.spoilt:
         lines.append("stop      the error is within its uncertainty")
-    if not SPOILT & {finding.kind for finding in m.findings}:
+    if not m.spoilt:
         lines += _better(m)
-    notes = [*(finding.text for finding in m.findings), *doubts]
+    notes = [*(finding.text for finding in m.findings if not finding.spoils), *doubts]
+    if m.spoilt:
+        lines = [
+            "Spoilt, don't turn a bolt. " + " ".join(finding.text for finding in m.findings if finding.spoils),
+            *lines,
+        ]
     return "\n  ".join(lines + [f"note      {note}" for note in notes])
 
 

@@ -52,7 +52,8 @@ class AxisFit:
     ``axis`` (3,) in E, N, U points to the elevated pole's side. ``turns_rad`` (N,) are right-handed about it, from
     the first frame. ``reference`` (3, 3) is the first attitude as fitted. ``residuals`` (N, 3) rad about each
     camera's axes; ``weighted`` (N, 3) the same in sigmas. ``covariance`` (2, 2) rad^2 is of the axis along (altitude,
-    azimuth on the sky). ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a.
+    azimuth on the sky). ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a. ``moved``
+    counts the movements that were fitted as well.
     """
 
     axis: Floats
@@ -62,6 +63,7 @@ class AxisFit:
     weighted: Floats
     covariance: Floats
     camera_covariance: Floats
+    moved: int = 0
 
     @property
     def chi2(self) -> float:
@@ -70,8 +72,8 @@ class AxisFit:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom, 2 N - 4."""
-        return 2 * len(self.turns_rad) - 4
+        """Degrees of freedom, 2 N - 4, less one a movement."""
+        return 2 * len(self.turns_rad) - 4 - self.moved
 
     @property
     def chance(self) -> float:
@@ -186,7 +188,7 @@ def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, 
 # Frames of one sweep may only differ by turns about one axis. When chi-square says that they do
 # not, one more thing is assumed to have moved between two frames - the declination axis, or the
 # camera in its holder - and the axis is fitted again with that movement as another unknown. The
-# movement that leaves the least is named when it explains the rest.
+# movement that leaves the least is named when it explains the rest, and the axis is then the one that knows of it.
 
 UNLIKELY = 1e-3  # chi-squares less probable than this are not noise
 LEAST_ARCSEC = 30.0  # less is flexure or wind, and no axis that was left unlocked
@@ -194,7 +196,11 @@ LEAST_ARCSEC = 30.0  # less is flexure or wind, and no axis that was left unlock
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Movement:
-    """``what`` moved by ``angle_arcsec`` between the frames labelled ``before`` and ``after``."""
+    """``what`` moved by ``angle_arcsec`` between the frames labelled ``before`` and ``after``.
+
+    ``fit`` knows of it: its reference and camera are those of the later frames, and its covariances count what is not
+    known of the angle and which of the movements it was.
+    """
 
     what: str
     before: str
@@ -202,6 +208,11 @@ class Movement:
     angle_arcsec: float
     sigma_arcsec: float
     fit: AxisFit
+
+    @property
+    def explains(self) -> bool:
+        """Whether nothing is left that noise does not do, so that the fit may be used."""
+        return self.fit.chance > UNLIKELY
 
 
 def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> Movement | None:
@@ -214,19 +225,36 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
         for what in ("declination", "camera")
     ]
     best = min(suppositions, key=lambda m: m.fit.chi2)
-    explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
-    return best if explained and abs(best.angle_arcsec) > max(3.0 * best.sigma_arcsec, LEAST_ARCSEC) else None
+    explained = best.fit.chi2 < 0.2 * fit.chi2 or best.explains
+    if not explained or abs(best.angle_arcsec) <= max(3.0 * best.sigma_arcsec, LEAST_ARCSEC):
+        return None
+    odds = np.exp([(best.fit.chi2 - m.fit.chi2) / 2.0 for m in suppositions])
+    apart = np.array([_apart(best.fit, m.fit) for m in suppositions])
+    doubt = np.einsum("k,ki,kj->ij", odds / odds.sum(), apart, apart)
+    return replace(best, fit=_widened(best.fit, doubt))
+
+
+def _apart(fit: AxisFit, other: AxisFit) -> Floats:
+    """How far the axis of another fit is along (altitude, azimuth on the sky)."""
+    return np.stack(tangents(fit.axis)) @ (other.axis - fit.axis)
+
+
+def _widened(fit: AxisFit, more: Floats) -> AxisFit:
+    """The fit with more covariance (2, 2) of its axis, in the camera as well."""
+    into_camera = fit.reference.T @ np.stack(tangents(fit.axis), axis=1)
+    in_camera = fit.camera_covariance + into_camera @ more @ into_camera.T
+    return replace(fit, covariance=fit.covariance + more, camera_covariance=in_camera)
 
 
 def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int) -> Movement:
-    """The fit with the later frames turned back about one axis of the camera by the best angle.
+    """The fit with the earlier frames turned after the later ones about one axis of the camera by the best angle.
 
     Chi-square is nearly a parabola in the angle: Newton's steps from three values of it.
     """
     angle, step, curvature = 0.0, 30.0 * ARCSEC, 1.0
     tried = fit
     for _ in range(6):
-        low, here, high = (_turned_back(attitudes, tried, towards, what, after, angle + d) for d in (-step, 0.0, step))
+        low, here, high = (_turned_after(attitudes, tried, towards, what, after, angle + d) for d in (-step, 0.0, step))
         slope = (high.chi2 - low.chi2) / (2.0 * step)
         curvature = (high.chi2 + low.chi2 - 2.0 * here.chi2) / step**2
         tried = here
@@ -237,16 +265,19 @@ def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, 
         if abs(change) < 0.1 * ARCSEC:
             break
     sigma = np.sqrt(2.0 / curvature) if curvature > 0 else np.inf
-    final = _turned_back(attitudes, tried, towards, what, after, angle)
+    final = _turned_after(attitudes, tried, towards, what, after, angle)
+    if np.isfinite(sigma):
+        a_sigma = _apart(final, _turned_after(attitudes, tried, towards, what, after, angle + float(sigma)))
+        final = replace(_widened(final, np.outer(a_sigma, a_sigma)), moved=1)
     names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
     return Movement(what, names[after], names[after + 1], angle / ARCSEC, float(sigma) / ARCSEC, final)
 
 
-def _turned_back(
+def _turned_after(
     attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int, angle: float
 ) -> AxisFit:
-    undo = about(_moving_axis(fit, what), -angle)
-    return fit_axis([replace(a, matrix=a.matrix @ undo) if k > after else a for k, a in enumerate(attitudes)], towards)
+    turn = about(_moving_axis(fit, what), angle)
+    return fit_axis([replace(a, matrix=a.matrix @ turn) if k <= after else a for k, a in enumerate(attitudes)], towards)
 
 
 def _moving_axis(fit: AxisFit, what: str) -> Floats:

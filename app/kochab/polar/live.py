@@ -209,6 +209,7 @@ class LivePhase:
                 PolarFindingKind.DEC_MOVED,
                 f"Declination moved by {angle_in_words(self._declination_rad / ARCSEC)}, and the error shown is off by"
                 " as much. Lock it and measure again.",
+                spoils=True,
             )
         elif abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
             yield PolarFinding(

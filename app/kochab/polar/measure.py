@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, find_movement, fi
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction
-from kochab.polar.one_camera import with_one_camera
+from kochab.polar.one_camera import same_optics, with_one_camera
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 
@@ -40,20 +41,24 @@ class PolarFindingKind(StrEnum):
     POLE = "which pole"
     DONE = "error below its uncertainty"
     REMEASURE = "measure again"
+    TWO_CAMERAS = "two cameras"
+    NIGHTS = "different nights"
 
 
 @dataclass(frozen=True, slots=True)
 class PolarFinding:
-    """One sentence for the person, and what it is about."""
+    """One sentence for the person, and what it is about; no bolt is to be turned after one that ``spoils``."""
 
     kind: PolarFindingKind
     text: str
+    spoils: bool = False
 
 
 SMALL_TURN_DEG = 15.0
 ALIKE_DEG = 2.0
 LOW_DEG = 15.0
 FAR_DEG = 10.0
+NIGHT_HOURS = 8.0
 EQUATOR_DEG, POLES_APART_ARCSEC = 15.0, 60.0
 FLEXURE_ARCSEC = 30.0  # what a sweep cannot see of flexure, and what small mounts commonly have
 SCATTER_ARCSEC = 10.0  # residuals below this are no fault, only larger than the frames' own errors
@@ -77,6 +82,7 @@ def findings_of(
     errors = [result.error for result in results]
     lowest = min((a for sweep in sweeps for a in sweep), key=lambda a: a.altitude_deg)
     return [
+        *_one_night(sweeps),
         *_place_and_time(lowest, errors[0]),
         *_movement(fits, movement),
         *_turn(fits, errors),
@@ -86,17 +92,35 @@ def findings_of(
     ]
 
 
+def _one_night(sweeps: Sequence[Sequence[LocalAttitude]]) -> Iterator[PolarFinding]:
+    """Frames of two cameras, or of two nights, share no axis."""
+    for sweep in sweeps:
+        for one, other in pairwise(sorted(sweep, key=lambda frame: frame.time_utc)):
+            names = f"{one.label or 'A frame'} and {other.label or 'another'}"
+            hours = (other.time_utc - one.time_utc).total_seconds() / 3600.0
+            if hours > NIGHT_HOURS:
+                text = f"{names} are {hours:.0f} h apart. Use frames of one night, and leave the tripod alone."
+                yield PolarFinding(PolarFindingKind.NIGHTS, text, spoils=True)
+                return
+            if one.camera is not None and other.camera is not None and not same_optics(one.camera, other.camera):
+                text = f"{names} are of different cameras or focal lengths. Use frames of one."
+                yield PolarFinding(PolarFindingKind.TWO_CAMERAS, text, spoils=True)
+                return
+
+
 def _place_and_time(lowest: LocalAttitude, error: PolarError) -> Iterator[PolarFinding]:
     if lowest.altitude_deg < 0.0:
         yield PolarFinding(
             PolarFindingKind.SITE_OR_TIME,
             f"{lowest.label or 'A frame'} would be {-lowest.altitude_deg:.0f}° below the horizon."
             " Check the site, the time and the time zone.",
+            spoils=True,
         )
     elif (off := error.total_arcsec / 3600.0) > FAR_DEG:
         yield PolarFinding(
             PolarFindingKind.FAR,
             f"The axis is {off:.0f}° from the pole. Check the site and the time, and that only RA turned.",
+            spoils=True,
         )
 
 
@@ -107,7 +131,9 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
             PolarFindingKind.DEC_MOVED if declination else PolarFindingKind.CAMERA_TURNED,
             f"{'Declination moved' if declination else 'The camera rotated in its holder'} by"
             f" {angle_in_words(movement.angle_arcsec)} between {movement.before} and {movement.after}."
-            f" {'Lock' if declination else 'Tighten'} it and start again.",
+            f" {'Lock' if declination else 'Tighten'} it"
+            f"{'; the axis allows for it' if movement.explains else ' and start again'}.",
+            spoils=not movement.explains,
         )
         return
     if all(fit.freedom <= 0 for fit in fits):
@@ -129,6 +155,7 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
                     PolarFindingKind.DISAGREE,
                     f"The frames do not share one axis ({angle_in_words(worst)} apart). Something slipped"
                     " or flexed, or the tripod moved: start again.",
+                    spoils=True,
                 )
             return
 
@@ -140,6 +167,7 @@ def _turn(fits: Sequence[AxisFit], errors: Sequence[PolarError]) -> Iterator[Pol
         yield PolarFinding(
             PolarFindingKind.ALIKE,
             f"RA rotated by only {turn:.1f}°, so the uncertainty is {sigma} at best. Rotate by at least 30°.",
+            spoils=True,
         )
     elif turn < SMALL_TURN_DEG:
         yield PolarFinding(
@@ -246,6 +274,11 @@ class Measurement:
     camera: Camera | None = None
 
     @property
+    def spoilt(self) -> bool:
+        """Whether no bolt is to be turned after it."""
+        return any(finding.spoils for finding in self.findings)
+
+    @property
     def turn_deg(self) -> float:
         """How far the axis turned from the first to the furthest frame."""
         return float(np.degrees(self.fit.turn_rad))
@@ -289,8 +322,9 @@ def measure_local(
     if refusal := _too_alike(sweeps):
         return refusal
     fits = [fit_axis(sweep, towards) for sweep in sweeps]
-    movements = (find_movement(s, f, towards) for s, f in zip(sweeps, fits, strict=True))
+    movements = [find_movement(s, f, towards) for s, f in zip(sweeps, fits, strict=True)]
     movement = next((m for m in movements if m is not None), None)
+    fits = [m.fit if m is not None and m.explains else fit for m, fit in zip(movements, fits, strict=True)]
     results = [SweepResult(_error(fit, towards), _rho_rad(fit)) for fit in fits]
     combined = combine_sweeps(results, before)
     return Measurement(

@@ -54,8 +54,14 @@ def _can_share(camera: Camera, frame: LocalAttitude) -> bool:
     other = frame.camera
     if other is None or frame.matches is None or len(frame.matches) < FEWEST:
         return False
-    alike = (other.width, other.height, other.mirrored) == (camera.width, camera.height, camera.mirrored)
-    return alike and abs(plain_focal_px(other) / plain_focal_px(camera) - 1.0) < SAME_SCALE
+    return (other.width, other.height) == (camera.width, camera.height) and same_optics(camera, other)
+
+
+def same_optics(camera: Camera, other: Camera) -> bool:
+    """Whether two frames may be of one camera, binned or not."""
+    one, two = (c.width / plain_focal_px(c) for c in (camera, other))
+    shapes_alike = abs(other.width * camera.height / (other.height * camera.width) - 1.0) < SAME_SCALE
+    return camera.mirrored == other.mirrored and shapes_alike and abs(two / one - 1.0) < SAME_SCALE
 
 
 def _high(stars: Matches) -> Matches:

@@ -269,3 +269,18 @@ def test_a_player_is_given_a_file_of_tones(tmp_path, qtbot):
     assert data[:4] == b"RIFF"
     assert len(data) > 20_000  # 0.7 s at 22 kHz, two bytes each
     assert len(set(data[1000:9000])) > 50
+
+
+@pytest.mark.parametrize("spoils", [False, True])
+def test_a_spoilt_measurement_shows_the_error_but_no_way_to_turn(qtbot, spoils):
+    finding = PolarFinding(PolarFindingKind.DISAGREE, "Something slipped.", spoils=spoils)
+    state = replace(adjusting(300.0, 20.0), findings=(finding,))
+    numbers, bolts = Numbers(), BoltsView()
+    qtbot.addWidget(numbers)
+    qtbot.addWidget(bolts)
+    numbers.show_state(state, 0.0)
+    bolts.show_state(state, 0.0)
+    assert numbers.total.text() == total_in_words(state.error)
+    assert all((way.text() == "") is spoils for _, way in numbers.knobs.values())
+    assert (bolts.way() == "") is spoils
+    assert "Something slipped." in numbers.findings.text()

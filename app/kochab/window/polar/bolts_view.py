@@ -63,7 +63,7 @@ class BoltsView(QWidget):
 
     def way(self) -> str:
         """The arrow in words."""
-        error = self.state.error
+        error = self.state.bolt_error
         if error is None or self._over:
             return ""
         return cure(error, self.knob).way
@@ -101,7 +101,8 @@ class BoltsView(QWidget):
         title = "Polar alignment" if error is None else self.knob.value.capitalize()
         old = f"OLD: {state.detail or 'wait for a new frame'}"
         keys = TURNING if state.mount_turns else KEYS
-        shape = "" if error is None else "done" if self._over else cure(error, self.knob).word
+        turning = state.bolt_error
+        shape = "" if turning is None else "done" if self._over else cure(turning, self.knob).word
         return Face(
             "Total" if self._over else title,
             "" if error is None else f"total {total_in_words(error)}",

@@ -170,7 +170,8 @@ class Numbers(QWidget):
         show_text(self.split, "" if error is None else f"Uncertainty: {split_in_words(error)}.")
         for knob, (value, way) in self.knobs.items():
             value.setText(NONE if error is None else signed_text(error, knob))
-            way.setText("" if error is None else f"{cure(error, knob).sign} {cure(error, knob).way}")
+            mend = cure(state.bolt_error, knob) if state.bolt_error is not None else None
+            way.setText("" if mend is None else f"{mend.sign} {mend.way}")
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
         self.spinner.wheel.turn(state.waits(now_s))

@@ -214,6 +214,10 @@ def align(
             yield _done(measured, good, tutor.moves)
             return Alignment(measured.measurement, good, rounds, tutor.moves, history)
         sweep = replace(sweep, backwards=measured.path.direction, turn_deg=measured.path.turn_deg)
+        if measured.measurement.spoilt:
+            yield _spoilt(measured, tutor.moves)
+            before = None
+            continue
         likely = error.total_arcsec + error.sigma_total_arcsec <= options.goal_arcsec
         if likely and before is None:  # only not sure: a second sweep costs no move of a bolt
             before = measured.measurement
@@ -229,8 +233,17 @@ def align(
 def _good(measured: Measured, options: AlignOptions) -> bool:
     """Whether the total and some of its sigmas are within the goal, or it is within its uncertainty."""
     error = measured.measurement.error
+    if measured.measurement.spoilt:
+        return False
     reach = error.total_arcsec + options.sure * error.sigma_total_arcsec
     return reach <= options.goal_arcsec or error.below_uncertainty
+
+
+def _spoilt(measured: Measured, moves: int) -> PolarUpdate:
+    words = next(finding.text for finding in measured.measurement.findings if finding.spoils)
+    words += " Don't turn a bolt: measuring again."
+    shown = measured.measurement
+    return PolarUpdate("measure", None, words, measurement=shown, findings=measured.findings, moves=moves)
 
 
 def _once_more(measured: Measured, moves: int) -> PolarUpdate:
@@ -247,7 +260,9 @@ def _once_more(measured: Measured, moves: int) -> PolarUpdate:
 def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
     error = measured.measurement.error
     words = f"Polar alignment error: {total_in_words(error)}."
-    if not good:
+    if measured.measurement.spoilt:
+        words = f"Spoilt, don't turn a bolt. {next(f.text for f in measured.measurement.findings if f.spoils)}"
+    elif not good:
         words += " Not good yet: find the cause and start again."
     words += f" Uncertainty: {split_in_words(error)}."
     if len(measured.measurement.results) == 1 and measured.measurement.before == UNKNOWN:

@@ -257,6 +257,8 @@ def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
 def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
     more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
     words = f"Polar alignment error: {total_in_words(result.error)}."
+    if result.spoilt:
+        words = f"Spoilt, don't turn a bolt. {next(f.text for f in result.findings if f.spoils)}"
     return PolarUpdate("done", 1.0, words, result, findings=result.findings, more_turn_deg=more)
 
 

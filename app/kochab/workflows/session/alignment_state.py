@@ -46,6 +46,11 @@ class AlignmentState:
         return self.stage not in ("idle", "done", "ended")
 
     @property
+    def bolt_error(self) -> PolarError | None:
+        """The error that bolts may be turned by: none of a spoilt measurement."""
+        return None if any(finding.spoils for finding in self.findings) else self.error
+
+    @property
     def hand_needed(self) -> bool:
         """Whether a person is asked to turn something and to say so."""
         waits = self.instruction is not None and self.instruction.knob is not None
