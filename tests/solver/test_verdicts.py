@@ -44,7 +44,7 @@ def verdict(monkeypatch):
 @pytest.mark.parametrize(
     ("share", "clear", "reason"),
     [
-        (0.44, 0, Reason.NO_PATTERN_AGREED),
+        (0.44, 0, Reason.TOO_FEW_STARS),
         (0.46, 0, Reason.CLOUDED_OR_DARK),
         (0.46, 30, Reason.CLOUDED_OR_DARK),
         (0.44, 30, Reason.NO_PATTERN_AGREED),
@@ -91,7 +91,7 @@ def test_three_clear_stars_let_another_fault_go_before_a_bright_sky(verdict, cle
     ],
 )
 def test_eight_patches_twice_as_long_as_wide_are_trails(verdict, trails, trailed) -> None:
-    found = verdict(trails=trails)
+    found = verdict(trails=trails, found=stars(30, elongation=1.0))
     assert (found.reason is Reason.TRAILED) is trailed
     assert ("trail_px" in found.measured) is trailed
     if trailed:
