@@ -1,5 +1,7 @@
 """Nudges and "bring this star here", on the rig: the right way, the right amount, within bounds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,17 @@ def test_a_mount_that_does_not_end_a_move_itself_goes_there(direction) -> None:
     assert nudged.by == "a goto"
     assert {"north": north, "south": -north, "east": east, "west": -east}[direction.value] == pytest.approx(600, abs=5)
     assert [did[0] for did in b.mount.did] == ["goto"]
+
+
+@pytest.mark.parametrize("amount", [60.0, 600.0])
+def test_a_fork_in_alt_azimuth_goes_there_because_its_axes_are_not_those_of_the_sky(amount) -> None:
+    """A pulse or a move of its upper axis would go up, not north."""
+    b = alone(bench(good(lost_deg=0.0, start=(-60.0, 40.0))), True)
+    state = b.mount.state
+    b.mount.state = lambda: replace(state(), alt_azimuth=True)
+    nudged, _, north = moved_arcsec(b, nudge(b.guard, Direction.NORTH, amount, b.wait))
+    assert nudged.by == "a goto"
+    assert north == pytest.approx(amount, abs=5)
 
 
 @pytest.mark.parametrize(

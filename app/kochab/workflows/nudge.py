@@ -55,7 +55,8 @@ def nudge(
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
     moving = True
     try:
-        if not rate_deg_s and Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC:
+        pulses = Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC
+        if not rate_deg_s and pulses and not mount.state().alt_azimuth:  # whose axes are not those of the sky
             nudged = yield from _pulses(mount, direction, amount_arcsec, wait)
         elif not rate_deg_s and (there := _goto_instead(mount, direction, amount_arcsec / 3600.0)):
             yield from mount.slew(*there)
@@ -89,7 +90,8 @@ def _goto_instead(mount: Guard, direction: Direction, amount_deg: float) -> tupl
     A mount that does not track would begin to by a goto, and one that has followed past the meridian might flip.
     """
     state = mount.state()
-    if mount.ends_alone or Ability.GOTO in mount.lacks or amount_deg > LONGEST_GOTO_DEG or state.tracking is False:
+    by_axes = mount.ends_alone and not state.alt_azimuth
+    if by_axes or Ability.GOTO in mount.lacks or amount_deg > LONGEST_GOTO_DEG or state.tracking is False:
         return None
     here, sign = mount.position(), 1.0 if direction in (Direction.NORTH, Direction.EAST) else -1.0
     turn = (0.0, sign * amount_deg) if direction.in_dec else (sign * amount_deg, 0.0)

@@ -22,8 +22,9 @@ from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.mounts.probe import ask_celestron_aux
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
-from kochab.gear.mounts.serial_line import ProtocolError
+from kochab.gear.mounts.serial_line import Conversation, ProtocolError
 from tests.gear.mounts.bench import SITE
 from tests.gear.mounts.scripted import CLASSIC_START, ScriptedLink, transcript
 from tests.gear.mounts.test_transcripts import MOTORS_START, NEXSTAR_START, noon
@@ -643,6 +644,27 @@ def test_a_star_adventurer_gti_tracks_with_its_own_period() -> None:
         m.track(TrackingRate.SIDEREAL)
 
 
+# -- the AUX bus of a Celestron: named, not driven ------------------------------------------------
+
+
+@played("L101", "L107")
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "3b032010fecf3b071020fe070a100d9d",  # an Evolution's Wi-Fi, which sends the question back first
+        "3b071020fe070f204e47",  # an AVX behind a relay, which does not
+    ],
+)
+def test_the_wi_fi_of_a_celestron_is_named_and_what_to_do_instead(reply) -> None:
+    talk = Conversation(ScriptedLink([(bytes.fromhex("3b032010fecf"), bytes.fromhex(reply))]))
+    found = ask_celestron_aux(talk)
+    assert not found.found
+    assert "hand control" in found.advice
+    silent = Conversation(ScriptedLink([(bytes.fromhex("3b032010fecf"), b"")]))
+    with pytest.raises(NoAnswerError):
+        ask_celestron_aux(silent)
+
+
 # -- the account --------------------------------------------------------------------------------
 
 ALL = {
@@ -671,7 +693,7 @@ NOT_MET = {
     "L88": NO_BYTES + "; a mount that moves after a Stop: test_stop_seen",
     "L97": NOT_SENT,
     "L98": NO_BYTES,
-    **{f"L{n}": AUX for n in range(100, 113)},
+    **{f"L{n}": AUX for n in (100, *range(102, 107), *range(108, 113))},
     "L130": "the Star Book speaks HTTP and has no driver",
 }
 

@@ -72,6 +72,19 @@ def ask_ioptron(talk: Conversation) -> Diagnosis:
     return Diagnosis(driver="ioptron", name=f"iOptron {model}")
 
 
+AUX_VERSION = bytes.fromhex("3b032010fecf")  # of the RA or azimuth motor, as its maker's app asks
+AUX = (
+    "A Celestron's Wi-Fi or AUX bus answers, for which Kochab has no driver: use the USB or serial port of its hand "
+    "control, or a server (INDI, Alpaca)."
+)
+
+
+def ask_celestron_aux(talk: Conversation) -> Diagnosis:
+    """A Celestron's own bus, which first sends every question back; it is named and not driven."""
+    talk.ask(AUX_VERSION, until(b"\x10\x20\xfe", 24, PATIENCE_S), bytes)
+    return Diagnosis(advice=AUX)
+
+
 Question = Callable[[Conversation], Diagnosis]
 QUESTIONS: tuple[tuple[int, tuple[Question, ...]], ...] = (
     (9600, (ask_nexstar, ask_skywatcher, ask_lx200)),
@@ -80,7 +93,7 @@ QUESTIONS: tuple[tuple[int, tuple[Question, ...]], ...] = (
 )
 """Baud rate -> the questions there, in this order."""
 
-ALL = (ask_nexstar, ask_skywatcher, ask_lx200, ask_ioptron)
+ALL = (ask_nexstar, ask_skywatcher, ask_lx200, ask_ioptron, ask_celestron_aux)
 
 
 def probe(ports: Iterable[str], opener: Callable[[str, int], SerialLink] = SerialLink) -> Task[list[Diagnosis]]:
