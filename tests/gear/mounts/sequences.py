@@ -37,6 +37,7 @@ from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.night_sky import SimulatedClock
 from kochab.simulate.responders import RESPONDERS
+from kochab.workflows.goto_target import flip_mount
 from kochab.workflows.nudge import RUNS_ON, nudge
 from tests.simulate.dialects import DIALECT_RESPONDERS, open_any
 
@@ -245,10 +246,12 @@ class Telescope(EquatorialMount):
         self._offset_deg = 0.0, 0.0
 
     def align(self):
-        """Its computer knows where the tube points."""
+        """Its computer knows where the tube points, and on which side of the pier."""
         t = self.clock.now_unix()
-        true, motors = self.true_axes_deg(t), self._motors(t)
-        self._offset_deg = true[0] - motors[0], true[1] - motors[1]
+        for axis, angle, rate in zip(self._axes, self.true_axes_deg(t), self.rates_deg_s(), strict=True):
+            axis.place(t, angle)
+            axis.run(t, rate, gently=False)
+        self._offset_deg = 0.0, 0.0
 
     def carry_home(self):
         """Somebody opens the clutches, and puts the tube at the pole with the weights below."""
@@ -285,6 +288,7 @@ CHANCES = {
     "other": 4,
     "sync": 3,
     "goto": 7,
+    "flip": 2,
     "nudge": 4,
     "pulse": 2,
     "track": 2,
@@ -731,6 +735,11 @@ class Evening:
                     task.close()
                 raise Killed
             yield progress
+
+    def do_flip(self, a, b, *_):
+        """As a person asks for it, who has seen that the way is free."""
+        self._meanwhile(a, b)
+        self.order("flip", lambda guard: self._killable(flip_mount(guard)))
 
     def do_nudge(self, a, b, c, d, e, f):
         """By an angle, as the arrows of the window do; in a third at a rate that a person has chosen."""

@@ -438,3 +438,15 @@ def test_a_sync_beside_the_pole_does_not_turn_right_ascension(beside, turn, refu
     """There it is a step of nothing; everywhere else the mount then points that far beside, below the horizon too."""
     preview = sync((30.0, 90.0 - beside), (30.0 - turn, 90.0 - beside), armed=armed)
     assert ("farther from the pole" in " ".join(preview.refusals)) is refused
+
+
+@pytest.mark.parametrize("armed", [False, True])
+@pytest.mark.parametrize(
+    ("beside", "step", "fork", "refused"),
+    [(0.5, 30.0, False, True), (1.9, 6.0, False, True), (2.1, 10.0, False, False), (0.5, 30.0, True, False)],
+)
+def test_a_sync_does_not_take_a_mount_away_from_its_home(beside, step, fork, refused, armed) -> None:
+    """Switched on where it stood, it takes that for home; synced, it knows the place but not the side of its pier."""
+    start = -30.0, 90.0 - beside
+    found = sync(start, (-30.0, start[1] - step), armed=armed, crosses_meridian=fork)
+    assert ("takes this place for its home" in " ".join(found.refusals)) is refused

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import unit_vectors
-from kochab.core.errors import NoAnswerError, StoppedError, StrayedError
+from kochab.core.errors import NoAnswerError, RefusedError, StoppedError, StrayedError
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, Epoch, PierSide, Pointing
 from kochab.core.progress import run
@@ -331,7 +331,9 @@ def test_a_mount_that_jumps_to_the_pole_was_switched_off_and_on(dec, refused, lo
     guard, refusals = woken(-40.0, dec, lost)
     assert ("switched off and on" in refusals) is refused
     if refused:
-        guard.sync(*at(-40.0, dec - 10.0), by_hand=True, confirmed=True)
+        with pytest.raises(RefusedError, match="takes this place for its home"):
+            guard.sync(*at(-40.0, dec - 10.0), by_hand=True, confirmed=True)
+        guard.clock_and_site.trust()
         assert guard.preview_goto(*at(-30.0, 50.0)).allowed
 
 

@@ -264,7 +264,13 @@ def sync_step(plan: Plan) -> Findings:
     guessed = plan.state.home_confirmed is False  # the step is from a guess: it proves nothing
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
-    if (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a step of nothing here is one of everything elsewhere
+    at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and not limits.crosses_meridian
+    if at_home and step > limits.confirm_sync_deg and not guessed:
+        yield refuse(
+            f"The mount takes this place for its home, {step:.0f}° from here: a sync would not tell it the side of its pier."
+            " Switch it off, put the tube at its home position, and switch it on there."
+        )
+    elif (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a step of nothing here is one of everything elsewhere
         yield refuse(
             f"So near the pole this sync would shift right ascension by {turn:+.0f}° everywhere. "
             "Slew to a star farther from the pole and sync there."

@@ -29,7 +29,7 @@ POLL_S = 0.2
 MUTE = "The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER."
 WOKE_UP = (
     "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
-    " Sync on a solved frame before you slew, or say that the mount is right (--trust-mount)."
+    " Then put the tube at its home and switch it on there; or say that the mount is right (--trust-mount)."
 )
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
