@@ -8,10 +8,12 @@ from kochab.core.mount import Direction
 from kochab.core.progress import run
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts import serial_line
-from kochab.lab.bench import BENCHES, mount, mount_rig
+from kochab.lab.bench import BENCHES, mount, mount_rig, mount_stops
 from kochab.lab.bench.mount import CentringRun
 from kochab.lab.bench.mount_rig import ReceivedOrder, WatchedMount, unguarded
+from kochab.simulate.responders import RESPONDERS
 from kochab.simulate.serial_line import Fault
+from tests.simulate.test_indi import FAMILIES
 from tests.workflows.mount_nights import bench, good
 
 
@@ -51,11 +53,13 @@ def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None
 def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     monkeypatch.setattr(mount, "QUICK_RUNS", 2)
     monkeypatch.setattr(mount, "_do", _as_if)
+    row = {"driver": "lx200", "line": "stop", "byte_ms": 3.0, "still_s": 1.0, "stands": True, "mute_s": 4.0}
+    monkeypatch.setattr(mount_stops, "rows", lambda names: [row | {"driver": name} for name in names])
     result = mount.run(True, lambda line: None)
-    assert [goal.met for goal in result.goals] == [True] * 4
+    assert [goal.met for goal in result.goals] == [True] * 7
     assert "10 arcsec in at most 3 corrections" in result.goals[0].name
     assert BENCHES["mount"] == "kochab.lab.bench.mount:run"
-    assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults"}
+    assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults", "stop"}
 
 
 def _as_if(one):
@@ -132,3 +136,21 @@ def test_faults_are_switched_on_for_the_line() -> None:
         rig.wait(0.0)
         assert rig.faults.happens(Fault.UNPLUG)
         assert rig.faults.happens(Fault.REFUSAL)
+
+
+def test_a_stopped_and_a_mute_mount_are_rows_that_say_by_whom_they_were_written() -> None:
+    stop, *elsewhere = found = mount_stops.rows(["onstep"])
+    assert "INDI's indi_lx200_OnStep" in stop["simulator"]
+    assert (stop["stands"], stop["still_s"] > 0.0, stop["mute_s"] > 0.0) == (True, True, True)
+    assert all("python -m" in row["line"] for row in elsewhere)
+    assert len(mount_stops.goals(found)) == 3
+
+
+def test_what_is_too_late_misses_its_goal() -> None:
+    row = {"line": "stop", "byte_ms": 101.0, "stands": False, "mute_s": 5.1}
+    assert not any(goal.met for goal in mount_stops.goals([row]))
+
+
+def test_indi_s_drivers_are_those_that_are_tried_at_the_simulators() -> None:
+    assert {FAMILIES[program][1]: program for program in mount_stops.DRIVEN_BY.values()} == mount_stops.DRIVEN_BY
+    assert mount_stops.DRIVEN_BY.keys() == RESPONDERS.keys()

@@ -267,8 +267,8 @@ def sync_step(plan: Plan) -> Findings:
     at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and not limits.crosses_meridian
     if at_home and step > limits.confirm_sync_deg and not guessed:
         yield refuse(
-            f"The mount takes this place for its home, {step:.0f}° from here: a sync would not tell it the side of its pier."
-            " Switch it off, put the tube at its home position, and switch it on there."
+            f"The mount takes this place for its home, {step:.0f}° from here: a sync would not tell it the side of its"
+            " pier. Switch it off, put the tube at its home position, and switch it on there."
         )
     elif (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a step of nothing here is one of everything elsewhere
         yield refuse(

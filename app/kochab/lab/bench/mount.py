@@ -2,8 +2,8 @@
 
 Every run is another night: a practice telescope with a misaligned axis, cone error, backlash,
 periodic error, flexure and a shaking tube points 3 deg from where it believes.
-It is sent to a target over one of the six drivers, a pseudo-terminal and the device's simulated
-far end, and corrected by what frames show. In every other run the line is bad.
+It is sent to a target over one of six drivers, a pseudo-terminal and the device's simulated far end,
+and corrected by what frames show. In every other run the line is bad. Then each is stopped, and falls mute.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError
 from kochab.core.progress import Progress
 from kochab.core.progress import run as drive
-from kochab.lab.bench import BenchResult, Goal, Report, summary
+from kochab.lab.bench import BenchResult, Goal, Report, mount_stops, summary
 from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
 from kochab.simulate.responders import RESPONDERS
 from kochab.workflows.centre_target import Centring, centre_target
@@ -72,7 +72,9 @@ def run(quick: bool, report: Report) -> BenchResult:
             runs.append(one)
             if not one.good or one.strays or len(runs) % 20 == 0:
                 report(_line(one))
-    return BenchResult("mount", _rows(runs, names), _goals(runs))
+    report("  stopping and muting each")
+    stops = mount_stops.rows(names)
+    return BenchResult("mount", _rows(runs, names) + stops, _goals(runs) + mount_stops.goals(stops))
 
 
 def _do(one: CentringRun) -> CentringRun:
