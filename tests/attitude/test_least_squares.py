@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kochab.attitude import fit as fitting
-from kochab.attitude import small_rotation
+from kochab.attitude import least_squares, small_rotation
 from kochab.attitude.fit import FocalPrior, corrections, refine, trust
 from kochab.attitude.least_squares import (
     PARAMETERS,
@@ -534,3 +534,13 @@ def test_stars_that_are_left_out_have_no_say_in_the_blocks() -> None:
     noise[~inliers] += 40.0
     covariance, plain, *_ = stated(xy, noise, inliers)
     np.testing.assert_allclose(covariance, plain, rtol=1e-6, atol=1e-18)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("off_x", "off_y", "plausible"),
+    [(749.9, 0.0, True), (750.1, 0.0, False), (0.0, 499.9, True), (0.0, 500.1, False), (750.1, 500.1, False)],
+)
+def test_a_lens_is_centred_in_the_frames_middle_half(off_x, off_y, plausible, sign) -> None:
+    lens = replace(CAMERA, cx=1499.5 + sign * off_x, cy=999.5 + sign * off_y)
+    assert least_squares._centre_plausible(lens) is plausible
