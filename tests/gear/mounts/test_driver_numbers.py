@@ -38,7 +38,7 @@ def test_an_onstep_that_boots_is_asked_ten_times(silent) -> None:
     ("product", "title"),
     [
         *((name, "Meade Autostar") for name in ("Autostar", "AudioStar 1", "LX2001", "LX200 GPS", "ETX-90", "RCX400")),
-        ("10micron GM2000", "10micron"),
+        ("10micron GM2000", "10micron GM and AZ"),
         ("FS2", "LX200 compatible mount"),
     ],
 )
@@ -95,7 +95,7 @@ def test_nonsense_for_a_state_is_no_state() -> None:
 def test_a_mount_that_does_not_know_the_question_for_its_status_is_asked_once() -> None:
     start = [(b":GVP#", b"Autostar#"), (b":GR#", b"05:30:00#")]
     with transcript(Lx200, [*start, (b":D#", b"#"), (b":GW#", b""), (b":GW#", b""), (b":D#", b"\x7f#")]) as m:
-        assert (m.state().slewing, m.state().slewing, m.state.__self__.tells_status) == (False, True, False)
+        assert (m.state().slewing, m.state().slewing) == (False, True)
 
 
 def test_a_date_that_there_is_not_leaves_its_site_and_zone() -> None:
@@ -119,7 +119,7 @@ ALIGNED = (b"J", b"\x01#")
 
 @pytest.mark.parametrize(("version", "precise"), [(b"\x01\x05#", False), (b"\x01\x06#", True)])
 def test_a_hand_control_is_precise_since_1_6(version, precise) -> None:
-    start = [(b"V", version), (b"m", b"\x14#")]
+    start = [(b"V", version), (b"v", b""), (b"m", b"\x14#")]
     moves = [(b"e", b"3AAAAAAB,F749F49F#"), (b"z", b"3AAAAAAB,F749F49F#"), ALIGNED, (b"r3AAAAAAB,F749F49F", b"#")]
     coarse = [(b"E", b"3AAB,F74A#"), (b"Z", b"3AAB,F74A#"), ALIGNED, (b"R3AAA,F749", b"#")]
     with transcript(NexStar, [*start, *(moves if precise else coarse)]) as m:
@@ -313,18 +313,6 @@ def test_the_first_axis_reaches_fifteen_degrees_beyond_the_level(hour, side, all
                 m.aim(ra, 20.0, 0.0)
 
 
-@pytest.mark.parametrize(("seconds", "allowed"), [(1.9, True), (2.1, False)])
-def test_without_a_home_it_is_moved_by_two_degrees_at_most(monkeypatch, seconds, allowed) -> None:
-    with board() as m:
-        monkeypatch.setattr(m, "turn_dec", lambda *_: None)
-        if allowed:
-            m.move(Direction.NORTH, 1.0, seconds)
-        else:
-            with pytest.raises(RefusedError) as caught:
-                m.move(Direction.NORTH, 1.0, seconds)
-            assert str(caught.value) == CONFIRM_HOME
-
-
 @pytest.fixture
 def slews(monkeypatch):
     """A board's slews without a line: its axes, where they are sent, and how far ahead the target was looked for."""
@@ -346,6 +334,12 @@ def slews(monkeypatch):
             def ensure_stopped(self):
                 pass
 
+            def angle_deg(self):
+                return 0.0
+
+            def halt_command(self):
+                return b":K2\r", ()
+
             def status(self):
                 return SimpleNamespace(running=False)
 
@@ -359,6 +353,21 @@ def slews(monkeypatch):
         return m, now, sent, ahead
 
     return begun
+
+
+@pytest.mark.parametrize(("seconds", "allowed"), [(1.9, True), (2.1, False)])
+def test_without_a_home_it_is_moved_by_two_degrees_at_most(slews, seconds, allowed) -> None:
+    m, _, sent, _ = slews((10.0, -20.0), (10.0, -20.0))
+    m.home_confirmed = False
+    if allowed:
+        m.move(Direction.NORTH, 1.0, seconds)
+        m.watchdog.disarm()
+        assert sent == [(1, pytest.approx(seconds))]
+    else:
+        with pytest.raises(RefusedError) as caught:
+            m.move(Direction.NORTH, 1.0, seconds)
+        assert str(caught.value) == CONFIRM_HOME
+        assert not sent
 
 
 @pytest.mark.parametrize(("turn", "ahead_s"), [(30.0, 10.3), (0.11, 0.11 / 3.0 + 0.3), (0.09, 0.1), (0.0, 0.1)])
