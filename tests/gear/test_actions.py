@@ -20,16 +20,19 @@ def test_every_action_that_moves_needs_an_unparked_mount_and_says_what_it_does()
             assert row.doing, row.name
 
 
+SLEWS = {"goto", "centre", "bring", "flip", "spiral", "model"}
+
+
 def test_every_slew_needs_goto_and_a_confirmed_home() -> None:
     slews = {row.name for row in ACTIONS.values() if Ability.GOTO in row.needs}
-    assert slews == {"goto", "centre", "bring", "flip"}
+    assert slews == SLEWS
     assert all(Need.HOME_CONFIRMED in ACTIONS[name].needs for name in slews)
 
 
 def test_what_may_turn_dec_is_excluded_by_an_alignment_by_hand() -> None:
     """A sync that the mount refuses becomes a slew; a nudge in right ascension is the person's own."""
     excluded = {row.name for row in ACTIONS.values() if Need.NOT_BY_HAND in row.needs}
-    assert excluded == {"goto", "centre", "bring", "flip", "nudge dec", "sync", "accept", "park", "home", "polar"}
+    assert excluded == {*SLEWS, "nudge dec", "sync", "accept", "park", "home", "polar"}
     by_hand = MountSituation("on", {}, MountState(), by_hand=True)
     for row in ACTIONS.values():
         assert bool(reason_against_order(row.name, by_hand)) == (row.name in excluded)

@@ -99,13 +99,13 @@ _ROWS = (
     Action("set clock", "setting the clock", "set the mount's clock to this computer's", (Ability.SET_CLOCK,)),
     Action("set site", "setting the site", "set the mount's site to yours", (Ability.SET_SITE,)),
     Action("take", "taking a frame", "", (Need.CAMERA,)),
-    Action("model", "fitting a pointing model", "make a pointing model from frames in several places", (Ability.GOTO,)),
+    Action("model", "fitting a pointing model", "make a pointing model from frames in several places", _SLEW),
     Action("why", "diagnosing", "find the cause of a pointing offset", (Need.CAMERA,)),
     Action(POLAR, "polar alignment (F4), which turns the RA axis", "", (Need.NOT_BY_HAND,), moves=True),
     Action("stop", "stopping", "stop every motion, now"),
     Action("site", quick=True),
     Action("camera", quick=True),
-    Action("meridian", quick=True),
+    Action("limits", quick=True),
 )
 ACTIONS: Mapping[str, Action] = {row.name: row for row in _ROWS}
 

@@ -43,6 +43,7 @@ class PositionReport(MountEvent):
     can_undo: bool = False
     doubt: str = ""
     until_sync: str = ""
+    altaz_deg: tuple[float, float] | None = None  # by the computer's clock and the site
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,6 +15,7 @@ from typing import Any
 from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.progress import Progress, Task
 from kochab.gear import mount_events as events
+from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 
 # -- What is asked of the thread of a mount's line ---------------------------------------------
@@ -190,8 +191,9 @@ class MountLine:
             return
         self._looked = monotonic()
         try:
-            doubts = guard.policy.doubt, guard.policy.until_sync
-            said = events.PositionReport(guard.position_icrs(), guard.state(), guard.can_undo, *doubts)
+            here, doubts = guard.position(), (guard.policy.doubt, guard.policy.until_sync)
+            icrs_deg, altaz_deg = from_mount_epoch(here, guard.clock()), guard.policy.altaz_deg(here)
+            said = events.PositionReport(icrs_deg, guard.state(), guard.can_undo, *doubts, altaz_deg)
             if monotonic() - self._watched >= WATCH_S:
                 self._watched = monotonic()
                 before, self._limit = self._limit, guard.hold_limits()

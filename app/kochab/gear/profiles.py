@@ -147,8 +147,9 @@ def hour_angles(pair: Any) -> tuple[float, float]:
 
 
 def horizon(points: Any) -> Horizon:
-    """Pairs of azimuth and altitude, degrees, by azimuth; UsageError when they are no horizon."""
-    found = sorted((float(azimuth) % 360.0, float(altitude)) for azimuth, altitude in points)
+    """Pairs of azimuth and altitude, degrees, or their JSON, by azimuth; UsageError when they are no horizon."""
+    pairs = json.loads(points) if isinstance(points, str) else points
+    found = sorted((float(azimuth) % 360.0, float(altitude)) for azimuth, altitude in pairs)
     if not found or not all(-90.0 <= altitude <= 90.0 for _, altitude in found):
         raise UsageError("A horizon needs lines of azimuth (from north over east) and altitude, in degrees.")
     return tuple(found)
@@ -255,6 +256,9 @@ KEYS = {
     "epoch": "mount/epoch",
     "meridian": "mount/meridian",
     "site": "site",
+    "lowest_altitude_deg": "mount/lowest_altitude",
+    "past_meridian_deg": "mount/past_meridian",
+    "horizon_deg": "mount/horizon",
 }
 
 
@@ -299,6 +303,7 @@ def keep_profile(settings: Remembered, **changes: Any) -> None:
     """Remember what is used now, in the chosen profile too where that can be written."""
     profile = replace(current_profile(settings), **changes)
     told = profile.as_json() | {"site": profile.site and site_text(profile.site)}
+    told["horizon_deg"] = profile.horizon_deg and json.dumps(profile.horizon_deg)
     for name, key in KEYS.items():
         settings.keep(key, "" if told[name] is None else str(told[name]))
     if profile.name:

@@ -83,6 +83,7 @@ def test_while_a_hand_turns_the_axis_only_that_axis_may_turn():
         "centre",
         "bring",
         "flip",
+        "model",
         "sync",
         "nudge dec",
         "accept",

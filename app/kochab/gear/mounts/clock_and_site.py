@@ -77,7 +77,7 @@ class ClockAndSite:
         if size_s > 1.5 * DAY_S:
             return f"its date is {report.time_utc:%Y-%m-%d}"
         zone = " (summer time or zone?)" if abs(size_s - ZONE_S * round(size_s / ZONE_S)) < CLOCK_S else ""
-        size = f"{size_s / HOUR_S:.1f} h" if size_s >= HOUR_S else f"{size_s / 60.0:.0f} min"
+        size = f"{size_s / HOUR_S:.1f} h" if size_s >= HOUR_S - CLOCK_S else f"{size_s / 60.0:.0f} min"
         return f"its clock is {size} {'fast' if ahead_s > 0 else 'slow'}{zone}"
 
     def _site(self, report: SiteReport) -> str:

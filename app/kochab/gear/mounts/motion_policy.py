@@ -408,6 +408,14 @@ class MotionPolicy:
         plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=armed)
         return preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, SYNC_RULES)
 
+    def altaz_deg(self, here: Pointing) -> Degrees | None:
+        """Altitude, and azimuth from north over east, degrees, by the site and the clock; None without a site."""
+        if self.site is None:
+            return None
+        now = self.clock()
+        south, east, up = unit_vectors(*of_date(here, now)) @ horizon_frame(self.site, sidereal_deg(self.site, now))
+        return float(np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))), float(np.degrees(np.arctan2(east, -south)) % 360.0)
+
     def plan(self, action: str, here: Pointing, state: MountState, to_deg: Degrees) -> Plan:
         """From ``here`` to a place in the same epoch, without its paths yet."""
         now = self.clock()

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
@@ -30,15 +31,7 @@ from kochab.gear.mount_line import MakeTask, MountLine, Outlives, never
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.profiles import current_profile, keep_profile
-from kochab.gear.session import (
-    CameraSelection,
-    Meridian,
-    MountSelection,
-    Opening,
-    Practice,
-    PracticeOpening,
-    port_opening,
-)
+from kochab.gear.session import CameraSelection, MountSelection, Opening, Practice, PracticeOpening, port_opening
 from kochab.solver.disagreement import MountSighting
 from kochab.window.cameras import Cameras
 from kochab.window.job import Job, Jobs
@@ -246,17 +239,18 @@ class MountControl(QObject):
         if self._line is not None and not self.known.practice:
             self._line.order("site", use)
 
-    def use_meridian(self, meridian: Meridian) -> None:
-        """What the mount does at the meridian, from the next motion on."""
-        keep_profile(self._settings, meridian=meridian)
+    def use_limits(self, **changes: Any) -> None:
+        """Keep these limits in the profile, by its names, and go by them from the next motion on."""
+        keep_profile(self._settings, **changes)
         limits = self.limits
 
         def use(guard: Guard) -> Task[None]:
-            yield Progress("meridian")
+            yield Progress("limits")
             guard.limits = limits
 
         if self._line is not None:
-            self._line.order("meridian", use)
+            self._line.order("limits", use)
+        self.changed.emit()
 
     @property
     def limits(self) -> Limits:

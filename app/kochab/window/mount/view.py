@@ -1,6 +1,7 @@
 """The Mount view: connect, compare, sync, goto, centre, nudge and stop."""
 
 from functools import partial
+from typing import Any
 
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QWidget
@@ -15,6 +16,7 @@ from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, TrackingChoice
+from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import KEY
 from kochab.window.shell.views import Services
@@ -92,6 +94,7 @@ class MountView(Page):
         self.meridian = narrow_box("What the mount does at the meridian", 8, Meridian)
         self.meridian.setToolTip(MERIDIAN_TIP)
         self.pointing = PointingBox(self.tracking)
+        self.limits = LimitsBox()
         settles = {n: ExplainedButton(text, partial(orders.settle, n), tip) for n, (text, tip) in SETTLES.items()}
         self.settles, self.doubt = settles, label("", "wrong", wrap=True)
         self.trust = button("Mount is right", partial(orders.settle, "trust"), "", TRUST_TIP)
@@ -138,7 +141,7 @@ class MountView(Page):
             self.go, meridian, row(*self.rests.values(), self.spiral, None), styled_frame("rule"), self.pad
         )
         inside, top = page(), row((self.name, 1), self.leave)
-        parts = (top, self.connection, self.doubted, self.compared, self.moving, None)
+        parts = (top, self.connection, self.doubted, self.compared, self.moving, _card(self.limits), None)
         column(*parts, on=inside, spacing=10, margins=(4, 4, 4, 4))
         return inside
 
@@ -147,7 +150,8 @@ class MountView(Page):
         explanations = [one.explanation for one in (*self.explained.values(), *self.pad.buttons.values())]
         for explanation in (*explanations, self.tracking.explanation):
             explanation.shown.connect(partial(show_text, self.why))
-        for speaker in (control, self.move_star, box):
+        self.limits.changed.connect(self._use_limits)
+        for speaker in (control, self.move_star, box, self.limits):
             speaker.message.connect(self.say)
         control.changed.connect(self._show)
         control.progressed.connect(self._show_progress)
@@ -162,7 +166,7 @@ class MountView(Page):
         self.camera.follow(cameras)
         cameras.chosen.connect(self._adopt_camera)
         self.tracking.wanted.connect(orders.track)
-        self.meridian.textActivated.connect(lambda text: control.use_meridian(Meridian(text)))
+        self.meridian.textActivated.connect(lambda text: control.use_limits(meridian=Meridian(text)))
         session = self._services.session
         for signal in (session.solved, session.unsolved, session.opened):
             signal.connect(lambda _=None: self._show())
@@ -180,6 +184,7 @@ class MountView(Page):
         self.connect_box.show_profiles([one.name for one in saved_profiles()[0]], profile.name)
         self.connect_box.show_selection(profile.mount)
         self.connect_box.show_site(profile.site)
+        self.limits.show_limits(profile.limits)
         self.meridian.setCurrentText(profile.meridian or Meridian.STAYS)
         if not self.control.known.practice:
             camera = profile.camera
@@ -187,6 +192,10 @@ class MountView(Page):
                 camera = CameraSelection(*camera_of_other_view, camera.exposure_s)
             self.camera.show_selection(camera)
             self.control.use_camera(camera if camera.source else None)
+
+    def _use_limits(self, changes: dict[str, Any]) -> None:
+        self.control.use_limits(**changes)
+        self.limits.show_limits(self.control.limits)
 
     def _use_profile(self, name: str) -> None:
         try:
@@ -246,6 +255,7 @@ class MountView(Page):
         self.connection.setVisible(off)
         for part in (self.leave, self.compared, self.moving):
             part.setVisible(not off)
+        self.limits.picture.show_mount(None if known.report is None else known.report.altaz_deg)
         doubt = self.control.situation.doubt or self.control.situation.until_sync
         self.doubted.setVisible(bool(doubt))
         self.doubt.setText(doubt)
