@@ -331,15 +331,16 @@ def test_the_fifteen_brightest_stars_that_are_whole_tell_the_focus() -> None:
     assert half_flux_diameter_px(Frame(pixels), one_less) == pytest.approx(4.0 / 3.0 * 6.0, rel=0.05)
 
 
-def test_patches_stand_five_sigmas_out_where_bright_ones_are_many() -> None:
+@pytest.mark.parametrize(("sigmas", "count"), [(3.5, 12), (8.0, 24)])
+def test_patches_stand_five_sigmas_out_where_bright_ones_are_many(sigmas: float, count: int) -> None:
     """Bars over more than a hundredth of the frame; what is only three and a half sigmas bright is no patch."""
     pixels = noisy(200.0, 10.0)
     for k in range(12):
         y, x = 60 + 140 * (k // 4), 60 + 180 * (k % 4)
         pixels[y : y + 9, x : x + 90] = 5000.0
-        pixels[y + 40 : y + 44, x : x + 12] = 235.0
+        pixels[y + 60 : y + 64, x : x + 40] = 200.0 + 10.0 * sigmas
     trails = measure_trails(Bins(pixels, 1))
-    assert trails.count == 12
+    assert trails.count == count
     assert trails.aspect == pytest.approx(10.0, rel=0.05)
 
 

@@ -161,6 +161,7 @@ def test_every_cause_has_the_probability_of_normal_data(arcmin, alt_azimuth) -> 
     seen = Seen(seen_of(skies, off, alt_azimuth=alt_azimuth, aligned=False, beliefs=told))
     for cause in causes(seen):
         offset, axis, cone, noise = free = freedom(cause)
+        assert cause.alt_azimuth is (cause.name == "site latitude" or (alt_azimuth and cause.fitted))
         assert sorted(cause.noise) == pytest.approx(np.divide(noise, 60.0))
         sizes = [(o, o, a, a, c) for o, a, c in product(offset, axis, cone)]
         np.testing.assert_allclose(cause.scales(), np.divide(sizes, 60.0))

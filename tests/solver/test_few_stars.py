@@ -129,9 +129,8 @@ def test_a_hinted_scale_is_tried_in_steps_of_a_fifth(ratio, windows) -> None:
 
 
 def test_no_more_than_twelve_thousand_stars_are_paired() -> None:
-    limit = np.sqrt(12000.0 * 270000.0 / (1.6 * 5 * 4.0 * np.pi))
-    for focal, tried in ((0.995 * limit, True), (1.005 * limit, False)):
-        scale = scale_arcsec_px(focal)
+    for stars, tried in ((12000.5, True), (12001.5, False)):
+        scale = scale_arcsec_px(np.sqrt(stars * 270000.0 / (1.6 * 5 * 4.0 * np.pi)))
         assert bool(cones(Hint(scale_arcsec_px=(scale, scale)))) is tried
 
 

@@ -172,14 +172,22 @@ def test_a_search_that_loses_half_of_what_was_known_does_not_count(monkeypatch, 
 # -- With which weights -------------------------------------------------------------------------------
 
 
-def test_a_hundred_stars_place_the_others_and_all_of_them_count_in_the_end(fits) -> None:
+@pytest.mark.parametrize(("stars", "some"), [(90, 90), (199, 199), (200, 100), (350, 117)])
+def test_a_hundred_stars_place_the_others_and_all_of_them_count_in_the_end(fits, stars, some) -> None:
     """Bright and faint alike: of 350 stars every third."""
-    xy = scattered(350)
-    grown(xy, Places(xy), range(350))
+    xy = scattered(stars)
+    grown(xy, Places(xy), range(stars))
     counts = [len(matches) for matches, *_ in fits]
-    assert counts[-1] == 350
-    assert set(counts[1:-1]) <= {117}
+    assert counts[-1] == stars
+    assert set(counts[1:-1]) <= {some}
     assert [options.get("rounds") for _, _, options, _ in fits] == [1] * (len(fits) - 1) + [None]
+
+
+def test_of_few_stars_all_place_the_others(fits) -> None:
+    """Those known at first are the bright half."""
+    xy = scattered(90)
+    grown(xy, Places(xy), range(45))
+    assert 90 in [len(matches) for matches, *_ in fits][1:-1]
 
 
 def test_the_last_fit_knows_the_errors_of_centroids_and_catalogue(fits) -> None:
