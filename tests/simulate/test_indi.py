@@ -45,6 +45,7 @@ FAMILIES = {
     "indi_lx200ap": ("AstroPhysics", "astrophysics"),
     "indi_rainbow_telescope": ("Rainbow", "rainbow"),
 }
+ALSO = (("indi_celestron_gps", "starsense"),)  # a program of the above with another far end, in a test of its own
 GOTO_ONLY = {"indi_eqmod_telescope"}  # a sync of EQMod's stays in EQMod
 SYNC_ONLY = {"indi_rainbow_telescope"}  # its slew ends by a message that is not asked for
 STOPS_TRACKING = {"indi_lx200ap"}  # when it connects
@@ -139,22 +140,27 @@ def driven(request, tmp_path_factory):
                 }
             )
             telescopes[driver] = telescope
-        script = Path(__file__).with_name("responder_indi.py")
         home = tmp_path_factory.mktemp("indi")
-        ran = subprocess.run(
-            [*network, sys.executable, str(script)],
-            input=json.dumps({"drivers": plans, "patience_s": PATIENCE_S}),
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S + 30.0,
-            env={**os.environ, "HOME": str(home)},
-        )
-        assert ran.returncode == 0, ran.stderr
+        told = drive(plans, network, home)
         assert still_running(home) == []
-        yield json.loads(ran.stdout), {plan["driver"]: plan for plan in plans}, telescopes
+        yield told, {plan["driver"]: plan for plan in plans}, telescopes
     finally:
         for line in lines:
             line.stop()
+
+
+def drive(plans, network, home):
+    """What INDI's drivers tell of their plans."""
+    ran = subprocess.run(
+        [*network, sys.executable, str(Path(__file__).with_name("responder_indi.py"))],
+        input=json.dumps({"drivers": plans, "patience_s": PATIENCE_S}),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S + 30.0,
+        env={**os.environ, "HOME": str(home)},
+    )
+    assert ran.returncode == 0, ran.stderr
+    return json.loads(ran.stdout)
 
 
 @pytest.mark.parametrize("driver", ["indi_lx200_OnStep", "indi_ioptronv3_telescope"])
@@ -170,22 +176,33 @@ def test_a_driver_of_indi_tracks_the_moon_and_parks(driver, tmp_path):
     plan = {"driver": driver, "device": device, "port": line.port, "sync": None, "goto": None, "rest": True}
     plan["site"] = telescope.latitude_deg, telescope.longitude_deg
     try:
-        ran = subprocess.run(
-            [*network, sys.executable, str(Path(__file__).with_name("responder_indi.py"))],
-            input=json.dumps({"drivers": [plan], "patience_s": PATIENCE_S}),
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S + 30.0,
-            env={**os.environ, "HOME": str(tmp_path)},
-        )
-        assert ran.returncode == 0, ran.stderr
-        told = json.loads(ran.stdout)[driver]
+        told = drive([plan], network, tmp_path)[driver]
         assert told == {"TRACK_LUNAR": "Ok", "PARK": "Ok"}
         assert responder.tracking_rate is TrackingRate.LUNAR
         deadline = time.monotonic() + 10.0
         while not telescope.parked and time.monotonic() < deadline:
             time.sleep(0.1)
         assert telescope.parked
+    finally:
+        line.stop()
+
+
+def test_indis_celestron_driver_syncs_a_starsense_of_version_1_18(tmp_path):
+    """Which it would not by a NexStar's versions: those have a sync since 4.10."""
+    network = own_network()
+    if shutil.which("indi_celestron_gps") is None:
+        pytest.skip("indi_celestron_gps is not there: apt-get install indi-bin")
+    telescope = bench()
+    responder, sync, goto = begin("starsense", telescope)
+    line = pty_line(responder)
+    plan = {"driver": "indi_celestron_gps", "device": "Celestron GPS", "port": line.port, "sync": sync, "goto": goto}
+    plan["site"] = telescope.latitude_deg, telescope.longitude_deg
+    try:
+        told = drive([plan], network, tmp_path)["indi_celestron_gps"]
+        assert "error" not in told, told["error"]
+        assert apart_deg(told["sync"], sync) < TOLERANCE_ELSE_DEG
+        assert apart_deg(telescope.believed_deg(), goto) < TOLERANCE_ELSE_DEG
+        assert responder.version == (1, 18)
     finally:
         line.stop()
 

@@ -8,7 +8,7 @@ from tests.gear.mounts.bench import simulated
 from tests.gear.mounts.sequences import MOUNTS
 from tests.gear.mounts.test_real_transcripts import ELSEWHERE, PLAYED
 from tests.patterns import REPOSITORY
-from tests.simulate.test_indi import FAMILIES, GOTO_ONLY, SYNC_ONLY
+from tests.simulate.test_indi import ALSO, FAMILIES, GOTO_ONLY, SYNC_ONLY
 
 PAGE = Path(REPOSITORY) / "app" / "MOUNTS.md"
 WORDS = {
@@ -102,7 +102,7 @@ def tried(name):
         told.append("INDI's telescope simulator, its EQMod with its simulated board, its LX200 and iOptron drivers")
     if name == "alpaca":
         told.append("a server of ours, written from ASCOM's reference")
-    for program, (_, far_end) in FAMILIES.items():
+    for program, far_end in (*((program, known) for program, (_, known) in FAMILIES.items()), *ALSO):
         if far_end == name:
             only = " (goto only)" if program in GOTO_ONLY else " (sync only)" if program in SYNC_ONLY else ""
             told.append(f"`{program}` drives its simulator{only}")

@@ -1,5 +1,6 @@
 """The table of dialects: what each make is sent and what its answers mean, by its documents and by real exchanges."""
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -132,6 +133,20 @@ def test_a_rainbow_begins_its_answers_with_the_question_and_answers_no_slew() ->
             m.pulse(Direction.NORTH, 100)
     with pytest.raises(NoAnswerError), transcript(drivers.Rainbow, [(b":AV#", b"")] * 4):
         pass
+
+
+@pytest.mark.parametrize(
+    ("driver", "start", "rate", "halt"),
+    [(drivers.Rainbow, RAINBOW_START, b":RC#", b":Q#"), (drivers.Am5, AM5_START, b":R6#", b":Qe#")],
+)
+def test_a_move_ends_by_the_words_that_the_mount_knows(driver, start, rate, halt) -> None:
+    """A Rainbow before version 200625 knows no Stop of one axis."""
+    with transcript(driver, [*start, (rate, b""), (b":Me#", b""), (halt, b"")]) as m:
+        m.move(Direction.EAST, 0.1, 0.02)
+        deadline = time.monotonic() + 20.0
+        while m.watchdog.moving and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert not m.watchdog.moving
 
 
 def test_a_gemini_is_parked_only_while_nothing_moves() -> None:
