@@ -539,3 +539,16 @@ def test_what_is_kept_is_kept_again_in_a_folder_of_its_own(tmp_path) -> None:
 def test_a_slew_changes_the_side_of_the_pier_only_across_the_meridian(slews, axes, hour, side) -> None:
     m, _, _, _ = slews(axes, axes)
     assert m.side_for((m.sidereal() - hour) % 360.0) is side
+
+
+def test_what_is_kept_at_the_end_is_where_the_motors_then_stand(tmp_path) -> None:
+    with board(*counters(0.0, 0.0), *counters(12.0, -34.0), home=Home.POWER_ON, kept=tmp_path) as m:
+        m.close()
+        assert m.recall().counters_deg == pytest.approx([12.0, -34.0], abs=1e-4)
+
+
+@pytest.mark.parametrize("version", [b"0203", b"", b"02030012"])
+def test_a_version_of_another_length_is_no_motor_board(version) -> None:
+    start = [(command, b"=%s\r" % version if command == b":e1\r" else reply) for command, reply in MOTORS_START[:7]]
+    with pytest.raises(ProtocolError, match="version of a motor board"), board(start=start):
+        pass

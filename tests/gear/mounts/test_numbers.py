@@ -29,8 +29,12 @@ from .test_motion_rules import AWAKE, plan
         (119.0, ""),
         (121.0, "its clock is 2 min fast"),
         (-121.0, "its clock is 2 min slow"),
-        (3599.0, "60 min fast"),
-        (3601.0, "1.0 h fast"),
+        (1919.0, "32 min fast (summer time or zone?)"),
+        (1921.0, "32 min fast. Before"),
+        (3479.0, "58 min fast. Before"),
+        (3481.0, "1.0 h fast (summer time or zone?)"),
+        (1.49 * 86400.0, "35.8 h fast"),
+        (-1.51 * 86400.0, "its date is 2026-01-14"),
     ],
 )
 def test_a_clock_is_doubted_from_two_minutes_on(ahead_s, words) -> None:
