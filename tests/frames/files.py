@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 import numpy as np
 
@@ -108,6 +109,16 @@ def crashing_reader(path):
 def greedy_reader(path):
     tell_who(path)
     return Frame(np.ones((20_000, 20_000)), path=str(path))
+
+
+def growing_reader(path):
+    """Takes 0.6 GB, then does nothing more."""
+    tell_who(path)
+    taken = []
+    while True:
+        if len(taken) < 12:
+            taken.append(np.ones(50_000_000, np.uint8))
+        time.sleep(0.02)
 
 
 def quick_reader(path):

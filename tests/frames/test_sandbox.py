@@ -1,5 +1,6 @@
 """A decoder that hangs, crashes or grows costs its file one sentence, and no process stays behind."""
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -7,6 +8,8 @@ import sys
 import time
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ import pytest
 from kochab.cli.main import main
 from kochab.core.errors import FrameError
 from kochab.frames import FORMATS, read_frame, reading, sandbox
+from kochab.frames.samples import free_bytes
 from kochab.gear.cameras import folder as folder_camera
 from kochab.gear.cameras import open_camera
 from tests.frames.files import colours, one_of_each, sky
@@ -77,13 +81,159 @@ def test_a_decoder_that_crashes_costs_a_sentence_and_the_next_file_nothing(odd):
     np.testing.assert_array_equal(read_frame(odd("quick_reader")).pixels, sky())
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing bounds a process's memory")
+@pytest.mark.skipif(sys.platform != "linux", reason="macOS bounds no process's memory")
 def test_a_decoder_may_not_fill_the_memory(odd, monkeypatch):
     monkeypatch.setattr(sandbox, "LEAST_BYTES", 400_000_000)
     monkeypatch.setattr(sandbox, "MOST_BYTES", 400_000_000)
     with pytest.raises(FrameError, match=r"night.odd does not fit into the 0.4 GB there is for reading it"):
         read_frame(odd("greedy_reader"))
     assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows itself bounds a process's memory")
+def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch):
+    """As on macOS: the process that waits for it asks how much it has."""
+    monkeypatch.setattr(sandbox, "WATCHED", True)
+    monkeypatch.setattr(sandbox, "LEAST_BYTES", 400_000_000)
+    monkeypatch.setattr(sandbox, "MOST_BYTES", 400_000_000)
+    path = odd("growing_reader")
+    with pytest.raises(FrameError, match=r"^night.odd does not fit into the 0.4 GB there is for reading it.$"):
+        read_frame(path)
+    assert gone(reader_of(path))
+    assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
+
+
+class BasicLimits(ctypes.Structure):
+    """``JOBOBJECT_BASIC_LIMIT_INFORMATION`` (Microsoft's winnt.h)."""
+
+    _fields_ = (
+        ("PerProcessUserTimeLimit", ctypes.c_int64),
+        ("PerJobUserTimeLimit", ctypes.c_int64),
+        ("LimitFlags", ctypes.c_uint32),
+        ("MinimumWorkingSetSize", ctypes.c_size_t),
+        ("MaximumWorkingSetSize", ctypes.c_size_t),
+        ("ActiveProcessLimit", ctypes.c_uint32),
+        ("Affinity", ctypes.c_size_t),
+        ("PriorityClass", ctypes.c_uint32),
+        ("SchedulingClass", ctypes.c_uint32),
+    )
+
+
+class ExtendedLimits(ctypes.Structure):
+    """``JOBOBJECT_EXTENDED_LIMIT_INFORMATION``; its ``IoInfo`` are six counters."""
+
+    _fields_ = (
+        ("BasicLimitInformation", BasicLimits),
+        ("IoInfo", ctypes.c_uint64 * 6),
+        ("ProcessMemoryLimit", ctypes.c_size_t),
+        ("JobMemoryLimit", ctypes.c_size_t),
+        ("PeakProcessMemoryUsed", ctypes.c_size_t),
+        ("PeakJobMemoryUsed", ctypes.c_size_t),
+    )
+
+
+class Counters(ctypes.Structure):
+    """``PROCESS_MEMORY_COUNTERS`` (psapi.h)."""
+
+    _fields_ = (
+        ("cb", ctypes.c_uint32),
+        ("PageFaultCount", ctypes.c_uint32),
+        ("PeakWorkingSetSize", ctypes.c_size_t),
+        ("WorkingSetSize", ctypes.c_size_t),
+        ("QuotaPeakPagedPoolUsage", ctypes.c_size_t),
+        ("QuotaPagedPoolUsage", ctypes.c_size_t),
+        ("QuotaPeakNonPagedPoolUsage", ctypes.c_size_t),
+        ("QuotaNonPagedPoolUsage", ctypes.c_size_t),
+        ("PagefileUsage", ctypes.c_size_t),
+        ("PeakPagefileUsage", ctypes.c_size_t),
+    )
+
+
+class MemoryStatus(ctypes.Structure):
+    """``MEMORYSTATUSEX`` (sysinfoapi.h)."""
+
+    _fields_ = (
+        ("dwLength", ctypes.c_uint32),
+        ("dwMemoryLoad", ctypes.c_uint32),
+        ("ullTotalPhys", ctypes.c_uint64),
+        ("ullAvailPhys", ctypes.c_uint64),
+        ("ullTotalPageFile", ctypes.c_uint64),
+        ("ullAvailPageFile", ctypes.c_uint64),
+        ("ullTotalVirtual", ctypes.c_uint64),
+        ("ullAvailVirtual", ctypes.c_uint64),
+        ("ullAvailExtendedVirtual", ctypes.c_uint64),
+    )
+
+
+def windows(monkeypatch, limits):
+    """A kernel32 that holds the program to be a process of 0.25 GB, and keeps what limits it is given."""
+
+    def counted(process, told, size):
+        assert (process.value, size) == (ctypes.c_void_p(-1).value, ctypes.sizeof(Counters))
+        counters = Counters.from_buffer(told)
+        assert counters.cb == size
+        counters.PagefileUsage, counters.WorkingSetSize = 250_000_000, 99
+        return 1
+
+    def limited(job, kind, told, size):
+        assert (job.value, kind, size) == (77, 9, ctypes.sizeof(ExtendedLimits))  # JobObjectExtendedLimitInformation
+        limits.append(ExtendedLimits.from_buffer_copy(told))
+        return 1
+
+    def put(job, process):
+        limits.append((job.value, process.value))
+        return 1
+
+    def status(told):
+        assert MemoryStatus.from_buffer(told).dwLength == ctypes.sizeof(MemoryStatus)
+        MemoryStatus.from_buffer(told).ullAvailPhys = 3_000_000_000
+        return 1
+
+    kernel = SimpleNamespace(
+        GetCurrentProcess=lambda: -1,
+        K32GetProcessMemoryInfo=counted,
+        CreateJobObjectW=Mock(return_value=77),
+        SetInformationJobObject=limited,
+        AssignProcessToJobObject=put,
+        GlobalMemoryStatusEx=status,
+    )
+    monkeypatch.setattr(ctypes, "windll", SimpleNamespace(kernel32=kernel), raising=False)
+    monkeypatch.setattr(sys, "platform", "win32")
+    return kernel
+
+
+@pytest.mark.skipif(ctypes.sizeof(ctypes.c_void_p) != 8, reason="Kochab's packages are for 64 bits")
+def test_windows_itself_bounds_what_a_decoder_may_commit(monkeypatch):
+    limits = []
+    kernel = windows(monkeypatch, limits)
+    monkeypatch.setattr(sandbox, "_job", None)
+    monkeypatch.setattr(sandbox, "_limit_bytes", None)
+    sandbox._bound(1_000_000_000, 5.0)
+    sandbox._bound(2_000_000_000, 5.0)
+    first, joined, second = limits  # one job for all files
+    assert joined == (77, ctypes.c_void_p(-1).value)
+    assert kernel.CreateJobObjectW.call_count == 1
+    assert [one.BasicLimitInformation.LimitFlags for one in (first, second)] == [0x100, 0x100]  # of a process's memory
+    assert [one.ProcessMemoryLimit for one in (first, second)] == [1_250_000_000, 2_250_000_000]
+    assert (first.JobMemoryLimit, first.BasicLimitInformation.ActiveProcessLimit) == (0, 0)
+    assert sandbox.memory_text() == "2.0 GB"
+    kernel.SetInformationJobObject = lambda *told: 0
+    monkeypatch.setattr(sandbox, "_limit_bytes", None)
+    sandbox._bound(1_000_000_000, 5.0)
+    assert sandbox.memory_text() == "3.0 GB"  # what is free, where no limit was set
+
+
+def test_free_memory_is_half_of_all_where_the_system_does_not_tell(monkeypatch):
+    """As on macOS; Linux and Windows tell."""
+    told = free_bytes()
+    monkeypatch.setattr("builtins.open", Mock(side_effect=FileNotFoundError))
+    half = free_bytes()
+    monkeypatch.undo()
+    if hasattr(os, "sysconf"):
+        assert half == os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+        assert 0 < told < 2 * half + 1e6
+    windows(monkeypatch, [])
+    assert free_bytes() == 3_000_000_000
 
 
 def test_one_process_reads_one_file_after_the_other(odd):

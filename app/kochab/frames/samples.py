@@ -1,6 +1,8 @@
 """From decoded samples to a frame: size limits, luminance, finite numbers, the colour pattern."""
 
 import math
+import os
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -55,12 +57,21 @@ def check_size(width: int, height: int, bytes_px: int = 1, packed_bytes: int | N
 
 
 def free_bytes() -> int | None:
-    """Memory that programs may still take, None where the system does not say (`proc(5)`)."""
+    """Memory that programs may still take (`proc(5)`); half of all where that is not told, None if nothing is."""
     try:
+        if sys.platform == "win32":
+            import ctypes
+
+            status = (ctypes.c_uint64 * 8)(64)  # MEMORYSTATUSEX, whose third is ullAvailPhys
+            return int(status[2]) if ctypes.windll.kernel32.GlobalMemoryStatusEx(status) else None
         with open("/proc/meminfo", encoding="ascii") as file:
             rows = (line.split() for line in file)
             return next((int(row[1]) * 1024 for row in rows if row[0] == "MemAvailable:"), None)
     except OSError:
+        pass
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    except (AttributeError, OSError, ValueError):
         return None
 
 

@@ -37,6 +37,9 @@ MOST_BYTES = 4_000_000_000
 """What reading one file may take: twice the largest decoded image, and the frame made of it."""
 LEAST_BYTES = 1_000_000_000  # of address space, of which a library's threads reserve much and use little
 _POLL_S = 0.05
+WATCHED = sys.platform not in ("linux", "win32")
+"""Where nothing bounds a process's memory (macOS), the one that waits for it asks how much it has every `_WATCH_S`."""
+_WATCH_S = 0.25
 _PIPE_BYTES = 1 << 20
 _START = "import sys; from pickle import load; sys.path[:] = load(sys.stdin.buffer); " + (
     "from kochab.frames.sandbox import serve; serve()"
@@ -51,6 +54,7 @@ class Outside(Exception):  # noqa: N818 (a signal inside this room, not an error
 
 _inside = False
 _limit_bytes: int | None = None
+_job: int | None = None
 
 
 def leave_to_sandbox() -> None:
@@ -116,23 +120,49 @@ def _answer(call: bytes) -> Answer:
         return None, error, traceback.format_exc()
 
 
-def _bound(memory_bytes: int, timeout_s: float | None) -> None:
-    """Bound the address space (Linux alone tells what is taken), and time for when nobody is left to kill us."""
+def _bound(memory_bytes: int | None, timeout_s: float | None) -> None:
+    """Bound what may still be taken, in bytes, and time for when nobody is left to kill us; None: we are watched."""
     global _limit_bytes
-    try:
+    if memory_bytes is not None:
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            (_bound_windows if sys.platform == "win32" else _bound_linux)(memory_bytes)
+            _limit_bytes = memory_bytes
+    if sys.platform != "win32":
         import resource
-    except ImportError:  # Windows
-        return
-    with contextlib.suppress(OSError, ValueError):
-        with open("/proc/self/statm", encoding="ascii") as file:
-            taken = int(file.read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (taken + memory_bytes, resource.getrlimit(resource.RLIMIT_AS)[1]))
-        _limit_bytes = memory_bytes
-    with contextlib.suppress(OSError, ValueError):
-        most = resource.getrlimit(resource.RLIMIT_CPU)[1]
-        # Several threads may decode at once.
-        seconds = most if timeout_s is None else int(time.process_time() + 4.0 * timeout_s) + 60
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, most))
+
+        with contextlib.suppress(OSError, ValueError):
+            most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+            # Several threads may decode at once.
+            seconds = most if timeout_s is None else int(time.process_time() + 4.0 * timeout_s) + 60
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, most))
+
+
+def _bound_linux(memory_bytes: int) -> None:
+    """The address space, by `getrlimit(2)` and `proc(5)`."""
+    import resource
+
+    with open("/proc/self/statm", encoding="ascii") as file:
+        taken = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + memory_bytes, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+def _bound_windows(memory_bytes: int) -> None:
+    """Committed memory, by a job object with this process in it; the structures are named in Microsoft's documents."""
+    import ctypes
+
+    global _job
+    kernel = ctypes.windll.kernel32  # type: ignore[attr-defined,unused-ignore]
+    own = ctypes.c_void_p(kernel.GetCurrentProcess())
+    counters = (ctypes.c_uint64 * 9)(72)  # PROCESS_MEMORY_COUNTERS; its PagefileUsage is what is committed
+    kernel.K32GetProcessMemoryInfo(own, counters, 72)
+    limits = (ctypes.c_uint64 * 18)()  # JOBOBJECT_EXTENDED_LIMIT_INFORMATION
+    limits[2], limits[14] = 0x100, counters[7] + memory_bytes  # JOB_OBJECT_LIMIT_PROCESS_MEMORY
+    kernel.CreateJobObjectW.restype = ctypes.c_void_p
+    job = ctypes.c_void_p(_job or kernel.CreateJobObjectW(None, None))
+    if not kernel.SetInformationJobObject(job, 9, limits, 144):
+        raise OSError("no limit")
+    if _job is None and kernel.AssignProcessToJobObject(job, own):
+        _job = job.value
 
 
 # -- Outside of it -----------------------------------------------------------------------------
@@ -159,8 +189,14 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
         raise FrameError(f"{name} cannot be read: no process starts to read it ({error.strerror}).") from None
     try:
         memory_bytes = max(LEAST_BYTES, min(MOST_BYTES, free_bytes() or MOST_BYTES))
-        answer = sandbox.call((function, arguments, memory_bytes, timeout_s))
+        answer = sandbox.call((function, arguments, None if WATCHED else memory_bytes, timeout_s))
+        seen = time.monotonic()
         while not answer.done():
+            if WATCHED and time.monotonic() > seen + _WATCH_S:
+                if sandbox.resident_bytes() > memory_bytes:
+                    room = f"{memory_bytes / 1e9:.1f} GB"
+                    raise FrameError(f"{name} does not fit into the {room} there is for reading it.")
+                seen = time.monotonic()
             if deadline is not None and time.monotonic() > deadline:
                 raise FrameError(f"{name} was not read within {timeout_s:g} s. Is it damaged? Else allow more time.")
             yield Progress("read", None, name)
@@ -226,6 +262,17 @@ class _Sandbox:
     def alive(self) -> bool:
         """Whether the process has not ended."""
         return self._process.poll() is None
+
+    def resident_bytes(self) -> int:
+        """What of it is in memory, 0 when the system does not say."""
+        import subprocess
+
+        try:
+            command = ["ps", "-o", "rss=", "-p", str(self._process.pid)]
+            done = subprocess.run(command, capture_output=True, timeout=5.0, check=False)
+            return int(done.stdout or 0) * 1024
+        except (OSError, ValueError, subprocess.SubprocessError):
+            return 0
 
     def kill(self) -> None:
         """End the process, whatever it does."""
