@@ -22,12 +22,13 @@ from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.probe import probe_port
 from kochab.gear.mounts.protocols import skywatcher
 from kochab.gear.mounts.serial_line import ProtocolError
-from kochab.simulate.responders import RESPONDERS, open_responder
+from kochab.simulate.responders import RESPONDERS
 from tests.fuzz import mutate
 from tests.fuzz.files import good, in_order
 from tests.fuzz.target import Target, require, told
 from tests.gear.mounts.bench import SITE, START
 from tests.simulate.bench_telescope import BenchTelescope
+from tests.simulate.dialects import DIALECT_RESPONDERS, open_any
 
 # -- Replies of mounts --------------------------------------------------------------------------
 
@@ -51,7 +52,7 @@ def _replies(folder: Path) -> list[bytes]:
         b"+0194005000123456789 11#", b"+01940050012345678911#", b"0120", b"+122233344100000000200003#",
         b"+0600000000000000#", b"+060" + b"0" + b"0768000000000#", b"34AB0500,12CE0500#", b"34AB,12CE#", b"\x04\x15#",
         b"043707#", b"\x01#", b"@#", b"#", b"E#", b"\x30\x0b\x00\x00\x08\x1e\x00\x00#", b"\x16\x0a\x0b\x01\x0f\x1a\x01\x00#",
-        b"=563412\r", b"=101\r", b"!0\r", b"=\r", b"=020300\r",
+        b"NGM011000211#", b"029S0001000000#", b"10p 3        W00A#", b"2026-11-22#", b":CL1#", b"=563412\r", b"=101\r", b"!0\r", b"=\r", b"=020300\r",
     ]  # fmt: skip
 
 
@@ -73,7 +74,7 @@ class NoisyLink:
     most = 4000  # bytes: a driver that asks for ever is a hang
 
     def __init__(self, driver: str, rng: Random, spoilt: float) -> None:
-        self._mount = open_responder(driver, BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, self._now))
+        self._mount = open_any(driver, BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, self._now))
         self._rng, self._spoilt, self._buffer, self._elapsed_s, self.asked = rng, spoilt, bytearray(), 0.0, 0
 
     def _now(self) -> float:
@@ -375,7 +376,7 @@ TARGETS = [
     Target("serial reply", _replies, check_parsers, mutate.raw, 60_000, 400),
     *(
         Target(f"mount {name}", lambda folder: [b""], partial(check_driver, name), _number, 4000, 6)
-        for name in RESPONDERS
+        for name in (*RESPONDERS, *DIALECT_RESPONDERS)
     ),
     Target("mount probe", lambda folder: [b""], check_probe, _number, 3000, 6),
     Target("Alpaca answer", _alpaca, check_http, mutate.raw, 8000, 20),

@@ -81,7 +81,7 @@ class Lx200(SerialMount):
 
     def ask_version(self) -> tuple[int, ...]:
         """Of the firmware: (10, 24) of ``10.24i``."""
-        return protocol.parse_version(self.ask_product(protocol.VERSION))
+        return protocol.version_of(self.ask_product(protocol.VERSION))
 
     def refine(self) -> None:
         """``:U#`` toggles: read, toggle only when coarse, read again."""

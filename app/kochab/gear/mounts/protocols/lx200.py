@@ -176,7 +176,7 @@ def parse_text(reply: bytes) -> str:
     return match(rb"([ -~]*)#", reply, "text")[1].decode("ascii").strip()
 
 
-def parse_version(text: str) -> tuple[int, ...]:
+def version_of(text: str) -> tuple[int, ...]:
     """The numbers of ``10.24i`` or ``1.32.1``; none where there is none."""
     return tuple(int(part) for part in re.findall(r"\d+", text))
 
