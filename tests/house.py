@@ -28,6 +28,7 @@ ADDED = {
     "the mount's clock and site compared and set": 300,
     "the meridian flip asked and watched": 100,
     "the horizon drawn in the window, and limits set there": 225,
+    "home by the sensors of a motor board": 60,
     "a nudge that ends by itself, a quick stop over the network, a park position below the limit": 110,
     "stops and mute mounts in the mount bench": 112,
     "one model of what is wrong with a mount": 140,

@@ -56,7 +56,8 @@ class Home(StrEnum):
 
 CONFIRM_HOME = (
     "The mount's home is not confirmed, and a slew could drive the tube into the pier: sync on a solved frame; or put "
-    "the tube at the pole with the counterweight down, and connect again with home confirmed (--home now)."
+    "the tube at the pole with the counterweight down, and connect again with home confirmed (--home now). A mount "
+    "with home sensors finds its home when you nudge both axes over it."
 )
 
 

@@ -636,6 +636,7 @@ def test_a_star_adventurer_gti_tracks_with_its_own_period() -> None:
         (b":g2\r", b"=01\r"),
         (b":e1\r", b"=03300C\r"),
         (b":f1\r", b"=100\r"),
+        (b":q1010000\r", b"!0\r"),
     ]
     order = f":I1{skywatcher.low_first(period)}\r".encode()
     begin = [(b":f1\r", b"=100\r"), (b":F1\r", b"=\r"), (b":G110\r", b"=\r"), (order, b"=\r"), (b":J1\r", b"=\r")]

@@ -77,7 +77,7 @@ def test_an_equatorial_board_is_taken(version) -> None:
     ],
 )
 def test_an_alt_azimuth_or_unknown_board_is_refused_before_anything_else(version, sentence) -> None:
-    script = at_mount_code(version)[:-1]
+    script = at_mount_code(version)[:-2]
     with pytest.raises(RefusedError, match=sentence), transcript(SkyWatcher, script, site=SITE, clock=Night()):
         pass
 
@@ -211,6 +211,69 @@ def test_after_a_stop_nothing_turns_until_it_is_asked_for(doing) -> None:
 def test_a_board_found_in_a_slew_is_not_taken_to_track() -> None:
     """L82: ``=711`` is a fast steady motion; L96: ``=411`` is a goto; only ``=111`` tracks."""
     for status, tracking in ((b"=711\r", False), (b"=411\r", False), (b"=111\r", True)):
-        script = [*MOTORS_START[:-1], (b":f1\r", status)]
+        script = [*MOTORS_START[:-2], (b":f1\r", status), MOTORS_START[-1]]
         with transcript(SkyWatcher, script, site=SITE, clock=Night()) as mount:
             assert mount.tracking is tracking
+
+
+# -- home sensors, as INDI's EQMod driver reads them (eqmodbase.cpp, AutoHome) -------------------
+
+
+def sensing(b, first_deg, second_deg):
+    """A board with home sensors, switched on with its axes so far from home."""
+    b.far_end.features = 0x000004
+    b.telescope.turn_axis_to(0, 90.0 + first_deg)
+    b.telescope.turn_axis_to(1, 90.0 + second_deg)
+    wait_for(lambda: not b.telescope.slewing)
+    for motor in b.far_end.motors:
+        motor.set_steps(0x800000)
+    return b.connect()
+
+
+def nudge(mount, direction, angle_deg):
+    mount.move(direction, 0.5, angle_deg / 0.5)
+    wait_for(lambda: not mount.watchdog.moving)
+
+
+@pytest.mark.parametrize(("first", "second"), [(-1.5, 1.0), (1.5, -1.0)])
+def test_axes_nudged_over_their_home_sensors_confirm_home(first, second) -> None:
+    with board() as b:
+        mount = sensing(b, first, second)
+        assert mount.state().home_confirmed is False
+        with pytest.raises(RefusedError, match="nudge both axes over it"):
+            mount.goto(*place(-25.0, 45.0, b.clock))
+        way = Direction.WEST if first < 0.0 else Direction.EAST
+        nudge(mount, way, 1.9)
+        assert mount.state().home_confirmed is False, "one axis is not enough"
+        for way in (Direction.NORTH, Direction.NORTH, Direction.SOUTH):  # at the pole north and south change places
+            if not mount.state().home_confirmed:
+                nudge(mount, way, 1.9)
+        assert mount.state().home_confirmed is True
+        target = place(-25.0, 45.0, b.clock)
+        mount.goto(*target)
+        wait_for(lambda: mount.state().slewing is False)
+        assert apart_deg(b.telescope.believed_deg(), target) < 0.01
+
+
+def test_what_a_sensor_kept_before_is_forgotten_first() -> None:
+    """Another program may have set the counters since: the tube would miss by as much."""
+    with board() as b:
+        b.far_end.features = 0x000004
+        b.telescope.turn_axis_to(0, 88.0)
+        wait_for(lambda: not b.telescope.slewing)
+        b.far_end.feed(b":W1080000\r:W2080000\r")
+        b.telescope.turn_axis_to(0, 92.0)
+        wait_for(lambda: not b.telescope.slewing)
+        kept = b.far_end.feed(b":q1000000\r")
+        assert kept not in (b"=000000\r", b"=FFFFFF\r")
+        mount = b.connect()
+        assert b.far_end.feed(b":q1000000\r") in (b"=000000\r", b"=FFFFFF\r")
+        assert mount.state().home_confirmed is False
+
+
+def test_a_board_without_home_sensors_is_asked_once_and_nothing_is_set() -> None:
+    """L86 and L95: features 083000 and 080000 of boards that may be alt-azimuth, without a sensor."""
+    for features in (b"=083000\r", b"=080000\r"):
+        script = [*MOTORS_START[:-1], (b":q1010000\r", features)]
+        with transcript(SkyWatcher, script, site=SITE, clock=Night()) as mount:
+            assert mount.has_index is False

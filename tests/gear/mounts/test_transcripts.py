@@ -319,8 +319,9 @@ MOTORS_START = [
     (b":g2\r", b"=10\r"),
     (b":e1\r", b"=020300\r"),
     (b":f1\r", b"=001\r"),
+    (b":q1010000\r", b"!0\r"),  # an old board has no features, so no home sensors
 ]
-FRESH_START = [*MOTORS_START[:-1], (b":f1\r", b"=000\r")]  # not initialised since it was switched on
+FRESH_START = [*MOTORS_START[:-2], (b":f1\r", b"=000\r"), MOTORS_START[-1]]  # not initialised since it was switched on
 SITE = Site(50.0, 8.0)
 
 

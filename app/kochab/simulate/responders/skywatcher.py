@@ -45,6 +45,7 @@ class BoardMotor:
         self._slewing_to: float | None = None
         self._turning = False
         self._clock = (0, 1)
+        self.reset_index()
 
     def steps(self) -> int:
         """The counter."""
@@ -53,6 +54,21 @@ class BoardMotor:
     def set_steps(self, steps: int) -> None:
         """Let the counter read this where the axis is."""
         self._zero_deg = self._angle() - (steps - MIDDLE) / self.steps_deg
+
+    def _from_index(self) -> int:
+        """Steps from the home index, which is where the axis truly is at home."""
+        return round(self.telescope.from_home_deg()[self.axis] * self.steps_deg)
+
+    def reset_index(self) -> None:
+        """Forget where the index was passed."""
+        self._index_from, self._passed = self._from_index(), 0
+
+    def index(self) -> int:
+        """Where the counter was when the axis came over the index; 0 still below, all ones still above it."""
+        now = self._from_index()
+        if not self._passed and (now < 0) != (self._index_from < 0):
+            self._passed = self.steps() - now
+        return self._passed or (0 if now < 0 else 0xFFFFFF)
 
     def target_by(self, increment: int) -> None:
         """A target relative to here, in the direction of the mode."""
@@ -117,7 +133,7 @@ _SIZES |= {b"F": 0, b"J": 0, b"K": 0, b"L": 0}
 
 
 class SkyWatcherResponder(Controller):
-    """An EQ6's board: no home sensors, no encoders, no features to ask for (``q``)."""
+    """An EQ6's board: no home sensors, no encoders, no ``features`` to ask for (``q``), until some are given to it."""
 
     command = re.compile(rb":(?:[^\r]*:)?([^:\r]*)\r")
     begins = b":"
@@ -126,6 +142,7 @@ class SkyWatcherResponder(Controller):
     def __init__(self, telescope: EquatorialMount) -> None:
         super().__init__(telescope)
         self.mount_code = 0x00  # an EQ6
+        self.features = 0
         north = telescope.latitude_deg >= 0.0
         self.motors = (
             BoardMotor(telescope, 0, STEPS_TURN * (1.0 if north else -1.0) / 360.0),
@@ -151,6 +168,11 @@ class SkyWatcherResponder(Controller):
         motors = self.motors if channel == b"3" else (self.motors[int(channel) - 1],)
         if order in self.asked and channel != b"3":
             return b"=" + self.asked[order](motors[0]) + b"\r"
+        if self.features and order == b"q" and data in (b"010000", b"000000"):
+            return b"=" + low_first(self.features if data == b"010000" else motors[0].index()) + b"\r"
+        if self.features and order == b"W" and data == b"080000":
+            motors[0].reset_index()
+            return b"=\r"
         if order not in _SIZES:
             return UNKNOWN
         if len(data) != _SIZES[order]:

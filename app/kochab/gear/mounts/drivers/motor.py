@@ -33,9 +33,9 @@ class Motor:
         self.timer_hz = self.number("b")
         self.ratio = max(1, int(self.query("g", protocol.parse_data)[:2] or "1", 16))
 
-    def query(self, letter: str, parse: Callable[[bytes], T]) -> T:
+    def query(self, letter: str, parse: Callable[[bytes], T], data: str = "") -> T:
         """Ask, and repeat the question when its answer is lost, as the maker's programs do."""
-        return self.talk.query(protocol.command(letter, self.axis), REPLY, parse, self.tries, NoAnswerError)
+        return self.talk.query(protocol.command(letter, self.axis, data), REPLY, parse, self.tries, NoAnswerError)
 
     def angle_deg(self) -> float:
         """The encoder's angle."""
@@ -46,6 +46,20 @@ class Motor:
     def seen_deg(self) -> float:
         """The encoder's angle when it was read last."""
         return self.seen_steps / self.steps_turn * 360.0
+
+    def watch_index(self) -> bool:
+        """Begin to wait for the axis to come over its home index; whether it has one."""
+        if not self.query("q", protocol.parse_features, protocol.FEATURES) & protocol.HAS_INDEX:
+            return False
+        self.order("W", protocol.RESET_INDEX)  # what it kept may be of counters that were set since
+        return True
+
+    def index_deg(self) -> float | None:
+        """Where the axis came over its home index; None when it has not."""
+        steps = self.query("q", protocol.parse_number, protocol.INDEX)
+        if steps in (protocol.BELOW, protocol.ABOVE):
+            return None
+        return (steps - protocol.ZERO) / self.steps_turn * 360.0
 
     def status(self) -> protocol.AxisStatus:
         """The motor's status."""

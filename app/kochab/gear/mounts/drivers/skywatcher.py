@@ -141,13 +141,16 @@ class SkyWatcher(SerialMount):
         self.approaches = 0
         self.offset_deg: Degrees = (0.0, 0.0)
         self.home_confirmed = self.home is not None
-        self.zeros = list(ZEROS.values())
+        self.zeros, self.has_index = list(ZEROS.values()), False
         if self.home is not None:
             self.offset_deg = self.confirmed_offset(self.home)
         elif (kept := self.recall()) and first.initialised and self.motors[1].status().initialised:
             self.zeros.append(kept.offset_deg)
             if kept.holds(self.counters(), self.sky_rate, self.clock().timestamp()):
                 self.offset_deg, self.home_confirmed = kept.offset_deg, True
+        if not self.home_confirmed:
+            with suppress(RefusedError):
+                self.has_index = all(motor.watch_index() for motor in self.motors)
 
     def confirmed_offset(self, home: Home) -> Degrees:
         """The offset of the home that the user confirms; refused when the counters contradict it."""
@@ -222,6 +225,13 @@ class SkyWatcher(SerialMount):
             " connect again with home confirmed (--home now)."
         )
 
+    def find_index(self) -> None:
+        """Both axes have been nudged over their home indexes: home is where they are."""
+        first, second = (motor.index_deg() for motor in self.motors)
+        if first is not None and second is not None:
+            self.offset_deg, self.home_confirmed = (-first, -second), True
+            self.keep()
+
     def require_home(self) -> None:
         """Raise while the home is not confirmed."""
         if not self.home_confirmed:
@@ -242,6 +252,8 @@ class SkyWatcher(SerialMount):
     def state(self) -> MountState:
         """Slewing until the target is reached."""
         self.continue_motion()
+        if self.has_index and not self.home_confirmed:
+            self.find_index()
         return MountState(
             slewing=self.target_deg is not None,
             tracking=self.tracking,

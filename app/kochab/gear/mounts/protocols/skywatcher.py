@@ -20,6 +20,9 @@ EQUATORIAL = code_table(
 ALT_AZIMUTH = range(0x80, 0x91)  # GT, MF, 114GT, StarSeeker, Dobsonians
 AZ_GTI = 0xA5  # alt-azimuth or, on a wedge, equatorial: the code does not show which
 FOREIGN_LINES = 4  # before an answer
+FEATURES, INDEX, RESET_INDEX = "010000", "000000", "080000"  # of ``q``, ``q`` and ``W`` (INDI's skywatcher.h)
+HAS_INDEX = 0x000004  # the feature: a home sensor on the axis
+BELOW, ABOVE = 0, 0xFFFFFF  # the index, while the axis has not come over it since it was reset
 ERRORS = code_table(
     "0 an unknown command, 1 a command of the wrong length, 2 the motor is not stopped, "
     "3 an invalid character, 4 not initialised, 5 the driver sleeps, "
@@ -83,6 +86,11 @@ def parse_refusal(reply: bytes) -> str:
     """Why the board refused with ``!``; empty when it did not."""
     found = re.fullmatch(rb"!([0-9A-Fa-f]{1,2})\r", reply)
     return ERRORS.get(int(found[1], 16), f"error {found[1].decode()}") if found else ""
+
+
+def parse_features(reply: bytes) -> int:
+    """The bits of ``q``; 0 of a board that does not know the question."""
+    return 0 if parse_refusal(reply) else parse_number(reply)
 
 
 def parse_position(reply: bytes) -> int:
