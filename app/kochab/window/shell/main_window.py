@@ -18,7 +18,7 @@ from kochab.window.shell.status import Status, TopBar
 from kochab.window.shell.welcome import Sample, Welcome
 from kochab.window.widgets import Page, column, page, row, scrolled, styled_frame, tab_pages
 
-CARD_LETTERS = 50  # about as wide as a line of so many
+CARD_LETTERS = 56  # about as wide as a line of so many
 MARGIN_PX, STRIP_PX = 8, 560
 
 
