@@ -131,16 +131,40 @@ def test_a_declination_axis_that_moved_is_named_with_place_and_size(after):
 @pytest.mark.parametrize("arcmin", [5.0, 60.0])
 def test_the_axis_is_the_one_that_knows_of_the_movement(arcmin):
     """Without that it is off by as much as declination moved, and more."""
-    scaled = []
+    scaled, said_arcsec = [], []
     for seed in range(20):
         mount = Mount(40.0, 600.0, 400.0)
         found = measured(mount, [0, 15, 30, 45, 60], seed, after=(1 + seed % 4, dec_moved(mount, arcmin)))
         assert not found.spoilt
         off = np.linalg.norm(found.error.axis - mount.axis) / ARCSEC
-        assert off < 6.0 * found.error.uncertainty_arcsec < 600.0
+        assert off < 6.0 * found.error.uncertainty_arcsec
+        said_arcsec.append(found.error.uncertainty_arcsec)
         scaled.append(found.error.distance2(mount.axis))
     assert np.mean(np.array(scaled) < 5.99) > 0.8
+    assert np.median(said_arcsec) < 60.0
     assert np.mean(scaled) > 0.8  # two degrees of freedom: 2
+
+
+@pytest.mark.parametrize("what", ["sinking", "creep", "wobble"])
+def test_the_ellipse_holds_an_axis_whose_frames_moved_all_the_time(what):
+    """A tripod that sinks by 60 arcsec, a camera that creeps by 90, a bearing that wobbles by 40."""
+    held, offs = [], []
+    for seed in range(12):
+        rng = np.random.default_rng([7, seed])
+        mount = Mount(40.0, 600.0, 400.0, sigma=1.0, sigma_roll=4.0, hour_deg=-45.0)
+        way = rng.normal(size=3) * ([1.0, 1.0, 0.0] if what == "sinking" else 1.0)
+        way *= ARCSEC * (60.0 if what == "sinking" else 90.0) / np.linalg.norm(way)
+        seen = mount.see([0, 4, 30, 36, 60, 64, 75], rng)  # even steps hide what grows evenly
+        for k, frame in enumerate(seen):
+            slow, own = (Rotation.from_rotvec(v).as_matrix() for v in (way * k / 6.0, rng.normal(size=3) * 28 * ARCSEC))
+            matrix = slow @ frame.matrix if what == "sinking" else frame.matrix @ (slow if what == "creep" else own)
+            seen[k] = replace(frame, matrix=matrix)
+        found = measure_local(seen, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
+        assert found.movement is None or not found.movement.explains
+        held.append(found.error.distance2(mount.axis) < 5.99)
+        offs.append(np.linalg.norm(found.error.axis - mount.axis) / ARCSEC)
+    assert np.mean(held) > 0.8
+    assert np.median(offs) < {"sinking": 30.0, "creep": 30.0, "wobble": 90.0}[what]
 
 
 def test_the_live_phase_goes_on_from_where_declination_moved_to():

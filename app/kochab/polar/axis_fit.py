@@ -208,11 +208,12 @@ class Movement:
     angle_arcsec: float
     sigma_arcsec: float
     fit: AxisFit
+    likely: bool = True
 
     @property
     def explains(self) -> bool:
-        """Whether nothing is left that noise does not do, so that the fit may be used."""
-        return self.fit.chance > UNLIKELY
+        """Whether nothing is left that noise does not do and nothing slow is likelier, so that the fit may be used."""
+        return self.likely and self.fit.chance > UNLIKELY
 
 
 def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> Movement | None:
@@ -225,18 +226,96 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
         for what in ("declination", "camera")
     ]
     best = min(suppositions, key=lambda m: m.fit.chi2)
-    explained = best.fit.chi2 < 0.2 * fit.chi2 or best.explains
+    explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
     if not explained or abs(best.angle_arcsec) <= max(3.0 * best.sigma_arcsec, LEAST_ARCSEC):
         return None
-    odds = np.exp([(best.fit.chi2 - m.fit.chi2) / 2.0 for m in suppositions])
-    apart = np.array([_apart(best.fit, m.fit) for m in suppositions])
-    doubt = np.einsum("k,ki,kj->ij", odds / odds.sum(), apart, apart)
-    return replace(best, fit=_widened(best.fit, doubt))
+    slow = _gradual(attitudes, fit)
+    evidence = np.array(
+        [*(_evidence_of(m) - np.log(len(suppositions)) for m in suppositions), *(g.evidence for g in slow)]
+    )
+    odds = np.exp(evidence - evidence.max())
+    odds /= odds.sum()
+    axes = [*(m.fit.axis for m in suppositions), *(g.axis for g in slow)]
+    apart = np.stack([_apart(best.fit, axis) for axis in axes])
+    doubt = np.einsum("k,ki,kj->ij", odds, apart, apart)
+    likely = bool(odds[: len(suppositions)].sum() > SUDDEN)
+    return replace(best, fit=_widened(best.fit, doubt), likely=likely)
 
 
-def _apart(fit: AxisFit, other: AxisFit) -> Floats:
-    """How far the axis of another fit is along (altitude, azimuth on the sky)."""
-    return np.stack(tangents(fit.axis)) @ (other.axis - fit.axis)
+# -- What moves all the time: a tripod that sinks, a camera that creeps, a bearing that wobbles ----
+# The first two are a rotation that grows with time, in E, N, U or in the camera, three numbers with a prior.
+# The axis that each gives is weighed by its evidence (the likelihood, integrated over its numbers).
+
+GRADUAL_SIGMA = 60.0 * ARCSEC
+SUDDEN_SIGMA = 1800.0 * ARCSEC
+SCATTERS_ARCSEC = (10.0, 30.0, 90.0)
+SUDDEN = 0.5  # a sudden movement must be so probable for its fit to be used
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gradual:
+    """An axis (3,) with its covariance (2, 2) by what moves all the time, and the logarithm of its evidence."""
+
+    axis: Floats
+    covariance: Floats
+    evidence: float
+
+
+def doubted(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> AxisFit:
+    """The fit of frames that share no axis, its axis and ellipse those of what may have moved all the time."""
+    slow = _gradual(attitudes, fit)
+    odds = np.exp(np.array([g.evidence for g in slow]) - max(g.evidence for g in slow))
+    odds /= odds.sum()
+    mean = np.einsum("k,ki->i", odds, np.stack([g.axis for g in slow]))
+    mean /= np.linalg.norm(mean)
+    moved = replace(fit, axis=mean)
+    apart = np.stack([_apart(moved, g.axis) for g in slow])
+    within = np.einsum("k,kij->ij", odds, np.stack([g.covariance for g in slow]))
+    return _widened(moved, np.einsum("k,ki,kj->ij", odds, apart, apart) + within)
+
+
+def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
+    measured = np.stack([a.matrix for a in attitudes])
+    whiten = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in attitudes])
+    residual, jacobian = _linear(fit.axis, fit.turns_rad, fit.reference, measured, whiten)
+    since = np.array([(a.time_utc - attitudes[0].time_utc).total_seconds() for a in attitudes])
+    share = (since if np.ptp(since) > 0.0 else np.arange(len(since))) / max(float(np.ptp(since)), 1.0)
+    upward, clockwise = tangents(fit.axis)
+    _, before = np.linalg.slogdet(jacobian.T @ jacobian)
+    found = []
+    for into_camera in (np.swapaxes(measured, 1, 2), np.broadcast_to(np.eye(3), measured.shape)):
+        slopes = (whiten @ into_camera * share[:, None, None]).reshape(-1, 3) * GRADUAL_SIGMA
+        rows = np.block([[jacobian, slopes], [np.zeros((3, jacobian.shape[1])), np.eye(3)]])
+        aim = -np.append(residual.ravel(), np.zeros(3))
+        step = np.asarray(np.linalg.lstsq(rows, aim, rcond=None)[0], dtype=np.float64)
+        _, after = np.linalg.slogdet(rows.T @ rows)
+        axis = fit.axis + step[0] * upward + step[1] * clockwise
+        evidence = -0.5 * (float(np.sum(np.square(rows @ step - aim))) + after - before)
+        found.append(Gradual(axis / np.linalg.norm(axis), np.linalg.inv(rows.T @ rows)[:2, :2], evidence))
+    return [*found, *(_scattered(attitudes, fit, whiten, before, scatter * ARCSEC) for scatter in SCATTERS_ARCSEC)]
+
+
+def _scattered(
+    attitudes: Sequence[LocalAttitude], fit: AxisFit, whiten: Floats, before: float, scatter: float
+) -> Gradual:
+    """Each frame is off by ``scatter``, radians, on its own, as a wobbling bearing leaves it."""
+    wider = [replace(a, covariance=a.covariance + np.eye(3) * scatter**2) for a in attitudes]
+    found = fit_axis(wider, fit.axis)
+    less = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in wider])
+    measured = np.stack([a.matrix for a in attitudes])
+    _, jacobian = _linear(found.axis, found.turns_rad, found.reference, measured, less)
+    _, after = np.linalg.slogdet(jacobian.T @ jacobian)
+    spread = 2.0 * float(np.sum(np.linalg.slogdet(whiten)[1] - np.linalg.slogdet(less)[1]))
+    return Gradual(found.axis, found.covariance, -0.5 * (found.chi2 + after - before + spread))
+
+
+def _evidence_of(movement: Movement) -> float:
+    return -0.5 * movement.fit.chi2 + float(np.log(movement.sigma_arcsec * ARCSEC / SUDDEN_SIGMA))
+
+
+def _apart(fit: AxisFit, axis: Floats) -> Floats:
+    """How far another axis (3,) is along (altitude, azimuth on the sky)."""
+    return np.stack(tangents(fit.axis)) @ (axis - fit.axis)
 
 
 def _widened(fit: AxisFit, more: Floats) -> AxisFit:
@@ -267,7 +346,7 @@ def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, 
     sigma = np.sqrt(2.0 / curvature) if curvature > 0 else np.inf
     final = _turned_after(attitudes, tried, towards, what, after, angle)
     if np.isfinite(sigma):
-        a_sigma = _apart(final, _turned_after(attitudes, tried, towards, what, after, angle + float(sigma)))
+        a_sigma = _apart(final, _turned_after(attitudes, tried, towards, what, after, angle + float(sigma)).axis)
         final = replace(_widened(final, np.outer(a_sigma, a_sigma)), moved=1)
     names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
     return Movement(what, names[after], names[after + 1], angle / ARCSEC, float(sigma) / ARCSEC, final)

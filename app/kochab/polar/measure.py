@@ -12,7 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
-from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, find_movement, fit_axis
+from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, doubted, find_movement, fit_axis
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction
@@ -324,7 +324,7 @@ def measure_local(
     fits = [fit_axis(sweep, towards) for sweep in sweeps]
     movements = [find_movement(s, f, towards) for s, f in zip(sweeps, fits, strict=True)]
     movement = next((m for m in movements if m is not None), None)
-    fits = [m.fit if m is not None and m.explains else fit for m, fit in zip(movements, fits, strict=True)]
+    fits = [_used(*each) for each in zip(sweeps, fits, movements, strict=True)]
     results = [SweepResult(_error(fit, towards), _rho_rad(fit)) for fit in fits]
     combined = combine_sweeps(results, before)
     return Measurement(
@@ -341,6 +341,13 @@ def measure_local(
         droop=combined.droop,
         camera=camera,
     )
+
+
+def _used(sweep: Sequence[LocalAttitude], fit: AxisFit, movement: Movement | None) -> AxisFit:
+    """The fit to go by: one that knows what moved, where frames share no axis."""
+    if movement is not None and movement.explains:
+        return movement.fit
+    return doubted(sweep, fit) if fit.chance < UNLIKELY else fit
 
 
 def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:
