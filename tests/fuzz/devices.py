@@ -332,6 +332,125 @@ def check_indi(data: bytes, folder: Path) -> None:
             vars(module).update(names)
 
 
+_RANGE = 'format="%g" min="0" max="0" step="0"'
+_ABOUT = 'device="T" state="Ok" perm="rw"'
+_TELESCOPE = "".join(
+    f'<def{kind}Vector {_ABOUT} name="{name}" {more}>'
+    + "".join(
+        f'<def{kind} name="{member}" {_RANGE if kind == "Number" else ""}>{value}</def{kind}>'
+        for member, value in members
+    )
+    + f"</def{kind}Vector>"
+    for kind, name, more, members in (
+        ("Text", "DRIVER_INFO", "", [("DRIVER_INTERFACE", 1)]),
+        ("Switch", "CONNECTION", 'rule="OneOfMany"', [("CONNECT", "On"), ("DISCONNECT", "Off")]),
+        ("Number", "EQUATORIAL_EOD_COORD", "", [("RA", "5.5"), ("DEC", "-5:23:28")]),
+        ("Switch", "ON_COORD_SET", 'rule="OneOfMany"', [("TRACK", "On"), ("SYNC", "Off")]),
+        ("Switch", "TELESCOPE_ABORT_MOTION", 'rule="AtMostOne"', [("ABORT", "Off")]),
+        ("Switch", "TELESCOPE_TRACK_STATE", 'rule="OneOfMany"', [("TRACK_ON", "On"), ("TRACK_OFF", "Off")]),
+        ("Number", "GEOGRAPHIC_COORD", "", [("LAT", 47.5), ("LONG", 8.5), ("ELEV", 400)]),
+        ("Text", "TIME_UTC", "", [("UTC", "2026-01-15T22:10:11"), ("OFFSET", "1.00")]),
+        ("Number", "POLLING_PERIOD", "", [("PERIOD_MS", 100)]),
+    )
+)
+_REPORTS = (
+    '<setNumberVector device="T" name="EQUATORIAL_EOD_COORD" state="Busy"><oneNumber name="RA">5.6</oneNumber>'
+    '<oneNumber name="DEC">10</oneNumber></setNumberVector><setTextVector device="T" name="TIME_UTC" state="Ok">'
+    '<oneText name="UTC">2026-01-15T22:10:12</oneText><oneText name="OFFSET">1</oneText></setTextVector>'
+    '<message device="T" message="[ERROR] below the horizon"/>'
+)
+
+
+def check_indi_mount(data: bytes, folder: Path) -> None:
+    """Any stream from a server: a telescope whose reports are in range, or one sentence, in bounded time."""
+    from kochab.gear.mounts.drivers import indi
+    from kochab.gear.servers import indi_link
+
+    short = {
+        "TELL_S": 0.3,
+        "MORE_S": 0.05,
+        "POWER_UP_S": 0.3,
+        "SET_S": 0.2,
+        "CONNECT_S": 1.0,
+        "CALL_S": 0.5,
+        "STOP_S": 0.2,
+    }
+    before = {
+        module: {name: vars(module)[name] for name in short if name in vars(module)} for module in (indi, indi_link)
+    }
+    for module, names in before.items():
+        vars(module).update({name: short[name] for name in names})
+    try:
+        with socket.create_server(("127.0.0.1", 0)) as ear, told(DeviceError):
+            threading.Thread(target=_serve, args=(ear, data), daemon=True).start()
+            with closing(indi.IndiMount(f"127.0.0.1:{ear.getsockname()[1]}", site=SITE)) as mount:
+                _reports(mount)
+                with told(DeviceError):
+                    mount.stop()
+    finally:
+        for module, names in before.items():
+            vars(module).update(names)
+
+
+def _reports(mount) -> None:
+    """What a mount tells is on the sky and on the Earth."""
+    with told(DeviceError):
+        here = mount.position()
+        require(0 <= here.ra_deg <= 360 and abs(here.dec_deg) <= 90, f"{here} is not on the sky")
+    with told(DeviceError):
+        mount.state()
+    with told(DeviceError):
+        found = mount.altaz_deg()
+        require(found is None or (abs(found[0]) <= 90 and abs(found[1]) <= 360), f"altitude, azimuth {found}")
+    with told(DeviceError):
+        report = mount.site_report()
+        site = report.site
+        require(site is None or (abs(site.latitude_deg) <= 90 and abs(site.longitude_deg) <= 180), f"{site}")
+        require(site is None or math.isfinite(site.height_m), f"{site}")
+        require(report.time_utc is None or report.time_utc.tzinfo is not None, "a clock without a zone")
+
+
+TELESCOPE = {
+    "configureddevices": [{"DeviceName": "Sim", "DeviceType": "Telescope", "DeviceNumber": 0, "UniqueID": "x"}],
+    "name": "Sim", "connected": True, "canpulseguide": True, "cansettracking": True, "canslewasync": True, "cansync": True,
+    "canpark": True, "trackingrates": [0, 1], "trackingrate": 0, "equatorialsystem": 1, "rightascension": 5.5,
+    "declination": -5.4, "slewing": False, "atpark": False, "tracking": True, "sideofpier": 0, "altitude": 40.0,
+    "azimuth": 180.0, "sitelatitude": 47.5, "sitelongitude": 8.5, "siteelevation": 400.0, "alignmentmode": 2,
+    "utcdate": "2026-01-15T22:10:11.123Z", "destinationsideofpier": 1, "interfaceversion": 3,
+}  # fmt: skip
+
+
+def check_alpaca_mount(data: bytes, folder: Path) -> None:
+    """A telescope whose server tells odd values: its reports are in range, or one sentence."""
+    from kochab.gear.mounts.drivers.alpaca import AlpacaMount
+    from kochab.gear.servers.alpaca_link import AlpacaLink
+
+    rng, values = Random(data), json.loads(data)
+
+    def fetch(self, path: str, limit_s: float, accept: str = "*/*", query=None):
+        name = path.rpartition("/")[2]
+        answer = (
+            {"Value": values[name], "ErrorNumber": 0}
+            if name in values
+            else {"ErrorNumber": 0x400, "ErrorMessage": "no"}
+        )
+        return json.dumps(answer).encode(), "application/json"
+
+    before = AlpacaLink.fetch, AlpacaLink.put
+    AlpacaLink.fetch, AlpacaLink.put = fetch, lambda self, path, told, limit_s=5.0: None
+    try:
+        with told(DeviceError), closing(AlpacaMount("127.0.0.1:11111/0", site=SITE)) as mount:
+            _reports(mount)
+            for _ in range(4):
+                with told(DeviceError):
+                    _one_order(mount, rng)
+            with told(DeviceError):
+                mount.stop()
+            mount.watchdog.disarm()
+    finally:
+        AlpacaLink.fetch, AlpacaLink.put = before
+
+
 def _serve(ear: socket.socket, data: bytes) -> None:
     with suppress(OSError):
         while True:
@@ -383,5 +502,14 @@ TARGETS = [
     Target("Alpaca camera", lambda folder: [json.dumps(ALPACA).encode()], check_alpaca, _alpaca_values, 5000, 20),
     Target("INDI picture", _blobs, check_blob, mutate.raw, 2000, 6, sandboxed="frame.jpg"),
     Target("INDI messages", _indi, check_indi, mutate.raw, 150, 1),
+    Target("INDI telescope", lambda folder: [(_TELESCOPE + _REPORTS).encode()], check_indi_mount, mutate.raw, 150, 1),
+    Target(
+        "Alpaca telescope",
+        lambda folder: [json.dumps(TELESCOPE).encode()],
+        check_alpaca_mount,
+        _alpaca_values,
+        5000,
+        20,
+    ),
     Target("phone request", lambda folder: PHONE, check_phone, mutate.raw, 8000, 40),
 ]

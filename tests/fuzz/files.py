@@ -295,6 +295,18 @@ def check_profile(data: bytes, folder: Path) -> None:
         saved_profiles()
 
 
+def check_horizon(data: bytes, folder: Path) -> None:
+    """A horizon whose heights are in order, or one sentence."""
+    from kochab.gear.profiles import horizon, read_horizon
+
+    (path := folder / "trees.txt").write_bytes(data)
+    with told(UsageError):
+        points = np.array(read_horizon(str(path)))
+        require(np.isfinite(points).all() and (abs(points[:, 1]) <= 90).all(), f"heights {points}")
+        require((np.diff(points[:, 0]) >= 0).all() and (abs(points[:, 0]) <= 360).all(), f"azimuths {points}")
+        require(np.array_equal(horizon(points.tolist()), points), "another horizon from its own points")
+
+
 def _camera_profiles(folder: Path) -> list[bytes]:
     from kochab.solver.camera_profile import new_profile, save_profile
 
@@ -466,6 +478,7 @@ TARGETS = [
     Target("catalogue", _kcat, check_container, mutate.container, 5000, 10),
     Target("manifest", _manifest, check_manifest, mutate.tree, 2000, 10),
     Target("equipment profile", _profiles, check_profile, mutate.tree, 8000, 30),
+    Target("horizon", lambda folder: [b"# trees\n0 10\n90.5 25\n180,30\n270 5.5\n"], check_horizon, _SMALL, 6000, 30),
     Target("camera profile", _camera_profiles, check_camera_profile, mutate.tree, 6000, 20),
     Target("settings", _settings, check_settings, mutate.raw, 4000, 15),
     Target("session", _sessions, check_session, mutate.lines(mutate.tree), 4000, 10),

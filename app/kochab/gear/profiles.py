@@ -150,7 +150,7 @@ def horizon(points: Any) -> Horizon:
     """Pairs of azimuth and altitude, degrees, or their JSON, by azimuth; UsageError when they are no horizon."""
     pairs = json.loads(points) if isinstance(points, str) else points
     found = sorted((float(azimuth) % 360.0, float(altitude)) for azimuth, altitude in pairs)
-    if not found or not all(-90.0 <= altitude <= 90.0 for _, altitude in found):
+    if not found or not all(azimuth < math.inf and -90.0 <= altitude <= 90.0 for azimuth, altitude in found):
         raise UsageError("A horizon needs lines of azimuth (from north over east) and altitude, in degrees.")
     return tuple(found)
 

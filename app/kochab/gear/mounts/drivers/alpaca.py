@@ -8,7 +8,7 @@ from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedE
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts import Diagnosis, MountSettings
-from kochab.gear.mounts.drivers.server_mount import ServerMount
+from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
 
@@ -113,7 +113,11 @@ class AlpacaMount(ServerMount):
     def altaz_deg(self) -> tuple[float, float] | None:
         """Altitude and azimuth where it reports them."""
         altitude, azimuth = self._get("altitude", None), self._get("azimuth", None)
-        return None if altitude is None or azimuth is None else (float(altitude), float(azimuth))
+        if altitude is None or azimuth is None:
+            return None
+        if not (abs(float(altitude)) <= 90.0 and abs(float(azimuth)) <= 360.0):
+            raise NoAnswerError(f"The mount reports no valid altitude and azimuth: {altitude}°, {azimuth}°.")
+        return float(altitude), float(azimuth)
 
     @making_sense()
     def site_report(self) -> SiteReport:
@@ -121,9 +125,11 @@ class AlpacaMount(ServerMount):
         latitude, longitude = self._get("sitelatitude", None), self._get("sitelongitude", None)
         site = None
         if latitude is not None and longitude is not None:
-            site = Site(float(latitude), float(longitude), float(self._get("siteelevation", 0.0)))
+            site = site_of(float(latitude), float(longitude), float(self._get("siteelevation", 0.0)))
         utc = self._get("utcdate", None)
-        return SiteReport(site, utc and datetime.fromisoformat(str(utc).strip().rstrip("Z")).replace(tzinfo=UTC))
+        if not utc:
+            return SiteReport(site, None)
+        return SiteReport(site, datetime.fromisoformat(str(utc).strip().rstrip("Z")).replace(tzinfo=UTC))
 
     def set_site(self, site: Site) -> None:
         """``SiteLatitude`` and ``SiteLongitude``, which some drivers only report."""

@@ -6,12 +6,12 @@ from math import asin, cos, degrees, inf, radians, sin
 from time import monotonic
 from typing import ClassVar, Unpack
 
-from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts import Diagnosis, MountSettings
-from kochab.gear.mounts.drivers.server_mount import ServerMount
+from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.indi_link import CALL_S, PORT, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
 
@@ -126,7 +126,7 @@ class IndiMount(ServerMount):
         latitude, longitude = number("GEOGRAPHIC_COORD", "LAT"), number("GEOGRAPHIC_COORD", "LONG")
         site = None  # 0, 0 is where a driver stands that was told no site
         if latitude is not None and longitude is not None and (latitude or longitude):
-            site = Site(latitude, wrapped(longitude), number("GEOGRAPHIC_COORD", "ELEV") or 0.0)
+            site = site_of(latitude, longitude, number("GEOGRAPHIC_COORD", "ELEV") or 0.0)
         utc, offset = self._device.value("TIME_UTC", "UTC"), self._device.value("TIME_UTC", "OFFSET")
         told, time_utc = self._told("TIME_UTC", 0.0), None
         if utc and told:

@@ -5,7 +5,9 @@ from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import ClassVar
 
-from kochab.core.errors import DeviceError, RefusedError, StoppedError
+from kochab.core.attitude import wrapped
+from kochab.core.errors import DeviceError, NoAnswerError, RefusedError, StoppedError
+from kochab.core.frame import Site
 from kochab.core.mount import Ability, Epoch
 from kochab.gear.mounts.emergency_stop import Watchdog
 
@@ -85,3 +87,10 @@ class ServerMount:
             with suppress(DeviceError):
                 self.stop()
         self._hang_up()
+
+
+def site_of(latitude_deg: float, longitude_deg: float, height_m: float) -> Site:
+    """A site that a server reports; NoAnswerError when it is not on the Earth."""
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0 and abs(height_m) < 1e5):
+        raise NoAnswerError(f"The mount reports no valid site: {latitude_deg:g}°, {longitude_deg:g}°, {height_m:g} m.")
+    return Site(latitude_deg, wrapped(longitude_deg), height_m)
