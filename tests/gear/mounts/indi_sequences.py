@@ -33,6 +33,7 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.coordinates import from_mount_epoch, sidereal_deg
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
+from kochab.workflows.nudge import nudge
 from tests.gear.cameras.own_network import own_network
 from tests.gear.mounts.sequences import LOW_DEG, PAST_DEG, altitude_deg, place_of_axes
 from tests.simulate import responder_indi
@@ -43,6 +44,7 @@ PROGRAMS = {SIMULATOR: "indi_simulator_telescope", EQMOD: "indi_eqmod_telescope"
 AT_ONCE, STEPS = 6, 10
 TOLERANCE_DEG, OWN_WAY_DEG = 1.0, 6.0  # its place is told four times a second, and it slews at up to 5 deg/s
 SLACK_DEG = 0.2
+NUDGE_DEG = 2.5  # beyond the pole the simulator's keys for north and south are exchanged: a nudge, then, goes down
 CHANCES = {"goto": 6, "nudge": 3, "pulse": 1, "sync": 2, "track": 2, "park": 1, "stop": 2, "other": 3, "kill": 2}
 MOTIONS = ("EQUATORIAL", "TELESCOPE_MOTION", "TELESCOPE_TIMED", "TELESCOPE_PARK", "TELESCOPE_TRACK_STATE")
 
@@ -84,7 +86,7 @@ class Evening:
         self.rng = np.random.default_rng([seed, 15])
         self.device = (SIMULATOR, EQMOD)[seed % 2]
         self.counts, self.violations = Counter(), []
-        self.mover, self.kind = "other", ""
+        self.mover, self.kind, self.began_deg = "other", "", 90.0
         self.line = self.guard = self.thread = None
         self.asked, self.stopped_at, self.step = False, None, "begin"
         self.before = None
@@ -118,7 +120,8 @@ class Evening:
             return
         self.counts["looks at a motion of ours"] += 1
         beyond = OWN_WAY_DEG if "PARK" in self.kind else TOLERANCE_DEG
-        if altitude < LOW_DEG - beyond and altitude < was_high:
+        turned = self.device == SIMULATOR and self.kind.endswith("_NS") and altitude > self.began_deg - NUDGE_DEG
+        if altitude < LOW_DEG - beyond and altitude < was_high and not turned:
             self.found(f"{altitude:.1f} deg high")
         elif weights > 90.0 + PAST_DEG + TOLERANCE_DEG and weights > was_out:
             self.found(f"the weights {weights:.1f} deg from below")
@@ -146,6 +149,7 @@ class Evening:
             def noted(vector, members):
                 if vector.startswith(MOTIONS) and set(members.values()) != {"Off"}:
                     self.mover, self.kind, self.stopped_at = "kochab", vector, None
+                    self.began_deg = 90.0 if self.before is None else self.before[2]
                     self.counts["orders of ours"] += 1
                     if not self.asked:
                         self.found("an order that nobody asked for")
@@ -262,17 +266,10 @@ class Evening:
         target = (sidereal_deg(SITE, datetime.now(UTC)) - hour) % 360.0, dec
         self.order("goto", lambda guard: guard.slew(*self.own(target)), c)
 
-    def do_nudge(self, a, b, c, d, *_):
-        direction, rate, seconds = list(Direction)[int(4 * a)], float([0.02, 0.5, 2.0][int(3 * b)]), 0.3 + 4.0 * c
-
-        def do(guard):
-            guard.move(direction, rate, seconds)
-            end = time.monotonic() + seconds + 1.0
-            while time.monotonic() < end:
-                time.sleep(0.05)
-                yield Progress("nudging")
-
-        self.order("nudge", do, d)
+    def do_nudge(self, a, b, c, *_):
+        """By an angle up to 2 deg, as the arrows of the window do."""
+        direction, arcsec = list(Direction)[int(4 * a)], 10.0 ** (1.0 + 2.8 * b)
+        self.order("nudge", lambda guard: nudge(guard, direction, arcsec), c)
 
     def do_pulse(self, a, b, *_):
         self.order("pulse", lambda guard: guard.pulse(list(Direction)[int(4 * a)], int(50 + 2000 * b)), 1.0)

@@ -348,6 +348,7 @@ class Evening:
         self.told_until = None  # when the bounded motion that we ordered is over
         self.healthy_since = world.now()
         self.number = self.moving = 0  # of our present order, and of the one that moved the mount last
+        self.tracks_since = np.inf
         self.told_to_run_on = set()  # numbers of moves that, as Kochab has said, would
         self.cut_off = False  # since the last order of ours our bytes did not reach the mount
         self.step = ("begin", ())
@@ -388,7 +389,9 @@ class Evening:
                 and weights > was_out + FALLS_DEG
                 and abs(ra_rate) > 2.0 * SIDEREAL_DEG_S
             )
-            if low or out:
+            if (low or out) and self.cut_off and self.moving in self.told_to_run_on:
+                telescope.mover = "runaway"
+            elif low or out:
                 what = f"{altitude:.1f} deg high" if low else f"the weights {weights:.1f} deg from below"
                 self.found("while it lies about where it points, " * self.lies + what, lies=self.lies)
             if self.told_until is not None and now > self.told_until + GRACE_S:
@@ -402,7 +405,12 @@ class Evening:
             self.found("it moves after a Stop that was seen")
             self.stopped_at = None
         tracks = not fast and not was_fast and abs(ra_rate) > 0.5 * SIDEREAL_DEG_S
-        if tracks and self._may_hold(now) and altitude < min(LOW_DEG - TOLERANCE_DEG, self._tracked - 1e-6):
+        self.tracks_since = min(self.tracks_since, now) if tracks else np.inf
+        if (
+            now > self.tracks_since + 2.0 * mount_line.WATCH_S
+            and self._may_hold(now)
+            and altitude < min(LOW_DEG - TOLERANCE_DEG, self._tracked - 1e-6)
+        ):
             self.found(f"it tracks at {altitude:.1f} deg")
         self._tracked = altitude
 

@@ -60,6 +60,14 @@ def test_weights_above_the_tube_are_seen_where_the_mount_tells_its_side(evening)
     assert all("the weights" in found for found in evening.violations)
 
 
+def test_tracking_below_the_limit_is_seen(evening) -> None:
+    evening._may_hold = lambda now: True
+    evening.telescope.place(75.0, -10.0)
+    evening.telescope.tracking = True
+    evening.world.pass_time(60.0)
+    assert "it tracks at" in evening.violations[0]
+
+
 def test_a_move_longer_than_told_and_one_after_a_stop_are_seen(evening) -> None:
     with evening.acting("kochab"):
         evening.telescope.move(Direction.SOUTH, 0.5)
