@@ -11,6 +11,7 @@ from kochab.core.progress import run
 from kochab.gear.mounts import emergency_stop, slew_supervisor
 from kochab.gear.mounts.emergency_stop import Watchdog
 from kochab.gear.mounts.serial_line import Conversation
+from kochab.gear.mounts.slew_supervisor import slew_limit_s
 from tests.gear.mounts.imaginary import SILENT, Imaginary, at, guarded
 from tests.gear.mounts.scripted import CLASSIC_START, Lx200, ScriptedLink, transcript
 from tests.gear.mounts.test_conformance import wait_for
@@ -340,7 +341,7 @@ def test_so_many_answers_may_be_missed_and_not_one_more(monkeypatch) -> None:
 )
 def test_a_slew_may_last_as_long_as_its_limits_say(limits, seconds) -> None:
     guard, _ = guarded(**limits)
-    assert guard._begin_slew(*at(-40.0, 30.0)) == pytest.approx(seconds, rel=0.01)
+    assert slew_limit_s(guard._begin_slew(*at(-40.0, 30.0))) == pytest.approx(seconds, rel=0.01)
 
 
 # -- overrun: how far a move may be seen -----------------------------------------------------------
