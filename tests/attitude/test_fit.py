@@ -100,6 +100,27 @@ def test_a_shifted_principal_point_is_found_in_a_wide_field_and_not_in_a_narrow_
     )
 
 
+@pytest.mark.parametrize("corner", [0.0, 0.02])
+def test_an_axis_that_few_stars_gave_is_fitted_anew_and_its_error_is_told(corner: float) -> None:
+    """Kept as it was, its error is in the centre, 1.3 times as large, and in no sigma."""
+    scaled = []
+    for seed in range(60):
+        field = simulate(seed, 400, 14.0, 0.15, corner, off_centre_px=(40.0, -25.0))
+        few = refine(field.matches.take(slice(None, None, 4)), field.first_camera, field.first_attitude, rounds=1)
+        fit = refine(field.matches, few.camera, few.attitude)
+        assert ("cx" in fit.terms) == (fit.camera.cx != 1499.5)
+        sigma_px = fit.camera.focal_px * np.radians(np.array(fit.attitude.sigma_arcsec[1::-1]) / 3600.0)
+        scaled.append(centre_error_px(field, fit.camera, fit.attitude) / sigma_px)
+    assert np.sqrt(np.mean(np.square(scaled))) == pytest.approx(1.0, abs=0.2)
+
+
+def test_an_axis_beside_the_middle_is_not_taken_for_a_lens_out_of_line() -> None:
+    """Terms are tested to first order: where k1 is not yet fitted, the axis looks like p1 and p2."""
+    terms = [set(fitted(simulate(seed, 400, 14.0, 0.1, 0.02, off_centre_px=(40.0, -25.0))).terms) for seed in range(20)]
+    assert sum(found >= {"k1", "cx", "cy"} for found in terms) >= 19
+    assert sum("p1" in found for found in terms) <= 1
+
+
 @pytest.mark.parametrize("wrong", [5, 20])
 @pytest.mark.parametrize("corner", [0.0, 0.03])
 def test_wrong_matches_are_left_out(wrong: int, corner: float) -> None:

@@ -211,11 +211,12 @@ def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: 
     """The terms that the stars support and the state without outliers, found in turns."""
     free = base
     for _ in range(rounds):
+        before = free
         if distortion:
             free, state = supported_terms(state, base, final=rounds > 1)
         keep = _inliers(state, len(free))
-        if np.array_equal(keep, state.inliers):
-            break
+        if np.array_equal(keep, state.inliers) and np.array_equal(free, before):
+            break  # terms were tested to first order where they stand
         state = replace(state, inliers=keep).descend(free)
     return free, state
 

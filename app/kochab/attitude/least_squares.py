@@ -269,15 +269,14 @@ class FitState:
 # -- Which distortion terms the stars support --------------------------------------------------
 
 Terms = tuple[str, ...]
-SIDEWAYS: tuple[tuple[Terms, int], ...] = ((("cx", "cy"), 14), (("p1", "p2"), 18))
-LADDER: tuple[tuple[tuple[Terms, int], ...], ...] = (
-    ((("k1",), 8),),
-    ((("k1", "k2"), 14),),  # they may hide each other
-    ((("k2",), 14),),
-    SIDEWAYS,  # much the same to a narrow field: the better one first
-    SIDEWAYS,
+LADDER: tuple[tuple[Terms, int], ...] = (
+    (("k1",), 8),
+    (("k1", "k2"), 14),  # they may hide each other
+    (("k2",), 14),
+    (("cx", "cy"), 14),  # every lens has an axis beside the middle; where it bends, that looks like p1 and p2
+    (("p1", "p2"), 18),
 )
-"""Terms tried one after the other, of each step's the better ones, with the fewest stars that may support them."""
+"""Terms tried one after the other, with the fewest stars that may support them."""
 LARGEST_CHANCE = 1e-4
 """A term stays when chance alone would improve the fit as much with less than this probability."""
 K1 = PARAMETERS.index("k1")
@@ -308,15 +307,13 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
         return max(square - float(step @ pull), 1e-12 * square)
 
     now, held_out = remainder(base), None
-    for choices in LADDER:
-        better = []
-        for names, fewest in choices:
-            new = columns(names)
-            if count >= fewest and not np.isin(new, chosen[-1]).any() and (names != ("k2",) or K1 in chosen[-1]):
-                more = np.sort(np.append(chosen[-1], new))
-                better.append((remainder(more), more))
-        then, more = min(better, key=lambda t: t[0], default=(now, base))
-        if not better or chance(now, then, 2 * count - len(more)) >= LARGEST_CHANCE:
+    for names, fewest in LADDER:
+        new = columns(names)
+        if count < fewest or np.isin(new, chosen[-1]).any() or (names == ("k2",) and K1 not in chosen[-1]):
+            continue
+        more = np.sort(np.append(chosen[-1], new))
+        then = remainder(more)
+        if chance(now, then, 2 * count - len(more)) >= LARGEST_CHANCE:
             continue
         # residuals fall with any term; those of stars that had no part in the fit only with a right one
         if final:
@@ -336,7 +333,7 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
 
 def distortion_supported(state: FitState, free: Indices) -> bool:
     """Whether the stars support a distortion that was given and not fitted."""
-    if not state.plain.distorted:
+    if state.plain == undistorted(state.plain):
         return True
     bent, flat = state.weighted(), without_distortion(state).descend(free).weighted()
     freedom = 2 * int(state.inliers.sum()) - len(free) - 1
@@ -349,8 +346,8 @@ def without_distortion(state: FitState) -> FitState:
 
 
 def undistorted(camera: Camera) -> Camera:
-    """The same camera without distortion."""
-    return replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0) if camera.distorted else camera
+    """The same camera without distortion, its axis in the frame's middle."""
+    return Camera.centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
 
 
 def _plain_but(state: FitState, free: Indices) -> FitState:

@@ -17,7 +17,8 @@ class FieldPlan:
     """What one simulated field is like; ``size_px`` is the side of its square frame.
 
     ``missing`` is the share of catalogue stars that are not detected, ``spurious`` the number of false ones as a
-    share of the detected, each as bright as one of them. ``brightest`` caps the list.
+    share of the detected, each as bright as one of them. ``brightest`` caps the list. The lens's axis lies
+    ``axis_off`` sides (one sigma along x and y) beside the middle.
     """
 
     fov_deg: float
@@ -28,6 +29,7 @@ class FieldPlan:
     magnitude_scatter: float = 0.3
     brightest: int = 60
     k1: float = 0.0
+    axis_off: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +58,9 @@ def random_field(catalogue: Catalogue, rng: np.random.Generator, plan: FieldPlan
     n = plan.size_px
     focal = n / 2.0 / np.tan(np.radians(plan.fov_deg) / 2.0)
     camera = replace(Camera.centred(n, n, float(focal), bool(rng.integers(2))), k1=plan.k1)
+    if plan.axis_off:
+        cx, cy = (n - 1) / 2.0 + plan.axis_off * n * rng.normal(size=2)
+        camera = replace(camera, cx=float(cx), cy=float(cy))
     radius = float(np.arctan(np.sqrt(2.0) * n / 2.0 / focal))
     rows = catalogue.brightest(attitude.boresight, radius, 6 * plan.brightest)
     xy = camera.project(catalogue.vectors(rows) @ attitude.matrix.T)

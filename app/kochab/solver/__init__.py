@@ -11,6 +11,8 @@ from kochab.core.frame import Hint
 DEFAULT_METHOD = "patterns"
 UNKNOWN_YEAR = 2016.0
 """The date stars are placed at when a frame does not say when it was taken (Julian year)."""
+UNKNOWN_YEAR_SIGMA = 10.0
+"""One sigma of that date, years: digital frames are of about 1996 and later, and there will be more."""
 FEWEST_STARS = 6
 """Fewer prove a pointing only when all of them are bright stars."""
 

@@ -229,6 +229,18 @@ def with_catalogue_error(attitude: Attitude, year: float) -> Attitude:
     return replace(attitude, covariance=attitude.covariance + zonal_covariance(year))
 
 
+def with_unknown_date(attitude: Attitude, matches: Matches, later: Floats) -> Attitude:
+    """The attitude of an undated frame with what its stars' motions share in its covariance.
+
+    ``later`` (M, 3) are the matches' unit vectors one sigma of the date later.
+    """
+    if attitude.covariance is None:
+        return attitude
+    before, moved = matches.vectors @ attitude.matrix.T, (later - matches.vectors) @ attitude.matrix.T
+    turn = np.linalg.solve(len(before) * np.eye(3) - before.T @ before, np.cross(before, moved).sum(axis=0))
+    return replace(attitude, covariance=attitude.covariance + np.outer(turn, turn))
+
+
 def centroid_sigma(detections: Detections) -> Floats:
     """Relative centroid errors (N,), px: a floor, and the star's width over its SNR."""
     photon = 0.5 * detections.fwhm_px / np.maximum(detections.snr, 1.0)

@@ -18,7 +18,7 @@ from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution
 from kochab.identification.verification import ACCEPT_LOG10
-from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, SolveOptions
+from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
 from kochab.solver.matches import StarCatalogue, named_stars
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _identify(
 def _conclude(
     detections: Detections, found: Identification, year: float, options: SolveOptions
 ) -> Solution | NoSolution:
-    from kochab.solver.matches import centroid_sigma, extend, stretch, with_catalogue_error
+    from kochab.solver.matches import centroid_sigma, extend, stretch, with_catalogue_error, with_unknown_date
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
@@ -250,7 +250,10 @@ def _conclude(
         sigma = centroid_sigma(usable)[seen.detection]
         fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
         warnings += (doubt,) if doubt else ()
-    fit = replace(fit, attitude=with_catalogue_error(fit.attitude, year))
+    attitude = with_catalogue_error(fit.attitude, year)
+    if options.hint is None or options.hint.time_utc is None:
+        attitude = with_unknown_date(attitude, matches, catalogue.vectors(matches.star, year + UNKNOWN_YEAR_SIGMA))
+    fit = replace(fit, attitude=attitude)
     return replace(build_solution(matches, fit, found, catalogue), warnings=warnings)
 
 

@@ -6,9 +6,8 @@ import pytest
 from kochab.lab.bench import identify_sigma
 
 
-def test_rendered_fields_are_off_by_what_their_solutions_say(monkeypatch) -> None:
+def test_rendered_fields_are_off_by_what_their_solutions_say() -> None:
     """Solved for another date than they are drawn for, narrow fields' stars are off together: by 1.65 sigma."""
-    monkeypatch.setattr(identify_sigma, "FIELDS_DEG", (3.0, 3.0))
-    errors = identify_sigma._rendered(20)
+    errors = identify_sigma._rendered(20, (3.0, 3.0))
     assert len(errors) >= 36
     assert np.sqrt(np.mean(np.square(errors[:, :2]))) == pytest.approx(1.0, abs=0.25)

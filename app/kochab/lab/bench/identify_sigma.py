@@ -8,6 +8,7 @@ whole frame. Both share the stars of the middle, so that their difference is rat
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ from kochab.solver.pipeline import solve_frame
 
 SEED = 20260402
 FIELDS_DEG = (1.0, 3.0, 10.0, 30.0)
+RENDERED = FieldPlan(0, noise_px=0.15)
+BESIDE, BESIDE_DEG = "rendered, axis beside the middle", (12.0,)
 WITHIN = {"within_68": (1.0, 0.6827), "within_95": (1.959964, 0.95)}
 POINTS = 3.0
 CROPS = (0.5, 0.75)
@@ -41,6 +44,8 @@ def sigma_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
     """A row each for rendered fields and, where there are any, crops of real frames."""
     report("uncertainties of rendered fields ...")
     rows = _rows("rendered", _rendered(6 if quick else 250))
+    beside = replace(RENDERED, axis_off=0.01, brightest=500)
+    rows += _rows(BESIDE, _rendered(10 if quick else 400, BESIDE_DEG, beside))
     if REAL.is_dir():
         report("uncertainties of crops of real frames ...")
         rows += _rows("crops of real frames", _crops(8 if quick else None))
@@ -50,7 +55,7 @@ def sigma_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
 def sigma_goals(rows: Sequence[Row]) -> list[Goal]:
     """How far the shares are from 68 and 95 %, in points, beyond two sampling errors."""
     goals = []
-    for name in ("rendered", "crops of real frames"):
+    for name in ("rendered", BESIDE, "crops of real frames"):
         mine = [r for r in rows if r["fields"] == name and "within_68" in r]
         off = [_points_off(r[key], share, r["n"]) for r in mine for key, (_, share) in WITHIN.items()]
         goals.append(Goal.at_most(f"points off 68 and 95 %, {name}", max(off) if off else None, POINTS))
@@ -83,14 +88,14 @@ def in_sigmas(answer: Solution, truth: Solution, middle: Floats, more: Floats | 
     return np.asarray(off / np.hypot(answer.centre_attitude.sigma_arcsec, more))
 
 
-def _rendered(count: int) -> Floats:
+def _rendered(count: int, fields_deg: Sequence[float] = FIELDS_DEG, plan: FieldPlan = RENDERED) -> Floats:
     rng, found = np.random.default_rng(SEED), []
     dated = SolveOptions(hint=Hint(time_utc=J2000))
-    for fov in FIELDS_DEG:
+    for fov in fields_deg:
         half = math.tan(math.radians(fov) / 2.0)
         for _ in range(count):
             corner = rng.uniform(-0.02, 0.02) if fov > FIELDS_DEG[1] else 0.0
-            image = random_picture(open_catalogue(), rng, FieldPlan(fov, noise_px=0.15, k1=corner / (2.0 * half**2)))
+            image = random_picture(open_catalogue(), rng, replace(plan, fov_deg=fov, k1=corner / (2.0 * half**2)))
             answer = drive(solve_frame(image.frame, dated))
             if isinstance(answer, Solution):
                 truth = Solution(image.camera, image.attitude, (), 0.0, 0.0, "truth")
