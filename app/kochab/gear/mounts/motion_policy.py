@@ -220,7 +220,8 @@ def due_side(plan: Plan, flip: bool = False) -> PierSide | None:
         return None
     before, after = (PierSide.WEST if hour_angle < 0.0 else PierSide.EAST for hour_angle in ends)
     doubtful = plan.state.pier_side is not before and abs(ends[0]) > limit
-    due = plan.limits.allow_flip and crosses(plan) and abs(ends[1]) > limit and not doubtful
+    beside_pole = abs(plan.target_deg[1]) > plan.limits.near_pole_deg
+    due = plan.limits.allow_flip and crosses(plan) and abs(ends[1]) > limit and not doubtful and not beside_pole
     return after if flip or due else None
 
 
