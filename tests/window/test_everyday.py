@@ -68,14 +68,6 @@ def test_names_and_numbers_are_shortened_and_parted_with_care():
     assert max(map(len, breakable("x" * 100).split("\u200b"))) <= 44
 
 
-def test_of_several_dropped_files_the_first_opens_and_the_rest_is_told(qtbot, make_window, engine, a_file, tmp_path):
-    window, commands = make_window(engine)
-    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        window.files_dropped.emit([a_file, tmp_path / "second.fits", tmp_path / "third.fits"])
-    assert commands.session.known.path == a_file
-    assert window.status.currentMessage() == "Opened orion.fits, the first of 3 files."
-
-
 def test_without_a_frame_there_is_nothing_to_zoom(qtbot, make_window, a_file, tmp_path):
     window, commands = make_window(FakeEngine())
     zooms = [commands.actions[name] for name in ("fit", "one", "in", "out")]

@@ -9,7 +9,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QPushButton, QToolTip
 
 from kochab.core.frame import Frame
-from kochab.window.shell.dialogs import ask_open, ask_save, tell
+from kochab.window.shell.dialogs import ask_frames, ask_save, tell
 from kochab.window.themes import THEMES
 from tests.window.fakes import FakeEngine, no_solution, star_field
 
@@ -142,7 +142,7 @@ def test_the_file_dialogs_are_red_and_give_their_answer(qtbot, night, a_file):
     guard.timeout.connect(end)
     guard.start(5000)
     QTimer.singleShot(50, lambda: look("accept"))
-    assert ask_open(window, str(a_file.parent), "All files (*)") == a_file
+    assert ask_frames(window, str(a_file.parent), "Open images", "All files (*)") == [a_file]
     QTimer.singleShot(50, lambda: look("reject"))
     assert ask_save(window, a_file.with_name("new.csv"), "CSV (*.csv)") is None
     for seen in looked:

@@ -118,7 +118,7 @@ def build(
 
 
 def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
-    """Open the window, with the first of ``paths`` when there is one; the exit code."""
+    """Open the window with the files and folders ``paths``; the exit code."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
@@ -130,7 +130,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
     background = Background(window, engine)
     window.show()
     if paths:
-        commands.open(Path(paths[0]))
+        commands.open_all([Path(path) for path in paths])
     else:
         commands.add_thumbnails()
     signal.signal(signal.SIGINT, lambda *_: window.close())  # handled when Python runs: at a tick of Garbage

@@ -121,6 +121,10 @@ class Session(QObject):
         self._running: dict[str, Job] = {}  # by their kind
 
     @property
+    def engine(self) -> WorkflowEngine:
+        return self._engine
+
+    @property
     def busy(self) -> bool:
         return bool(self._running)
 

@@ -1,9 +1,20 @@
 """A solution as lines of text: what the panel shows and what is copied."""
 
+import csv
+import io
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_plain
+from kochab.core.angle_text import (
+    AngleStyle,
+    angle_text,
+    arcsec_text,
+    dec_text,
+    false_alarm_text,
+    milliseconds_text,
+    ra_text,
+    radec_plain,
+)
 from kochab.core.solution import NoSolution, Solution
 
 STAGES = ("read", "detect", "identify", "attitude", "total")
@@ -88,6 +99,39 @@ def summary(s: Solution, style: AngleStyle, source: str = "") -> str:
     lines.append(f"RA/Dec (ICRS): {radec_plain(ra, dec, style)}")
     lines += [f"{title}: {value}" for title, value, _ in rows(s)]
     return "\n".join([*lines, attitude_plain(s)])
+
+
+# -- Many files, as a table and as CSV ---------------------------------------------------------
+
+RESULT_TITLES = ("File", "State", "RA", "Dec", "Up", "Field", "Scale", "Stars", "±")
+CSV_TITLES = "file,state,ra_deg,dec_deg,roll_deg,mirrored,fov_x_deg,fov_y_deg,scale_arcsec_px,matches,sigma_arcsec"
+
+
+def result_cells(name: str, state: str, s: Solution | None, style: AngleStyle) -> list[str]:
+    """One row under :data:`RESULT_TITLES`; without a solution name and state alone."""
+    if s is None:
+        return [name, state]
+    ra, dec = s.ra_dec_deg
+    fov = " × ".join(angle_text(side) for side in s.camera.fov_deg)
+    up, scale = f"{s.roll_deg:+.2f}°".replace("-", "−"), f"{s.camera.scale_arcsec_px:.4g}″/px"
+    sigma = arcsec_text(max(s.attitude.sigma_arcsec[:2]))
+    return [name, state, ra_text(ra, style), dec_text(dec, style), up, fov, scale, str(len(s.stars)), sigma]
+
+
+def results_csv(files: Iterable[tuple[str, str, Solution | None]]) -> str:
+    """(file, state, solution) of each as CSV under :data:`CSV_TITLES`; ICRS of the frame's centre."""
+    out = io.StringIO()
+    write = csv.writer(out, lineterminator="\n")
+    write.writerow(CSV_TITLES.split(","))
+    for name, state, s in files:
+        row: list[object] = [name, state]
+        if s is not None:
+            ra, dec = s.ra_dec_deg
+            row += [f"{ra:.6f}", f"{dec:+.6f}", f"{s.roll_deg:.4f}", s.camera.mirrored]
+            row += [f"{side:.5f}" for side in s.camera.fov_deg]
+            row += [f"{s.camera.scale_arcsec_px:.5f}", len(s.stars), f"{max(s.attitude.sigma_arcsec[:2]):.4f}"]
+        write.writerow(row + [""] * (11 - len(row)))
+    return out.getvalue()
 
 
 # The ending of a measured number's name, what stands behind it, and what it is multiplied by.

@@ -5,7 +5,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 
-from kochab.window.shell.welcome import HEIGHT, WIDTH, Sample, as_icon, samples, thumbnail
+from kochab.window.shell.welcome import HEIGHT, WIDTH, Sample, as_pixmap, samples, thumbnail
 
 
 def test_samples_come_in_the_order_they_are_told_in(tmp_path):
@@ -50,7 +50,7 @@ def test_a_file_that_cannot_be_read_has_a_black_thumbnail(tmp_path):
 
 def test_a_thumbnail_in_red_light_is_red(qtbot):
     picture = np.full((2 * HEIGHT, 2 * WIDTH, 3), 200, dtype=np.uint8)
-    image = as_icon(picture, red=True).pixmap(WIDTH, HEIGHT).toImage()
+    image = as_pixmap(picture, red=True).toImage()
     image = image.convertToFormat(QImage.Format.Format_RGB32)
     colour = image.pixelColor(image.width() // 2, image.height() // 2)
     assert (colour.red() > 150, colour.green(), colour.blue()) == (True, 0, 0)

@@ -40,6 +40,7 @@ class FrameView(QWidget):
         )
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.marks: Paint | None = None
+        self.quiet = False  # without marks for a while
         self.viewport = Viewport(self.width(), self.height())
         self._image = ScreenImage()
         self._fits = True
@@ -107,7 +108,7 @@ class FrameView(QWidget):
             smooth = self.viewport.scale * self.devicePixelRatioF() < 2.0
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, smooth)
             painter.drawImage(target, image, QRectF(image.rect()))
-            if self.marks is not None:
+            if self.marks is not None and not self.quiet:
                 painter.setRenderHint(QPainter.RenderHint.Antialiasing)
                 self.marks(painter, self.viewport)
         if self._focus_by_key and self.hasFocus():

@@ -11,11 +11,15 @@ from kochab import __version__
 from kochab.core.angle_text import short_name
 from kochab.core.solution import Solution
 from kochab.frames import SUFFIXES
+from kochab.frames.atomic_file import write_atomically
 from kochab.gear.journal import save_report
+from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.overlay import MARKS
 from kochab.window.shell.appearance import Appearance
-from kochab.window.shell.dialogs import ask_open, ask_save, save_task, tell, without_icons
+from kochab.window.shell.batch import Batch, images_in
+from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
 from kochab.window.shell.exports import FrameExporter
+from kochab.window.shell.film_strip import Blink, FilmStrip, results_table
 from kochab.window.shell.menus import SPECS, colour_icons
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS, Services, Views
@@ -23,6 +27,7 @@ from kochab.window.shell.welcome import Sample, thumbnails
 from kochab.window.themes import theme_colours
 from kochab.window.widgets import Part, column, grid, label, row
 from kochab.workflows.session.wiring import Wiring
+from kochab.workflows.solution_text import results_csv
 
 LAYOUT = 2  # of the parts of the window; places kept by an older one are forgotten
 LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
@@ -86,6 +91,12 @@ class Commands(QObject):
         self.exporter = FrameExporter(self.window, self.session, wiring.to_json)
         panes = self.window.workspace
         self.services = Services(self.settings, self.session, self.looks, jobs, wiring, self._say, panes)
+        self.batch, self.blink = Batch(self.session), Blink(self.window)
+        self.films = FilmStrip(self.batch)
+        self.window.workspace.add_below(self.films)
+        self.films.chosen.connect(self.open)
+        self.films.results_wanted.connect(self.show_results)
+        self.looks.changed.connect(self.films.redraw)
         self.views = Views(self.window, self.services)
         colour_icons(self.actions, theme_colours())
         self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
@@ -109,6 +120,10 @@ class Commands(QObject):
         window, panes = self.window, self.window.workspace
         slots: dict[str, Callable[..., object]] = {
             "open": self.choose,
+            "folder": self.choose_folder,
+            "next": lambda: self.films.step(1),
+            "previous": lambda: self.films.step(-1),
+            "blink": self.blink.switch,
             "clear_recent": self._clear_recent,
             "quit": window.close,
             "solve": self.presenter.solve,
@@ -149,12 +164,14 @@ class Commands(QObject):
             start.setVisible(able)
         window.menus.practice.triggered.connect(lambda _=False: self.practise())
         window.welcome.practice_wanted.connect(self.practise)
-        window.files_dropped.connect(self._open_dropped)
+        window.files_dropped.connect(self.open_all)
         window.closing.connect(self._close)
         s = self.session
         for signal in (s.opening, s.solving, s.solved, s.idle, s.opened, s.streaming):
             signal.connect(self._enable)
         s.opened.connect(self._show_recent)
+        s.pictured.connect(self._pictured)
+        s.streaming.connect(lambda _: self.actions["blink"].setChecked(False))
 
     def practise(self) -> None:
         """Start a simulated telescope in the Mount view."""
@@ -165,20 +182,53 @@ class Commands(QObject):
 
     def choose(self) -> None:
         start = self.settings.text("folder", str(Path.home()))
-        if (path := ask_open(self.window, start, _kinds())) is not None:
-            self.open(path)
+        self.open_all(ask_frames(self.window, start, "Open images", _kinds()))
+
+    def choose_folder(self) -> None:
+        start = self.settings.text("folder", str(Path.home()))
+        if (path := ask_folder(self.window, start, "Open a folder")) is not None:
+            self.open_all([path])
 
     def open(self, path: Path) -> None:
+        """Open a file; another than those of the film strip ends it."""
+        if path not in self.batch.files:
+            self.batch.take([])
+            self.films.fill()
+        self.actions["blink"].setChecked(False)
         self.settings.keep("folder", str(path.absolute().parent))
         self.session.open(path)
+        self.films.show_open(path)
 
-    def _open_dropped(self, paths: list[Path]) -> None:
-        self.open(paths[0])
-        if len(paths) > 1:
-            self._say(f"Opened {short_name(paths[0].name)}, the first of {len(paths)} files.")
+    def open_all(self, paths: list[Path]) -> None:
+        """Open files and folders: the first now, all of them on the film strip, where they are solved in turn."""
+        if len(found := images_in(paths)) > 1:
+            self.batch.take(found)
+            self.films.fill()
+        if found:
+            self.open(found[0])
+        elif paths:
+            self._say(f"No images in {short_name(paths[0].name)}.")
+
+    def _pictured(self, picture: FrameImage) -> None:
+        if (path := self.session.known.path) is not None:
+            self.blink.remember(path.name, picture, several=len(self.batch.files) > 1)
+
+    def show_results(self) -> None:
+        """All results of the film strip in a table."""
+        results_table(self.window, self.batch, self.presenter.style, self.save_results).open()
+
+    def save_results(self) -> None:
+        """Ask where to, and write the results as CSV."""
+        files = list(self.batch.files.values())
+        if (path := ask_save(self.window, files[0].path.with_name("kochab-results.csv"), "CSV (*.csv)")) is not None:
+            told = [(str(f.path), f.words, f.result if isinstance(f.result, Solution) else None) for f in files]
+            job = self.services.jobs.run(save_task(lambda: write_atomically(path, results_csv(told)), path), "results")
+            job.succeeded.connect(lambda p: self._say(f"Saved {p.name}"))
+            job.failed.connect(lambda sentence: tell(self.window, "Results", sentence))
 
     def add_thumbnails(self) -> None:
-        job = self.services.jobs.run(thumbnails(self._sample_paths), "thumbnails")
+        paths = self._sample_paths + self.window.welcome.recent
+        job = self.services.jobs.run(thumbnails(paths), "thumbnails")
         job.succeeded.connect(lambda made: self.window.welcome.add_pictures(made, self.looks.is_night))
 
     def _show_recent(self) -> None:
@@ -235,6 +285,9 @@ class Commands(QObject):
             self.actions[name].setEnabled(known.last_good is not None)
         for name in ("details", "tab_solution", "tab_stars", "tab_hints"):  # else their keys are the samples' keys too
             self.actions[name].setEnabled(self.window.pages.currentWidget() is self.window.workspace)
+        several = len(self.batch.files) > 1
+        for name in ("next", "previous", "blink"):
+            self.actions[name].setEnabled(several)
         for name in ("fit", "one", "in", "out"):
             self.actions[name].setEnabled(known.frame is not None or self.session.streams)
         self.window.menus.export.setEnabled(isinstance(known.result, Solution))

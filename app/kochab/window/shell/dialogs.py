@@ -53,11 +53,6 @@ def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
     return path
 
 
-def ask_open(parent: QWidget, folder: str, kinds: str) -> Path | None:
-    """The file to open, or None."""
-    return _answer(QFileDialog(parent, "Open an image", folder, kinds, fileMode=QFileDialog.FileMode.ExistingFile))
-
-
 def ask_frames(parent: QWidget, folder: str, title: str, kinds: str) -> list[Path]:
     """The files to use; none when the person cancels."""
     return _answers(QFileDialog(parent, title, folder, kinds, fileMode=QFileDialog.FileMode.ExistingFiles))

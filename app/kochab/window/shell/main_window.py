@@ -41,13 +41,17 @@ class Workspace(Page):
             self.tabs.setTabToolTip(index, f"Alt+{index + 1}")
         self.buttons = styled_frame("card")
         self._row = row(*buttons, on=self.buttons, spacing=2, margins=(3, 3, 3, 3))
-        column((self.view, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
+        self._column = column((self.view, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
         self.strip.hide()
         self.covered: list[QRect] = []  # parts of the view, where no label could be read
         for over in (self.card, self.buttons, self.strip):
             over.setParent(self)
             over.installEventFilter(self)
         self.view.installEventFilter(self)
+
+    def add_below(self, widget: QWidget) -> None:
+        """Put a widget under the image."""
+        self._column.addWidget(widget)
 
     def minimumSizeHint(self) -> QSize:
         """Wide enough for the card."""

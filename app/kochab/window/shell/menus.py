@@ -27,6 +27,7 @@ class Spec:
 
 SPECS = (
     Spec("open", "&Open…", "Ctrl+O", "Open an image", short="Open…"),
+    Spec("folder", "Open a &folder…", "Ctrl+Shift+O", "Open all images of a folder"),
     Spec("clear_recent", "&Clear this list"),
     Spec("quit", "&Quit", "Ctrl+Q"),
     Spec("solve", "&Solve again", "F5 Ctrl+R", "Plate solve the open image again"),
@@ -35,6 +36,9 @@ SPECS = (
     Spec("one", "&Actual pixels", "1 Ctrl+1", "Show the image at 100 %"),
     Spec("in", "Zoom &in", "+ = Ctrl++"),
     Spec("out", "Zoom &out", "- Ctrl+-"),
+    Spec("next", "N&ext image", "Ctrl+Right", "Open the next file of the film strip"),
+    Spec("previous", "&Previous image", "Ctrl+Left", "Open the file before"),
+    Spec("blink", "&Blink", "B", "Show this image and the one before in turn", True),
     Spec("stretch", "Automatic &stretch", "T", "Stretch the image so that faint stars show", True),
     Spec("histogram", "Histogra&m", "H", "Show the histogram, black point and brightness", True, "Stretch"),
     Spec("colour", "&Colour", "C", "Show in colour or mono", True),
@@ -91,7 +95,7 @@ class Menus:
 
     def __init__(self, window: QMainWindow, bar: QMenuBar, actions: Actions) -> None:
         file = bar.addMenu("&File")
-        file.addAction(actions["open"])
+        _fill(file, actions, "open", "folder")
         self.recent: QMenu = file.addMenu("Open &recent")
         self._clear = actions["clear_recent"]
         self.samples: QMenu = file.addMenu("Open a &sample")
@@ -101,7 +105,23 @@ class Menus:
         file.addAction(actions["quit"])
         _fill(bar.addMenu("&Edit"), actions, "copy", "copy_all")
         view = bar.addMenu("&View")
-        _fill(view, actions, "fit", "one", "in", "out", "", "stretch", "histogram", "colour", "")
+        _fill(
+            view,
+            actions,
+            "next",
+            "previous",
+            "blink",
+            "",
+            "fit",
+            "one",
+            "in",
+            "out",
+            "",
+            "stretch",
+            "histogram",
+            "colour",
+            "",
+        )
         self.layers = view.addMenu("La&yers")
         _fill(self.layers, actions, *MARKS)
         _fill(view, actions, "", "details", "tab_solution", "tab_stars", "tab_hints", "log", "")

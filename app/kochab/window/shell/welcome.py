@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from kochab.core import data_folder
 from kochab.core.angle_text import short_name
+from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.frames import SUFFIXES
 from kochab.window.themes import BASE_POINT
@@ -36,13 +37,18 @@ def thumbnail(path: Path) -> np.ndarray:
     """
     from kochab.core.errors import KochabError
     from kochab.frames import read_frame
+
+    try:
+        return small_picture(read_frame(path))
+    except KochabError:
+        return np.zeros((2 * HEIGHT, 2 * WIDTH, 3), dtype=np.uint8)
+
+
+def small_picture(frame: Frame) -> np.ndarray:
+    """The same of a frame that was read."""
     from kochab.frames.stretch import apply, debayer_preview, stretch_parameters
 
     box = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), dtype=np.uint8)
-    try:
-        frame = read_frame(path)
-    except KochabError:
-        return box
     shown = debayer_preview(frame, 2) if frame.bayer or frame.colour is not None else frame.pixels
     factor = max(1, shown.shape[0] // box.shape[0], shown.shape[1] // box.shape[1])
     shown = shown[: shown.shape[0] // factor * factor, : shown.shape[1] // factor * factor]
@@ -56,12 +62,12 @@ def thumbnail(path: Path) -> np.ndarray:
     return box
 
 
-def as_icon(picture: np.ndarray, red: bool) -> QIcon:
-    """The picture as an icon with room before the text, in red light alone if ``red``."""
+def as_pixmap(picture: np.ndarray, red: bool, gap: int = 0) -> QPixmap:
+    """The picture with ``gap`` px of room behind it, in red light alone if ``red``."""
     kept = np.ascontiguousarray(picture)
     h, w = kept.shape[:2]
     image = QImage(kept.data, w, h, 3 * w, QImage.Format.Format_RGB888)
-    pixmap = QPixmap(w + 2 * GAP, h)
+    pixmap = QPixmap(w + 2 * gap, h)
     pixmap.fill(Qt.GlobalColor.transparent)
     painter = QPainter(pixmap)
     painter.drawImage(0, 0, image)
@@ -70,7 +76,7 @@ def as_icon(picture: np.ndarray, red: bool) -> QIcon:
         painter.fillRect(0, 0, w, h, QColor(255, 0, 0))
     painter.end()
     pixmap.setDevicePixelRatio(2.0)
-    return QIcon(pixmap)
+    return pixmap
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +141,7 @@ class Welcome(Page):
         self.practice = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
         self.practice.hide()
         self._pictures: dict[Path, np.ndarray] = {}
+        self._links: dict[Path, QPushButton] = {}
         self._offered = samples[:MOST_SHOWN]
         self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
         offer: list[Part] = []
@@ -182,24 +189,34 @@ class Welcome(Page):
         return made
 
     def add_pictures(self, pictures: dict[Path, np.ndarray], red: bool) -> None:
-        """Small pictures (H, W, 3) of the samples, to be shown on their buttons."""
+        """Small pictures (H, W, 3) of the samples and recent files, to be shown on their buttons."""
         self._pictures = pictures
         self.draw_pictures(red)
 
     def draw_pictures(self, red: bool) -> None:
         """Draw the pictures again, in red light alone if ``red``."""
-        for sample, made in zip(self._offered, self.samples, strict=True):
-            if sample.path in self._pictures:
-                made.setIcon(as_icon(self._pictures[sample.path], red))
+        shown = [*zip((s.path for s in self._offered), self.samples, strict=True), *self._links.items()]
+        for path, made in shown:
+            if path in self._pictures:
+                made.setIcon(QIcon(as_pixmap(self._pictures[path], red, GAP)))
+
+    @property
+    def recent(self) -> list[Path]:
+        """The recent files that are offered."""
+        return list(self._links)
 
     def show_recent(self, paths: list[Path]) -> None:
         clear_layout(self._recent)
         shown = [p for p in paths if p.exists()][:MOST_SHOWN]
         self._recent_title.setVisible(bool(shown))
         before: QWidget = self.practice
+        self._links.clear()
         for path in shown:
             name = short_name(path.name).replace("&", "&&")
             link = button(name, partial(self.file_wanted.emit, path), "link", str(path))
+            link.setMinimumHeight(HEIGHT // 2 + 8)  # nothing moves when the picture comes
+            link.setIconSize(QSize((WIDTH + GAP) // 2, HEIGHT // 2))
+            self._links[path] = link
             self._recent.addWidget(link)
             self.setTabOrder(before, link)
             before = link
