@@ -60,6 +60,13 @@ def test_cameras_are_listed(server) -> None:
     assert device.source == "indi"
 
 
+def test_a_gain_that_is_told_last_is_waited_for(server, monkeypatch) -> None:
+    told, asked = IndiCamera._gain, iter(range(100))
+    monkeypatch.setattr(IndiCamera, "_gain", lambda self: told(self) if next(asked) > 3 else None)
+    camera = open_camera("indi", ADDRESS, CaptureSettings(gain=70))
+    camera.close()
+
+
 def test_exposure_gain_and_binning_and_frames_one_after_another(server) -> None:
     camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.3, gain=70, binning=2))
     try:

@@ -99,6 +99,7 @@ class IndiCamera(ExposingCamera):
         with ExitStack() as failing:
             failing.callback(link.close)
             camera = cls(link, chosen([(name, name) for name in link.named(CCD_INTERFACE, where.rest)], where, "INDI"))
+            link.wait(lambda: settings.gain is None or camera._gain() is not None, SET_S)  # told one by one
             camera.configure(settings)
             failing.pop_all()
         return camera
