@@ -19,6 +19,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,6 @@ import numpy as np
 from kochab.core.errors import KochabError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, Epoch, Pointing, TrackingRate
-from kochab.core.progress import Progress
 from kochab.gear import mount_events as events
 from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import open_mount
@@ -35,7 +35,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
 from kochab.workflows.nudge import nudge
 from tests.gear.cameras.own_network import own_network
-from tests.gear.mounts.sequences import LOW_DEG, PAST_DEG, altitude_deg, place_of_axes
+from tests.gear.mounts.sequences import LOW_DEG, PAST_DEG, altitude_deg, ordered, place_of_axes
 from tests.simulate import responder_indi
 
 SITE = Site(50.0, 8.0)
@@ -201,14 +201,7 @@ class Evening:
             self.leave()
             return
         self.asked = True
-
-        def make(guard):
-            yield Progress(name)
-            task = do(guard)
-            if task is not None:
-                yield from task
-
-        self.line.order(name, make)
+        self.line.order(name, partial(ordered, name, do))
         self.counts[name] += 1
         if meanwhile < 0.3:
             time.sleep(0.5 + 10.0 * meanwhile)

@@ -14,6 +14,7 @@ from collections import Counter
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from math import asin, atan2, cos, degrees, radians, sin
 from pathlib import Path
 from types import SimpleNamespace
@@ -303,9 +304,17 @@ STEPS = 14
 WHILE = ("stop", "kill", "unplug", "mute", "power")  # what may come in the middle of another step
 
 
+def ordered(name, do, guard):
+    """The task of an order: what ``do`` asks of the guard, which may be done at once."""
+    yield Progress(name)
+    task = do(guard)
+    if task is not None:
+        yield from task
+
+
 @dataclass
 class Plan:
-    """What happens, from a seed; nothing of it depends on what came of the steps before."""
+    """The steps drawn from a seed; none depends on the outcome of the steps before."""
 
     seed: int
     driver: str
@@ -541,14 +550,7 @@ class Evening:
         if self.line is None:
             return
         self.asked, self.lasts, self.number = True, lasts, self.number + 1
-
-        def make(guard):
-            yield Progress(name)
-            task = do(guard)
-            if task is not None:
-                yield from task
-
-        self.line.order(name, make)
+        self.line.order(name, partial(ordered, name, do))
         self.counts[name] += 1
         end = self.world.now() + 400.0
         self.killed = False
@@ -745,7 +747,7 @@ class Evening:
             yield progress
 
     def do_flip(self, a, b, *_):
-        """As a person asks for it, who has seen that the way is free."""
+        """Flip as asked by a person who has checked that the way is clear."""
         self._meanwhile(a, b)
         self.order("flip", lambda guard: self._killable(flip_mount(guard)))
 

@@ -12,14 +12,19 @@ def choose(view, meridian):
     view.meridian.textActivated.emit(view.meridian.currentText())
 
 
+def go_across(mount):
+    """Ask for a goto across the meridian of a mount that is said to flip there."""
+    mount.telescope.pier_side = PierSide.WEST
+    choose(mount.view, Meridian.STAYS)
+    target = place(30.0, 40.0, mount.bench.clock)
+    mount.view.go.target.setText(f"{target[0]:.4f} {target[1]:.4f}")
+    mount.view.go.goto.click()
+
+
 def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, settings):
     _, commands = opened
     with connected(qtbot, commands, "nexstar", at=None) as mount:
-        mount.telescope.pier_side = PierSide.WEST
-        choose(mount.view, Meridian.STAYS)
-        target = place(30.0, 40.0, mount.bench.clock)
-        mount.view.go.target.setText(f"{target[0]:.4f} {target[1]:.4f}")
-        mount.view.go.goto.click()
+        go_across(mount)
         qtbot.waitUntil(lambda: any("flip" in s for s in mount.said), timeout=20_000)
         refusal = next(s for s in mount.said if "flip" in s)
         assert "Meridian" in refusal, "where to say otherwise"
@@ -34,11 +39,7 @@ def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, set
 def test_a_person_is_asked_before_a_flip_and_may_have_it_by_one_click(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands, "nexstar", at=None) as mount:
-        mount.telescope.pier_side = PierSide.WEST
-        choose(mount.view, Meridian.STAYS)
-        target = place(30.0, 40.0, mount.bench.clock)
-        mount.view.go.target.setText(f"{target[0]:.4f} {target[1]:.4f}")
-        mount.view.go.goto.click()
+        go_across(mount)
         qtbot.waitUntil(lambda: mount.view.flip.isVisible(), timeout=20_000)
         assert "must flip" in mount.view.message.text()
         assert not mount.telescope.log
