@@ -284,7 +284,7 @@ assert "from the refracted north pole" in told
 
 @cache
 def walked(code: str) -> list[str]:
-    """The package's files of which a function runs while ``code`` sets ``on``, traced in a fresh interpreter."""
+    """The package's files with a function that runs while ``code`` has ``on`` set, traced in a fresh interpreter."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(SOURCE.parent), str(REPOSITORY)])}
     done = subprocess.run(
         [sys.executable, "-c", f"{TRACER}{code}\non = False\nprint('WALKED', *sorted(walked), sep='\\n')"],

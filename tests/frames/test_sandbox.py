@@ -90,7 +90,7 @@ def test_a_decoder_may_not_fill_the_memory(odd, monkeypatch):
     assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows itself bounds a process's memory")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the process's memory itself")
 def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch):
     """As on macOS: the process that waits for it asks how much it has."""
     monkeypatch.setattr(sandbox, "WATCHED", True)

@@ -34,7 +34,7 @@ FREE = {
 
 
 def weights(seen):
-    """Name -> what its causes weigh together."""
+    """Name -> the summed weight of its causes."""
     found = {}
     for cause in causes(seen):
         found[cause.name] = found.get(cause.name, 0.0) + cause.weight
@@ -91,7 +91,7 @@ SIDES = at_hours(-40.0, 35.0)
     ],
 )
 def test_a_mount_in_altitude_and_azimuth_tilts_with_its_base(more, polar, base) -> None:
-    """Where it is not known, one in five is such a mount."""
+    """When the mount does not say, one in five is taken to be alt-azimuth."""
     seen = Seen(seen_of(SIDES, **more))
     found = weights(seen)
     both = "site" not in more and "pier_side" not in more  # sides of the meridian

@@ -31,7 +31,7 @@ SHORTEST_ARC_PX = 10.0
 TRAILED_ELONGATION = 1.8
 CHANCE_ALIGNED = 0.005
 BAR_PER_FWHM = math.sqrt(12.0) / 2.3548
-"""Length of an even trail over the full width at half maximum of a Gaussian with its variance."""
+"""Length of a uniform trail divided by the FWHM of a Gaussian of the same variance."""
 DAY_SHARE = 0.45
 WHITE_SHARE = 0.8
 FLAT_CONTRAST = 4.0

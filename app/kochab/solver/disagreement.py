@@ -254,7 +254,7 @@ def residuals(terms: Floats, there: Floats, said: Floats, side: Floats) -> tuple
 
 
 def turned(there: Floats, terms: Floats) -> Floats:
-    """Directions (..., 3) as a first axis sees them that leans by two of the terms."""
+    """Directions (..., 3) as seen from a first axis tilted by two of the terms."""
     turn = np.radians([*terms[2:4], 0.0])
     return np.asarray(there - np.cross(turn, there) + 0.5 * np.cross(turn, np.cross(turn, there)))
 

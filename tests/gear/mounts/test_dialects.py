@@ -178,7 +178,7 @@ def test_a_teenastro_tells_everything_in_one_word() -> None:
     [(b"nNpeEW260#", ""), (b"NpeEW261#", "a fault of its motors"), (b"nNpEW262#", "the horizon limit")],
 )
 def test_the_last_digit_of_an_onstep_is_told_in_words(flags, fault) -> None:
-    """L20 ends in 260: nothing is wrong. The codes are those of its own sources, as INDI writes them."""
+    """L20 ends in 260, which means no fault. The codes are OnStep's own, as listed in INDI's driver."""
     assert lx200.parse_flags(flags).fault == fault
     assert set(lx200.FAULTS) == set(range(1, 10))
 
@@ -229,7 +229,7 @@ def test_why_an_onstep_stopped_on_its_way_is_told() -> None:
 
 
 def test_a_starsense_is_found_by_its_variant_and_syncs_from_1_18() -> None:
-    """Its versions are counted anew: 1.18 is not older than 4.10 (INDI's celestrongps.cpp, checkMinVersion)."""
+    """It has version numbers of its own: 1.18 is not older than 4.10 (INDI's celestrongps.cpp, checkMinVersion)."""
     start = [(b"V", b"\x01\x12#"), (b"v", b"\x13#"), (b"m", b"\x0c#")]
     sync = [(b"J", b"\x01#"), (b"s3AAAAAAB,F749F49F", b"#")]
     asked = [(b"p", b"E#"), (b"L", b"0#"), (b"J", b"\x01#"), (b"t", b"\x01#")]

@@ -67,7 +67,7 @@ def test_a_nudge_of_a_killed_program_ends_where_it_was_to_end(driver) -> None:
 
 @pytest.mark.parametrize("driver", RESPONDERS)
 def test_what_a_driver_says_of_its_moves_is_so(driver) -> None:
-    """Those that run on are told while they last; without a chosen rate a nudge is a goto there."""
+    """Kochab warns during moves that would run on; there a nudge without a chosen rate is a goto."""
     with simulated(driver, slew_deg_s=1.0) as bench:
         bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
         killed(bench, driver, "move")

@@ -134,7 +134,7 @@ class SlewSupervisor:
         return here
 
     def _see(self, here: Pointing) -> None:
-        """Forbid slews after a jump to the pole: a mount that is switched on takes any place for its home."""
+        """Forbid slews after a jump to the pole: a mount switched on anywhere assumes that it is at home."""
         now_s, now = monotonic(), self._clock()
         place = unit_vectors(*of_date(here, now))
         if self._seen is not None and 90.0 - abs(here.dec_deg) < HOME_DEG:

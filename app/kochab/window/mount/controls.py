@@ -95,7 +95,7 @@ class TrackingChoice(QComboBox):
         self.activated.connect(self._choose)
 
     def show_state(self, state: MountState, reasons: Mapping[str, str]) -> None:
-        """Show what it tracks; ``reasons`` are those against each rate, by the names of the actions."""
+        """Show the tracking rate; ``reasons`` say, by action, why a rate cannot be chosen."""
         self._shown = state.rate if state.tracking else None if state.tracking is None else TrackingRate.OFF
         against = [reasons[f"track {rate}"] for rate in RATES]
         items = self.model()

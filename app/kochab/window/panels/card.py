@@ -58,7 +58,7 @@ class Card(QFrame):
         self._say(f"{doing}…", short_name(progress.detail or progress.stage, LONGEST))
 
     def show_solution(self, solution: Solution) -> None:
-        """How many stars matched, and how likely that is by chance."""
+        """Show how many stars matched, and the probability of a chance match."""
         odds = angle_text.false_alarm_text(solution.log10_false_alarm)
         self._say("Solved", f"{len(solution.stars)} stars matched (chance match: {odds})", "\n".join(solution.warnings))
         self.show_pointing(solution)

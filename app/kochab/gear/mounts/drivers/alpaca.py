@@ -1,4 +1,4 @@
-"""A mount behind an ASCOM Alpaca server, whose port another program may hold."""
+"""A mount driven through an ASCOM Alpaca server, so that other programs can use it too."""
 
 from contextlib import closing, suppress
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""A mount behind an INDI server, whose port another program may hold."""
+"""A mount driven through an INDI server, so that other programs can use it too."""
 
 from contextlib import ExitStack, closing
 from datetime import UTC, datetime, timedelta

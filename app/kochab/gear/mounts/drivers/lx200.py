@@ -169,7 +169,7 @@ class Lx200(SerialMount):
             self.require_accepted(command, "The mount does not accept this site.")
 
     def set_clock(self, now: datetime) -> None:
-        """Zone, time and date, after which a Meade tells in two texts that it reckons the planets anew."""
+        """Set zone, time and date; a Meade then sends two texts about updating its planetary data."""
         self.require(Ability.SET_CLOCK)
         if self.dialect is AUTOSTAR and self.ask_more(AUTOSTAR.questions[-1]).aligned:
             raise RefusedError(ALIGNED_BY_CLOCK)

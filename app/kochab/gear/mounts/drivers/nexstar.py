@@ -35,7 +35,7 @@ NEXSTAR = HandControl((4, 10), (4, 15), reversed_in_south=(5, 24))
 STARSENSE = HandControl((1, 18), (1, 18))
 SYNSCAN = HandControl((), (inf,))  # the side never: only newer versions report it
 VARIANTS = {0x13: STARSENSE}
-"""Answer to ``v``; a StarSense counts its versions anew. Source: INDI's celestrondriver.h and celestrongps.cpp."""
+"""Reply to ``v``; a StarSense has version numbers of its own. Source: INDI's celestrondriver.h and celestrongps.cpp."""
 
 
 class NexStar(SerialMount):
@@ -51,7 +51,7 @@ class NexStar(SerialMount):
     control: ClassVar[HandControl] = NEXSTAR
 
     def start(self) -> None:
-        """Its make and version decide what it can."""
+        """Read its make and version, which decide what it can do."""
         self.version = self.talk.query(protocol.VERSION, protocol.read_version(self.timeout_s), protocol.parse_version)
         self.hand_control = self.find_control()
         self.model = self.byte(protocol.MODEL)

@@ -18,8 +18,8 @@ from kochab.gear.mounts.serial_line import Command, Conversation, Reader, Serial
 T = TypeVar("T")
 RESTING = (Ability.PARK, Ability.UNPARK, Ability.HOME)
 ALIGNED_BY_CLOCK = (
-    "The mount is aligned on stars by its clock and site as they are. If it points right, say that the mount is right;"
-    " else switch it off and on, set them, and align it again."
+    "The mount was aligned on stars with its present clock and site. If it points right, say that the mount is right;"
+    " if not, switch it off and on, set them, and align it again."
 )
 LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
 

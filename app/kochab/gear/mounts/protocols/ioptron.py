@@ -43,7 +43,7 @@ ALT_AZIMUTH = ("AA", "HAZ", "AZ Mount")
 
 
 def is_alt_azimuth(model: str) -> bool | None:
-    """Whether a model moves in altitude and azimuth; None where its number means two mounts."""
+    """Whether a model is alt-azimuth; None when its number is unknown or shared by two mounts."""
     return None if " or " in model or model.startswith("model") else any(word in model for word in ALT_AZIMUTH)
 
 
