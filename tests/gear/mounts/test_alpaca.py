@@ -169,13 +169,18 @@ def test_a_position_that_is_none_is_told(bench, monkeypatch, value) -> None:
 
 
 def test_stop_does_not_wait_behind_a_hung_exchange(bench, monkeypatch) -> None:
-    hang = threading.Event()
-    monkeypatch.setattr(bench.device, "get_declination", lambda: hang.wait(5.0) or 40.0, raising=False)
+    asked, hang = threading.Event(), threading.Event()
+
+    def hung() -> float:
+        asked.set()
+        hang.wait(60.0)
+        return 40.0
+
+    monkeypatch.setattr(bench.device, "get_declination", hung, raising=False)
     asking = threading.Thread(target=bench.mount.position)
     asking.start()
-    time.sleep(0.1)
-    begun = time.monotonic()
+    assert asked.wait(60.0)
     bench.mount.stop()
-    assert time.monotonic() - begun < 0.5
+    assert asking.is_alive()
     hang.set()
     asking.join()
