@@ -9,6 +9,13 @@ from kochab.window.session import WorkflowEngine
 from kochab.window.shell.welcome import samples
 
 LIMIT_MS = 60_000
+SHOWS = {
+    "orion": "M 42 in Orion",
+    "pleiades": "M 45 in Taurus",
+    "southern-cross": "Crux",
+    "big-dipper": "Ursa Major",
+    "kochab-and-polaris": "Ursa Minor",
+}
 
 
 @pytest.fixture
@@ -27,7 +34,9 @@ def test_every_sample_solves_and_is_shown(qtbot, real):
     for sample in samples():
         result = open_and_wait(qtbot, commands, sample.path)
         assert isinstance(result, Solution), (sample.path.name, result)
-        assert window.workspace.card.title.text() == "Solved"
+        title = window.workspace.card.title
+        qtbot.waitUntil(lambda title=title: title.text() != "Solved")
+        assert title.text() == SHOWS[sample.path.stem]
         assert window.workspace.stars.model.rowCount() == len(result.stars) >= 10
         assert any(star.name for star in result.stars)
         assert not window.workspace.view.grab().toImage().isNull()
@@ -65,7 +74,8 @@ def test_real_photographs(qtbot, real, shared_frames, name):
         pytest.skip(f"{name} is not among the real frames here")
     result = open_and_wait(qtbot, commands, path)
     shown = window.workspace.card.title.text()
-    assert shown == ("Solved" if isinstance(result, Solution) else f"No solution: {result.reason}")
+    place = shown == "Solved" or shown.endswith((" in Orion", " in Taurus"))
+    assert place if isinstance(result, Solution) else shown == f"No solution: {result.reason}"
     assert window.workspace.view.picture is not None
 
 

@@ -1,15 +1,21 @@
 """What a person does with the window, start to end."""
 
 import logging
+import re
 import threading
 import zipfile
+from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from astropy.coordinates import AltAz, EarthLocation, SkyCoord
+from astropy.units import deg
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent, QGuiApplication
 from PySide6.QtWidgets import QMessageBox
 
+from kochab.core.frame import Hint, Site
 from kochab.core.solution import NoSolution, Solution
 from tests.window.fakes import FakeEngine, no_solution, star_field
 
@@ -43,11 +49,12 @@ def test_the_first_click_on_a_sample_solves_it(qtbot, make_window, engine, tmp_p
     assert window.pages.currentWidget() is window.workspace
 
 
-def test_opening_shows_solves_and_marks(opened):
+def test_opening_shows_solves_and_marks(qtbot, opened):
     window, commands = opened
     panes = window.workspace
     assert panes.view.picture is not None
-    assert panes.card.title.text() == "Solved"
+    qtbot.waitUntil(lambda: panes.card.title.text() == "Upper Sword in Orion")
+    assert panes.card.accessibleName() == "Upper Sword in Orion"
     assert "1 in 10¹⁴" in panes.card.text.text()
     assert panes.card.ra.isVisible()
     assert panes.card.ra.text() == "05h 36m 12.00s"
@@ -62,6 +69,20 @@ def test_opening_shows_solves_and_marks(opened):
     assert len(commands.presenter.overlay.detected) == 36
     assert (window.bar.name.text(), window.bar.doing.text()) == ("orion.fits", "Solved in 37 ms")
     assert "orion.fits" in window.windowTitle()
+
+
+def test_the_card_says_how_high_a_dated_frame_stood(qtbot, make_window, settings, a_file):
+    settings.keep_site(Site(48.14, 11.58))
+    dated = Hint(time_utc=datetime(2026, 1, 15, 22, 0, tzinfo=UTC))
+    window, commands = make_window(FakeEngine(frame=replace(star_field(), hint=dated)))
+    facts = window.workspace.card.facts
+    commands.open(a_file)
+    qtbot.waitUntil(lambda: "az" in facts.text())
+    altitude, azimuth = map(float, re.search(r"Alt\s\+([\d.]+)°\s+az\s([\d.]+)°", facts.text()).groups())
+    place = SkyCoord(84.05 * deg, -1.2 * deg)  # the fake engine's answer
+    seen = place.transform_to(AltAz(obstime="2026-01-15 22:00", location=EarthLocation(11.58 * deg, 48.14 * deg)))
+    assert altitude == pytest.approx(seen.alt.deg, abs=0.05)  # refraction: 0.02
+    assert azimuth == pytest.approx(seen.az.deg, abs=0.02)
 
 
 def test_every_fact_of_the_solution_is_on_the_pane(opened):

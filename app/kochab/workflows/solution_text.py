@@ -50,13 +50,13 @@ def rows(s: Solution) -> list[tuple[str, str, str]]:
     ]
 
 
-def field_text(s: Solution) -> str:
-    """Uncertainty, field, pixel scale and rotation for a card; a line never breaks within a fact."""
+def field_text(s: Solution, altaz: str = "") -> str:
+    """Uncertainty, field, pixel scale, rotation, and the height if told, for a card; no line breaks within a fact."""
     w, h = s.camera.fov_deg
     up = f"Up {s.roll_deg:+.1f}°".replace("-", "−") + ", mirrored" * s.camera.mirrored
     sigma = arcsec_text(max(s.attitude.sigma_arcsec[:2]))
-    facts = (f"± {sigma}", f"Field {angle_text(w)} × {angle_text(h)}", f"Scale {s.camera.scale_arcsec_px:.4g}″/px", up)
-    return "   ".join(fact.replace(" ", "\u00a0") for fact in facts)
+    field, scale = f"Field {angle_text(w)} × {angle_text(h)}", f"Scale {s.camera.scale_arcsec_px:.4g}″/px"
+    return "   ".join(fact.replace(" ", "\u00a0") for fact in (f"± {sigma}", field, scale, up, altaz) if fact)
 
 
 def camera_text(s: Solution) -> str:

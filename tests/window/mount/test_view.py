@@ -7,7 +7,7 @@ from datetime import timedelta
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractButton, QComboBox, QDialog, QDoubleSpinBox, QLineEdit, QWidget
+from PySide6.QtWidgets import QAbstractButton, QApplication, QComboBox, QDialog, QDoubleSpinBox, QLineEdit, QWidget
 
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
@@ -15,6 +15,7 @@ from kochab.core.progress import Progress
 from kochab.gear import actions as why
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
 from kochab.window.mount.status import MountStatus, mount_status_text
+from kochab.window.shell.views import VIEWS
 from tests.gear.mounts.bench import SITE, place
 from tests.window.fakes import fake_solution
 from tests.window.mount_bench import connected
@@ -33,9 +34,10 @@ def test_before_a_mount_is_connected_everything_says_why(qtbot, opened):
     view = commands.views.docks["mount"].view
     assert view.connection.isVisible()
     assert not view.moving.isVisible()
-    assert view.stop.explanation.reason == why.CONNECT
-    assert view.stop.toolTip() == why.CONNECT
-    view.stop.setFocus()
+    assert not view.stop.isVisible()
+    goto = view.go.goto
+    assert (goto.explanation.reason, goto.toolTip()) == (why.CONNECT, why.CONNECT)
+    view.go.goto.explanation.allows()  # as when it is pressed
     assert view.why.isVisible()
     assert view.why.text() == why.CONNECT
     qtbot.keyClick(view.connect_box.connect_button, Qt.Key.Key_Space)
@@ -62,7 +64,7 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
         assert apart_deg(of_date, mount.bench.start) < 0.5  # SynScan's are of J2000
         assert mount.view.pointing.mount[0].text()[2] == "h"
         assert "idle" in mount.view.pointing.state.text() or "racking" in (mount.view.pointing.state.text())
-        assert mount.view.stop.explanation.reason == ""
+        assert mount.view.stop.isVisible()
         assert mount.view.take.explanation.reason == why.Need.CAMERA.value
         assert mount.view.rests["park"].explanation.reason == mount.opening.guard.lacks.get(Ability.PARK, "")
         for i, rate in enumerate(TrackingRate):
@@ -149,6 +151,20 @@ def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):
         assert not [e for e in mount.telescope.log if e[0] == "track"]
 
 
+def test_there_is_one_stop_in_every_mode_at_one_place(qtbot, opened):
+    window, commands = opened
+    with connected(qtbot, commands):
+        places = set()
+        for name in ("image", *VIEWS):
+            commands.views.show(name)
+            qtbot.waitUntil(lambda n=name: n == "image" or commands.views.docks[n].view is not None)
+            QApplication.processEvents()
+            stops = [b for b in window.findChildren(QAbstractButton) if "STOP" in b.text() and b.isVisible()]
+            assert len(stops) == 1, name
+            places.add(stops[0].mapTo(window, stops[0].rect().topRight()).toTuple())
+        assert len(places) == 1
+
+
 def test_goto_a_place_and_a_name_that_is_none(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands) as mount:
@@ -173,7 +189,7 @@ def test_the_guard_refuses_in_one_sentence(qtbot, opened):
         assert mount.view.go.goto.explanation.reason == ""
 
 
-@pytest.mark.parametrize("where", ["field", "frame", "button", "corner", "live", "polar"])
+@pytest.mark.parametrize("where", ["field", "frame", "button", "live", "polar"])
 def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
     window, commands = opened
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
@@ -189,10 +205,9 @@ def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
             focus = {
                 "field": mount.view.go.target,
                 "frame": window.workspace.view,
-                "button": mount.view.stop,
-                "corner": window.findChild(MountStatus).stop,
+                "button": window.findChild(MountStatus).stop,
             }[where]
-        if where in ("button", "corner"):
+        if where == "button":
             focus.click()
         else:
             focus.setFocus()
@@ -231,7 +246,7 @@ def test_a_pulled_cable_is_told_and_the_window_goes_on(qtbot, opened):
         qtbot.waitUntil(lambda: mount.control.known.phase == "lost", timeout=15_000)
         assert "CONNECTION LOST" in mount.view.pointing.state.text()
         assert mount.view.go.goto.explanation.reason == why.LOST
-        assert mount.view.stop.explanation.reason == ""
+        assert mount.view.stop.isVisible()
         mount.view.stop.click()
         qtbot.waitUntil(lambda: any("cut its power" in s for s in mount.said), timeout=15_000)
         mount.bench.line.plug()

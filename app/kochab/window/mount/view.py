@@ -4,7 +4,7 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QPushButton, QWidget
 
 from kochab.core.errors import KochabError
 from kochab.core.mount import MountState
@@ -18,7 +18,7 @@ from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, TrackingChoice
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
-from kochab.window.mount.status import KEY
+from kochab.window.mount.status import MountStatus
 from kochab.window.shell.views import Services
 from kochab.window.widgets import (
     Page,
@@ -60,7 +60,7 @@ ALIGNING = "Polar alignment (F4) is using the mount"
 
 
 class MountView(Page):
-    """Cards that scroll; the message, the progress and Stop are always in sight below."""
+    """Cards that scroll; the message and the progress are always in sight below. STOP is in the bar above."""
 
     def __init__(self, services: Services) -> None:
         super().__init__()
@@ -102,7 +102,6 @@ class MountView(Page):
         rests = {name: ExplainedButton(name.title(), partial(orders.rest, name), tip) for name, tip in RESTS.items()}
         self.rests = rests
         self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
-        self.stop = ExplainedButton(f"STOP  ({KEY})", control.stop, f"Stop the mount now ({KEY} from anywhere)", "stop")
         self.cancel_find = button("Cancel", self.connect_box.cancel_search)
         self.name = label("", "heading", wrap=True)
         self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
@@ -120,7 +119,6 @@ class MountView(Page):
             "spiral": self.spiral,
             **self.rests,
             **self.settles,
-            "stop": self.stop,
         }
 
     def _lay_out(self) -> None:
@@ -128,7 +126,7 @@ class MountView(Page):
             hidden.setVisible(False)
         self.area = scrolled(self._cards())
         progress = row((self.bar, 1), self.cancel_find)
-        parts = ((self.area, 1), self.message, row(self.flip, None), self.why, progress, self.stop)
+        parts = ((self.area, 1), self.message, row(self.flip, None), self.why, progress)
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
     def _cards(self) -> QWidget:
@@ -212,6 +210,13 @@ class MountView(Page):
         super().showEvent(event)
         self.connect_box.show_site(self._services.settings.site)
         self.connect_box.list_ports()
+
+    @property
+    def stop(self) -> QPushButton:
+        """The one STOP of the window."""
+        status = self._services.panes.window().findChild(MountStatus)
+        assert status is not None  # made with the mount's control
+        return status.stop
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""

@@ -35,6 +35,7 @@ class Card(QFrame):
         self.setObjectName("card")
         self.style_of_angles = AngleStyle.SEXAGESIMAL
         self._solution: Solution | None = None
+        self._altaz = ""
         self._failure: NoSolution | None = None
         self._source = ""
         self.title = label("", "heading", wrap=True)
@@ -63,9 +64,16 @@ class Card(QFrame):
         self._say("Solved", f"{len(solution.stars)} stars matched (chance match: {odds})", "\n".join(solution.warnings))
         self.show_pointing(solution)
 
+    def show_place(self, name: str, altaz: str) -> None:
+        """Say what the frame shows, and how high it stood where that is known."""
+        show_text(self.title, name)
+        self.setAccessibleName(name)
+        self._altaz = altaz
+        self.set_style(self.style_of_angles)
+
     def show_pointing(self, solution: Solution | None, old_from: str = "") -> None:
         """Show where a frame points; ``old_from`` marks it as the last one known of that file. None hides it."""
-        self._solution = solution
+        self._solution, self._altaz = solution, ""
         show_text(self.old, f"OLD: last solution, from {short_name(old_from)}" if old_from else "")
         for value in (self.ra, self.dec):
             set_role(value, "value_old" if old_from else "value")
@@ -81,7 +89,7 @@ class Card(QFrame):
         ra, dec = s.ra_dec_deg
         self.ra.setText(angle_text.ra_text(ra, style))
         self.dec.setText(angle_text.dec_text(dec, style))
-        self.facts.setText(solution_text.field_text(s))
+        self.facts.setText(solution_text.field_text(s, self._altaz))
 
     def show_failure(self, failure: NoSolution, source: str = "") -> None:
         """Why there is no solution, and what to do about it."""

@@ -1,14 +1,15 @@
 """Connects the session to the views, and the views to the session."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QObject
 
-from kochab.core.angle_text import AngleStyle, milliseconds_text, short_name
+from kochab.core.angle_text import AngleStyle, altaz_text, milliseconds_text, short_name
 from kochab.core.errors import printable
-from kochab.core.frame import Frame
-from kochab.core.progress import Progress
+from kochab.core.frame import Frame, Site
+from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.overlay import Overlay
@@ -16,7 +17,7 @@ from kochab.window.image.screen_image import RenderedFrame
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.status import readout
+from kochab.window.shell.status import horizon_of, readout
 
 
 class Presenter(QObject):
@@ -131,6 +132,13 @@ class Presenter(QObject):
         self.panes.solution.show_solution(solution, known.last_good_from)
         self.panes.stars.set_stars(solution.stars)
         self.panes.view.update()
+        assert known.frame is not None
+        job = self.session.jobs.run(_place(known.frame, solution, self.settings.site), "place")
+        job.succeeded.connect(partial(self._placed, solution))
+
+    def _placed(self, solution: Solution, told: tuple[str, str]) -> None:
+        if self.session.known.result is solution:
+            self.panes.card.show_place(*told)
 
     def _unsolved(self, failure: NoSolution) -> None:
         known = self.session.known
@@ -203,3 +211,13 @@ class Presenter(QObject):
         self.settings.keep("angles", style.value)
         self.panes.stars.set_style(style)
         self.panes.card.set_style(style)
+
+
+def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[str, str]]:
+    """What a solved frame shows, and the altitude and azimuth of its centre, empty where time or site are not known."""
+    yield Progress("place")
+    from kochab.sky.landmarks import name_of_field
+
+    horizon = horizon_of(frame, site)
+    altaz = "" if horizon is None else altaz_text(*horizon.altaz_deg(solution.centre_vector))
+    return name_of_field(solution), altaz.capitalize()

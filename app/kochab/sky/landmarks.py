@@ -1,0 +1,97 @@
+"""What an astronomer calls a field: its constellation, and the most notable deep-sky object in it."""
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.solution import Solution
+from kochab.sky.catalogue import shipped_folder
+
+LEAST_SHARE = 0.01  # of the frame's shorter side: a smaller object does not name a frame
+MARGIN = 0.1  # of the frame's sides, where an object is not what the frame is of
+TO_EDGE_MAG = 5.0  # by which an object at the edge must be brighter than one at the centre
+MESSIER_MAG, NAMED_MAG = 4.5, 2.0  # by which a name counts as brighter
+UNKNOWN_MAG, FAINTEST_MAG = 9.0, 11.0
+FAINTEST_AT_1_DEG = 12.5  # that names a frame, and five magnitudes brighter for ten times the field
+STAR_MAG, STAR_FIELD_DEG = 4.0, 10.0  # the faintest star that names a frame, and the widest
+UNKNOWN_ARCMIN = 1.0
+STARS = ("*", "**")  # OpenNGC's types of entries that are no objects
+
+
+@cache
+def _boundaries() -> tuple[Floats, list[str], dict[str, str]]:
+    """Roman's zones of 1875: hours from and to, least declination (N, 3); whose each is; the constellations' names.
+
+    Roman (1987), PASP 99, 695, as Astropy ships it; a place belongs to the first zone that holds it.
+    """
+    data = files("astropy") / "coordinates" / "data"  # read without Astropy, which takes half a second to import
+    zones, names = (
+        [line.strip().split(maxsplit=most) for line in (data / name).read_text("utf-8").splitlines() if line[0] != "#"]
+        for name, most in (("constellation_data_roman87.dat", 3), ("constellation_names.dat", 1))
+    )
+    return np.array([zone[:3] for zone in zones], dtype=np.float64), [zone[3] for zone in zones], dict(names)
+
+
+def constellation_at(vector: Floats) -> str:
+    """The constellation, such as ``"Ursa Minor"``, of a place (3,) in ICRS."""
+    import erfa
+
+    limits, whose, names = _boundaries()
+    ra, dec = radec_deg(erfa.ltp(1875.0) @ vector)
+    first, last, least = limits.T
+    return names[whose[int(np.argmax((first <= ra / 15.0) & (ra / 15.0 < last) & (least <= dec)))]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Landmarks:
+    """Deep-sky objects worth a name: ICRS vectors (N, 3), V, by how much a name counts, diameters in degrees (N,)."""
+
+    names: list[str]
+    vectors: Floats
+    mag: Floats
+    fame_mag: Floats
+    size_deg: Floats
+
+
+@cache
+def landmarks() -> Landmarks:
+    """Those of the shipped table that have a Messier number or a common name, or are bright; empty without a table."""
+    try:
+        rows = (shipped_folder() / "objects.tsv").read_text(encoding="utf-8").splitlines()[1:]
+    except OSError:
+        rows = []
+    names, numbers = [], []
+    for row in rows:
+        name, kind, ra, dec, mag, size, messier, common = (row.split("\t") + [""] * 7)[:8]
+        v = float(mag or UNKNOWN_MAG + FAINTEST_MAG * (not (messier or common)))
+        if kind not in STARS and (messier or common or v < FAINTEST_MAG):
+            names.append(f"M {messier[1:].lstrip('0')}" if messier else common.partition(",")[0] or name)
+            fame = MESSIER_MAG if messier else NAMED_MAG if common else 0.0
+            numbers.append((float(ra), float(dec), v, fame, float(size or UNKNOWN_ARCMIN) / 60.0))
+    table = np.array(numbers).reshape(-1, 5)
+    return Landmarks(names, unit_vectors(table[:, 0], table[:, 1]), *table.T[2:])
+
+
+def name_of_field(solution: Solution) -> str:
+    """``"M 42 in Orion"``, ``"Sadr in Cygnus"`` beside a bright star, or ``"Cygnus"``, where the frame's centre is."""
+    known, camera = landmarks(), solution.camera
+    size = np.array([camera.width, camera.height])
+    wide, narrow = max(camera.fov_deg), min(camera.fov_deg)
+    reach = min(0.6 * np.radians(np.hypot(wide, narrow)), 1.5)  # past it a lens's model may fold back into the frame
+    near = np.flatnonzero(known.vectors @ solution.centre_vector > np.cos(reach))
+    away = 2.0 * np.abs(solution.pixels_of(known.vectors[near]) / size - 0.5).max(axis=1)  # 0 centre, 1 edge
+    around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
+    away = np.where(around, 0.0, away)
+    seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)
+    seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
+    if seen.any():
+        score = known.mag[near] - known.fame_mag[near] + TO_EDGE_MAG * away**2
+        best = near[np.argmin(np.where(seen, score, np.inf))]
+        return f"{known.names[best]} in {constellation_at(known.vectors[best])}"
+    constellation = constellation_at(solution.centre_vector)
+    named = [star for star in solution.stars if star.name and star.mag < STAR_MAG and wide < STAR_FIELD_DEG]
+    return f"{min(named, key=lambda star: star.mag).name} in {constellation}" if named else constellation

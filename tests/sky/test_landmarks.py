@@ -1,0 +1,51 @@
+"""The name of a field: constellations against Astropy's own, objects where every atlas has them."""
+
+import numpy as np
+import pytest
+from astropy.coordinates import CartesianRepresentation, SkyCoord, get_constellation
+
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.solution import NamedStar, Solution
+from kochab.sky.landmarks import constellation_at, name_of_field
+
+
+def field(ra_deg, dec_deg, wide_deg, stars=()):
+    focal = 450 / np.tan(np.radians(wide_deg) / 2)
+    camera = Camera.centred(900, 600, float(focal))
+    return Solution(camera, attitude_from(ra_deg, dec_deg, 30.0), tuple(stars), 0.2, -30.0, "")
+
+
+def test_constellations_are_astropys_but_for_places_on_a_boundary():
+    """Astropy goes to 1875 by way of FK5 and FK4, an arcsecond or so beside ERFA's long-term precession."""
+    places = np.random.default_rng(5).normal(size=(4000, 3))
+    places /= np.linalg.norm(places, axis=1, keepdims=True)
+    theirs = get_constellation(SkyCoord(CartesianRepresentation(*places.T), frame="icrs"))
+    ours = [constellation_at(place) for place in places]
+    assert sum(one != str(other).strip() for one, other in zip(ours, theirs, strict=True)) <= 4
+    assert len(set(ours)) == 88
+
+
+@pytest.mark.parametrize(
+    ("ra_deg", "dec_deg", "wide_deg", "name"),
+    [
+        (83.8, -5.4, 1.0, "M 42 in Orion"),
+        (84.0, -4.0, 12.0, "M 42 in Orion"),
+        (85.3, -2.2, 2.0, "Horsehead Nebula in Orion"),
+        (83.8, -5.4, 80.0, "Orion"),
+        (56.7, 24.1, 0.3, "M 45 in Taurus"),  # a frame within the cluster
+        (250.4, 36.4, 1.0, "M 13 in Hercules"),
+        (250.4, 36.4, 30.0, "Hercules"),  # too small to be seen there
+        (10.7, 41.3, 40.0, "M 31 in Andromeda"),
+        (37.0, 89.3, 2.0, "Ursa Minor"),
+        (206.0, 54.0, 30.0, "Ursa Major"),
+    ],
+)
+def test_what_a_field_is_called(ra_deg, dec_deg, wide_deg, name):
+    assert name_of_field(field(ra_deg, dec_deg, wide_deg)) == name
+
+
+def test_a_field_without_objects_is_called_by_its_bright_star():
+    star = NamedStar(10.0, 10.0, "HIP 11767", "Polaris", 2.0, 37.95, 89.26, 0.1)
+    assert name_of_field(field(37.0, 89.3, 2.0, [star])) == "Polaris in Ursa Minor"
+    assert name_of_field(field(37.0, 89.3, 30.0, [star])) == "Ursa Minor"
