@@ -92,7 +92,8 @@ def test_a_decoder_may_not_fill_the_memory(odd, monkeypatch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the process's memory itself")
 def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch):
-    """As on macOS: the process that waits for it asks how much it has."""
+    """As on macOS: the process that waits for it asks how much it has, and no earlier test has bounded it."""
+    sandbox._kill_idle()
     monkeypatch.setattr(sandbox, "WATCHED", True)
     monkeypatch.setattr(sandbox, "LEAST_BYTES", 400_000_000)
     monkeypatch.setattr(sandbox, "MOST_BYTES", 400_000_000)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from datetime import timedelta
+from time import monotonic
 
 import numpy as np
 import pytest
@@ -249,7 +250,7 @@ def test_five_degrees_beside_its_region_a_telescope_has_strayed(aside, stray) ->
     plan = replace(plan_of((-60.0, 20.0), (-60.0, 30.0)), site=None, limits=Limits(allow_without_site=True, **FORK))
     seen = SupervisedMotion(plan, allowed_region(plan))
     off = aside / np.cos(np.radians(25.0))
-    found = seen.finding(Pointing(*at(-60.0 + off, 25.0), Epoch.DATE), NIGHT + timedelta(seconds=10))
+    found = seen.finding(Pointing(*at(-60.0 + off, 25.0), Epoch.DATE), NIGHT + timedelta(seconds=10), monotonic())
     assert bool(found) is stray
     if stray:
         assert "wrong way, 5 deg off its path" in found
@@ -259,10 +260,12 @@ def test_five_degrees_beside_its_region_a_telescope_has_strayed(aside, stray) ->
 def test_twenty_degrees_a_second_and_five_beside_are_faster_than_any_motor(moved, jumped) -> None:
     plan = plan_of((-60.0, 0.0), (30.0, 0.0), **FORK)
     seen = SupervisedMotion(plan, allowed_region(plan))
-    found = seen.finding(Pointing(*at(-60.0 + moved, 0.0), Epoch.DATE), NIGHT + timedelta(seconds=2))
+    found = seen.finding(Pointing(*at(-60.0 + moved, 0.0), Epoch.DATE), NIGHT + timedelta(seconds=2), monotonic())
     assert (found is not None and "jumped by" in found) is jumped
     there = SupervisedMotion(plan, allowed_region(plan))
-    assert there.finding(Pointing(*at(29.7, 0.0), Epoch.DATE), NIGHT) is None  # a late answer: it has arrived
+    assert (
+        there.finding(Pointing(*at(29.7, 0.0), Epoch.DATE), NIGHT, monotonic()) is None
+    )  # a late answer: it has arrived
 
 
 def test_a_change_of_the_pier_side_is_found_unless_it_was_allowed() -> None:

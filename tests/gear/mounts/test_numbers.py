@@ -4,6 +4,7 @@ import errno
 from dataclasses import replace
 from datetime import timedelta
 from math import sqrt
+from time import monotonic
 
 import numpy as np
 import pytest
@@ -149,7 +150,7 @@ def seen(passed_s=1.0, target=(0.0, 60.0), region=None):
     asked = plan(at(-40.0, 20.0), at(*target), crosses_meridian=True, longest_slew_deg=180.0)
     motion = SupervisedMotion(asked, anywhere() if region is None else region)
     return lambda hour, dec: (
-        motion.finding(Pointing(*at(hour, dec), Epoch.DATE), NIGHT + timedelta(seconds=passed_s)) or ""
+        motion.finding(Pointing(*at(hour, dec), Epoch.DATE), NIGHT + timedelta(seconds=passed_s), monotonic()) or ""
     )
 
 
@@ -165,8 +166,11 @@ def test_a_position_is_due_after_a_second_and_a_half(monkeypatch, passed_s, due)
     motion = SupervisedMotion(plan(at(-40.0, 20.0), at(0.0, 60.0)), anywhere())
     now[0] += passed_s
     assert motion.due is due
-    motion.finding(Pointing(*at(-40.0, 20.0), Epoch.DATE), NIGHT)
+    motion.finding(Pointing(*at(-40.0, 20.0), Epoch.DATE), NIGHT, now[0])
     assert not motion.due
+    now[0] += passed_s  # a look that was long asked for
+    motion.finding(Pointing(*at(-40.0, 20.0), Epoch.DATE), NIGHT, now[0] - passed_s)
+    assert motion.due is due
 
 
 def test_a_region_has_a_place_every_two_degrees() -> None:

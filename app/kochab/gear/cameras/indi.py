@@ -179,7 +179,8 @@ class IndiCamera(ExposingCamera):
     def _abort(self) -> None:
         self._device.send("CCD_ABORT_EXPOSURE", {"ABORT": "On"})
         self._link.wait(lambda: self._device.state("CCD_EXPOSURE") != "Busy", SET_S)
-        self._link.take_blob(0.0)  # its picture, if it came, is dropped
+        done = self._device.state("CCD_EXPOSURE") == "Ok"  # before it was aborted: its picture comes, and is dropped
+        self._link.take_blob(SET_S if done else 0.0)
 
     def _gain(self) -> tuple[str, str] | None:
         """Where its gain stands, which differs from driver to driver."""

@@ -55,14 +55,14 @@ class SupervisedMotion:
         """Whether the last position is older than `LOOK_S`."""
         return monotonic() - self._looked >= LOOK_S
 
-    def finding(self, reported: Pointing, now_utc: datetime) -> str | None:
-        """What is wrong with the position reported now; None when nothing is."""
+    def finding(self, reported: Pointing, now_utc: datetime, asked_s: float) -> str | None:
+        """What is wrong with the position asked for at ``asked_s`` (`monotonic`); None when nothing is."""
         here = unit_vectors(*of_date(reported, now_utc))
         # by the clock that ran more: one of them may be simulated
         passed_s = max(monotonic() - self._looked, (now_utc - self._at).total_seconds())
         found = self._jump(here, passed_s) or self._aside(here) or self._limit(here, now_utc)
         if found is None:
-            self._here, self._at, self._looked = here, now_utc, monotonic()
+            self._here, self._at, self._looked = here, now_utc, asked_s
         return found
 
     def side_finding(self, side: PierSide | None) -> str | None:
@@ -124,26 +124,28 @@ class SlewSupervisor:
         Raises `StrayedError` when it was under way and twice reported a place where it must not be.
         """
         mount, motion = self._emergency.mount, self._motion if self._emergency.moving else None
+        asked_s = monotonic()  # a busy computer may read the answer long after the mount was there
         here = mount.position()
-        if motion is not None and motion.finding(here, self._clock()):
+        if motion is not None and motion.finding(here, self._clock(), asked_s):
+            asked_s = monotonic()
             here = mount.position()  # a late answer may bring an old position
-            found = motion.finding(here, self._clock())
+            found = motion.finding(here, self._clock(), asked_s)
             if found:
                 self._stop(found)
-        self._see(here)
+        self._see(here, asked_s)
         return here
 
-    def _see(self, here: Pointing) -> None:
+    def _see(self, here: Pointing, asked_s: float) -> None:
         """Forbid slews after a jump to the pole: a mount switched on anywhere assumes that it is at home."""
-        now_s, now = monotonic(), self._clock()
+        now = self._clock()
         place = unit_vectors(*of_date(here, now))
         if self._seen is not None and 90.0 - abs(here.dec_deg) < HOME_DEG:
             before, at_s, at = self._seen
-            jump_deg, passed_s = separation_deg(before, place), max(0.0, now_s - at_s, (now - at).total_seconds())
+            jump_deg, passed_s = separation_deg(before, place), max(0.0, monotonic() - at_s, (now - at).total_seconds())
             if jump_deg > FASTEST_DEG_S * passed_s + ASIDE_DEG:
                 self._policy.until_sync = WOKE_UP.format(jump_deg)
                 self._log.add("position", "failed", self._policy.until_sync)
-        self._seen = place, now_s, now
+        self._seen = place, asked_s, now
 
     def state(self) -> MountState:
         """How the mount is, and while it moves where it is, too: see :meth:`position`."""

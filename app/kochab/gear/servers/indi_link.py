@@ -294,9 +294,10 @@ class IndiDevice:
         """``Idle``, ``Ok``, ``Busy`` or ``Alert``; None when there is no such vector."""
         return self.link.state(self.name, vector)
 
-    def power_up(self, *vectors: str) -> None:
-        """Connect the device to its driver, until it has these vectors."""
-        if self.value("CONNECTION", "CONNECT") != "On":
+    def power_up(self, *vectors: str) -> bool:
+        """Connect the device to its driver, until it has these vectors; whether it had to be connected."""
+        off = self.value("CONNECTION", "CONNECT") != "On"
+        if off:
             self.send("CONNECTION", {"CONNECT": "On"})
 
         def ready() -> bool:
@@ -305,6 +306,7 @@ class IndiDevice:
 
         if not self.link.wait(ready, POWER_UP_S):
             raise PortError(f"Can't connect {self.name}{self.said()}. Check its cable and power.")
+        return off
 
     def check(self) -> None:
         """Raise LineLostError when the server has gone, or the device is no longer connected."""

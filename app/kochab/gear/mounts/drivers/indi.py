@@ -55,7 +55,7 @@ class IndiMount(ServerMount):
             names = [(name, name) for name in link.named(TELESCOPE_INTERFACE, where.rest)]
             self._device = device = IndiDevice(link, chosen(names, where, "INDI", "telescope"))
             begun = monotonic()
-            device.power_up()
+            new = device.power_up()
             link.wait(lambda: monotonic() - max(link.defined_s, begun) > MORE_S and self._place() in PLACES, CALL_S)
             self._at = self._place()
             if not self._at:
@@ -64,7 +64,7 @@ class IndiMount(ServerMount):
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + MORE_S)
             self._unsettled_s = self._refused_s = 0.0
             asked = monotonic()  # a driver just turned on, or told its site, reports a place of before that
-            link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+            link.wait(lambda: bool(self._told(self._at, asked)), CALL_S if new else self._poll_s)
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
                     self._lacks[ability] = f"{device.name} has no {'.'.join(part)} in INDI: use its hand control."
