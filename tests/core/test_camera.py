@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
+from kochab.core.solution import Solution
 
 small = st.floats(-0.01, 0.01)
 
@@ -96,3 +98,28 @@ def test_field_and_scale():
     assert camera.fov_deg == pytest.approx((90.0, np.degrees(2 * np.arctan(0.5))))
     assert camera.scale_arcsec_px == pytest.approx(206.264806)
     assert camera.unproject(np.empty((0, 2))).shape == (0, 3)
+
+
+@given(cameras(), st.floats(-180, 180), st.floats(-85, 85))
+def test_no_direction_far_outside_the_field_lands_in_the_frame(camera, ra, dec):
+    """Places up to 72 deg and more from the axis, whatever the distortion does out there."""
+    solution = Solution(camera, attitude_from(ra, dec, 20.0), (), 0.2, -30.0, "")
+    steps = np.random.default_rng(4).normal(size=(4000, 3))
+    sky = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    seen = sky @ solution.attitude.matrix.T
+    xy = solution.pixels_of(sky)
+    inside = (xy > -0.5).all(axis=1) & (xy < (camera.width - 0.5, camera.height - 0.5)).all(axis=1)
+    assert np.abs(camera.unproject(xy[inside]) - seen[inside]).max(initial=0.0) < 1e-9
+    pixels = grid(camera)
+    assert np.abs(solution.pixels_of(solution.sky_at(pixels)) - pixels).max() < 1e-5  # all of the frame is known
+
+
+def test_a_fold_inside_the_margin_ends_the_field():
+    """The polynomial of a barrel turns at r = sqrt(1 / (3 * 0.2)), 52 deg; 64 deg would come back into the frame."""
+    camera = Camera(1000, 1000, 900.0, 499.5, 499.5, k1=-0.2)
+    solution = Solution(camera, attitude_from(0.0, 0.0, 0.0), (), 0.2, -30.0, "")
+    angles = np.radians([20.0, 51.0, 54.0, 64.0, 72.0, 100.0])
+    sky = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
+    assert np.isfinite(solution.pixels_of(sky)[:, 0]).tolist() == [True, True, False, False, False, False]
+    inside = np.abs(camera.project(sky @ solution.attitude.matrix.T)[3:5, 0] - 499.5) < 500.0
+    assert inside.any()  # the polynomial alone would have it in the frame

@@ -1,5 +1,6 @@
 """A tiny sky written in the formats of the packages the catalogue is made of."""
 
+import gzip
 import sqlite3
 import struct
 
@@ -86,9 +87,47 @@ def write_packages(folder, bright, faint, tycho, listed):
     hip = np.array([s["hip"] for s in listed], "u4")
     np.savez(folder / "default_database.npz", star_table=table, star_catalog_IDs=hip)
     with sqlite3.connect(folder / "ongc.db") as database:
-        columns = "name, type, ra, dec, vmag, bmag, majax, messier, commonnames"
+        columns = "name, type, ra, dec, vmag, bmag, majax, minax, pa, messier, commonnames"
         database.execute(f"create table objects ({columns})")
-        m31 = ("NGC0224", "G", 0.18648479, 0.7202808, 3.44, 4.29, 177.83, "031", "Andromeda Galaxy")
-        gone = ("NGC0001A", "Dup", 0.1, 0.1, None, None, None, None, None)
-        database.executemany(f"insert into objects values ({','.join('?' * 9)})", [m31, gone])
+        m31 = ("NGC0224", "G", 0.18648479, 0.7202808, 3.44, 4.29, 177.83, 69.66, 35, "031", "Andromeda Galaxy")
+        gone = ("NGC0001A", "Dup", 0.1, 0.1, None, None, None, None, None, None, None)
+        flame = ("NGC2024", "Neb", 1.49099, -0.0324, None, None, None, None, None, "", "")
+        ic434 = ("IC0434", "HII", 1.48796, -0.04283, None, 11.0, 90.0, 30.0, None, "", "Flame Nebula")
+        database.executemany(f"insert into objects values ({','.join('?' * 11)})", [m31, gone, flame, ic434])
     database.close()
+    dso_file(
+        folder,
+        [
+            {"ra": 1.49102, "dec": -0.03215, "kind": 16, "size": 2.0, "numbers": {0: 2024, 5: 277}},
+            {"ra": 1.48702, "dec": -0.04363, "kind": 17, "size": 1.0, "numbers": {1: 434}},
+            {"ra": 0.18648, "dec": 0.72028, "kind": 0, "size": 3.0, "numbers": {0: 224, 2: 31}},
+            {"ra": 6.00953, "dec": 1.09041, "kind": 17, "size": 0.8, "numbers": {5: 155}},
+            {"ra": 6.0, "dec": 1.0, "kind": 0, "size": 0.1, "numbers": {12: 5}},
+        ],
+    )
+
+
+def dso_file(folder, objects):
+    """Write Stellarium's objects as a Qt data stream, with their names, an outline and a boundary."""
+    home = folder / "nebulae" / "default"
+    home.mkdir(parents=True)
+
+    def text(word):
+        return struct.pack(">I", 2 * len(word)) + word.encode("utf-16-be") if word else b"\xff\xff\xff\xff"
+
+    data = text("3.16") + text("standard")
+    for number, one in enumerate(objects):
+        data += struct.pack(">I4dI", number, one["ra"], one["dec"], 99.0, 99.0, one["kind"]) + text("Sb")
+        data += struct.pack(">2di6d", one["size"], 0.0, 0, *[0.0] * 6)
+        data += struct.pack(">14I", *[one["numbers"].get(k, 0) for k in range(14)])
+        data += text("") + struct.pack(">2I", 0, 0) + text("") * 7 + struct.pack(">5I", *[0] * 5)
+    (home / "catalog.dat").write_bytes(gzip.compress(data, mtime=0))
+    (home / "names.dat").write_text(
+        "# names\n"
+        'NGC  2024            _("Flame Nebula") # WK, TSS\n'
+        'NGC  2024            _("Lips") # ONE\n'
+        'M    31              _("Andromeda Nebula") # ONE\n'
+        'SH2  155             _("Cave Nebula") # PSA, PAS, CC\n'
+    )
+    (home / "outlines.dat").write_text("# x\n5.6 -1.5 start  NGC 2024\n5.8 -2.0 end\n")
+    (folder / "constellation_boundaries.dat").write_text("2 2.0 -1.0 3.0 2.0 2 AQL CMA\n")

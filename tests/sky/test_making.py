@@ -1,3 +1,5 @@
+import gzip
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from kochab.sky.catalogue_merge import KEPT, SIDE, cell_of
 from kochab.sky.catalogue_sources import EARLY, moved, offsets, read_index, read_stars, triangles
 from kochab.sky.inventory import inventory
 from kochab.sky.names import StarNames
+from kochab.sky.objects_build import read_stellarium
 from tests.sky.packages import index_file, star_file, write_packages
 
 YEARS = 2000.0 - EARLY
@@ -124,6 +127,32 @@ def test_figures_are_written_as_chains(built):
     assert lines == ["constellation\thip", "Lyr\t91262 7 8", "Cyg\t8 91262"]
 
 
+def test_objects_bring_numbers_sizes_and_the_names_of_both_sources(built):
+    rows = [line.split("\t") for line in (built[2] / "objects.tsv").read_text().splitlines()]
+    by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
+    assert sorted(by_name) == ["IC 434", "NGC 2024", "NGC 224", "Sh2-155"]
+    m31, flame, ic434, cave = (by_name[name] for name in ("NGC 224", "NGC 2024", "IC 434", "Sh2-155"))
+    assert (m31["size_arcmin"], m31["minor_arcmin"], m31["pa_deg"]) == ("177.83", "69.66", "35")
+    assert m31["common"] == "Andromeda Galaxy"
+    assert (flame["common"], flame["size_arcmin"], flame["also"]) == ("Flame Nebula", "120", "Sh2-277,Lips")
+    assert ic434["common"] == ""  # 37 arcmin from the Flame, whose name it has in one of the two
+    assert (cave["common"], cave["type"], cave["also"]) == ("Cave Nebula", "HII", "")
+    counts = built[1]["counts"]
+    assert [counts[f"names {what}"] for what in ("of both sources", "struck out", "of OpenNGC alone")] == [1, 1, 0]
+
+
+def test_outlines_and_boundaries_are_written_in_degrees(built):
+    assert (built[2] / "outlines.tsv").read_text().splitlines()[1] == "NGC 2024\t84.0000 -1.5000 87.0000 -2.0000"
+    assert (built[2] / "boundaries.tsv").read_text().splitlines()[1] == "Aql CMa\t30.0000 -1.0000 45.0000 2.0000"
+
+
+@pytest.mark.parametrize("data", [b"", b"\x1f\x8b123", gzip.compress(b"\0" * 30)])
+def test_a_broken_table_of_objects_is_said(tmp_path, data):
+    (tmp_path / "catalog.dat").write_bytes(data)
+    with pytest.raises(CatalogueError, match=r"catalog\.dat is not"):
+        read_stellarium(tmp_path / "catalog.dat")
+
+
 def test_the_check_finds_the_listed_stars_close(built):
     check = built[1]["check_against_independent_list"]
     assert check["listed"] == check["found"] == 3
@@ -134,7 +163,7 @@ def test_the_same_sources_give_the_same_bytes(sky, built, tmp_path):
     run(build(sky, tmp_path))
     names = sorted(p.name for p in built[2].iterdir())
     assert names == sorted(p.name for p in tmp_path.iterdir())
-    assert len(names) == 6
+    assert len(names) == 8
     for name in names:
         assert (tmp_path / name).read_bytes() == (built[2] / name).read_bytes(), name
 

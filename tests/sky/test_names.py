@@ -1,9 +1,14 @@
+import math
+
 import numpy as np
 import pytest
 
+from kochab.core import cache_folder
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, StarNames, position_name, printed
+from kochab.sky.objects import read_objects
+from kochab.sky.objects_build import SkyObject, plain, read_names, read_stellarium
 
 SPELLINGS = {
     91262: [
@@ -49,11 +54,47 @@ def test_a_star_is_found_by_any_of_its_names(catalogue, hip, name):
         ("ic434", 85.25, -2.45),
         ("Andromeda Galaxy", 10.685, 41.269),
         ("M 45", 56.87, 24.1),
+        ("Flame Nebula", 85.43, -1.86),
+        ("Horsehead Nebula", 85.246, -2.458),
+        ("C 9", 344.475, 62.518),
+        ("sh2-155", 344.475, 62.518),
+        ("Abell 426", 49.947, 41.513),
+        ("vdB 152", 333.362, 70.255),
+        ("B 33", 85.246, -2.458),
+        ("C 20", 314.82, 44.53),
+        ("Subaru", 56.87, 24.1),
     ],
 )
 def test_deep_sky_objects_are_found_as_directions(catalogue, name, ra, dec):
     vector = catalogue.find(name)
     assert np.degrees(np.linalg.norm(vector - unit_vectors(ra, dec))) < 0.06
+
+
+def test_the_names_of_objects_agree_with_the_second_source(catalogue):
+    """Every shown name that Stellarium has, in the package that ``kochab catalog build`` fetches, is where it is there."""
+    found = sorted((cache_folder() / "catalogue-sources").rglob("nebulae/default/catalog.dat"))
+    if not found:
+        pytest.skip("Stellarium's table of objects is not here: kochab catalog build fetches it")
+    names = read_names(found[0].with_name("names.dat"))
+    places = {}
+    for one in read_stellarium(found[0]):
+        for word in one.also:
+            for name, _ in names.get(word, ()):
+                places.setdefault(plain(name), []).append((one, word))
+    objects = read_objects(catalogue.names.folder / "objects.tsv")
+    checked = 0
+    for row, common in enumerate(objects.common.tolist()):
+        place = [math.degrees(math.atan2(*objects.vector[row, 1::-1])), math.degrees(math.asin(objects.vector[row, 2]))]
+        here = SkyObject("", "", *place)
+        own = {objects.name[row], objects.designation(row), *objects.also[row].split(",")}
+        for name in filter(None, common.split(",")):
+            if plain(name) in places:
+                near = min(here.away_arcmin(one) for one, _ in places[plain(name)])
+                assert near < max(5.0, objects.major[row] / 3.0) or own & {word for _, word in places[plain(name)]}, (
+                    name
+                )
+                checked += 1
+    assert checked > 400
 
 
 @pytest.mark.parametrize("name", ["", "nope", "HIP 0", "HIP 999999", "HD 99999999", "M 999"])

@@ -17,6 +17,8 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 
+FIELDS = 1.5  # how far beside the frame places are told, in half diagonals
+
 
 @dataclass(frozen=True, slots=True)
 class Camera:
@@ -69,6 +71,19 @@ class Camera:
     def distorted(self) -> bool:
         """Whether any distortion term is set."""
         return any((self.k1, self.k2, self.p1, self.p2))
+
+    @property
+    def reach(self) -> float:
+        """The tangent of the angle from the optical axis up to which a direction may be asked for.
+
+        That is half again as far as the frame's farthest corner, or where the distortion turns back: 1 + 3 k1 r2 +
+        5 k2 r2^2, the derivative of the recorded radius, is zero there.
+        """
+        corners = np.array([[x, y] for x in (-0.5, self.width - 0.5) for y in (-0.5, self.height - 0.5)])
+        far = float(np.arccos(np.clip(self.unproject(corners)[:, 2].min(), 0.0, 1.0)))
+        turns = np.roots([5.0 * self.k2, 3.0 * self.k1, 1.0])
+        real = turns.real[(np.abs(turns.imag) < 1e-12) & (turns.real > 0.0)]
+        return min(float(np.tan(min(FIELDS * far, np.radians(89.0)))), float(np.sqrt(real.min(initial=np.inf))))
 
     def bent(self, uv: Floats) -> Floats:
         """The recorded points of the tangent plane (..., 2) of ideal ones."""

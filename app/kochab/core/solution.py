@@ -136,8 +136,11 @@ class Solution:
         return np.asarray(self.camera.unproject(pixels) @ self.attitude.matrix)
 
     def pixels_of(self, vectors: Floats) -> Floats:
-        """Pixels (N, 2) of ICRS unit vectors (N, 3); NaN behind the camera."""
-        return self.camera.project(np.asarray(vectors) @ self.attitude.matrix.T)
+        """Pixels (N, 2) of ICRS unit vectors (N, 3); NaN far outside the field, where the distortion folds back."""
+        seen = np.asarray(vectors) @ self.attitude.matrix.T
+        pixels = self.camera.project(seen)
+        pixels[np.hypot(seen[..., 0], seen[..., 1]) > self.camera.reach * seen[..., 2]] = np.nan
+        return pixels
 
     @property
     def wcs(self) -> "WCS":

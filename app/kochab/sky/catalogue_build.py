@@ -1,12 +1,9 @@
 """Make every file of ``catalogs/`` from registry packages, the same bytes from the same input."""
 
-import re
 import shutil
-import sqlite3
 import subprocess
 import sys
 import zipfile
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +34,7 @@ from kochab.sky.catalogue_sources import (
     read_sources,
     row_of,
 )
+from kochab.sky.objects_build import write_boundaries, write_objects, write_outlines
 
 DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "stellarium-data": "0.22.2-1"}
 PYPI = {"cedar-solve": ("0.5.1", "default_database.npz"), "pyongc": ("1.2.2", "ongc.db")}
@@ -115,32 +113,6 @@ def _client(command: list[str], folder: Path, name: str) -> Task[None]:
         raise CatalogueError(f"{command[0]} could not get {name}: {last.strip()}")
 
 
-def write_objects(database: Path, path: Path) -> int:
-    """Export OpenNGC's objects as text and return how many; duplicates and gaps are left out."""
-    query = (
-        "select name, type, ra, dec, coalesce(vmag, bmag), majax, messier, commonnames"
-        " from objects where ra is not null and type not in ('Dup', 'NonEx') order by name"
-    )
-    try:
-        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection:
-            rows = connection.execute(query).fetchall()
-    except sqlite3.Error as error:
-        raise CatalogueError(f"{database.name} cannot be read: {error}.") from error
-    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon"]
-    for name, kind, ra, dec, mag, size, messier, common in rows:
-        short = re.sub(r"^(NGC|IC)0*(?=\d)", r"\1 ", name)  # NGC 224, where the source has NGC0224
-        place = f"{np.degrees(ra):.5f}\t{np.degrees(dec):.5f}"
-        number = f"{_number(mag)}\t{_number(size)}"
-        messier = f"M{int(messier)}" if messier else ""
-        lines.append(f"{short}\t{kind}\t{place}\t{number}\t{messier}\t{common or ''}")
-    write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
-    return len(rows)
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}".rstrip("0").rstrip(".")
-
-
 def write_lines(figures: Path, path: Path) -> int:
     """Write the constellations' figures as chains of HIP numbers; returns how many segments.
 
@@ -194,7 +166,8 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
     return result
 
 
-FILES = ("deep.kcat", "bright.kcat", "names.tsv", "objects.tsv", "lines.tsv", "manifest.json")
+TABLES = ("names.tsv", "objects.tsv", "lines.tsv", "outlines.tsv", "boundaries.tsv")
+FILES = ("deep.kcat", "bright.kcat", *TABLES, "manifest.json")
 """What :func:`build` writes into its folder."""
 
 
@@ -209,8 +182,11 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     yield Progress("Writing the bright list", 0.9)
     write_bright(out / "bright.kcat", bright, src.cross)
     write_names(out / "names.tsv", src)
-    counts["deep-sky objects"] = write_objects(src.files["ongc.db"], out / "objects.tsv")
-    counts["constellation segments"] = write_lines(src.files["constellationship.fab"], out / "lines.tsv")
+    files = src.files
+    counts |= write_objects(files["ongc.db"], files["catalog.dat"], files["names.dat"], out / "objects.tsv")
+    counts["constellation segments"] = write_lines(files["constellationship.fab"], out / "lines.tsv")
+    counts["outlines"] = write_outlines(files["outlines.dat"], out / "outlines.tsv")
+    counts["boundaries"] = write_boundaries(files["constellation_boundaries.dat"], out / "boundaries.tsv")
     yield Progress("Checking against the independent list", 0.95)
     facts = {
         "check_against_independent_list": compare(out / "deep.kcat", src.listed),

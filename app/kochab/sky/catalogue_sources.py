@@ -203,6 +203,10 @@ SINGLE_FILES = (
     "ongc.db",
     "western/star_names.fab",
     "western/constellationship.fab",
+    "nebulae/default/catalog.dat",
+    "nebulae/default/names.dat",
+    "nebulae/default/outlines.dat",
+    "constellation_boundaries.dat",
 )
 
 

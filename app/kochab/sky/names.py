@@ -1,6 +1,5 @@
 """Names of stars, constellations and deep-sky objects, and finding them by any name."""
 
-import csv
 import json
 import re
 import unicodedata
@@ -13,7 +12,7 @@ import numpy as np
 
 from kochab.core import data_folder
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.attitude import radec_deg
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.catalogue_file import Container
 
@@ -32,6 +31,7 @@ WELL_KNOWN = frozenset(_TABLES["well_known"])
 Those of mounts' alignment lists, the Teapot, the Pleiades, and a few famous double, variable and near stars.
 """
 
+LATIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNO")
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -42,13 +42,13 @@ def printed(designation: str, also: Sequence[str] = ()) -> str:
     number rather than a Latin letter (``"c Ori"`` is 42 Ori), but not of P Cygni and the variables from R on.
     """
     head, _, rest = designation.partition(" ")
-    if head in GREEK:
-        better = rf"{head}\d+ {rest}"
-    elif re.fullmatch("[a-zA-O]", head):
-        better = rf"\d+ {rest}"
-    else:
-        better = designation
-    designation = next((word for word in also if re.fullmatch(better, word)), designation)
+    for word in also:
+        number, _, constellation = word.partition(" ")
+        indexed = head in GREEK and number.startswith(head) and number[len(head) :].isdecimal()
+        flamsteed = head in LATIN and number.isdecimal()
+        if constellation == rest and (indexed or flamsteed):
+            designation = word
+            break
     if designation[:1] not in GREEK:
         return designation
     head, _, rest = designation.partition(" ")
@@ -158,21 +158,16 @@ class StarNames:
 
     @cached_property
     def _objects(self) -> dict[str, Floats]:
-        """Vectors (3,) of the NGC, IC and Messier objects by every name, lower case and without spaces."""
-        path = self.folder / "objects.tsv"
+        """Vectors (3,) of the deep-sky objects by every name, lower case and without spaces; a shown name wins."""
+        from kochab.sky.objects import read_objects
+
+        objects = read_objects(self.folder / "objects.tsv")
         found: dict[str, Floats] = {}
-        try:
-            with path.open(encoding="utf-8", newline="") as file:
-                rows = [*csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE)]
-            if not rows:
-                raise ValueError
-            ra, dec = (np.array([float(row[name]) for row in rows]) for name in ("ra_deg", "dec_deg"))
-            for row, vector in zip(rows, unit_vectors(ra, dec), strict=True):
-                messier = row["messier"]
-                names = [row["name"], messier, messier.replace("M", "Messier", 1), *row["common"].split(",")]
-                found.update(dict.fromkeys((re.sub(r"\s", "", name).casefold() for name in names), vector))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            raise CatalogueError(f"The table of objects {path} is missing or damaged.") from None
+        for names in (objects.names, lambda row: str(objects.also[row]).split(",")):
+            for row, vector in enumerate(objects.vector):
+                for name in names(row):
+                    found.setdefault(re.sub(r"\s", "", name.replace("M ", "Messier ", 1)).casefold(), vector)
+                    found.setdefault(re.sub(r"\s", "", name).casefold(), vector)
         found.pop("", None)
         return found
 

@@ -1,0 +1,242 @@
+"""Make the tables of deep-sky objects, outlines and boundaries from OpenNGC and Stellarium, names checked by both."""
+
+import gzip
+import re
+import sqlite3
+import struct
+from collections import defaultdict
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import CatalogueError
+from kochab.sky.catalogue_file import write_whole
+from kochab.sky.names import GENITIVES
+
+CATALOGUES = ("NGC", "IC", "M", "C", "B", "Sh2", "vdB", "RCW", "LDN", "LBN", "Cr", "Mel", "PGC", "UGC")
+"""Of Stellarium's numbers the first fourteen, in the order of its records; after them one has Abell's."""
+BROUGHT = ("M", "C", "B", "Sh2", "vdB", "Abell", "Cr", "Mel")
+"""Objects of these that OpenNGC lacks are taken from Stellarium, called by the first that they have."""
+KINDS = {5: "OCl", 6: "OCl", 7: "GCl", 8: "*Ass", 9: "*Ass", 10: "Neb", 11: "PN", 12: "DrkN", 13: "RfN", 14: "Neb"}
+KINDS |= {0: "G", 1: "G", 2: "G", 3: "G", 4: "G", 15: "EmN", 16: "Cl+N", 17: "HII", 18: "SNR", 23: "DrkN", 33: "GalCl"}
+"""Stellarium's kinds of object in OpenNGC's words; GalCl, a cluster of galaxies, is our own."""
+APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third of the object
+DARK, UNKNOWN_MAG = 12, 90.0
+CITED = 3  # sources that Stellarium gives for a name before it is shown
+SPELT = str.maketrans({"'": "", "-": " ", "’": ""})
+
+
+@dataclass(slots=True)
+class SkyObject:
+    """One object: degrees ICRS, arcmin, PA east of north; ``also`` are its other designations and names."""
+
+    name: str
+    kind: str
+    ra_deg: float
+    dec_deg: float
+    mag: float | None = None
+    major: float | None = None
+    minor: float | None = None
+    pa_deg: float | None = None
+    messier: str = ""
+    common: list[str] = field(default_factory=list)
+    also: list[str] = field(default_factory=list)
+
+    def away_arcmin(self, other: "SkyObject") -> float:
+        """The distance on the sky."""
+        places = unit_vectors(np.array([self.ra_deg, other.ra_deg]), np.array([self.dec_deg, other.dec_deg]))
+        return float(np.degrees(2.0 * np.arcsin(np.linalg.norm(places[1] - places[0]) / 2.0)) * 60.0)
+
+
+def designation(text: str) -> str:
+    """A designation as people write it: ``NGC0224``, ``B033``, ``SH 2-155`` are NGC 224, B 33, Sh2-155."""
+    found = re.fullmatch(r"(sh ?2|[a-z]+)[\s-]*0*(\d.*)", text.strip(), re.IGNORECASE)
+    if found is None:
+        return text.strip()
+    head = {"VDB": "vdB", "CR": "Cr", "CL": "Cr", "MEL": "Mel", "ACO": "Abell"}.get(found[1].upper(), found[1].upper())
+    return f"Sh2-{found[2]}" if head.startswith("SH") else f"{head} {found[2]}"
+
+
+def plain(name: str) -> str:
+    """A name without what differs from list to list."""
+    words = name.translate(SPELT).lower().split()
+    return " ".join(word for word in words if word not in {"the", "great", "nebula", "galaxy", "cluster"}) or name
+
+
+def read_openngc(database: Path) -> list[SkyObject]:
+    """OpenNGC's objects; duplicates and lost ones are left out."""
+    query = (
+        "select name, type, ra, dec, coalesce(vmag, bmag), majax, minax, pa, messier, commonnames"
+        " from objects where ra is not null and type not in ('Dup', 'NonEx') order by name"
+    )
+    try:
+        with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection:
+            rows = connection.execute(query).fetchall()
+    except sqlite3.Error as error:
+        raise CatalogueError(f"{database.name} cannot be read: {error}.") from error
+    found = []
+    for name, kind, ra, dec, mag, major, minor, pa, messier, common in rows:
+        one = SkyObject(designation(name), kind, float(np.degrees(ra)), float(np.degrees(dec)), mag, major, minor, pa)
+        one.messier = f"M{int(messier)}" if messier else ""
+        one.common = [word.strip().removeprefix("the ") for word in (common or "").split(",") if word.strip()]
+        found.append(one)
+    return found
+
+
+def read_stellarium(path: Path) -> list[SkyObject]:
+    """Stellarium's objects, a Qt data stream; names in the order of :data:`CATALOGUES` are in ``also``."""
+    try:
+        data = gzip.decompress(path.read_bytes())
+        at, found = 0, []
+
+        def text() -> str:
+            nonlocal at
+            (length,) = struct.unpack_from(">I", data, at)
+            length = 0 if length == 0xFFFFFFFF else length
+            at += 4 + length
+            return data[at - length : at].decode("utf-16-be").strip()
+
+        def numbers(form: str) -> tuple[float, ...]:
+            nonlocal at
+            at += struct.calcsize(form)
+            return struct.unpack_from(form, data, at - struct.calcsize(form))
+
+        text(), text()  # version and edition
+        while at < len(data):
+            _, ra, dec, blue, visual, kind = numbers(">I4dI")
+            text()
+            major, minor, pa = numbers(">2di")
+            numbers(">6d")  # redshift, parallax and distance
+            given = [f"{name} {int(n)}" for name, n in zip(CATALOGUES, numbers(">14I"), strict=True) if n]
+            text()
+            numbers(">2I")
+            abell = [text() for _ in range(7)][3]
+            numbers(">5I")
+            given += [f"Abell {abell}"] * bool(abell)
+            mag = next((m for m in (visual, blue) if m < UNKNOWN_MAG), None)
+            mag = None if kind == DARK else mag  # it has a dark nebula's opacity there
+            one = SkyObject("", KINDS.get(int(kind), "Other"), float(np.degrees(ra)), float(np.degrees(dec)), mag)
+            one.major, one.minor = (60.0 * side or None for side in (major, minor))
+            one.pa_deg = pa or None  # 0 stands for unknown
+            one.also = [word.replace("Sh2 ", "Sh2-") for word in given]
+            found.append(one)
+    except (OSError, EOFError, struct.error, UnicodeDecodeError) as error:
+        raise CatalogueError(f"{path.name} is not Stellarium's table of objects ({error}).") from error
+    return found
+
+
+def read_names(path: Path) -> dict[str, list[tuple[str, int]]]:
+    """Designation -> names and how many sources Stellarium cites for each (a well-known one has many)."""
+    names: dict[str, list[tuple[str, int]]] = defaultdict(list)
+    for line in path.read_text("utf-8").splitlines():
+        found = re.match(r'([^#].{4})(.{15}) *_\("(.+?)"\)(?:\s*#\s*(.*))?', line)
+        if found is not None:
+            cited = [word.strip() for word in (found[4] or "").split(",") if word.strip()]
+            names[designation(found[1].strip() + found[2].strip())].append((found[3], len(cited) + 9 * ("WK" in cited)))
+    return names
+
+
+def named_by_both(
+    objects: list[SkyObject], second: list[SkyObject], names: dict[str, list[tuple[str, int]]]
+) -> dict[str, int]:
+    """Give every object the names that stand up, the best known first; what was found on the way.
+
+    A name that the second source has elsewhere is struck out here: it has the Flame Nebula at NGC 2024, OpenNGC at
+    IC 434, 37 arcmin away.
+    """
+    bearers: dict[str, list[SkyObject]] = defaultdict(list)
+    for one in second:
+        for word in one.also:
+            for name, _ in names.get(word, ()):
+                bearers[plain(name)].append(one)
+    counts = {"names of both sources": 0, "names struck out": 0, "names of OpenNGC alone": 0}
+    for one in objects:
+        own = [one.name, one.messier.replace("M", "M ", 1), *one.also]
+        told = {name: cited for word in own for name, cited in names.get(word, ())}
+        ranks: dict[str, float] = {}
+        for name in one.common:
+            same = {cited for other, cited in told.items() if plain(other) == plain(name)}
+            near = [b for b in bearers[plain(name)] if one.away_arcmin(b) < max(APART_ARCMIN, (one.major or 0.0) / 3.0)]
+            if same or near:
+                counts["names of both sources"] += 1
+                ranks[name] = 5 + told.get(name, max(same, default=0))
+            elif bearers[plain(name)]:
+                counts["names struck out"] += 1
+            else:
+                counts["names of OpenNGC alone"] += 1
+                ranks[name] = 4
+        shown = {name: cited for name, cited in told.items() if cited >= CITED and plain(name) not in map(plain, ranks)}
+        one.common = sorted(ranks | shown, key=lambda name: -(ranks | shown)[name])
+        one.also += [name for name in told if name not in one.common]
+    return counts
+
+
+def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]:
+    """OpenNGC's objects with Stellarium's numbers, and sizes where they lack one, and what only Stellarium has."""
+    known = {one.name: one for one in reversed(objects)}
+    known |= {one.messier.replace("M", "M ", 1): one for one in objects if one.messier}
+    brought: dict[str, SkyObject] = {}
+    for other in second:
+        at = next((known[word] for word in other.also if word in known), None)
+        wanted = [word for word in other.also if re.split("[ -]", word)[0] in BROUGHT]
+        if at is not None:
+            at.also += [word for word in wanted if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))]
+            if at.major is None:
+                at.major, at.minor, at.pa_deg = other.major, other.minor, other.pa_deg
+        elif wanted and wanted[0] not in brought:
+            other.name, other.also = wanted[0], wanted[1:] + [word for word in other.also if word not in wanted]
+            brought[other.name] = other
+    return sorted((*objects, *brought.values()), key=lambda one: one.name)
+
+
+def write_objects(database: Path, catalogue: Path, names: Path, path: Path) -> dict[str, int]:
+    """Write every object as text; counts for the manifest."""
+    objects, second = read_openngc(database), read_stellarium(catalogue)
+    given = read_names(names)
+    pairs = [SkyObject("", "", one.ra_deg, one.dec_deg, also=list(one.also)) for one in second]
+    counts = named_by_both(all_of := joined(objects, second), pairs, given)
+    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso"]
+    for one in all_of:
+        mag, major, minor, pa = (_number(value) for value in (one.mag, one.major, one.minor, one.pa_deg))
+        at, also = f"{one.ra_deg:.5f}\t{one.dec_deg:.5f}", ",".join(dict.fromkeys(one.also))
+        texts = (one.name, one.kind, at, mag, major, one.messier, ",".join(one.common), minor, pa, also)
+        lines.append("\t".join(texts))
+    write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
+    return {"deep-sky objects": len(all_of), **counts}
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def write_outlines(source: Path, path: Path) -> int:
+    """Write the shapes that Stellarium has of large nebulae as chains of RA, Dec in degrees; how many."""
+    lines = ["object\tra_dec_deg"]
+    chain: list[str] = []
+    for row in source.read_text("utf-8").splitlines():
+        if row.startswith("#") or not row.strip():
+            continue
+        ra, dec, what, *rest = row.split()
+        if what == "start":
+            chain = [designation("".join(rest)), ""]
+        chain[1] += f"{float(ra) * 15.0:.4f} {float(dec):.4f} "
+        if what == "end":
+            lines.append("\t".join(chain).rstrip())
+    write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
+    return len(lines) - 1
+
+
+def write_boundaries(source: Path, path: Path) -> int:
+    """Write the IAU's boundaries, J2000, as chains of RA, Dec in degrees between two constellations; how many."""
+    short = {name.upper(): name for name in GENITIVES}
+    cells, lines = iter(source.read_text("utf-8").split()), ["constellations\tra_dec_deg"]
+    for count in cells:
+        points: Floats = np.array([float(next(cells)) for _ in range(2 * int(count))]).reshape(-1, 2) * (15.0, 1.0)
+        sides = " ".join(short.get(side, side) for side in (next(cells) for _ in range(int(next(cells)))))
+        lines.append(f"{sides}\t{' '.join(f'{value:.4f}' for value in points.ravel())}")
+    write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
+    return len(lines) - 1

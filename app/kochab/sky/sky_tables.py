@@ -1,0 +1,140 @@
+"""What the sky layer draws, from the shipped tables: objects with outlines, named stars, figures and boundaries."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kochab.core.arrays import Bools, Floats, Table
+from kochab.core.attitude import unit_vectors
+from kochab.core.errors import CatalogueError
+from kochab.sky.objects import SkyObjects, read_objects
+
+if TYPE_CHECKING:
+    from kochab.sky.names import StarNames
+
+OBLIQUITY = np.radians(84381.406 / 3600.0)  # of the ecliptic at J2000, IAU 2006
+GALACTIC_POLE_DEG = (192.8594813, 27.1282512)  # ICRS of the galactic north pole (Hipparcos, vol. 1, eq. 1.5.10)
+HIDDEN = ("*", "**", "Other", "Nova")  # OpenNGC's single stars, and what is no object
+DARK_MAG, CLUSTER_MAG = 14.0, 15.0  # taken for what has no magnitude: Barnard's nebulae, Abell's clusters
+MESSIER, NAMED, SPARSE = 4.0, 2.5, 4.0  # magnitudes of fame, and of clusters that only Collinder and Melotte saw
+EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedStars(Table):
+    """Stars with a name, brightest first: HIP number, name as charts print it, vector (N, 3) at J2000, V, motion.
+
+    ``step`` (N, 3) is the proper motion, radians a year.
+    """
+
+    hip: np.ndarray[tuple[int], np.dtype[np.int64]]
+    name: np.ndarray[tuple[int], np.dtype[np.str_]]
+    vector: Floats
+    mag: Floats
+    step: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SkyTables:
+    """All of it. ``lines`` are chains of vectors by what they are; ``outlines`` by the row of their object.
+
+    ``ranks`` (N,) say how soon an object is named, as magnitudes; inf for single stars and what is no object.
+    """
+
+    objects: SkyObjects
+    ranks: Floats
+    stars: NamedStars
+    lines: dict[str, tuple[Floats, ...]]
+    outlines: dict[int, tuple[Floats, ...]]
+
+
+def _named_stars(names: "StarNames") -> NamedStars:
+    bright = names.bright
+    column = bright.column
+    hips = np.array(sorted(names.table), dtype=np.int64)
+    rows = np.minimum(np.searchsorted(column("hip"), hips), len(column("hip")) - 1)
+    known = column("hip")[rows] == hips
+    rows = rows[known][np.argsort(column("mag")[rows[known]], kind="stable")]
+    ra, dec = (column(name)[rows] * (2.0 * np.pi / 2**32) for name in ("ra", "dec"))
+    east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
+    vector = unit_vectors(np.degrees(ra), np.degrees(dec))
+    motion = [column(name)[rows, None] * (1e-2 * MAS) for name in ("pm_ra", "pm_dec")]
+    step = motion[0] * east + motion[1] * np.cross(vector, east)
+    labels = np.array([names.label(row)[1] for row in rows.tolist()])
+    return NamedStars(column("hip")[rows].astype(np.int64), labels, vector, column("mag")[rows] * 1e-3, step)
+
+
+def _chains(path: Path) -> list[tuple[str, Floats]]:
+    """(first column, vectors (N, 3)) of every line of RA and Dec in degrees."""
+    try:
+        lines = (line.split("\t") for line in path.read_text("utf-8").splitlines()[1:])
+        places = [(head, np.array(rest.split(), dtype=np.float64).reshape(-1, 2)) for head, rest in lines]
+        return [(head, unit_vectors(*place.T)) for head, place in places]
+    except (OSError, ValueError):
+        raise CatalogueError(f"The table {path} is missing or damaged.") from None
+
+
+def _figures(path: Path, stars: NamedStars, names: "StarNames") -> tuple[Floats, ...]:
+    """The constellations' figures as chains of their stars."""
+    try:
+        rows = [[int(n) for n in line.split("\t")[1].split()] for line in path.read_text("utf-8").splitlines()[1:]]
+        numbers = names.bright.column("hip")
+        ra, dec = (names.bright.column(name) for name in ("ra", "dec"))
+        at = [np.searchsorted(numbers, np.array(row, dtype=numbers.dtype)) for row in rows]
+        return tuple(unit_vectors(ra[row] * (360.0 / 2**32), dec[row] * (360.0 / 2**32)) for row in at)
+    except (OSError, ValueError, IndexError):
+        raise CatalogueError(f"The list of constellation figures {path} is missing or damaged.") from None
+
+
+def _circle(pole: Floats) -> Floats:
+    """The great circle (73, 3) about a pole."""
+    first = np.cross(pole, [0.0, 0.0, 1.0])
+    first /= np.linalg.norm(first)
+    angle = np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
+    return np.asarray(np.cos(angle) * first + np.sin(angle) * np.cross(pole, first))
+
+
+def ranks_of(objects: SkyObjects) -> Floats:
+    """Magnitudes that count how well known an object is; nebulae and what has none go by their size."""
+    kind, size = objects.kind, np.nan_to_num(objects.major)
+    dark, clusters = kind == "DrkN", kind == "GalCl"
+    guess = np.where(dark, DARK_MAG, np.where(clusters, CLUSTER_MAG, 13.0)) - 2.0 * np.log10(np.maximum(size, 1.0))
+    by_size = ~np.isfinite(objects.mag) | np.isin(kind, ["HII", "Neb", "EmN", "RfN"])
+    rank = np.where(by_size, np.fmin(objects.mag, guess), objects.mag)
+    rank = np.where(clusters, np.maximum(rank, CLUSTER_MAG), rank)
+    rank = rank - MESSIER * (objects.messier != "") - NAMED * (objects.common != "")
+    rank += SPARSE * (np.isin(np.char.partition(objects.name, " ")[:, 0], ["Cr", "Mel"]) & (objects.messier == ""))
+    return np.where(np.isin(kind, HIDDEN), np.inf, rank)
+
+
+@lru_cache(maxsize=2)
+def sky_tables(folder: Path | None = None) -> SkyTables:
+    """Read the tables of ``folder``, by default the shipped ones: a quarter of a second, once."""
+    from kochab.sky.catalogue import shipped_folder
+    from kochab.sky.names import StarNames
+
+    folder = folder or shipped_folder()
+    names = StarNames(folder)
+    objects, stars = read_objects(folder / "objects.tsv"), _named_stars(names)
+    row_of = {name: row for row, name in reversed([*enumerate(objects.name.tolist())])}
+    row_of |= {name.replace("M", "M ", 1): row for row, name in enumerate(objects.messier.tolist()) if name}
+    outlines: dict[int, tuple[Floats, ...]] = {}
+    for name, shape in _chains(folder / "outlines.tsv"):
+        if name in row_of:
+            outlines[row_of[name]] = (*outlines.get(row_of[name], ()), shape)
+    pole = np.array([0.0, -np.sin(OBLIQUITY), np.cos(OBLIQUITY)])
+    lines = {
+        "figures": _figures(folder / "lines.tsv", stars, names),
+        "boundaries": tuple(shape for _, shape in _chains(folder / "boundaries.tsv")),
+        "ecliptic": (_circle(pole),),
+        "galactic": (_circle(unit_vectors(*GALACTIC_POLE_DEG)),),
+    }
+    return SkyTables(objects, ranks_of(objects), stars, lines, outlines)
+
+
+def in_reach(vectors: Floats, centre: Floats, reach_rad: float) -> Bools:
+    """Which unit vectors (N, 3) are within ``reach_rad`` of the centre."""
+    return np.asarray(vectors @ centre > np.cos(min(reach_rad, np.pi)))
