@@ -65,6 +65,29 @@ def index_file(path, stars):
     fits.HDUList([fits.PrimaryHDU(), *hdus]).writeto(path)
 
 
+def ephemeris_file(path):
+    """Write an SPK in which every body rests: body n at 0.01 n au along x, the Moon 0.0026 au from the Earth along y."""
+    au, half = 149597870.69962819, 15_000 * 86400.0
+    targets = [(n, 0, (0.01 * n * au, 0.0, 0.0)) for n in range(1, 11)]
+    targets += [(301, 3, (0.0, 0.00257 * au, 0.0)), (399, 3, (0.0, -0.00003 * au, 0.0))]
+    words, summaries = np.zeros(384), b""
+    for target, centre, place in targets:
+        begin = len(words) + 1
+        series = [c for x in place for c in (x, 0.0)]
+        words = np.concatenate([words, [0.0, half, *series], [-half, 4 * half, 8, 1]])
+        summaries += struct.pack("<2d6i", -half, 3 * half, target, centre, 1, 2, begin, len(words))
+    words = np.concatenate([words, np.zeros(-len(words) % 128)])
+    raw = bytearray(words.astype("<f8").tobytes())
+    raw[:8], raw[8:16], raw[76:80], raw[88:96] = (
+        b"DAF/SPK ",
+        struct.pack("<2i", 2, 6),
+        struct.pack("<i", 2),
+        b"LTL-IEEE",
+    )
+    raw[1024 : 1048 + len(summaries)] = struct.pack("<3d", 0, 0, len(targets)) + summaries
+    path.write_bytes(raw)
+
+
 def write_packages(folder, bright, faint, tycho, listed):
     """A whole set of sources; ``bright`` and ``faint`` are Stellarium stars, ``listed`` dicts."""
     home = folder / "stars" / "default"
@@ -81,6 +104,7 @@ def write_packages(folder, bright, faint, tycho, listed):
     (home / "gcvs_hip_part.dat").write_text("7\tR And\tM\n")
     (western / "star_names.fab").write_text('# x\n 91262|_("Vega") 1,2\n91262|_("Harp star") 3\n')
     (western / "constellationship.fab").write_text("Lyr 2  91262 7 7 8\nCyg 1  8 91262\n")
+    ephemeris_file(folder / "de421.bsp")
     index_file(folder / "index-tycho2-07.littleendian.fits", tycho)
     ra, dec = np.radians([(s["ra"], s["dec"]) for s in listed]).T
     table = np.stack([ra, dec, ra, ra, ra, [s["v"] for s in listed]], axis=1).astype("f4")

@@ -5,6 +5,7 @@ is nearly one shift, which the attitude takes up; over wide fields its change (2
 field in radians) distorts, and the pointing of the mount needs it always.
 """
 
+from bisect import bisect_right
 from datetime import UTC, datetime
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy as np
 from kochab.core.arrays import Floats
 
 JD_UNIX = 2440587.5
-TT_MINUS_UTC_S = 69.184  # since 2017; a second more or less moves nothing here
+TT_MINUS_UTC_S = 69.184  # since 2017
+LEAP_DAYS_UNIX = (7670, 8217, 8582, 8947, 9496, 10043, 10592, 13149, 14245, 15522, 16617, 17167)
+"""Days since 1970 that began with one second more between TT and UTC, since 1990 (IERS Bulletin C)."""
 LIGHT_AU_DAY = 173.1446326846693
 
 
@@ -23,8 +26,9 @@ def julian_years(time_utc: datetime) -> float:
 
 def julian_date_tt(time_utc: datetime) -> float:
     """Julian date in TT of an aware time."""
-    seconds = time_utc.astimezone(UTC).timestamp() + TT_MINUS_UTC_S
-    return JD_UNIX + seconds / 86400.0
+    days = time_utc.astimezone(UTC).timestamp() / 86400.0
+    leaps_to_come = len(LEAP_DAYS_UNIX) - bisect_right(LEAP_DAYS_UNIX, days)
+    return JD_UNIX + days + (TT_MINUS_UTC_S - leaps_to_come) / 86400.0
 
 
 def earth_velocity(time_utc: datetime) -> Floats:

@@ -35,9 +35,14 @@ from kochab.sky.catalogue_sources import (
     row_of,
 )
 from kochab.sky.objects_build import write_boundaries, write_objects, write_outlines
+from kochab.sky.solar_system_build import write_ephemeris
 
 DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "stellarium-data": "0.22.2-1"}
-PYPI = {"cedar-solve": ("0.5.1", "default_database.npz"), "pyongc": ("1.2.2", "ongc.db")}
+PYPI = {
+    "cedar-solve": ("0.5.1", "default_database.npz"),
+    "pyongc": ("1.2.2", "ongc.db"),
+    "skyfield-data": ("7.0.0", "de421.bsp"),
+}
 PACKAGES = {**DEBIAN, **{name: version for name, (version, _) in PYPI.items()}}
 
 
@@ -167,7 +172,7 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
 
 
 TABLES = ("names.tsv", "objects.tsv", "lines.tsv", "outlines.tsv", "boundaries.tsv")
-FILES = ("deep.kcat", "bright.kcat", *TABLES, "manifest.json")
+FILES = ("deep.kcat", "bright.kcat", "ephemeris.kcat", *TABLES, "manifest.json")
 """What :func:`build` writes into its folder."""
 
 
@@ -187,6 +192,7 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     counts["constellation segments"] = write_lines(files["constellationship.fab"], out / "lines.tsv")
     counts["outlines"] = write_outlines(files["outlines.dat"], out / "outlines.tsv")
     counts["boundaries"] = write_boundaries(files["constellation_boundaries.dat"], out / "boundaries.tsv")
+    write_ephemeris(files["de421.bsp"], out / "ephemeris.kcat")
     yield Progress("Checking against the independent list", 0.95)
     facts = {
         "check_against_independent_list": compare(out / "deep.kcat", src.listed),

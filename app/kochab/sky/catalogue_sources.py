@@ -201,6 +201,7 @@ SINGLE_FILES = (
     "gcvs_hip_part.dat",
     "default_database.npz",
     "ongc.db",
+    "de421.bsp",
     "western/star_names.fab",
     "western/constellationship.fab",
     "nebulae/default/catalog.dat",

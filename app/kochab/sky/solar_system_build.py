@@ -1,0 +1,77 @@
+"""Make the Solar System's files of ``catalogs/``: an excerpt of JPL's DE421."""
+
+from pathlib import Path
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.errors import CatalogueError
+from kochab.sky.catalogue_file import write_container
+from kochab.sky.ephemeris import Ephemeris, Series
+
+AU_KM = 149597870.69962819  # DE421's
+FIRST_JD, LAST_JD = 2447892.5, 2470420.5  # 1990-01-01 to 2051-09-06: 11 times 2048 days
+EXCERPT = {  # days of an interval, coefficients, au of the last digit: within a milliarcsecond from the Earth
+    "sun": (64, 9, 1e-10),
+    "mercury": (16, 13, 5e-10),
+    "venus": (64, 11, 5e-10),
+    "earth_moon": (64, 10, 5e-10),
+    "mars": (64, 9, 1e-9),
+    "jupiter": (128, 6, 4e-9),
+    "saturn": (256, 7, 6e-9),
+    "uranus": (512, 7, 1e-8),
+    "neptune": (512, 7, 2e-8),
+    "pluto": (512, 7, 4e-8),
+    "moon": (8, 13, 2e-12),
+}
+SPK = {"mercury": 1, "venus": 2, "earth_moon": 3, "mars": 4, "jupiter": 5, "saturn": 6, "uranus": 7, "neptune": 8}
+SPK |= {"pluto": 9, "sun": 10}
+
+
+def read_spk(path: Path) -> Ephemeris:
+    """The whole of a JPL ephemeris in SPK form, Chebyshev positions (type 2).
+
+    NAIF's documents "DAF Required Reading" and "SPK Required Reading".
+    """
+    raw = path.read_bytes()
+    if raw[:7] != b"DAF/SPK" or raw[88:96] != b"LTL-IEEE":
+        raise CatalogueError(f"{path} is no ephemeris in SPK form.")
+    words = np.frombuffer(raw, "<f8", len(raw) // 8)
+    first = int(np.frombuffer(raw, "<i4", 1, 76)[0])
+    found = {}
+    for k in range(int(words[(first - 1) * 128 + 2])):
+        at = (first - 1) * 1024 + 24 + 40 * k
+        target, centre, _, kind, begin, end = np.frombuffer(raw, "<i4", 6, at + 16).tolist()
+        if kind != 2:
+            continue
+        start_s, length_s, size, count = words[end - 4 : end]
+        records = words[begin - 1 : end - 4].reshape(int(count), int(size))
+        coefficients = records[:, 2:].reshape(int(count), 3, -1) / AU_KM
+        found[target, centre] = Series(2451545.0 + start_s / 86400.0, length_s / 86400.0, coefficients)
+    if not {(301, 3), (399, 3), *((number, 0) for number in SPK.values())} <= found.keys():
+        raise CatalogueError(f"{path} lacks the Sun, the Moon or a planet.")
+    moon, earth = found[301, 3], found[399, 3]
+    series = {name: found[number, 0] for name, number in SPK.items()}
+    from_earth = Series(moon.start_jd, moon.days, moon.coefficients - earth.coefficients)
+    return Ephemeris({**series, "moon": from_earth})
+
+
+def fitted(series: Series, days: int, terms: int) -> Floats:
+    """Coefficients (N, 3, terms) of the same motion in intervals of other length."""
+    order = np.arange(48)
+    nodes = np.cos(np.pi * (order + 0.5) / len(order))
+    starts = np.arange(FIRST_JD, LAST_JD, days)
+    jd = starts[:, None] + (nodes + 1.0) / 2.0 * days
+    places = series.at(jd.ravel()).reshape(len(starts), len(order), 3)
+    weights = np.cos(np.pi * order[:terms, None] * (order + 0.5) / len(order)) * (2.0 / len(order))
+    weights[0] /= 2.0
+    return np.asarray(np.einsum("kj,nja->nak", weights, places), dtype=np.float64)
+
+
+def write_ephemeris(source: Path, path: Path) -> None:
+    """Write the excerpt of the ephemeris ``source`` (SPK)."""
+    whole, columns = read_spk(source), {}
+    for body, (days, terms, unit) in EXCERPT.items():
+        digits = np.rint(fitted(whole.series[body], days, terms) / unit)
+        columns[body] = digits.astype("<i4").ravel()
+    write_container(path, {"kind": "ephemeris", "start_jd": FIRST_JD, "series": EXCERPT}, columns)
