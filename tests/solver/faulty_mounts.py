@@ -153,7 +153,7 @@ def _sighting(mount: FaultyMount, time: datetime, west: bool, rng: np.random.Gen
     said = Pointing(float(np.degrees(erfa.anp(ra))), float(np.degrees(dec)), mount.read_as)
     report = SiteReport(mount.believes, time + mount.clock) if mount.tells else SiteReport()
     side = (PierSide.EAST if west else PierSide.WEST) if mount.tells_side else None
-    more: dict[str, Any] = {"alt_azimuth": True} if mount.alt_azimuth else {}
+    more: dict[str, Any] = {"alt_azimuth": mount.alt_azimuth} if mount.alt_azimuth or mount.tells else {}
     sky = float(np.degrees(erfa.anp(icrs[0]))), float(np.degrees(icrs[1]))
     return MountSighting(sky, said, time, mount.site, side, None, report, **more)
 

@@ -119,7 +119,7 @@ def model(terms, there, side):
 
 
 def log_probability(seen, cause, free, terms):
-    """Of the sightings: the mean over all sizes of the density whose covariance all terms and the noise make.
+    """Of the sightings: the mean over all sizes, of large noise a little, of the density whose covariance all terms and the noise make.
 
     Nearly linear in the terms (5,), about those given.
     """
@@ -135,11 +135,12 @@ def log_probability(seen, cause, free, terms):
     slopes = np.stack([(off(terms - step * e) - off(terms + step * e)) / (2.0 * step) for e in np.eye(5)], axis=1)
     found = off(terms) + slopes @ terms
     offset, axis, cone, noise = (np.array(sizes) / 60.0 for sizes in free)
-    logs = []
+    logs, odds = [], []
     for o, a, c, n in product(offset, axis, cone, noise):
         covariance = slopes @ np.diag(np.square([o, o, a, a, c])) @ slopes.T + n**2 * np.eye(len(slopes))
         logs.append(multivariate_normal(None, covariance).logpdf(found))
-    return logsumexp(logs) - np.log(len(logs))
+        odds.append(16.0 / (16.0 + (60.0 * n) ** 2))  # half at four arcminutes
+    return logsumexp(logs, b=odds) - np.log(sum(odds))
 
 
 def freedom(cause):

@@ -37,6 +37,7 @@ SET_UP = (0.5 / 60.0, 0.2, 0.5)  # a mount set up well, or by hand
 BUILT = (0.5 / 60.0, 0.1)  # and how square its tube is
 OFFSETS, AXES, CONES = (0.3, 2.0, 10.0, 60.0), (0.3, 1.0, 4.0), (0.2, 0.6)
 NOISES = (0.4 / 60.0, 1.0 / 60.0, 2.0 / 60.0, 4.0 / 60.0, 10.0 / 60.0)
+RARE_DEG = 4.0 / 60.0  # noise of this size is half as likely as little: few mounts are so loose
 ANYWHERE = (60.0,)
 
 
@@ -206,6 +207,7 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
 
     The probability is that of normal data whose mean is linear in terms with normal priors, summed over
     the sizes of those and of the noise (Bishop 2006, Pattern Recognition and Machine Learning, 3.5.1).
+    Large noise is rare, or three sightings of a leaning axis would pass for those of a loose mount.
     """
     places = cause.would_say(seen)
     there, said = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.said))
@@ -226,7 +228,9 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
             break  # no such place for a mount; and the slopes hold no longer
     if not cause.fitted:
         terms = np.zeros(5)
-    return float(np.logaddexp.reduce(logs, axis=None)) - log(logs.size), terms, residuals(terms, there, said, side)[0]
+    odds = 1.0 / (1.0 + noise[:, 0] / RARE_DEG**2)
+    total = np.logaddexp.reduce(logs + np.log(odds / odds.sum()), axis=None)
+    return float(total) - log(len(logs)), terms, residuals(terms, there, said, side)[0]
 
 
 def residuals(terms: Floats, there: Floats, said: Floats, side: Floats) -> tuple[Floats, Floats]:

@@ -163,10 +163,12 @@ def test_a_position_that_is_refused_is_told(scope) -> None:
         ("tracking", {True: True, False: False, None: None}),
         ("pier_side", {0: PierSide.EAST, 1: PierSide.WEST, -1: None, None: None}),
         ("rate", {0: RATES[0], 1: RATES[1], 2: RATES[2], 3: RATES[3], 4: None, -1: None, None: None}),
+        ("alt_azimuth", {0: True, 1: False, 2: False, 3: None, None: None}),
     ],
 )
 def test_its_state_is_what_the_server_shows(scope, name, values) -> None:
-    asked = {"parked": "atpark", "pier_side": "sideofpier", "rate": "trackingrate"}.get(name, name)
+    asked = {"parked": "atpark", "pier_side": "sideofpier", "rate": "trackingrate", "alt_azimuth": "alignmentmode"}
+    asked = asked.get(name, name)
     for told, meant in values.items():
         mount, _ = scope(**{asked: told})
         assert getattr(mount.state(), name) is meant

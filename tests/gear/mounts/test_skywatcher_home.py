@@ -108,6 +108,7 @@ def test_without_a_home_nothing_slews(eqmod) -> None:
     with board(eqmod) as b:
         mount = b.connect()
         assert mount.state().home_confirmed is False
+        assert mount.state().alt_azimuth is False, "such a board was refused"
         with pytest.raises(RefusedError, match="home is not confirmed"):
             mount.goto(*place(-25.0, 45.0, b.clock))
         for direction in (Direction.NORTH, Direction.WEST):

@@ -18,6 +18,7 @@ SIDES = {0: PierSide.EAST, 1: PierSide.WEST}
 DIRECTIONS = (Direction.NORTH, Direction.SOUTH, Direction.EAST, Direction.WEST)
 RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING)  # ``DriveRates``
 GERMAN = 2  # ``AlignmentMode``
+ALT_AZIMUTH = {0: True, 1: False, GERMAN: False}
 CAN = {
     Ability.SYNC: "cansync",
     Ability.GOTO: "canslewasync",
@@ -107,6 +108,7 @@ class AlpacaMount(ServerMount):
             tracking=None if tracking is None else bool(tracking),
             rate=dict(enumerate(RATES)).get(int(self._get("trackingrate", -1))),
             pier_side=SIDES.get(int(self._get("sideofpier", -1))),
+            alt_azimuth=ALT_AZIMUTH.get(int(self._get("alignmentmode", -1))),
         )
 
     @making_sense()

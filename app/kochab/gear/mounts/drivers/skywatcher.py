@@ -260,6 +260,7 @@ class SkyWatcher(SerialMount):
             pier_side=self.side() if self.home_confirmed else None,
             home_confirmed=self.home_confirmed,
             rate=self.rate,
+            alt_azimuth=False,  # or it was refused
         )
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
