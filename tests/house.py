@@ -30,6 +30,7 @@ ADDED = {
     "the horizon drawn in the window, and limits set there": 225,
     "home by the sensors of a motor board": 60,
     "a nudge that ends by itself, a quick stop over the network, a park position below the limit": 110,
+    "an iOptron's park position, geometry by Alpaca, a nudge by gotos in steps": 26,
     "stops and mute mounts in the mount bench": 112,
     "one model of what is wrong with a mount": 140,
     "a pointing model for gotos, a spiral search, why a mount stopped": 460,

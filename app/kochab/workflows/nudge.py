@@ -58,8 +58,11 @@ def nudge(
         pulses = Ability.PULSE not in mount.lacks and amount_arcsec <= MOST_PULSED_ARCSEC
         if not rate_deg_s and pulses and not mount.state().alt_azimuth:  # whose axes are not those of the sky
             nudged = yield from _pulses(mount, direction, amount_arcsec, wait)
-        elif not rate_deg_s and (there := _goto_instead(mount, direction, amount_arcsec / 3600.0)):
-            yield from mount.slew(*there)
+        elif not rate_deg_s and (steps := _gotos_instead(mount, direction, amount_arcsec / 3600.0)):
+            stops = mount.stops
+            for there in steps:
+                mount.check_not_stopped(stops, "motion")
+                yield from mount.slew(*there)
             nudged = Nudged(direction, amount_arcsec, "a goto", 0.0)
         else:
             nudged = yield from _moves(mount, direction, amount_arcsec, wait, rate_deg_s)
@@ -84,23 +87,24 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     return Nudged(direction, amount_arcsec, "guide pulses", total / 1000.0)
 
 
-def _goto_instead(mount: Guard, direction: Direction, amount_deg: float) -> tuple[float, float] | None:
-    """The target of a goto that the mount ends by itself, in place of a move that it does not; None where none may go.
+def _gotos_instead(mount: Guard, direction: Direction, amount_deg: float) -> list[tuple[float, float]]:
+    """The targets of short gotos that the mount ends by itself, in place of a move that it does not; none may be.
 
     A mount that does not track would begin to by a goto, and one that has followed past the meridian might flip.
     """
     state = mount.state()
     by_axes = mount.ends_alone and not state.alt_azimuth
     if by_axes or Ability.GOTO in mount.lacks or amount_deg > LONGEST_GOTO_DEG or state.tracking is False:
-        return None
+        return []
     here, sign = mount.position(), 1.0 if direction in (Direction.NORTH, Direction.EAST) else -1.0
-    turn = (0.0, sign * amount_deg) if direction.in_dec else (sign * amount_deg, 0.0)
-    there = shifted((here.ra_deg, here.dec_deg), *turn)
+    turns = sign * np.linspace(0.0, amount_deg, 1 + max(1, int(np.ceil(amount_deg / LONGEST_MOVE_DEG))))[1:]
+    ways = ((0.0, turn) if direction.in_dec else (turn, 0.0) for turn in turns.tolist())
+    steps = [shifted((here.ra_deg, here.dec_deg), *way) for way in ways]
     mount.clock_and_site.compare(mount.mount)
-    plan, preview = mount.policy.goto(here, state, there)
+    plan, preview = mount.policy.goto(here, state, steps[-1])
     ends = plan.hour_angles_deg() or (0.0, 0.0)
     may_flip = not plan.limits.crosses_meridian and any(-amount_deg <= ha < FOLLOWED_DEG for ha in ends)
-    return None if preview.refusals or may_flip else there
+    return [] if preview.refusals or may_flip else steps
 
 
 def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait, chosen_deg_s: float) -> Task[Nudged]:

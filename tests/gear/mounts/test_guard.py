@@ -6,14 +6,16 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
-from kochab.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
+from kochab.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import Direction, Epoch, PierSide, Pointing
 from kochab.core.progress import run
 from kochab.gear.mounts import guard as guarding
+from kochab.gear.mounts import slew_supervisor
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
@@ -287,11 +289,43 @@ def test_moves_and_pulses_are_bounded() -> None:
 
 def test_moves_are_judged_by_where_they_end_at_the_rate_the_mount_really_has() -> None:
     guard, mount = guarded(dec_deg=-15.0)  # 15 deg high
+    mount.rates_deg_s = (0.1,)
     guard.move(Direction.SOUTH, 0.1, 20.0)
     mount.rates_deg_s = (1.0,)  # the nearest it has
     with pytest.raises(RefusedError, match="the limit is 5 deg"):
         guard.move(Direction.SOUTH, 0.1, 20.0)
     assert len(mount.did) == 1
+
+
+@pytest.mark.parametrize(("rates", "angle_deg"), [((), 0.9), ((1.0,), 3.8)])
+def test_a_move_at_an_unknown_rate_has_room_for_four_times_its_angle(rates, angle_deg) -> None:
+    """Nine degrees high, of which five are the limit."""
+    for more, allowed in ((0.0, True), (0.3, False)):
+        guard, mount = guarded(hour_angle_deg=0.0, dec_deg=-31.0, crosses_meridian=True)
+        mount.rates_deg_s = rates
+        if allowed:
+            guard.move(Direction.SOUTH, 1.0, angle_deg + more)
+        else:
+            with pytest.raises(RefusedError, match="the limit is 5 deg"):
+                guard.move(Direction.SOUTH, 1.0, angle_deg + more)
+        assert bool(mount.did) is allowed
+
+
+@pytest.mark.parametrize(("rates", "stopped"), [((), True), ((0.1,), False)])
+def test_a_move_at_an_unknown_rate_is_stopped_before_it_is_too_low(rates, stopped, monkeypatch) -> None:
+    """Nine degrees high and seen to go 5 in a second, it would be below the limit of 5 at the next look."""
+    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: 0.0)
+    guard, mount = guarded(hour_angle_deg=0.0, dec_deg=-26.0, crosses_meridian=True)
+    mount.rates_deg_s = rates
+    guard.move(Direction.SOUTH, 0.1, 20.0)
+    mount.here, now = at(0.0, -31.0), NIGHT + timedelta(seconds=1)
+    guard.policy.clock = guard.supervisor._clock = lambda: now
+    if stopped:
+        with pytest.raises(StrayedError, match=r"would dip to 1.* the limit is 5 deg"):
+            guard.position()
+    else:
+        guard.position()
+    assert (("stop",) in mount.did) is stopped
 
 
 def test_a_slew_without_end_is_stopped() -> None:

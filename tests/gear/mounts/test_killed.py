@@ -31,7 +31,7 @@ if driver == "skywatcher":
 if what == "move":
     mount.move(Direction.NORTH, 1.0, 2.0)
 else:
-    run(nudge(Guard(mount, SITE, LIMITS, clock=clock), Direction.NORTH, 7200.0))
+    run(nudge(Guard(mount, SITE, LIMITS, clock=clock), Direction.NORTH, 18000.0))
 import time
 time.sleep(100.0)
 """
@@ -55,13 +55,13 @@ def killed(bench, driver, what):
 
 
 @pytest.mark.parametrize("driver", RESPONDERS)
-def test_a_nudge_of_a_killed_program_ends_where_it_was_to_end(driver) -> None:
+def test_a_nudge_of_a_killed_program_ends_within_two_degrees(driver) -> None:
     with simulated(driver, slew_deg_s=1.0) as bench:
         bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
         before = killed(bench, driver, "nudge")
         wait_for(lambda: still(bench.telescope))
         went = abs(bench.telescope.axes_deg()[1] - before)
-        print(f"{driver:12} a nudge of 2 deg ended after {went:.2f} deg")
+        print(f"{driver:12} a nudge of 5 deg ended after {went:.2f} deg")
         assert went < 2.05
 
 

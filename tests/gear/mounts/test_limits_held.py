@@ -94,7 +94,7 @@ def test_the_longest_slew_is_a_third_of_the_circle() -> None:
     [
         (replace(READY, parked=True), "goto", False),
         (replace(READY, slewing=True), "goto", False),
-        (replace(READY, slewing=True), "pulse", True),
+        (replace(READY, slewing=True), "pulse", False),
         (replace(READY, aligned=False), "goto", False),
         (replace(READY, aligned=None, parked=None, slewing=None), "goto", True),
         (replace(READY, home_confirmed=False), "goto", False),

@@ -9,7 +9,10 @@ import pytest
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, TrackingRate
 from kochab.core.progress import run
+from kochab.gear.mounts.drivers.ioptron import Ioptron
+from tests.gear.mounts.bench import SITE, simulated
 from tests.gear.mounts.imaginary import at, guarded
+from tests.gear.mounts.scripted import transcript
 
 
 def test_a_park_and_a_home_are_waited_for_and_logged() -> None:
@@ -81,6 +84,19 @@ def test_no_site_no_park() -> None:
     with pytest.raises(RefusedError, match="Set the site before a park"):
         run(guard.rest("park"))
     assert mount.did == []
+
+
+def test_an_ioptron_reports_its_park_position_or_nothing() -> None:
+    """The example of iOptron's language 3.10, 45 deg high in the south; a simulated one parks at the pole."""
+    begins = (b":MountInfo#", b"0040")
+    with transcript(Ioptron, [begins, (b":GPC#", b"16200000064800000#")]) as mount:
+        assert mount.park_altitude_deg() == 45.0
+    with transcript(Ioptron, [begins, (b":GPC#", b"")]) as mount:
+        assert mount.park_altitude_deg() is None
+    with simulated("ioptron") as bench:
+        mount = bench.open()
+        assert mount.park_altitude_deg() == pytest.approx(SITE.latitude_deg, abs=1e-4)
+        mount.close()
 
 
 def test_a_mount_that_stands_before_it_is_parked_has_not_parked() -> None:

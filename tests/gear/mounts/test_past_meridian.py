@@ -15,6 +15,7 @@ EAST, WEST, NORTH = Direction.EAST, Direction.WEST, Direction.NORTH
 def on_pier(side, hour_angle_deg, dec_deg=60.0, **limits):
     guard, mount = guarded(hour_angle_deg=hour_angle_deg, dec_deg=dec_deg, **limits)
     mount.now = replace(mount.now, pier_side=side)
+    mount.rates_deg_s = (2.0,)
     return guard, mount
 
 

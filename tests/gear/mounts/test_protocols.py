@@ -39,6 +39,7 @@ PARSERS = {
     "ioptron.time": ioptron.parse_time,
     "lx200.angle": lx200.parse_angle,
     "ioptron.altaz": ioptron.parse_altaz,
+    "ioptron.park": ioptron.parse_park_altitude,
     "lx200.longitude": lx200.parse_longitude,
     "lx200.zone": lx200.parse_zone,
     "lx200.time": lx200.parse_time,

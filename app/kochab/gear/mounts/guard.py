@@ -27,7 +27,7 @@ from kochab.gear.mounts.motion_plan import Limits, Plan, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 
-OVERRUN, OVERRUN_KNOWN = 4.0, 1.25  # how much further a move may go: rate unknown, or reported
+FASTER, OVERRUN = 4.0, 1.25  # at an unknown rate a move may go so many times as far; and how much further any may
 
 
 T = TypeVar("T")
@@ -392,14 +392,14 @@ class Guard:
         return plan
 
     def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:
-        """Check where a move or pulse ends at the latest; what is then supervised."""
-        if (angle := rate_deg_s * seconds) > NUDGE_DEG:
+        """Check where a move or pulse ends at the latest, also at a rate that is not known; what is then supervised."""
+        known = bool(self.rates_deg_s) or action == "pulse"
+        if (angle := rate_deg_s * seconds * (1.0 if known else FASTER)) > NUDGE_DEG:
             self.clock_and_site.compare(self.mount)
         here = self.position()
-        overrun = OVERRUN_KNOWN if self.rates_deg_s else OVERRUN
-        plan, preview, region = self.policy.move(action, here, self.state(), direction, angle, overrun)
+        plan, preview, region = self.policy.move(action, here, self.state(), direction, angle, OVERRUN)
         self._require_allowed(preview, confirmed=True)
-        return SupervisedMotion(plan, region)
+        return SupervisedMotion(plan, region, known)
 
     # -- stop, reconnect, close -----------------------------------------------------------------
 

@@ -49,7 +49,7 @@ def readiness(plan: Plan) -> Findings:
     """Refuse when the mount is parked, moves already, is not aligned, or its home is not confirmed."""
     if plan.state.parked:
         yield refuse(f"The mount is parked: unpark it before a {plan.action}.")
-    if plan.state.slewing and plan.action != "pulse":
+    if plan.state.slewing:
         yield refuse(f"The mount is slewing: wait or stop it before a {plan.action}.")
     if plan.state.aligned is False:
         yield refuse("The mount is not aligned: do its alignment on the hand control first.")

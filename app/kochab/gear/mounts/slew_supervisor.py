@@ -41,12 +41,13 @@ FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed with
 class SupervisedMotion:
     """One motion under way: what the mount reports is compared with its ``plan``, which was allowed, with its paths.
 
-    ``region`` (N, 3) are unit vectors of date: where the telescope may be seen on its way.
+    ``region`` (N, 3) are unit vectors of date: where the telescope may be seen on its way. At an unknown rate it must
+    also keep within the limits until the next look, as fast as it was seen to go.
     """
 
-    def __init__(self, plan: Plan, region: Floats) -> None:
+    def __init__(self, plan: Plan, region: Floats, rate_known: bool = True) -> None:
         self.plan = plan
-        self._region = region
+        self._region, self._ahead_s = region, 0.0 if rate_known else LOOK_S
         self._here, self._at = plan.start, plan.time_utc
         self._looked = monotonic()
 
@@ -60,7 +61,8 @@ class SupervisedMotion:
         here = unit_vectors(*of_date(reported, now_utc))
         # by the clock that ran more: one of them may be simulated
         passed_s = max(monotonic() - self._looked, (now_utc - self._at).total_seconds())
-        found = self._jump(here, passed_s) or self._aside(here) or self._limit(here, now_utc)
+        ahead = here + (here - self._here) * (self._ahead_s / max(passed_s, POLL_S))
+        found = self._jump(here, passed_s) or self._aside(here) or self._limit(ahead, now_utc)
         if found is None:
             self._here, self._at, self._looked = here, now_utc, asked_s
         return found
@@ -86,7 +88,7 @@ class SupervisedMotion:
         return f"it went the wrong way, {nearest:.0f} deg off its path"
 
     def _limit(self, here: Floats, now_utc: datetime) -> str | None:
-        plan = replace(self.plan, paths=(np.atleast_2d(here),), time_utc=now_utc)
+        plan = replace(self.plan, paths=(np.atleast_2d(here / np.linalg.norm(here)),), time_utc=now_utc)
         for rule in RULES:
             for finding in rule(plan):
                 if finding.severity is Severity.REFUSE:

@@ -46,7 +46,7 @@ class IoptronResponder(Controller):
             b"GLS": self.status,
             b"GUT": self.time,
             b"GAC": self.altitude,
-            b"GPC": lambda: b"32400000000000000#",
+            b"GPC": self.park_place,
             b"GSR": lambda: b"9#",
             b"GAL": lambda: b"+00#",
             b"AG": lambda: b"5050#",
@@ -146,6 +146,11 @@ class IoptronResponder(Controller):
     def go_home(self) -> None:
         """To the zero position."""
         self.telescope.go_home()
+
+    def park_place(self) -> bytes:
+        """Altitude and azimuth, until others are set those of the zero position: the pole."""
+        latitude = self.settings.latitude_deg
+        return b"%08d%09d#" % (round(abs(latitude) * PARTS_DEG), 0 if latitude >= 0.0 else round(180 * PARTS_DEG))
 
     def park(self, on: bool) -> None:
         """At the zero position, until another is set."""

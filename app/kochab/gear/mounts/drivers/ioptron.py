@@ -3,6 +3,7 @@
 from dataclasses import replace
 from datetime import datetime
 
+from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
@@ -83,6 +84,13 @@ class Ioptron(SerialMount):
         """End a slew, and moves on both axes."""
         commands = [protocol.STOP, *([protocol.HALT_RA, protocol.HALT_DEC] if moved else [])]
         return [(command, (self.reply(1),)) for command in commands]
+
+    def park_altitude_deg(self) -> float | None:
+        """``:GPC#``; None from a mount that does not answer it."""
+        try:
+            return self.query(protocol.PARK_PLACE, protocol.parse_park_altitude)
+        except NoAnswerError:
+            return None
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:
         """The mount itself ends it."""

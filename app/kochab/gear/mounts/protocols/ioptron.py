@@ -9,7 +9,7 @@ from kochab.core.mount import Ability, Direction, MountState, PierSide, Tracking
 from kochab.gear.mounts.protocols import code_table, match, require
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-TIME, ALTAZ = b":GUT#", b":GAC#"
+TIME, ALTAZ, PARK_PLACE = b":GUT#", b":GAC#", b":GPC#"
 MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
 SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
 TRACK_ON = b":ST1#"
@@ -87,6 +87,11 @@ def parse_altaz(reply: bytes) -> tuple[float, float]:
     altitude, azimuth = (int(part) / PARTS_DEG for part in found.groups())
     require(abs(altitude) <= 90.0 and azimuth <= 360.0, reply, "altitude and azimuth")
     return altitude, azimuth
+
+
+def parse_park_altitude(reply: bytes) -> float:
+    """Altitude of the park position, degrees: ``AAAAAAAAZZZZZZZZZ#``, which has no sign."""
+    return parse_altaz(b"+" + reply)[0]
 
 
 def parse_status(reply: bytes) -> MountState:
