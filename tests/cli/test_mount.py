@@ -23,8 +23,8 @@ SITE = Site(50.0, 8.0)
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
-    monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
-    monkeypatch.setattr(probe, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(lx200, "PRODUCT_S", 0.5)
+    monkeypatch.setattr(probe, "PATIENCE_S", 0.6)
 
 
 @contextmanager

@@ -12,5 +12,5 @@ from kochab.gear.mounts.drivers import lx200
 
 @pytest.fixture(autouse=True)
 def _soon_quiet(monkeypatch):
-    monkeypatch.setattr(lx200, "PRODUCT_S", 0.15)
+    monkeypatch.setattr(lx200, "PRODUCT_S", 0.5)
     monkeypatch.setattr(serial_line, "QUIET_S", 0.1)

@@ -21,11 +21,11 @@ BAD_ANSWERS = [Fault.SILENCE, Fault.GARBAGE, Fault.LATE, Fault.WRONG]
 
 @pytest.fixture(params=RESPONDERS)
 def bench(request, monkeypatch):
-    """A driver that waits a quarter of a second for an answer; the late fault is later than that."""
+    """A driver that waits 0.8 s for an answer; the late fault is later than that."""
     with simulated(request.param) as bench:
         bench.driver = request.param
         bench.mount = bench.open()
-        monkeypatch.setattr(type(bench.mount), "timeout_s", 0.25)
+        monkeypatch.setattr(type(bench.mount), "timeout_s", 0.8)
         bench.guard = Guard(
             bench.mount, SITE, LIMITS, clock=bench.clock, reopen=bench.open, wait=lambda seconds: time.sleep(0.02)
         )

@@ -18,7 +18,7 @@ MOVES = re.compile(rb":M[SPnsewgA]|:h|:R|:CM|:U#|r[0-9A-F]{8}|s[0-9A-F]{8}|:[GHI
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
-    monkeypatch.setattr(probe, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(probe, "PATIENCE_S", 0.6)
 
 
 @pytest.mark.parametrize("driver", [*RESPONDERS, *DIALECT_RESPONDERS])

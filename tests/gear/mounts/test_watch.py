@@ -1,6 +1,7 @@
 """What the guard does about a mount that is under way: it sees where it goes, and stops it."""
 
 from dataclasses import replace
+from time import monotonic
 
 import numpy as np
 import pytest
@@ -292,7 +293,7 @@ def test_nothing_is_found_at_either_end() -> None:
     plan = plan_of((-60.0, 20.0), (-50.0, 30.0))
     seen = SupervisedMotion(plan, allowed_region(plan))
     for place in (plan.start_deg, plan.target_deg):
-        assert seen.finding(Pointing(*place, Epoch.DATE), NIGHT) is None
+        assert seen.finding(Pointing(*place, Epoch.DATE), NIGHT, monotonic()) is None
 
 
 def test_a_mount_that_falls_silent_in_a_slew_is_told_at_the_first_question_it_leaves_unanswered() -> None:

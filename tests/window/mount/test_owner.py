@@ -58,7 +58,8 @@ def test_polar_alignment_connects_the_mount_for_every_view(qtbot, polar):
     assert mount.pad.buttons[Direction.NORTH].explanation.reason == mount.go.goto.explanation.reason
     assert "polar alignment (F4), which turns the RA axis" in mount.go.goto.explanation.reason
     assert corner(commands).text.text() == "Practice mount: polar alignment"
-    assert mount.stop.explanation.reason == ""
+    assert not mount.stop.isHidden()
+    assert mount.stop.isEnabled()
     with pytest.raises(RefusedError, match="polar alignment"):
         mount.control.order("goto", lambda guard: iter(()))
     telescope = nights.made[-1].rig.mount
@@ -108,7 +109,8 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
     assert mount.go.goto.explanation.reason == mount.go.centre.explanation.reason == why.BY_HAND
     assert mount.pad.buttons[Direction.NORTH].explanation.reason == why.BY_HAND
     assert mount.pad.buttons[Direction.EAST].explanation.reason == "", "that is a way to turn the RA axis"
-    assert mount.stop.explanation.reason == ""
+    assert not mount.stop.isHidden()
+    assert mount.stop.isEnabled()
     with pytest.raises(RefusedError, match="by hand"):
         mount.control.order("goto", lambda guard: iter(()))
     mount.orders.nudge(Direction.NORTH, 60.0)
