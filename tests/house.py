@@ -37,6 +37,8 @@ ADDED = {
     "frames out of focus known by their discs": 125,
     "memory of decoders bounded on Windows and macOS": 60,
     "a window around the image, a film strip that solves many files": 680,
+    "equipment in the bar, and the Preferences": 344,
+    "a help book, what is new, a tour": 212,
     "eight makes' dialects of LX200, StarSense, iOptron's present models": 400,
     "the catalogue and the camera in a tracked frame's error": 40,
     "the profile in Live, a picture cleared before the next, an end without waiting": 60,

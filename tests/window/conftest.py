@@ -15,7 +15,7 @@ from kochab.window.themes import apply_theme
 from kochab.window.widgets import use_plain_numerals
 from tests.window.fakes import FakeEngine, assert_no_threads_left
 
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
@@ -98,6 +98,6 @@ def make_window(qtbot, settings, tmp_path):
 def opened(qtbot, make_window, engine, a_file):
     """A window that has opened and solved a frame."""
     window, commands = make_window(engine)
-    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+    with qtbot.waitSignal(commands.session.idle):
         commands.open(a_file)
     return window, commands

@@ -90,7 +90,8 @@ def main(folder, *arguments):
         path = frame or next(s.path for s in samples() if "pleiades" in s.path.name)
         commands.open(Path(path))
         loop.exec()
-        pause(300)
+        while window.workspace.card.title.text() == "Solved":  # until the field has its name
+            pause(100)
         keep(window, folder / "window.png")
         if "--laboratory" in arguments:
             show_laboratory(commands, folder / "laboratory.png")

@@ -82,7 +82,7 @@ def test_menus_lists_boxes_and_tips_are_red(qtbot, night):
     box.showPopup()
     assert_red(box.view().window())
     box.hidePopup()
-    for name in ("about", "keys"):
+    for name in ("about", "keys", "preferences"):
         commands.actions[name].trigger()
         (dialog,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
         assert_red(dialog)

@@ -159,7 +159,7 @@ def test_full_screen_by_f11_and_escape_leaves_it(qtbot, opened):
 
 def test_help_boxes_open_and_close_by_key(qtbot, opened):
     window, _ = opened
-    qtbot.keyClick(window, Qt.Key.Key_F1)
+    qtbot.keyClick(window, Qt.Key.Key_F1, Qt.KeyboardModifier.ShiftModifier)
     (box,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
     assert any("Ctrl+O" in w.text() for w in box.findChildren(QLabel))
     qtbot.keyClick(box, Qt.Key.Key_Escape)

@@ -133,6 +133,8 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
         commands.open_all([Path(path) for path in paths])
     else:
         commands.add_thumbnails()
+        if not commands.settings.flag("toured", False):
+            QTimer.singleShot(AFTER_MS, window, commands.show_tour)
     signal.signal(signal.SIGINT, lambda *_: window.close())  # handled when Python runs: at a tick of Garbage
     code = app.exec()
     garbage.stop()

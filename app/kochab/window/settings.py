@@ -75,6 +75,11 @@ class WindowSettings:
         keep_profile(self, site=site)
 
     @property
+    def image_folder(self) -> Path:
+        """Where images are looked for: the folder that was chosen for good, else the one used last."""
+        return Path(self.text("start_folder", "") or self.text("folder", "") or Path.home())
+
+    @property
     def recent(self) -> list[Path]:
         """Files opened of late, newest first."""
         value = self._value("recent", [])

@@ -6,11 +6,10 @@ from typing import Any
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QPushButton, QWidget
 
-from kochab.core.errors import KochabError
 from kochab.core.mount import MountState
 from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
-from kochab.gear.profiles import choose_profile, current_profile, save_selection, saved_profiles
+from kochab.gear.profiles import current_profile, save_selection, saved_profiles
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
 from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
@@ -159,7 +158,9 @@ class MountView(Page):
         box.connect_wanted.connect(self._connect_mount)
         box.practice_wanted.connect(self.practise)
         box.site_given.connect(control.use_site)
-        box.profile_chosen.connect(self._use_profile)
+        box.profile_chosen.connect(self._services.equipment.choose)
+        self._services.equipment.changed.connect(self._use_profile)
+        self._services.equipment.refused.connect(lambda sentence: self.say(sentence, "wrong"))
         self.camera.chosen.connect(self._use_camera)
         self.camera.follow(cameras)
         cameras.chosen.connect(self._adopt_camera)
@@ -195,11 +196,8 @@ class MountView(Page):
         self.control.use_limits(**changes)
         self.limits.show_limits(self.control.limits)
 
-    def _use_profile(self, name: str) -> None:
-        try:
-            choose_profile(self._services.settings, name)
-        except KochabError as error:
-            self.say(str(error), "wrong")
+    def _use_profile(self) -> None:
+        if self.control.known.phase != "off":  # its camera is in use
             return
         self._show_equipment()
         camera = self.camera.selection

@@ -18,9 +18,10 @@ from kochab.window.image.overlay import MARKS
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.batch import Batch, images_in
 from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
+from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.exports import FrameExporter
 from kochab.window.shell.film_strip import Blink, FilmStrip, results_table
-from kochab.window.shell.menus import SPECS, colour_icons
+from kochab.window.shell.menus import NEWS, SPECS, colour_icons
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
@@ -90,7 +91,11 @@ class Commands(QObject):
         jobs = self.session.jobs
         self.exporter = FrameExporter(self.window, self.session, wiring.to_json)
         panes = self.window.workspace
-        self.services = Services(self.settings, self.session, self.looks, jobs, wiring, self._say, panes)
+        self.equipment = Equipment(self.window.bar.equipment, self.settings, self.actions["preferences"])
+        self.equipment.refused.connect(self._say)
+        self.services = Services(
+            self.settings, self.session, self.looks, jobs, wiring, self._say, panes, self.equipment
+        )
         self.batch, self.blink = Batch(self.session), Blink(self.window)
         self.films = FilmStrip(self.batch)
         self.window.workspace.add_below(self.films)
@@ -144,6 +149,10 @@ class Commands(QObject):
             "tab_solution": lambda: self._tab(0),
             "tab_stars": lambda: self._tab(1),
             "tab_hints": lambda: self._tab(2),
+            "preferences": self.show_preferences,
+            "help": self.show_help,
+            "tour": self.show_tour,
+            "news": lambda: self.show_help(NEWS),
             "about": lambda: about(window).open(),
             "keys": lambda: keyboard(window).open(),
             "report": self.save_report,
@@ -181,12 +190,10 @@ class Commands(QObject):
             view.practise()  # type: ignore[attr-defined]
 
     def choose(self) -> None:
-        start = self.settings.text("folder", str(Path.home()))
-        self.open_all(ask_frames(self.window, start, "Open images", _kinds()))
+        self.open_all(ask_frames(self.window, str(self.settings.image_folder), "Open images", _kinds()))
 
     def choose_folder(self) -> None:
-        start = self.settings.text("folder", str(Path.home()))
-        if (path := ask_folder(self.window, start, "Open a folder")) is not None:
+        if (path := ask_folder(self.window, str(self.settings.image_folder), "Open a folder")) is not None:
             self.open_all([path])
 
     def open(self, path: Path) -> None:
@@ -225,6 +232,34 @@ class Commands(QObject):
             job = self.services.jobs.run(save_task(lambda: write_atomically(path, results_csv(told)), path), "results")
             job.succeeded.connect(lambda p: self._say(f"Saved {p.name}"))
             job.failed.connect(lambda sentence: tell(self.window, "Results", sentence))
+
+    def show_preferences(self) -> None:
+        """Open the Preferences, or bring them to the front."""
+        from kochab.window.shell.preferences import Preferences  # not needed to show the window
+
+        shown = self.window.findChild(Preferences)
+        dialog = shown or Preferences(self.presenter, self.services, self.equipment)
+        dialog.show()
+        dialog.raise_()
+        dialog.activateWindow()
+
+    def show_help(self, page: str = "") -> None:
+        """Open the help book at a page, or at that of the present mode."""
+        from kochab.window.shell.help_book import HelpBook
+
+        book = self.window.findChild(HelpBook) or HelpBook(self.window)
+        docked = next((name for name in self.views.docked if name in VIEWS), "")
+        book.turn_to(page or docked.capitalize())
+        book.show()
+        book.raise_()
+        book.activateWindow()
+
+    def show_tour(self) -> None:
+        from kochab.window.shell.tour import Tour
+
+        self.settings.keep("toured", True)
+        if self.window.findChild(Tour) is None:
+            Tour(self.window)
 
     def add_thumbnails(self) -> None:
         paths = self._sample_paths + self.window.welcome.recent

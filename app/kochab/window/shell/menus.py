@@ -25,6 +25,7 @@ class Spec:
     short: str = ""  # text on a button
 
 
+NEWS = "What’s new"  # also a page of the help book
 SPECS = (
     Spec("open", "&Open…", "Ctrl+O", "Open an image", short="Open…"),
     Spec("folder", "Open a &folder…", "Ctrl+Shift+O", "Open all images of a folder"),
@@ -49,6 +50,7 @@ SPECS = (
     Spec("centre", "&Centre cross", "X", "Mark the centre of the frame", True),
     Spec("compass", "North and &east arrows", "E", "Show north and east", True),
     Spec("night", "Ni&ght", "Ctrl+N", "Red light only, for dark-adapted eyes", True, "Night"),
+    Spec("preferences", "Pre&ferences…", "Ctrl+,", "Angles, theme, layers, equipment, folders", short="Settings"),
     Spec("details", "&Details", "Ctrl+D", "Attitude, camera, times, the stars, hints and methods", True, "Details"),
     Spec("fill", "Tool fills the &window", "Shift+F11", "Hide the image beside an open tool", True),
     Spec("full", "F&ull screen", "F11", "", True),
@@ -58,8 +60,11 @@ SPECS = (
     Spec("tab_solution", "Solutio&n", "Alt+1"),
     Spec("tab_stars", "Sta&rs", "Alt+2"),
     Spec("tab_hints", "&Hints and methods", "Alt+3"),
+    Spec("help", "&Help", "F1", "The help book, at the page of the present mode"),
+    Spec("tour", "&Tour", "", "Four cards for the first evening"),
+    Spec("news", f"&{NEWS}"),
+    Spec("keys", "&Keyboard", "Shift+F1"),
     Spec("about", "&About Kochab"),
-    Spec("keys", "&Keyboard", "F1"),
     Spec("report", "Save a &report…", "", "Pack the journal and versions for a bug report"),
 )
 Actions = dict[str, QAction]
@@ -103,7 +108,7 @@ class Menus:
         self.export: QMenu = file.addMenu("&Export")
         file.addSeparator()
         file.addAction(actions["quit"])
-        _fill(bar.addMenu("&Edit"), actions, "copy", "copy_all")
+        _fill(bar.addMenu("&Edit"), actions, "copy", "copy_all", "", "preferences")
         view = bar.addMenu("&View")
         _fill(
             view,
@@ -134,7 +139,7 @@ class Menus:
         self.practice = self.tools.addAction("Practice with a &simulated telescope")
         self.tools.addSeparator()
         _fill(self.tools, actions, "fill", "")
-        _fill(bar.addMenu("&Help"), actions, "keys", "report", "about")
+        _fill(bar.addMenu("&Help"), actions, "help", "keys", "tour", "news", "", "report", "about")
 
     def show_files(self, menu: QMenu, paths: list[tuple[str, Path]], chosen: Callable[[Path], object]) -> None:
         """Fill the recent or the sample menu."""

@@ -132,9 +132,14 @@ class Presenter(QObject):
         self.panes.solution.show_solution(solution, known.last_good_from)
         self.panes.stars.set_stars(solution.stars)
         self.panes.view.update()
-        assert known.frame is not None
-        job = self.session.jobs.run(_place(known.frame, solution, self.settings.site), "place")
-        job.succeeded.connect(partial(self._placed, solution))
+        self.say_place()
+
+    def say_place(self) -> None:
+        """Say on the card what the open frame shows, and how high it stood from the present site."""
+        known = self.session.known
+        if known.frame is not None and isinstance(known.result, Solution):
+            job = self.session.jobs.run(_place(known.frame, known.result, self.settings.site), "place")
+            job.succeeded.connect(partial(self._placed, known.result))
 
     def _placed(self, solution: Solution, told: tuple[str, str]) -> None:
         if self.session.known.result is solution:

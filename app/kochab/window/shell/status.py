@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QWidget
+from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
 
 from kochab.core.angle_text import AngleStyle, altaz_text, radec_text
 from kochab.core.attitude import radec_deg
@@ -45,7 +45,12 @@ class TopBar(QFrame):
         self.progress = ProgressBar("Progress")
         self.progress.setFixedWidth(110)
         self.cancel = button("Cancel", self.cancel_wanted.emit, "small", "Stop (Esc)")
-        self._row = row(self.menus, 10, self.name, (self.doing, 1), self.progress, self.cancel, on=self, spacing=8)
+        self.equipment = QToolButton(popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.equipment.setObjectName("equipment")
+        self.equipment.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+        self._row = row(
+            self.menus, 10, self.name, (self.doing, 1), self.progress, self.cancel, self.equipment, on=self, spacing=8
+        )
         self._row.setContentsMargins(6, 3, 8, 3)
         self.show_idle("Ready")
 

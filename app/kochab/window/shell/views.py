@@ -14,6 +14,7 @@ from kochab.window.job import Jobs
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.appearance import Appearance
+from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.main_window import MainWindow, Workspace
 from kochab.window.widgets import scrolled
 from kochab.workflows.session.wiring import Wiring
@@ -29,7 +30,7 @@ class Services:
     """What a view may use of the window.
 
     ``say`` shows a sentence in the status bar for a while; ``panes`` hold the open image.
-    ``mount`` is the one owner of the mount's line, ``cameras`` of every camera.
+    ``equipment`` is the profile in use; ``mount`` is the one owner of the mount's line, ``cameras`` of every camera.
     """
 
     settings: WindowSettings
@@ -39,6 +40,7 @@ class Services:
     wiring: Wiring
     say: Callable[[str], None]
     panes: Workspace
+    equipment: Equipment
 
     @cached_property
     def mount(self) -> "MountControl":
@@ -50,6 +52,7 @@ class Services:
         window = self.panes.window()
         assert isinstance(window, MainWindow)
         MountStatus(control, window)
+        control.changed.connect(lambda: self.equipment.lock(control.known.phase != "off"))
         return control
 
     @cached_property
@@ -117,7 +120,9 @@ class Views(QObject):
         self.image = self._action("image", "Ima&ge", "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
         self.actions = {name: self._action(name, title, keys) for name, (title, keys, _) in VIEWS.items()}
-        window.rail.fill([self.image, *self.actions.values()], [window.actions_by_name["night"]])
+        window.rail.fill(
+            [self.image, *self.actions.values()], [window.actions_by_name[name] for name in ("night", "preferences")]
+        )
         self.actions["details"] = window.actions_by_name["details"]
         for name in self.actions:
             self._add(name, services)

@@ -1,0 +1,225 @@
+"""The Preferences dialog: every change is applied and kept at once."""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QUrl
+from PySide6.QtGui import QAction, QDesktopServices
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QWidget
+
+from kochab.core import cache_folder
+from kochab.core.angle_text import parse_positive, parse_site, site_text
+from kochab.core.errors import UsageError
+from kochab.core.progress import Progress, Task
+from kochab.gear.journal import journal_folder
+from kochab.gear.profiles import current_profile, keep_profile, saved_profiles
+from kochab.gear.quick_stop import profile_folder
+from kochab.window.image.overlay import MARKS
+from kochab.window.panels.solution_panel import STYLES
+from kochab.window.shell.dialogs import ask_folder, without_icons
+from kochab.window.shell.equipment import Equipment
+from kochab.window.shell.presenter import Presenter
+from kochab.window.shell.views import Services
+from kochab.window.themes import TEXT_SIZES, THEME_TITLES
+from kochab.window.widgets import (
+    Part,
+    button,
+    choice_box,
+    column,
+    form,
+    label,
+    row,
+    scrolled,
+    show_text,
+    switch,
+    tab_pages,
+    text_field,
+)
+
+WIDE, HIGH = 90, 26  # letters and lines
+FOCAL_MM, PIXEL_UM = 1e5, 100.0  # the most there may be
+OFFLINE = "Kochab downloads nothing. New star data comes with a new version; your own stars with kochab catalog import."
+FOLDERS = {"Equipment": profile_folder, "Indexes": cache_folder, "Log": journal_folder}
+
+
+class Preferences(QDialog):
+    """Angles and appearance, layers, equipment, folders and data."""
+
+    def __init__(self, presenter: Presenter, services: Services, equipment: Equipment) -> None:
+        super().__init__(presenter.window)
+        self.setWindowTitle("Preferences")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._presenter, self._services, self._equipment = presenter, services, equipment
+        self.settings = services.settings
+        self.wrong = label("", "wrong", wrap=True)
+        pages = (
+            ("General", self._general()),
+            ("Layers", self._layers()),
+            ("Equipment", self._gear()),
+            ("Folders and data", self._data()),
+        )
+        self.tabs = tab_pages("Preferences", *pages)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        without_icons(buttons.buttons())
+        buttons.rejected.connect(self.reject)
+        column(self.tabs, self.wrong, buttons, on=self, spacing=10, margins=(14, 10, 14, 12))
+        self.wrong.hide()
+        equipment.changed.connect(self._show_gear)
+        equipment.refused.connect(self._refuse)
+        self._show_gear()
+        services.looks.redden_carets(self)
+        letters = self.fontMetrics()
+        self.resize(letters.averageCharWidth() * WIDE, letters.height() * HIGH)
+
+    def _refuse(self, sentence: str) -> None:
+        show_text(self.wrong, sentence)
+        self._show_gear()
+
+    def _general(self) -> QWidget:
+        looks, panes = self._services.looks, self._services.panes
+        plain = {title.replace("&", ""): name for name, title in THEME_TITLES.items()}
+        self.angles = choice_box("Angles", {title: style for style, title in STYLES.items()})
+        _show(self.angles, self.settings.angle_style)
+        self.angles.activated.connect(lambda: panes.solution.set_style(self.angles.currentData()))
+        self.theme = choice_box("Theme", plain)
+        self.text = choice_box("Text size", {name.capitalize(): name for name in TEXT_SIZES})
+        self.theme.activated.connect(lambda: looks.use_theme(self.theme.currentData()))
+        self.text.activated.connect(lambda: looks.use_theme(text_size=self.text.currentData()))
+        looks.changed.connect(self._show_looks)
+        self._show_looks()
+        return _page(form(("Angles", self.angles), ("Theme", self.theme), ("Text size", self.text)))
+
+    def _show_looks(self) -> None:
+        _show(self.theme, self.settings.text("theme", "dark"))
+        _show(self.text, self.settings.text("text_size", "normal"))
+
+    def _layers(self) -> QWidget:
+        actions = self._presenter.window.actions_by_name
+        self.layers = {name: _switch_of(actions[name]) for name in (*MARKS, "stretch", "colour")}
+        return _page(*self.layers.values())
+
+    def _gear(self) -> QWidget:
+        self.profile = choice_box("Equipment profile", ())
+        self.profile.setEditable(True)
+        self.profile.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        typed = text_field("Equipment profile", "none: type a name to keep this equipment")
+        self.profile.setLineEdit(typed)
+        self.focal = text_field("Focal length", "mm")
+        self.pixel = text_field("Pixel size", "µm, before binning")
+        self.site = text_field("Your site", "latitude, longitude, as 48.14, 11.58")
+        self.scale, self.hardware = label("", "muted"), label("", "muted", wrap=True)
+        for chosen in (self.profile.textActivated, typed.returnPressed):
+            chosen.connect(lambda *_: self._equipment.choose(self.profile.currentText().strip()))
+        for field in (self.focal, self.pixel, self.site):
+            field.editingFinished.connect(self._keep_gear)
+        fields = form(
+            ("Profile", self.profile),
+            ("Focal length", self.focal),
+            ("Pixel size", self.pixel),
+            ("Pixel scale", self.scale),
+            ("Your site", self.site),
+            ("Camera, mount", self.hardware),
+        )
+        return _page(fields)
+
+    def _show_gear(self) -> None:
+        profile = current_profile(self.settings)
+        self.profile.clear()
+        self.profile.addItems(["", *(one.name for one in saved_profiles()[0])])
+        self.profile.setCurrentText(profile.name)
+        for field, value in ((self.focal, profile.focal_length_mm), (self.pixel, profile.pixel_size_um)):
+            field.setText("" if value is None else f"{value:g}")
+            field.setEnabled(bool(profile.name))
+            field.setToolTip("" if profile.name else "Type a profile name first")
+        self.site.setText("" if profile.site is None else site_text(profile.site))
+        scale = profile.scale_arcsec_px
+        self.scale.setText("not known" if scale is None else f"{scale:.3g}″/px")
+        mount = f"{profile.mount.driver} on {profile.port}" if profile.port else "no mount"
+        self.hardware.setText(f"{profile.source or 'no camera'}, {mount}. Choose them in Live and Mount.")
+
+    def _keep_gear(self) -> None:
+        try:
+            focal, pixel, site = (field.text().strip() for field in (self.focal, self.pixel, self.site))
+            told = {
+                "focal_length_mm": parse_positive(focal, "The focal length", FOCAL_MM) if focal else None,
+                "pixel_size_um": parse_positive(pixel, "The pixel size", PIXEL_UM) if pixel else None,
+                "site": parse_site(site) if site else None,
+            }
+        except UsageError as error:
+            show_text(self.wrong, str(error))
+            return
+        self.wrong.hide()
+        before = current_profile(self.settings)
+        if told != {name: getattr(before, name) for name in told}:
+            keep_profile(self.settings, **told)
+            self._services.panes.hints.show_site(current_profile(self.settings).site)
+            self._presenter.say_place()
+            self._equipment.tell()
+
+    def _data(self) -> QWidget:
+        self.fixed = switch("Always begin in this folder", "Else in the folder used last")
+        self.folder = label("", "muted", wrap=True)
+        self.fixed.setChecked(bool(self.settings.text("start_folder", "")))
+        self.fixed.toggled.connect(self._fix_folder)
+        self.choose = button("Choose…", self._choose_folder)
+        rows = [(title, _folder_row(title, folder())) for title, folder in FOLDERS.items()]
+        self.data = label("", wrap=True)
+        job = self._services.jobs.run(data_text(), "data")
+        job.succeeded.connect(self.data.setText)
+        self.destroyed.connect(job.abandon)
+        self._show_folder()
+        images = row(self.choose, (self.folder, 1))
+        data = label("Star data", "strong"), self.data
+        return scrolled(_page(label("Open images", "strong"), self.fixed, images, form(*rows), *data))
+
+    def _show_folder(self) -> None:
+        self.folder.setText(str(self.settings.image_folder))
+
+    def _fix_folder(self, on: bool) -> None:
+        self.settings.keep("start_folder", str(self.settings.image_folder) if on else "")
+        self._show_folder()
+
+    def _choose_folder(self) -> None:
+        if (path := ask_folder(self, str(self.settings.image_folder), "Open images from")) is not None:
+            self.settings.keep("start_folder", str(path))
+            self.fixed.setChecked(True)
+            self._show_folder()
+
+
+def data_text() -> Task[str]:
+    """Which star data there is, and that nothing is fetched."""
+    yield Progress("data")
+    from kochab.identification.index import fine, fine_folder
+    from kochab.sky import open_catalogue
+
+    stars = f"{len(open_catalogue()):,} stars, J2000 with proper motions."
+    index = f"ready, in {fine_folder()}" if fine() else "not built yet; Kochab builds it while it is open"
+    return f"{stars}\nSmall-field index: {index}.\n{OFFLINE}"
+
+
+def _page(*parts: Part) -> QWidget:
+    made = QWidget()
+    made.setObjectName("page")
+    column(*parts, None, on=made, spacing=8, margins=(10, 14, 10, 8))
+    return made
+
+
+def _show(box: QComboBox, data: object) -> None:
+    box.setCurrentIndex(box.findData(data))
+
+
+def _switch_of(action: QAction) -> QCheckBox:
+    """A box to tick that is always as ``action`` is."""
+    made = switch(action.text(), action.toolTip())
+    made.setChecked(action.isChecked())
+    made.toggled.connect(action.setChecked)
+    action.toggled.connect(made.setChecked)
+    return made
+
+
+def _folder_row(title: str, path: Path) -> QWidget:
+    made, where = QWidget(), QLabel(str(path), textInteractionFlags=Qt.TextInteractionFlag.TextSelectableByMouse)
+    where.setWordWrap(True)
+    show = button("Show", lambda: QDesktopServices.openUrl(QUrl.fromLocalFile(str(path))), "small")
+    show.setAccessibleName(f"Show the folder: {title}")
+    row((where, 1), show, on=made, margins=(0, 0, 0, 0))
+    return made

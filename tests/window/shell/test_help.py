@@ -1,0 +1,97 @@
+"""The help book, what is new, and the tour of the first start."""
+
+import re
+
+import pytest
+from PySide6.QtCore import Qt, QUrl
+from PySide6.QtGui import QTextDocument
+
+from kochab import __version__
+from kochab.window.shell.help_book import HelpBook, pages
+from kochab.window.shell.menus import NEWS, SPECS
+from kochab.window.shell.tour import CARDS, Tour
+from kochab.window.shell.views import VIEWS
+from tests.patterns import REPOSITORY
+from tests.window.test_night import assert_red
+
+SCREENSHOTS = REPOSITORY / "resources" / "screenshots"
+
+
+@pytest.fixture
+def book(qtbot, opened):
+    window, _ = opened
+    window.activateWindow()
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    return window.findChild(HelpBook)
+
+
+def test_f1_opens_the_first_page(book):
+    assert book.isVisible()
+    assert book.browser.toPlainText().startswith("Solve an image")
+    assert book.list.count() == len(pages()) == 9
+
+
+@pytest.mark.parametrize("mode", VIEWS)
+def test_f1_opens_the_page_of_the_mode(qtbot, opened, mode):
+    window, commands = opened
+    commands.views.show(mode)
+    commands.actions["help"].trigger()
+    assert window.findChild(HelpBook).list.currentItem().text().lower().startswith(mode)
+
+
+def test_a_search_leaves_the_pages_with_all_words_and_finds_the_first(qtbot, book):
+    qtbot.keyClicks(book.search, "horizon MERIDIAN")
+    assert [book.list.item(i).text() for i in range(book.list.count())] == ["Mount", NEWS]
+    assert book.browser.textCursor().selectedText().lower() == "horizon"
+    book.search.setText("qwxyz")
+    assert book.none.isVisible()
+    assert book.list.count() == 0
+
+
+def test_what_is_new_is_the_changelog(opened):
+    window, commands = opened
+    commands.actions["news"].trigger()
+    text = window.findChild(HelpBook).browser.toPlainText()
+    assert __version__.partition(".dev")[0].partition("+")[0] in text
+
+
+@pytest.mark.parametrize("page", pages()[:-1], ids=lambda page: page.title)
+def test_its_pictures_and_keys_are_those_of_the_program(page):
+    """The pictures are those that the scripts of the tests take."""
+    assert all((SCREENSHOTS / name).exists() for name in re.findall(r"!\[.*?\]\((.*?)\)", page.text))
+    keys = {key for spec in SPECS for key in spec.keys.split()} | {key for _, key, _ in VIEWS.values()}
+    keys |= {"F7", "Esc"}
+    named = re.findall(r"\b(?:Ctrl\+(?:Shift\+)?(?:\w+|,)|Alt\+\d|Shift\+F\d+|F\d{1,2})(?!\w)", page.text)
+    assert set(named) <= keys
+
+
+def test_its_pictures_are_shown_and_red_at_night(qtbot, opened):
+    window, commands = opened
+    commands.looks.use_theme("night")
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.actions["help"].trigger()
+    book = window.findChild(HelpBook)
+    picture = book.browser.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl("window.png"))
+    assert 0 < picture.width() <= book.browser.width()
+    assert_red(book)
+    commands.looks.use_theme("dark")
+
+
+def test_the_tour_is_four_cards_by_keyboard_once(qtbot, opened):
+    window, commands = opened
+    window.activateWindow()
+    commands.show_tour()
+    tour = window.findChild(Tour)
+    for at, (title, _) in enumerate(CARDS, 1):
+        assert (tour.title.text(), tour.count.text()) == (title, f"{at} of 4")
+        assert window.rect().contains(tour.geometry())
+        qtbot.keyClick(tour.next, Qt.Key.Key_Space)
+    qtbot.waitUntil(lambda: window.findChild(Tour) is None)
+    assert commands.settings.flag("toured", False)
+
+
+def test_escape_ends_the_tour(qtbot, opened):
+    window, commands = opened
+    commands.actions["tour"].trigger()
+    qtbot.keyClick(window.findChild(Tour).next, Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: window.findChild(Tour) is None)

@@ -1,0 +1,139 @@
+"""The Preferences: each is applied at once, kept for the next start, and reached by key and on the rail."""
+
+import pytest
+from PySide6.QtCore import QSettings, Qt
+
+from kochab.core.angle_text import AngleStyle
+from kochab.core.frame import Site
+from kochab.gear.profiles import current_profile, load_profile
+from kochab.window.settings import WindowSettings
+from kochab.window.shell.preferences import OFFLINE, Preferences
+from tests.window.mount_bench import connected
+
+
+@pytest.fixture(autouse=True)
+def own_profiles(tmp_path, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+
+
+@pytest.fixture
+def shown(qtbot, opened):
+    window, commands = opened
+    window.activateWindow()
+    qtbot.keyClick(window, Qt.Key.Key_Comma, Qt.KeyboardModifier.ControlModifier)
+    qtbot.waitUntil(lambda: window.findChild(Preferences) is not None)
+    yield window, commands, window.findChild(Preferences)
+    commands.looks.use_theme("dark", "normal")
+
+
+def choose(box, data):
+    box.setCurrentIndex(box.findData(data))
+    box.activated.emit(box.currentIndex())
+
+
+def type_in(qtbot, field, text):
+    field.clear()
+    qtbot.keyClicks(field, text)
+    qtbot.keyClick(field, Qt.Key.Key_Return)
+
+
+def test_settings_stands_on_the_rail(opened):
+    window, commands = opened
+    button = window.rail.widgetForAction(commands.actions["preferences"])
+    assert (button.text(), button.isVisible()) == ("Settings", True)
+    button.click()
+    assert window.findChild(Preferences).isVisible()
+    button.click()
+    assert len(window.findChildren(Preferences)) == 1
+
+
+def test_angles_theme_and_layers_are_applied_at_once_and_kept(qtbot, shown, tmp_path):
+    window, commands, dialog = shown
+    card = window.workspace.card
+    assert card.ra.text() == "05h 36m 12.00s"
+    choose(dialog.angles, AngleStyle.DECIMAL)
+    assert card.ra.text() == "84.05000°"
+    choose(dialog.theme, "night")
+    assert commands.looks.is_night
+    assert commands.actions["night"].isChecked()
+    choose(dialog.text, "large")
+    dialog.layers["grid"].click()
+    assert not commands.presenter.overlay.on["grid"]
+    commands.actions["detected"].trigger()  # by its own key, the box follows
+    assert dialog.layers["detected"].isChecked() == commands.presenter.overlay.on["detected"]
+    commands.settings.write()
+    again = WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
+    assert again.angle_style is AngleStyle.DECIMAL
+    assert (again.text("theme", ""), again.text("text_size", "")) == ("night", "large")
+    assert not again.flag("marks/grid", True)
+
+
+def test_a_new_profile_with_its_telescope_is_kept_and_stands_in_the_bar(qtbot, shown):
+    window, _, dialog = shown
+    assert not dialog.focal.isEnabled()
+    type_in(qtbot, dialog.profile.lineEdit(), "RedCat & 533")
+    assert window.bar.equipment.text() == "RedCat && 533"
+    type_in(qtbot, dialog.focal, "250")
+    type_in(qtbot, dialog.pixel, "3.76")
+    type_in(qtbot, dialog.site, "48.14, 11.58")
+    kept = load_profile("RedCat & 533")
+    assert (kept.focal_length_mm, kept.pixel_size_um, kept.site) == (250.0, 3.76, Site(48.14, 11.58))
+    assert dialog.scale.text() == "3.1″/px"
+    assert "250 mm" in window.bar.equipment.toolTip()
+    type_in(qtbot, dialog.focal, "long")
+    assert "focal length" in dialog.wrong.text()
+    assert load_profile("RedCat & 533") == kept
+
+
+def test_the_bar_chooses_among_profiles(opened):
+    window, commands = opened
+    for name in ("Newton", "RedCat"):
+        commands.equipment.choose(name)
+    menu = window.bar.equipment.menu()
+    menu.aboutToShow.emit()
+    offered = {action.text(): action for action in menu.actions() if action.isCheckable()}
+    assert list(offered) == ["No profile", "Newton", "RedCat"]
+    assert offered["RedCat"].isChecked()
+    offered["Newton"].trigger()
+    assert current_profile(commands.settings).name == "Newton"
+    assert window.bar.equipment.text() == "Newton"
+
+
+def test_a_connected_mount_keeps_its_profile(qtbot, opened):
+    """Another one's limits would be shown, and overwritten, while the guard holds these."""
+    window, commands = opened
+    commands.equipment.choose("Newton")
+    commands.equipment.choose("RedCat")
+    with connected(qtbot, commands):
+        commands.equipment.choose("Newton")
+        assert current_profile(commands.settings).name == "RedCat"
+        assert "Disconnect" in window.status.currentMessage()
+        window.bar.equipment.menu().aboutToShow.emit()
+        newton = next(a for a in window.bar.equipment.menu().actions() if a.text() == "Newton")
+        assert not newton.isEnabled()
+        commands.services.mount.disconnect_mount()
+        qtbot.waitUntil(lambda: not commands.equipment.locked)
+        commands.equipment.choose("Newton")
+        assert current_profile(commands.settings).name == "Newton"
+
+
+def test_images_are_looked_for_in_the_chosen_folder(shown, tmp_path, monkeypatch):
+    _, commands, dialog = shown
+    lights = tmp_path / "lights"
+    lights.mkdir()
+    monkeypatch.setattr("kochab.window.shell.preferences.ask_folder", lambda *_: lights)
+    dialog.choose.click()
+    asked = []
+    monkeypatch.setattr("kochab.window.shell.commands.ask_frames", lambda _, start, *rest: asked.append(start) or [])
+    commands.choose()
+    assert asked == [str(lights)]
+    dialog.fixed.click()
+    commands.choose()
+    assert asked[1] == str(tmp_path)  # of the file opened last
+
+
+def test_the_data_is_told_to_be_offline(qtbot, shown):
+    dialog = shown[2]
+    qtbot.waitUntil(lambda: "stars" in dialog.data.text())
+    assert OFFLINE in dialog.data.text()
+    assert "Small-field index" in dialog.data.text()

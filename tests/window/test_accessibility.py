@@ -1,0 +1,100 @@
+"""A whole solve by keyboard alone, and what a screen reader is told of every control, asked as it asks."""
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QAccessible, QGuiApplication
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QTabBar, QWidget
+
+from kochab.core.solution import Solution
+from kochab.window.shell.views import VIEWS
+
+CONTROLS = {
+    QAccessible.Role.Button,
+    QAccessible.Role.ButtonMenu,
+    QAccessible.Role.ButtonDropDown,
+    QAccessible.Role.CheckBox,
+    QAccessible.Role.RadioButton,
+    QAccessible.Role.ComboBox,
+    QAccessible.Role.EditableText,
+    QAccessible.Role.SpinBox,
+    QAccessible.Role.Slider,
+    QAccessible.Role.List,
+    QAccessible.Role.Table,
+    QAccessible.Role.Tree,
+    QAccessible.Role.PageTabList,
+    QAccessible.Role.ProgressBar,
+    QAccessible.Role.MenuItem,
+}
+
+
+def nameless(top):
+    """Controls in sight, or reached by Tab, that have no name as a screen reader asks for it."""
+    found = []
+    for widget in [top, *top.findChildren(QWidget)]:
+        own = widget.objectName().startswith("qt_") or widget.inherits("QScrollBar")
+        if own or not widget.isVisible() or (isinstance(widget, QTabBar) and not widget.count()):
+            continue
+        asked = QAccessible.queryAccessibleInterface(widget)
+        tab = widget.focusPolicy() & Qt.FocusPolicy.TabFocus and widget.isEnabled()
+        part = isinstance(widget.parent(), QComboBox | QAbstractSpinBox)
+        if (tab or asked.role() in CONTROLS) and not part and not asked.text(QAccessible.Text.Name).strip():
+            found.append((widget.metaObject().className(), widget.objectName(), asked.role().name))
+    return found
+
+
+def test_the_welcome_page_has_names(make_window, engine):
+    window, _ = make_window(engine)
+    assert not nameless(window)
+
+
+@pytest.mark.parametrize("mode", ["image", "details", *VIEWS])
+def test_every_control_of_a_mode_has_a_name(qtbot, opened, mode):
+    window, commands = opened
+    commands.views.show(mode)
+    if mode != "image":
+        qtbot.waitUntil(lambda: commands.views.docks[mode].view is not None)
+    assert not nameless(window)
+
+
+@pytest.mark.parametrize("name", ["preferences", "help", "keys", "about", "tour"])
+def test_every_control_of_a_dialog_has_a_name(opened, name):
+    window, commands = opened
+    commands.actions[name].trigger()
+    assert not nameless(window)
+    for tabs in (dialog.tabs for dialog in window.findChildren(QWidget) if dialog.inherits("Preferences")):
+        for index in range(tabs.count()):
+            tabs.setCurrentIndex(index)
+            assert not nameless(tabs)
+
+
+def press(window, key, modifier=Qt.KeyboardModifier.NoModifier):
+    QTest.keyClick(window.focusWidget() or window, key, modifier)
+
+
+def test_a_whole_solve_by_keyboard_alone(qtbot, make_window, engine, tmp_path):
+    (tmp_path / "sample.fits").touch()
+    window, commands = make_window(engine)
+    window.activateWindow()
+    qtbot.waitUntil(lambda: window.focusWidget() is window.welcome.first)
+    for _ in range(20):
+        if window.focusWidget() is window.welcome.samples[0]:
+            break
+        press(window, Qt.Key.Key_Tab)
+    with qtbot.waitSignal(commands.session.idle):
+        press(window, Qt.Key.Key_Space)
+    assert isinstance(commands.session.known.result, Solution)
+    card = QAccessible.queryAccessibleInterface(window.workspace.card)
+    qtbot.waitUntil(lambda: card.text(QAccessible.Text.Name) == "Upper Sword in Orion")
+    assert "24 stars matched" in card.text(QAccessible.Text.Description)
+    press(window, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier)
+    assert QGuiApplication.clipboard().text() == "05:36:12.00 -01:12:00.0"
+    press(window, Qt.Key.Key_2, Qt.KeyboardModifier.AltModifier)
+    press(window, Qt.Key.Key_Down)
+    assert commands.presenter.overlay.selected is not None
+    press(window, Qt.Key.Key_3, Qt.KeyboardModifier.AltModifier)
+    assert window.focusWidget() is window.workspace.hints.fov
+    qtbot.keyClicks(window.workspace.hints.fov, "12")
+    with qtbot.waitSignal(commands.session.idle):
+        press(window, Qt.Key.Key_F5)
+    assert engine.asked[-1].hint.scale_arcsec_px is not None
