@@ -77,8 +77,8 @@ def test_the_card_says_how_high_a_dated_frame_stood(qtbot, make_window, settings
     window, commands = make_window(FakeEngine(frame=replace(star_field(), hint=dated)))
     facts = window.workspace.card.facts
     commands.open(a_file)
-    qtbot.waitUntil(lambda: "az" in facts.text())
-    altitude, azimuth = map(float, re.search(r"Alt\s\+([\d.]+)°\s+az\s([\d.]+)°", facts.text()).groups())
+    qtbot.waitUntil(lambda: "Az" in facts.text())
+    altitude, azimuth = map(float, re.search(r"Alt\s\+([\d.]+)°\s+Az\s([\d.]+)°", facts.text()).groups())
     place = SkyCoord(84.05 * deg, -1.2 * deg)  # the fake engine's answer
     seen = place.transform_to(AltAz(obstime="2026-01-15 22:00", location=EarthLocation(11.58 * deg, 48.14 * deg)))
     assert altitude == pytest.approx(seen.alt.deg, abs=0.05)  # refraction: 0.02

@@ -12,6 +12,7 @@ from kochab.core.capture import CameraDevice, CaptureLimits
 from kochab.core.errors import LineLostError, PortError
 from kochab.core.frame import Frame, Hint
 from kochab.frames.fits_write import write_fits
+from kochab.gear.session import CameraSelection
 from kochab.window.live.camera_panel import CameraPanel
 from kochab.window.live.status_text import NOTHING
 from kochab.window.live.view import LiveView
@@ -69,6 +70,21 @@ def wait_drawn(qtbot, view, count=3):
 
 def wait_idle(qtbot, view):
     qtbot.waitUntil(lambda: view.stream is None and view._ending is None, timeout=15_000)
+
+
+def test_a_folder_without_an_address_is_one_sentence_and_live_starts_afterwards(qtbot, live, tmp_path):
+    """The window hung: an empty address is the folder of the program, with all below it."""
+    view, _ = live
+    view.camera.box.show_selection(CameraSelection("folder", ""))
+    view.start.click()
+    qtbot.waitUntil(lambda: "folder" in view.message.text().lower())
+    wait_idle(qtbot, view)
+    assert view.start.isVisible()
+    view.camera.box.show_selection(CameraSelection("folder", str(tmp_path)))
+    view.start.click()
+    qtbot.waitUntil(lambda: view.stream is not None)
+    view.end()
+    wait_idle(qtbot, view)
 
 
 # a camera that works --------------------------------------------------------------------------------

@@ -225,4 +225,4 @@ def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[st
 
     horizon = horizon_of(frame, site)
     altaz = "" if horizon is None else altaz_text(*horizon.altaz_deg(solution.centre_vector))
-    return name_of_field(solution), altaz.capitalize()
+    return name_of_field(solution), altaz.replace("a", "A")
