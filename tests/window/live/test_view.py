@@ -87,6 +87,18 @@ def test_a_folder_without_an_address_is_one_sentence_and_live_starts_afterwards(
     wait_idle(qtbot, view)
 
 
+def test_the_card_names_the_field_of_a_running_camera(qtbot, live):
+    """It went back to "Solved" with every frame, each of which had another solution by the time it had a name."""
+    view, commands = live
+    run(view, Stars())
+    title = commands.window.workspace.card.title
+    qtbot.waitUntil(lambda: title.text() == "Upper Sword in Orion")
+    commands.session.solved.emit(fake_solution(600, 400))
+    assert title.text() == "Upper Sword in Orion"
+    view.end()
+    wait_idle(qtbot, view)
+
+
 # a camera that works --------------------------------------------------------------------------------
 def test_the_simulated_sky_is_found_tracked_and_shown(qtbot, live):
     view, commands = live

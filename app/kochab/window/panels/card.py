@@ -58,10 +58,14 @@ class Card(QFrame):
         doing = {"read": "Reading", "display": "Preparing the image"}.get(progress.stage, "Solving")
         self._say(f"{doing}…", short_name(progress.detail or progress.stage, LONGEST))
 
-    def show_solution(self, solution: Solution) -> None:
-        """Show how many stars matched, and the probability of a chance match."""
+    def show_solution(self, solution: Solution, place: str = "") -> None:
+        """Show how many stars matched, and the probability of a chance match, under the ``place`` if that is known."""
         odds = angle_text.false_alarm_text(solution.log10_false_alarm)
-        self._say("Solved", f"{len(solution.stars)} stars matched (chance match: {odds})", "\n".join(solution.warnings))
+        self._say(
+            place or "Solved",
+            f"{len(solution.stars)} stars matched (chance match: {odds})",
+            "\n".join(solution.warnings),
+        )
         self.show_pointing(solution)
 
     def show_place(self, name: str, altaz: str) -> None:

@@ -14,7 +14,7 @@ from kochab.core.solution import NoSolution, Solution
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import RenderedFrame
-from kochab.window.session import Session
+from kochab.window.session import Known, Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.status import horizon_of, readout
@@ -27,6 +27,7 @@ class Presenter(QObject):
         super().__init__(window)
         self.window, self.session, self.settings = window, session, settings
         self.overlay = Overlay()
+        self._place = ""  # what the open frame, or a running camera's last one, shows
         self.style = settings.angle_style
         self.panes = panes = window.workspace
         panes.view.marks, self.overlay.covered = self.overlay.paint, panes.covered
@@ -86,6 +87,7 @@ class Presenter(QObject):
 
     def _begin(self, progress: Progress) -> None:
         """Clear what belongs to the frame before."""
+        self._place = ""
         self._clear_marks()
         self._hovered(None)
         self.panes.view.show_picture(None)
@@ -116,6 +118,7 @@ class Presenter(QObject):
         self.window.bar.show_idle(headline)
 
     def _solving(self) -> None:
+        self._place = ""
         self._clear_marks()
         self.panes.view.update()
         self._age_solution()
@@ -128,7 +131,7 @@ class Presenter(QObject):
     def _solved(self, solution: Solution) -> None:
         known = self.session.known
         self._show_marks(solution)
-        self.panes.card.show_solution(solution)
+        self.panes.card.show_solution(solution, self._place)
         self.panes.solution.show_solution(solution, known.last_good_from)
         self.panes.stars.set_stars(solution.stars)
         self.panes.view.update()
@@ -139,10 +142,11 @@ class Presenter(QObject):
         known = self.session.known
         if known.frame is not None and isinstance(known.result, Solution):
             job = self.session.jobs.run(_place(known.frame, known.result, self.settings.site), "place")
-            job.succeeded.connect(partial(self._placed, known.result))
+            job.succeeded.connect(partial(self._placed, known, known.result))
 
-    def _placed(self, solution: Solution, told: tuple[str, str]) -> None:
-        if self.session.known.result is solution:
+    def _placed(self, known: Known, solution: Solution, told: tuple[str, str]) -> None:
+        if self.session.known is known and (known.result is solution or self.session.streams):
+            self._place = told[0]
             self.panes.card.show_place(*told)
 
     def _unsolved(self, failure: NoSolution) -> None:
