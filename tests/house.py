@@ -49,6 +49,8 @@ ADDED = {
     "deep-sky objects of two sources with axes, outlines and boundaries": 450,
     "the Sun, the Moon and the planets": 352,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
+    "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
+    "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

@@ -280,7 +280,8 @@ def test_a_cropped_frame_among_whole_ones_spoils_the_measurement(night, capsys, 
     code, out, err = polar(capsys, files[0], str(cut), files[2], "--json", "--pressure", "1010")
     told = json.loads(out)
     assert (code, err) == (1, "")
-    assert [f["code"] for f in told["findings"] if f["spoils"]][:1] == ["two_cameras"]
+    assert [f["code"] for f in told["findings"] if f["spoils"]][:1] == ["cropped"]
+    assert told["findings"][0]["text"].startswith("cut.fits is cropped")
     # its middle is another place of the sky: what the axis is said to be is not far off all the same
     assert told["total_arcsec"] == pytest.approx(rig.truth().axis_error().total_arcsec, abs=120.0)
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kochab.core.camera import Camera
+from kochab.polar.axis_fit import fit_axis
 from kochab.polar.flexure import Droop
 from kochab.polar.horizon import Pole, Refraction, pole_direction
 from kochab.polar.live import LivePhase
@@ -105,7 +106,7 @@ def test_residuals_that_are_too_large_widen_the_live_error_too():
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
     live = LivePhase(found).update(quiet[-1])
     shared = live.error.covariance - live.frame_covariance
-    assert np.trace(found.error.covariance) > 20 * np.trace(found.fit.covariance)
+    assert np.trace(found.error.covariance) > 20 * np.trace(fit_axis(claimed, mount.pole).covariance)
     assert np.trace(shared) > 0.5 * np.trace(found.error.covariance)
     assert live.error.flexure_arcsec == found.error.flexure_arcsec
 
@@ -161,8 +162,9 @@ def test_the_ellipse_holds_an_axis_whose_frames_moved_all_the_time(what):
             seen[k] = replace(frame, matrix=matrix)
         found = measure_local(seen, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
         assert found.movement is None or not found.movement.explains
-        held.append(found.error.distance2(mount.axis) < 5.99)
-        offs.append(np.linalg.norm(found.error.axis - mount.axis) / ARCSEC)
+        axis = Rotation.from_rotvec(way * (what == "sinking")).apply(mount.axis)  # as it stands at the last frame
+        held.append(found.error.distance2(axis) < 5.99)
+        offs.append(np.linalg.norm(found.error.axis - axis) / ARCSEC)
     assert np.mean(held) > 0.8
     assert np.median(offs) < {"sinking": 30.0, "creep": 30.0, "wobble": 90.0}[what]
 
@@ -215,7 +217,9 @@ def test_two_cameras_are_no_measurement(second, spoilt):
     frames = [replace(f, camera=c) for f, c in zip(mount.see([0, 30, 60]), cameras, strict=True)]
     found = measure_local(frames, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
     assert found.spoilt is spoilt
-    assert ("frame 2 and frame 3 are of different cameras" in "".join(said(found, "TWO_CAMERAS"))) is spoilt
+    told = "".join(said(found, "TWO_CAMERAS")) + "".join(said(found, "CROPPED"))
+    words = "frame 3 is cropped" if second.height == 1000 else "frame 2 and frame 3 are of different cameras"
+    assert (words in told) is spoilt
 
 
 @pytest.mark.parametrize(("turn", "spoilt"), [(1.9, True), (2.1, False)])
@@ -239,7 +243,7 @@ def test_frames_that_nothing_explains_widen_the_ellipse():
     claimed = [type(a)(a.matrix, a.covariance / 900.0, a.time_utc, a.label) for a in shaken]
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
     assert PolarFindingKind.DISAGREE in kinds(found)
-    assert found.error.covariance[0, 0] > 20 * found.fit.covariance[0, 0]
+    assert found.error.covariance[0, 0] > 20 * fit_axis(claimed, mount.pole).covariance[0, 0]
 
 
 def test_small_residuals_beyond_noise_are_no_fault():
@@ -249,7 +253,7 @@ def test_small_residuals_beyond_noise_are_no_fault():
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
     assert PolarFindingKind.RESTLESS in kinds(found)
     assert not {PolarFindingKind.DISAGREE, PolarFindingKind.DEC_MOVED, PolarFindingKind.CAMERA_TURNED} & kinds(found)
-    assert found.error.covariance[0, 0] > 10 * found.fit.covariance[0, 0]
+    assert found.error.covariance[0, 0] > 10 * fit_axis(claimed, mount.pole).covariance[0, 0]
 
 
 def test_a_second_sweep_shows_flexure_or_frees_from_the_doubt():
@@ -479,7 +483,7 @@ def test_frames_that_scatter_tell_by_how_much():
         (text,) = said(found, kind)
         size = f"up to {worst:.0f}″" if worst < 99.5 else f"({worst / 60.0:.1f}′ apart)"
         assert size in text or f"({worst:.0f}″ apart)" in text
-        assert bool(worst < 10.0) is (kind == "RESTLESS")
+        assert bool(worst < 60.0) is (kind == "RESTLESS")
 
 
 @pytest.mark.parametrize(("droop", "word"), [(50.0, "sags"), (-50.0, "rises")])

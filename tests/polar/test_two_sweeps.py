@@ -121,8 +121,9 @@ def test_what_a_plan_foresees_is_what_the_sweeps_together_would_say(latitude, rh
     assert 10.0 <= new <= 130.0
     sigma = weighted_arcsec(Optics(), new, plan.path.turn_deg, 5) * ARCSEC
     axis = found.error.axis
-    first = [SweepResult(PolarError(axis, found.error.pole, s.error.covariance), s.rho_rad) for s in found.results]
-    second = SweepResult(PolarError(axis, found.error.pole, np.eye(2) * sigma**2 / 2.0), np.radians(new))
+    pole, creep = found.error.pole, found.error.creep
+    first = [SweepResult(PolarError(axis, pole, s.error.covariance, creep=creep), s.rho_rad) for s in found.results]
+    second = SweepResult(PolarError(axis, pole, np.eye(2) * sigma**2 / 2.0, creep=creep), np.radians(new))
     both = combine_sweeps([*first, second], found.before).error
     assert plan.foreseen_arcsec == pytest.approx(both.with_flexure.uncertainty_arcsec, rel=1e-3)
     assert plan.shows

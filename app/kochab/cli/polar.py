@@ -3,7 +3,8 @@
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Hint
 from kochab.core.solution import NoSolution
+from kochab.frames.hints import NO_ZONE
 from kochab.frames.outputs import refuse_overwriting
 from kochab.polar.error import altitude_in_words, azimuth_in_words, split_in_words, total_in_words
 from kochab.polar.horizon import Pole, Refraction, name_of
@@ -22,7 +24,8 @@ from kochab.polar.plan import more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
-from kochab.workflows.polar.sources import SolvedFile, sightings_of, site_of, solve_polar_file
+from kochab.workflows.polar.solutions import SOLVED, solved_before
+from kochab.workflows.polar.sources import SolvedFile, doubts_of, sightings_of, site_of, solve_polar_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +47,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
         " bolt by it), 2 unusable input.",
     )
-    parser.add_argument("files", nargs="+", metavar="FRAME", help="two frames or more, any order")
+    parser.add_argument(
+        "files", nargs="+", metavar="FRAME", help="two frames or more, any order; solved ones too: .wcs, .json"
+    )
     add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
     add_options(parser, "--profile", "--json")
     parser.add_argument(
@@ -64,6 +69,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--pressure", **valued("HPA", pressure, between(0.0, 1100.0, "hPa")))
     celsius = "air temperature, degrees Celsius (default: %(default)g)"
     parser.add_argument("--temperature", **valued("C", celsius, between(-90.0, 60.0, "deg C"), default=10.0))
+    ahead = "how far the frames' clock is ahead of UTC (default: 0, or the zone in EXIF); 0 says that it was UTC"
+    parser.add_argument("--utc-offset", **valued("HOURS", ahead, between(-14.0, 14.0, "h")))
     add_options(parser, "--fov", help="width of the frames in degrees")
     add_options(parser, "--timeout")
     parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
@@ -75,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     """Solve the frames, measure the axis, say it."""
     args.files, args.check = named(args.files), named(args.check)
     paths = [*args.files, *args.check]
-    if len(args.files) < 2:
+    if len(args.files) < 2 and not args.files[0].lower().endswith(".json"):
         raise UsageError("Polar alignment needs two frames or more.")
     if len(args.check) == 1:
         raise UsageError("A second sweep (--check) needs two frames or more as well.")
@@ -84,11 +91,13 @@ def run(args: argparse.Namespace) -> int:
         refuse_overwriting([page, page.with_suffix(".json")], paths, args.overwrite)
     scale = Hint(scale_arcsec_px=scale_range(args.scale), source="profile") if args.scale else None
     options = SolveOptions(hint=scale, fov_deg=args.fov, timeout_s=args.timeout)
-    tried = [_solve(path, options) for path in paths]
+    each = [(_solve(path, options), sweep) for sweep, names in enumerate((args.files, args.check)) for path in names]
+    tried = [one for found, _ in each for one in found]
     if bad := [one for one in tried if isinstance(one, UnusableFrame)]:
         return _fail(" ".join(about(one.path, one.reason) for one in bad), args.json, max(one.code for one in bad), bad)
-    files = [one for one in tried if isinstance(one, SolvedFile)]
-    sweeps = [0] * len(args.files) + [1] * len(args.check)
+    ahead = timedelta(hours=args.utc_offset or 0.0)
+    files = [replace(f, time_utc=f.time_utc and f.time_utc - ahead) for f in tried if isinstance(f, SolvedFile)]
+    sweeps = [sweep for found, sweep in each for _ in found]
     try:
         site, sightings = site_of(files, args.site), sightings_of(files, sweeps)
     except UsageError as error:
@@ -96,7 +105,12 @@ def run(args: argparse.Namespace) -> int:
     result = measure(sightings, MeasureSettings(site, Pole(args.pole), Refraction(args.pressure, args.temperature)))
     if isinstance(result, NoAxis):
         return _fail(result.sentence, args.json, 1)
-    doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings]
+    result = replace(
+        result,
+        findings=(*result.findings, *doubts_of(files, result, args.site is not None, args.utc_offset is not None)),
+    )
+    known = {NO_ZONE} if args.utc_offset is not None else set()
+    doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings if told not in known]
     print(json.dumps(as_json(result, doubts)) if args.json else as_text(result, doubts))
     if args.report is not None:
         history = History()
@@ -170,13 +184,20 @@ def _better(m: Measurement) -> list[str]:
     return lines
 
 
-def _solve(path: str, options: SolveOptions) -> "SolvedFile | UnusableFrame":
+def _solve(path: str, options: SolveOptions) -> "list[SolvedFile | UnusableFrame]":
     try:
-        file = with_progress(path, solve_polar_file(path, options))
+        if Path(path).suffix.lower() in SOLVED:
+            files = solved_before(path)
+        else:
+            files = [with_progress(path, solve_polar_file(path, options))]
     except FrameError as error:
-        return UnusableFrame(path, str(error), 2)
+        return [UnusableFrame(path, str(error), 2)]
+    return [_usable(file) for file in files]
+
+
+def _usable(file: SolvedFile) -> "SolvedFile | UnusableFrame":
     if isinstance(file.result, NoSolution):
-        return UnusableFrame(path, f"no solution: {file.result.reason}. {file.result.advice}", 1)
+        return UnusableFrame(file.path, f"no solution: {file.result.reason}. {file.result.advice}".rstrip(), 1)
     return file
 
 

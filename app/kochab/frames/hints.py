@@ -282,6 +282,7 @@ def _text(values: Keywords, names: tuple[str, ...]) -> str:
 
 # -- EXIF: focal length and sensor to scale, clock to UTC, satellite fix to site ----------------
 
+NO_ZONE = "The image has no time zone; its time is taken as UTC."
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FULL_FRAME_DIAGONAL_MM = 43.2666
 _SPREAD_FROM_35MM = 0.2
@@ -377,7 +378,7 @@ def _exif_time(
     if satellite:
         return satellite + half, ()
     if text and (guess := aware_utc(iso)):
-        return guess + half, ("The image has no time zone; its time is taken as UTC.",)
+        return guess + half, (NO_ZONE,)
     return None, ()
 
 

@@ -6,7 +6,7 @@ attitude in that camera's own axes, weighted with the inverse of its covariance,
 Three equations a frame leave 2 N - 4 degrees of freedom: none for two frames.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -220,35 +220,31 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
     """The movement that best explains a poor fit of three or more frames; None when none does."""
     if len(attitudes) < 3 or fit.chance > UNLIKELY:
         return None
-    suppositions = [
-        _suppose(attitudes, fit, towards, what, after)
-        for after in range(len(attitudes) - 1)
-        for what in ("declination", "camera")
-    ]
+    suppositions = _suppositions(attitudes, fit, towards)
     best = min(suppositions, key=lambda m: m.fit.chi2)
     explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
     if not explained or abs(best.angle_arcsec) <= max(3.0 * best.sigma_arcsec, LEAST_ARCSEC):
         return None
-    slow = _gradual(attitudes, fit)
-    evidence = np.array(
-        [*(_evidence_of(m) - np.log(len(suppositions)) for m in suppositions), *(g.evidence for g in slow)]
-    )
-    odds = np.exp(evidence - evidence.max())
-    odds /= odds.sum()
-    axes = [*(m.fit.axis for m in suppositions), *(g.axis for g in slow)]
-    apart = np.stack([_apart(best.fit, axis) for axis in axes])
-    doubt = np.einsum("k,ki,kj->ij", odds, apart, apart)
-    likely = bool(odds[: len(suppositions)].sum() > SUDDEN)
-    return replace(best, fit=_widened(best.fit, doubt), likely=likely)
+    models = [*_sudden(suppositions), *_gradual(attitudes, fit)]
+    likely = bool(_odds(models)[: len(suppositions)].sum() > SUDDEN)
+    return replace(best, fit=_widened(best.fit, _about(best.fit, models)), likely=likely)
+
+
+def _suppositions(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> list[Movement]:
+    gaps, kinds = range(len(attitudes) - 1), ("declination", "camera")
+    return [_suppose(attitudes, fit, towards, what, after) for after in gaps for what in kinds]
 
 
 # -- What moves all the time: a tripod that sinks, a camera that creeps, a bearing that wobbles ----
-# The first two are a rotation that grows with time, in E, N, U or in the camera, three numbers with a prior.
-# The axis that each gives is weighed by its evidence (the likelihood, integrated over its numbers).
+# The first two are a rotation that grows with time, in E, N, U or in the camera, three numbers with a prior; the
+# axis is the one at the last frame. The axis that each gives is weighed by its evidence (the likelihood, integrated
+# over its numbers) and by how common it is. What the frames cannot tell from a still mount keeps that weight.
 
-GRADUAL_SIGMA = 60.0 * ARCSEC
-SUDDEN_SIGMA = 1800.0 * ARCSEC
+GRADUAL_SIGMA, WOBBLE_SIGMA = 60.0 * ARCSEC, 30.0 * ARCSEC
+SMALL_ARCSEC, SIZES = 60.0, 4.0
 SCATTERS_ARCSEC = (10.0, 30.0, 90.0)
+WOBBLES = (2, 4)  # times a turn; once a turn is no wobble, but where camera or axis stands
+STILL, GROWS, WOBBLES_SO, SCATTERS = 0.4, 0.18, 0.1, 0.015  # how common: nothing, each that grows, wobbles, scatters
 SUDDEN = 0.5  # a sudden movement must be so probable for its fit to be used
 
 
@@ -261,38 +257,75 @@ class Gradual:
     evidence: float
 
 
-def doubted(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> AxisFit:
-    """The fit of frames that share no axis, its axis and ellipse those of what may have moved all the time."""
-    slow = _gradual(attitudes, fit)
-    odds = np.exp(np.array([g.evidence for g in slow]) - max(g.evidence for g in slow))
-    odds /= odds.sum()
-    mean = np.einsum("k,ki->i", odds, np.stack([g.axis for g in slow]))
-    mean /= np.linalg.norm(mean)
-    moved = replace(fit, axis=mean)
-    apart = np.stack([_apart(moved, g.axis) for g in slow])
-    within = np.einsum("k,kij->ij", odds, np.stack([g.covariance for g in slow]))
-    return _widened(moved, np.einsum("k,ki,kj->ij", odds, apart, apart) + within)
+def doubted(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> AxisFit:
+    """The fit of frames that share no axis, its axis and ellipse those of whatever may have moved."""
+    models = [*_gradual(attitudes, fit), *_sudden(_suppositions(attitudes, fit, towards))]
+    mean = np.einsum("k,ki->i", _odds(models), np.stack([g.axis for g in models]))
+    moved = replace(fit, axis=mean / np.linalg.norm(mean))
+    return _widened(moved, _about(moved, models))
+
+
+def _sudden(suppositions: Sequence[Movement]) -> list["Gradual"]:
+    """Sudden movements among the models, together as common as one that grows."""
+    common = np.log(GROWS / len(suppositions))
+    found = []
+    for m in suppositions:  # as common at every size, from about an arcminute to degrees
+        known = np.isfinite(m.sigma_arcsec)  # chi-square has a smallest value there
+        prior = np.log(m.sigma_arcsec / (SIZES * (abs(m.angle_arcsec) + SMALL_ARCSEC))) if known else -np.inf
+        found.append(Gradual(m.fit.axis, m.fit.covariance, float(prior + common) - 0.5 * m.fit.chi2))
+    return found
+
+
+def unseen_creep(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> Floats:
+    """Covariance (2, 2), rad^2, that comes on top where frames share an axis but can't show whether it moved."""
+    still = Gradual(fit.axis, fit.covariance, -0.5 * fit.chi2 + float(np.log(STILL)))
+    return _about(fit, [*_gradual(attitudes, fit), still]) - fit.covariance
+
+
+def _odds(models: Sequence[Gradual]) -> Floats:
+    odds = np.exp(np.array([g.evidence for g in models]) - max(g.evidence for g in models))
+    return np.asarray(odds / odds.sum())
+
+
+def _about(fit: AxisFit, models: Sequence[Gradual]) -> Floats:
+    """The second moment (2, 2) of what the models say of the axis, about the fit's own."""
+    apart = np.stack([_apart(fit, g.axis) for g in models])
+    each = np.einsum("ki,kj->kij", apart, apart) + np.stack([g.covariance for g in models])
+    return np.asarray(np.einsum("k,kij->ij", _odds(models), each))
 
 
 def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
     measured = np.stack([a.matrix for a in attitudes])
     whiten = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in attitudes])
     residual, jacobian = _linear(fit.axis, fit.turns_rad, fit.reference, measured, whiten)
-    since = np.array([(a.time_utc - attitudes[0].time_utc).total_seconds() for a in attitudes])
-    share = (since if np.ptp(since) > 0.0 else np.arange(len(since))) / max(float(np.ptp(since)), 1.0)
     upward, clockwise = tangents(fit.axis)
     _, before = np.linalg.slogdet(jacobian.T @ jacobian)
     found = []
-    for into_camera in (np.swapaxes(measured, 1, 2), np.broadcast_to(np.eye(3), measured.shape)):
-        slopes = (whiten @ into_camera * share[:, None, None]).reshape(-1, 3) * GRADUAL_SIGMA
-        rows = np.block([[jacobian, slopes], [np.zeros((3, jacobian.shape[1])), np.eye(3)]])
-        aim = -np.append(residual.ravel(), np.zeros(3))
+    for common, slopes in _slopes(attitudes, fit, measured):
+        count = slopes.shape[-1]
+        rows = np.block(
+            [[jacobian, (whiten @ slopes).reshape(-1, count)], [np.zeros((count, len(jacobian.T))), np.eye(count)]]
+        )
+        aim = -np.append(residual.ravel(), np.zeros(count))
         step = np.asarray(np.linalg.lstsq(rows, aim, rcond=None)[0], dtype=np.float64)
         _, after = np.linalg.slogdet(rows.T @ rows)
         axis = fit.axis + step[0] * upward + step[1] * clockwise
-        evidence = -0.5 * (float(np.sum(np.square(rows @ step - aim))) + after - before)
+        evidence = -0.5 * (float(np.sum(np.square(rows @ step - aim))) + after - before) + np.log(common)
         found.append(Gradual(axis / np.linalg.norm(axis), np.linalg.inv(rows.T @ rows)[:2, :2], evidence))
     return [*found, *(_scattered(attitudes, fit, whiten, before, scatter * ARCSEC) for scatter in SCATTERS_ARCSEC)]
+
+
+def _slopes(attitudes: Sequence[LocalAttitude], fit: AxisFit, measured: Floats) -> Iterator[tuple[float, Floats]]:
+    """How common each way is, and how its numbers turn each camera about its own axes (N, 3, M), for one sigma."""
+    since = np.array([(a.time_utc - attitudes[0].time_utc).total_seconds() for a in attitudes])
+    since = since if np.ptp(since) > 0.0 else np.arange(len(since), dtype=np.float64)
+    share = ((since - since.max()) / np.ptp(since))[:, None, None]
+    into_camera = np.swapaxes(measured, 1, 2)
+    yield GROWS, GRADUAL_SIGMA * share * into_camera
+    yield GROWS, GRADUAL_SIGMA * share * np.eye(3)
+    across = np.stack(tangents(fit.axis), axis=1)
+    for times in WOBBLES:
+        yield WOBBLES_SO, WOBBLE_SIGMA * into_camera @ about_each(fit.axis, times * fit.turns_rad) @ across
 
 
 def _scattered(
@@ -306,11 +339,8 @@ def _scattered(
     _, jacobian = _linear(found.axis, found.turns_rad, found.reference, measured, less)
     _, after = np.linalg.slogdet(jacobian.T @ jacobian)
     spread = 2.0 * float(np.sum(np.linalg.slogdet(whiten)[1] - np.linalg.slogdet(less)[1]))
-    return Gradual(found.axis, found.covariance, -0.5 * (found.chi2 + after - before + spread))
-
-
-def _evidence_of(movement: Movement) -> float:
-    return -0.5 * movement.fit.chi2 + float(np.log(movement.sigma_arcsec * ARCSEC / SUDDEN_SIGMA))
+    evidence = -0.5 * (found.chi2 + after - before + spread) + np.log(SCATTERS)
+    return Gradual(found.axis, found.covariance, evidence)
 
 
 def _apart(fit: AxisFit, axis: Floats) -> Floats:

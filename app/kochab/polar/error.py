@@ -28,13 +28,15 @@ class PolarError:
     ``covariance`` (2, 2), rad^2, is of the axis along (altitude, azimuth on the sky), from the
     frames' own errors. Altitude is positive when the axis is too high, azimuth when it stands too
     far clockwise, seen from above. ``flexure`` (2, 2), rad^2, comes on top: what the frames could
-    not show, such as a tube that sags. Whatever is shown after a ± is of :attr:`with_flexure`.
+    not show, such as a tube that sags; ``creep`` (2, 2), rad^2, is of what may have moved meanwhile without showing.
+    Whatever is shown after a ± is of :attr:`with_flexure`.
     """
 
     axis: Floats
     pole: Floats
     covariance: Floats
     flexure: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+    creep: Floats = field(default_factory=lambda: np.zeros((2, 2)))
 
     @property
     def altitude_arcsec(self) -> float:
@@ -87,14 +89,19 @@ class PolarError:
         return float(alt), float(az)
 
     @property
+    def creep_total_arcsec(self) -> float:
+        """Root mean square distance by creep, both directions."""
+        return float(np.sqrt(np.trace(self.creep))) / ARCSEC
+
+    @property
     def flexure_total_arcsec(self) -> float:
         """Root mean square distance by flexure, both directions."""
         return float(np.hypot(*self.flexure_arcsec))
 
     @property
     def with_flexure(self) -> "PolarError":
-        """The same with flexure added to its covariance."""
-        return PolarError(self.axis, self.pole, self.covariance + self.flexure)
+        """The same with flexure and creep added to its covariance."""
+        return PolarError(self.axis, self.pole, self.covariance + self.flexure + self.creep)
 
     @property
     def sigma_total_arcsec(self) -> float:
@@ -108,7 +115,7 @@ class PolarError:
 
     @property
     def flexure_along_arcsec(self) -> float:
-        """The share of flexure in ``with_flexure.sigma_total_arcsec``."""
+        """The share of flexure and creep in ``with_flexure.sigma_total_arcsec``."""
         both, noise = self.with_flexure.sigma_total_arcsec, self.sigma_total_arcsec
         return float(np.sqrt(max(both**2 - noise**2, 0.0)))
 

@@ -22,10 +22,11 @@ from kochab.polar.axis_fit import chance_of
 from kochab.polar.error import PolarError
 from kochab.polar.rotations import ARCSEC, tangents
 
-TUBE_ARCSEC = 30.0
-"""One sigma of the droop before anything is known; a 9 inch Schmidt-Cassegrain's guide scope was
-seen to sag by 32 arcsec in 85 minutes (astronomy.mdodd.com/flexure.html)."""
+TUBE_ARCSEC = 50.0
+"""One sigma of the droop before anything is known, so that 120 is inside 95 %; a 9 inch Schmidt-Cassegrain's guide
+scope was seen to sag by 32 arcsec in 85 minutes (astronomy.mdodd.com/flexure.html)."""
 
+CREEPS = 0.6  # of all sweeps, as the priors of :mod:`kochab.polar.axis_fit` have it
 REST_ARCSEC = 10.0  # one sigma of each element of what else gives way
 
 
@@ -111,9 +112,24 @@ def combine_sweeps(sweeps: Sequence[SweepResult], before: Droop = UNKNOWN) -> Co
     axis /= np.linalg.norm(axis)
     flexure = inverse[:2, :2] - noise + rest_covariance(axis)
     widen = max(1.0, chi2 / freedom) if freedom else 1.0
-    error = PolarError(axis, pole, np.asarray(noise) * widen, flexure)
+    creep = sum(g[:2] @ s.error.creep @ g[:2].T for g, s in zip(gains, sweeps, strict=True))
+    creep = np.asarray(creep) * _creeping(sweeps, rows, seen, before)
+    error = PolarError(axis, pole, np.asarray(noise) * widen, flexure, creep)
     droop = Droop(float(found[2]) / ARCSEC, float(np.sqrt(inverse[2, 2])) / ARCSEC)
     return CombinedSweeps(error, droop, chi2, freedom)
+
+
+def _creeping(sweeps: Sequence[SweepResult], rows: Floats, seen: Floats, before: Droop) -> float:
+    """How probable creep is by how far the sweeps are apart (K, 2), against a single one, which can't tell: 1."""
+    evidence, known = [], np.array([0.0, 0.0, (before.sigma_arcsec * ARCSEC) ** -2])
+    for share in (0.0, 1.0 / CREEPS):  # nothing crept, or all sweeps did
+        weights = np.stack([np.linalg.inv(s.error.covariance + s.error.creep * share) for s in sweeps])
+        normal = np.einsum("kji,kjl,klm->im", rows, weights, rows) + np.diag(known)
+        aim = np.einsum("kji,kjl,kl->i", rows, weights, seen) + known * before.arcsec * ARCSEC
+        chi2 = np.einsum("ki,kij,kj->", seen, weights, seen) - aim @ np.linalg.solve(normal, aim)
+        evidence.append(-0.5 * (chi2 + np.linalg.slogdet(normal)[1] - np.linalg.slogdet(weights)[1].sum()))
+    odds = CREEPS * np.exp(min(evidence[1] - evidence[0], 50.0))
+    return float(odds / (odds + 1.0 - CREEPS)) / CREEPS
 
 
 def _row(altitude_lever: float) -> Floats:

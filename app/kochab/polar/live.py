@@ -11,7 +11,7 @@ dropped where the attitude alone puts theta more than three sigmas away.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -154,7 +154,7 @@ class LivePhase:
         lever = seen @ cross_matrix(self._camera_axis)
         frame = np.asarray(lever @ covariance @ lever.T)
         total = frame + seen @ self._camera_covariance @ seen.T
-        error = PolarError(axis, self._start.pole, total, self._start.flexure)
+        error = PolarError(axis, self._start.pole, total, self._start.flexure, self._start.creep)
         moved = float(np.degrees(np.linalg.norm(axis - self._start.axis)))
         return LiveError(error, frame, now, theta, prior, moved, tuple(self._findings(error, moved, theta, now)))
 
@@ -295,7 +295,7 @@ class Steady:
         axis = np.mean([live.error.axis for live in self._kept], axis=0)
         shared = last.error.covariance - last.frame_covariance
         covariance = shared + last.frame_covariance / count
-        return PolarError(axis / np.linalg.norm(axis), last.error.pole, covariance, last.error.flexure)
+        return replace(last.error, axis=axis / np.linalg.norm(axis), covariance=covariance)
 
     def _jumped(self, live: LiveError) -> bool:
         mean = self._mean()

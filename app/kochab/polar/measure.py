@@ -12,12 +12,12 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
-from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, doubted, find_movement, fit_axis
-from kochab.polar.error import PolarError, angle_in_words
+from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, doubted, find_movement, fit_axis, unseen_creep
+from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction
-from kochab.polar.one_camera import same_optics, with_one_camera
-from kochab.polar.rotations import ARCSEC, rotation_vector
+from kochab.polar.one_camera import cropped, same_optics, with_one_camera
+from kochab.polar.rotations import ARCSEC, about, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 
 
@@ -42,7 +42,10 @@ class PolarFindingKind(StrEnum):
     DONE = "error below its uncertainty"
     REMEASURE = "measure again"
     TWO_CAMERAS = "two cameras"
+    CROPPED = "cropped among whole frames"
     NIGHTS = "different nights"
+    CLOCK = "time zone or clock"
+    LONGITUDE_SIGN = "longitude without a sign"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,7 @@ FAR_DEG = 10.0
 NIGHT_HOURS = 8.0
 EQUATOR_DEG, POLES_APART_ARCSEC = 15.0, 60.0
 FLEXURE_ARCSEC = 30.0  # what a sweep cannot see of flexure, and what small mounts commonly have
-SCATTER_ARCSEC = 10.0  # residuals below this are no fault, only larger than the frames' own errors
+SCATTER_ARCSEC = 60.0  # residuals below this are no fault, only larger than the frames' own errors
 HARDLY = 0.8  # a droop whose sigma is still above this share of the usual one has not been measured
 
 FLEXURE_KINDS = (PolarFindingKind.FLEXURE_NOT_MEASURED, PolarFindingKind.FLEXURE, PolarFindingKind.DROOP)
@@ -102,10 +105,18 @@ def _one_night(sweeps: Sequence[Sequence[LocalAttitude]]) -> Iterator[PolarFindi
                 text = f"{names} are {hours:.0f} h apart. Use frames of one night, and leave the tripod alone."
                 yield PolarFinding(PolarFindingKind.NIGHTS, text, spoils=True)
                 return
-            if one.camera is not None and other.camera is not None and not same_optics(one.camera, other.camera):
-                text = f"{names} are of different cameras or focal lengths. Use frames of one."
-                yield PolarFinding(PolarFindingKind.TWO_CAMERAS, text, spoils=True)
+            if one.camera is None or other.camera is None or same_optics(one.camera, other.camera):
+                continue
+            if cropped(one.camera, other.camera):
+                small = min(
+                    (one, other), key=lambda frame: frame.camera.width * frame.camera.height if frame.camera else 0
+                )
+                text = f"{small.label or 'A frame'} is cropped, the others are larger. Use frames that are all whole."
+                yield PolarFinding(PolarFindingKind.CROPPED, text, spoils=True)
                 return
+            text = f"{names} are of different cameras or focal lengths. Use frames of one."
+            yield PolarFinding(PolarFindingKind.TWO_CAMERAS, text, spoils=True)
+            return
 
 
 def _place_and_time(lowest: LocalAttitude, error: PolarError) -> Iterator[PolarFinding]:
@@ -278,6 +289,13 @@ class Measurement:
         """Whether no bolt is to be turned after it."""
         return any(finding.spoils for finding in self.findings)
 
+    def astray_arcsec(self, sky_deg: float) -> float:
+        """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 within its ellipse."""
+        pole = pole_direction(self.settings.site, Pole.TRUE)
+        axis = about(pole, np.radians(sky_deg)) @ self.error.axis
+        inside = self.error.with_flexure.distance2(axis) <= CHI2_95
+        return 0.0 if inside else angle_between(axis, self.error.axis) / ARCSEC
+
     @property
     def turn_deg(self) -> float:
         """How far the axis turned from the first to the furthest frame."""
@@ -324,8 +342,9 @@ def measure_local(
     fits = [fit_axis(sweep, towards) for sweep in sweeps]
     movements = [find_movement(s, f, towards) for s, f in zip(sweeps, fits, strict=True)]
     movement = next((m for m in movements if m is not None), None)
-    fits = [_used(*each) for each in zip(sweeps, fits, movements, strict=True)]
-    results = [SweepResult(_error(fit, towards), _rho_rad(fit)) for fit in fits]
+    used = [_used(*each, towards) for each in zip(sweeps, fits, movements, strict=True)]
+    results = [SweepResult(replace(_error(fit, towards), creep=creep), _rho_rad(fit)) for fit, creep in used]
+    fits = [fit for fit, _ in used]
     combined = combine_sweeps(results, before)
     return Measurement(
         error=combined.error,
@@ -343,11 +362,15 @@ def measure_local(
     )
 
 
-def _used(sweep: Sequence[LocalAttitude], fit: AxisFit, movement: Movement | None) -> AxisFit:
-    """The fit to go by: one that knows what moved, where frames share no axis."""
+def _used(
+    sweep: Sequence[LocalAttitude], fit: AxisFit, movement: Movement | None, towards: Floats
+) -> tuple[AxisFit, Floats]:
+    """The fit to go by, one that knows what moved where frames share no axis, and creep (2, 2) that doesn't show."""
     if movement is not None and movement.explains:
-        return movement.fit
-    return doubted(sweep, fit) if fit.chance < UNLIKELY else fit
+        return movement.fit, np.zeros((2, 2))
+    if fit.chance < UNLIKELY:
+        return doubted(sweep, fit, towards), np.zeros((2, 2))
+    return fit, unseen_creep(sweep, fit)
 
 
 def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:
@@ -369,8 +392,9 @@ def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
 
 
 def _error(fit: AxisFit, pole: Floats) -> PolarError:
-    """The error of one fit; residuals too large for noise widen its covariance."""
-    return PolarError(fit.axis, pole, fit.covariance * (fit.chi2 / fit.freedom if fit.chance < TOO_LARGE else 1.0))
+    """The error of one fit; residuals too large for noise widen its covariance, where what moved has not done so."""
+    wider = UNLIKELY <= fit.chance < TOO_LARGE
+    return PolarError(fit.axis, pole, fit.covariance * (fit.chi2 / fit.freedom if wider else 1.0))
 
 
 def _rho_rad(fit: AxisFit) -> float:

@@ -20,6 +20,7 @@ from kochab.polar.sighting import LocalAttitude, covariance_of, in_plain_axes, p
 
 ROUNDS = 2
 SAME_SCALE = 0.01  # refraction changes a low frame's scale by a tenth of that
+CUT_SCALE = 0.03  # distortion makes the middle of a cut-out look longer or shorter by that
 LOWEST = np.sin(np.radians(10.0))  # below, two terms of refraction are arcseconds off
 FEWEST = 6
 
@@ -62,6 +63,13 @@ def same_optics(camera: Camera, other: Camera) -> bool:
     one, two = (c.width / plain_focal_px(c) for c in (camera, other))
     shapes_alike = abs(other.width * camera.height / (other.height * camera.width) - 1.0) < SAME_SCALE
     return camera.mirrored == other.mirrored and shapes_alike and abs(two / one - 1.0) < SAME_SCALE
+
+
+def cropped(camera: Camera, other: Camera) -> bool:
+    """Whether two frames of different size are as large on the sky a pixel, so that one may be cut out of the other."""
+    sizes_differ = (other.width, other.height) != (camera.width, camera.height)
+    alike = abs(plain_focal_px(other) / plain_focal_px(camera) - 1.0) < CUT_SCALE
+    return sizes_differ and alike and camera.mirrored == other.mirrored
 
 
 def _high(stars: Matches) -> Matches:

@@ -196,7 +196,7 @@ def _foreseen(
 ) -> SecondSweep:
     new = m.rho_deg + move
     sigma = weighted_arcsec(optics, new, path.turn_deg, frames) * ARCSEC
-    error = PolarError(m.error.axis, m.error.pole, np.eye(2) * sigma**2 / 2.0)
+    error = PolarError(m.error.axis, m.error.pole, np.eye(2) * sigma**2 / 2.0, creep=m.results[-1].error.creep)
     # As if all sweeps had found one axis: only their errors count for a plan.
     agreeing = (SweepResult(replace(error, covariance=s.error.covariance), s.rho_rad) for s in m.results)
     both = combine_sweeps((*agreeing, SweepResult(error, np.radians(new))), m.before)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import angle_between
-from kochab.lab.bench import polar, polar_frames, polar_rig
+from kochab.lab.bench import polar, polar_frames, polar_moved, polar_rig
 from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.rotations import ARCSEC
@@ -89,6 +89,7 @@ def test_it_runs_and_reports(monkeypatch):
     monkeypatch.setattr(polar_rig, "PLACES", 4)
     monkeypatch.setattr(bench, "WORN_QUICK", (2, 1))
     monkeypatch.setattr(polar_frames, "QUICK", 1)
+    monkeypatch.setattr(polar_moved, "QUICK", 1)
     monkeypatch.setattr(polar_frames, "FIELDS_DEG", (8.0, 15.0))
     said = []
     result = bench.run(True, said.append)
@@ -97,9 +98,11 @@ def test_it_runs_and_reports(monkeypatch):
     kinds = {r["kind"] for r in result.rows}
     rendered = {kind for kind in kinds if kind.startswith("rendered: ")}
     assert {"rendered: 8 deg", "rendered: 15 deg"} < rendered
-    assert kinds - rendered == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
-    assert len(result.goals) == 16
-    assert len(said) == 6
+    moved = {f"gives way: {fault}" for fault in polar_moved.FAULTS}
+    assert kinds - rendered - moved == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
+    assert moved < kinds
+    assert len(result.goals) == 23
+    assert len(said) == 7
 
 
 def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():

@@ -1,11 +1,12 @@
 """Solved frames for polar alignment, and waiting until they show a mount at rest."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,7 +17,10 @@ from kochab.core.frame import Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
-from kochab.polar.measure import MeasureSettings
+from kochab.frames.hints import NO_ZONE, aware_utc
+from kochab.polar.error import angle_in_words
+from kochab.polar.horizon import Horizon
+from kochab.polar.measure import Measurement, MeasureSettings, PolarFinding, PolarFindingKind
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
@@ -26,6 +30,7 @@ from kochab.workflows.solve_frame import solve_file, solve_open_frame
 NEAR_DEG = 20.0
 SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
+UNSIGNED = ("LONG-OBS", "OBSLONG", "LONGITUD", "OBS-LONG", "LONG", "GEOLON")
 
 APART_DEG = 12.0  # one sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination
 
@@ -39,20 +44,72 @@ class SightingSource(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedFile:
-    """A frame's file, its time and site, and its solution."""
+    """A frame's file, its time and site, and its solution; ``unsigned`` is a longitude that may be west."""
 
     path: str
     result: Solution | NoSolution
     time_utc: datetime | None
     site: Site | None
     warnings: tuple[str, ...] = ()
+    unsigned: str = ""
 
 
 def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile]:
     """Solve one file and keep what polar alignment needs of it."""
     solved = yield from solve_file(path, options)
     hint = solved.frame.hint
-    return SolvedFile(str(path), solved.result, hint.time_utc, hint.site, solved.frame.warnings)
+    time_utc = hint.time_utc or sharpcap_time(Path(path))
+    return SolvedFile(
+        str(path), solved.result, time_utc, hint.site, solved.frame.warnings, unsigned_longitude(solved.frame.header)
+    )
+
+
+def sharpcap_time(path: Path) -> datetime | None:
+    """When a picture was taken, of what SharpCap 3 wrote beside it: ``NAME.CameraSettings.txt`` with ``TimeStamp=``."""
+    try:
+        text = path.with_name(f"{path.stem}.CameraSettings.txt").read_text("utf-8-sig")
+    except (OSError, ValueError):
+        return None
+    stamp = re.search(r"^TimeStamp=(\S+)", text, re.MULTILINE)
+    return aware_utc(stamp[1]) if stamp else None
+
+
+def unsigned_longitude(header: Mapping[str, Any]) -> str:
+    """The keyword of a positive longitude that may as well be meant west; FITS' own OBSGEO-L is east."""
+    if "SITELONG" in header or "OBSGEO-L" in header:
+        return ""
+    told = ((name, str(header[name]).strip()) for name in UNSIGNED if name in header)
+    return next(
+        (f"{name} {text}" for name, text in told if re.fullmatch(r"\d[\d\s:.]*", text) and text.strip("0:. ")), ""
+    )
+
+
+def doubts_of(
+    files: Sequence[SolvedFile], found: Measurement, site_given: bool, zone_given: bool
+) -> list[PolarFinding]:
+    """What the frames' headers may mean otherwise, and would move the axis past its ellipse."""
+    doubts = []
+    unsigned = "" if site_given else next((file.unsigned for file in files if file.unsigned), "")
+    site = found.settings.site
+    west = replace(site, longitude_deg=-site.longitude_deg)
+    if unsigned and found.astray_arcsec(2.0 * site.longitude_deg) and _up_at(files, west):
+        text = f"The longitude in the header, {unsigned}, has no sign. Say whether it is east or west: --site."
+        doubts.append(PolarFinding(PolarFindingKind.LONGITUDE_SIGN, text, spoils=True))
+    astray = 0.0 if zone_given else max(found.astray_arcsec(hour * 3600.0 * SIDEREAL_DEG_S) for hour in (-1.0, 1.0))
+    if astray:
+        unknown = any(NO_ZONE in file.warnings for file in files)
+        says = (
+            "The images have no time zone" if unknown else f"The frames' clock is taken as UTC ({found.time_utc:%H:%M})"
+        )
+        text = f"{says}. An hour wrong would move the axis by {angle_in_words(astray)}: give --utc-offset, 0 for UTC."
+        doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
+    return doubts
+
+
+def _up_at(files: Sequence[SolvedFile], site: Site) -> bool:
+    """Whether all frames look at the sky, and not at the ground, from there."""
+    solved = [(f.result, f.time_utc) for f in files if isinstance(f.result, Solution) and f.time_utc is not None]
+    return all(Horizon(site, time).altaz_deg(result.centre_vector)[0] > 0.0 for result, time in solved)
 
 
 def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sighting]:

@@ -1,0 +1,198 @@
+"""Solutions that were written before give the axis that their pictures gave; what headers leave open is told."""
+
+import json
+import re
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from astropy.io import fits
+from astropy.wcs import WCS
+from scipy.spatial.transform import Rotation
+
+from kochab.cli.main import main
+from kochab.cli.output import as_json
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
+from kochab.core.errors import FrameError
+from kochab.core.frame import Site
+from kochab.core.solution import NamedStar, Solution
+from kochab.frames.hints import NO_ZONE
+from kochab.frames.wcs import write_wcs
+from kochab.polar.horizon import Pole
+from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
+from kochab.polar.sighting import Sighting
+from kochab.workflows.polar.solutions import solved_before
+from kochab.workflows.polar.sources import SolvedFile, doubts_of, sharpcap_time, sightings_of, unsigned_longitude
+
+ARCSEC = np.pi / 648000.0
+BEGUN = datetime(2026, 3, 14, 20, 0, tzinfo=UTC)
+SITE = Site(47.0, 8.0, 450.0)
+CAMERA = Camera(900, 700, 8000.0, 452.3, 347.1, k1=-0.4, mirrored=True)
+
+
+def solution(turn_deg, camera=CAMERA):
+    """A frame of a mount that turned about an axis half a degree from the pole, tracking left out: it is the sky's."""
+    axis = Rotation.from_euler("y", 0.5, degrees=True).apply([0.0, 0.0, 1.0])
+    turned = Rotation.from_rotvec(axis * np.radians(turn_deg)).as_matrix()
+    matrix = Rotation.from_euler("xyz", [40.0, 15.0, 70.0], degrees=True).as_matrix() @ turned
+    attitude = Attitude(matrix, np.diag(np.square([1.0, 1.5, 9.0]) * ARCSEC**2))
+    sky = Solution(camera, attitude, (), 0.2, -30.0, "patterns")
+    x, y = np.meshgrid(np.linspace(20, 880, 5), np.linspace(20, 680, 4))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
+    v = sky.sky_at(pixels)
+    ra, dec = np.degrees(np.arctan2(v[:, 1], v[:, 0])) % 360.0, np.degrees(np.arcsin(v[:, 2]))
+    stars = (
+        NamedStar(*map(float, p), f"HIP {k}", "", 5.0, float(r), float(d), 0.1)
+        for k, (p, r, d) in enumerate(zip(pixels, ra, dec, strict=True))
+    )
+    return replace(sky, stars=tuple(stars))
+
+
+def apart_px(one, other):
+    """How far two solutions put the sky of the frame's corners and middle apart."""
+    pixels = np.array([[0.0, 0.0], [899.0, 0.0], [450.0, 350.0], [0.0, 699.0], [899.0, 699.0]])
+    return np.abs(other.pixels_of(one.sky_at(pixels)) - pixels).max()
+
+
+def picture(path, moment):
+    fits.PrimaryHDU(np.zeros((8, 8), np.uint16)).writeto(path)
+    fits.setval(path, "DATE-OBS", value=moment.isoformat().removesuffix("+00:00"))
+
+
+def test_json_comes_back_as_the_solution_it_was(tmp_path):
+    given = [solution(turn) for turn in (0.0, 30.0)]
+    for k in range(2):
+        picture(tmp_path / f"{k}.fits", BEGUN + timedelta(minutes=k))
+    lines = [json.dumps(as_json(f"{k}.fits", each)) for k, each in enumerate(given)]
+    (tmp_path / "night.json").write_text("\n".join(lines) + "\n")
+    files = solved_before(tmp_path / "night.json")
+    assert [f.time_utc for f in files] == [BEGUN, BEGUN + timedelta(minutes=1)]
+    for one, file in zip(given, files, strict=True):
+        assert file.result.camera == one.camera
+        assert np.abs(file.result.attitude.matrix - one.attitude.matrix).max() < 1e-12
+        assert np.allclose(np.diag(file.result.attitude.covariance), np.diag(one.attitude.covariance))
+        assert len(file.result.stars) == 20
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_a_wcs_is_the_map_it_says(tmp_path, mirrored):
+    one = solution(10.0, replace(CAMERA, mirrored=mirrored))
+    write_wcs(one, tmp_path / "a.wcs")
+    picture(tmp_path / "a.fits", BEGUN)
+    (file,) = solved_before(tmp_path / "a.wcs")
+    assert file.time_utc == BEGUN
+    assert file.result.camera.mirrored is mirrored
+    assert apart_px(one, file.result) < 0.05
+    assert file.result.attitude.sigma_arcsec[0] == pytest.approx(0.2 * one.camera.scale_arcsec_px, rel=0.05)
+
+
+def test_a_header_of_another_program_needs_no_picture(tmp_path):
+    """Cards without line ends, FITS as astrometry.net writes it, with the time in it."""
+    wcs = WCS(naxis=2)
+    wcs.wcs.ctype, wcs.wcs.crval, wcs.wcs.crpix = ["RA---TAN", "DEC--TAN"], [120.0, 35.0], [800.5, 600.5]
+    wcs.wcs.cd = np.array([[-0.3, 0.5], [0.5, 0.3]]) / 1000.0
+    header = wcs.to_header()
+    header["IMAGEW"], header["IMAGEH"], header["DATE-OBS"], header["EXPTIME"] = 1600, 1200, "2026-03-14T19:59:50", 20.0
+    fits.PrimaryHDU(header=header).writeto(tmp_path / "net.wcs")
+    (file,) = solved_before(tmp_path / "net.wcs")
+    assert file.time_utc == BEGUN
+    assert file.result.ra_dec_deg == pytest.approx((120.0, 35.0), abs=1e-6)
+    pixel = file.result.pixels_of(file.result.sky_at(np.array([[1500.0, 100.0]])))
+    assert pixel[0] == pytest.approx([1500.0, 100.0], abs=0.01)
+    ra, dec = wcs.all_pix2world(1500.0, 100.0, 0)
+    v = file.result.sky_at(np.array([[1500.0, 100.0]]))[0]
+    assert np.degrees(np.arctan2(v[1], v[0])) == pytest.approx(float(ra), abs=1e-5)
+    assert np.degrees(np.arcsin(v[2])) == pytest.approx(float(dec), abs=1e-5)
+
+
+@pytest.mark.parametrize("text", ["", "SIMPLE  =                    T", "nothing", "{}", "[1, 2]", '{"solved": true}'])
+@pytest.mark.parametrize("suffix", ["wcs", "json"])
+def test_what_holds_no_solution_is_one_sentence(tmp_path, text, suffix):
+    path = tmp_path / f"a.{suffix}"
+    path.write_text(text)
+    with pytest.raises(FrameError) as told:
+        solved_before(path)
+    assert str(path) in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_the_command_takes_solutions_and_a_clock_that_is_ahead(tmp_path, capsys):
+    for k in range(3):
+        write_wcs(solution(25.0 * k), tmp_path / f"{k}.wcs")
+        picture(tmp_path / f"{k}.fits", BEGUN + timedelta(hours=2, minutes=k))
+    names = [str(tmp_path / f"{k}.wcs") for k in range(3)]
+    told = {}
+    for offset in ("0", "2"):
+        main(["polar", *names, "--site=47,8,450", "--json", f"--utc-offset={offset}"])
+        told[offset] = json.loads(capsys.readouterr().out)
+    sightings = [Sighting.of(solution(25.0 * k), BEGUN + timedelta(minutes=k), f"{k}.wcs") for k in range(3)]
+    truth = measure(sightings, MeasureSettings(SITE)).error
+    assert told["2"]["altitude_error_arcsec"] == pytest.approx(truth.altitude_arcsec, abs=10.0)
+    assert abs(told["0"]["altitude_error_arcsec"] - truth.altitude_arcsec) > 300.0
+    assert "clock" not in [f["code"] for f in told["2"]["findings"]]
+
+
+# -- What headers leave open ------------------------------------------------------------------------
+
+
+def files_of(**changed):
+    return [
+        replace(SolvedFile(f"{k}.jpg", solution(25.0 * k), BEGUN + timedelta(minutes=k), SITE), **changed)
+        for k in range(3)
+    ]
+
+
+def doubts(files, site=SITE, site_given=False, zone_given=False):
+    found = measure(sightings_of(files, [0] * 3), MeasureSettings(site))
+    return {d.kind: d for d in doubts_of(files, found, site_given, zone_given)}
+
+
+def test_an_hour_is_doubted_where_it_moves_the_axis_past_its_ellipse():
+    plain, zoneless = (doubts(files_of()), doubts(files_of(warnings=(NO_ZONE,))))
+    assert not plain[PolarFindingKind.CLOCK].spoils
+    assert zoneless[PolarFindingKind.CLOCK].spoils
+    total = measure(sightings_of(files_of(), [0] * 3), MeasureSettings(SITE, Pole.TRUE)).error.total_arcsec
+    moved = float(re.search(r"axis by ([\d.]+)′", plain[PolarFindingKind.CLOCK].text)[1])
+    assert moved == pytest.approx(2.0 * np.sin(np.radians(7.52)) * total / 60.0, abs=0.1)
+    assert doubts(files_of(), zone_given=True) == {}
+
+
+def test_an_hour_is_no_matter_on_the_pole():
+    found = measure(sightings_of(files_of(), [0] * 3), MeasureSettings(SITE))
+    aligned = replace(found, error=replace(found.error, axis=found.error.pole))
+    assert doubts_of(files_of(), aligned, False, False) == []
+
+
+def test_a_longitude_without_a_sign_is_not_believed():
+    files = files_of(unsigned="LONGITUD 8.0")
+    told = doubts(files, zone_given=True)[PolarFindingKind.LONGITUDE_SIGN]
+    assert told.spoils
+    assert "LONGITUD 8.0" in told.text
+    assert doubts(files, site_given=True, zone_given=True) == {}
+    assert doubts(files_of(), zone_given=True) == {}
+
+
+@pytest.mark.parametrize(
+    ("header", "unsigned"),
+    [
+        ({"LONGITUD": 111.6}, True),
+        ({"LONG-OBS": "111 35 56"}, True),
+        ({"LONGITUD": -111.6}, False),
+        ({"LONGITUD": "+111 36"}, False),
+        ({"LONGITUD": "111 36 W"}, False),
+        ({"SITELONG": 111.6}, False),
+        ({"OBSGEO-L": 111.6, "LONGITUD": 111.6}, False),
+        ({"LONGITUD": 0.0}, False),
+        ({}, False),
+    ],
+)
+def test_which_longitudes_may_be_west(header, unsigned):
+    assert bool(unsigned_longitude(header)) is unsigned
+
+
+def test_sharpcap_says_when_beside_its_pictures(tmp_path):
+    (tmp_path / "a.CameraSettings.txt").write_text("[ZWO]\nExposure=3\nTimeStamp=2021-05-30T22:31:15.1148009Z\n")
+    assert sharpcap_time(tmp_path / "a.png") == datetime(2021, 5, 30, 22, 31, 15, 114800, UTC)
+    assert sharpcap_time(tmp_path / "b.png") is None
