@@ -126,7 +126,7 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
         end = part
         while end > 0.0:  # a cancel ends it while it moves, and a wrong motion is noticed
             yield Progress("move", 1.0 - left / seconds, f"{direction}{told}")
-            wait(min(end, 0.5))
+            mount.supervisor.pause(wait, min(end, 0.5))
             end -= 0.5
             if end > 1.0:  # towards its end the line is left to the command that ends it
                 with suppress(NoAnswerError):  # one lost reply ends no motion

@@ -19,6 +19,7 @@ from kochab.gear.mounts import slew_supervisor
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
+from kochab.workflows.nudge import nudge
 from tests.gear.mounts.imaginary import NIGHT, NOON, SILENT, Imaginary, at, guarded
 
 
@@ -326,6 +327,27 @@ def test_a_move_at_an_unknown_rate_is_stopped_before_it_is_too_low(rates, stoppe
     else:
         guard.position()
     assert (("stop",) in mount.did) is stopped
+
+
+@pytest.mark.parametrize("which", ["monotonic", "wall"])
+@pytest.mark.parametrize(
+    "begin", [lambda g, _: g.slew(*at(-41.0, 40.0)), lambda g, wait: nudge(g, Direction.NORTH, 3600.0, wait)]
+)
+def test_a_computer_that_slept_stops_what_nobody_watched(which, begin, monkeypatch) -> None:
+    """A minute that only one of its two clocks counted."""
+    guard, mount = guarded()
+    mount.rates_deg_s, seconds = (0.5,), [0.0]
+    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: seconds[0] * (which == "monotonic"))
+    guard.supervisor._clock = lambda: NIGHT + timedelta(seconds=seconds[0] * (which == "wall"))
+
+    def asleep(_):
+        seconds[0] += 60.0
+
+    guard.emergency.wait = asleep
+    with pytest.raises(StoppedError, match="stood still for 60 s"):
+        run(begin(guard, asleep))
+    assert mount.did[-1] == ("stop",)
+    assert any("stood still" in entry.sentence for entry in guard.log.entries)
 
 
 def test_a_slew_without_end_is_stopped() -> None:

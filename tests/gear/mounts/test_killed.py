@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 
 import pytest
 
@@ -18,40 +19,57 @@ import sys
 from datetime import UTC, datetime, timedelta
 from kochab.core.mount import Direction, Home
 from kochab.core.progress import run
-from kochab.gear.mounts import open_mount
+from kochab.core.errors import StoppedError
+from kochab.gear.mounts import open_mount, slew_supervisor
 from kochab.gear.mounts.guard import Guard
 from kochab.workflows.nudge import nudge
 from tests.gear.mounts.bench import LIMITS, SITE, place
 
 driver, port, ahead_s, what = sys.argv[1:]
+slew_supervisor.SLEPT_S = 1.0
 clock = lambda: datetime.now(UTC) + timedelta(seconds=float(ahead_s))
 mount = open_mount(driver, port, site=SITE, clock=clock, home=Home.NOW)
 if driver == "skywatcher":
     mount.sync(*place(-60.0, 40.0, clock))
 if what == "move":
     mount.move(Direction.NORTH, 1.0, 2.0)
-else:
+elif what == "nudge":
     run(nudge(Guard(mount, SITE, LIMITS, clock=clock), Direction.NORTH, 18000.0))
+else:
+    guard = Guard(mount, SITE, LIMITS, clock=clock)
+    try:
+        run(guard.slew(*place(-60.0, 60.0, clock)) if what == "goto" else nudge(guard, Direction.NORTH, 18000.0))
+    except StoppedError as told:
+        print(told, flush=True)
 import time
 time.sleep(100.0)
 """
 
 
-def killed(bench, driver, what):
-    """Begin a motion in another process, and kill that as soon as the telescope moves; how far it went, in degrees."""
+@contextmanager
+def moving(bench, driver, what):
+    """Begin a motion in another process, and wait until the telescope moves: where it began, and the process."""
     before = bench.telescope.axes_deg()[1]
     ahead_s = (bench.clock() - type(bench.clock()).now(bench.clock().tzinfo)).total_seconds()
     child = subprocess.Popen(
         [sys.executable, "-c", DO, driver, bench.port, str(ahead_s), what],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         wait_for(lambda: abs(bench.telescope.axes_deg()[1] - before) > 0.02 or child.poll() is not None, 60.0)
         assert child.poll() is None
+        yield before, child
     finally:
         child.send_signal(signal.SIGKILL)
-        child.wait(20)
-    return before
+        child.communicate(timeout=20)
+
+
+def killed(bench, driver, what):
+    """The same, and kill that process; where the telescope was before."""
+    with moving(bench, driver, what) as (before, _):
+        return before
 
 
 @pytest.mark.parametrize("driver", RESPONDERS)
@@ -75,3 +93,23 @@ def test_what_a_driver_says_of_its_moves_is_so(driver) -> None:
         alone = DRIVERS.load(driver).ends_alone
         print(f"{driver:12} a move of 2 deg {'ended' if still(bench.telescope) else 'ran on'} without the program")
         assert still(bench.telescope) is alone
+
+
+@pytest.mark.parametrize(
+    ("driver", "what"), [("nexstar", "sleepy nudge"), ("skywatcher", "sleepy nudge"), ("lx200", "goto")]
+)
+def test_a_computer_that_slept_during_a_motion_says_so_and_has_stopped_it(driver, what) -> None:
+    """Asleep (SIGSTOP) it sends nothing: a nudge ends by the mount, a goto where it was to end."""
+    with simulated(driver, slew_deg_s=1.0) as bench:
+        bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
+        with moving(bench, driver, what) as (before, child):
+            child.send_signal(signal.SIGSTOP)
+            wait_for(lambda: still(bench.telescope), 60.0)
+            slept = abs(bench.telescope.axes_deg()[1] - before)
+            time.sleep(2.0)
+            child.send_signal(signal.SIGCONT)
+            told = child.stdout.readline()
+            assert "The computer stood still for" in told
+            wait_for(lambda: still(bench.telescope))
+        assert abs(bench.telescope.axes_deg()[1] - before) == pytest.approx(slept, abs=0.05)
+        assert slept < (20.05 if what == "goto" else 2.05)

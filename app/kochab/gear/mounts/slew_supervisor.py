@@ -1,6 +1,6 @@
 """Slew supervision: each position read back is compared with the plan until the motion has ended."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from math import inf
@@ -31,6 +31,8 @@ WOKE_UP = (
     "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
     " Then put the tube at its home and switch it on there; or say that the mount is right (--trust-mount)."
 )
+SLEPT_S = 10.0
+SLEPT = "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
@@ -169,6 +171,15 @@ class SlewSupervisor:
         if self._emergency.stops != stops:
             raise StoppedError(f"The {what} was stopped.")
 
+    def pause(self, wait: Callable[[float], None], seconds: float) -> None:
+        """Wait; `StoppedError` after a computer's sleep, which one of its clocks did not count."""
+        begun, at = monotonic(), self._clock()
+        wait(seconds)
+        slept_s = max(monotonic() - begun, (self._clock() - at).total_seconds()) - seconds
+        if slept_s > SLEPT_S:
+            self._log.add("wait", "failed", told := SLEPT.format(slept_s))
+            raise StoppedError(told)
+
     def arrival(self, target_deg: Degrees, limit_s: float, side: PierSide | None = None) -> Task[Pointing]:
         """Yield the distance left until the mount reports that it no longer slews, and is on this ``side`` of its pier.
 
@@ -232,7 +243,7 @@ class SlewSupervisor:
         end = monotonic() + limit_s
         misses, state = 0, MountState()
         while True:
-            self._emergency.wait(POLL_S)
+            self.pause(self._emergency.wait, POLL_S)
             self.check_not_stopped(stops, what)
             if monotonic() > end:
                 raise NoAnswerError(f"The {what} did not end within {limit_s:.0f} s and was stopped.")
