@@ -50,16 +50,51 @@ def test_the_far_end_believes_to_be_three_degrees_from_where_it_points() -> None
             assert rig.watched.orders == []
 
 
+MEASURED = [
+    {"driver": "healthy", "line": "detective", "right": 0.99, "wrong": 0.01},
+    {"driver": "clock", "line": "detective", "right": 0.95, "wrong": 0.05},
+    {"driver": "am5", "line": "evenings", "violations": 0},
+    {"driver": "am5", "line": "conformance", "failed": 0},
+    {"driver": "am5", "line": "killed or asleep", "failed": 0},
+]
+SPOILT = [{"wrong": 0.02}, {"right": 0.94}, {"violations": 1}, {"failed": 1}, {"failed": 2}]
+
+
+def test_what_is_measured_in_a_checkout_misses_its_goal_where_one_driver_does() -> None:
+    stop = {"line": "stop", "byte_ms": 3.0, "stands": True, "mute_s": 4.0}
+    assert [goal.met for goal in mount_stops.goals([stop])] == [True] * 3 + [None] * 5, "not measured is not met"
+    assert all(goal.met for goal in mount_stops.goals([stop, *MEASURED]))
+    for k, worse in enumerate(SPOILT):
+        rows = [row | worse if j == k else row for j, row in enumerate(MEASURED)]
+        assert sum(goal.met is False for goal in mount_stops.goals([stop, *rows])) == 1
+
+
+def test_what_a_checkout_measures_are_rows_of_json_and_without_one_its_command_is_told(monkeypatch, tmp_path) -> None:
+    monkeypatch.setattr(mount_stops, "CHECKOUT", tmp_path)
+    (told,) = mount_stops.elsewhere(True, print)
+    assert "python -m tests.gear.mounts.measured" in told["line"]
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "__init__.py").touch()
+    (tmp_path / "tests" / "rows.py").write_text("import json, sys; print(json.dumps({'line': sys.argv[1]}))")
+    monkeypatch.setattr(mount_stops, "ELSEWHERE", "tests.rows")
+    assert mount_stops.elsewhere(True, print) == [{"line": "--quick"}]
+    (tmp_path / "tests" / "rows.py").write_text("raise SystemExit(1)")
+    assert "failed" in mount_stops.elsewhere(True, print)[0]["line"]
+
+
 def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     monkeypatch.setattr(mount, "QUICK_RUNS", 2)
     monkeypatch.setattr(mount, "_do", _as_if)
     row = {"driver": "lx200", "line": "stop", "byte_ms": 3.0, "still_s": 1.0, "stands": True, "mute_s": 4.0}
     monkeypatch.setattr(mount_stops, "rows", lambda names: [row | {"driver": name} for name in names])
+    monkeypatch.setattr(mount_stops, "elsewhere", lambda quick, report: MEASURED)
     result = mount.run(True, lambda line: None)
-    assert [goal.met for goal in result.goals] == [True] * 7
+    assert [goal.met for goal in result.goals] == [True] * 12
     assert "10 arcsec in at most 3 corrections" in result.goals[0].name
     assert BENCHES["mount"] == "kochab.lab.bench.mount:run"
-    assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults", "stop"}
+    assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults", "stop"} | {
+        row["line"] for row in MEASURED
+    }
 
 
 def _as_if(one):
@@ -139,16 +174,15 @@ def test_faults_are_switched_on_for_the_line() -> None:
 
 
 def test_a_stopped_and_a_mute_mount_are_rows_that_say_by_whom_they_were_written() -> None:
-    stop, *elsewhere = found = mount_stops.rows(["onstep"])
+    (stop,) = found = mount_stops.rows(["onstep"])
     assert "INDI's indi_lx200_OnStep" in stop["simulator"]
     assert (stop["stands"], stop["still_s"] > 0.0, stop["mute_s"] > 0.0) == (True, True, True)
-    assert all("python -m" in row["line"] for row in elsewhere)
-    assert len(mount_stops.goals(found)) == 3
+    assert all(goal.met for goal in mount_stops.goals(found)[1:2])
 
 
 def test_what_is_too_late_misses_its_goal() -> None:
     row = {"line": "stop", "byte_ms": 101.0, "stands": False, "mute_s": 5.1}
-    assert not any(goal.met for goal in mount_stops.goals([row]))
+    assert [goal.met for goal in mount_stops.goals([row])] == [False] * 3 + [None] * 5
 
 
 def test_indi_s_drivers_are_those_that_are_tried_at_the_simulators() -> None:

@@ -185,8 +185,12 @@ class MountRig:
             self.faults.next(Fault.REFUSAL)
 
 
+FarEnd = Callable[[str, EquatorialMount], Any]
+"""The simulated controller of a driver over a telescope."""
+
+
 @contextmanager
-def mount_rig(seed: int, driver: str, rendered: bool = False) -> Iterator[MountRig]:
+def mount_rig(seed: int, driver: str, rendered: bool = False, far_end: FarEnd = open_responder) -> Iterator[MountRig]:
     """A misaligned, flexing mount that points 3 deg from where it believes, and a target for it."""
     site = SITES[seed // 2 % 2]
     rng = np.random.default_rng([seed, 77])
@@ -198,7 +202,7 @@ def mount_rig(seed: int, driver: str, rendered: bool = False) -> Iterator[MountR
     watched, faults = rig.mount, Faults(seed, late_s=LATE_S)
     assert isinstance(watched, WatchedMount)
     serve = socket_line if sys.platform == "win32" else pty_line
-    line = serve(open_responder(driver, rig.mount), faults)
+    line = serve(far_end(driver, rig.mount), faults)
 
     def opened(stop_first: bool = False) -> Any:
         mount: Any = open_mount(
