@@ -42,6 +42,7 @@ ADDED = {
     "equipment in the bar, and the Preferences": 344,
     "a help book, what is new, a tour": 212,
     "eight makes' dialects of LX200, StarSense, iOptron's present models": 400,
+    "a lens's axis that no star shows in the uncertainty, rings measured about their middle": 31,
     "the catalogue and the camera in a tracked frame's error": 40,
     "the profile in Live, a picture cleared before the next, an end without waiting": 60,
     "a polar bench of rendered frames, through a ray-traced atmosphere": 240,

@@ -26,6 +26,7 @@ def _moments(light):
         RenderedStar(5.0),
         RenderedStar(3.0, trail_px=(9.0, -4.0)),
         RenderedStar(2.5, ring_px=(3.0, 6.0)),
+        RenderedStar(2.5, ring_px=(2.9, 5.8)),  # its grid has points on the rims
         RenderedStar(2.0, beta=4.5),
     ],
 )

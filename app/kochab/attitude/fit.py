@@ -136,6 +136,7 @@ def refine(
     focal: FocalPrior | None = None,
     worst_px: float | None = None,
     floor_px: float = 0.0,
+    beside: float = 0.0,
 ) -> Fit:
     """Fit rotation, focal length and whatever else the matches support.
 
@@ -160,6 +161,9 @@ def refine(
         larger one.
     floor_px : float, optional
         What the places are believed to be no better than, however small the residuals are.
+    beside : float
+        How far the lens's axis lies beside the middle, one sigma along x and y, as a share of the frame's
+        larger side: counts in the covariance of a fit in which no star shows it.
 
     Returns
     -------
@@ -204,7 +208,7 @@ def refine(
             free, state = _without_outliers(pulled.descend(free), base, distortion, rounds)
     if rounds > 1:
         state = _reweighted(state, free)
-    return _fit_of(state, free, max(floor_px, FLOOR_PX) if rounds > 1 else None)
+    return _fit_of(state, free, max(floor_px, FLOOR_PX) if rounds > 1 else None, beside)
 
 
 def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, FitState]:
@@ -294,13 +298,13 @@ def _downhill_step(
     return state, left, jacobian
 
 
-def _fit_of(state: FitState, free: Indices, floor_px: float | None) -> Fit:
+def _fit_of(state: FitState, free: Indices, floor_px: float | None, beside: float) -> Fit:
     residual = state.residuals()
     inliers = _inliers(state, len(free)) if state.share > 0.0 else state.inliers
     length2 = np.square(residual[inliers]).sum(axis=1)
     return Fit(
         state.camera,
-        Attitude(state.matrix, None if floor_px is None else _covariance(state, free, floor_px)),
+        Attitude(state.matrix, None if floor_px is None else _covariance(state, free, floor_px, beside)),
         residual,
         math.sqrt(float(length2.sum()) / max(len(length2), 1)),
         inliers,
@@ -322,7 +326,7 @@ RESIDUALS_COUNT = 6.0
 """Degrees of freedom with which the residuals' variance is believed; the blocks have one less than blocks."""
 
 
-def _covariance(state: FitState, free: Indices, floor_px: float) -> Floats:
+def _covariance(state: FitState, free: Indices, floor_px: float, beside: float = 0.0) -> Floats:
     """Of the small rotation (3, 3), rad^2."""
     flat, normal = state.linear()
     short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
@@ -332,7 +336,24 @@ def _covariance(state: FitState, free: Indices, floor_px: float) -> Floats:
     to_rotation = as_rotation(state.camera)[:, free]
     spread = to_rotation @ fitted.inverse() @ to_rotation.T * (wider * max(variance, floor_px**2))
     excess = _excess_of_blocks(state, fitted, flat, to_rotation, np.diag(spread))
-    return np.asarray(spread * np.sqrt(excess[:, None] * excess))
+    tilt = _tilt(state, free, flat, normal, variance, beside * max(state.camera.width, state.camera.height))
+    return np.asarray(spread * np.sqrt(excess[:, None] * excess) + tilt @ tilt.T)
+
+
+def _tilt(state: FitState, free: Indices, flat: Floats, normal: Normal, variance: float, beside_px: float) -> Floats:
+    """Turns (3, 2) rad of the answer by an axis that is not fitted and one sigma, ``beside_px``, beside the middle.
+
+    The stars narrow down how far it may be; the rest is counted (Schmidt 1966, Adv. Control Syst. 3, 293).
+    """
+    if not beside_px or state.plain.distorted or np.isin(columns(("cx", "cy", "p1", "p2")), free).any():
+        return np.zeros((3, 2))
+    axis = columns(("cx", "cy"))
+    turns, fitted, told = as_rotation(state.camera), normal.only(free), normal.only(np.append(free, axis))
+    share = beside_px**2 / (beside_px**2 + variance * told.inverse().diagonal()[-2:])
+    off = np.sqrt(beside_px**2 * (1.0 - share) + np.square(share * told.step(flat)[-2:]))
+    return np.asarray(
+        np.stack([turns[:, free] @ fitted.step(normal.rows[p]) - turns[:, p] for p in axis], axis=1) * off
+    )
 
 
 def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation: Floats, variance: Floats) -> Floats:

@@ -17,6 +17,7 @@ from kochab.detection.background import Halving, Mesh, Smoother, halving, measur
 from kochab.detection.peaks import PreparedFrame, apart, close_pairs, find_peaks, standing_out
 from kochab.detection.star_fit import (
     FWHM_PER_SIGMA,
+    LARGE_PX,
     PIXEL_VARIANCE,
     adaptive_moments,
     clip_level,
@@ -75,6 +76,7 @@ MIN_COARSE = 128  # px; smaller frames are not made smaller still
 COARSE = 4
 MOST_LOOKED_AT = 1_500_000  # pixels of stamps in all
 BATCH = 500  # stars whose stamps are held at once
+LOOKS = 4  # at a large star, each about where the last one put it: a ring's peaks lie on its rim
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,9 +143,11 @@ def measure(view: PreparedFrame, xy: Floats, covariance: Floats, clip: float, sn
     xy = xy[: MOST_LOOKED_AT // (2 * half + 1) ** 2]  # the highest; large stars need more pixels
     parts = []
     for k in range(0, max(1, len(xy)), BATCH):
-        at = xy[k : k + BATCH]
-        stamps, level, noise = view.stamps(at, half)
-        fit = fit_stars(stamps, covariance)
+        at = places = xy[k : k + BATCH]
+        for _ in range(1 if major < LARGE_PX else LOOKS):
+            stamps, level, noise = view.stamps(places, half)
+            fit = fit_stars(stamps, covariance)
+            places = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
         refit_bright(stamps, fit, covariance, np.maximum(level, 10.0 * noise))
         places = np.stack([stamps.x + fit.dx, stamps.y + fit.dy], axis=1)
         peak = stamps.core(2).max(axis=(1, 2)).astype(np.float64)

@@ -258,6 +258,7 @@ def _bounded(xx: Floats, yy: Floats, xy: Floats, least: float, most: float) -> t
 
 TYPICAL = np.eye(2) * 1.2**2  # px^2: a FWHM of 2.8 px, when too few stars show it
 SHARPEST = 0.6  # px: a narrower star image cannot be told from a hot pixel
+LARGE_PX = 2.5  # sigma: a larger star may be a ring, of which a small stamp holds one side
 ENOUGH = 50  # stars to measure the width
 ROUND = 1.4  # the elongation up to which stars are fitted as round
 
@@ -282,7 +283,8 @@ def star_image(view: PreparedFrame, xy: Floats, clip: float) -> tuple[Floats, bo
     if len(xy) < 3:
         return TYPICAL, True
     found, settled = _usual_moments(view, xy, 8)
-    if settled < 0.5:  # large stars, or lines and edges instead of stars
+    large = found is not None and found.trace() > 2.0 * LARGE_PX**2
+    if settled < 0.5 or large:  # or lines and edges instead of stars
         larger, of_larger = _usual_moments(view, xy, 20)
         if of_larger >= 0.5 or of_larger > 2.0 * settled:
             found = larger

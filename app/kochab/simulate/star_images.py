@@ -38,7 +38,7 @@ class RenderedStar:
             inner, outer = self.ring_px
             ticks = np.linspace(-outer, outer, 1 + 2 * int(np.ceil(outer / spacing)))
             grid = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
-            r = np.hypot(*grid.T)
+            r = np.hypot(*grid.T).round(9)  # on both sides alike
             at = grid[(r >= inner) & (r <= outer)]
         length = float(np.hypot(*self.trail_px))
         if length > 0:

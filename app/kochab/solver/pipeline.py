@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
-from kochab.solver.matches import StarCatalogue, named_stars
+from kochab.solver.matches import AXIS_BESIDE, StarCatalogue, named_stars
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue
@@ -268,8 +268,8 @@ def geometric_fit(
     from kochab.sky.apparent import with_aberration
 
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
-    distortion = bool(fit.terms[4:])
-    return seen, refine(seen, fit.camera, fit.attitude, distortion=distortion, focal=focal, worst_px=worst_px)
+    again = partial(refine, seen, fit.camera, fit.attitude, focal=focal, worst_px=worst_px, beside=AXIS_BESIDE)
+    return seen, again(distortion=bool(fit.terms[4:]))
 
 
 def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue: StarCatalogue) -> Solution:

@@ -1,9 +1,10 @@
 """Whether a solution is off by as much as it says: on rendered fields, and on crops of real frames.
 
-By construction a rendered field's noise is that of its pixels, its lens has one term of distortion and its stars are
-where the catalogue has them; only the centroids, the matches and the fit are put to the test. A crop about the middle
-of a real frame has the lens, the sky and the mistakes of a real one: what it says of its centre is held against the
-whole frame. Both share the stars of the middle, so that their difference is rather smaller than two frames' would be.
+By construction a rendered field's noise is that of its pixels, its lens has one term of distortion and its axis beside
+the middle, as real ones have, and its stars are where the catalogue has them; only the centroids, the matches and the
+fit are put to the test. A crop about the middle of a real frame has the lens, the sky and the mistakes of a real one:
+what it says of its centre is held against the whole frame. Both share
+the stars of the middle, so that their difference is rather smaller than two frames' would be.
 """
 
 import math
@@ -29,8 +30,8 @@ from kochab.solver.pipeline import solve_frame
 
 SEED = 20260402
 FIELDS_DEG = (1.0, 3.0, 10.0, 30.0)
-RENDERED = FieldPlan(0, noise_px=0.15)
-BESIDE, BESIDE_DEG = "rendered, axis beside the middle", (12.0,)
+RENDERED = FieldPlan(0, noise_px=0.15, axis_off=0.01)
+BESIDE, BESIDE_DEG = "rendered, many stars", (12.0,)
 WITHIN = {"within_68": (1.0, 0.6827), "within_95": (1.959964, 0.95)}
 POINTS = 3.0
 CROPS = (0.5, 0.75)
@@ -44,7 +45,7 @@ def sigma_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
     """A row each for rendered fields and, where there are any, crops of real frames."""
     report("uncertainties of rendered fields ...")
     rows = _rows("rendered", _rendered(6 if quick else 250))
-    beside = replace(RENDERED, axis_off=0.01, brightest=500)
+    beside = replace(RENDERED, brightest=500)
     rows += _rows(BESIDE, _rendered(10 if quick else 400, BESIDE_DEG, beside))
     if REAL.is_dir():
         report("uncertainties of crops of real frames ...")
