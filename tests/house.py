@@ -51,6 +51,7 @@ ADDED = {
     "what a field is called: object, constellation, height": 136,
     "deep-sky objects of two sources with axes, outlines and boundaries": 450,
     "the Sun, the Moon and the planets": 352,
+    "the sky layer: names, outlines and lines over a solved frame": 390,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,

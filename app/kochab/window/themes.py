@@ -42,6 +42,13 @@ class Colours:
     detected: str = _shades("#f0b440", "#f0b440", "#c00000")
     identified: str = _shades("#62d6ff", "#62d6ff", "#ff0000")
     selected: str = _shades("#ffffff", "#ffffff", "#ff0000")
+    star: str = _shades("#dce8f6", "#dce8f6", "#f00000")  # names of stars, and what else the sky layer draws
+    galaxy: str = _shades("#c3b1ff", "#c3b1ff", "#e80000")
+    cluster: str = _shades("#ffd873", "#ffd873", "#e80000")
+    nebula: str = _shades("#ff9db4", "#ff9db4", "#e80000")
+    dark: str = _shades("#b9c4d0", "#b9c4d0", "#c80000")
+    figure: str = _shades("#9fb4d6", "#9fb4d6", "#900000")
+    ecliptic: str = _shades("#f2c14e", "#f2c14e", "#a00000")
     grid: str = _shades("#86a8cc", "#86a8cc", "#960000")
     grid_text: str = _shades("#b4cbe4", "#b4cbe4", "#e00000")
     centre: str = _shades("#ff7ab0", "#ff7ab0", "#ff0000")

@@ -36,6 +36,15 @@ def test_a_grey_sky_of_three_different_levels_is_shown_grey():
     assert np.ptp(shown) < 12
 
 
+@pytest.mark.parametrize(("path", "own"), [("nebula.jpg", True), ("", False)])
+def test_a_finished_picture_keeps_its_own_colours(path, own):
+    """Eight bits a colour from a file have been processed; a camera's are as they come."""
+    rng = np.random.default_rng(3)
+    colour = np.stack([rng.normal(m, 5, (64, 64)) for m in (60, 30, 40)], -1).astype(np.uint8)
+    picture = run(prepare(Frame(colour.mean(axis=2).astype(np.uint8), colour=colour, path=path)))
+    assert (picture.sky_shift == (0.0, 0.0, 0.0)) == own
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.int32, np.float32, np.float64])
 def test_every_kind_of_pixel_becomes_a_picture(dtype):
     pixels = np.random.default_rng(1).normal(100, 5, (301, 403)).astype(dtype)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtCore import QPoint, QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QWheelEvent
 
 from kochab.frames.export import compass
-from kochab.window.image.overlay import Overlay
+from kochab.sky.sky_tables import sky_tables
+from kochab.window.image.overlay import MARKS, Overlay
 from kochab.window.image.screen_image import Viewport
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
@@ -121,28 +122,63 @@ def painted(overlay, view=None):
     return np.frombuffer(image.constBits(), np.uint8).reshape(400, 600, 4)[..., :3].astype(int)
 
 
-@pytest.mark.parametrize("mark", ["detected", "identified", "names", "grid", "centre", "compass"])
-def test_each_mark_can_be_switched(qtbot, mark):
-    overlay = Overlay()
+def everything():
+    """An overlay with all marks on, over Orion's belt."""
+    overlay = Overlay(on=dict.fromkeys(MARKS, True), tables=sky_tables())
     overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
+    return overlay
+
+
+@pytest.mark.parametrize("mark", sorted({*MARKS} - {"ecliptic", "galactic"}))
+def test_each_mark_can_be_switched(qtbot, mark):
+    overlay = everything()
     every = painted(overlay)
     overlay.on[mark] = False
     without = painted(overlay)
     assert (every != without).any()
-    assert every.sum() > without.sum() or mark in ("names", "grid")
+    assert every.sum() > without.sum() or mark in ("names", "objects", "grid")  # whose dark edges may cover more
 
 
 def test_nothing_is_marked_when_everything_is_off(qtbot):
-    overlay = Overlay()
-    overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
-    for mark in ("detected", "identified", "names", "grid", "centre", "compass"):
-        overlay.on[mark] = False
+    overlay = everything()
+    overlay.on = dict.fromkeys(MARKS, False)
     assert painted(overlay).sum() == 0
+
+
+def test_at_first_names_are_the_catalogues_and_no_star_is_circled(qtbot):
+    overlay = Overlay(tables=sky_tables())
+    overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
+    amber, blue = (QColor(colour) for colour in (theme_colours().detected, theme_colours().identified))
+    overlay.on |= {"compass": False, "objects": True}
+    image = painted(overlay)
+    assert not shows(image, amber)
+    assert not shows(image, blue)
+    texts = [label.text for label in overlay.labels]
+    assert {"Alnilam", "Alnitak", "Mintaka", "NGC 2024 Flame Nebula"} <= {*texts}
+    assert not [text for text in texts if text.startswith(("J0", "HIP", "HD"))]
+
+
+def test_no_name_lies_over_the_card_or_another_name(qtbot):
+    overlay = everything()
+    overlay.covered = [QRect(0, 200, 600, 200)]
+    painted(overlay)
+    boxes = [QRectF(*label.box) for label in overlay.labels]
+    assert len(boxes) > 3
+    assert not [box for box in boxes if box.intersects(QRectF(0, 200, 600, 200))]
+    assert not [1 for k, box in enumerate(boxes) for other in boxes[:k] if box.intersects(other)]
+
+
+def test_a_name_that_the_tables_lack_is_no_loss(qtbot):
+    """Before the tables are read the frame is shown without them."""
+    overlay = everything()
+    overlay.tables = None
+    assert overlay.sky is None
+    painted(overlay)
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 4.0])
 def test_circles_lie_on_their_star_and_keep_their_size(qtbot, scale):
-    overlay = Overlay()
+    overlay = Overlay(on=dict.fromkeys(MARKS, True))
     overlay.show(np.array([[40.0, 30.0]]), None)
     view = Viewport(600, 400, scale, 20.0, 30.0)
     ys, xs = np.nonzero(painted(overlay, view).sum(axis=2) > 200)
@@ -154,7 +190,7 @@ def test_circles_lie_on_their_star_and_keep_their_size(qtbot, scale):
 
 def test_a_star_is_circled_once_unless_identified_ones_are_off(qtbot):
     solution = fake_solution(600, 400, stars=1)
-    overlay = Overlay()
+    overlay = Overlay(on=dict.fromkeys(MARKS, True))
     overlay.show(np.array([[s.x, s.y] for s in solution.stars]), solution)
     for mark in ("names", "grid", "centre", "compass"):
         overlay.on[mark] = False

@@ -6,21 +6,29 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt
-from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPen, QPixmap, QPolygonF
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen, QPixmap, QPolygonF
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
 from kochab.frames.sky_grid import GridLine, grid_lines, pieces
+from kochab.sky.layer import DOT_PX, Label, Mark, SkyInFrame, View, faintest_of, in_frame, outlined
+from kochab.sky.layer import labels as place_labels
+from kochab.sky.sky_tables import SkyTables
 from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.themes import Colours, theme_colours, translucent
 
-MARKS = ("detected", "identified", "names", "grid", "centre", "compass")
+LINES = {"figures": "figure", "boundaries": "figure", "ecliptic": "ecliptic", "galactic": "galaxy"}
+"""The sky layer's lines, and their colours in the theme."""
+SHOWN = ("objects", "names", "figures", "grid", "centre", "compass")  # until the person switches
+MARKS = ("objects", "names", *LINES, "grid", "centre", "compass", "identified", "detected")
+COLOURS = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
+COLOURS |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
+"""Of names and outlines by the kind of object; all others are nebulae."""
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
 MOST_CIRCLES = 4000
 CROWDED = 300  # from this many circles on they are drawn fainter and smaller
-MOST_NAMES, MOST_NUMBERS = 60, 25  # labels of stars with a name, and with only a number
-AROUND_X, AROUND_Y = 3.0, 1.0  # of the dark background beside and above its text
+HALO_PX = 3.0  # of the dark edge around a text
 ARROW_PX, AROUND_ARROW_PX = 32.0, 52.0
 EDGE_PX = 4.0  # how much wider an arrow's dark edge is
 
@@ -39,26 +47,36 @@ class Brush:
         self.painter.setBrush(Qt.BrushStyle.NoBrush)
 
     def text(self, at: QPointF, text: str, colour: str) -> None:
-        """Text on a dark background, unless its place is taken."""
-        ratio = self.painter.device().devicePixelRatio()
-        font = self.painter.font().toString()
-        box, picture = _words(text, font, colour, self.colours.halo, ratio)
+        """Text with a dark edge from its base line on, unless its place is taken."""
+        box, _ = self.words(text, colour)
         placed = self.space.place(box.translated(at))
         if placed is not None:
-            self.painter.drawPixmap(placed.topLeft() - QPointF(AROUND_X, AROUND_Y), picture)
+            self.draw(placed.topLeft(), text, colour)
+
+    def words(self, text: str, colour: str) -> tuple[QRectF, QPixmap]:
+        ratio = self.painter.device().devicePixelRatio()
+        return _words(text, self.painter.font().toString(), colour, self.colours.halo, ratio)
+
+    def draw(self, corner: QPointF, text: str, colour: str) -> None:
+        """Text whose box has its upper left corner there."""
+        self.painter.drawPixmap(corner - QPointF(HALO_PX, HALO_PX), self.words(text, colour)[1])
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=2048)
 def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[QRectF, QPixmap]:
-    """The box of a text from its base line, and the text drawn on its dark background."""
+    """The box of a text from its base line, and the text drawn with a dark edge."""
     written = QFont()
     written.fromString(font)
     box = QFontMetricsF(written).boundingRect(text)
-    ground = box.adjusted(-AROUND_X, -AROUND_Y, AROUND_X, AROUND_Y)
+    ground = box.adjusted(-HALO_PX, -HALO_PX, HALO_PX, HALO_PX)
     picture = QPixmap(*(int(np.ceil(side * ratio)) for side in (ground.width(), ground.height())))
     picture.setDevicePixelRatio(ratio)
-    picture.fill(translucent(halo, 165))
+    picture.fill(Qt.GlobalColor.transparent)
     painter = QPainter(picture)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    letters = QPainterPath()
+    letters.addText(-ground.topLeft(), written, text)
+    painter.strokePath(letters, QPen(translucent(halo, 200), HALO_PX, j=Qt.PenJoinStyle.RoundJoin))
     painter.setFont(written)
     painter.setPen(QColor(colour))
     painter.drawText(-ground.topLeft(), text)
@@ -94,17 +112,6 @@ def _ring(colour: str, alpha: int, radius: float, width: float, ratio: float) ->
     return picture
 
 
-def names(brush: Brush, solution: Solution, xy: Floats) -> None:
-    """Names first, brightest first; then numbers while few of them are in sight."""
-    at = brush.view.to_screen(xy)
-    seen = sorted(np.flatnonzero(in_sight(at, brush.view)), key=lambda i: solution.stars[i].mag)
-    named = [i for i in seen if solution.stars[i].name][:MOST_NAMES]
-    rest = [i for i in seen if not solution.stars[i].name][: max(MOST_NUMBERS - len(named), 8)]
-    for i in (*named, *rest):
-        star = solution.stars[i]
-        name(brush, star.name or star.id, at[i], brush.colours.identified)
-
-
 def name(brush: Brush, text: str, at: Floats, colour: str) -> None:
     """One label beside its circle: to the right, or to the left where the widget ends."""
     away = IDENTIFIED_PX + 4
@@ -132,7 +139,7 @@ def cross(brush: Brush, x: float, y: float, inner: float, outer: float) -> None:
 
 def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
     """The lines of the grid inside the frame's ``edges``."""
-    brush.pen(brush.colours.grid, 1.0, 150)
+    brush.pen(brush.colours.grid, 1.0, 85)
     brush.painter.save()
     brush.painter.setClipRect(edges)
     for line in lines:
@@ -217,29 +224,47 @@ def _letter(painter: QPainter, at: QPointF, way: Floats, letter: str, shade: QCo
 
 @dataclass(slots=True)
 class Overlay:
-    """Paints detections and a solution: those of :data:`MARKS` that are ``on``; ``selected`` indexes its stars.
+    """Paints the sky over a solved frame, and detections: those of :data:`MARKS` that are ``on``.
 
-    No label goes where the view is ``covered``, screen px.
+    ``selected`` indexes the solution's stars; ``amount`` 0..1 is how many "names" and "objects" are shown. No label
+    goes where the view is ``covered``, screen px. Without ``tables`` there is no sky layer.
     """
 
-    on: dict[str, bool] = field(default_factory=lambda: dict.fromkeys(MARKS, True))
+    on: dict[str, bool] = field(default_factory=lambda: {name: name in SHOWN for name in MARKS})
+    amount: dict[str, float] = field(default_factory=lambda: {"names": 0.5, "objects": 0.5})
     covered: list[QRect] = field(default_factory=list)
+    tables: SkyTables | None = None
+    year: float = 2000.0  # to which the stars have moved
     selected: int | None = None
+    picked: Mark | None = None
+    labels: list[Label] = field(default_factory=list)
     solution: Solution | None = None
     detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
     _stars: Floats = field(default_factory=lambda: np.empty((0, 2)))
     _others: Floats = field(default_factory=lambda: np.empty((0, 2)))
     _lines: list[GridLine] = field(default_factory=list)
     _lines_key: object = None
+    _sky: SkyInFrame | None = None
+    _paths: dict[str, QPainterPath] = field(default_factory=dict)
 
     def show(self, detected: Floats, solution: Solution | None) -> None:
         """Detections (N, 2) px, brightest first, and their solution."""
+        if solution is not self.solution:
+            self._sky, self.picked = None, None
         self.detected, self.solution, self.selected = detected, solution, None
         self._stars = np.empty((0, 2)) if solution is None else solution.stars_px
         self._others = detected[~_among(detected, self._stars)]
 
     def clear(self) -> None:
         self.show(np.empty((0, 2)), None)
+
+    @property
+    def sky(self) -> SkyInFrame | None:
+        """What the tables have in the frame, found when first asked for."""
+        if self._sky is None and self.solution is not None and self.tables is not None:
+            self._sky = in_frame(self.tables, self.solution, self.year)
+            self._paths = {kind: _path(lines) for kind, lines in self._sky.lines.items()}
+        return self._sky
 
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
@@ -250,6 +275,7 @@ class Overlay:
         edges = _edges(view, solution)
         lines = self._grid(view, solution) if self.on["grid"] else []
         sky_lines(brush, lines, edges)
+        self._draw_lines(brush, edges)
         if self.on["detected"]:
             # An identified star has its own circle, unless that kind is switched off.
             xy = self._others if self.on["identified"] else self.detected
@@ -272,9 +298,60 @@ class Overlay:
             star = solution.stars[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])
             selection(brush, at, star.name or star.id)
+        if self.picked is not None:
+            selection(brush, brush.view.to_screen(self.picked.xy), self.picked.text)
+        self._draw_sky(brush, solution, edges)
         sky_labels(brush, lines, edges)
-        if self.on["names"]:
-            names(brush, solution, self._stars)
+
+    def _draw_lines(self, brush: Brush, edges: QRectF) -> None:
+        """Figures, boundaries and circles of the sky; kept as paths in image px, so that zooming costs nothing."""
+        if self.sky is None:
+            return
+        painter, view = brush.painter, brush.view
+        painter.save()
+        painter.setClipRect(edges)
+        painter.translate(view.dx, view.dy)
+        painter.scale(view.scale, view.scale)
+        painter.translate(0.5, 0.5)
+        for kind, colour in LINES.items():
+            if self.on[kind]:
+                dashes = Qt.PenStyle.DotLine if kind == "boundaries" else Qt.PenStyle.SolidLine
+                pen = QPen(translucent(getattr(brush.colours, colour), 150), 1.1, dashes)
+                pen.setCosmetic(True)
+                painter.strokePath(self._paths[kind], pen)
+        painter.restore()
+
+    def _draw_sky(self, brush: Brush, solution: Solution, edges: QRectF) -> None:
+        """Outlines and names: those that suit the zoom, and no name over another or over what covers the view."""
+        self.labels = []
+        wanted = {"star": "names", "object": "objects"}
+        if self.sky is None or not any(self.on[switch] for switch in wanted.values()):
+            return
+        view, bounds = brush.view, (edges.left(), edges.top(), edges.right(), edges.bottom())
+        seen = View(view.scale, view.dx, view.dy, bounds)
+        ranks = faintest_of(seen, solution, self.amount["names"], self.amount["objects"])
+        ranks = {kind: rank for kind, rank in ranks.items() if self.on[wanted[kind]]}
+
+        def size(text: str) -> tuple[float, float]:
+            box, _ = brush.words(text, brush.colours.star)
+            return box.width(), box.height()
+
+        taken = [(box.x(), box.y(), box.width(), box.height()) for box in brush.space.taken]
+        self.labels = place_labels(self.sky, seen, ranks, size, taken, max(self.amount.values()))
+        brush.painter.save()
+        brush.painter.setClipRect(edges)
+        for mark in outlined(self.sky, seen, ranks.get("object", -np.inf)):
+            brush.pen(colour_of(brush.colours, mark), 1.2, 190)
+            for shape in mark.shapes:
+                brush.painter.drawPolyline([QPointF(x, y) for x, y in view.to_screen(shape).tolist()])
+        brush.painter.restore()
+        for label in self.labels:
+            x, y, width, height = label.box
+            brush.space.taken.append(QRectF(x, y, width, height))
+            if label.mark.kind != "star" and label.mark.radius * view.scale < DOT_PX:
+                brush.pen(colour_of(brush.colours, label.mark), 1.2, 190)
+                brush.painter.drawEllipse(QPointF(*view.to_screen(label.mark.xy).tolist()), DOT_PX, DOT_PX)
+            brush.draw(QPointF(x, y), label.text, colour_of(brush.colours, label.mark))
 
     def _grid(self, view: Viewport, solution: Solution | None) -> list[GridLine]:
         if solution is None:
@@ -282,6 +359,19 @@ class Overlay:
         if (key := (view, id(solution))) != self._lines_key:
             self._lines, self._lines_key = grid_lines(solution, *view.corners()), key
         return self._lines
+
+
+def colour_of(colours: Colours, mark: Mark) -> str:
+    """The colour of a mark's name and outline."""
+    return str(getattr(colours, COLOURS.get(mark.kind, "nebula")))
+
+
+def _path(lines: tuple[Floats, ...]) -> QPainterPath:
+    """Lines (N, 2) as one path."""
+    path = QPainterPath()
+    for line in lines:
+        path.addPolygon(QPolygonF([QPointF(x, y) for x, y in line.tolist()]))
+    return path
 
 
 def _among(xy: Floats, stars: Floats) -> NDArray[np.bool_]:

@@ -187,7 +187,7 @@ class LabelSpace:
 
     def __init__(self, width: int, height: int) -> None:
         self._edges = QRectF(2, 2, width - 4, height - 4)
-        self._taken: list[QRectF] = []
+        self.taken: list[QRectF] = []
 
     def place(self, box: QRectF) -> QRectF | None:
         """``box`` moved inside the widget, or None when its place is taken."""
@@ -198,7 +198,7 @@ class LabelSpace:
         y = min(max(box.top(), e.top() + 1), e.bottom() - box.height() - 1)
         box = QRectF(x, y, box.width(), box.height())
         grown = box.adjusted(-3, -2, 3, 2)
-        if any(grown.intersects(other) for other in self._taken):
+        if any(grown.intersects(other) for other in self.taken):
             return None
-        self._taken.append(grown)
+        self.taken.append(grown)
         return box

@@ -5,7 +5,7 @@ from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 from shiboken6 import isValid
 
-from kochab.window.image.overlay import MARKS
+from kochab.window.image.overlay import MARKS, SHOWN
 from kochab.window.shell.dialogs import redden_caret
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.menus import colour_icons
@@ -95,7 +95,7 @@ class Appearance(QObject):
 
     def _restore(self) -> None:
         for name in MARKS:
-            self._overlay.on[name] = self._settings.flag(f"marks/{name}", True)
+            self._overlay.on[name] = self._settings.flag(f"sky/{name}", name in SHOWN)
             self._actions[name].setChecked(self._overlay.on[name])
         automatic = self._settings.flag("stretch", True)
         self._actions["stretch"].setChecked(automatic)
@@ -149,7 +149,7 @@ class Appearance(QObject):
         self._panes.view.set_look(self._panes.strip.stretch, colour, self.is_night)
 
     def show_mark(self, name: str, on: bool) -> None:
-        self._settings.keep(f"marks/{name}", on)
+        self._settings.keep(f"sky/{name}", on)
         self._overlay.on[name] = on
         self._panes.view.update()
 

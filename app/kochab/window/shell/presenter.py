@@ -11,6 +11,7 @@ from kochab.core.errors import printable
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import RenderedFrame
@@ -28,6 +29,7 @@ class Presenter(QObject):
         self.window, self.session, self.settings = window, session, settings
         self.overlay = Overlay()
         self._place = ""  # what the open frame, or a running camera's last one, shows
+        self._sky_asked = False
         self.style = settings.angle_style
         self.panes = panes = window.workspace
         panes.view.marks, self.overlay.covered = self.overlay.paint, panes.covered
@@ -174,6 +176,13 @@ class Presenter(QObject):
     def _show_marks(self, solution: Solution | None) -> None:
         found = self.session.known.detections
         self.overlay.show(found.xy if found is not None else np.empty((0, 2)), solution)
+        if solution is not None and not self._sky_asked:
+            self._sky_asked = True
+            self.session.jobs.run(_tables(), "sky").succeeded.connect(self._has_sky)
+
+    def _has_sky(self, tables: SkyTables) -> None:
+        self.overlay.tables = tables
+        self.panes.view.update()
 
     def _clear_marks(self) -> None:
         self.overlay.clear()
@@ -230,3 +239,8 @@ def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[st
     horizon = horizon_of(frame, site)
     altaz = "" if horizon is None else altaz_text(*horizon.altaz_deg(solution.centre_vector))
     return name_of_field(solution), altaz.replace("a", "A")
+
+
+def _tables() -> Task[SkyTables]:
+    yield Progress("sky", None, "reading the names of the sky")
+    return sky_tables()

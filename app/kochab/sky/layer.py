@@ -1,0 +1,281 @@
+"""The sky over a solved frame: outlines, lines and names, each where the solution puts it, no name over another.
+
+:func:`in_frame` projects the tables once for a solution; :func:`labels` chooses and places names for what is
+seen of it. Marks are in image px, label boxes in screen px; whoever draws brings the size of a text.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import unit
+from kochab.core.solution import Solution
+from kochab.sky.sky_tables import EPOCH, SkyTables, in_reach
+
+MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
+MOST_RADII = 1.0  # of the view: a larger outline says nothing
+POINTS = 48  # of an ellipse
+SAMPLES = 16  # of a line across the half diagonal
+GAP_PX, STAR_PX = 4.0, 5.0  # from an outline and from a star to the name
+APART_PX = 5.0  # between two names on a line
+DOT_PX = 6.0  # so small on the screen, an object has its short name alone
+AREA_PX2 = 22_000.0  # of the screen for each name, in the middle of the scale
+BEST = 400  # candidates that are looked at for a view
+
+TextSize = Callable[[str], tuple[float, float]]
+"""Width and height of a text, px."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """``screen = (pixel + 0.5) * scale + (dx, dy)``; names stay within ``bounds`` (x0, y0, x1, y1), screen px."""
+
+    scale: float
+    dx: float
+    dy: float
+    bounds: tuple[float, float, float, float]
+
+    def to_screen(self, xy: Floats) -> Floats:
+        """Screen places (N, 2) of image pixels (N, 2)."""
+        return np.asarray((xy + 0.5) * self.scale + (self.dx, self.dy))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """An object or a star of the frame: where, what its name is, and how it ranks.
+
+    ``row`` is that of the objects, or of the named stars for ``kind`` "star"; ``xy`` (2,) and ``radius`` are px of the
+    image; ``shapes`` are its outlines, px; ``text`` is its name and ``short`` the name without a common one; ``mag`` is
+    the rank, a magnitude that counts how well known it is.
+    """
+
+    kind: str
+    row: int
+    xy: Floats
+    radius: float
+    mag: float
+    text: str
+    short: str
+    shapes: tuple[Floats, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SkyInFrame:
+    """What one frame holds: marks by rank, the best first, and lines (N, 2) px by what they are."""
+
+    marks: tuple[Mark, ...]
+    lines: dict[str, tuple[Floats, ...]]
+    places: Floats = field(default_factory=lambda: np.empty((0, 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Label:
+    """A name on the screen: its box (x, y, width, height) px, and what it belongs to."""
+
+    text: str
+    box: tuple[float, float, float, float]
+    mark: Mark
+
+
+def in_frame(tables: SkyTables, solution: Solution, year: float = EPOCH, also: Iterable[Mark] = ()) -> SkyInFrame:
+    """The objects, stars and lines of a solved frame; a few ms. ``also`` are marks from elsewhere, as of planets."""
+    corners = np.array(
+        [[x, y] for x in (-0.5, solution.camera.width - 0.5) for y in (-0.5, solution.camera.height - 0.5)]
+    )
+    centre = solution.centre_vector
+    reach = float(np.arccos(np.clip((solution.sky_at(corners) @ centre).min(), -1.0, 1.0)))
+    marks = [*_objects(tables, solution, centre, reach), *_stars(tables, solution, centre, reach, year), *also]
+    marks.sort(key=lambda mark: mark.mag)
+    lines = {kind: tuple(_lines(solution, chains, centre, reach)) for kind, chains in tables.lines.items()}
+    return SkyInFrame(tuple(marks), lines, np.array([mark.xy for mark in marks]).reshape(-1, 2))
+
+
+def _inside(solution: Solution, xy: Floats, margin: Floats | float = 0.0) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    size = np.array([solution.camera.width, solution.camera.height])
+    room = np.reshape(margin, (-1, 1))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((xy > -0.5 - room) & (xy < size - 0.5 + room)).all(axis=1))
+
+
+def _objects(tables: SkyTables, solution: Solution, centre: Floats, reach: float) -> Iterable[Mark]:
+    objects, ranks = tables.objects, tables.ranks
+    rows = np.flatnonzero(in_reach(objects.vector, centre, 1.2 * reach) & np.isfinite(ranks))
+    xy = solution.pixels_of(objects.vector[rows])
+    seen = np.flatnonzero(_inside(solution, xy))
+    seen = seen[np.argsort(ranks[rows[seen]], kind="stable")[:MOST]]
+    rows, xy = rows[seen], xy[seen]
+    rings = solution.pixels_of(ellipses(tables, rows).reshape(-1, 3)).reshape(len(rows), POINTS + 1, 2)
+    radii = np.nan_to_num(np.hypot(*np.moveaxis(rings - xy[:, None], -1, 0)).max(axis=1), nan=0.0)
+    largest = MOST_RADII * np.hypot(solution.camera.width, solution.camera.height) / 2.0
+    for row, place, ring, radius in zip(rows.tolist(), xy, rings, radii.tolist(), strict=True):
+        shapes: tuple[Floats, ...] = (ring,) if radius > 0.0 else ()
+        if row in tables.outlines:
+            drawn = (solution.pixels_of(shape) for shape in tables.outlines[row])
+            shapes = tuple(shape for shape in drawn if np.isfinite(shape).all()) or shapes
+            radius = max((float(np.hypot(*(shape - place).T).max()) for shape in shapes), default=0.0)
+        elif not 0.0 < radius < largest and objects.major[row] > 1.0:
+            continue  # about the whole frame
+        name = objects.designation(row)
+        text = f"{name} {objects.common[row].split(',')[0]}".strip()
+        yield Mark(str(objects.kind[row]), row, place, radius, float(ranks[row]), text, name, shapes)
+
+
+def ellipses(tables: SkyTables, rows: Ints) -> Floats:
+    """ICRS vectors (N, POINTS + 1, 3) of the ellipses of objects; circles of the same area where the PA is unknown."""
+    objects = tables.objects.take(rows)
+    x, y = objects.vector[:, 0], objects.vector[:, 1]
+    flat = np.maximum(np.hypot(x, y), 1e-12)
+    east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)[:, None]
+    north = np.cross(objects.vector[:, None], east)
+    major = np.nan_to_num(objects.major)
+    minor = np.where(np.isfinite(objects.minor), objects.minor, major)
+    known = np.isfinite(objects.pa_deg)
+    mean = np.sqrt(major * minor)
+    a, b = (np.radians(np.where(known, side, mean) / 120.0)[:, None, None] for side in (major, minor))
+    pa = np.radians(np.nan_to_num(objects.pa_deg))[:, None, None]
+    along, across = np.cos(pa) * north + np.sin(pa) * east, np.cos(pa) * east - np.sin(pa) * north
+    t = np.linspace(0.0, 2.0 * np.pi, POINTS + 1)[None, :, None]
+    step = a * np.cos(t) * along + b * np.sin(t) * across
+    far = np.linalg.norm(step, axis=2, keepdims=True)
+    return np.asarray(np.cos(far) * objects.vector[:, None] + np.sinc(far / np.pi) * step)
+
+
+def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, year: float) -> Iterable[Mark]:
+    stars = tables.stars
+    rows = np.flatnonzero(in_reach(stars.vector, centre, 1.1 * reach + 1e-4))
+    xy = solution.pixels_of(unit(stars.vector[rows] + (year - EPOCH) * stars.step[rows]))
+    for row, place in zip(rows[seen := _inside(solution, xy)].tolist(), xy[seen], strict=True):
+        name = str(stars.name[row])
+        proper = 1.5 * (" " not in name)
+        yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 - proper, name, name)
+
+
+def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach: float) -> Iterable[Floats]:
+    """The parts of chains of great-circle arcs within the frame, px; each arc is cut by the circle about the frame.
+
+    On the arc's plane the circle of radius R about the centre c cuts angles t0 +- w with cos w = cos R / |c in plane|.
+    """
+    first = np.concatenate([chain[:-1] for chain in chains])
+    last = np.concatenate([chain[1:] for chain in chains])
+    pole = np.cross(first, last)
+    length = np.arctan2(np.linalg.norm(pole, axis=1), np.sum(first * last, axis=1))
+    side = np.cross(unit(pole + 1e-30), first)
+    x, y = first @ centre, side @ centre
+    flat = np.maximum(np.hypot(x, y), 1e-12)
+    radius = min(1.05 * reach, np.pi - 1e-3)
+    half = np.arccos(np.clip(np.cos(radius) / flat, -1.0, 1.0))
+    middle = np.arctan2(y, x)
+    for turn in (-2.0 * np.pi, 0.0, 2.0 * np.pi):
+        low, high = np.maximum(middle + turn - half, 0.0), np.minimum(middle + turn + half, length)
+        rows = np.flatnonzero((high > low) & (length > 1e-9))
+        if not len(rows):
+            continue
+        counts = 2 + np.minimum((high - low)[rows] / reach * SAMPLES, 4 * SAMPLES).astype(np.int64)
+        ends = np.cumsum(counts)
+        share = (np.arange(ends[-1]) - np.repeat(ends - counts, counts)) / np.repeat(counts - 1, counts)
+        arc = np.repeat(rows, counts)
+        angle = (low[arc] + share * (high - low)[arc])[:, None]
+        xy = solution.pixels_of(np.cos(angle) * first[arc] + np.sin(angle) * side[arc])
+        for part in np.split(xy, ends[:-1]):
+            good = part[np.isfinite(part[:, 0])]
+            if len(good) > 1:
+                yield good
+
+
+def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: float = 0.5) -> dict[str, float]:
+    """The ranks down to which stars and objects are named: fewer in a wide view, more in a narrow one.
+
+    ``stars`` and ``objects`` 0..1 are how much the person wishes to see.
+    """
+    x0, y0, x1, y1 = view.bounds
+    across = max(x1 - x0, y1 - y0, 1.0) / view.scale * solution.camera.scale_arcsec_px / 3600.0
+    wide = float(np.log10(np.clip(across, 0.05, 180.0)))
+    return {"star": 12.0 - 4.2 * wide + 8.0 * (stars - 0.5), "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5)}
+
+
+def outlined(sky: SkyInFrame, view: View, faintest: float) -> list[Mark]:
+    """Objects down to that rank whose outline is worth drawing: larger than a dot, and not about the whole view."""
+    at = view.to_screen(sky.places)
+    x0, y0, x1, y1 = view.bounds
+    largest = MOST_RADII * max(x1 - x0, y1 - y0)
+    drawn = []
+    for mark, (x, y) in zip(sky.marks, at.tolist(), strict=True):
+        radius = mark.radius * view.scale
+        near = x0 - radius < x < x1 + radius and y0 - radius < y < y1 + radius
+        if mark.mag > faintest:
+            break
+        if mark.shapes and DOT_PX <= radius < largest and near:
+            drawn.append(mark)
+    return drawn[:MOST_OUTLINES]
+
+
+def labels(
+    sky: SkyInFrame,
+    view: View,
+    faintest: dict[str, float],
+    text_size: TextSize,
+    taken: Iterable[tuple[float, float, float, float]] = (),
+    amount: float = 0.5,
+) -> list[Label]:
+    """Names of the marks in sight, the best first, none over another or over a box (x, y, w, h) of ``taken``.
+
+    ``faintest`` is the last rank named of "star" and of "object"; a kind that is absent has no names.
+    """
+    at = view.to_screen(sky.places)
+    x0, y0, x1, y1 = view.bounds
+    seen = np.flatnonzero((at[:, 0] >= x0) & (at[:, 0] <= x1) & (at[:, 1] >= y0) & (at[:, 1] <= y1))
+    boxes = np.full((BEST + 64, 4), np.inf)
+    count = 0
+    for x, y, w, h in taken:
+        boxes[count % len(boxes)] = x, y, x + w, y + h
+        count += 1
+    most = int((x1 - x0) * (y1 - y0) / AREA_PX2 * 4.0 ** (2.0 * amount - 1.0)) + 4
+    chosen: list[Label] = []
+    used: set[str] = set()
+    for number in seen[:BEST].tolist():
+        mark = sky.marks[number]
+        if len(chosen) >= most or count >= len(boxes) - 2:
+            break
+        if mark.mag > faintest.get("star" if mark.kind == "star" else "object", -np.inf):
+            continue
+        common = mark.text.removeprefix(mark.short).strip()
+        dot = mark.kind != "star" and mark.radius * view.scale < DOT_PX
+        text = mark.short if dot or common in used else mark.text
+        used.add(common or text)
+        width, height = text_size(text)
+        for x, y in _spots(at[number], mark.radius * view.scale, width, height, mark.kind == "star"):
+            box = (x, y, x + width, y + height)
+            if x < x0 or y < y0 or box[2] > x1 or box[3] > y1:
+                continue
+            apart = boxes[:count]
+            left, right = x - APART_PX, box[2] + APART_PX
+            hit = (apart[:, 0] < right) & (left < apart[:, 2]) & (apart[:, 1] < box[3]) & (box[1] < apart[:, 3])
+            if not hit.any():
+                boxes[count] = box
+                count += 1
+                chosen.append(Label(text, (x, y, width, height), mark))
+                if mark.radius * view.scale < DOT_PX:  # no other name over the spot itself
+                    px, py = at[number].tolist()
+                    boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
+                    count += 1
+                break
+    return chosen
+
+
+def _spots(at: Floats, radius: float, width: float, height: float, star: bool) -> Iterable[tuple[float, float]]:
+    """Upper left corners of a name beside a mark, the nicest first."""
+    x, y = at.tolist()
+    away = max(radius, STAR_PX if star else DOT_PX) + GAP_PX
+    slant = 0.7071 * max(radius, DOT_PX) + GAP_PX
+    yield x + away, y - height / 2.0
+    yield x + slant, y - slant - height
+    yield x - away - width, y - height / 2.0
+    yield x - width / 2.0, y - away - height
+    yield x - width / 2.0, y + away
+    yield x - slant - width, y - slant - height
+    yield x + slant, y + slant
+    yield x - slant - width, y + slant
+    if radius > width:
+        yield x - width / 2.0, y - height / 2.0
