@@ -1,6 +1,7 @@
 """A tiny sky written in the formats of the packages the catalogue is made of."""
 
 import gzip
+import json
 import sqlite3
 import struct
 
@@ -88,6 +89,44 @@ def ephemeris_file(path):
     path.write_bytes(raw)
 
 
+FIELDS = ("full_name", "epoch_mjd", "e", "a", "q", "i", "om", "w", "ma", "tp", "H", "G", "M1")
+CERES = (
+    "     1 Ceres (A801 AA)",
+    "59800",
+    ".0786",
+    "2.7666",
+    "2.5491",
+    "10.59",
+    "80.27",
+    "73.53",
+    "334.3",
+    None,
+    "3.33",
+    "0.12",
+    None,
+)
+COMET = (
+    "  67P/Churyumov-Gerasimenko",
+    59505,
+    ".6497",
+    None,
+    "1.2106",
+    "3.87",
+    "36.3",
+    "22.1",
+    None,
+    "2459520.56",
+    None,
+    None,
+    "13.1",
+)
+
+
+def small_body_file(path, *rows):
+    """Write an answer of JPL's Small-Body Database."""
+    path.write_text(json.dumps({"fields": FIELDS, "data": rows}))
+
+
 def write_packages(folder, bright, faint, tycho, listed):
     """A whole set of sources; ``bright`` and ``faint`` are Stellarium stars, ``listed`` dicts."""
     home = folder / "stars" / "default"
@@ -105,6 +144,8 @@ def write_packages(folder, bright, faint, tycho, listed):
     (western / "star_names.fab").write_text('# x\n 91262|_("Vega") 1,2\n91262|_("Harp star") 3\n')
     (western / "constellationship.fab").write_text("Lyr 2  91262 7 7 8\nCyg 1  8 91262\n")
     ephemeris_file(folder / "de421.bsp")
+    small_body_file(folder / "asteroids.dat", CERES, (None,) * len(FIELDS))
+    small_body_file(folder / "comets.dat", COMET, ("3D/Biela", *COMET[1:]), (*COMET[:-1], None))
     index_file(folder / "index-tycho2-07.littleendian.fits", tycho)
     ra, dec = np.radians([(s["ra"], s["dec"]) for s in listed]).T
     table = np.stack([ra, dec, ra, ra, ra, [s["v"] for s in listed]], axis=1).astype("f4")

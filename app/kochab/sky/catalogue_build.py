@@ -35,9 +35,9 @@ from kochab.sky.catalogue_sources import (
     row_of,
 )
 from kochab.sky.objects_build import write_boundaries, write_objects, write_outlines
-from kochab.sky.solar_system_build import write_ephemeris
+from kochab.sky.solar_system_build import write_ephemeris, write_small_bodies
 
-DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "stellarium-data": "0.22.2-1"}
+DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "kstars-data": "5:3.6.2-2", "stellarium-data": "0.22.2-1"}
 PYPI = {
     "cedar-solve": ("0.5.1", "default_database.npz"),
     "pyongc": ("1.2.2", "ongc.db"),
@@ -172,7 +172,7 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
 
 
 TABLES = ("names.tsv", "objects.tsv", "lines.tsv", "outlines.tsv", "boundaries.tsv")
-FILES = ("deep.kcat", "bright.kcat", "ephemeris.kcat", *TABLES, "manifest.json")
+FILES = ("deep.kcat", "bright.kcat", "ephemeris.kcat", "small_bodies.kcat", *TABLES, "manifest.json")
 """What :func:`build` writes into its folder."""
 
 
@@ -192,7 +192,10 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     counts["constellation segments"] = write_lines(files["constellationship.fab"], out / "lines.tsv")
     counts["outlines"] = write_outlines(files["outlines.dat"], out / "outlines.tsv")
     counts["boundaries"] = write_boundaries(files["constellation_boundaries.dat"], out / "boundaries.tsv")
-    write_ephemeris(files["de421.bsp"], out / "ephemeris.kcat")
+    de421 = files["de421.bsp"]
+    write_ephemeris(de421, out / "ephemeris.kcat")
+    small = write_small_bodies(files["asteroids.dat"], files["comets.dat"], de421, out / "small_bodies.kcat")
+    counts |= yield from small
     yield Progress("Checking against the independent list", 0.95)
     facts = {
         "check_against_independent_list": compare(out / "deep.kcat", src.listed),

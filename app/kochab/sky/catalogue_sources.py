@@ -202,6 +202,8 @@ SINGLE_FILES = (
     "default_database.npz",
     "ongc.db",
     "de421.bsp",
+    "asteroids.dat",
+    "comets.dat",
     "western/star_names.fab",
     "western/constellationship.fab",
     "nebulae/default/catalog.dat",

@@ -57,6 +57,11 @@ class Body:
     phase: float
     sigma_arcsec: float
 
+    @property
+    def vector(self) -> Floats:
+        """ICRS unit vector (3,)."""
+        return unit_vectors(self.ra_deg, self.dec_deg)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observer:

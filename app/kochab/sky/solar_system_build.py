@@ -1,13 +1,18 @@
-"""Make the Solar System's files of ``catalogs/``: an excerpt of JPL's DE421."""
+"""Make the Solar System's files of ``catalogs/``: an excerpt of JPL's DE421, asteroids and comets."""
 
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.errors import CatalogueError
+from kochab.core.progress import Task
 from kochab.sky.catalogue_file import write_container
+from kochab.sky.elements import Row, bodies_of, sbdb_json, sbdb_row
 from kochab.sky.ephemeris import Ephemeris, Series
+from kochab.sky.orbits import carried
 
 AU_KM = 149597870.69962819  # DE421's
 FIRST_JD, LAST_JD = 2447892.5, 2470420.5  # 1990-01-01 to 2051-09-06: 11 times 2048 days
@@ -75,3 +80,43 @@ def write_ephemeris(source: Path, path: Path) -> None:
         digits = np.rint(fitted(whole.series[body], days, terms) / unit)
         columns[body] = digits.astype("<i4").ravel()
     write_container(path, {"kind": "ephemeris", "start_jd": FIRST_JD, "series": EXCERPT}, columns)
+
+
+EPOCH_JD = 2461406.5
+"""2027-01-01, to which the asteroids are carried."""
+LOST_JD = 2457000.5
+"""Asteroids whose elements are older have not been seen again."""
+COMETS_TO_V = 16.0
+
+
+def write_small_bodies(asteroids: Path, comets: Path, source: Path, path: Path) -> Task[dict[str, int]]:
+    """Write the asteroids, carried to one date, and the comets at their own; returns how many of each.
+
+    The first two are answers of JPL's Small-Body Database as KStars keeps them, ``source`` is the ephemeris. Comets
+    without a magnitude, lost or never brighter than V 16 are left out.
+    """
+    rocks = [row for row in _rows(asteroids) if row["epoch"] > LOST_JD and row["name"] != "134340 Pluto"]
+    rocks.sort(key=lambda row: float(row["epoch"]))
+    ices = [row for row in _rows(comets) if row["epoch"] > FIRST_JD and "D/" not in row["name"]]
+    ices = [row for row in ices if _peak(row) < COMETS_TO_V]
+    whole = read_spk(source)
+    table = bodies_of([*rocks, *ices])
+    for some in (table.epoch_jd == np.median(table.epoch_jd), table.epoch_jd != np.median(table.epoch_jd)):
+        some &= ~table.comet
+        table.state[some] = yield from carried(table.state[some], table.epoch_jd[some], EPOCH_JD, whole, 1e-10)
+        table.epoch_jd[some] = EPOCH_JD
+    table.write(path)
+    return {"asteroids": len(rocks), "comets": len(ices)}
+
+
+def _rows(path: Path) -> Iterator[Row]:
+    """The entries that have elements and a magnitude."""
+    for given in sbdb_json(path, path.read_text(encoding="utf-8")):
+        with suppress(ValueError, TypeError, KeyError):
+            yield sbdb_row(given)
+
+
+def _peak(row: Row) -> float:
+    """The magnitude that a comet may reach at its perihelion."""
+    q = float(row["q"])
+    return float(row["mag"] + 10.0 * np.log10(q) + 5.0 * np.log10(max(abs(q - 1.0), 0.3)))

@@ -1,0 +1,161 @@
+"""Orbital elements from files: JPL's Small-Body Database (JSON, CSV), and the Minor Planet Center's lines."""
+
+import csv
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kochab.core.errors import CatalogueError
+from kochab.sky.ephemeris import GM
+from kochab.sky.orbits import state_at_perihelion, two_body
+from kochab.sky.small_bodies import SmallBodies
+
+Row = Mapping[str, Any]
+MJD = 2400000.5
+USUAL_SLOPE = 0.15
+
+NEEDED = "name, epoch, q or a, e, i, node, peri, tp or ma, H or M1"
+ALIASES = {  # what the Small-Body Database calls them
+    "name": ("full_name", "pdes", "name"),
+    "epoch_mjd": ("epoch_mjd", "epoch.mjd"),
+    "tp": ("tp", "tp_jd"),
+    "node": ("om", "node"),
+    "peri": ("w", "peri"),
+}
+
+
+def read_elements(path: Path) -> SmallBodies:
+    """The bodies of a file of elements on the ecliptic of J2000, whichever of the known forms it has.
+
+    CatalogueError with one sentence, the first bad line named, when one of them cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise CatalogueError(f"Can't read {path.name}: not a text file of orbital elements.") from None
+    rows: list[Row] = []
+    for where, read in _lines(path, text):
+        try:
+            rows.append(read())
+        except (ValueError, KeyError, TypeError, IndexError, OverflowError):
+            raise CatalogueError(f"Can't read {path.name}: {where} has no usable elements ({NEEDED}).") from None
+    if not rows:
+        raise CatalogueError(f"Can't read {path.name}: it has no orbital elements.")
+    return bodies_of(rows)
+
+
+def _lines(path: Path, text: str) -> Iterator[tuple[str, Any]]:
+    """Where each body stands in a file, and how to read it."""
+    if text.lstrip().startswith("{"):
+        for k, given in enumerate(sbdb_json(path, text)):
+            yield f"entry {k + 1}", lambda given=given: sbdb_row(given)
+        return
+    lines = text.splitlines()
+    if lines and {"e", "i"} <= {cell.strip() for cell in lines[0].split(",")}:
+        for number, given in enumerate(csv.DictReader(lines, skipinitialspace=True), 2):
+            yield f"line {number}", lambda given=given: sbdb_row(given)
+        return
+    begin = next((k + 1 for k, line in enumerate(lines) if line.startswith("-----")), 0)  # after MPCORB's preface
+    for number, line in enumerate(lines[begin:], begin + 1):
+        if line.strip():
+            yield f"line {number}", lambda line=line: mpc_comet(line) if line[4:5].isalpha() else mpc_asteroid(line)
+
+
+def sbdb_json(path: Path, text: str) -> list[dict[str, Any]]:
+    """The entries of an answer of JPL's Small-Body Database query."""
+    try:
+        answer = json.loads(text)
+        return [dict(zip(answer["fields"], row, strict=True)) for row in answer["data"]]
+    except (ValueError, KeyError, TypeError):
+        raise CatalogueError(f"Can't read {path.name}: no answer of JPL's Small-Body Database.") from None
+
+
+def sbdb_row(given: Mapping[str, Any]) -> Row:
+    """An entry of the Small-Body Database; ValueError or KeyError when something is missing."""
+    known = {key: next((given[name] for name in names if given.get(name)), None) for key, names in ALIASES.items()}
+    cells = {**given, **known}
+    e = float(cells["e"])
+    q = float(cells["q"]) if cells.get("q") else float(cells["a"]) * (1.0 - e)
+    epoch = float(cells["epoch_mjd"]) + MJD if cells["epoch_mjd"] else float(cells["epoch"])
+    tp = float(cells["tp"]) if cells["tp"] else perihelion_jd(epoch, float(cells["ma"]), q, e)
+    comet = bool(cells.get("M1"))
+    slope = math.nan if comet else float(cells.get("G") or USUAL_SLOPE)
+    angles = {key: float(cells[key]) for key in ("i", "node", "peri")}
+    magnitude = float(cells["M1"] if comet else cells["H"])
+    return _row(name=short_name(cells["name"]), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=slope, **angles)
+
+
+def mpc_asteroid(line: str) -> Row:
+    """A line of MPCORB (minorplanetcenter.net/iau/info/MPOrbitFormat.html)."""
+    packed, a = line[20:25], float(line[92:103])
+    year = 100 * "IJK".index(packed[0]) + 1800 + int(packed[1:3])
+    epoch = julian_date(year, _packed(packed[3]), _packed(packed[4]))
+    e = float(line[70:79])
+    name = line[166:194].strip() or line[:7].strip()
+    number, _, rest = name.partition(")")
+    angles = {"peri": float(line[37:46]), "node": float(line[48:57]), "i": float(line[59:68])}
+    tp = perihelion_jd(epoch, float(line[26:35]), a * (1.0 - e), e)
+    slope = float(line[14:19].strip() or USUAL_SLOPE)
+    told = f"{number[1:]}{rest}" if name.startswith("(") else name
+    return _row(name=told, epoch=epoch, q=a * (1.0 - e), e=e, tp=tp, mag=float(line[8:13]), slope=slope, **angles)
+
+
+def mpc_comet(line: str) -> Row:
+    """A line of the MPC's comet elements (minorplanetcenter.net/iau/info/CometOrbitFormat.html)."""
+    tp = julian_date(int(line[14:18]), int(line[19:21]), float(line[22:29]))
+    epoch = julian_date(int(line[81:85]), int(line[85:87]), int(line[87:89])) if line[81:89].strip() else tp
+    angles = {"peri": float(line[51:59]), "node": float(line[61:69]), "i": float(line[71:79])}
+    q, e, magnitude = float(line[30:39]), float(line[41:49]), float(line[91:95])
+    return _row(name=line[102:158].strip(), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=math.nan, **angles)
+
+
+def _packed(letter: str) -> int:
+    return int(letter, 36)
+
+
+def julian_date(year: int, month: int, day: float) -> float:
+    """Julian date of a day of the Gregorian calendar; ValueError when there is no such month or day."""
+    if not (1 <= month <= 12 and 1 <= day < 32 and 1600 <= year <= 2200):
+        raise ValueError
+    since = np.datetime64(f"{year:04d}-{month:02d}-01") - np.datetime64("2000-01-01")
+    return 2451544.5 + float(since / np.timedelta64(1, "D")) + day - 1.0
+
+
+def perihelion_jd(epoch_jd: float, mean_anomaly_deg: float, q: float, e: float) -> float:
+    """The perihelion next to the epoch of an ellipse."""
+    if not 0.0 <= e < 1.0:
+        raise ValueError
+    motion = math.degrees(math.sqrt(GM["sun"] / (q / (1.0 - e)) ** 3))
+    return epoch_jd - ((mean_anomaly_deg + 180.0) % 360.0 - 180.0) / motion
+
+
+def short_name(full: str) -> str:
+    """``"1 Ceres"`` of ``"     1 Ceres (A801 AA)"``."""
+    name = full.strip()
+    if name.startswith("("):
+        return name.strip("()")
+    number, _, rest = name.partition(" ")
+    named = number.isdigit() and not rest.startswith("(")
+    return name.partition(" (")[0] if named else name
+
+
+def _row(**row: Any) -> Row:
+    """The row, when it is an orbit; ValueError when not."""
+    numbers = [row[key] for key in ("epoch", "q", "e", "i", "node", "peri", "tp", "mag")]
+    if not (row["name"] and all(map(math.isfinite, numbers)) and 1e-4 < row["q"] < 2000.0 and 0.0 <= row["e"] < 10.0):
+        raise ValueError
+    return row
+
+
+def bodies_of(rows: list[Row]) -> SmallBodies:
+    """The bodies of rows of elements, with their states at the elements' dates."""
+    columns = ("q", "e", "i", "node", "peri", "tp", "epoch", "mag", "slope")
+    q, e, i, node, peri, tp, epoch, mag, slope = (
+        np.array([row[key] for row in rows], dtype=np.float64) for key in columns
+    )
+    state = two_body(state_at_perihelion(q, e, i, node, peri), epoch - tp)
+    return SmallBodies([row["name"] for row in rows], state, epoch, mag, slope)

@@ -1,0 +1,120 @@
+"""Orbits about the Sun: two bodies in any conic, and carried by integration under the pull of the planets."""
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from kochab.core.arrays import Floats
+from kochab.core.progress import Progress, Task
+from kochab.sky.ephemeris import GM, Ephemeris
+
+OBLIQUITY = np.radians(84381.448 / 3600.0)
+"""Of the ecliptic of J2000 that orbital elements are given on (IAU 1976)."""
+
+PLANETS = tuple(name for name in GM if name != "sun")
+
+
+def state_at_perihelion(q_au: Floats, e: Floats, i_deg: Floats, node_deg: Floats, peri_deg: Floats) -> Floats:
+    """Heliocentric states (N, 6), au and au/day on ICRS axes, at perihelion of orbits on the ecliptic of J2000."""
+    i, node, peri = np.radians([i_deg, node_deg, peri_deg])
+    ci, si, cn, sn, cp, sp = np.cos(i), np.sin(i), np.cos(node), np.sin(node), np.cos(peri), np.sin(peri)
+    towards = np.stack([cn * cp - sn * sp * ci, sn * cp + cn * sp * ci, sp * si], axis=-1)
+    ahead = np.stack([-cn * sp - sn * cp * ci, -sn * sp + cn * cp * ci, cp * si], axis=-1)
+    speed = np.sqrt(GM["sun"] * (1.0 + e) / q_au)
+    ce, se = np.cos(OBLIQUITY), np.sin(OBLIQUITY)
+    to_equator = np.array([[1.0, 0.0, 0.0], [0.0, ce, -se], [0.0, se, ce]])
+    return np.hstack([(q_au[:, None] * towards) @ to_equator.T, (speed[:, None] * ahead) @ to_equator.T])
+
+
+def two_body(state: Floats, days: Floats) -> Floats:
+    """States (N, 6) a number of days (N,) later, of an ellipse, parabola or hyperbola about the Sun alone.
+
+    Universal variables (Bate, Mueller and White 1971, ch. 4), solved by Laguerre's method (Conway 1986).
+    """
+    root = np.sqrt(GM["sun"])
+    place, velocity = state[:, :3], state[:, 3:]
+    r0 = np.linalg.norm(place, axis=1)
+    outward = np.einsum("na,na->n", place, velocity) / root
+    bound = inverse_axis(state)
+    period = 365.25 * period_years(state)
+    turns = np.where(np.isfinite(period), np.rint(days / period) * np.nan_to_num(period, posinf=0.0), 0.0)
+    target = root * (days - turns)
+    x = np.sign(target) * np.minimum(np.abs(target) / r0, np.cbrt(6.0 * np.abs(target)))
+    for _ in range(50):
+        c, s = stumpff(bound * x * x)
+        missing = outward * x**2 * c + (1.0 - bound * r0) * x**3 * s + r0 * x - target
+        r = outward * x * (1.0 - bound * x * x * s) + (1.0 - bound * r0) * x * x * c + r0
+        bend = outward * (1.0 - bound * x * x * c) + (1.0 - bound * r0) * x * (1.0 - bound * x * x * s)
+        step = 5.0 * missing / (r + np.sign(r) * np.sqrt(np.abs(16.0 * r * r - 20.0 * missing * bend)))
+        x = x - step
+        if np.all(np.abs(step) < 1e-12 * (1.0 + np.abs(x))):
+            break
+    c, s = stumpff(bound * x * x)
+    f, g = 1.0 - x * x * c / r0, (target - x**3 * s) / root
+    later = f[:, None] * place + g[:, None] * velocity
+    r = np.linalg.norm(later, axis=1)
+    df, dg = root / (r * r0) * (bound * x**3 * s - x), 1.0 - x * x * c / r
+    return np.hstack([later, df[:, None] * place + dg[:, None] * velocity])
+
+
+def inverse_axis(state: Floats) -> Floats:
+    """One over the semi-major axis (N,), 1/au: negative of a hyperbola."""
+    speed2 = np.einsum("na,na->n", state[:, 3:], state[:, 3:])
+    return np.asarray(2.0 / np.linalg.norm(state[:, :3], axis=1) - speed2 / GM["sun"])
+
+
+def period_years(state: Floats) -> Floats:
+    """Periods (N,) of heliocentric states (N, 6), infinite of what does not return."""
+    bound = inverse_axis(state)
+    closed = bound > 1e-9
+    return np.where(closed, np.where(closed, bound, 1.0) ** -1.5 * 2.0 * np.pi / np.sqrt(GM["sun"]) / 365.25, np.inf)
+
+
+def stumpff(z: Floats) -> tuple[Floats, Floats]:
+    """The functions C and S (N,) of universal variables."""
+    root = np.sqrt(np.abs(z))
+    near = np.abs(z) < 1e-3
+    safe = np.where(near, 1.0, root)
+    ellipse = z > 0.0
+    narrow = np.where(ellipse, 0.0, np.minimum(safe, 300.0))
+    c = np.where(ellipse, 1.0 - np.cos(safe), np.cosh(narrow) - 1.0) / safe**2
+    s = np.where(ellipse, safe - np.sin(safe), np.sinh(narrow) - safe) / safe**3
+    c = np.where(near, 0.5 - z / 24.0 + z * z / 720.0, c)
+    return c, np.where(near, 1.0 / 6.0 - z / 120.0 + z * z / 5040.0, s)
+
+
+def carried(
+    state: Floats, from_jd: Floats, to_jd: float, ephemeris: Ephemeris, precision: float = 1e-9
+) -> Task[Floats]:
+    """States (N, 6) at ``to_jd`` TDB of bodies whose heliocentric states were so at ``from_jd`` (N,).
+
+    The Sun and eight planets pull; relativity, the asteroids' own masses and the jets of comets are left out.
+    Dormand and Prince's method of order 8 over the share of each body's own time, so that all arrive together.
+    """
+    days = to_jd - from_jd
+    if not len(state) or not days.any():
+        return state
+    together = np.all(days == days[0])
+    first, span = (from_jd[:1], days[:1]) if together else (from_jd, days)
+
+    def slope(share: float, flat: Floats) -> Floats:
+        now = flat.reshape(-1, 6)
+        pull = acceleration(now[:, :3], first + share * span, ephemeris)
+        return (np.hstack([now[:, 3:], pull]) * span[:, None]).ravel()
+
+    solver = DOP853(slope, 0.0, state.ravel(), 1.0, rtol=precision, atol=precision * 1e-2)
+    while solver.status == "running":
+        solver.step()
+        yield Progress("Carrying asteroids and comets to the frame's date", float(solver.t))
+    return np.asarray(solver.y).reshape(-1, 6)
+
+
+def acceleration(places: Floats, jd_tdb: Floats, ephemeris: Ephemeris) -> Floats:
+    """Pull (N, 3), au/day^2, on bodies at heliocentric places (N, 3) au at dates (N,) or (1,)."""
+    sun = ephemeris("sun", jd_tdb)
+    total = -GM["sun"] * places / np.linalg.norm(places, axis=1)[:, None] ** 3
+    for name in PLANETS:
+        planet = ephemeris(name, jd_tdb) - sun
+        gap = planet - places
+        direct = gap / np.linalg.norm(gap, axis=1)[:, None] ** 3
+        total += GM[name] * (direct - planet / np.linalg.norm(planet, axis=1)[:, None] ** 3)
+    return np.asarray(total)

@@ -1,0 +1,166 @@
+"""Asteroids and comets in a frame: carried from the table's dates to the frame's, the planets' pull counted."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from kochab.core import data_folder
+from kochab.core.arrays import Bools, Floats, Indices
+from kochab.core.attitude import radec_deg, unit
+from kochab.core.errors import CatalogueError
+from kochab.core.frame import Site
+from kochab.core.progress import Task
+from kochab.sky.catalogue_file import Container, write_container
+from kochab.sky.ephemeris import shipped_ephemeris
+from kochab.sky.orbits import carried, period_years, two_body
+from kochab.sky.solar_system import Body, BodyKind, Observer, covers, lit_share, major_bodies, observer_at
+
+ASTEROID_SIGMA_ARCSEC = 1.0
+COMET_SIGMA_ARCSEC = 60.0
+"""Their jets push them, and their elements are of some years ago."""
+
+COMET_YEARS = 6.0
+"""Longer before or after the date of its elements, a comet that returns within 200 years is not told."""
+
+STRAY_DEG_PER_YEAR = 0.5
+"""How far a body may stray from a two-body orbit: this times years to the power of 1.5; 99.9 % do less."""
+
+
+@dataclass(slots=True, eq=False)
+class SmallBodies:
+    """Asteroids and comets (N,), each with its state at a date of its own.
+
+    ``state`` (N, 6) heliocentric au and au/day on ICRS axes at ``epoch_jd`` (N,) TDB; ``magnitude`` (N,) is H, or M1 of
+    a comet; ``slope`` (N,) is G, NaN for a comet.
+    """
+
+    names: Sequence[str]
+    state: Floats
+    epoch_jd: Floats
+    magnitude: Floats
+    slope: Floats
+    _night: int = field(default=0, init=False)
+    _carried: dict[int, Floats] = field(default_factory=dict, init=False)
+
+    @property
+    def comet(self) -> Bools:
+        """Which are comets, (N,)."""
+        return np.isnan(self.slope)
+
+    def on_night(self, rows: Indices, jd_tdb: float) -> Task[tuple[Floats, float]]:
+        """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; kept for that night."""
+        night = round(jd_tdb)
+        if night != self._night:
+            self._night, self._carried = night, {}
+        new = np.array([row for row in rows.tolist() if row not in self._carried], dtype=np.intp)
+        for some in (new[self.comet[new]], new[~self.comet[new]]):  # a comet at its perihelion takes small steps
+            states = yield from carried(self.state[some], self.epoch_jd[some], float(night), shipped_ephemeris())
+            self._carried.update(zip(some.tolist(), states, strict=True))
+        return np.array([self._carried[row] for row in rows.tolist()]).reshape(-1, 6), float(night)
+
+    def write(self, path: Path) -> None:
+        """Write them as :func:`read_small_bodies` takes them."""
+        text = np.frombuffer("\n".join(self.names).encode("utf-8"), np.uint8)
+        numbers = {"state": self.state.ravel(), "epoch_jd": self.epoch_jd}
+        magnitudes = {"magnitude": self.magnitude.astype("<f4"), "slope": self.slope.astype("<f4")}
+        write_container(path, {"kind": "small bodies"}, {**numbers, **magnitudes, "names": text})
+
+
+def read_small_bodies(path: Path) -> SmallBodies:
+    """Read a table; CatalogueError when it is missing or damaged."""
+    file = Container(path)
+    try:
+        names = bytes(file.column("names")).decode("utf-8").split("\n")
+        state = file.column("state").reshape(len(names), 6)
+        epoch, magnitude, slope = (file.column(key).astype(np.float64) for key in ("epoch_jd", "magnitude", "slope"))
+        if {len(epoch), len(magnitude), len(slope)} != {len(names)}:
+            raise ValueError
+    except ValueError:
+        raise CatalogueError(f"The table of asteroids and comets {path} is damaged.") from None
+    return SmallBodies(names, state, epoch, magnitude, slope)
+
+
+@cache
+def shipped_small_bodies() -> SmallBodies:
+    """The asteroids and comets that come with Kochab."""
+    return read_small_bodies(data_folder("catalogs") / "small_bodies.kcat")
+
+
+def bodies_near(
+    time_utc: datetime,
+    site: Site | None,
+    centre: Floats,
+    radius_rad: float,
+    faintest: float,
+    tables: Iterable[SmallBodies] | None = None,
+) -> Task[list[Body]]:
+    """All bodies of the Solar System within ``radius_rad`` of the ICRS direction ``centre`` (3,), brightest first.
+
+    Asteroids and comets down to magnitude ``faintest``; the Sun, the Moon and the planets of any. None at a date that
+    the ephemeris does not cover.
+    """
+    if not covers(time_utc):
+        return []
+    observer = observer_at(time_utc, site)
+    found = [
+        body
+        for body in major_bodies(observer)
+        if body.vector @ centre >= np.cos(min(np.pi, radius_rad + np.radians(body.sigma_arcsec / 3600.0)))
+    ]
+    for table in (shipped_small_bodies(),) if tables is None else tables:
+        found += yield from small_bodies(table, observer, centre, radius_rad, faintest)
+    return sorted(found, key=lambda body: body.magnitude)
+
+
+def small_bodies(
+    table: SmallBodies, observer: Observer, centre: Floats, radius_rad: float, faintest: float
+) -> Task[list[Body]]:
+    """The bodies of a table as :func:`bodies_near` has them: only those that may be in the field are carried."""
+    ephemeris, jd = shipped_ephemeris(), float(observer.jd_tdb[0])
+    sun = ephemeris("sun", observer.jd_tdb)
+    about = two_body(table.state, jd - table.epoch_jd)[:, :3]
+    vectors = about + sun - observer.place
+    years = np.abs(jd - table.epoch_jd) / 365.25
+    stray = np.radians(0.2 + STRAY_DEG_PER_YEAR * years**1.5) * np.maximum(1.0, 1.5 / np.linalg.norm(vectors, axis=1))
+    reach = np.cos(np.minimum(np.pi, radius_rad + stray))
+    bright = magnitudes(table, vectors, about)[0] < faintest + 0.5 + np.minimum(stray, 2.0)
+    known = ~table.comet | (years < COMET_YEARS) | (period_years(table.state) > 200.0)
+    rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & known)
+    if not len(rows):
+        return []
+    states, night = yield from table.on_night(rows, jd)
+    vectors, light_jd = observer.sees(lambda at: two_body(states, at - night)[:, :3] + ephemeris("sun", at))
+    from_sun = observer.place + vectors - ephemeris("sun", light_jd)
+    names = [table.names[row] for row in rows.tolist()]
+    some = SmallBodies(names, states, table.epoch_jd[rows], table.magnitude[rows], table.slope[rows])
+    magnitude, angle = magnitudes(some, vectors, from_sun)
+    inside = (unit(vectors) @ centre >= np.cos(min(np.pi, radius_rad))) & (magnitude <= faintest)
+    return [_body(some, k, vectors[k], magnitude[k], angle[k], observer) for k in np.flatnonzero(inside).tolist()]
+
+
+def _body(table: SmallBodies, k: int, vector: Floats, magnitude: float, angle: float, observer: Observer) -> Body:
+    ra, dec = radec_deg(vector)
+    distance = float(np.linalg.norm(vector))
+    comet = bool(table.comet[k])
+    sigma = observer.sigma_arcsec(distance, COMET_SIGMA_ARCSEC if comet else ASTEROID_SIGMA_ARCSEC)
+    kind = BodyKind.COMET if comet else BodyKind.ASTEROID
+    return Body(table.names[k], kind, ra, dec, distance, float(magnitude), 0.0, lit_share(float(angle)), sigma)
+
+
+def magnitudes(table: SmallBodies, from_observer: Floats, from_sun: Floats) -> tuple[Floats, Floats]:
+    """V (N,) and phase angles (N,) in degrees: the IAU's H, G system; M1 + 5 log D + 10 log r of a comet.
+
+    Bowell et al. 1989, *Asteroids II*, 524.
+    """
+    distance, solar = np.linalg.norm(from_observer, axis=1), np.linalg.norm(from_sun, axis=1)
+    angle = np.arccos(np.clip(np.einsum("na,na->n", unit(from_observer), unit(from_sun)), -1.0, 1.0))
+    bend = np.tan(np.minimum(angle, np.radians(170.0)) / 2.0)
+    slope = np.where(table.comet, 0.15, table.slope)
+    dimmed = (1.0 - slope) * np.exp(-3.33 * bend**0.63) + slope * np.exp(-1.87 * bend**1.22)
+    asteroid = 5.0 * np.log10(solar) - 2.5 * np.log10(dimmed)
+    beyond = np.where(table.comet, 10.0 * np.log10(solar), asteroid)
+    return table.magnitude + 5.0 * np.log10(distance) + beyond, np.degrees(angle)

@@ -1,0 +1,188 @@
+import csv
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import unit, unit_vectors
+from kochab.core.errors import CatalogueError
+from kochab.core.frame import Site
+from kochab.core.progress import run
+from kochab.sky.elements import bodies_of, read_elements, short_name
+from kochab.sky.ephemeris import GM, shipped_ephemeris
+from kochab.sky.orbits import carried, two_body
+from kochab.sky.small_bodies import bodies_near, read_small_bodies, shipped_small_bodies
+from kochab.sky.solar_system import BodyKind
+from kochab.sky.solar_system_build import write_small_bodies
+from tests.sky.packages import CERES, COMET, FIELDS, ephemeris_file, small_body_file
+
+TRUTH = json.loads(Path(__file__).with_name("asteroids.json").read_text(encoding="utf-8"))["rows"]
+TONIGHT = datetime(2026, 11, 23, 1, tzinfo=UTC)
+
+
+def test_asteroids_carried_to_other_years_are_where_stellarium_had_them_then():
+    """Stellarium's elements of 2014 to 2017, by others, against JPL's of 2022 carried to 2027 and back from there."""
+    ephemeris, table = shipped_ephemeris(), shipped_small_bodies()
+    keys = ("q", "e", "i", "node", "peri", "tp")
+    off = []
+    for name, epoch, *elements in TRUTH:
+        there = bodies_of(
+            [{"name": name, "epoch": epoch, "mag": 0.0, "slope": 0.15, **dict(zip(keys, elements, strict=True))}]
+        )
+        row = [table.names.index(name)]
+        ours = run(carried(table.state[row], table.epoch_jd[row], epoch, ephemeris))
+        earth = (ephemeris("earth", there.epoch_jd) - ephemeris("sun", there.epoch_jd))[0]
+        gap = unit(ours[0, :3] - earth) - unit(there.state[0, :3] - earth)
+        off.append(np.degrees(np.linalg.norm(gap)) * 3600)
+    assert len(off) == 21
+    assert np.median(off) < 0.3
+    assert max(off) < 5.0
+
+
+@pytest.mark.parametrize("speed", [0.7, 1.0, 1.3, 2**0.5, 1.9])
+def test_two_bodies_agree_with_an_integration_without_planets(speed, monkeypatch):
+    monkeypatch.setattr("kochab.sky.orbits.PLANETS", ())
+    state = np.array([[1.2, 0.3, -0.2, 0.0, 0.0, 0.0]])
+    state[0, 3:] = np.array([-0.1, 0.9, 0.4]) * np.sqrt(GM["sun"] / 1.25) * speed
+    from_jd = np.array([2455000.5])
+    for days in (-700.0, 10.0, 2000.0):
+        whole = run(carried(state, from_jd, from_jd[0] + days, shipped_ephemeris(), 1e-12))
+        assert two_body(state, np.array([days])) == pytest.approx(whole, rel=1e-6, abs=1e-7)
+        back = two_body(two_body(state, np.array([days])), np.array([-days]))
+        assert back == pytest.approx(state, abs=1e-9)
+
+
+def test_vesta_and_ceres_are_in_the_field_and_as_bright_as_told():
+    """Vesta on 2026-11-23: V 7.1 (its opposition is on 13 October, at V 6.4)."""
+    everywhere = run(bodies_near(TONIGHT, Site(48.0, 11.0), np.array([1.0, 0.0, 0.0]), np.pi, 9.5))
+    found = {body.name: body for body in everywhere}
+    assert found["4 Vesta"].magnitude == pytest.approx(7.1, abs=0.4)
+    assert found["4 Vesta"].kind is BodyKind.ASTEROID
+    assert [body.magnitude for body in everywhere] == sorted(body.magnitude for body in everywhere)
+    assert all(body.magnitude <= 9.5 or body.kind not in (BodyKind.ASTEROID, BodyKind.COMET) for body in everywhere)
+    near = run(bodies_near(TONIGHT, Site(48.0, 11.0), found["4 Vesta"].vector, 0.01, 9.5))
+    assert "4 Vesta" in [body.name for body in near]
+    assert len(near) < 4
+
+
+MPC_2022 = [  # the Minor Planet Center's elements for 2022-08-24, of KStars' cometels.json
+    ("C/2017 K2 (PANSTARRS)", 1.796903, 1.000798, 87.5622, 88.2351, 236.198, 2459933.1831),
+    ("C/2020 F3 (NEOWISE)", 0.295417, 0.999145, 129.0405, 61.0461, 37.3288, 2459034.1175),
+]
+
+
+@pytest.mark.parametrize("comet", MPC_2022, ids=lambda comet: comet[0])
+def test_comets_are_where_the_minor_planet_centers_elements_have_them(comet):
+    name, *elements = comet
+    keys, ephemeris, table = ("q", "e", "i", "node", "peri", "tp"), shipped_ephemeris(), shipped_small_bodies()
+    row = [table.names.index(name)]
+    given = {"name": name, "epoch": 2459815.5, "mag": 0.0, "slope": np.nan, **dict(zip(keys, elements, strict=True))}
+    there = bodies_of([given])
+    ours = run(carried(table.state[row], table.epoch_jd[row], 2459815.5, ephemeris))
+    gap = unit(ours[0, :3]) - unit(there.state[0, :3])
+    assert np.degrees(np.linalg.norm(gap)) * 3600 < 60.0
+
+
+def test_neowise_was_a_bright_comet_below_the_bear_in_july_2020():
+    found = run(bodies_near(datetime(2020, 7, 18, 22, tzinfo=UTC), None, unit_vectors(136.0, 47.0), 0.1, 10.0))
+    comet = next(body for body in found if "NEOWISE" in body.name)
+    assert comet.kind is BodyKind.COMET
+    assert comet.sigma_arcsec >= 60.0
+
+
+def test_dates_beyond_the_ephemeris_have_no_bodies():
+    assert run(bodies_near(datetime(1985, 1, 1, tzinfo=UTC), None, np.array([1.0, 0.0, 0.0]), np.pi, 9.0)) == []
+
+
+def test_a_table_is_made_written_and_read(tmp_path):
+    ephemeris_file(tmp_path / "de421.bsp")
+    small_body_file(tmp_path / "asteroids.dat", CERES, (None,) * len(FIELDS))
+    small_body_file(tmp_path / "comets.dat", COMET, ("3D/Biela", *COMET[1:]), (*COMET[:-1], None))
+    sources = (tmp_path / "asteroids.dat", tmp_path / "comets.dat", tmp_path / "de421.bsp")
+    assert run(write_small_bodies(*sources, tmp_path / "table.kcat")) == {"asteroids": 1, "comets": 1}
+    table = read_small_bodies(tmp_path / "table.kcat")
+    assert table.names == ["1 Ceres", "67P/Churyumov-Gerasimenko"]
+    assert table.epoch_jd.tolist() == [2461406.5, 2459505.5]
+    assert table.comet.tolist() == [False, True]
+
+
+# -- Elements that people bring ---------------------------------------------------------------
+
+ORB = (
+    "00001    3.33  0.15 K2555 188.70269   73.27343   80.25221   10.58780  0.0794013  0.21424651   2.7660512  0 E2024-V47"
+    "  7330 125 1801-2024 0.80 M-v 30k MPCLINUX   4000      (1) Ceres              20241101"
+)
+COM = (
+    "    CK20F030  2020 07  3.6789  0.294652  0.999178   37.2787   61.0104  128.9375  20200709 "
+    " 12.1  4.0  C/2020 F3 (NEOWISE)                                      MPEC 2020-N18"
+)
+
+
+def test_the_minor_planet_centers_lines_are_read(tmp_path):
+    (tmp_path / "MPCORB.DAT").write_text(f"MINOR PLANET CENTER ORBIT DATABASE\n{'-' * 90}\n{ORB}\n\n")
+    ceres = read_elements(tmp_path / "MPCORB.DAT")
+    assert list(ceres.names) == ["1 Ceres"]
+    assert ceres.epoch_jd.tolist() == [2460800.5]  # K2555 is 2025-05-05
+    assert ceres.magnitude.tolist() == [3.33]
+    shipped = shipped_small_bodies()
+    row = [shipped.names.index("1 Ceres")]
+    ours = run(carried(shipped.state[row], shipped.epoch_jd[row], 2460800.5, shipped_ephemeris()))
+    assert np.degrees(np.linalg.norm(unit(ours[0, :3]) - unit(ceres.state[0, :3]))) * 3600 < 5.0
+
+
+def test_the_minor_planet_centers_comets_are_read(tmp_path):
+    (tmp_path / "comets.txt").write_text(COM + "\n")
+    comet = read_elements(tmp_path / "comets.txt")
+    assert list(comet.names) == ["C/2020 F3 (NEOWISE)"]
+    assert comet.comet.tolist() == [True]
+    shipped = shipped_small_bodies()
+    row = next(k for k, name in enumerate(shipped.names) if "2020 F3" in name)
+    assert comet.epoch_jd[0] == 2459039.5
+    ours = two_body(shipped.state[[row]], comet.epoch_jd - shipped.epoch_jd[row])
+    assert ours[0, :3] == pytest.approx(comet.state[0, :3], abs=1e-4)
+
+
+def test_the_small_body_databases_tables_are_read_as_json_and_csv(tmp_path):
+    small_body_file(tmp_path / "a.json", CERES, COMET)
+    with open(tmp_path / "a.csv", "w", newline="") as file:
+        csv.writer(file).writerows([FIELDS, CERES, COMET])
+    one, other = read_elements(tmp_path / "a.json"), read_elements(tmp_path / "a.csv")
+    assert list(one.names) == list(other.names) == ["1 Ceres", "67P/Churyumov-Gerasimenko"]
+    np.testing.assert_array_equal(one.state, other.state)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.dat", ORB + "\n" + ORB[:60] + "\n", "line 2"),
+        ("a.dat", ORB.replace("0.0794013", "1.0794013"), "line 1"),
+        ("a.txt", COM.replace("2020 07", "2020 17"), "line 1"),
+        ("a.txt", "these are no elements\n", "line 1"),
+        ("a.txt", "", "no orbital elements"),
+        ("a.json", '{"fields": ["e"], "data": [[1, 2]]}', "no answer of JPL"),
+        ("a.json", '{"fields": ["e"], "data": [["0.1"]]}', "entry 1"),
+        ("a.csv", "name,e,i\nx,nan,3\n", "line 2"),
+    ],
+)
+def test_a_bad_file_is_refused_in_one_sentence(tmp_path, name, text, said):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(CatalogueError, match=said) as failure:
+        read_elements(tmp_path / name)
+    assert str(failure.value).startswith(f"Can't read {name}: ")
+    assert str(failure.value).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("full", "short"),
+    [
+        ("     1 Ceres (A801 AA)", "1 Ceres"),
+        ("308933 (2006 SQ372)", "308933 (2006 SQ372)"),
+        ("       (2022 OH10)", "2022 OH10"),
+        ("     C/1995 O1 (Hale-Bopp)", "C/1995 O1 (Hale-Bopp)"),
+        ("    1P/Halley", "1P/Halley"),
+    ],
+)
+def test_names_are_short(full, short):
+    assert short_name(full) == short
