@@ -54,7 +54,7 @@ def test_a_droop_fits_one_sweep_perfectly_and_lowers_its_axis(latitude, rho):
     assert found.fit.chi2 < 0.01
     # and that much, at one sigma of the droop, is what it says that it cannot see
     tube = found.error.flexure_arcsec[0] ** 2 - found.error.flexure_arcsec[1] ** 2
-    assert np.sqrt(tube) == pytest.approx(abs(expected) * TUBE_ARCSEC / 60.0, rel=0.02)
+    assert np.sqrt(tube) == pytest.approx(abs(expected) * 50.0 / 60.0, rel=0.02)
 
 
 @pytest.mark.parametrize("latitude", [-35.0, 40.0])

@@ -22,9 +22,9 @@ from kochab.polar.axis_fit import chance_of
 from kochab.polar.error import PolarError
 from kochab.polar.rotations import ARCSEC, tangents
 
-TUBE_ARCSEC = 50.0
-"""One sigma of the droop before anything is known, so that 120 is inside 95 %; a 9 inch Schmidt-Cassegrain's guide
-scope was seen to sag by 32 arcsec in 85 minutes (astronomy.mdodd.com/flexure.html)."""
+TUBE_ARCSEC, WORSE = 30.0, 5.0 / 3.0
+"""One sigma of the droop before anything is known: a 9 inch Schmidt-Cassegrain's guide scope was seen to sag by 32
+arcsec in 85 minutes (astronomy.mdodd.com/flexure.html). The ellipse is so many times wider: some tubes sag by 120."""
 
 CREEPS = 0.6  # of all sweeps, as the priors of :mod:`kochab.polar.axis_fit` have it
 REST_ARCSEC = 10.0  # one sigma of each element of what else gives way
@@ -110,7 +110,7 @@ def combine_sweeps(sweeps: Sequence[SweepResult], before: Droop = UNKNOWN) -> Co
     noise = sum(g[:2] @ s.error.covariance @ g[:2].T for g, s in zip(gains, sweeps, strict=True))
     axis = base + found[0] * upward + found[1] * clockwise
     axis /= np.linalg.norm(axis)
-    flexure = inverse[:2, :2] - noise + rest_covariance(axis)
+    flexure = (inverse[:2, :2] - noise) * WORSE**2 + rest_covariance(axis)
     widen = max(1.0, chi2 / freedom) if freedom else 1.0
     creep = sum(g[:2] @ s.error.creep @ g[:2].T for g, s in zip(gains, sweeps, strict=True))
     creep = np.asarray(creep) * _creeping(sweeps, rows, seen, before)
