@@ -33,7 +33,7 @@ SUITES = {
     "killed or asleep": "test_killed",
     "real exchanges": "test_real_transcripts",
 }
-QUICK = "arrives or below_the_horizon or stop_ends or killed or exchange"
+QUICK = "arrives or below_the_horizon or stop_ends or test_killed or test_real_transcripts"
 
 
 def detective(cases):

@@ -679,12 +679,11 @@ ALL = {
     ),
     *(f"L{n}" for n in (*range(100, 113), 120, 125, 126, 130)),
 }
-ELSEWHERE = {"L92": "test_udp: what a datagram may hold"}
+ELSEWHERE = {"L06": "test_clock_and_site: test_l06", "L92": "test_udp: what a datagram may hold"}
 NOT_SENT = "no driver sends these commands"
 NO_BYTES = "the report has no bytes"
 AUX = "the AUX bus has no driver: a Celestron is spoken to through its hand control"
 NOT_MET = {
-    "L06": "date and time are never sent to a mount",
     "L15": "what a phone sends, not what a mount answers",
     "L22": NOT_SENT,
     "L23": NO_BYTES,
