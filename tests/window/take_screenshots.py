@@ -90,8 +90,9 @@ def main(folder, *arguments):
         path = frame or next(s.path for s in samples() if "pleiades" in s.path.name)
         commands.open(Path(path))
         loop.exec()
-        while window.workspace.card.title.text() == "Solved":  # until the field has its name
-            pause(100)
+        while commands.presenter.overlay.tables is None or window.workspace.card.title.text() == "Solved":
+            pause(100)  # until the sky is drawn and the field has its name
+        pause(300)
         keep(window, folder / "window.png")
         if "--laboratory" in arguments:
             show_laboratory(commands, folder / "laboratory.png")

@@ -1,11 +1,13 @@
+import gc
 import threading
 import traceback
 
 import pytest
+from PySide6.QtCore import QObject, Signal
 
 from kochab.core.errors import FrameError
 from kochab.core.progress import Progress
-from kochab.window.job import Job
+from kochab.window.job import Job, Jobs
 
 
 def count(n, then=None):
@@ -45,6 +47,22 @@ def test_a_result_and_then_finished(qtbot):
     heard = run(qtbot, count(3))
     assert heard.said[0] == ("progressed", "count")
     assert heard.ends == [("succeeded", 3), ("finished", None)]
+
+
+def test_a_job_that_ended_is_heard_though_another_begins_before_its_signals_are_delivered(qtbot):
+    """The card kept its "Solved" where the film strip began with the next file in the same turn of the loop."""
+
+    class Window(QObject):
+        closing = Signal()
+
+    window = Window()
+    jobs, told = Jobs(window, window.closing), []
+    jobs.run(count(1), "quick").succeeded.connect(told.append)
+    assert jobs.join()
+    jobs.run(count(2), "next")
+    gc.collect()
+    qtbot.waitUntil(lambda: told == [1])
+    window.closing.emit()
 
 
 def test_a_house_error_arrives_as_its_sentence(qtbot):

@@ -34,7 +34,7 @@ class Job(QObject):
         self.name = name
         self._task = task
         self._stop = threading.Event()
-        self._muted = False
+        self._muted = self._delivered = False
         self._thread = threading.Thread(target=self._drive, name=f"kochab-{name}", daemon=True)
         self._sent.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
 
@@ -59,6 +59,11 @@ class Job(QObject):
     @property
     def running(self) -> bool:
         return self._thread.is_alive()
+
+    @property
+    def waits(self) -> bool:
+        """Whether the thread runs, or a signal is still to come."""
+        return self.running or not (self._delivered or self._muted)
 
     def _drive(self) -> None:
         kind, *value = self._outcome()
@@ -100,6 +105,7 @@ class Job(QObject):
             log.debug("%s ended after its window", self.name)
 
     def _deliver(self, kind: str, value: tuple[Any, ...]) -> None:
+        self._delivered |= kind == "finished"
         if not self._muted and not (kind == "progressed" and self._stop.is_set()):
             getattr(self, kind).emit(*value)
 
@@ -123,7 +129,7 @@ class Jobs(QObject):
     def run(self, task: Task[Any], name: str) -> Job:
         """Start ``task`` in a thread; signals connected after this are not missed: they are queued."""
         job = Job(task, name)
-        self._jobs = [j for j in self._jobs if j.running] + [job]
+        self._jobs = [j for j in self._jobs if j.waits] + [job]
         job.start()
         return job
 

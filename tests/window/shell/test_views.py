@@ -59,6 +59,14 @@ def test_one_view_at_a_time_stands_beside_the_image(qtbot, opened):
     views.docks["polar"].setFloating(False)
 
 
+def test_the_image_has_the_focus_when_a_view_goes(opened):
+    window, commands = opened
+    window.activateWindow()
+    commands.views.show("laboratory")
+    commands.views.toggle("laboratory")
+    assert window.focusWidget() is window.workspace.view
+
+
 def test_a_click_on_the_rail_changes_the_mode(qtbot, opened):
     window, commands = opened
     buttons = {a.objectName(): window.rail.widgetForAction(a) for a in window.rail.actions()}

@@ -143,7 +143,8 @@ class Presenter(QObject):
         """Say on the card what the open frame shows, and how high it stood from the present site."""
         known = self.session.known
         if known.frame is not None and isinstance(known.result, Solution):
-            job = self.session.jobs.run(_place(known.frame, known.result, self.settings.site), "place")
+            site = None if self.session.streams else self.settings.site  # a camera's frames come too often to read it
+            job = self.session.jobs.run(_place(known.frame, known.result, site), "place")
             job.succeeded.connect(partial(self._placed, known, known.result))
 
     def _placed(self, known: Known, solution: Solution, told: tuple[str, str]) -> None:

@@ -68,11 +68,11 @@ class Tour(QFrame):
         self._place()
 
     def _place(self) -> None:
-        """In the middle of the window's lower half."""
+        """In the upper half of the window, above the card of the image."""
         window = self.window()
         width = min(max(WIDTH_PX, self.fontMetrics().averageCharWidth() * 60), window.width() - 40)
         height = max(self.heightForWidth(width), self.sizeHint().height())
-        self.setGeometry((window.width() - width) // 2, (window.height() - height) * 3 // 5, width, height)
+        self.setGeometry((window.width() - width) // 2, (window.height() - height) * 2 // 5, width, height)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.Resize:

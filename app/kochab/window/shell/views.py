@@ -179,4 +179,6 @@ class Views(QObject):
                 dock.view.setFocus()
         for other in before:
             self.docks[other].setHidden(other != name)
+        if dock is None and self._window.pages.currentWidget() is self._window.workspace:
+            self._window.workspace.view.setFocus()
         self._look()
