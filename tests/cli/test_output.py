@@ -8,10 +8,14 @@ from astropy.coordinates import Angle
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.cli.output import as_json, card, radec, to_line
+from kochab.cli.main import main
+from kochab.cli.output import as_json, bodies_json, body_lines, card, radec, to_line
+from kochab.core import data_folder
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.camera import Camera
 from kochab.core.solution import NamedStar, NoSolution, Reason, Solution
+from kochab.sky.frame_bodies import BodyInFrame, FrameBodies, UnknownSource
+from kochab.sky.solar_system import Body, BodyKind
 
 STAR = NamedStar(10.0, 20.0, "HIP 91262", "Vega", 0.03, 279.23, 38.78, 0.2)
 SOLUTION = Solution(
@@ -96,3 +100,25 @@ def test_sexagesimal_is_what_astropy_reads(ra: float, dec: float) -> None:
 def test_an_attitude_without_covariance_prints() -> None:
     assert math.isnan(Attitude(SOLUTION.attitude.matrix).sigma_arcsec[0])
     assert "nan" in card(as_json("a", SOLUTION))
+
+
+def test_a_dated_frames_bodies_are_listed_and_an_undated_ones_are_not(capsys):
+    samples = data_folder("resources") / "samples"
+    assert main(["solve", str(samples / "pleiades.fits"), str(samples / "big-dipper.jpg"), "--json"]) == 0
+    dated, undated = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert dated["bodies"] == dated["not_in_catalogue"] == []  # 2025-01-12: Uranus was 7 degrees off
+    assert "bodies" not in undated
+
+
+def test_bodies_and_unknown_sources_stand_in_the_card():
+    jupiter = Body("Jupiter", BodyKind.PLANET, 10.0, 20.0, 5.0, -2.04, 40.0, 1.0, 0.1)
+    moon = Body("Moon", BodyKind.MOON, 10.0, 20.0, 0.003, -12.0, 1900.0, 0.5, 3400.0)
+    unknown = UnknownSource(5.0, 6.0, 10.0, 20.0, 1.23, 4.5, 0.2)
+    told = FrameBodies((BodyInFrame(moon, 1.0, 2.0, False), BodyInFrame(jupiter, 100.4, 200.0, True)), (unknown,))
+    outcome = bodies_json(told)
+    assert json.loads(to_line(outcome))["bodies"][1]["name"] == "Jupiter"
+    assert list(body_lines(outcome)) == [
+        "body     Moon, magnitude -12.0, at 1, 2 px +-3400 arcsec, not detected",
+        "body     Jupiter, magnitude -2.0, at 100, 200 px",
+        "unknown  not in the catalogue: magnitude 4.5 +-0.2, 00h40m00.00s +20d00'00.0\" +-1.2 arcsec, at 5, 6 px",
+    ]

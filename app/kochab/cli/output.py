@@ -4,7 +4,7 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -15,6 +15,7 @@ from kochab.core.progress import Progress, Task, run
 
 if TYPE_CHECKING:  # it loads numpy, which --help has no need of
     from kochab.core.solution import NoSolution, Solution
+    from kochab.sky.frame_bodies import FrameBodies
 
 Json = dict[str, Any]
 T = TypeVar("T")
@@ -106,6 +107,12 @@ def _unsolved(file: str, n: "NoSolution") -> Json:
     return {"file": file, "solved": False, **asdict(n), "reason": str(n.reason), "warnings": list(n.warnings)}
 
 
+def bodies_json(told: "FrameBodies") -> Json:
+    """The bodies of the Solar System in a frame, and the bright detections that are in no catalogue."""
+    bodies = [{**asdict(b.body), "x": b.x, "y": b.y, "seen": b.seen} for b in told.bodies]
+    return {"bodies": bodies, "not_in_catalogue": [asdict(source) for source in told.unknown]}
+
+
 def card(outcome: Json) -> str:
     """The same for people, a few lines."""
     lines = _solved_lines(outcome) if outcome["solved"] else _unsolved_lines(outcome)
@@ -126,7 +133,22 @@ def _solved_lines(o: Json) -> list[str]:
         f" ({o['rms_arcsec']:.2f} arcsec); chance match 1 in 10^{-o['log10_false_alarm']:.0f}",
         f"method   {o['method']}, {o['elapsed_ms'].get('total', math.nan):.0f} ms",
     ]
-    return lines + ([f"stars    {', '.join(named[:8])}"] if named else [])
+    lines += [f"stars    {', '.join(named[:8])}"] if named else []
+    return [*lines, *body_lines(o)]
+
+
+def body_lines(o: Json) -> Iterator[str]:
+    """A line a body of the Solar System, and a bright detection without a name."""
+    for b in o.get("bodies", ())[:12]:
+        yield f"body     {b['name']}, magnitude {b['magnitude']:.1f}, at {b['x']:.0f}, {b['y']:.0f} px{_doubt(b)}"
+    for u in o.get("not_in_catalogue", ())[:12]:
+        place = f"{radec(u['ra_deg'], u['dec_deg'])} +-{u['sigma_arcsec']:.1f} arcsec, at {u['x']:.0f}, {u['y']:.0f} px"
+        yield f"unknown  not in the catalogue: magnitude {u['mag']:.1f} +-{u['sigma_mag']:.1f}, {place}"
+
+
+def _doubt(body: Json) -> str:
+    sigma = body["sigma_arcsec"]
+    return (f" +-{sigma:.0f} arcsec" if sigma >= 30 else "") + ("" if body["seen"] else ", not detected")
 
 
 def _unsolved_lines(o: Json) -> list[str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.batch import refuse_wcs_over, run_batch, write_picture, write_wcs_to
 from kochab.cli.options import BATCH, Place, add_options, bound_of, detector_settings_of, named, options_of, whole
-from kochab.cli.output import Json, as_json
+from kochab.cli.output import Json, as_json, bodies_json
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import Task
 
@@ -73,6 +73,14 @@ def solve_one(wish: SolveRequest, options: "SolveOptions", bound: Place | None =
         found, frame, header = solved.result, solved.frame, solved.frame.hint
     result = within_radius(found, bound)
     outcome = as_json(wish.file, with_doubts(result, options, header))
+    hint = header if options.hint is None or options.hint.time_utc is None else options.hint
+    if isinstance(result, Solution) and frame is not None and hint and hint.time_utc and not hint.time_of_file:
+        from kochab.sky import open_catalogue
+        from kochab.sky.frame_bodies import bodies_in_frame
+
+        site = hint.site or frame.hint.site
+        told = yield from bodies_in_frame(result, solved.detections, hint.time_utc, site, open_catalogue())
+        outcome |= bodies_json(told)
     failures: list[str] = []
     if isinstance(result, Solution):
         if wish.wcs:

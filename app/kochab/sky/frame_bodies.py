@@ -1,0 +1,110 @@
+"""What a dated frame shows besides stars: bodies of the Solar System, and bright detections without a name."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from kochab.core.arrays import Bools, Floats
+from kochab.core.attitude import angle_between, radec_deg
+from kochab.core.frame import Detections, Site
+from kochab.core.progress import Task
+from kochab.core.solution import Solution
+from kochab.sky.apparent import julian_years
+from kochab.sky.catalogue import Catalogue
+from kochab.sky.small_bodies import bodies_near
+from kochab.sky.solar_system import Body
+
+COMPLETE_TO_V = 9.5
+"""The catalogue lacks no star to V 10; half a magnitude is for the frame's colours."""
+FEWEST = 10
+"""Stars from which a zero point is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyInFrame:
+    """A body at its pixel; ``seen`` when a detection that is no star lies within three sigma of it."""
+
+    body: Body
+    x: float
+    y: float
+    seen: bool
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownSource:
+    """A bright detection that is in no catalogue; degrees are ICRS, ``mag`` about V by the frame's matched stars."""
+
+    x: float
+    y: float
+    ra_deg: float
+    dec_deg: float
+    sigma_arcsec: float
+    mag: float
+    sigma_mag: float
+
+
+@dataclass(frozen=True, slots=True)
+class FrameBodies:
+    """What :func:`bodies_in_frame` finds, each brightest first."""
+
+    bodies: tuple[BodyInFrame, ...]
+    unknown: tuple[UnknownSource, ...]
+
+
+def bodies_in_frame(
+    solution: Solution, detections: Detections, time_utc: datetime, site: Site | None, catalogue: Catalogue
+) -> Task[FrameBodies]:
+    """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed."""
+    camera = solution.camera
+    corners = np.array([[0, 0], [camera.width, 0], [0, camera.height], [camera.width, camera.height]]) - 0.5
+    centre = solution.centre_vector
+    radius = max(angle_between(centre, corner) for corner in solution.sky_at(corners))
+    faintest = max((star.mag for star in solution.stars), default=0.0)
+    near = yield from bodies_near(time_utc, site, centre, radius + np.radians(0.3), faintest)
+    free = _unmatched(solution, detections)
+    bodies = []
+    for body in near:
+        (x, y) = solution.pixels_of(body.vector[None])[0].tolist()
+        disc_px = body.diameter_arcsec / 2.0 / camera.scale_arcsec_px
+        if not (-disc_px <= x <= camera.width - 1 + disc_px and -disc_px <= y <= camera.height - 1 + disc_px):
+            continue
+        reach = disc_px + 3.0 * float(np.hypot(solution.rms_px + 0.5, body.sigma_arcsec / camera.scale_arcsec_px))
+        its = free & (np.hypot(*(detections.xy - (x, y)).T) <= reach)
+        free &= ~its
+        bodies.append(BodyInFrame(body, x, y, bool(its.any())))
+    return FrameBodies(tuple(bodies), _unknown(solution, detections, free, julian_years(time_utc), catalogue))
+
+
+def _unmatched(solution: Solution, detections: Detections) -> Bools:
+    """Which detections (N,) are no matched star."""
+    gap = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2)
+    return np.asarray(gap.min(axis=1, initial=np.inf) > 1e-6)
+
+
+def _unknown(
+    solution: Solution, detections: Detections, free: Bools, year: float, catalogue: Catalogue
+) -> tuple[UnknownSource, ...]:
+    """Those that the matched stars make brighter than the catalogue's limit, with no star near them."""
+    gap = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2)
+    row, star = np.nonzero(gap <= 1e-6)
+    mags = np.array([s.mag for s in solution.stars])[star]
+    zero = mags + 2.5 * np.log10(np.maximum(detections.flux[row], 1e-12))
+    if len(zero) < FEWEST:
+        return ()
+    zero_point = float(np.median(zero))
+    scatter = float(1.4826 * np.median(np.abs(zero - zero_point)))
+    found = []
+    for k in np.flatnonzero(free & ~detections.blended & (detections.flux > 0.0)).tolist():
+        mag = zero_point - 2.5 * float(np.log10(detections.flux[k]))
+        if mag + 3.0 * scatter > COMPLETE_TO_V:
+            continue
+        direction: Floats = solution.sky_at(detections.xy[k][None])[0]
+        width_px = float(np.nan_to_num(detections.fwhm_px[k], nan=3.0))
+        near = np.radians((10.0 * solution.rms_px + 3.0 * width_px + 5.0) * solution.camera.scale_arcsec_px / 3600.0)
+        if len(catalogue.cone(direction, near, mag + 3.0, year)):
+            continue  # a star that the fit left out: saturated, double, or beyond its lens model
+        ra, dec = radec_deg(direction)
+        x, y = detections.xy[k].tolist()
+        found.append(UnknownSource(x, y, ra, dec, solution.rms_arcsec, mag, scatter))
+    return tuple(sorted(found, key=lambda source: source.mag))

@@ -1,0 +1,84 @@
+import json
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import apart_deg, attitude_from, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Site
+from kochab.core.progress import run
+from kochab.core.solution import NamedStar, Solution
+from kochab.sky.frame_bodies import bodies_in_frame
+from kochab.sky.solar_system import BodyKind
+
+ROW = json.loads(Path(__file__).with_name("solar_system.json").read_text(encoding="utf-8"))["rows"][4]
+WHEN, PLACE = datetime.fromisoformat(ROW["utc"]), Site(*ROW["site"])
+RA, DEC = ROW["places"]["Jupiter"][:2]
+"""Skyfield's."""
+
+
+@pytest.fixture(scope="module")
+def field(catalogue):
+    """A frame of 4 degrees beside Jupiter as skyfield has it: its stars, Jupiter, and two things more."""
+    camera = Camera.centred(1000, 800, 1000 / np.radians(4.0))
+    solution = Solution(camera, attitude_from(RA + 0.3, DEC - 0.2, 30.0), (), 0.1, -50.0, "")
+    rows = catalogue.cone(solution.centre_vector, np.radians(3.0), 10.0)
+    xy = solution.pixels_of(catalogue.vectors(rows))
+    inside = np.all((xy > 5) & (xy < [995, 795]), axis=1)
+    rows, xy, mags = rows[inside], xy[inside], catalogue.mag(rows[inside])
+    grid = np.stack(np.meshgrid(np.arange(60, 940, 20), np.arange(60, 740, 20)), axis=-1).reshape(-1, 2)
+    empty = grid[np.argmax(np.linalg.norm(grid[:, None] - xy[None], axis=2).min(axis=1))]
+    jupiter = solution.pixels_of(unit_vectors(RA, DEC)[None])[0]
+    bright, faint = empty, empty + np.array([9.0, 0.0])
+    flux = 10 ** (-0.4 * np.concatenate([mags, [-2.0, 5.0, 12.0]]))
+    detections = Detections.from_list(np.vstack([xy, jupiter, bright, faint]), 1000, 800, flux)
+    stars = tuple(NamedStar(x, y, "", "", float(m), 0.0, 0.0, 0.0) for (x, y), m in zip(xy.tolist(), mags, strict=True))
+    assert len(stars) > 20
+    return replace(solution, stars=stars), detections, bright
+
+
+def found(field, catalogue, when=WHEN):
+    solution, detections, _ = field
+    return run(bodies_in_frame(solution, detections, when, PLACE, catalogue))
+
+
+def test_a_planet_is_named_at_its_detection(field, catalogue):
+    told = found(field, catalogue)
+    jupiter = next(b for b in told.bodies if b.body.name == "Jupiter")
+    assert jupiter.seen
+    assert jupiter.body.kind is BodyKind.PLANET
+    assert (
+        field[0].camera.scale_arcsec_px
+        * np.hypot(*(np.array([jupiter.x, jupiter.y]) - field[0].pixels_of(unit_vectors(RA, DEC)[None])[0]))
+        < 0.1
+    )
+    assert not any(b.body.name == "Saturn" for b in told.bodies)
+
+
+def test_what_is_bright_and_in_no_catalogue_is_told_with_its_sigma(field, catalogue):
+    (unknown,) = found(field, catalogue).unknown
+    assert [unknown.x, unknown.y] == field[2].tolist()
+    assert unknown.mag == pytest.approx(5.0, abs=0.01)
+    assert apart_deg((unknown.ra_deg, unknown.dec_deg), (RA, DEC)) < 4.0
+    assert unknown.sigma_arcsec == pytest.approx(field[0].rms_arcsec)
+
+
+def test_a_planet_that_is_elsewhere_on_another_date_is_not_seen_and_its_detection_is_unknown(field, catalogue):
+    told = found(field, catalogue, WHEN + timedelta(days=3))
+    assert not any(b.seen for b in told.bodies if b.body.name == "Jupiter")
+    assert {round(source.mag) for source in told.unknown} == {-2, 5}
+
+
+def test_a_bright_star_that_the_fit_left_out_is_not_unknown(field, catalogue):
+    solution, detections, _ = field
+    brightest = min(solution.stars, key=lambda star: star.mag)
+    without = replace(solution, stars=tuple(star for star in solution.stars if star is not brightest))
+    assert found((without, detections, None), catalogue).unknown == found(field, catalogue).unknown
+
+
+def test_no_zero_point_no_unknown(field, catalogue):
+    solution, detections, _ = field
+    assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()
