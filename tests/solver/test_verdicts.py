@@ -204,14 +204,14 @@ def cause(off_deg, **more):
 
 @pytest.mark.parametrize("offsets", [(2.0,), (2.0, 3.5)])
 def test_the_causes_share_the_probability_by_bayes_theorem(offsets) -> None:
-    """Weight and a normal law on the sky, the mean of several where the noise is not known; else the unknown."""
+    """Weight and a normal law on the sky, the mean of several where the noise is not known and large noise rare."""
     seen = Seen([sighting(dec_off=off) for off in offsets])
     tried = [cause(0.0), cause(0.5, weight=2.0), cause(0.7, noise=(0.3, 1.2)), cause(0.1, noise=(0.1,))]
     likelihood = []
     for c in tried:
         off = float(c.name)
         normal = [(np.exp(-0.5 * (off / s) ** 2) / (2.0 * np.pi * s**2)) ** len(offsets) for s in c.noise]
-        likelihood.append(c.weight * np.mean(normal))
+        likelihood.append(c.weight * np.average(normal, weights=[1.0 / (1.0 + (15.0 * s) ** 2) for s in c.noise]))
     unknown = [0.9 * np.exp(-r / 5.0) / (2.0 * np.pi * r * 5.0) + 0.1 / 41253.0 for r in offsets]
     total = sum(likelihood) + 0.3 * np.prod(unknown)
     found = weigh(seen, tried)

@@ -85,7 +85,7 @@ def test_a_contradiction_forbids_what_needs_the_sky_and_nothing_else(ahead, site
         assert believes.asked == 1, "once, as long as it agrees"
         return
     refused(guard, told)
-    guard.move(Direction.NORTH, 0.5, 4.0)
+    guard.move(Direction.NORTH, 0.25, 4.0)  # a degree, or four where the mount does not tell its rates
     guard.pulse(Direction.WEST, 500)
     guard.stop()
     run(guard.rest("park"))

@@ -18,6 +18,7 @@ from kochab.gear.servers.indi_link import CALL_S, PORT, SET_S, TELESCOPE_INTERFA
 STOP_S = 1.0  # how long a driver may take to acknowledge a Stop before it is sent again
 SETTLES_S = 3.0  # after a motion its position is not trusted before the driver has asked the mount again
 MORE_S = 0.3
+LATE_S = 1.5  # a driver on a busy computer may be late with a report by
 NEAR_DEG = 0.02
 PLACES = {"EQUATORIAL_EOD_COORD": Epoch.DATE, "EQUATORIAL_COORD": Epoch.J2000}
 PARTS = {
@@ -61,7 +62,7 @@ class IndiMount(ServerMount):
             if not self._at:
                 raise NoAnswerError(f"{device.name} on {where.server} does not report where it points.")
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
-            self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + MORE_S)
+            self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
             asked = monotonic()  # a driver just turned on, or told its site, reports a place of before that
             link.wait(lambda: bool(self._told(self._at, asked)), CALL_S if new else self._poll_s)
