@@ -130,7 +130,7 @@ def test_the_annotated_picture_is_what_its_name_says(name, kind, repository, tmp
 
 def test_another_kind_of_annotated_picture_is_refused(dark, capsys) -> None:
     assert main(["solve", dark, "--annotate", "out.gif"]) == 2
-    assert "a .png or a .jpg" in capsys.readouterr().err
+    assert "a .png, .jpg, .tif, .pdf or .svg" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--method", "--detector", "--attitude"])

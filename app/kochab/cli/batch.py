@@ -184,8 +184,8 @@ def write_wcs_to(target: str, solution: "Solution") -> list[str]:
 
 
 def write_picture(target: str, frame: "Frame", solution: "Solution") -> list[str]:
-    """Write the picture with its stars named, a PNG."""
-    from kochab.frames.export import annotate
+    """Write the picture with the sky drawn over it."""
+    from kochab.workflows.annotated_image import annotate
 
     return _written(target, lambda: annotate(frame, solution, target))
 

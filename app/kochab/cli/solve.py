@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections
     from kochab.solver import SolveOptions
 
-WRITTEN = (".png", ".jpg", ".jpeg")
+WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
 PIXELS = (2, 1_000_000, "size in pixels")
 
 
@@ -41,7 +41,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
     add_options(parser, *BATCH, "--detector")
     parser.add_argument(
-        "--annotate", metavar="PNG", help="save the frame with its stars labelled: a .png, .jpg or folder"
+        "--annotate",
+        metavar="PNG",
+        help="save the frame with the sky over it: .png, .jpg, .tif, .pdf, .svg, or a folder",
     )
     parser.set_defaults(run=run)
 
@@ -96,7 +98,7 @@ def _wishes(args: argparse.Namespace) -> list[SolveRequest]:
     if target is None:
         return [SolveRequest(file, args.wcs) for file in files]
     if not target.is_dir() and target.suffix.lower() not in WRITTEN:
-        raise UsageError(f"--annotate {target}: the image is a .png or a .jpg.")
+        raise UsageError(f"--annotate {target}: the image is a .png, .jpg, .tif, .pdf or .svg.")
     if target.is_dir():
         return [SolveRequest(f, args.wcs, str(target / f"{Path(f).name}.png")) for f in files]
     if len(files) > 1:

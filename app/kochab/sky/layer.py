@@ -14,6 +14,9 @@ from kochab.core.attitude import unit
 from kochab.core.solution import Solution
 from kochab.sky.sky_tables import EPOCH, SkyTables, in_reach
 
+FAMILIES = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
+FAMILIES |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
+"""What a kind of object is drawn as; all others are nebulae."""
 MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
 MOST_RADII = 1.0  # of the view: a larger outline says nothing
 POINTS = 48  # of an ellipse
@@ -233,6 +236,7 @@ def labels(
         count += 1
     most = int((x1 - x0) * (y1 - y0) / AREA_PX2 * 4.0 ** (2.0 * amount - 1.0)) + 4
     chosen: list[Label] = []
+    spots = at[seen[: 2 * most]]  # which a name rather leaves free
     used: set[str] = set()
     for number in seen[:BEST].tolist():
         mark = sky.marks[number]
@@ -245,22 +249,26 @@ def labels(
         text = mark.short if dot or common in used else mark.text
         used.add(common or text)
         width, height = text_size(text)
+        free = None
         for x, y in _spots(at[number], mark.radius * view.scale, width, height, mark.kind == "star"):
             box = (x, y, x + width, y + height)
             if x < x0 or y < y0 or box[2] > x1 or box[3] > y1:
                 continue
-            apart = boxes[:count]
-            left, right = x - APART_PX, box[2] + APART_PX
+            apart, left, right = boxes[:count], x - APART_PX, box[2] + APART_PX
             hit = (apart[:, 0] < right) & (left < apart[:, 2]) & (apart[:, 1] < box[3]) & (box[1] < apart[:, 3])
             if not hit.any():
-                boxes[count] = box
+                covers = ((spots > box[:2]) & (spots < box[2:])).all(axis=1).any()
+                free = box if free is None or not covers else free
+                if not covers:
+                    break
+        if free is not None:
+            boxes[count] = free
+            count += 1
+            chosen.append(Label(text, (free[0], free[1], width, height), mark))
+            if mark.radius * view.scale < DOT_PX:  # no other name over the spot itself
+                px, py = at[number].tolist()
+                boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
                 count += 1
-                chosen.append(Label(text, (x, y, width, height), mark))
-                if mark.radius * view.scale < DOT_PX:  # no other name over the spot itself
-                    px, py = at[number].tolist()
-                    boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
-                    count += 1
-                break
     return chosen
 
 

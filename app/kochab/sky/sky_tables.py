@@ -19,7 +19,7 @@ OBLIQUITY = np.radians(84381.406 / 3600.0)  # of the ecliptic at J2000, IAU 2006
 GALACTIC_POLE_DEG = (192.8594813, 27.1282512)  # ICRS of the galactic north pole (Hipparcos, vol. 1, eq. 1.5.10)
 HIDDEN = ("*", "**", "Other", "Nova")  # OpenNGC's single stars, and what is no object
 DARK_MAG, CLUSTER_MAG = 14.0, 15.0  # taken for what has no magnitude: Barnard's nebulae, Abell's clusters
-MESSIER, NAMED, SPARSE = 4.0, 2.5, 10.0  # magnitudes of fame, and of clusters that only Collinder and Melotte saw
+MESSIER, NAMED, SPARSE = 4.0, 2.5, 13.0  # magnitudes of fame, and of clusters that only Collinder and Melotte saw
 EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
 
 

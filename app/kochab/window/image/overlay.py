@@ -12,7 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
 from kochab.frames.sky_grid import GridLine, grid_lines, pieces
-from kochab.sky.layer import DOT_PX, Label, Mark, SkyInFrame, View, faintest_of, in_frame, outlined
+from kochab.sky.layer import DOT_PX, FAMILIES, Label, Mark, SkyInFrame, View, faintest_of, in_frame, outlined
 from kochab.sky.layer import labels as place_labels
 from kochab.sky.sky_tables import SkyTables
 from kochab.window.image.screen_image import LabelSpace, Viewport
@@ -22,9 +22,6 @@ LINES = {"figures": "figure", "boundaries": "figure", "ecliptic": "ecliptic", "g
 """The sky layer's lines, and their colours in the theme."""
 SHOWN = ("objects", "names", "figures", "grid", "centre", "compass")  # until the person switches
 MARKS = ("objects", "names", *LINES, "grid", "centre", "compass", "identified", "detected")
-COLOURS = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
-COLOURS |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
-"""Of names and outlines by the kind of object; all others are nebulae."""
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
 MOST_CIRCLES = 4000
 CROWDED = 300  # from this many circles on they are drawn fainter and smaller
@@ -363,7 +360,7 @@ class Overlay:
 
 def colour_of(colours: Colours, mark: Mark) -> str:
     """The colour of a mark's name and outline."""
-    return str(getattr(colours, COLOURS.get(mark.kind, "nebula")))
+    return str(getattr(colours, FAMILIES.get(mark.kind, "nebula")))
 
 
 def _path(lines: tuple[Floats, ...]) -> QPainterPath:

@@ -10,12 +10,13 @@ from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import annotate, ds9_regions, stars_csv
+from kochab.frames.export import ds9_regions, stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
 from kochab.window.session import Session
 from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.main_window import MainWindow
+from kochab.workflows.annotated_image import annotate, objects_csv
 from kochab.workflows.session.wiring import ToJson
 
 Write = Callable[[Frame, Solution, Path], None]
@@ -32,8 +33,10 @@ class Export:
     write: Write
 
 
+CSV = "CSV (*.csv)"
+PICTURES = "PNG (*.png);;JPEG (*.jpg);;TIFF (*.tif);;PDF (*.pdf);;SVG (*.svg)"
 EXPORTS = (
-    Export("csv", "Stars as &CSV…", "-stars.csv", "CSV (*.csv)", lambda _, s, p: write_atomically(p, stars_csv(s))),
+    Export("csv", "Stars as &CSV…", "-stars.csv", CSV, lambda _, s, p: write_atomically(p, stars_csv(s))),
     Export(
         "regions", "&DS9 regions…", ".reg", "DS9 regions (*.reg)", lambda _, s, p: write_atomically(p, ds9_regions(s))
     ),
@@ -41,7 +44,14 @@ EXPORTS = (
     Export(
         "fits", "&FITS copy with WCS…", "-solved.fits", "FITS (*.fits)", lambda f, s, p: write_solved_copy(s, f.path, p)
     ),
-    Export("picture", "Annotated &image…", "-annotated.png", "PNG (*.png)", annotate),
+    Export(
+        "objects",
+        "&Objects as CSV…",
+        "-objects.csv",
+        "CSV (*.csv)",
+        lambda _, s, p: write_atomically(p, objects_csv(s)),
+    ),
+    Export("picture", "Annotated &image…", "-annotated.png", PICTURES, annotate),
 )
 
 

@@ -1,0 +1,197 @@
+"""A solved frame with the sky drawn over it, as a picture to share: full resolution, the file's own colours."""
+
+import base64
+import io
+import os
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from kochab.core import data_folder
+from kochab.core.arrays import Floats
+from kochab.core.frame import Frame
+from kochab.core.solution import Solution
+from kochab.frames.atomic_file import write_atomically
+from kochab.frames.export import compass
+from kochab.frames.sky_grid import grid_lines, pieces
+from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
+from kochab.sky.layer import DOT_PX, FAMILIES, Mark, View, faintest_of, in_frame, labels, outlined
+from kochab.sky.sky_tables import sky_tables
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from PIL.ImageFont import FreeTypeFont
+
+FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF", ".pdf": "PDF"}
+ENDINGS = (*FORMATS, ".svg")
+INKS = {"star": "#dce8f6", "galaxy": "#c3b1ff", "cluster": "#ffd873", "nebula": "#ff9db4", "dark": "#b9c4d0"}
+FIGURE, GRID, NORTH, EAST, EDGE = "#6f83a5", "#3f5f85", "#ff6b6b", "#6bb8ff", "#0c0e11"
+LETTER_PX, ACROSS = 13, 1200.0  # of a picture 1200 px across; larger ones have larger letters
+CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos"
+
+
+@dataclass(slots=True)
+class Drawing:
+    """What is drawn over a picture of ``width`` x ``height`` px.
+
+    ``strokes`` are (places (N, 2), colour, width); ``words`` (upper left corner, text, colour), in letters of
+    ``letter`` px.
+    """
+
+    width: int
+    height: int
+    letter: int
+    strokes: list[tuple[Floats, str, float]] = field(default_factory=list)
+    words: list[tuple[tuple[float, float], str, str]] = field(default_factory=list)
+
+
+@lru_cache(maxsize=8)
+def font_of(size: int) -> "FreeTypeFont":
+    """DejaVu Sans, which has the Greek letters."""
+    from PIL import ImageFont
+
+    return ImageFont.truetype(data_folder("resources") / "DejaVuSans.ttf", size)
+
+
+def drawing_of(solution: Solution, year: float = 2000.0) -> Drawing:
+    """Outlines, figures, names, grid and compass of a solved frame; names as dense as in the window."""
+    camera = solution.camera
+    unit = max(camera.width, camera.height) / ACROSS
+    letter = max(9, round(LETTER_PX * unit))
+    made, line = Drawing(camera.width, camera.height, letter), max(1.0, 1.2 * unit)
+    for grid in grid_lines(solution, -0.5, -0.5, camera.width - 0.5, camera.height - 0.5):
+        made.strokes += [(part, GRID, max(1.0, 0.7 * unit)) for part in pieces(grid.xy)]
+    sky = in_frame(sky_tables(), solution, year)
+    made.strokes += [(part, FIGURE, line) for part in sky.lines["figures"]]
+    scale = LETTER_PX / letter
+    view = View(scale, 0.0, 0.0, (4.0, 4.0, camera.width * scale - 4.0, camera.height * scale - 4.0))
+    ranks = faintest_of(view, solution)
+
+    def size(text: str) -> tuple[float, float]:
+        left, _, right, bottom = font_of(letter).getbbox(text)
+        return (right - left + 2) * scale, (bottom + 2) * scale
+
+    shown = labels(sky, view, ranks, size, [_compass_box(view)])
+    for mark in outlined(sky, view, ranks["object"]):
+        made.strokes += [(shape, _ink(mark), line) for shape in mark.shapes]
+    turn = np.linspace(0.0, 2.0 * np.pi, 33)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)]) * DOT_PX / scale
+    for label in shown:
+        if label.mark.kind != "star" and label.mark.radius * scale < DOT_PX:
+            made.strokes.append((label.mark.xy + ring, _ink(label.mark), line))
+        x, y = label.box[0] / scale - 0.5, label.box[1] / scale - 0.5
+        made.words.append(((x, y), label.text, _ink(label.mark)))
+    _draw_compass(made, solution)
+    made.words.append(((0.6 * letter, camera.height - 1.6 * letter), CREDIT, INKS["dark"]))
+    return made
+
+
+def _ink(mark: Mark) -> str:
+    return INKS[FAMILIES.get(mark.kind, "nebula")]
+
+
+def _compass_box(view: View) -> tuple[float, float, float, float]:
+    """Where the arrows are, screen px: at the lower left, with the credit line below."""
+    bottom = view.bounds[3]
+    return 0.0, bottom - 5.0 * LETTER_PX - 30.0, 110.0, 5.0 * LETTER_PX + 40.0
+
+
+def _draw_compass(made: Drawing, solution: Solution) -> None:
+    length = 2.6 * made.letter
+    middle = np.array([1.5 * length, made.height - 2.0 * length])
+    for way, name, ink in zip(compass(solution), "NE", (NORTH, EAST), strict=True):
+        side = np.array([-way[1], way[0]]) * length * 0.12
+        tip, back = middle + length * way, middle + 0.75 * length * way
+        for places in ([middle, tip], [tip, back + side, back - side, tip]):
+            made.strokes.append((np.array(places), ink, made.letter / 8.0))
+        x, y = middle + 1.3 * length * way - (0.35 * made.letter, 0.6 * made.letter)
+        made.words.append(((float(x), float(y)), name, ink))
+
+
+def picture_of(frame: Frame) -> "Image":
+    """The frame as RGB in full size: finished files as they are, others with one stretch for all channels.
+
+    A mosaic's channels are balanced, for a sensor's green is twice as bright.
+    """
+    from PIL import Image
+
+    shown = debayer_preview(frame, 1)
+    if shown.dtype == np.uint8 and shown.ndim == 3 and frame.bayer is None:
+        levels = shown
+    else:
+        levels = apply(shown, stretch_parameters(shown) if frame.bayer is None else white_balanced(shown))
+    picture = Image.fromarray(levels).convert("RGB")
+    return picture if picture.width == frame.width else picture.resize((frame.width, frame.height))
+
+
+def annotated_picture(frame: Frame, solution: Solution) -> "Image":
+    """The frame with the sky drawn over it."""
+    from PIL import ImageDraw
+
+    picture, drawn = picture_of(frame), drawing_of(solution)
+    draw = ImageDraw.Draw(picture)
+    for places, ink, width in drawn.strokes:
+        draw.line([(x, y) for x, y in places.tolist()], fill=ink, width=max(1, round(width)))
+    font, edge = font_of(drawn.letter), max(1, drawn.letter // 8)
+    for place, text, ink in drawn.words:
+        draw.text(place, text, fill=ink, font=font, stroke_width=edge, stroke_fill=EDGE)
+    return picture
+
+
+def as_svg(frame: Frame, solution: Solution) -> str:
+    """The same as SVG: the picture inside, lines and letters as such."""
+    packed, drawn = io.BytesIO(), drawing_of(solution)
+    picture_of(frame).save(packed, format="JPEG", quality=92)
+    size = f'width="{drawn.width}" height="{drawn.height}"'
+    data = base64.b64encode(packed.getvalue()).decode()
+    style = f'font-family="DejaVu Sans, sans-serif" font-size="{drawn.letter}" paint-order="stroke" stroke="{EDGE}"'
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="-0.5 -0.5 {drawn.width} {drawn.height}">',
+        f'<image x="-0.5" y="-0.5" {size} href="data:image/jpeg;base64,{data}"/>',
+        '<g fill="none" stroke-linejoin="round">',
+    ]
+    for places, ink, width in drawn.strokes:
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places.tolist())
+        lines.append(f'<polyline points="{points}" stroke="{ink}" stroke-width="{width:.1f}"/>')
+    lines.append(f'</g><g {style} stroke-width="{drawn.letter / 6:.1f}">')
+    for (x, y), text, ink in drawn.words:
+        lines.append(f'<text x="{x:.1f}" y="{y + drawn.letter:.1f}" fill="{ink}">{escape(text)}</text>')
+    return "\n".join([*lines, "</g></svg>", ""])
+
+
+def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write the frame with the sky over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be."""
+    ending = Path(path).suffix.lower()
+    if ending == ".svg":
+        write_atomically(path, as_svg(frame, solution))
+        return
+    packed, kind = io.BytesIO(), FORMATS.get(ending, "PNG")
+    more: dict[str, dict[str, Any]] = {
+        "JPEG": {"quality": 92},
+        "PNG": {"compress_level": 4},
+        "TIFF": {"compression": "tiff_deflate"},
+    }
+    annotated_picture(frame, solution).save(packed, format=kind, **more.get(kind, {}))
+    write_atomically(path, packed.getvalue())
+
+
+def objects_csv(solution: Solution) -> str:
+    """The deep-sky objects of the frame, the best known first: px, ICRS degrees, magnitude, sizes in arcmin, PA."""
+    from kochab.frames.export import csv_text
+
+    objects = sky_tables().objects
+    head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "major_arcmin", "minor_arcmin", "pa_deg")
+    rows: list[tuple[object, ...]] = [head]
+    for mark in in_frame(sky_tables(), solution).marks:
+        if mark.kind != "star":
+            k = mark.row
+            ra, dec = np.degrees([np.arctan2(*objects.vector[k, 1::-1]), np.arcsin(objects.vector[k, 2])])
+            sizes = (objects.mag[k], objects.major[k], objects.minor[k], objects.pa_deg[k])
+            place = (f"{mark.xy[0]:.2f}", f"{mark.xy[1]:.2f}", f"{ra % 360.0:.5f}", f"{dec:.5f}")
+            told = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
+            rows.append((mark.short, ";".join(objects.names(k)[1:]), mark.kind, *place, *told))
+    return csv_text(rows)

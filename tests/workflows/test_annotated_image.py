@@ -1,0 +1,112 @@
+"""The shared picture: the file's own colours in full size, and the sky where it belongs."""
+
+import csv
+import io
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kochab.core.attitude import attitude_from, radec_deg, wrapped
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame
+from kochab.core.solution import Solution
+from kochab.frames.sky_grid import grid_lines
+from kochab.workflows.annotated_image import (
+    CREDIT,
+    GRID,
+    annotate,
+    annotated_picture,
+    drawing_of,
+    objects_csv,
+    picture_of,
+)
+
+
+def solution(ra=84.0, dec=-3.0, roll=20.0, fov_deg=10.0, mirrored=False, size=(1280, 960)):
+    camera = Camera.centred(*size, size[0] / 2 / np.tan(np.radians(fov_deg) / 2), mirrored)
+    return Solution(camera, attitude_from(ra, dec, roll), (), 0.2, -30.0, "test")
+
+
+def rgb(size=(1280, 960)):
+    """An eight-bit picture of three different skies."""
+    return np.random.default_rng(1).integers(0, (90, 40, 60), (size[1], size[0], 3)).astype(np.uint8)
+
+
+def test_a_finished_picture_keeps_its_colours_and_its_size():
+    colour = rgb()
+    frame = Frame(colour.mean(axis=2).astype(np.uint8), colour=colour)
+    assert np.array_equal(np.asarray(picture_of(frame)), colour)
+    drawn = np.asarray(annotated_picture(frame, solution()))
+    assert drawn.shape == colour.shape
+    assert 0.6 < (drawn == colour).all(axis=2).mean() < 0.999  # all but what is drawn
+
+
+def test_other_colours_share_one_stretch():
+    colour = rgb().astype(np.uint16) * 40
+    levels = np.asarray(picture_of(Frame(colour.mean(axis=2).astype(np.uint16), colour=colour))).astype(int)
+    same = (colour[..., 0] == colour[..., 1]) & (colour[..., 0] > 0)
+    assert (levels[same][:, 0] == levels[same][:, 1]).all()
+    assert np.median(levels[..., 0]) > np.median(levels[..., 1])  # not made grey
+
+
+def test_a_mosaic_is_shown_in_full_size():
+    mosaic = np.random.default_rng(2).integers(100, 200, (960, 1280)).astype(np.uint16)
+    assert picture_of(Frame(mosaic, bayer="RGGB")).size == (1280, 960)
+
+
+def test_names_are_those_of_the_sky_with_greek_letters_and_credit():
+    words = {text: place for place, text, _ in drawing_of(solution()).words}
+    assert {"M 42 Orion Nebula", "\N{GREEK SMALL LETTER IOTA} Ori", "Alnilam", CREDIT, "N", "E"} <= {*words}
+    assert not [text for text in words if text.startswith(("HIP", "HD", "J0"))]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("a.png", "PNG"), ("a.jpg", "JPEG"), ("a.JPEG", "JPEG"), ("a.tif", "TIFF"), ("a", "PNG")]
+)
+def test_the_name_says_the_format(tmp_path, name, kind):
+    annotate(Frame(rgb()[..., 0]), solution(), tmp_path / name)
+    with Image.open(tmp_path / name) as picture:
+        assert picture.format == kind
+        assert picture.size == (1280, 960)
+
+
+def test_pdf_and_svg(tmp_path):
+    frame = Frame(rgb()[..., 0])
+    annotate(frame, solution(), tmp_path / "a.pdf")
+    assert (tmp_path / "a.pdf").read_bytes()[:5] == b"%PDF-"
+    annotate(frame, solution(), tmp_path / "a.svg")
+    root = ET.parse(tmp_path / "a.svg").getroot()  # our own
+    texts = [node.text for node in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert "M 42 Orion Nebula" in texts
+    assert len(list(root.iter("{http://www.w3.org/2000/svg}polyline"))) > 10
+
+
+def test_what_cannot_be_written_raises(tmp_path):
+    with pytest.raises(OSError, match="No such file"):
+        annotate(Frame(rgb()[..., 0]), solution(), tmp_path / "absent" / "a.png")
+
+
+@pytest.mark.parametrize(("dec", "fov"), [(0.0, 1.0), (38.8, 10.0), (88.0, 60.0)])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_grid_shows_round_right_ascensions_and_declinations(dec, fov, mirrored):
+    answer = solution(83.0, dec, 20.0, fov, mirrored)
+    places = np.concatenate([xy for xy, ink, _ in drawing_of(answer).strokes if ink == GRID])
+    wanted = {kind: [] for kind in ("ra", "dec")}
+    for line in grid_lines(answer, -0.5, -0.5, 1279.5, 959.5):
+        wanted[line.kind].append(line.value_deg)
+    ras, decs = np.array([radec_deg(v) for v in answer.sky_at(places)]).T
+    from_ra = np.abs(wrapped(ras[:, None] - wanted["ra"])).min(axis=1) * np.cos(np.radians(decs))
+    from_dec = np.abs(decs[:, None] - wanted["dec"]).min(axis=1)
+    assert np.minimum(from_ra, from_dec).max() < answer.camera.scale_arcsec_px / 3600.0
+
+
+def test_the_table_lists_what_is_in_the_frame():
+    answer = solution()
+    rows = {row["name"]: row for row in csv.DictReader(io.StringIO(objects_csv(answer)))}
+    flame = rows["NGC 2024"]
+    assert "Flame Nebula" in flame["names"]
+    place = answer.sky_at(np.array([[float(flame["x"]), float(flame["y"])]]))[0]
+    assert radec_deg(place) == pytest.approx((float(flame["ra_deg"]), float(flame["dec_deg"])), abs=1e-3)
+    assert (rows["M 42"]["major_arcmin"], rows["M 42"]["type"]) == ("90", "Cl+N")
