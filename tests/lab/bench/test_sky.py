@@ -1,0 +1,34 @@
+import json
+
+import numpy as np
+
+from kochab.lab.bench import load_bench
+from tests.patterns import REPOSITORY
+
+TRUTH = json.loads((REPOSITORY / "tests" / "sky" / "asteroids.json").read_text(encoding="utf-8"))["rows"]
+
+
+def test_the_bench_of_the_sky_measures_planets_asteroids_and_time(monkeypatch, tmp_path):
+    """With Stellarium's list among the packages that a build of the catalogue keeps."""
+    monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
+    _, epoch, q, e, i, node, peri, tp = next(row for row in TRUTH if row[0] == "1 Ceres")
+    axis = q / (1 - e)
+    anomaly = (epoch - tp) * np.degrees(0.01720209895) / axis**1.5
+    keys = {"Epoch": epoch, "Eccentricity": e, "SemiMajorAxis": axis, "MeanAnomaly": anomaly}
+    keys |= {"Inclination": i, "AscendingNode": node, "ArgOfPericenter": peri}
+    lines = [
+        "[ceres]",
+        "name=Ceres",
+        "minor_planet_number=1",
+        *(f"orbit_{key} = {value}" for key, value in keys.items()),
+    ]
+    folder = tmp_path / "catalogue-sources" / "stellarium-data"
+    folder.mkdir(parents=True)
+    (folder / "ssystem_minor.ini").write_text("\n".join([*lines, "[nameless]", "type=comet", ""]))
+    result = load_bench("sky")(True, lambda line: None)
+    rows = {row["body"]: row for row in result.rows}
+    assert rows["jupiter"]["arcsec"] < 150.0
+    assert rows["1 Ceres"]["arcsec"] < 1.0
+    goals = {goal.name: goal for goal in result.goals}
+    assert goals["asteroids of other years, median arcsec"].met
+    assert rows["all of a field in 2026"]["n"] >= 1
