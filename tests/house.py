@@ -54,6 +54,7 @@ ADDED = {
     "the Sun, the Moon, planets, asteroids, comets; files of elements": 870,
     "bodies of the Solar System and unknown sources of a dated frame": 141,
     "annotated pictures with the sky layer, in full size and their own colours": 95,
+    "the moons of Jupiter": 92,
     "a bench of the Solar System beside skyfield, ERFA and Stellarium": 135,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,

@@ -17,6 +17,7 @@ from kochab.core.progress import Task
 from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.orbits import carried, period_years, two_body
+from kochab.sky.planet_moons import planet_moons
 from kochab.sky.solar_system import Body, BodyKind, Observer, covers, lit_share, major_bodies, observer_at
 
 ASTEROID_SIGMA_ARCSEC = 1.0
@@ -106,9 +107,11 @@ def bodies_near(
     if not covers(time_utc):
         return []
     observer = observer_at(time_utc, site)
+    everything = major_bodies(observer)
+    everything += planet_moons(observer, next(body for body in everything if body.name == "Jupiter"))
     found = [
         body
-        for body in major_bodies(observer)
+        for body in everything
         if body.vector @ centre >= np.cos(min(np.pi, radius_rad + np.radians(body.sigma_arcsec / 3600.0)))
     ]
     for table in (shipped_small_bodies(),) if tables is None else tables:
