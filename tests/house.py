@@ -56,6 +56,7 @@ ADDED = {
     "annotated pictures with the sky layer, in full size and their own colours": 95,
     "the moons of Jupiter": 92,
     "a bench of the Solar System beside skyfield, ERFA and Stellarium": 135,
+    "what is under the cursor, and its card": 147,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,

@@ -198,6 +198,19 @@ def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: flo
     return {"star": 12.0 - 4.2 * wide + 8.0 * (stars - 0.5), "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5)}
 
 
+def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, float]) -> Mark | None:
+    """The smallest mark, down to the ranks ``shown``, around a place of the image or within ``reach`` px of it."""
+    away = np.hypot(*(sky.places - (x, y)).T)
+    last = [shown.get("star" if mark.kind == "star" else "object", -np.inf) for mark in sky.marks]
+    held = (
+        (max(mark.radius, reach) + far, k)
+        for k, (mark, far) in enumerate(zip(sky.marks, away.tolist(), strict=True))
+        if far <= max(mark.radius, reach) and mark.mag <= last[k]
+    )
+    best = min(held, default=None)
+    return None if best is None else sky.marks[best[1]]
+
+
 def outlined(sky: SkyInFrame, view: View, faintest: float) -> list[Mark]:
     """Objects down to that rank whose outline is worth drawing: larger than a dot, and not about the whole view."""
     at = view.to_screen(sky.places)

@@ -12,7 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
 from kochab.frames.sky_grid import GridLine, grid_lines, pieces
-from kochab.sky.layer import DOT_PX, FAMILIES, Label, Mark, SkyInFrame, View, faintest_of, in_frame, outlined
+from kochab.sky.layer import DOT_PX, FAMILIES, Label, Mark, SkyInFrame, View, faintest_of, in_frame, mark_at, outlined
 from kochab.sky.layer import labels as place_labels
 from kochab.sky.sky_tables import SkyTables
 from kochab.window.image.screen_image import LabelSpace, Viewport
@@ -235,6 +235,7 @@ class Overlay:
     selected: int | None = None
     picked: Mark | None = None
     labels: list[Label] = field(default_factory=list)
+    ranks: dict[str, float] = field(default_factory=dict)  # down to which stars and objects were shown last
     solution: Solution | None = None
     detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
     _stars: Floats = field(default_factory=lambda: np.empty((0, 2)))
@@ -262,6 +263,10 @@ class Overlay:
             self._sky = in_frame(self.tables, self.solution, self.year)
             self._paths = {kind: _path(lines) for kind, lines in self._sky.lines.items()}
         return self._sky
+
+    def mark_at(self, x: float, y: float, reach: float) -> Mark | None:
+        """The star or object at a place of the image, px, of those that suit the zoom."""
+        return None if self.sky is None else mark_at(self.sky, x, y, reach, self.ranks)
 
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
@@ -295,7 +300,7 @@ class Overlay:
             star = solution.stars[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])
             selection(brush, at, star.name or star.id)
-        if self.picked is not None:
+        elif self.picked is not None:
             selection(brush, brush.view.to_screen(self.picked.xy), self.picked.text)
         self._draw_sky(brush, solution, edges)
         sky_labels(brush, lines, edges)
@@ -320,14 +325,14 @@ class Overlay:
 
     def _draw_sky(self, brush: Brush, solution: Solution, edges: QRectF) -> None:
         """Outlines and names: those that suit the zoom, and no name over another or over what covers the view."""
-        self.labels = []
+        self.labels, self.ranks = [], {}
         wanted = {"star": "names", "object": "objects"}
         if self.sky is None or not any(self.on[switch] for switch in wanted.values()):
             return
         view, bounds = brush.view, (edges.left(), edges.top(), edges.right(), edges.bottom())
         seen = View(view.scale, view.dx, view.dy, bounds)
         ranks = faintest_of(seen, solution, self.amount["names"], self.amount["objects"])
-        ranks = {kind: rank for kind, rank in ranks.items() if self.on[wanted[kind]]}
+        self.ranks = ranks = {kind: rank for kind, rank in ranks.items() if self.on[wanted[kind]]}
 
         def size(text: str) -> tuple[float, float]:
             box, _ = brush.words(text, brush.colours.star)

@@ -1,5 +1,6 @@
 """Connects the session to the views, and the views to the session."""
 
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -11,14 +12,18 @@ from kochab.core.errors import printable
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.window.image.frame_image import FrameImage
+from kochab.window.image.object_card import ObjectCard, facts
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import RenderedFrame
 from kochab.window.session import Known, Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.status import horizon_of, readout
+
+HOVER_PX = 10.0  # of the screen: so near, the cursor is on a star
 
 
 class Presenter(QObject):
@@ -32,6 +37,7 @@ class Presenter(QObject):
         self._sky_asked = False
         self.style = settings.angle_style
         self.panes = panes = window.workspace
+        self.object_card = ObjectCard(panes.view)
         panes.view.marks, self.overlay.covered = self.overlay.paint, panes.covered
         panes.solution.set_style(self.style)
         panes.card.set_style(self.style)
@@ -186,6 +192,7 @@ class Presenter(QObject):
         self.panes.view.update()
 
     def _clear_marks(self) -> None:
+        self.object_card.hide()
         self.overlay.clear()
         self.panes.stars.set_stars(())
 
@@ -200,6 +207,8 @@ class Presenter(QObject):
         if at is not None and known.frame is not None:
             solution = known.result if isinstance(known.result, Solution) else None
             text = readout(known.frame, solution, *at, style=self.style, site=self.settings.site)
+            mark = self.overlay.mark_at(*at, HOVER_PX / self.panes.view.viewport.scale)
+            text = f"{mark.text}    {text}" if mark is not None else text
         self.window.status.place.setText(text)
 
     def _zoomed(self, scale: float | None) -> None:
@@ -216,6 +225,19 @@ class Presenter(QObject):
         away = np.array([np.hypot(s.x - x, s.y - y) for s in result.stars])
         nearest = int(away.argmin())
         self.panes.stars.select(nearest if away[nearest] <= reach else None)
+        self._pick(self.overlay.mark_at(x, y, reach), result)
+
+    def _pick(self, mark: Mark | None, solution: Solution) -> None:
+        """Show the card of a star or an object, or none."""
+        self.overlay.picked, tables = mark, self.overlay.tables
+        self.object_card.setVisible(mark is not None)
+        if mark is not None and tables is not None:
+            from kochab.polar.horizon import Horizon
+
+            site = self.settings.site
+            horizon = None if site is None else Horizon(site, datetime.now(UTC))
+            self.object_card.show_facts(mark.text, facts(tables, mark, solution, self.style, horizon))
+        self.panes.view.update()
 
     def _picked(self, star: int | None) -> None:
         self.overlay.selected = star

@@ -1,0 +1,109 @@
+"""The card of an object or a star of the frame: what it is, how bright and large, where, and how high tonight."""
+
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PySide6.QtWidgets import QWidget
+
+from kochab.core.angle_text import AngleStyle, radec_text
+from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg
+from kochab.core.solution import Solution
+from kochab.sky.landmarks import constellation_at
+from kochab.sky.layer import Mark
+from kochab.sky.sky_tables import SkyTables
+from kochab.window.widgets import button, column, copy_text, label, row, styled_frame
+
+if TYPE_CHECKING:
+    from kochab.polar.horizon import Horizon
+
+KINDS = {"G": "Galaxy", "GPair": "Pair of galaxies", "GTrpl": "Triplet of galaxies", "GGroup": "Group of galaxies"}
+KINDS |= {
+    "GalCl": "Cluster of galaxies",
+    "OCl": "Open cluster",
+    "GCl": "Globular cluster",
+    "*Ass": "Association of stars",
+}
+KINDS |= {"Cl+N": "Cluster with nebula", "DrkN": "Dark nebula", "RfN": "Reflection nebula", "EmN": "Emission nebula"}
+KINDS |= {
+    "HII": "Emission nebula",
+    "Neb": "Nebula",
+    "PN": "Planetary nebula",
+    "SNR": "Supernova remnant",
+    "star": "Star",
+}
+TURN_H = 23.9344696  # of the sky
+MARGIN_PX = 12
+
+
+def vector_of(tables: SkyTables, mark: Mark) -> Floats:
+    """Its ICRS unit vector (3,), at J2000."""
+    return np.asarray((tables.stars if mark.kind == "star" else tables.objects).vector[mark.row])
+
+
+def facts(
+    tables: SkyTables, mark: Mark, solution: Solution, style: AngleStyle, horizon: "Horizon | None"
+) -> dict[str, str]:
+    """What the card tells, by title; ``horizon`` is the person's, now."""
+    vector = vector_of(tables, mark)
+    told = {"": KINDS.get(mark.kind, ""), "In": constellation_at(vector)}
+    told["RA, Dec"] = radec_text(*radec_deg(vector), style)
+    if mark.kind == "star":
+        told["V"] = f"{tables.stars.mag[mark.row]:.2f}"
+        hip = f"HIP {tables.stars.hip[mark.row]}"
+        told["Catalogue"] = hip
+        told["Residual"] = next((f"{s.residual_px:.2f} px" for s in solution.stars if s.id == hip), "not matched")
+    else:
+        objects, k = tables.objects, mark.row
+        also = ", ".join(filter(None, [*objects.names(k)[1:], *str(objects.also[k]).split(",")]))
+        told |= {"Also": also} if also else {}
+        told |= {"Magnitude": f"{objects.mag[k]:.1f}"} if np.isfinite(objects.mag[k]) else {}
+        sides = [f"{side:g}′" for side in (objects.major[k], objects.minor[k]) if np.isfinite(side)]
+        told |= {"Size": " × ".join(sides)} if sides else {}
+    if horizon is not None:
+        told["Now"], told["Highest"] = heights(vector, horizon)
+    return told
+
+
+def heights(vector: Floats, horizon: "Horizon") -> tuple[str, str]:
+    """How high a place (3,) is at the horizon's time, and how high and when at its best, in the computer's time."""
+    altitude, _ = horizon.altaz_deg(vector)
+    latitude = np.radians(horizon.site.latitude_deg)
+    east, north, up = horizon.observed(vector)[0]
+    # On the meridian the hour angle, from the vector turned to the equator, is zero.
+    hour = np.arctan2(-east, up * np.cos(latitude) - north * np.sin(latitude)) / (2.0 * np.pi) * TURN_H
+    when = horizon.time_utc + timedelta(hours=float(-hour % TURN_H))
+    best, _ = type(horizon)(horizon.site, when, horizon.refraction).altaz_deg(vector)
+    now = f"{altitude:.0f}° high" if altitude > 0.0 else "below the horizon"
+    return now, f"{best:.0f}° at {_clock(when)}" if best > 0.0 else "never rises"
+
+
+def _clock(when: datetime) -> str:
+    return when.astimezone().strftime("%H:%M")
+
+
+class ObjectCard(QWidget):
+    """Over the upper left of the image while something is picked."""
+
+    def __init__(self, view: QWidget) -> None:
+        super().__init__(view)
+        self.title = label("", "title", wrap=True)
+        self.body = label("", wrap=True)
+        self._frame = styled_frame("card")
+        self._place = ""
+        copy = button("&Copy", lambda: copy_text(self._place), "small", "Copy name and coordinates")
+        shut = button("C&lose", self.hide, "small")
+        column(self.title, self.body, row(copy, shut, None), on=self._frame, spacing=8, margins=(12, 10, 12, 10))
+        column(self._frame, on=self, margins=(0, 0, 0, 0))
+        self.hide()
+
+    def show_facts(self, name: str, told: dict[str, str]) -> None:
+        """Tell what was picked."""
+        self.title.setText(name)
+        self.body.setText("\n".join(f"{title}  {text}".strip() for title, text in told.items()))
+        self._place = f"{name}  {told['RA, Dec']}"
+        self.setFixedWidth(self.fontMetrics().averageCharWidth() * 44)
+        self.adjustSize()
+        self.move(MARGIN_PX, MARGIN_PX)
+        self.show()
