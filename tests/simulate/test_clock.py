@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from kochab.simulate import night_sky
 from kochab.simulate.night_sky import SimulatedClock
 
 
@@ -53,3 +54,16 @@ def test_steps_from_many_threads_all_count():
     for thread in threads:
         thread.join()
     assert clock.now_unix() == 1600.0
+
+
+def test_a_stall_of_the_computer_counts_only_so_much(monkeypatch) -> None:
+    real = [0.0]
+    monkeypatch.setattr(night_sky.time, "monotonic", lambda: real[0])
+    clock = SimulatedClock(100.0, rate=2.0)
+    clock.most_s = 0.1
+    for passed, expected in ((0.05, 100.1), (3.0, 100.3), (0.1, 100.5)):
+        real[0] += passed
+        assert clock.now_unix() == pytest.approx(expected)
+    clock.most_s = float("inf")
+    real[0] += 3.0
+    assert clock.now_unix() == pytest.approx(106.5)

@@ -9,6 +9,7 @@ import threading
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from math import inf
 
 import erfa
 import numpy as np
@@ -237,8 +238,11 @@ class SimulatedClock:
     """Seconds since 1970 UTC that pass ``rate`` times as fast as real ones; `set_rate` alone may change that.
 
     With a rate of 0 time stands still but for :meth:`step` and :meth:`sleep`, so that a test
-    is as fast as it can compute and comes out the same every time. Safe from any thread.
+    is as fast as it can compute and comes out the same every time. Of real time between two looks ``most_s`` pass
+    at most: on a busy computer the sky does not run ahead of who follows it. Safe from any thread.
     """
+
+    most_s = inf
 
     def __init__(self, start_unix_s: float, rate: float = 1.0) -> None:
         self._lock = threading.Lock()
@@ -268,7 +272,7 @@ class SimulatedClock:
         if rate < 0.0:
             raise ValueError("a clock cannot run backwards")
         with self._lock:
-            self._base_unix_s, self._base_real_s = self._now(), time.monotonic()
+            self._now()
             self.rate = rate
 
     def sleep(self, seconds: float) -> None:
@@ -279,4 +283,7 @@ class SimulatedClock:
             time.sleep(max(0.0, seconds) / self.rate)
 
     def _now(self) -> float:
-        return self._base_unix_s + (time.monotonic() - self._base_real_s) * self.rate
+        real_s = time.monotonic()
+        self._base_unix_s += self.rate * min(real_s - self._base_real_s, self.most_s)
+        self._base_real_s = real_s
+        return self._base_unix_s

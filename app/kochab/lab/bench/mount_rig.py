@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,7 @@ LOST_DEG = 3.0
 EXPOSURE_S = 2.0
 PATIENCE_S, LATE_S = 0.5, 0.7
 HEARD_S = 0.05
+STALL_S = 0.1  # what the night counts of a longer wait for a busy computer
 UNANSWERED = ("pulse", "move", "stop")
 CHANCES = {Fault.SILENCE: 0.01, Fault.GARBAGE: 0.01, Fault.LATE: 0.01, Fault.SPLIT: 0.03, Fault.WRONG: 0.01}
 
@@ -153,7 +155,10 @@ class MountRig:
         mount = self.guard.mount
         if isinstance(mount, SerialMount) and mount.watchdog.moving:
             self.timed = True
+            self.rig.clock.most_s = inf
             time.sleep(seconds)
+            self.rig.clock.now_unix()
+            self.rig.clock.most_s = STALL_S
             return
         last = self.guard.log.entries[-1:]
         if self.timed or any(entry.action in UNANSWERED for entry in last):
@@ -199,6 +204,7 @@ def mount_rig(seed: int, driver: str, rendered: bool = False, far_end: FarEnd = 
     hour, dec = random_place(rng, site.latitude_deg, (12.0, 60.0), 30.0, 0.95)
     night = replace(night, rate=1.0, start_deg=(side * hour, dec))
     rig = PracticeRig(night, mount_class=WatchedMount)
+    rig.clock.most_s = STALL_S
     watched, faults = rig.mount, Faults(seed, late_s=LATE_S)
     assert isinstance(watched, WatchedMount)
     serve = socket_line if sys.platform == "win32" else pty_line

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from contextlib import suppress
+from math import inf
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -84,7 +85,7 @@ def goals(found: list[dict[str, Any]]) -> list[Goal]:
 
 def _slewing(rig: MountRig) -> Task[Pointing]:
     """A slew to the target that has begun; the mount is as patient as at a telescope."""
-    rig.guard.emergency.wait = sleep
+    rig.guard.emergency.wait, rig.rig.clock.most_s = sleep, inf
     mount: Any = rig.guard.mount
     mount.timeout_s = type(mount).timeout_s
     slew = rig.guard.slew(*rig.guard.to_mount(rig.target.ra_deg, rig.target.dec_deg))
@@ -107,11 +108,10 @@ def _stop(driver: str, far_end: FarEnd) -> dict[str, Any]:
         heard = monotonic()
         while rig.rig.mount.slewing and monotonic() - begun < PATIENCE_S:
             sleep(0.005)
-        still, stands = monotonic(), True
-        try:
+        still, stands = monotonic(), False
+        with suppress(DeviceError):
             rig.guard.emergency.confirm()
-        except DeviceError:
-            stands = False
+            stands = True
         with suppress(DeviceError):
             slew.close()
         return {"byte_ms": 1000.0 * (heard - begun), "still_s": still - begun, "stands": stands}
