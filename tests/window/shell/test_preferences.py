@@ -65,7 +65,7 @@ def test_angles_theme_and_layers_are_applied_at_once_and_kept(qtbot, shown, tmp_
     again = WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
     assert again.angle_style is AngleStyle.DECIMAL
     assert (again.text("theme", ""), again.text("text_size", "")) == ("night", "large")
-    assert not again.flag("marks/grid", True)
+    assert not again.flag("sky/grid", True)
 
 
 def test_a_new_profile_with_its_telescope_is_kept_and_stands_in_the_bar(qtbot, shown):
