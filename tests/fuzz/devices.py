@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import select
 import socket
 import struct
 import threading
@@ -18,10 +19,10 @@ from kochab.core.capture import CaptureSettings
 from kochab.core.errors import DeviceError, FrameError, NoAnswerError
 from kochab.core.mount import Direction, Epoch, Home, TrackingRate
 from kochab.core.progress import run
-from kochab.gear.mounts import DRIVERS
+from kochab.gear.mounts import DRIVERS, serial_line
 from kochab.gear.mounts.probe import probe_port
 from kochab.gear.mounts.protocols import skywatcher
-from kochab.gear.mounts.serial_line import ProtocolError
+from kochab.gear.mounts.serial_line import ProtocolError, SerialLink, UdpPort
 from kochab.simulate.responders import RESPONDERS
 from tests.fuzz import mutate
 from tests.fuzz.files import good, in_order
@@ -120,6 +121,59 @@ class NoisyLink:
         self._buffer.clear()
 
 
+class NoisyWifi(UdpPort):
+    """The Wi-Fi of a motor board: real datagrams, of which some are lost, late, doubled, empty or spoilt; nothing waits."""
+
+    def __init__(self, board: NoisyLink, rng: Random) -> None:
+        self._board, self._rng, self._came, self._late, self.waited_s = board, rng, b"", [], 0.0
+        self._socket, self._far = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        for end in (self._socket, self._far):
+            end.bind(("127.0.0.1", 0))
+        self._socket.connect(self._far.getsockname())
+        self._far.connect(self._socket.getsockname())
+
+    def write(self, data: bytes) -> None:
+        super().write(data)
+        while select.select([self._far], [], [], 0.0)[0]:
+            self._board.write(self._far.recv(2048))
+            due, self._late = [*self._late, self._board.discard()], []
+            match self._rng.randrange(12):
+                case 0:
+                    due.pop()
+                case 1:
+                    due, self._late = [], due
+                case 2:
+                    due *= 2
+                case 3:
+                    self._rng.shuffle(due := [*due, b"", _known(self._rng)])
+                case 4:
+                    due = [b"".join(due)]
+            for datagram in due:
+                self._far.send(datagram)
+
+    def read(self, count: int, patience_s: float = 0.0) -> bytes:
+        piece = super().read(count, 0.0)
+        self.waited_s += 0.0 if piece else serial_line.SLICE_S
+        return piece
+
+    def close(self) -> None:
+        self._socket.close()
+        self._far.close()
+
+
+def check_wifi(data: bytes, folder: Path) -> None:
+    """A night over UDP: positions on the sky or one sentence, and it always comes to an end."""
+    rng = Random(data)
+    board = NoisyLink("skywatcher", rng, rng.choice((0.0, 0.05, 0.3)))
+    port = NoisyWifi(board, rng)
+    before = serial_line.UdpPort, serial_line.monotonic
+    serial_line.UdpPort, serial_line.monotonic = (lambda address: port), (lambda: port.waited_s)
+    try:
+        _night(SerialLink("udp://127.0.0.1:11880"), "skywatcher", rng, board.clock)
+    finally:
+        serial_line.UdpPort, serial_line.monotonic = before
+
+
 def _known(rng: Random) -> bytes:
     return rng.choice(_replies(Path()))
 
@@ -128,8 +182,12 @@ def check_driver(driver: str, data: bytes, folder: Path) -> None:
     """A night over a bad line: positions on the sky or one sentence, and it always comes to an end."""
     rng = Random(data)
     link = NoisyLink(driver, rng, rng.choice((0.02, 0.1, 0.3, 1.0)))
+    _night(link, driver, rng, link.clock)
+
+
+def _night(link, driver: str, rng: Random, clock) -> None:
     with told(DeviceError):
-        mount = DRIVERS.load(driver)(link, site=SITE, clock=link.clock, home=rng.choice((None, Home.NOW)))
+        mount = DRIVERS.load(driver)(link, site=SITE, clock=clock, home=rng.choice((None, Home.NOW)))
         with closing(mount):
             mount.epoch = rng.choice(list(Epoch))
             for _ in range(rng.randrange(3, 14)):
@@ -497,6 +555,7 @@ TARGETS = [
         Target(f"mount {name}", lambda folder: [b""], partial(check_driver, name), _number, 4000, 6)
         for name in (*RESPONDERS, *DIALECT_RESPONDERS)
     ),
+    Target("mount over UDP", lambda folder: [b""], check_wifi, _number, 4000, 6),
     Target("mount probe", lambda folder: [b""], check_probe, _number, 3000, 6),
     Target("Alpaca answer", _alpaca, check_http, mutate.raw, 8000, 20),
     Target("Alpaca camera", lambda folder: [json.dumps(ALPACA).encode()], check_alpaca, _alpaca_values, 5000, 20),
