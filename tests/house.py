@@ -39,6 +39,7 @@ ADDED = {
     "a pointing model for gotos, a spiral search, why a mount stopped": 460,
     "frames out of focus known by their discs": 125,
     "memory of decoders bounded on Windows and macOS": 60,
+    "decoders of a frozen program in a process of their own": 17,
     "a window around the image, a film strip that solves many files": 680,
     "equipment in the bar, and the Preferences": 344,
     "a help book, what is new, a tour": 212,

@@ -23,6 +23,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         from kochab.gear.quick_stop import send_first_stop
 
         send_first_stop(arguments)
+    if getattr(sys, "frozen", False):
+        from kochab.frames.sandbox import support_frozen
+
+        support_frozen(arguments)
     if not sys.warnoptions:  # python -W shows them; what a person should know is said in sentences
         warnings.simplefilter("ignore")
     try:

@@ -104,6 +104,57 @@ def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch
     assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
 
 
+FROZEN = """#!{python}
+import sys
+from pathlib import Path
+sys.frozen, sys.executable = True, str(Path(__file__).resolve())
+sys.path[:0] = {path}
+if sys.argv[1:2] != ["read-in-a-process-of-its-own"]:
+    from kochab.frames import FORMATS, sandbox
+    FORMATS._others = {{"odd": "tests.frames.files:" + sys.argv.pop()}}
+    sandbox.LEAST_BYTES = sandbox.MOST_BYTES = 400_000_000
+elif {windowed}:
+    sys.stdin = None
+from kochab.__main__ import main
+sys.exit(main())
+"""
+"""As a program made of Kochab by PyInstaller is: its executable takes no options of Python's."""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a script that is an executable, under a limit of Linux")
+@pytest.mark.parametrize(
+    ("reader", "said"),
+    [
+        ("greedy_reader", "night.odd does not fit into the 0.4 GB there is for reading it"),
+        ("stuck_reader", "night.odd was not read within 5 s"),
+        ("crashing_reader", "night.odd cannot be read: its decoder crashed"),
+    ],
+)
+@pytest.mark.parametrize("windowed", [False, True])
+def test_a_frozen_program_starts_itself_to_read(tmp_path, reader, said, windowed):
+    path, program = tmp_path / "night.odd", tmp_path / "kochab"
+    path.write_bytes(b"ODD1")
+    program.write_text(FROZEN.format(python=sys.executable, path=sys.path, windowed=windowed))
+    program.chmod(0o755)
+    done = subprocess.run(
+        [program, "solve", path, "--timeout", "5" if reader == "stuck_reader" else "60", reader],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
+
+
+def test_another_s_frozen_program_is_not_started_to_read(monkeypatch):
+    """Which might open its window: only Kochab's own knows what is wanted."""
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    monkeypatch.setattr(sandbox, "_own_program", False)  # and so again afterwards
+    sandbox.leave_to_sandbox()
+    sandbox.support_frozen(["solve"])
+    with pytest.raises(sandbox.Outside):
+        sandbox.leave_to_sandbox()
+
+
 class BasicLimits(ctypes.Structure):
     """``JOBOBJECT_BASIC_LIMIT_INFORMATION`` (Microsoft's winnt.h)."""
 

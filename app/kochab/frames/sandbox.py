@@ -44,6 +44,7 @@ _PIPE_BYTES = 1 << 20
 _START = "import sys; from pickle import load; sys.path[:] = load(sys.stdin.buffer); " + (
     "from kochab.frames.sandbox import serve; serve()"
 )
+_READER = "read-in-a-process-of-its-own"
 
 
 class Outside(Exception):  # noqa: N818 (a signal inside this room, not an error)
@@ -53,15 +54,24 @@ class Outside(Exception):  # noqa: N818 (a signal inside this room, not an error
 # -- Within the sandbox ------------------------------------------------------------------------
 
 _inside = False
+_own_program = False
 _limit_bytes: int | None = None
 _job: int | None = None
 
 
 def leave_to_sandbox() -> None:
     """Raise `Outside` unless this process is a sandbox, before a library is asked that may hang."""
-    # A frozen program is no interpreter that could be started once more.
-    if not _inside and not getattr(sys, "frozen", False):
+    # A frozen program is no interpreter: only Kochab's own can be started once more.
+    if not _inside and (_own_program or not getattr(sys, "frozen", False)):
         raise Outside
+
+
+def support_frozen(arguments: list[str]) -> None:
+    """In a frozen program, before all else: be the sandbox if started as one, else let it be started so."""
+    global _own_program
+    if arguments == [_READER]:
+        serve()
+    _own_program = True
 
 
 @contextlib.contextmanager
@@ -97,12 +107,13 @@ def serve() -> None:
 
 def _listen(calls: "SimpleQueue[bytes]") -> None:
     """Put calls where the main thread finds them; end the process with its parent, even in mid-call."""
+    source = sys.stdin.buffer if sys.stdin else open(0, "rb")  # a windowed program has no sys.stdin  # noqa: SIM115
     while True:
         try:
-            sys.path[:] = pickle.load(sys.stdin.buffer)
+            sys.path[:] = pickle.load(source)
             with contextlib.suppress(OSError):
-                os.chdir(pickle.load(sys.stdin.buffer))
-            calls.put(pickle.load(sys.stdin.buffer))
+                os.chdir(pickle.load(source))
+            calls.put(pickle.load(source))
         except EOFError:
             os._exit(0)
 
@@ -224,7 +235,7 @@ class _Sandbox:
         no_window = 0x08000000 if os.name == "nt" else 0  # else a console flashes up
         # -P: a file pickle.py beside the frames is not Python's. One thread: each reserves memory.
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-W", "ignore", "-c", _START],
+            [sys.executable, _READER] if _own_program else [sys.executable, "-P", "-W", "ignore", "-c", _START],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -233,7 +244,7 @@ class _Sandbox:
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"},
         )
         self._thread: threading.Thread | None = None
-        self._started = False
+        self._started = _own_program  # which knows where its modules are
 
     def call(self, call: tuple[Any, ...]) -> "Future[Answer]":
         """Send ``call``; the answer comes, or an exception when the process has ended."""
