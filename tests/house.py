@@ -54,7 +54,7 @@ ADDED = {
     "deep-sky objects of two sources with axes, outlines and boundaries": 450,
     "the sky layer: names, outlines and lines over a solved frame": 390,
     "the Sun, the Moon, planets, asteroids, comets; files of elements": 870,
-    "bodies of the Solar System and unknown sources of a dated frame": 141,
+    "bodies of the Solar System and unknown sources of a dated frame": 172,
     "annotated pictures with the sky layer, in full size and their own colours": 95,
     "the moons of Jupiter": 92,
     "a bench of the Solar System beside skyfield, ERFA and Stellarium": 135,

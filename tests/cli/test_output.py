@@ -2,7 +2,9 @@
 
 import json
 import math
+from datetime import UTC, datetime
 
+import numpy as np
 import pytest
 from astropy.coordinates import Angle
 from hypothesis import given
@@ -11,11 +13,13 @@ from hypothesis import strategies as st
 from kochab.cli.main import main
 from kochab.cli.output import as_json, bodies_json, body_lines, card, radec, to_line
 from kochab.core import data_folder
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, apart_deg, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.solution import NamedStar, NoSolution, Reason, Solution
+from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.frame_bodies import BodyInFrame, FrameBodies, UnknownSource
-from kochab.sky.solar_system import Body, BodyKind
+from kochab.sky.orbits import OBLIQUITY
+from kochab.sky.solar_system import Body, BodyKind, observer_at
 
 STAR = NamedStar(10.0, 20.0, "HIP 91262", "Vega", 0.03, 279.23, 38.78, 0.2)
 SOLUTION = Solution(
@@ -122,3 +126,35 @@ def test_bodies_and_unknown_sources_stand_in_the_card():
         "body     Jupiter, magnitude -2.0, at 100, 200 px",
         "unknown  not in the catalogue: magnitude 4.5 +-0.2, 00h40m00.00s +20d00'00.0\" +-1.2 arcsec, at 5, 6 px",
     ]
+
+
+def test_the_users_own_elements_are_looked_for(capsys, tmp_path):
+    """A body is put before the Pleiades by elements that end up there; a bad file is told before anything is solved."""
+    sample = str(data_folder("resources") / "samples" / "pleiades.fits")
+    fields = ["full_name", "epoch_mjd", "e", "q", "i", "om", "w", "tp", "H"]
+    when = datetime(2025, 1, 12, 20, 14, 20, tzinfo=UTC)
+    observer = observer_at(when, None)
+    sun = shipped_ephemeris()("sun", observer.jd_tdb)
+    ray, away = unit_vectors(56.6, 24.3), (observer.place - sun)[0]
+    place = away + 2.0 * ray
+    ecliptic = (
+        np.array([[1, 0, 0], [0, np.cos(OBLIQUITY), np.sin(OBLIQUITY)], [0, -np.sin(OBLIQUITY), np.cos(OBLIQUITY)]])
+        @ place
+    )
+    q = float(np.linalg.norm(place))
+    incline = float(
+        np.degrees(np.arcsin(ecliptic[2] / q))
+    )  # its perihelion is there, at the highest point of its orbit
+    node = float(np.degrees(np.arctan2(ecliptic[1], ecliptic[0]))) - 90.0
+    row = ["Test (2025 XX)", observer.jd_tdb[0] - 2400000.5, 0.1, q, incline, node, 90.0, observer.jd_tdb[0], 5.0]
+    (tmp_path / "mine.json").write_text(json.dumps({"fields": fields, "data": [row]}))
+    assert main(["solve", sample, "--json", "--elements", str(tmp_path / "mine.json")]) == 0
+    (body,) = json.loads(capsys.readouterr().out)["bodies"]
+    assert body["name"] == "Test (2025 XX)"
+    assert apart_deg((body["ra_deg"], body["dec_deg"]), (56.6, 24.3)) < 0.01
+    assert not body["seen"]
+    (tmp_path / "bad.txt").write_text("nothing")
+    assert main(["solve", sample, "--elements", str(tmp_path / "bad.txt")]) == 2
+    told = capsys.readouterr()
+    assert "Can't read bad.txt: line 1 has no usable elements" in told.err
+    assert told.out == ""

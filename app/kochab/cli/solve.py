@@ -5,7 +5,7 @@ import json
 import os
 import time
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from kochab.core.progress import Task
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections
+    from kochab.sky.small_bodies import SmallBodies
     from kochab.solver import SolveOptions
 
 WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
@@ -45,21 +46,37 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="PNG",
         help="save the frame with the sky over it: .png, .jpg, .tif, .pdf, .svg, or a folder",
     )
+    told = "asteroids and comets to look for in dated frames: MPC lines, or SBDB's JSON or CSV; may be repeated"
+    parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=told)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Solve every file, print as they are done."""
-    return _solve(args, _wishes(args), args.detector)
+    return _solve(args, _wishes(args), args.detector, tuple(args.elements))
 
 
-def _solve(args: argparse.Namespace, wishes: list[SolveRequest], detector: str = "auto") -> int:
+def _solve(
+    args: argparse.Namespace, wishes: list[SolveRequest], detector: str = "auto", elements: tuple[Path, ...] = ()
+) -> int:
+    if elements:
+        tables_of(elements)  # a file that cannot be read is told before anything is solved
     _refuse_overwriting(wishes, args.overwrite)
-    work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args))
+    work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements)
     return run_batch(work, wishes, args.json, args.workers)
 
 
-def solve_one(wish: SolveRequest, options: "SolveOptions", bound: Place | None = None) -> Task[Json]:
+@cache
+def tables_of(elements: tuple[Path, ...]) -> "list[SmallBodies]":
+    """The bodies of the user's files of elements."""
+    from kochab.sky.elements import read_elements
+
+    return [read_elements(path) for path in elements]
+
+
+def solve_one(
+    wish: SolveRequest, options: "SolveOptions", bound: Place | None = None, elements: tuple[Path, ...] = ()
+) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it."""
     from kochab.core.solution import Solution
     from kochab.solver.pipeline import with_doubts, within_radius
@@ -81,7 +98,8 @@ def solve_one(wish: SolveRequest, options: "SolveOptions", bound: Place | None =
         from kochab.sky.frame_bodies import bodies_in_frame
 
         site = hint.site or frame.hint.site
-        told = yield from bodies_in_frame(result, solved.detections, hint.time_utc, site, open_catalogue())
+        more = tables_of(elements)
+        told = yield from bodies_in_frame(result, solved.detections, hint.time_utc, site, open_catalogue(), more)
         outcome |= bodies_json(told)
     failures: list[str] = []
     if isinstance(result, Solution):

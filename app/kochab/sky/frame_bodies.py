@@ -1,5 +1,6 @@
 """What a dated frame shows besides stars: bodies of the Solar System, and bright detections without a name."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -12,7 +13,7 @@ from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.sky.apparent import julian_years
 from kochab.sky.catalogue import Catalogue
-from kochab.sky.small_bodies import bodies_near
+from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
 
 COMPLETE_TO_V = 9.5
@@ -53,15 +54,23 @@ class FrameBodies:
 
 
 def bodies_in_frame(
-    solution: Solution, detections: Detections, time_utc: datetime, site: Site | None, catalogue: Catalogue
+    solution: Solution,
+    detections: Detections,
+    time_utc: datetime,
+    site: Site | None,
+    catalogue: Catalogue,
+    more: Sequence[SmallBodies] = (),
 ) -> Task[FrameBodies]:
-    """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed."""
+    """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed.
+
+    Asteroids and comets of ``more`` tables count beside the shipped ones.
+    """
     camera = solution.camera
     corners = np.array([[0, 0], [camera.width, 0], [0, camera.height], [camera.width, camera.height]]) - 0.5
     centre = solution.centre_vector
     radius = max(angle_between(centre, corner) for corner in solution.sky_at(corners))
     faintest = max((star.mag for star in solution.stars), default=0.0)
-    near = yield from bodies_near(time_utc, site, centre, radius + np.radians(0.3), faintest)
+    near = yield from bodies_near(time_utc, site, centre, radius + np.radians(0.3), faintest, more)
     free = _unmatched(solution, detections)
     bodies = []
     for body in near:

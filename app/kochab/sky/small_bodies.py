@@ -1,6 +1,6 @@
 """Asteroids and comets in a frame: carried from the table's dates to the frame's, the planets' pull counted."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache
@@ -97,12 +97,12 @@ def bodies_near(
     centre: Floats,
     radius_rad: float,
     faintest: float,
-    tables: Iterable[SmallBodies] | None = None,
+    more: Sequence[SmallBodies] = (),
 ) -> Task[list[Body]]:
     """All bodies of the Solar System within ``radius_rad`` of the ICRS direction ``centre`` (3,), brightest first.
 
-    Asteroids and comets down to magnitude ``faintest``; the Sun, the Moon and the planets of any. None at a date that
-    the ephemeris does not cover.
+    Asteroids and comets down to magnitude ``faintest``, those of ``more`` tables before the shipped one's; the Sun, the
+    Moon and the planets of any. None at a date that the ephemeris does not cover.
     """
     if not covers(time_utc):
         return []
@@ -114,8 +114,10 @@ def bodies_near(
         for body in everything
         if body.vector @ centre >= np.cos(min(np.pi, radius_rad + np.radians(body.sigma_arcsec / 3600.0)))
     ]
-    for table in (shipped_small_bodies(),) if tables is None else tables:
-        found += yield from small_bodies(table, observer, centre, radius_rad, faintest)
+    for table in (*more, shipped_small_bodies()):
+        known = {body.name for body in found}
+        others = yield from small_bodies(table, observer, centre, radius_rad, faintest)
+        found += [body for body in others if body.name not in known]
     return sorted(found, key=lambda body: body.magnitude)
 
 
