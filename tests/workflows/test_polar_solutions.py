@@ -196,3 +196,18 @@ def test_sharpcap_says_when_beside_its_pictures(tmp_path):
     (tmp_path / "a.CameraSettings.txt").write_text("[ZWO]\nExposure=3\nTimeStamp=2021-05-30T22:31:15.1148009Z\n")
     assert sharpcap_time(tmp_path / "a.png") == datetime(2021, 5, 30, 22, 31, 15, 114800, UTC)
     assert sharpcap_time(tmp_path / "b.png") is None
+
+
+def test_a_last_frame_back_at_the_start_is_offered_while_creep_may_hide(tmp_path, capsys):
+    """Frames in even steps of angle and time; the one at the start again shows what the tripod did."""
+    names = []
+    for k, turn in enumerate((0.0, 30.0, 60.0, 0.0)):
+        write_wcs(solution(turn - k * 0.25), tmp_path / f"{k}.wcs")
+        picture(tmp_path / f"{k}.fits", BEGUN + timedelta(minutes=k))
+        names.append(str(tmp_path / f"{k}.wcs"))
+    out = []
+    for given in (names[:3], names):
+        main(["polar", *given, "--site=47,8,450", "--utc-offset=0"])
+        out.append(capsys.readouterr().out)
+    assert "back at the start: shows creep" in out[0]
+    assert "back at the start" not in out[1]

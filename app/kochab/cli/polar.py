@@ -8,6 +8,8 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from kochab.cli.batch import about
 from kochab.cli.options import add_options, between, named, scale_range, valued
 from kochab.cli.output import Json, with_progress
@@ -17,7 +19,7 @@ from kochab.core.frame import Hint
 from kochab.core.solution import NoSolution
 from kochab.frames.hints import NO_ZONE
 from kochab.frames.outputs import refuse_overwriting
-from kochab.polar.error import altitude_in_words, azimuth_in_words, split_in_words, total_in_words
+from kochab.polar.error import Imaging, altitude_in_words, azimuth_in_words, good_enough, split_in_words, total_in_words
 from kochab.polar.horizon import Pole, Refraction, name_of
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.plan import more_turn_deg, plan_second
@@ -26,6 +28,8 @@ from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
 from kochab.workflows.polar.solutions import SOLVED, solved_before
 from kochab.workflows.polar.sources import SolvedFile, doubts_of, sightings_of, site_of, solve_polar_file
+
+WORTH_ARCSEC, BACK_DEG = 10.0, 5.0  # creep below that needs no frame of its own, nor one back at the start another
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     ahead = "how far the frames' clock is ahead of UTC (default: 0, or the zone in EXIF); 0 says that it was UTC"
     parser.add_argument("--utc-offset", **valued("HOURS", ahead, between(-14.0, 14.0, "h")))
     add_options(parser, "--fov", help="width of the frames in degrees")
+    parser.add_argument("--imaging", **valued("MM,UM,S", "good enough? for this focal length, pixel and exposure"))
     add_options(parser, "--timeout")
     parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
     add_options(parser, "--overwrite")
@@ -89,6 +94,7 @@ def run(args: argparse.Namespace) -> int:
     if args.report is not None:
         page = Path(args.report)
         refuse_overwriting([page, page.with_suffix(".json")], paths, args.overwrite)
+    imaging = Imaging.parse(args.imaging) if args.imaging else None
     scale = Hint(scale_arcsec_px=scale_range(args.scale), source="profile") if args.scale else None
     options = SolveOptions(hint=scale, fov_deg=args.fov, timeout_s=args.timeout)
     each = [(_solve(path, options), sweep) for sweep, names in enumerate((args.files, args.check)) for path in names]
@@ -111,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     )
     known = {NO_ZONE} if args.utc_offset is not None else set()
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings if told not in known]
-    print(json.dumps(as_json(result, doubts)) if args.json else as_text(result, doubts))
+    print(json.dumps(as_json(result, doubts, imaging)) if args.json else as_text(result, doubts, imaging))
     if args.report is not None:
         history = History()
         history.measured(result)
@@ -119,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     return int(result.spoilt)
 
 
-def as_json(m: Measurement, doubts: Sequence[str] = ()) -> Json:
+def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> Json:
     """The stable JSON form of a measurement; ``doubts`` are what reading the files warned of."""
     error = m.error
     return {
@@ -140,12 +146,13 @@ def as_json(m: Measurement, doubts: Sequence[str] = ()) -> Json:
         "chi2": m.fit.chi2,
         "degrees_of_freedom": m.fit.freedom,
         "spoilt": m.spoilt,
+        "good_enough": good_enough(error, imaging) if imaging and not m.spoilt else None,
         "findings": [{"code": f.kind.name.lower(), "spoils": f.spoils, "text": f.text} for f in m.findings],
         "warnings": [*(finding.text for finding in m.findings), *doubts],
     }
 
 
-def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
+def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> str:
     """A card for people."""
     error = m.error
     sweeps = f" of {len(m.results)} sweeps" if len(m.results) > 1 else ""
@@ -160,6 +167,8 @@ def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
     ]
     if error.below_uncertainty and not m.spoilt:
         lines.append("stop      the error is within its uncertainty")
+    if imaging and not m.spoilt:
+        lines.append(f"enough?   {good_enough(error, imaging)}")
     if not m.spoilt:
         lines += _better(m)
     notes = [*(finding.text for finding in m.findings if not finding.spoils), *doubts]
@@ -173,9 +182,14 @@ def as_text(m: Measurement, doubts: Sequence[str] = ()) -> str:
 
 def _better(m: Measurement) -> list[str]:
     """How the axis could be known better: by a longer turn, by a second sweep."""
-    lines, optics = [], optics_of(m.attitudes[0])
+    lines, optics, error = [], optics_of(m.attitudes[0]), m.error
     if more := more_turn_deg(optics, m.rho_deg, m.fit.turns_rad, 30.0):
         lines.append(f"better    rotate RA {more:.0f}° more for an uncertainty of 30″")
+    away = abs(np.degrees(m.fit.turns_rad[-1] - m.fit.turns_rad[0])) > BACK_DEG
+    if away and len(m.results) == 1 and error.creep_total_arcsec > max(error.uncertainty_arcsec, WORTH_ARCSEC):
+        lines.append(
+            f"better    one more frame, back at the start: shows creep (±{error.creep_total_arcsec:.0f}″ assumed)"
+        )
     if len(m.results) == 1 and (second := plan_second(m, optics, len(m.attitudes))):
         lines.append(
             f"better    sweep again at declination {second.declination_deg:+.0f}° (--check) for an"

@@ -1,6 +1,7 @@
 """How far an axis is from its pole, how surely, in numbers and in words."""
 
 import math
+import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
@@ -9,6 +10,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
+from kochab.core.errors import UsageError
 from kochab.polar.rotations import ARCSEC, alt_az, wrapped_rad
 
 CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
@@ -140,6 +142,55 @@ class PolarError:
         values, vectors = np.linalg.eigh(self.covariance)
         short, long = np.sqrt(np.maximum(values, 0.0)) * scale
         return float(long), float(short), float(np.arctan2(vectors[0, 1], vectors[1, 1]))
+
+
+# -- Good enough? What is left of the error does to the frames that a person wants to take --------
+
+SIDEREAL_RAD_S = 7.292e-5
+CORNER_MM, DECLINATION_DEG = 14.0, 60.0  # of an APS-C sensor, from the guide star; as far as most objects are
+MOST_PX = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Imaging:
+    """Focal length, mm, pixel, µm, and the seconds of one exposure."""
+
+    focal_mm: float
+    pixel_um: float
+    exposure_s: float
+
+    @classmethod
+    def parse(cls, text: str) -> "Imaging":
+        """From three numbers: ``600 mm, 3.76 µm, 300 s``; raises UsageError."""
+        numbers = [float(n) for n in re.findall(r"\d+(?:\.\d+)?", text)]
+        if len(numbers) != 3 or min(numbers) <= 0.0:
+            raise UsageError(f"{text} is not focal length, pixel and exposure, as in 600 mm, 3.76 µm, 300 s.")
+        return cls(*numbers)
+
+    @property
+    def trail_px_arcsec(self) -> float:
+        """Pixels of trail an arcsec of error, at worst, when nobody guides: the sky turns about another pole."""
+        return SIDEREAL_RAD_S * self.exposure_s * ARCSEC * self.focal_mm * 1000.0 / self.pixel_um
+
+    @property
+    def rotation_px_arcsec(self) -> float:
+        """Pixels that the frame's corner turns about the guide star an arcsec of error, at worst."""
+        faster = 1.0 / math.cos(math.radians(DECLINATION_DEG))
+        return SIDEREAL_RAD_S * self.exposure_s * ARCSEC * faster * CORNER_MM * 1000.0 / self.pixel_um
+
+
+def good_enough(error: PolarError, imaging: Imaging) -> str:
+    """What the error does to such frames, and when to stop: below a pixel."""
+    trail, rotation = (error.total_arcsec * each for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
+    does = (
+        f"{imaging.exposure_s:g} s at {imaging.focal_mm:g} mm: up to {trail:.1f} px of trail, guided {rotation:.1f} px"
+    )
+    alone, guided = (angle_in_words(MOST_PX / each) for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
+    if trail <= MOST_PX:
+        return f"{does} in the corners. Good enough: stop."
+    if rotation <= MOST_PX:
+        return f"{does} in the corners. Good enough if you guide; if not, stop at {alone}."
+    return f"{does} in the corners. Go on: stop at {guided} if you guide, at {alone} if not."
 
 
 # -- Polar errors and bolt turns in words that hold from every side of the mount ---------------

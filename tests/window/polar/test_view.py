@@ -17,6 +17,7 @@ from kochab.frames.fits_write import write_fits
 from kochab.gear.session import CameraSelection
 from kochab.polar.error import Knob
 from kochab.polar.horizon import Pole
+from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.report import History
 from kochab.server.phone_page import PhonePage
 from kochab.simulate.practice import PracticeNight
@@ -239,8 +240,18 @@ def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_pat
 def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
     _, view = polar()
     choose_files(view, frames)
+    view.setup.imaging.setText("50 mm")
+    view.begin()
+    assert "as in 600 mm, 3.76 µm, 300 s" in view.message.text()
+    view.setup.imaging.setText("50 mm, 9 µm, 2 s")
     view.begin()
     drive(view)
+    enough = view.page.numbers.enough
+    assert enough.text().startswith("2 s at 50 mm: up to ")
+    assert enough.text().endswith("Good enough: stop.")
+    view.page.show_state(replace(view.state, findings=(PolarFinding(PolarFindingKind.FAR, "Far.", spoils=True),)), 0.0)
+    assert not enough.text(), "no advice from a spoilt measurement"
+    view.page.show_state(view.state, 0.0)
     assert "Flexure not measured" in view.page.numbers.findings.text()
     view.setup.files.add(second_sweep, 1)
     assert "second sweep" in view.setup.files.item(3).text()

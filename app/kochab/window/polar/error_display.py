@@ -8,11 +8,13 @@ from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
 
 from kochab.core.angle_text import round_angle_text
 from kochab.polar.error import (
+    Imaging,
     Knob,
     PolarError,
     altitude_in_words,
     azimuth_in_words,
     cure,
+    good_enough,
     knob_in_words,
     split_in_words,
     total_in_words,
@@ -141,6 +143,9 @@ class Numbers(QWidget):
         self.knobs = {knob: (value_label(f"{knob.capitalize()} error"), label("", "", wrap=True)) for knob in Knob}
         for value, _ in self.knobs.values():
             value.setProperty("role", "value")
+        self.imaging: Imaging | None = None
+        self.enough = label("", "", wrap=True)
+        self.enough.setAccessibleName("Good enough?")
         self.age = label("", "muted", wrap=True)
         self.more = label("", "", wrap=True)
         self.findings = label("", "", wrap=True)
@@ -161,13 +166,15 @@ class Numbers(QWidget):
             grid.addWidget(way, 2 * line + 1, 0, 1, 2)
         grid.setColumnStretch(1, 1)
         age = row(self.spinner, (self.age, 1))
-        column(box, age, self.reminder, self.more, self.findings, None, on=self, margins=(0, 0, 0, 0))
+        column(box, self.enough, age, self.reminder, self.more, self.findings, None, on=self, margins=(0, 0, 0, 0))
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         error, old = state.error, state.old(now_s)
         self.total.setText(NONE if error is None else total_in_words(error))
         show_text(self.split, "" if error is None else f"Uncertainty: {split_in_words(error)}.")
+        usable = not any(finding.spoils for finding in state.findings)
+        show_text(self.enough, good_enough(error, self.imaging) if usable and error and self.imaging else "")
         for knob, (value, way) in self.knobs.items():
             value.setText(NONE if error is None else signed_text(error, knob))
             mend = cure(state.bolt_error, knob) if state.bolt_error is not None else None

@@ -13,6 +13,7 @@ from kochab.gear.cameras import SOURCES
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection
+from kochab.polar.error import Imaging
 from kochab.polar.horizon import Pole, name_of
 from kochab.window.cameras import CameraBox
 from kochab.window.polar.alignment_run import NO_MOUNT
@@ -110,6 +111,7 @@ class AlignmentSetupPanel(Page):
         self.second = switch("measure with a second sweep", SECOND_TIP)
         self.second.setAccessibleName("Second sweep at another declination")
         self.fov = text_field("Field of view", "width in degrees, optional")
+        self.imaging = text_field("Your frames", "600 mm, 3.76 µm, 300 s (optional: is it good enough?)")
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountSelection | None = None
         self._kept = {
@@ -121,6 +123,7 @@ class AlignmentSetupPanel(Page):
             "exposure": self.exposure,
             "fov": self.fov,
             "second": self.second,
+            "imaging": self.imaging,
         }
         self._lay_out()
         self.source.currentIndexChanged.connect(self._enable)
@@ -148,6 +151,7 @@ class AlignmentSetupPanel(Page):
             ("Rotation", self.turn),
             ("Flexure", self.second),
             ("Field of view", self.fov),
+            ("Your frames", self.imaging),
         )
         self.form.insertRow(3, self.camera)
         self.form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
@@ -183,6 +187,11 @@ class AlignmentSetupPanel(Page):
             second_sweep=self.second.isChecked(),
             hint=current_profile(self._services.settings).hint_of(*camera.camera),
         )
+
+    def frames_to_take(self) -> Imaging | None:
+        """What the alignment is for; UsageError says what is wrong."""
+        text = self.imaging.text().strip()
+        return Imaging.parse(text) if text else None
 
     def refresh(self) -> None:
         """Show the mount that would turn the axis, and the site unless one is typed."""

@@ -110,6 +110,7 @@ class PolarView(Page):
         """Start what was set up."""
         try:
             request = self.setup.request()
+            self.page.numbers.imaging = self.setup.frames_to_take()
             self._save(request)
             run = self._new_run(request)
             job = run.start()
