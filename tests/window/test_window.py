@@ -359,9 +359,9 @@ def test_the_place_under_the_cursor(qtbot, opened):
     window, _ = opened
     view = window.workspace.view
     qtbot.mouseMove(view, QPoint(view.width() // 2, view.height() // 2))
-    qtbot.waitUntil(lambda: "value" in window.status.place.text(), timeout=2000)
+    qtbot.waitUntil(lambda: "value" in window.status.place.text())
     text = window.status.place.text()
-    assert text.startswith("05h 36m")
+    assert "05h 36m" in text  # after the name of what is there, once the sky is loaded
     assert "x 299" in text or "x 300" in text
     view.hovered.emit(None)
     assert window.status.place.text() == ""
