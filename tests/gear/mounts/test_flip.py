@@ -107,7 +107,7 @@ def test_a_flip_goes_over_the_pole_and_is_stopped_where_it_comes_too_low() -> No
 
     def through_the_ground(ra_deg, dec_deg):
         goto(ra_deg, dec_deg)
-        mount._begin(*at(100.0, -20.0), 4.0)
+        mount._begin(*at(100.0, -20.0), 8.0)
 
     mount.goto = through_the_ground
     with pytest.raises(StrayedError, match=r"off its path|the limit is 5 deg"):
