@@ -60,7 +60,7 @@ def run(command, cwd, **environment):
     """Run to the end without a trace of the source in the environment; what it printed."""
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL_ENV"))} | environment
     done = subprocess.run(
-        [str(part) for part in command], cwd=cwd, env=clean, capture_output=True, text=True, timeout=110
+        [str(part) for part in command], cwd=cwd, env=clean, capture_output=True, text=True, timeout=280
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
