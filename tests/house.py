@@ -59,6 +59,7 @@ ADDED = {
     "the moons of Jupiter": 92,
     "a bench of the Solar System beside skyfield, ERFA and Stellarium": 135,
     "what is under the cursor, and its card": 147,
+    "the sky layer and names beside a second source in a bench": 105,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "good enough? for the frames that a person wants to take": 80,
@@ -224,6 +225,7 @@ from time import monotonic
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from kochab.core.capture import CameraSource, CaptureLimits
+from kochab.sky.sky_tables import sky_tables
 from kochab.window.application import build
 from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
@@ -263,6 +265,7 @@ with tempfile.TemporaryDirectory() as home:
     window, commands = build(WorkflowEngine(), settings, [])
     window.resize(1200, 800)
     window.show()
+    commands.presenter.overlay.tables = sky_tables()
     commands.views.show("live")
     live = commands.views.docks["live"].view
     paint, window.workspace.view.marks = window.workspace.view.marks, watched

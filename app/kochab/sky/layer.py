@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
 from kochab.core.solution import Solution
-from kochab.sky.sky_tables import EPOCH, SkyTables, in_reach
+from kochab.sky.sky_tables import EPOCH, SkyTables
 
 FAMILIES = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
 FAMILIES |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
@@ -95,11 +95,15 @@ def in_frame(tables: SkyTables, solution: Solution, year: float = EPOCH, also: I
     return SkyInFrame(tuple(marks), lines, np.array([mark.xy for mark in marks]).reshape(-1, 2))
 
 
-def _inside(solution: Solution, xy: Floats, margin: Floats | float = 0.0) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def in_reach(vectors: Floats, centre: Floats, reach_rad: float) -> Bools:
+    """Which unit vectors (N, 3) are within ``reach_rad`` of the centre."""
+    return np.asarray(vectors @ centre > np.cos(min(reach_rad, np.pi)))
+
+
+def _inside(solution: Solution, xy: Floats) -> Bools:
     size = np.array([solution.camera.width, solution.camera.height])
-    room = np.reshape(margin, (-1, 1))
     with np.errstate(invalid="ignore"):
-        return np.asarray(((xy > -0.5 - room) & (xy < size - 0.5 + room)).all(axis=1))
+        return np.asarray(((xy > -0.5) & (xy < size - 0.5)).all(axis=1))
 
 
 def _objects(tables: SkyTables, solution: Solution, centre: Floats, reach: float) -> Iterable[Mark]:
@@ -120,8 +124,7 @@ def _objects(tables: SkyTables, solution: Solution, centre: Floats, reach: float
             radius = max((float(np.hypot(*(shape - place).T).max()) for shape in shapes), default=0.0)
         elif not 0.0 < radius < largest and objects.major[row] > 1.0:
             continue  # about the whole frame
-        name = objects.designation(row)
-        text = f"{name} {objects.common[row].split(',')[0]}".strip()
+        name, text = tables.texts[row]
         yield Mark(str(objects.kind[row]), row, place, radius, float(ranks[row]), text, name, shapes)
 
 

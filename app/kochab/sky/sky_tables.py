@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kochab.core.arrays import Bools, Floats, Table
+from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.sky.objects import SkyObjects, read_objects
@@ -41,11 +41,13 @@ class NamedStars(Table):
 class SkyTables:
     """All of it. ``lines`` are chains of vectors by what they are; ``outlines`` by the row of their object.
 
-    ``ranks`` (N,) say how soon an object is named, as magnitudes; inf for single stars and what is no object.
+    ``texts`` are the objects' designations, and these with their common names. ``ranks`` (N,) say how
+    soon an object is named, as magnitudes; inf for single stars and what is no object.
     """
 
     objects: SkyObjects
     ranks: Floats
+    texts: tuple[tuple[str, str], ...]
     stars: NamedStars
     lines: dict[str, tuple[Floats, ...]]
     outlines: dict[int, tuple[Floats, ...]]
@@ -132,9 +134,6 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
         "ecliptic": (_circle(pole),),
         "galactic": (_circle(unit_vectors(*GALACTIC_POLE_DEG)),),
     }
-    return SkyTables(objects, ranks_of(objects), stars, lines, outlines)
-
-
-def in_reach(vectors: Floats, centre: Floats, reach_rad: float) -> Bools:
-    """Which unit vectors (N, 3) are within ``reach_rad`` of the centre."""
-    return np.asarray(vectors @ centre > np.cos(min(reach_rad, np.pi)))
+    texts = ((objects.designation(row), name.partition(",")[0]) for row, name in enumerate(objects.common.tolist()))
+    names_of = tuple((short, f"{short} {name}".strip()) for short, name in texts)
+    return SkyTables(objects, ranks_of(objects), names_of, stars, lines, outlines)

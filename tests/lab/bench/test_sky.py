@@ -32,3 +32,7 @@ def test_the_bench_of_the_sky_measures_planets_asteroids_and_time(monkeypatch, t
     goals = {goal.name: goal for goal in result.goals}
     assert goals["asteroids of other years, median arcsec"].met
     assert rows["all of a field in 2026"]["n"] >= 1
+    assert goals["stars and objects out of place"].met
+    assert goals["frames of 60 with names that overlap"].met
+    assert not goals["names elsewhere in the second source"].met  # its table is not among the packages
+    assert rows["frames of the sky layer"]["names"] > 100

@@ -41,7 +41,8 @@ def test_a_finished_picture_keeps_its_own_colours(path, own):
     """Eight bits a colour from a file have been processed; a camera's are as they come."""
     rng = np.random.default_rng(3)
     colour = np.stack([rng.normal(m, 5, (64, 64)) for m in (60, 30, 40)], -1).astype(np.uint8)
-    picture = run(prepare(Frame(colour.mean(axis=2).astype(np.uint8), colour=colour, path=path)))
+    luminance = colour @ np.array([1, 2, 1], np.uint16)  # as a JPEG is read
+    picture = run(prepare(Frame(luminance, colour=colour, path=path)))
     assert (picture.sky_shift == (0.0, 0.0, 0.0)) == own
 
 

@@ -21,6 +21,7 @@ from kochab.core.attitude import separation_deg, unit, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.progress import run as finish
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
+from kochab.lab.bench.sky_layer import layer_rows
 from kochab.sky.elements import bodies_of, perihelion_jd
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.orbits import carried
@@ -54,7 +55,9 @@ def run(quick: bool, report: Report) -> BenchResult:
         Goal.at_most("asteroids of other years, worst arcsec", float(off.max()) if len(off) else None, 5.0),
         Goal.at_most("bodies of a frame of 2026, processor s", rows[-2]["s"], 0.5),
     ]
-    return BenchResult("sky", rows, goals)
+    report("the sky layer")
+    layer, more = layer_rows(quick, cache_folder() / "catalogue-sources")
+    return BenchResult("sky", [*rows, *layer], goals + more)
 
 
 def against_erfa(times: list[datetime]) -> Iterator[Row]:

@@ -91,8 +91,8 @@ def prepare(frame: Frame) -> Task[FrameImage]:
     yield Progress("display", 0.9)
     counts = histogram(sampled(base, SAMPLE), low, high)
     shift = (0.0, 0.0, 0.0)
-    finished = frame.path and frame.pixels.dtype == np.uint8  # its own colours stay as they are
-    if colour and auto.mid < 0.5 and not (finished and frame.colour is not None):
+    own = frame.path and frame.colour is not None and frame.colour.dtype == np.uint8  # a finished picture's colours
+    if colour and auto.mid < 0.5 and not own:
         shift = sky_shift(np.moveaxis(colour[-1], -1, 0), sky_level(mono[-1]))
     return FrameImage(frame.width, frame.height, mono, colour, low, high, counts, auto, shift)
 

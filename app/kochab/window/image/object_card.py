@@ -34,7 +34,7 @@ KINDS |= {
     "star": "Star",
 }
 TURN_H = 23.9344696  # of the sky
-MARGIN_PX = 12
+MARGIN_PX, LETTERS = 12, 44
 
 
 def vector_of(tables: SkyTables, mark: Mark) -> Floats:
@@ -56,7 +56,8 @@ def facts(
         told["Residual"] = next((f"{s.residual_px:.2f} px" for s in solution.stars if s.id == hip), "not matched")
     else:
         objects, k = tables.objects, mark.row
-        also = ", ".join(filter(None, [*objects.names(k)[1:], *str(objects.also[k]).split(",")]))
+        names = [*objects.names(k)[1:], *str(objects.also[k]).split(",")]
+        also = ", ".join(name for name in names if name and name not in mark.text)
         told |= {"Also": also} if also else {}
         told |= {"Magnitude": f"{objects.mag[k]:.1f}"} if np.isfinite(objects.mag[k]) else {}
         sides = [f"{side:g}′" for side in (objects.major[k], objects.minor[k]) if np.isfinite(side)]
@@ -88,7 +89,7 @@ class ObjectCard(QWidget):
 
     def __init__(self, view: QWidget) -> None:
         super().__init__(view)
-        self.title = label("", "title", wrap=True)
+        self.title = label("", "strong", wrap=True)
         self.body = label("", wrap=True)
         self._frame = styled_frame("card")
         self._place = ""
@@ -103,7 +104,6 @@ class ObjectCard(QWidget):
         self.title.setText(name)
         self.body.setText("\n".join(f"{title}  {text}".strip() for title, text in told.items()))
         self._place = f"{name}  {told['RA, Dec']}"
-        self.setFixedWidth(self.fontMetrics().averageCharWidth() * 44)
-        self.adjustSize()
-        self.move(MARGIN_PX, MARGIN_PX)
         self.show()
+        width = self.fontMetrics().averageCharWidth() * LETTERS
+        self.setGeometry(MARGIN_PX, MARGIN_PX, width, self._frame.heightForWidth(width))

@@ -301,7 +301,9 @@ class Overlay:
             at = brush.view.to_screen(self._stars[self.selected])
             selection(brush, at, star.name or star.id)
         elif self.picked is not None:
-            selection(brush, brush.view.to_screen(self.picked.xy), self.picked.text)
+            brush.pen(brush.colours.selected, 2.0)
+            x, y = brush.view.to_screen(self.picked.xy)
+            cross(brush, x, y, IDENTIFIED_PX + 3, IDENTIFIED_PX + 11)
         self._draw_sky(brush, solution, edges)
         sky_labels(brush, lines, edges)
 
