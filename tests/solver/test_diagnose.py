@@ -147,6 +147,14 @@ def test_what_the_identifier_said_is_kept_when_the_frame_is_healthy() -> None:
     assert (found.reason, found.advice, found.tried) == (said.reason, "Crop it.", "40 patterns")
 
 
+def test_what_a_method_lacks_is_its_own_advice_even_where_no_pattern_agreed() -> None:
+    """Without anything tried there was no search whose failure the frame could explain."""
+    said = NoSolution(Reason.NO_PATTERN_AGREED, "Give the pixel scale.", "nothing: the scale is not known")
+    assert not said.searched
+    stars = Detections.from_list(np.random.default_rng(0).uniform(0, 500, (30, 2)), 500, 500)
+    assert diagnose(Evidence(stars), said, {}).advice == "Give the pixel scale."
+
+
 def test_every_end_has_advice_and_finite_numbers() -> None:
     empty = Detections.from_list(np.zeros((0, 2)), W, H)
     ends = [

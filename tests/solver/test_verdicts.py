@@ -126,6 +126,12 @@ def test_out_of_focus_a_patch_must_be_larger_than_a_star(verdict, share, patch) 
     assert (found.reason is Reason.OUT_OF_FOCUS) is not patch
 
 
+@pytest.mark.parametrize(("fwhm_px", "reason"), [(15.0, Reason.OUT_OF_FOCUS), (3.0, Reason.CLOUDED_OR_DARK)])
+def test_wide_stars_that_hardly_stand_out_are_out_of_focus_before_they_are_clouded(verdict, fwhm_px, reason) -> None:
+    found = stars(30, snr=5.0, fwhm_px=fwhm_px)
+    assert verdict(replace(CLEAR, contrast=3.0), found=found, hfd_px=fwhm_px).reason is reason
+
+
 @pytest.mark.parametrize(
     ("hfd_px", "fwhm_px", "blurred"), [(13.0, 11.0, False), (11.0, 13.0, False), (13.0, 12.5, True)]
 )
