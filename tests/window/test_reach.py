@@ -138,7 +138,7 @@ def test_typing_in_a_field_does_not_set_off_single_key_actions(qtbot, opened):
     field.setFocus()
     qtbot.keyClicks(field, "10d")
     assert field.text() == "10d"
-    assert commands.actions["detected"].isChecked()
+    assert not commands.actions["detected"].isChecked()
 
 
 def test_alt_numbers_change_tabs_and_take_the_focus_along(qtbot, opened):

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
@@ -29,7 +30,8 @@ def _boundaries() -> tuple[Floats, list[str], dict[str, str]]:
 
     Roman (1987), PASP 99, 695, as Astropy ships it; a place belongs to the first zone that holds it.
     """
-    data = files("astropy") / "coordinates" / "data"  # read without Astropy, which takes half a second to import
+    astropy = find_spec("astropy")  # not imported: that takes half a second
+    data = Path(str(astropy and astropy.origin)).parent / "coordinates" / "data"
     zones, names = (
         [line.strip().split(maxsplit=most) for line in (data / name).read_text("utf-8").splitlines() if line[0] != "#"]
         for name, most in (("constellation_data_roman87.dat", 3), ("constellation_names.dat", 1))
