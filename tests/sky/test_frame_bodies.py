@@ -8,10 +8,10 @@ import pytest
 
 from kochab.core.attitude import apart_deg, attitude_from, unit_vectors
 from kochab.core.camera import Camera
-from kochab.core.frame import Detections, Site
+from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.core.progress import run
 from kochab.core.solution import NamedStar, Solution
-from kochab.sky.frame_bodies import bodies_in_frame
+from kochab.sky.frame_bodies import bodies_in_frame, body_marks
 from kochab.sky.solar_system import BodyKind
 
 ROW = json.loads(Path(__file__).with_name("solar_system.json").read_text(encoding="utf-8"))["rows"][4]
@@ -38,6 +38,17 @@ def field(catalogue):
     stars = tuple(NamedStar(x, y, "", "", float(m), 0.0, 0.0, 0.0) for (x, y), m in zip(xy.tolist(), mags, strict=True))
     assert len(stars) > 20
     return replace(solution, stars=stars), detections, bright
+
+
+def test_the_sky_layer_gets_the_bodies_of_a_frame_that_says_when(field):
+    frame = Frame(np.zeros((800, 1000), np.uint8), hint=Hint(time_utc=WHEN, site=PLACE))
+    mark = next(mark for mark in run(body_marks(frame, field[0])) if mark.text == "Jupiter")
+    assert np.hypot(*(mark.xy - field[0].pixels_of(unit_vectors(RA, DEC)[None])[0])) < 0.1
+    assert np.ptp(mark.shapes[0][:, 0]) * field[0].camera.scale_arcsec_px == pytest.approx(
+        mark.body.diameter_arcsec, 0.01
+    )
+    for hint in (Hint(), Hint(time_utc=WHEN, time_of_file=True)):
+        assert run(body_marks(replace(frame, hint=hint), field[0])) == ()
 
 
 def found(field, catalogue, when=WHEN):

@@ -3,6 +3,8 @@
 import csv
 import io
 import xml.etree.ElementTree as ET
+from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -10,14 +12,15 @@ from PIL import Image
 
 from kochab.core.attitude import attitude_from, radec_deg, wrapped
 from kochab.core.camera import Camera
-from kochab.core.frame import Frame
-from kochab.core.solution import Solution
+from kochab.core.frame import Frame, Hint
+from kochab.core.solution import NamedStar, Solution
 from kochab.frames.sky_grid import grid_lines
 from kochab.workflows.annotated_image import (
     CREDIT,
     GRID,
     annotate,
     annotated_picture,
+    as_svg,
     drawing_of,
     objects_csv,
     picture_of,
@@ -32,6 +35,14 @@ def solution(ra=84.0, dec=-3.0, roll=20.0, fov_deg=10.0, mirrored=False, size=(1
 def rgb(size=(1280, 960)):
     """An eight-bit picture of three different skies."""
     return np.random.default_rng(1).integers(0, (90, 40, 60), (size[1], size[0], 3)).astype(np.uint8)
+
+
+def test_a_dated_frame_has_its_planets_named():
+    frame = Frame(np.zeros((960, 1280), np.uint8), hint=Hint(time_utc=datetime(2023, 11, 3, 22, 0, tzinfo=UTC)))
+    picture = solution(39.9, 14.0)  # Jupiter at its opposition of 2023 (Astronomical Almanac: 2h 38m, +13.8)
+    picture = replace(picture, stars=(NamedStar(1.0, 1.0, "", "", 6.0, 0.0, 0.0, 0.0),))
+    assert ">Jupiter<" in as_svg(frame, picture)
+    assert ">Jupiter<" not in as_svg(replace(frame, hint=Hint()), picture)
 
 
 def test_a_finished_picture_keeps_its_colours_and_its_size():

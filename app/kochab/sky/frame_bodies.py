@@ -8,11 +8,12 @@ import numpy as np
 
 from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import angle_between, radec_deg
-from kochab.core.frame import Detections, Site
+from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.sky.apparent import julian_years
-from kochab.sky.catalogue import Catalogue
+from kochab.sky.catalogue import Catalogue, open_catalogue
+from kochab.sky.layer import BODY_MAG, Mark
 from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
 
@@ -83,6 +84,26 @@ def bodies_in_frame(
         free &= ~its
         bodies.append(BodyInFrame(body, x, y, bool(its.any())))
     return FrameBodies(tuple(bodies), _unknown(solution, detections, free, julian_years(time_utc), catalogue))
+
+
+def body_marks(frame: Frame, solution: Solution, site: Site | None = None) -> Task[tuple[Mark, ...]]:
+    """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines."""
+    hint = frame.hint
+    if hint.time_utc is None or hint.time_of_file:
+        return ()
+    nothing = Detections.from_list(np.empty((0, 2)), frame.width, frame.height)
+    found = yield from bodies_in_frame(solution, nothing, hint.time_utc, hint.site or site, open_catalogue())
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    marks = []
+    for number, one in enumerate(found.bodies):
+        body, xy = one.body, np.array([one.x, one.y])
+        radius = body.diameter_arcsec / 2.0 / solution.camera.scale_arcsec_px
+        rank = float(np.nan_to_num(body.magnitude, nan=20.0)) - BODY_MAG
+        marks.append(
+            Mark(str(body.kind), number, xy, radius, rank, body.name, body.name, (xy + radius * circle,), body)
+        )
+    return tuple(marks)
 
 
 def _unmatched(solution: Solution, detections: Detections) -> Bools:

@@ -6,6 +6,7 @@ seen of it. Marks are in image px, label boxes in screen px; whoever draws bring
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,17 @@ from kochab.core.attitude import unit
 from kochab.core.solution import Solution
 from kochab.sky.sky_tables import EPOCH, SkyTables
 
+if TYPE_CHECKING:
+    from kochab.sky.solar_system import Body
+
 FAMILIES = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
 FAMILIES |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
+FAMILIES |= dict.fromkeys(
+    ("sun", "moon", "planet", "dwarf planet", "moon of a planet", "asteroid", "comet"), "ecliptic"
+)
 """What a kind of object is drawn as; all others are nebulae."""
+BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else
+BODIES = -20.0  # the rank down to which all are bodies
 MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
 MOST_RADII = 1.0  # of the view: a larger outline says nothing
 POINTS = 48  # of an ellipse
@@ -49,9 +58,9 @@ class View:
 class Mark:
     """An object or a star of the frame: where, what its name is, and how it ranks.
 
-    ``row`` is that of the objects, or of the named stars for ``kind`` "star"; ``xy`` (2,) and ``radius`` are px of the
-    image; ``shapes`` are its outlines, px; ``text`` is its name and ``short`` the name without a common one; ``mag`` is
-    the rank, a magnitude that counts how well known it is.
+    ``row`` is that of the objects, or of the named stars for ``kind`` "star", or any for a ``body``; ``xy`` (2,) and
+    ``radius`` are px of the image; ``shapes`` are its outlines, px; ``text`` is its name and ``short`` the name without
+    a common one; ``mag`` is the rank, a magnitude that counts how well known it is.
     """
 
     kind: str
@@ -62,6 +71,12 @@ class Mark:
     text: str
     short: str
     shapes: tuple[Floats, ...] = ()
+    body: "Body | None" = None
+
+    @property
+    def group(self) -> str:
+        """What is shown or hidden together: "star", "object" or "body"."""
+        return "body" if self.body is not None else "star" if self.kind == "star" else "object"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,13 +213,17 @@ def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: flo
     x0, y0, x1, y1 = view.bounds
     across = max(x1 - x0, y1 - y0, 1.0) / view.scale * solution.camera.scale_arcsec_px / 3600.0
     wide = float(np.log10(np.clip(across, 0.05, 180.0)))
-    return {"star": 12.0 - 4.2 * wide + 8.0 * (stars - 0.5), "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5)}
+    return {
+        "star": 12.0 - 4.2 * wide + 8.0 * (stars - 0.5),
+        "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5),
+        "body": BODIES,
+    }
 
 
 def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, float]) -> Mark | None:
     """The smallest mark, down to the ranks ``shown``, around a place of the image or within ``reach`` px of it."""
     away = np.hypot(*(sky.places - (x, y)).T)
-    last = [shown.get("star" if mark.kind == "star" else "object", -np.inf) for mark in sky.marks]
+    last = [shown.get(mark.group, -np.inf) for mark in sky.marks]
     held = (
         (max(mark.radius, reach) + far, k)
         for k, (mark, far) in enumerate(zip(sky.marks, away.tolist(), strict=True))
@@ -215,7 +234,7 @@ def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, 
 
 
 def outlined(sky: SkyInFrame, view: View, faintest: float) -> list[Mark]:
-    """Objects down to that rank whose outline is worth drawing: larger than a dot, and not about the whole view."""
+    """Bodies, and objects down to that rank, with an outline larger than a dot and not about the whole view."""
     at = view.to_screen(sky.places)
     x0, y0, x1, y1 = view.bounds
     largest = MOST_RADII * max(x1 - x0, y1 - y0)
@@ -223,7 +242,7 @@ def outlined(sky: SkyInFrame, view: View, faintest: float) -> list[Mark]:
     for mark, (x, y) in zip(sky.marks, at.tolist(), strict=True):
         radius = mark.radius * view.scale
         near = x0 - radius < x < x1 + radius and y0 - radius < y < y1 + radius
-        if mark.mag > faintest:
+        if mark.mag > max(faintest, BODIES):
             break
         if mark.shapes and DOT_PX <= radius < largest and near:
             drawn.append(mark)
@@ -240,7 +259,7 @@ def labels(
 ) -> list[Label]:
     """Names of the marks in sight, the best first, none over another or over a box (x, y, w, h) of ``taken``.
 
-    ``faintest`` is the last rank named of "star" and of "object"; a kind that is absent has no names.
+    ``faintest`` is the last rank named of "star", "object" and "body"; a kind that is absent has no names.
     """
     at = view.to_screen(sky.places)
     x0, y0, x1, y1 = view.bounds
@@ -258,7 +277,7 @@ def labels(
         mark = sky.marks[number]
         if len(chosen) >= most or count >= len(boxes) - 2:
             break
-        if mark.mag > faintest.get("star" if mark.kind == "star" else "object", -np.inf):
+        if mark.mag > faintest.get(mark.group, -np.inf):
             continue
         common = mark.text.removeprefix(mark.short).strip()
         dot = mark.kind != "star" and mark.radius * view.scale < DOT_PX

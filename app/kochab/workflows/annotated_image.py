@@ -14,11 +14,13 @@ import numpy as np
 from kochab.core import data_folder
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
+from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import compass
 from kochab.frames.sky_grid import grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
+from kochab.sky.frame_bodies import body_marks
 from kochab.sky.layer import DOT_PX, FAMILIES, Mark, View, faintest_of, in_frame, labels, outlined
 from kochab.sky.sky_tables import sky_tables
 
@@ -28,7 +30,14 @@ if TYPE_CHECKING:
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF", ".pdf": "PDF"}
 ENDINGS = (*FORMATS, ".svg")
-INKS = {"star": "#dce8f6", "galaxy": "#c3b1ff", "cluster": "#ffd873", "nebula": "#ff9db4", "dark": "#b9c4d0"}
+INKS = {
+    "star": "#dce8f6",
+    "galaxy": "#c3b1ff",
+    "cluster": "#ffd873",
+    "nebula": "#ff9db4",
+    "dark": "#b9c4d0",
+    "ecliptic": "#f2c14e",
+}
 FIGURE, GRID, NORTH, EAST, EDGE = "#6f83a5", "#3f5f85", "#ff6b6b", "#6bb8ff", "#0c0e11"
 LETTER_PX, ACROSS = 13, 1200.0  # of a picture 1200 px across; larger ones have larger letters
 CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos"
@@ -57,7 +66,7 @@ def font_of(size: int) -> "FreeTypeFont":
     return ImageFont.truetype(data_folder("resources") / "DejaVuSans.ttf", size)
 
 
-def drawing_of(solution: Solution, year: float = 2000.0) -> Drawing:
+def drawing_of(solution: Solution, year: float = 2000.0, bodies: tuple[Mark, ...] = ()) -> Drawing:
     """Outlines, figures, names, grid and compass of a solved frame; names as dense as in the window."""
     camera = solution.camera
     unit = max(camera.width, camera.height) / ACROSS
@@ -65,7 +74,7 @@ def drawing_of(solution: Solution, year: float = 2000.0) -> Drawing:
     made, line = Drawing(camera.width, camera.height, letter), max(1.0, 1.2 * unit)
     for grid in grid_lines(solution, -0.5, -0.5, camera.width - 0.5, camera.height - 0.5):
         made.strokes += [(part, GRID, max(1.0, 0.7 * unit)) for part in pieces(grid.xy)]
-    sky = in_frame(sky_tables(), solution, year)
+    sky = in_frame(sky_tables(), solution, year, bodies)
     made.strokes += [(part, FIGURE, line) for part in sky.lines["figures"]]
     scale = LETTER_PX / letter
     view = View(scale, 0.0, 0.0, (4.0, 4.0, camera.width * scale - 4.0, camera.height * scale - 4.0))
@@ -132,7 +141,7 @@ def annotated_picture(frame: Frame, solution: Solution) -> "Image":
     """The frame with the sky drawn over it."""
     from PIL import ImageDraw
 
-    picture, drawn = picture_of(frame), drawing_of(solution)
+    picture, drawn = picture_of(frame), drawing_of(solution, bodies=run(body_marks(frame, solution)))
     draw = ImageDraw.Draw(picture)
     for places, ink, width in drawn.strokes:
         draw.line([(x, y) for x, y in places.tolist()], fill=ink, width=max(1, round(width)))
@@ -144,7 +153,7 @@ def annotated_picture(frame: Frame, solution: Solution) -> "Image":
 
 def as_svg(frame: Frame, solution: Solution) -> str:
     """The same as SVG: the picture inside, lines and letters as such."""
-    packed, drawn = io.BytesIO(), drawing_of(solution)
+    packed, drawn = io.BytesIO(), drawing_of(solution, bodies=run(body_marks(frame, solution)))
     picture_of(frame).save(packed, format="JPEG", quality=92)
     size = f'width="{drawn.width}" height="{drawn.height}"'
     data = base64.b64encode(packed.getvalue()).decode()

@@ -8,7 +8,9 @@ from PySide6.QtCore import QPoint, QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QWheelEvent
 
 from kochab.frames.export import compass
+from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import sky_tables
+from kochab.sky.solar_system import Body, BodyKind
 from kochab.window.image.overlay import MARKS, Overlay
 from kochab.window.image.screen_image import Viewport
 from kochab.window.themes import theme_colours
@@ -122,10 +124,34 @@ def painted(overlay, view=None):
     return np.frombuffer(image.constBits(), np.uint8).reshape(400, 600, 4)[..., :3].astype(int)
 
 
+def jupiter_at(x, y, radius=0.0):
+    """Jupiter at a place of the frame, px."""
+    body = Body("Jupiter", BodyKind.PLANET, 84.0, -1.2, 4.2, -2.5, 46.1, 0.99, 0.1)
+    ring = np.array([[x - radius, y], [x, y + radius], [x + radius, y], [x - radius, y]])
+    return Mark("planet", 0, np.array([x, y]), radius, -62.5, "Jupiter", "Jupiter", (ring,), body)
+
+
+@pytest.mark.parametrize("radius", [0.0, 30.0])  # a dot, and a disc of its own
+def test_a_body_is_named_and_drawn_without_the_objects(qtbot, radius):
+    overlay = Overlay(on=dict.fromkeys(MARKS, False) | {"bodies": True}, tables=sky_tables())
+    overlay.show(np.empty((0, 2)), fake_solution(600, 400))
+    assert painted(overlay).sum() == 0
+    overlay.show_bodies((jupiter_at(150.0, 100.0, radius),))
+    assert painted(overlay).sum() > 0
+    assert [label.text for label in overlay.labels] == ["Jupiter"]
+    assert overlay.mark_at(151.0, 100.0, 5.0).text == "Jupiter"
+    overlay.on |= {"bodies": False, "objects": True}
+    painted(overlay)
+    assert "Jupiter" not in [label.text for label in overlay.labels]
+    overlay.show(np.empty((0, 2)), fake_solution(600, 400))
+    assert overlay.bodies == ()  # the frame before's
+
+
 def everything():
     """An overlay with all marks on, over Orion's belt."""
     overlay = Overlay(on=dict.fromkeys(MARKS, True), tables=sky_tables())
     overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
+    overlay.show_bodies((jupiter_at(150.0, 100.0),))
     return overlay
 
 
@@ -136,7 +162,12 @@ def test_each_mark_can_be_switched(qtbot, mark):
     overlay.on[mark] = False
     without = painted(overlay)
     assert (every != without).any()
-    assert every.sum() > without.sum() or mark in ("names", "objects", "grid")  # whose dark edges may cover more
+    assert every.sum() > without.sum() or mark in (
+        "names",
+        "objects",
+        "bodies",
+        "grid",
+    )  # whose dark edges may cover more
 
 
 def test_nothing_is_marked_when_everything_is_off(qtbot):

@@ -15,7 +15,7 @@ from kochab.sky.sky_tables import sky_tables
 from kochab.window.image.object_card import facts, heights
 from kochab.window.image.overlay import Overlay
 from tests.window.fakes import fake_solution
-from tests.window.image.test_frame_view import painted
+from tests.window.image.test_frame_view import jupiter_at, painted
 
 EVENING = datetime(2026, 1, 12, 19, 0, tzinfo=UTC)
 PLACES = {"Munich": Site(48.1, 11.6, 500.0), "Sydney": Site(-33.9, 151.2, 10.0), "Quito": Site(-0.2, -78.5, 2800.0)}
@@ -43,6 +43,12 @@ def test_a_stars_card():
     assert (told[""], told["V"], told["Catalogue"], told["Residual"]) == ("Star", "1.69", "HIP 26311", "not matched")
     assert told["Now"].endswith("° high")
     assert told["Highest"].startswith("41° at ")  # 90 - 48.1 - 1.2, and refraction
+
+
+def test_a_planets_card_tells_where_it_was():
+    told = facts(sky_tables(), jupiter_at(9.0, 9.0), fake_solution(600, 400), AngleStyle.SEXAGESIMAL, None)
+    assert (told[""], told["Magnitude"], told["Diameter"], told["Distance"]) == ("Planet", "-2.5", "46.1″", "4.2 au")
+    assert told["RA, Dec"].startswith("05h 36m")
 
 
 @pytest.mark.parametrize("place", sorted(PLACES))

@@ -38,7 +38,9 @@ MARGIN_PX, LETTERS = 12, 44
 
 
 def vector_of(tables: SkyTables, mark: Mark) -> Floats:
-    """Its ICRS unit vector (3,), at J2000."""
+    """Its ICRS unit vector (3,): at J2000, a body's at the frame's time."""
+    if mark.body is not None:
+        return mark.body.vector
     return np.asarray((tables.stars if mark.kind == "star" else tables.objects).vector[mark.row])
 
 
@@ -47,13 +49,18 @@ def facts(
 ) -> dict[str, str]:
     """What the card tells, by title; ``horizon`` is the person's, now."""
     vector = vector_of(tables, mark)
-    told = {"": KINDS.get(mark.kind, ""), "In": constellation_at(vector)}
+    told = {"": KINDS.get(mark.kind, mark.kind.capitalize() if mark.body else ""), "In": constellation_at(vector)}
     told["RA, Dec"] = radec_text(*radec_deg(vector), style)
     if mark.kind == "star":
         told["V"] = f"{tables.stars.mag[mark.row]:.2f}"
         hip = f"HIP {tables.stars.hip[mark.row]}"
         told["Catalogue"] = hip
         told["Residual"] = next((f"{s.residual_px:.2f} px" for s in solution.stars if s.id == hip), "not matched")
+    elif (body := mark.body) is not None:
+        told |= {"Magnitude": f"{body.magnitude:.1f}"} if np.isfinite(body.magnitude) else {}
+        told |= {"Diameter": f"{body.diameter_arcsec:.3g}″"} if body.diameter_arcsec else {}
+        told["Distance"] = f"{body.distance_au:.4g} au"
+        return told  # heights of now would be those of where it was
     else:
         objects, k = tables.objects, mark.row
         names = [*objects.names(k)[1:], *str(objects.also[k]).split(",")]

@@ -20,8 +20,8 @@ from kochab.window.themes import Colours, theme_colours, translucent
 
 LINES = {"figures": "figure", "boundaries": "figure", "ecliptic": "ecliptic", "galactic": "galaxy"}
 """The sky layer's lines, and their colours in the theme."""
-SHOWN = ("objects", "names", "figures", "grid", "centre", "compass")  # until the person switches
-MARKS = ("objects", "names", *LINES, "grid", "centre", "compass", "identified", "detected")
+SHOWN = ("objects", "names", "bodies", "figures", "grid", "centre", "compass")  # until the person switches
+MARKS = ("objects", "names", "bodies", *LINES, "grid", "centre", "compass", "identified", "detected")
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
 MOST_CIRCLES = 4000
 CROWDED = 300  # from this many circles on they are drawn fainter and smaller
@@ -231,6 +231,7 @@ class Overlay:
     amount: dict[str, float] = field(default_factory=lambda: {"names": 0.5, "objects": 0.5})
     covered: list[QRect] = field(default_factory=list)
     tables: SkyTables | None = None
+    bodies: tuple[Mark, ...] = ()  # of the Solar System, in this frame
     year: float = 2000.0  # to which the stars have moved
     selected: int | None = None
     picked: Mark | None = None
@@ -248,7 +249,7 @@ class Overlay:
     def show(self, detected: Floats, solution: Solution | None) -> None:
         """Detections (N, 2) px, brightest first, and their solution."""
         if solution is not self.solution:
-            self._sky, self.picked = None, None
+            self._sky, self.picked, self.bodies = None, None, ()
         self.detected, self.solution, self.selected = detected, solution, None
         self._stars = np.empty((0, 2)) if solution is None else solution.stars_px
         self._others = detected[~_among(detected, self._stars)]
@@ -256,11 +257,15 @@ class Overlay:
     def clear(self) -> None:
         self.show(np.empty((0, 2)), None)
 
+    def show_bodies(self, bodies: tuple[Mark, ...]) -> None:
+        """Add the bodies of the Solar System to the present frame."""
+        self.bodies, self._sky = bodies, None
+
     @property
     def sky(self) -> SkyInFrame | None:
         """What the tables have in the frame, found when first asked for."""
         if self._sky is None and self.solution is not None and self.tables is not None:
-            self._sky = in_frame(self.tables, self.solution, self.year)
+            self._sky = in_frame(self.tables, self.solution, self.year, self.bodies)
             self._paths = {kind: _path(lines) for kind, lines in self._sky.lines.items()}
         return self._sky
 
@@ -328,7 +333,7 @@ class Overlay:
     def _draw_sky(self, brush: Brush, solution: Solution, edges: QRectF) -> None:
         """Outlines and names: those that suit the zoom, and no name over another or over what covers the view."""
         self.labels, self.ranks = [], {}
-        wanted = {"star": "names", "object": "objects"}
+        wanted = {"star": "names", "object": "objects", "body": "bodies"}
         if self.sky is None or not any(self.on[switch] for switch in wanted.values()):
             return
         view, bounds = brush.view, (edges.left(), edges.top(), edges.right(), edges.bottom())
@@ -345,6 +350,8 @@ class Overlay:
         brush.painter.save()
         brush.painter.setClipRect(edges)
         for mark in outlined(self.sky, seen, ranks.get("object", -np.inf)):
+            if mark.group not in ranks:
+                continue
             brush.pen(colour_of(brush.colours, mark), 1.2, 190)
             for shape in mark.shapes:
                 brush.painter.drawPolyline([QPointF(x, y) for x, y in view.to_screen(shape).tolist()])

@@ -45,6 +45,7 @@ SPECS = (
     Spec("colour", "&Colour", "C", "Show in colour or mono", True),
     Spec("objects", "Deep-sky &objects", "O", "Outlines and names of galaxies, nebulae and clusters", True),
     Spec("names", "Star &names", "N", "Names of bright stars", True),
+    Spec("bodies", "&Planets, asteroids, comets", "P", "Bodies of the Solar System in a dated frame", True),
     Spec("figures", "Constellation &lines", "L", "The figures of the constellations", True),
     Spec("boundaries", "Constellation &boundaries", "", "The IAU's boundaries", True),
     Spec("ecliptic", "E&cliptic", "", "The Sun's path", True),

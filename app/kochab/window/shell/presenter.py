@@ -144,6 +144,9 @@ class Presenter(QObject):
         self.panes.stars.set_stars(solution.stars)
         self.panes.view.update()
         self.say_place()
+        if known.frame is not None and not self.session.streams:
+            job = self.session.jobs.run(_bodies(known.frame, solution, self.settings.site), "bodies")
+            job.succeeded.connect(partial(self._has_bodies, solution))
 
     def say_place(self) -> None:
         """Say on the card what the open frame shows, and how high it stood from the present site."""
@@ -190,6 +193,11 @@ class Presenter(QObject):
     def _has_sky(self, tables: SkyTables) -> None:
         self.overlay.tables = tables
         self.panes.view.update()
+
+    def _has_bodies(self, solution: Solution, bodies: tuple[Mark, ...]) -> None:
+        if bodies and self.overlay.solution is solution:
+            self.overlay.show_bodies(bodies)
+            self.panes.view.update()
 
     def _clear_marks(self) -> None:
         self.object_card.hide()
@@ -262,6 +270,13 @@ def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[st
     horizon = horizon_of(frame, site)
     altaz = "" if horizon is None else altaz_text(*horizon.altaz_deg(solution.centre_vector))
     return name_of_field(solution), altaz.replace("a", "A")
+
+
+def _bodies(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[Mark, ...]]:
+    yield Progress("bodies")
+    from kochab.sky.frame_bodies import body_marks
+
+    return (yield from body_marks(frame, solution, site))
 
 
 def _tables() -> Task[SkyTables]:
