@@ -65,6 +65,7 @@ ADDED = {
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "good enough? for the frames that a person wants to take": 80,
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,
+    "an answer far outside the field that a capture program gives": 25,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

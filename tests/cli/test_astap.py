@@ -10,11 +10,12 @@ from astropy.coordinates import SkyCoord
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from kochab.cli.astap import _bound, _hint, _order
+from kochab.cli.astap import FIELD_FACTOR, _bound, _hint, _order, within_field
 from kochab.cli.main import main
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
+from kochab.core.solution import Reason, Solution
 from kochab.frames.fits_write import write_fits
 from kochab.simulate.star_images import FWHM_PER_SIGMA
 from tests.solver.fields import photograph
@@ -89,6 +90,40 @@ def test_the_search_radius_bounds_the_answer(tmp_path, capsys) -> None:
     assert main([*asked, "-r", "16"]) == 0
     assert main(asked) == 0  # ASTAP's own default is the whole sky
     assert ini_of(tmp_path / "a.ini")["PLTSOLVD"] == "T"
+
+
+def test_the_field_bounds_the_answer(tmp_path, capsys) -> None:
+    path = picture(tmp_path / "a.fits")
+    before = path.read_bytes()
+    assert main(["-f", str(path), "-fov", "0.3", "-wcs", "-update"]) == 1
+    told = ini_of(tmp_path / "a.ini")
+    assert told["PLTSOLVD"] == "F"
+    assert "not the field of view given" in told["ERROR"]
+    assert "at RA 84.1145, Dec -2.2987 deg and 27.14 arcsec/px; -fov means 1.08." in told["ERROR"]
+    assert "CRVAL1" not in told
+    assert not (tmp_path / "a.wcs").exists()
+    assert path.read_bytes() == before
+    capsys.readouterr()
+    assert main(["-f", str(path), "-fov", "3.8"]) == 0  # half, as with binning the caller knows nothing of
+    told = ini_of(tmp_path / "a.ini")
+    assert told["PLTSOLVD"] == "T"
+    assert "is wrong by a factor of" in told["WARNING"]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_so_far_off_may_the_field_be(way) -> None:
+    found = Solution(CAMERA, attitude_from(*CENTRE, 0.0), (), 0.1, -20.0, "patterns")
+
+    def result(factor: float):
+        given = CAMERA.scale_arcsec_px * factor**way
+        return within_field(found, (given / 1.15, given * 1.15))
+
+    assert result(0.999 * FIELD_FACTOR) is found
+    refused = result(1.001 * FIELD_FACTOR)
+    assert refused.reason is Reason.ANOTHER_FIELD
+    assert refused.measured["scale_arcsec_px"] == CAMERA.scale_arcsec_px
+    assert within_field(found, None) is found
+    assert within_field(refused, (1.0, 2.0)) is refused
 
 
 def test_the_search_position_is_the_headers_when_none_is_told() -> None:

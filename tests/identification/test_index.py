@@ -156,7 +156,10 @@ def build_peak(folder, sky):
 
 
 def test_the_memory_of_a_build_grows_by_less_than_its_quads(monkeypatch, tmp_path):
-    """All quads at once would need 58 bytes each; one level's marks and the stars need 19."""
+    """All quads at once would need 58 bytes each; one level's marks and the stars need 19.
+
+    With 24 the 25.9 million quads of the small fields need 0.62 GB beside the sky and the program itself.
+    """
     monkeypatch.setattr(index_build, "SETS_AT_ONCE", 1 << 12)
     monkeypatch.setattr(index_build, "STARS_AT_ONCE", 1 << 12)
     monkeypatch.setattr(index_build, "all_levels", lambda ra, dec: [np.arange(len(ra))] * 15)
@@ -164,7 +167,7 @@ def test_the_memory_of_a_build_grows_by_less_than_its_quads(monkeypatch, tmp_pat
     small, few = build_peak(tmp_path / "small", random_sky(2_000))
     large, many = build_peak(tmp_path / "large", random_sky(24_000))
     assert many > 11 * few
-    assert large - small < 30 * (many - few)
+    assert large - small < 24 * (many - few)
 
 
 def test_parts_of_any_size_make_the_same_volume(monkeypatch, tmp_path):

@@ -6,6 +6,8 @@ own search are read and left alone; what is believed of the field is a hint here
 ``-r`` is a bound, as it is for ASTAP, which looks no farther than that from where it starts: ``-ra`` and ``-spd``,
 else the position in the file's header. An answer whose centre lies farther away is refused. Without ``-r`` (ASTAP's
 own default is 180, the whole sky), with one that is not above zero, or without a start position, there is no bound.
+
+``-fov`` is a bound within `FIELD_FACTOR`, beyond which an answer is refused. ASTAP warns from 5 % off, we from 27 %.
 """
 
 import math
@@ -22,11 +24,13 @@ from kochab.core.attitude import east_north
 from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
-from kochab.core.solution import NoSolution, Solution
+from kochab.core.solution import NoSolution, Reason, Solution
 
 FLAGS = {"-wcs", "-update", "-annotate", "-log", "-debug", "-progress", "-sip", "-h", "-help"}
 """Options without a value; all others have one."""
 TIMEOUT_S = 60.0
+FIELD_FACTOR = 2.5
+"""How far off ``-fov`` may be: binning not told to the caller makes 2, a reducer or a Barlow lens forgotten up to 2."""
 
 
 @dataclass(slots=True)
@@ -123,7 +127,27 @@ def _solved(order: AstapRequest) -> Task[tuple[Frame, Solution | NoSolution]]:
     hint = _hint(order, frame.height)
     options = SolveOptions(hint=hint if hint.helps else None, timeout_s=TIMEOUT_S)
     solved = yield from solve_open_frame(frame, options)
-    return frame, with_doubts(within_radius(solved.result, _bound(order, frame.hint)), options)
+    result = within_radius(within_field(solved.result, hint.scale_arcsec_px), _bound(order, frame.hint))
+    return frame, with_doubts(result, options)
+
+
+def within_field(result: Solution | NoSolution, scale: tuple[float, float] | None) -> Solution | NoSolution:
+    """``result``, or no solution when its pixel scale is not about the one given (arcsec/px, from and to)."""
+    if scale is None or not isinstance(result, Solution):
+        return result
+    given, found = math.sqrt(scale[0] * scale[1]), result.camera.scale_arcsec_px
+    if 1.0 / FIELD_FACTOR <= found / given <= FIELD_FACTOR:
+        return result
+    ra, dec = result.ra_dec_deg
+    return NoSolution(
+        Reason.ANOTHER_FIELD,
+        f"Solved with {len(result.stars)} stars at RA {ra:.4f}, Dec {dec:+.4f} deg and {found:.4g} arcsec/px;"
+        f" -fov means {given:.4g}.",
+        detections=result.detections,
+        elapsed_ms=result.elapsed_ms,
+        measured={"ra_deg": ra, "dec_deg": dec, "scale_arcsec_px": found},
+        warnings=result.warnings,
+    )
 
 
 def _bound(order: AstapRequest, header: Hint) -> tuple[float, float, float] | None:

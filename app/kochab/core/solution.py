@@ -185,6 +185,7 @@ class Reason(StrEnum):
     CANCELLED = "cancelled"
     TIMED_OUT = "timed out"
     OUTSIDE_RADIUS = "outside the search radius"
+    ANOTHER_FIELD = "not the field of view given"
 
 
 @dataclass(frozen=True, slots=True)
