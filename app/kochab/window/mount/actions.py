@@ -67,6 +67,7 @@ class MountActions(QObject):
     def __init__(self, control: MountControl) -> None:
         super().__init__(control)
         self.auto_frame = True
+        self.held = False  # nudges follow one another while a controller's direction is held: no frame between them
         self._control = control
         control.ended.connect(self._ended)
 
@@ -188,7 +189,7 @@ class MountActions(QObject):
             return
         self._answered(word.name, word.result)
         moved = action(word.name).frame_after and not isinstance(word.result, FlipQuestion)
-        if moved and self.auto_frame and self._control.camera is not None:
+        if moved and self.auto_frame and not self.held and self._control.camera is not None:
             self.take_frame()
 
     def _answered(self, name: str, result: Any) -> None:

@@ -156,8 +156,8 @@ class NudgePad(QWidget):
             grid.addWidget(made, at_row, at_column)
             self.buttons[way] = made
         grid.addWidget(self.step, 1, 1)
-        hint, below = label(HINT, "muted", wrap=True), row(self.rate, beside, None)
-        title = column(label("Nudge", "heading"), hint, None, below)
+        self.hint, below = label(HINT, "muted", wrap=True), row(self.rate, beside, None)
+        title = column(label("Nudge", "heading"), self.hint, None, below)
         row(grid, (title, 1), on=self, spacing=14, margins=(0, 0, 0, 0))
 
     def show_rates(self, rates_deg_s: tuple[float, ...]) -> None:

@@ -15,6 +15,7 @@ from kochab.window.cameras import CameraBox
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, TrackingChoice
+from kochab.window.mount.gamepad import Gamepad
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import MountStatus
@@ -87,6 +88,7 @@ class MountView(Page):
             "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
         )
         self.pad = NudgePad(orders.nudge, self.bring)
+        Gamepad(self.pad, control, orders)
         self.tracking = TrackingChoice()
         self.after = switch("Solve after slew", "Take and solve a frame after each goto or nudge")
         self.go = GoBox(orders.goto, orders.centre, self.after)

@@ -1,0 +1,129 @@
+"""A game controller, read by SDL: a direction held is the pad's button pressed again and again, let go is Stop."""
+
+import warnings
+from typing import Any
+
+from PySide6.QtCore import QObject, QTimer
+
+from kochab.core.mount import Direction
+from kochab.gear.mount_events import OrderDone, OrderFailed
+from kochab.window.mount.actions import MountActions
+from kochab.window.mount.connection import MountControl
+from kochab.window.mount.controls import HINT, NudgePad
+
+PACKAGE = "Game controllers need one more package: pip install 'kochab[gamepad]'."
+HELD = "A game controller moves while you hold its stick or D-pad; B is STOP."
+POLL_MS, LOOK_MS = 33, 1000  # with a controller, and to see whether there is one
+HALF_WAY = 16384  # of 32767
+NUDGES = ("nudge", "nudge dec")
+BUTTONS = ("B", "BACK", "LEFTSHOULDER", "RIGHTSHOULDER", "DPAD_UP", "DPAD_DOWN", "DPAD_LEFT", "DPAD_RIGHT")
+HINTS = {
+    b"SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": b"1",  # STOP works in every window
+    b"SDL_NO_SIGNAL_HANDLERS": b"1",
+    b"SDL_JOYSTICK_THREAD": b"1",  # Windows: SDL has no window of its own that hears of controllers
+}
+
+
+def load_sdl() -> Any:
+    """SDL's functions with its controllers begun, or None."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it warns of where its library is
+            import sdl2
+    except ImportError:
+        return None
+    for name, value in HINTS.items():
+        sdl2.SDL_SetHint(name, value)
+    return None if sdl2.SDL_InitSubSystem(sdl2.SDL_INIT_GAMECONTROLLER) else sdl2
+
+
+class Gamepad(QObject):
+    """Reads the first controller while a mount is connected; moves only while the window is active, stops always."""
+
+    def __init__(self, pad: NudgePad, control: MountControl, orders: MountActions) -> None:
+        super().__init__(pad)
+        self._pad, self._control, self._orders = pad, control, orders
+        self._sdl: Any = None
+        self._controller: Any = None
+        self._way: Direction | None = None  # held now
+        self._down: set[str] = set()
+        self._timer = QTimer(self, interval=LOOK_MS)
+        self._timer.timeout.connect(self._poll)
+        pad.hint.setText(f"{HINT} {HELD}")
+        control.stopping.connect(self._forbid)
+        control.ended.connect(self._ended)
+        control.changed.connect(self._follow)
+
+    def _follow(self) -> None:
+        """Poll only while a mount is connected."""
+        on = self._control.known.phase not in ("off", "leaving")
+        if on and not self._timer.isActive():
+            self._sdl = load_sdl()
+            if self._sdl is None:
+                self._control.changed.disconnect(self._follow)
+                self._pad.hint.setText(f"{HINT} {PACKAGE}")
+            else:
+                self._timer.start(LOOK_MS)
+        elif not on and self._timer.isActive():
+            self._timer.stop()
+            self._close()
+            self._sdl.SDL_QuitSubSystem(self._sdl.SDL_INIT_GAMECONTROLLER)
+
+    def _poll(self) -> None:
+        sdl = self._sdl
+        sdl.SDL_GameControllerUpdate()
+        sdl.SDL_FlushEvents(sdl.SDL_FIRSTEVENT, sdl.SDL_LASTEVENT)  # nobody reads them
+        if self._controller and not sdl.SDL_GameControllerGetAttached(self._controller):
+            self._close()
+        if not self._controller:
+            there = (i for i in range(sdl.SDL_NumJoysticks()) if sdl.SDL_IsGameController(i))
+            self._controller = next((c for c in map(sdl.SDL_GameControllerOpen, there) if c), None)
+            self._timer.setInterval(POLL_MS if self._controller else LOOK_MS)
+        if self._controller:
+            self._read()
+
+    def _close(self) -> None:
+        self._hold(None)
+        self._down = set()
+        if self._controller:
+            self._sdl.SDL_GameControllerClose(self._controller)
+        self._controller = None
+
+    def _read(self) -> None:
+        sdl, before = self._sdl, self._down
+        ask, at = sdl.SDL_GameControllerGetButton, sdl.SDL_GameControllerGetAxis
+        self._down = {n for n in BUTTONS if ask(self._controller, getattr(sdl, f"SDL_CONTROLLER_BUTTON_{n}"))}
+        pressed, stops = self._down - before, self._down & {"B", "BACK"}
+        if pressed & stops:
+            self._control.stop()
+        x, y = (at(self._controller, axis) for axis in (sdl.SDL_CONTROLLER_AXIS_LEFTX, sdl.SDL_CONTROLLER_AXIS_LEFTY))
+        x += 32767 * (("DPAD_RIGHT" in self._down) - ("DPAD_LEFT" in self._down))
+        y += 32767 * (("DPAD_DOWN" in self._down) - ("DPAD_UP" in self._down))
+        way = (Direction.EAST if x < 0 else Direction.WEST) if abs(x) > abs(y) else None
+        way = way or (Direction.NORTH if y < 0 else Direction.SOUTH)
+        active = self._pad.window().isActiveWindow()
+        self._hold(way if active and not stops and max(abs(x), abs(y)) > HALF_WAY else None)
+        faster = ("RIGHTSHOULDER" in pressed) - ("LEFTSHOULDER" in pressed)
+        if active and faster:
+            rate = self._pad.rate
+            rate.setCurrentIndex(min(max(rate.currentIndex() + faster, 0), rate.count() - 1))
+
+    def _hold(self, way: Direction | None) -> None:
+        """Nudge this way until another is held, or none."""
+        if way is not self._way:
+            if self._orders.held and self._control.known.busy in NUDGES:
+                self._control.stop()
+            self._way, self._orders.held = way, False
+            if way is not None:
+                allowed = self._pad.buttons[way].explanation.allows()  # else it says why
+                self._orders.held = allowed or self._control.known.busy in NUDGES
+        if way is not None and self._orders.held and not self._pad.buttons[way].explanation.reason:
+            self._pad.buttons[way].click()
+
+    def _forbid(self) -> None:
+        """After a Stop or a refusal nothing moves before a direction is pressed anew."""
+        self._orders.held = False
+
+    def _ended(self, word: OrderDone | OrderFailed) -> None:
+        if isinstance(word, OrderFailed) and not word.stopped:
+            self._forbid()
