@@ -32,6 +32,14 @@ def test_constellations_are_astropys_but_for_places_on_a_boundary():
         (83.8, -5.4, 1.0, "M 42 in Orion"),
         (84.0, -4.0, 12.0, "M 42 in Orion"),
         (85.3, -2.2, 2.0, "Horsehead Nebula in Orion"),
+        (84.05, -1.2, 12.0, "Flame Nebula in Orion"),  # brighter clusters of little-known names are near
+        (315.0, 44.4, 4.0, "North America Nebula in Cygnus"),
+        (10.7, 41.3, 3.0, "M 31 in Andromeda"),
+        (56.7, 24.1, 3.0, "M 45 in Taurus"),
+        (187.7, 12.4, 4.0, "M 87 in Virgo"),
+        (98.0, 4.9, 3.0, "Rosette Nebula in Monoceros"),
+        (60.2, 36.4, 5.0, "California Nebula in Perseus"),
+        (161.3, -59.9, 3.0, "η Car Nebula in Carina"),
         (83.8, -5.4, 80.0, "Orion"),
         (56.7, 24.1, 0.3, "M 45 in Taurus"),  # a frame within the cluster
         (250.4, 36.4, 1.0, "M 13 in Hercules"),

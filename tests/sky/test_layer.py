@@ -6,7 +6,7 @@ import pytest
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.solution import Solution
-from kochab.sky.layer import MOST, View, faintest_of, in_frame, labels, outlined
+from kochab.sky.layer import GAP_PX, MOST, View, faintest_of, in_frame, labels, outlined
 from kochab.sky.sky_tables import sky_tables
 
 SIZE = (1500, 1000)
@@ -187,3 +187,25 @@ def test_fast_stars_move_with_the_years(tables):
     )
     moved = np.hypot(*(now - then)) * solution.camera.scale_arcsec_px
     assert moved == pytest.approx(26.0 * 10.39, rel=0.02)  # 10.39 arcsec a year
+
+
+def test_outlines_are_closed_and_names_stand_beside_them(tables):
+    """Stellarium's polylines end a side short: NGC 1432's 4.9 arcmin from where it begins."""
+    assert len(tables.outlines) > 60
+    for shapes in tables.outlines.values():
+        assert all(np.array_equal(shape[0], shape[-1]) for shape in shapes)
+    beside = 0
+    for ra, dec, fov in [(84.05, -2.0, 6.0), (56.7, 24.1, 3.0), (314.0, 44.4, 8.0), (161.3, -59.9, 6.0)]:
+        solution = solution_at(ra, dec, 0.0, fov)
+        view = View(1.0, 0.0, 0.0, (0.0, 0.0, *map(float, SIZE)))
+        for label in labels(in_frame(tables, solution), view, faintest_of(view, solution), text_size):
+            x, y, width, height = label.box
+            inside = np.hypot(*(np.array([x + width / 2.0, y + height / 2.0]) - label.mark.xy - 0.5)) < 1.0
+            if label.mark.radius > 30.0 and label.mark.row in tables.outlines and not inside:
+                places = np.concatenate(label.mark.shapes) + 0.5
+                gap = np.maximum(
+                    np.abs(places - (x + width / 2.0, y + height / 2.0)) - (width / 2.0, height / 2.0), 0.0
+                )
+                assert np.hypot(*gap.T).min() <= 1.5 * GAP_PX
+                beside += 1
+    assert beside >= 4

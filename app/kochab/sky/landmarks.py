@@ -20,6 +20,8 @@ UNKNOWN_MAG, FAINTEST_MAG = 9.0, 11.0
 FAINTEST_AT_1_DEG = 12.5  # that names a frame, and five magnitudes brighter for ten times the field
 STAR_MAG, STAR_FIELD_DEG = 4.0, 10.0  # the faintest star that names a frame, and the widest
 UNKNOWN_ARCMIN = 1.0
+NEBULAE = ("HII", "Neb", "EmN", "RfN", "DrkN", "SNR", "Cl+N")  # a named one counts as this bright, but for loops
+NEBULA_MAG, WIDEST_ARCMIN = 5.2, 200.0
 MINOR = ("Cr ", "Mel ")  # catalogues of wide, sparse clusters, which name no field by their numbers
 STARS = ("*", "**")  # OpenNGC's types of entries that are no objects
 
@@ -71,6 +73,8 @@ def landmarks() -> Landmarks:
     for row in rows:
         name, kind, ra, dec, mag, size, messier, common = (row.split("\t") + [""] * 7)[:8]
         v = float(mag or UNKNOWN_MAG + FAINTEST_MAG * (not (messier or common)))
+        if kind in NEBULAE and common and float(size or UNKNOWN_ARCMIN) < WIDEST_ARCMIN:
+            v = min(v, NEBULA_MAG)
         if kind not in STARS and (messier or common or (v < FAINTEST_MAG and not name.startswith(MINOR))):
             names.append(f"M {messier[1:].lstrip('0')}" if messier else common.partition(",")[0] or name)
             fame = MESSIER_MAG if messier else NAMED_MAG if common else 0.0

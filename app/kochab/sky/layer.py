@@ -30,6 +30,7 @@ MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one vie
 MOST_RADII = 1.0  # of the view: a larger outline says nothing
 POINTS = 48  # of an ellipse
 SAMPLES = 16  # of a line across the half diagonal
+WAYS = np.array([[1, 0], [1, -1], [-1, 0], [0, -1], [0, 1], [-1, -1], [1, 1], [-1, 1]], dtype=np.float64)
 GAP_PX, STAR_PX = 4.0, 5.0  # from an outline and from a star to the name
 APART_PX = 5.0  # between two names on a line
 DOT_PX = 6.0  # so small on the screen, an object has its short name alone
@@ -285,7 +286,7 @@ def labels(
         used.add(common or text)
         width, height = text_size(text)
         free = None
-        for x, y in _spots(at[number], mark.radius * view.scale, width, height, mark.kind == "star"):
+        for x, y in _spots(_outline(mark, view, at[number]), at[number], width, height):
             box = (x, y, x + width, y + height)
             if x < x0 or y < y0 or box[2] > x1 or box[3] > y1:
                 continue
@@ -307,18 +308,21 @@ def labels(
     return chosen
 
 
-def _spots(at: Floats, radius: float, width: float, height: float, star: bool) -> Iterable[tuple[float, float]]:
-    """Upper left corners of a name beside a mark, the nicest first."""
-    x, y = at.tolist()
-    away = max(radius, STAR_PX if star else DOT_PX) + GAP_PX
-    slant = 0.7071 * max(radius, DOT_PX) + GAP_PX
-    yield x + away, y - height / 2.0
-    yield x + slant, y - slant - height
-    yield x - away - width, y - height / 2.0
-    yield x - width / 2.0, y - away - height
-    yield x - width / 2.0, y + away
-    yield x - slant - width, y - slant - height
-    yield x + slant, y + slant
-    yield x - slant - width, y + slant
-    if radius > width:
-        yield x - width / 2.0, y - height / 2.0
+def _outline(mark: Mark, view: View, at: Floats) -> Floats:
+    """The places (N, 2) of the screen that a name stands beside: the outline's in sight, or a circle's."""
+    if mark.shapes and mark.radius * view.scale >= DOT_PX:
+        places = view.to_screen(np.concatenate(mark.shapes))
+        places = places[((places >= view.bounds[:2]) & (places <= view.bounds[2:])).all(axis=1)]
+        if len(places):
+            return places
+    radius = max(mark.radius * view.scale, STAR_PX if mark.kind == "star" else DOT_PX)
+    return np.asarray(at + radius * WAYS / np.hypot(*WAYS.T)[:, None])
+
+
+def _spots(outline: Floats, at: Floats, width: float, height: float) -> Iterable[tuple[float, float]]:
+    """Upper left corners of a name beside an outline (N, 2) px, the nicest first."""
+    for way in WAYS:
+        x, y = outline[np.argmax(outline @ way)] + GAP_PX * way + (way - 1.0) / 2.0 * (width, height)
+        yield float(x), float(y)
+    if np.ptp(outline[:, 0]) > 2.0 * width:
+        yield float(at[0]) - width / 2.0, float(at[1]) - height / 2.0

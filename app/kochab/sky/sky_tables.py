@@ -126,7 +126,8 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
     outlines: dict[int, tuple[Floats, ...]] = {}
     for name, shape in _chains(folder / "outlines.tsv"):
         if name in row_of:
-            outlines[row_of[name]] = (*outlines.get(row_of[name], ()), shape)
+            closed = np.vstack([shape, shape[:1]])  # many end a side short of where they began
+            outlines[row_of[name]] = (*outlines.get(row_of[name], ()), closed)
     pole = np.array([0.0, -np.sin(OBLIQUITY), np.cos(OBLIQUITY)])
     lines = {
         "figures": _figures(folder / "lines.tsv", stars, names),
