@@ -79,6 +79,12 @@ class FrameView(QWidget):
     def zoom_out(self) -> None:
         self._zoom(1 / 1.5)
 
+    def centre(self, x: float, y: float) -> None:
+        """Bring image pixel (x, y) to the middle, at twice the scale when all of the image was shown."""
+        if self._fits:
+            self._zoom(2.0)
+        self._look(self.viewport.centred_on(x, y))
+
     def reveal(self, x: float, y: float) -> None:
         """Bring image pixel (x, y) into sight, moving only when it is not."""
         sx, sy = self.viewport.to_screen(np.array([[x, y]]))[0]

@@ -23,6 +23,7 @@ from kochab.window.shell.exports import FrameExporter
 from kochab.window.shell.film_strip import Blink, FilmStrip, results_table
 from kochab.window.shell.menus import NEWS, SPECS, colour_icons
 from kochab.window.shell.presenter import Presenter
+from kochab.window.shell.search import Search
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
 from kochab.window.themes import theme_colours
@@ -153,6 +154,7 @@ class Commands(QObject):
             "help": self.show_help,
             "tour": self.show_tour,
             "news": lambda: self.show_help(NEWS),
+            "search": self.search,
             "about": lambda: about(window).open(),
             "keys": lambda: keyboard(window).open(),
             "report": self.save_report,
@@ -181,6 +183,13 @@ class Commands(QObject):
         s.opened.connect(self._show_recent)
         s.pictured.connect(self._pictured)
         s.streaming.connect(lambda _: self.actions["blink"].setChecked(False))
+
+    def search(self) -> Search:
+        """Ask what to find."""
+        box = Search(self.presenter)
+        box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
+        box.open()
+        return box
 
     def practise(self) -> None:
         """Start a simulated telescope in the Mount view."""

@@ -61,6 +61,7 @@ SPECS = (
     Spec("fill", "Tool fills the &window", "Shift+F11", "Hide the image beside an open tool", True),
     Spec("full", "F&ull screen", "F11", "", True),
     Spec("log", "&Log", "Ctrl+L", "Show the log", True),
+    Spec("search", "&Find…", "Ctrl+K", "Find a star, an object, coordinates or a command"),
     Spec("copy", "Copy &RA/Dec", "Ctrl+Shift+C", "Copy the coordinates of the frame's centre"),
     Spec("copy_all", "Copy &everything"),
     Spec("tab_solution", "Solutio&n", "Alt+1"),
@@ -114,7 +115,7 @@ class Menus:
         self.export: QMenu = file.addMenu("&Export")
         file.addSeparator()
         file.addAction(actions["quit"])
-        _fill(bar.addMenu("&Edit"), actions, "copy", "copy_all", "", "preferences")
+        _fill(bar.addMenu("&Edit"), actions, "search", "", "copy", "copy_all", "", "preferences")
         view = bar.addMenu("&View")
         _fill(
             view,

@@ -235,11 +235,23 @@ class Presenter(QObject):
         self.panes.stars.select(nearest if away[nearest] <= reach else None)
         self._pick(self.overlay.mark_at(x, y, reach), result)
 
-    def _pick(self, mark: Mark | None, solution: Solution) -> None:
+    def find(self, x: float, y: float, reach: float) -> None:
+        """Show a place of the frame, px, in the middle, and pick what is there."""
+        view, overlay = self.panes.view, self.overlay
+        solution = overlay.solution
+        if solution is None:
+            return
+        view.centre(x, y)
+        marks = () if overlay.sky is None else overlay.sky.marks
+        nearest = min(marks, key=lambda mark: float(np.hypot(*(mark.xy - (x, y)))), default=None)
+        near = nearest is not None and np.hypot(*(nearest.xy - (x, y))) <= reach
+        self._pick(nearest if near else Mark("", 0, np.array([x, y]), 0.0, 0.0, "", ""), solution, card=bool(near))
+
+    def _pick(self, mark: Mark | None, solution: Solution, card: bool = True) -> None:
         """Show the card of a star or an object, or none."""
         self.overlay.picked, tables = mark, self.overlay.tables
-        self.object_card.setVisible(mark is not None)
-        if mark is not None and tables is not None:
+        self.object_card.setVisible(mark is not None and card)
+        if mark is not None and card and tables is not None:
             from kochab.polar.horizon import Horizon
 
             site = self.settings.site

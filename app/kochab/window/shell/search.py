@@ -1,0 +1,100 @@
+"""Find a star, an object, a body of the frame, a place of the sky or a command by what a person types."""
+
+from collections.abc import Callable
+
+import numpy as np
+from PySide6.QtWidgets import QDialog
+
+from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
+from kochab.core.arrays import Floats
+from kochab.core.attitude import angle_between, east_north, unit_vectors
+from kochab.core.errors import UsageError
+from kochab.core.solution import Solution
+from kochab.sky.catalogue import shipped_folder
+from kochab.sky.names import StarNames
+from kochab.window.shell.menus import SPECS
+from kochab.window.shell.presenter import Presenter
+from kochab.window.widgets import column, label, text_field
+
+WAYS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+CLOSEST_PX = 5.0  # a mark so near the place is what was sought
+EXAMPLE = "M 42, theta1 Ori, Sh2-155, 05h35m -5 23, grid"
+
+
+def place_of(text: str) -> Floats:
+    """ICRS unit vector (3,), J2000, of a star, an object, or "RA Dec"; UsageError where nothing is called so."""
+    words = text.replace(",", " ").split()
+    for cut in range(1, len(words)):
+        # The declination begins with a sign, or in the middle of two words or six.
+        if words[cut][0] in "+-−" or (len(words) in (2, 6) and 2 * cut == len(words)):
+            try:
+                return unit_vectors(parse_ra_deg(" ".join(words[:cut])), parse_dec_deg(" ".join(words[cut:])))
+            except UsageError:
+                break
+    names = StarNames(shipped_folder())
+    found = names.find(text)
+    if not isinstance(found, int):
+        return found
+    ra, dec = (float(names.bright.column(name)[found]) * 360.0 / 2**32 for name in ("ra", "dec"))
+    return unit_vectors(ra, dec)
+
+
+def outside(solution: Solution, vector: Floats) -> str:
+    """How far from the frame's centre a place (3,) is, and in which direction of the sky."""
+    centre = solution.centre_vector
+    east, north = east_north(centre) @ vector
+    way = WAYS[round(float(np.degrees(np.arctan2(east, north))) / 45.0) % 8]
+    return f"{np.degrees(angle_between(centre, vector)):.1f}° {way} of the frame’s centre, outside the frame"
+
+
+class Search(QDialog):
+    """One field; Enter finds, Escape closes."""
+
+    def __init__(self, presenter: Presenter) -> None:
+        super().__init__(presenter.window)
+        self._presenter = presenter
+        self.setWindowTitle("Search")
+        self.field = text_field("Search", EXAMPLE, "A star, an object, a planet, coordinates or a command")
+        self.field.setMinimumWidth(self.fontMetrics().averageCharWidth() * 48)
+        self.answer = label("", "muted", wrap=True)
+        column(self.field, self.answer, on=self, spacing=8, margins=(12, 12, 12, 12))
+        self.field.returnPressed.connect(self.seek)
+
+    def seek(self) -> None:
+        """Mark what is typed and close, or say where it is, or that nothing is called so."""
+        text = self.field.text().strip()
+        told = self._sought(text) if text else ""
+        self.answer.setText(told)
+        self.answer.setAccessibleName(told)
+        if not told and text:
+            self.accept()
+
+    def _sought(self, text: str) -> str:
+        """What is to be said; nothing when it is done."""
+        run = self._command(text)
+        if run is not None:
+            self.accept()
+            run()
+            return ""
+        solution = self._presenter.overlay.solution
+        body = next((m for m in self._presenter.overlay.bodies if m.text.casefold() == text.casefold()), None)
+        try:
+            vector = place_of(text) if body is None or body.body is None else body.body.vector
+        except UsageError as error:
+            return str(error)
+        if solution is None:
+            return "No solved image is open."
+        x, y = solution.pixels_of(vector[None])[0].tolist()
+        if not (-0.5 <= x < solution.camera.width - 0.5 and -0.5 <= y < solution.camera.height - 0.5):
+            return outside(solution, vector)
+        self._presenter.find(x, y, CLOSEST_PX)
+        return ""
+
+    def _command(self, text: str) -> Callable[[], None] | None:
+        """The command whose name begins so."""
+        for spec in SPECS:
+            action = self._presenter.window.actions_by_name[spec.name]
+            name = spec.text.replace("&", "").rstrip("…").casefold()
+            if action.isEnabled() and len(text) > 2 and text.casefold() in (name, spec.name):
+                return action.trigger
+        return None

@@ -1,0 +1,63 @@
+"""Search: names and coordinates to places, and where a place outside the frame lies."""
+
+import pytest
+from PySide6.QtCore import Qt
+
+from kochab.core.attitude import radec_deg
+from kochab.core.errors import UsageError
+from kochab.window.shell.search import outside, place_of
+from tests.window.fakes import fake_solution
+
+
+@pytest.mark.parametrize(
+    ("text", "ra", "dec"),
+    [
+        ("theta1 Ori", 83.818, -5.39),
+        ("C 9", 344.475, 62.518),
+        ("Sh2-155", 344.475, 62.518),
+        ("05h35m -5 23", 83.75, -5.3833),
+        ("83.75 -5.3833", 83.75, -5.3833),
+        ("83.75, 5.5", 83.75, 5.5),
+        ("5 35 0 5 30 0", 83.75, 5.5),
+    ],
+)
+def test_names_and_coordinates(text, ra, dec):
+    assert radec_deg(place_of(text)) == pytest.approx((ra, dec), abs=0.2)
+
+
+def test_what_is_unknown_is_told():
+    with pytest.raises(UsageError, match="called"):
+        place_of("Planet of the apes")
+
+
+@pytest.mark.parametrize(
+    ("move", "way"), [((0, 20), "20.0° north of"), ((30, 0), "30.0° east of"), ((-20, 0), "west of")]
+)
+def test_where_a_place_outside_lies(move, way):
+    solution = fake_solution(600, 400)
+    ra, dec = radec_deg(solution.centre_vector)
+    vector = place_of(f"{(ra + move[0]) % 360:.6f} {dec + move[1]:+.6f}")
+    assert way in outside(solution, vector)
+
+
+def test_the_keyboard_alone_finds(qtbot, opened):
+    window, commands = opened
+    qtbot.waitUntil(lambda: commands.presenter.overlay.tables is not None)
+    search = commands.search()
+    qtbot.keyClicks(search.field, "Alnitak")
+    qtbot.keyClick(search.field, Qt.Key.Key_Return)
+    assert not search.isVisible()
+    assert commands.presenter.overlay.picked.text == "Alnitak"
+    search = commands.search()
+    qtbot.keyClicks(search.field, "Vega")
+    qtbot.keyClick(search.field, Qt.Key.Key_Return)
+    assert search.isVisible()
+    assert "outside the frame" in search.answer.accessibleName()
+    qtbot.keyClick(search.field, Qt.Key.Key_Escape)
+    assert not search.isVisible()
+    search = commands.search()
+    grid = window.actions_by_name["grid"]
+    before = grid.isChecked()
+    qtbot.keyClicks(search.field, "grid")
+    qtbot.keyClick(search.field, Qt.Key.Key_Return)
+    assert grid.isChecked() != before
