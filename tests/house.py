@@ -69,6 +69,7 @@ ADDED = {
     "good enough? for the frames that a person wants to take": 80,
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,
     "an answer far outside the field that a capture program gives": 25,
+    "a move that is ordered after its time, a place and a picture from before": 20,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

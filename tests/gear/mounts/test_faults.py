@@ -1,5 +1,6 @@
 """Everything that goes wrong on a line: one clear sentence, in time, and nothing left moving."""
 
+import threading
 import time
 
 import pytest
@@ -149,3 +150,25 @@ def test_an_unaligned_nexstar_is_said_before_anything_is_sent() -> None:
             guard.goto(*place(-25.0, 45.0, bench.clock))
         assert not moved(bench.telescope)
         guard.close()
+
+
+def test_a_move_that_waited_behind_another_exchange_past_its_time_is_ended(bench) -> None:
+    """Its end was sent first: without another one it would move for good."""
+    bounded = bench.mount.bounded
+
+    def behind_another(*order):
+        taken = threading.Event()
+
+        def exchange():
+            with bench.mount.talk._exchange:
+                taken.set()
+                time.sleep(0.3)
+
+        threading.Thread(target=exchange).start()
+        taken.wait()
+        return bounded(*order)
+
+    bench.mount.bounded = behind_another
+    bench.mount.move(Direction.NORTH, 0.5, 0.05)
+    wait_for(lambda: not bench.mount.watchdog.moving)
+    wait_for(lambda: still(bench.telescope))

@@ -1,8 +1,8 @@
 """The emergency stop: what may be moving, Stop, the check that it worked, and the watchdog."""
 
 import logging
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from math import inf
 from threading import Lock, Timer
@@ -169,6 +169,15 @@ class Watchdog:
         if before is not None:
             before.cancel()
         timer.start()
+
+    @contextmanager
+    def bounding(self, name: str, seconds: float, halt: Callable[[], None]) -> Iterator[None]:
+        """Within, the motion ``name`` is ordered; what begins late, behind another exchange, is ended again."""
+        over_s = monotonic() + seconds
+        self.arm(name, seconds, halt)
+        yield
+        if monotonic() >= over_s:
+            self._expire(name, halt)
 
     def disarm(self) -> None:
         """Every motion has been ended by other means."""

@@ -211,9 +211,9 @@ class IndiMount(ServerMount):
         with self.moving() as check:
             self._set_rate(rate_deg_s)
             check()
-            self.watchdog.arm(vector, seconds, lambda: self._end_move(vector, member))
             self._unsettled_s = monotonic() + seconds + SETTLES_S
-            self._begin(vector, {member: "On"}, "move")
+            with self.watchdog.bounding(vector, seconds, lambda: self._end_move(vector, member)):
+                self._begin(vector, {member: "On"}, "move")
 
     def _end_move(self, vector: str, member: str) -> None:
         sent = self._device.send(vector, {member: "Off"})

@@ -102,8 +102,8 @@ class Ioptron(SerialMount):
         rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
         self.require_accepted(rate, "The mount does not accept this rate.")
         halt = protocol.HALT_DEC if direction.in_dec else protocol.HALT_RA
-        self.bounded(direction, seconds, (halt, (self.reply(1),)))
-        self.talk.send(protocol.move(direction), since)
+        with self.bounded(direction, seconds, (halt, (self.reply(1),))):
+            self.talk.send(protocol.move(direction), since)
 
     def track(self, rate: TrackingRate) -> None:
         """The rate, then tracking on."""

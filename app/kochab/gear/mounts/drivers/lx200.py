@@ -262,8 +262,8 @@ class Lx200(SerialMount):
         since, rates = self.talk.stops, self.dialect.rates
         self.talk.send(min(rates, key=lambda command: abs(rates[command] - rate_deg_s)))
         halt = protocol.halt(direction) if self.dialect.halts_axes else protocol.STOP
-        self.bounded(direction, seconds, (halt, ()))
-        self.talk.send(protocol.move(direction), since)
+        with self.bounded(direction, seconds, (halt, ())):
+            self.talk.send(protocol.move(direction), since)
 
     def switch(self, ability: Ability) -> None:
         """Answered by 1 or 0, or not at all."""

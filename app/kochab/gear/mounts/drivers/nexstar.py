@@ -167,8 +167,8 @@ class NexStar(SerialMount):
         """At the nearest of nine rates."""
         since = self.talk.stops
         board, positive = axis_of(direction)
-        self.bounded(direction, seconds, self.halt(board))
-        self.passed(protocol.move_fixed(board, positive, self.nearest_rate(rate_deg_s) + 1), since)
+        with self.bounded(direction, seconds, self.halt(board)):
+            self.passed(protocol.move_fixed(board, positive, self.nearest_rate(rate_deg_s) + 1), since)
 
     def track(self, rate: TrackingRate) -> None:
         """Off, or on in the mode it had."""

@@ -1,7 +1,7 @@
 """The base of all drivers over a line: questions, bounded motions, Stop and close."""
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from datetime import datetime
 from types import MappingProxyType
 from typing import ClassVar, TypeVar, Unpack
@@ -153,8 +153,8 @@ class SerialMount:
         """Index of the rate nearest to the one asked for."""
         return min(range(len(self.rates_deg_s)), key=lambda i: abs(self.rates_deg_s[i] - rate_deg_s))
 
-    def bounded(self, direction: Direction, seconds: float, *halt: Command) -> None:
-        """End the motion that begins now after ``seconds`` by these commands."""
+    def bounded(self, direction: Direction, seconds: float, *halt: Command) -> AbstractContextManager[None]:
+        """Within, a motion begins that is ended after ``seconds`` by these commands."""
         self.watchdog.check()
         axis = "dec" if direction.in_dec else "ra"
 
@@ -163,4 +163,4 @@ class SerialMount:
             if self.talk.link.lossy:
                 self.talk.read_pending()
 
-        self.watchdog.arm(axis, seconds, end)
+        return self.watchdog.bounding(axis, seconds, end)

@@ -374,8 +374,8 @@ class SkyWatcher(SerialMount):
         motor = self.motors[direction.in_dec]
         motor.ensure_stopped()
         motor.angle_deg()
-        self.bounded(direction, seconds, motor.halt_command())
-        motor.turn_by(turn, since)
+        with self.bounded(direction, seconds, motor.halt_command()):
+            motor.turn_by(turn, since)
 
     @property
     def sky_rate(self) -> float:
