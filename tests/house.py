@@ -228,6 +228,7 @@ LIVE = """
 import tempfile
 from threading import Event
 from time import monotonic
+import pyqtgraph  # the window does in a thread, which made one profiled run in thirty crash
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from kochab.core.capture import CameraSource, CaptureLimits
