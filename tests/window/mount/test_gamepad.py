@@ -168,7 +168,7 @@ def test_a_direction_held_goes_on_step_by_step_without_frames(qtbot, opened, mon
         held.press(sdl2.SDL_CONTROLLER_BUTTON_DPAD_UP)
         qtbot.waitUntil(lambda: sum("one move of" in sentence for sentence in held.mount.said) >= 2)
         held.press(sdl2.SDL_CONTROLLER_BUTTON_DPAD_UP, False)
-        qtbot.waitUntil(lambda: still(held.mount.telescope) and not held.mount.control.known.busy)
+        qtbot.waitUntil(lambda: not orders.held and still(held.mount.telescope) and not held.mount.control.known.busy)
         assert orders.auto_frame
         assert not frames
         held.pad.buttons[Direction.NORTH].click()

@@ -61,7 +61,7 @@ SPECS = (
     Spec("fill", "Tool fills the &window", "Shift+F11", "Hide the image beside an open tool", True),
     Spec("full", "F&ull screen", "F11", "", True),
     Spec("log", "&Log", "Ctrl+L", "Show the log", True),
-    Spec("search", "&Find…", "Ctrl+K", "Find a star, an object, coordinates or a command"),
+    Spec("search", "Fi&nd…", "Ctrl+K", "Find a star, an object, coordinates or a command"),
     Spec("copy", "Copy &RA/Dec", "Ctrl+Shift+C", "Copy the coordinates of the frame's centre"),
     Spec("copy_all", "Copy &everything"),
     Spec("tab_solution", "Solutio&n", "Alt+1"),
