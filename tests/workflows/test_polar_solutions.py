@@ -1,4 +1,4 @@
-"""Solutions that were written before give the axis that their pictures gave; what headers leave open is told."""
+"""Saved solutions give the same axis as their images; what the headers leave open is reported."""
 
 import json
 import re

@@ -138,16 +138,10 @@ def within_field(result: Solution | NoSolution, scale: tuple[float, float] | Non
     given, found = math.sqrt(scale[0] * scale[1]), result.camera.scale_arcsec_px
     if 1.0 / FIELD_FACTOR <= found / given <= FIELD_FACTOR:
         return result
-    ra, dec = result.ra_dec_deg
-    return NoSolution(
-        Reason.ANOTHER_FIELD,
-        f"Solved with {len(result.stars)} stars at RA {ra:.4f}, Dec {dec:+.4f} deg and {found:.4g} arcsec/px;"
-        f" -fov means {given:.4g}.",
-        detections=result.detections,
-        elapsed_ms=result.elapsed_ms,
-        measured={"ra_deg": ra, "dec_deg": dec, "scale_arcsec_px": found},
-        warnings=result.warnings,
-    )
+    from kochab.solver.pipeline import refused
+
+    told = f" and {found:.4g} arcsec/px; -fov means {given:.4g}."
+    return refused(result, Reason.ANOTHER_FIELD, told, scale_arcsec_px=found)
 
 
 def _bound(order: AstapRequest, header: Hint) -> tuple[float, float, float] | None:

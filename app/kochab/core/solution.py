@@ -135,6 +135,12 @@ class Solution:
         """ICRS unit vectors (N, 3) of pixels (N, 2)."""
         return np.asarray(self.camera.unproject(pixels) @ self.attitude.matrix)
 
+    @property
+    def radius_rad(self) -> float:
+        """From the centre to the frame's farthest corner."""
+        corners = np.array([[x, y] for x in (-0.5, self.camera.width - 0.5) for y in (-0.5, self.camera.height - 0.5)])
+        return float(np.arccos(np.clip((self.sky_at(corners) @ self.centre_vector).min(), -1.0, 1.0)))
+
     def pixels_of(self, vectors: Floats) -> Floats:
         """Pixels (N, 2) of ICRS unit vectors (N, 3); NaN far outside the field, where the distortion folds back."""
         seen = np.asarray(vectors) @ self.attitude.matrix.T

@@ -316,7 +316,7 @@ def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
 
 
 def _slopes(attitudes: Sequence[LocalAttitude], fit: AxisFit, measured: Floats) -> Iterator[tuple[float, Floats]]:
-    """How common each way is, and how its numbers turn each camera about its own axes (N, 3, M), for one sigma."""
+    """For each fault its prior, and how one sigma of its numbers turns each camera about its own axes (N, 3, M)."""
     since = np.array([(a.time_utc - attitudes[0].time_utc).total_seconds() for a in attitudes])
     since = since if np.ptp(since) > 0.0 else np.arange(len(since), dtype=np.float64)
     share = ((since - since.max()) / np.ptp(since))[:, None, None]

@@ -30,7 +30,7 @@ GM = {  # au^3/day^2: the Sun, and the planets with their moons
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """Chebyshev series, one an interval of ``days`` from ``start_jd``: ``coefficients`` (N, 3, K) of ``unit`` au."""
+    """Chebyshev series, one per interval of ``days`` from ``start_jd``: ``coefficients`` (N, 3, K) of ``unit`` au."""
 
     start_jd: float
     days: float

@@ -7,7 +7,7 @@ from datetime import datetime
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import angle_between, radec_deg
+from kochab.core.attitude import radec_deg
 from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
@@ -66,13 +66,11 @@ def bodies_in_frame(
 
     Asteroids and comets of ``more`` tables count beside the shipped ones.
     """
-    camera = solution.camera
-    corners = np.array([[0, 0], [camera.width, 0], [0, camera.height], [camera.width, camera.height]]) - 0.5
-    centre = solution.centre_vector
-    radius = max(angle_between(centre, corner) for corner in solution.sky_at(corners))
+    camera, radius = solution.camera, solution.radius_rad + np.radians(0.3)
     faintest = max((star.mag for star in solution.stars), default=0.0)
-    near = yield from bodies_near(time_utc, site, centre, radius + np.radians(0.3), faintest, more)
-    free = _unmatched(solution, detections)
+    near = yield from bodies_near(time_utc, site, solution.centre_vector, radius, faintest, more)
+    matched = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2) <= 1e-6
+    free = ~matched.any(axis=1)
     bodies = []
     for body in near:
         (x, y) = solution.pixels_of(body.vector[None])[0].tolist()
@@ -83,7 +81,7 @@ def bodies_in_frame(
         its = free & (np.hypot(*(detections.xy - (x, y)).T) <= reach)
         free &= ~its
         bodies.append(BodyInFrame(body, x, y, bool(its.any())))
-    return FrameBodies(tuple(bodies), _unknown(solution, detections, free, julian_years(time_utc), catalogue))
+    return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, julian_years(time_utc), catalogue))
 
 
 def body_marks(frame: Frame, solution: Solution, site: Site | None = None) -> Task[tuple[Mark, ...]]:
@@ -106,18 +104,11 @@ def body_marks(frame: Frame, solution: Solution, site: Site | None = None) -> Ta
     return tuple(marks)
 
 
-def _unmatched(solution: Solution, detections: Detections) -> Bools:
-    """Which detections (N,) are no matched star."""
-    gap = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2)
-    return np.asarray(gap.min(axis=1, initial=np.inf) > 1e-6)
-
-
 def _unknown(
-    solution: Solution, detections: Detections, free: Bools, year: float, catalogue: Catalogue
+    solution: Solution, detections: Detections, matched: Bools, free: Bools, year: float, catalogue: Catalogue
 ) -> tuple[UnknownSource, ...]:
-    """Those that the matched stars make brighter than the catalogue's limit, with no star near them."""
-    gap = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2)
-    row, star = np.nonzero(gap <= 1e-6)
+    """The ``free`` (N,) that the ``matched`` stars (N, M) make brighter than the catalogue's limit, none near them."""
+    row, star = np.nonzero(matched)
     mags = np.array([s.mag for s in solution.stars])[star]
     zero = mags + 2.5 * np.log10(np.maximum(detections.flux[row], 1e-12))
     if len(zero) < FEWEST:

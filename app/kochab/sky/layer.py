@@ -100,11 +100,7 @@ class Label:
 
 def in_frame(tables: SkyTables, solution: Solution, year: float = EPOCH, also: Iterable[Mark] = ()) -> SkyInFrame:
     """The objects, stars and lines of a solved frame; a few ms. ``also`` are marks from elsewhere, as of planets."""
-    corners = np.array(
-        [[x, y] for x in (-0.5, solution.camera.width - 0.5) for y in (-0.5, solution.camera.height - 0.5)]
-    )
-    centre = solution.centre_vector
-    reach = float(np.arccos(np.clip((solution.sky_at(corners) @ centre).min(), -1.0, 1.0)))
+    centre, reach = solution.centre_vector, solution.radius_rad
     marks = [*_objects(tables, solution, centre, reach), *_stars(tables, solution, centre, reach, year), *also]
     marks.sort(key=lambda mark: mark.mag)
     lines = {kind: tuple(_lines(solution, chains, centre, reach)) for kind, chains in tables.lines.items()}

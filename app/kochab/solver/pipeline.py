@@ -346,17 +346,22 @@ def within_radius(
     """
     if centre_deg is None or not isinstance(result, Solution):
         return result
-    ra, dec = result.ra_dec_deg
-    away = apart_deg(centre_deg[:2], (ra, dec))
+    away = apart_deg(centre_deg[:2], result.ra_dec_deg)
     if away <= centre_deg[2]:
         return result
+    told = f", {away:.4g} deg from the search position; the search radius is {centre_deg[2]:g} deg."
+    return refused(result, Reason.OUTSIDE_RADIUS, told, away_deg=away)
+
+
+def refused(result: Solution, reason: Reason, told: str, **measured: float) -> NoSolution:
+    """No solution, in place of one beyond what the caller allows: where that was, and ``told`` why it is refused."""
+    ra, dec = result.ra_dec_deg
     return NoSolution(
-        Reason.OUTSIDE_RADIUS,
-        f"Solved with {len(result.stars)} stars at RA {ra:.4f}, Dec {dec:+.4f} deg, {away:.4g} deg from"
-        f" the search position; the search radius is {centre_deg[2]:g} deg.",
+        reason,
+        f"Solved with {len(result.stars)} stars at RA {ra:.4f}, Dec {dec:+.4f} deg{told}",
         detections=result.detections,
         elapsed_ms=result.elapsed_ms,
-        measured={"ra_deg": ra, "dec_deg": dec, "away_deg": away},
+        measured={"ra_deg": ra, "dec_deg": dec, **measured},
         warnings=result.warnings,
     )
 

@@ -62,7 +62,7 @@ class Job(QObject):
 
     @property
     def waits(self) -> bool:
-        """Whether the thread runs, or a signal is still to come."""
+        """Whether the thread is running, or a signal is still to be delivered."""
         return self.running or not (self._delivered or self._muted)
 
     def _drive(self) -> None:

@@ -69,7 +69,7 @@ class NumberField(QDoubleSpinBox):
 
 
 def switch(text: str, tip: str = "") -> QCheckBox:
-    """A box to tick; ``text`` carries its mnemonic."""
+    """A checkbox; ``text`` carries its mnemonic."""
     return named(QCheckBox(text), "", tip)
 
 

@@ -13,11 +13,12 @@ import numpy as np
 
 from kochab.core import data_folder
 from kochab.core.arrays import Floats
+from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import compass
+from kochab.frames.export import compass, csv_text
 from kochab.frames.sky_grid import grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.sky.frame_bodies import body_marks
@@ -190,17 +191,16 @@ def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> 
 
 def objects_csv(solution: Solution) -> str:
     """The deep-sky objects of the frame, the best known first: px, ICRS degrees, magnitude, sizes in arcmin, PA."""
-    from kochab.frames.export import csv_text
-
-    objects = sky_tables().objects
+    tables = sky_tables()
+    objects = tables.objects
     head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "major_arcmin", "minor_arcmin", "pa_deg")
     rows: list[tuple[object, ...]] = [head]
-    for mark in in_frame(sky_tables(), solution).marks:
+    for mark in in_frame(tables, solution).marks:
         if mark.kind != "star":
             k = mark.row
-            ra, dec = np.degrees([np.arctan2(*objects.vector[k, 1::-1]), np.arcsin(objects.vector[k, 2])])
+            ra, dec = radec_deg(objects.vector[k])
             sizes = (objects.mag[k], objects.major[k], objects.minor[k], objects.pa_deg[k])
-            place = (f"{mark.xy[0]:.2f}", f"{mark.xy[1]:.2f}", f"{ra % 360.0:.5f}", f"{dec:.5f}")
+            place = (f"{mark.xy[0]:.2f}", f"{mark.xy[1]:.2f}", f"{ra:.5f}", f"{dec:.5f}")
             told = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
             rows.append((mark.short, ";".join(objects.names(k)[1:]), mark.kind, *place, *told))
     return csv_text(rows)

@@ -16,7 +16,7 @@ def pixel_at(picture, azimuth_deg, altitude_deg):
 
 
 def draw(qtbot, picture, button, *places):
-    """A stroke of the mouse over azimuths and altitudes."""
+    """A mouse drag across azimuths and altitudes."""
     points = [pixel_at(picture, *place) for place in places]
     qtbot.mousePress(picture, button, pos=points[0])
     for point in points[1:]:

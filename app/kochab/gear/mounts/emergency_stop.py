@@ -172,7 +172,7 @@ class Watchdog:
 
     @contextmanager
     def bounding(self, name: str, seconds: float, halt: Callable[[], None]) -> Iterator[None]:
-        """Within, the motion ``name`` is ordered; what begins late, behind another exchange, is ended again."""
+        """Order the motion ``name`` inside: one that begins late, behind another exchange, is stopped again."""
         over_s = monotonic() + seconds
         self.arm(name, seconds, halt)
         yield

@@ -18,15 +18,19 @@ from kochab.window.widgets import button, column, copy_text, label, row, styled_
 if TYPE_CHECKING:
     from kochab.polar.horizon import Horizon
 
-KINDS = {"G": "Galaxy", "GPair": "Pair of galaxies", "GTrpl": "Triplet of galaxies", "GGroup": "Group of galaxies"}
-KINDS |= {
+KINDS = {
+    "G": "Galaxy",
+    "GPair": "Pair of galaxies",
+    "GTrpl": "Triplet of galaxies",
+    "GGroup": "Group of galaxies",
     "GalCl": "Cluster of galaxies",
     "OCl": "Open cluster",
     "GCl": "Globular cluster",
     "*Ass": "Association of stars",
-}
-KINDS |= {"Cl+N": "Cluster with nebula", "DrkN": "Dark nebula", "RfN": "Reflection nebula", "EmN": "Emission nebula"}
-KINDS |= {
+    "Cl+N": "Cluster with nebula",
+    "DrkN": "Dark nebula",
+    "RfN": "Reflection nebula",
+    "EmN": "Emission nebula",
     "HII": "Emission nebula",
     "Neb": "Nebula",
     "PN": "Planetary nebula",

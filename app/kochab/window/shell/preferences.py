@@ -208,7 +208,7 @@ def _show(box: QComboBox, data: object) -> None:
 
 
 def _switch_of(action: QAction) -> QCheckBox:
-    """A box to tick that is always as ``action`` is."""
+    """A checkbox that follows ``action``, and ``action`` it."""
     made = switch(action.text(), action.toolTip())
     made.setChecked(action.isChecked())
     made.toggled.connect(action.setChecked)

@@ -10,8 +10,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, east_north, unit_vectors
 from kochab.core.errors import UsageError
 from kochab.core.solution import Solution
-from kochab.sky.catalogue import shipped_folder
-from kochab.sky.names import StarNames
+from kochab.sky.catalogue import open_catalogue
 from kochab.window.shell.menus import SPECS
 from kochab.window.shell.presenter import Presenter
 from kochab.window.widgets import column, label, text_field
@@ -31,12 +30,9 @@ def place_of(text: str) -> Floats:
                 return unit_vectors(parse_ra_deg(" ".join(words[:cut])), parse_dec_deg(" ".join(words[cut:])))
             except UsageError:
                 break
-    names = StarNames(shipped_folder())
-    found = names.find(text)
-    if not isinstance(found, int):
-        return found
-    ra, dec = (float(names.bright.column(name)[found]) * 360.0 / 2**32 for name in ("ra", "dec"))
-    return unit_vectors(ra, dec)
+    catalogue = open_catalogue()
+    found = catalogue.find(text)
+    return np.asarray(catalogue.vectors([found])[0] if isinstance(found, int) else found)
 
 
 def outside(solution: Solution, vector: Floats) -> str:
@@ -91,7 +87,7 @@ class Search(QDialog):
         return ""
 
     def _command(self, text: str) -> Callable[[], None] | None:
-        """The command whose name begins so."""
+        """The command that is called so."""
         for spec in SPECS:
             action = self._presenter.window.actions_by_name[spec.name]
             name = spec.text.replace("&", "").rstrip("…").casefold()
