@@ -69,6 +69,7 @@ ADDED = {
     "good enough? for the frames that a person wants to take": 80,
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,
     "an answer far outside the field that a capture program gives": 25,
+    "types of Qt made by the window before a thread loads the plots": 14,
     "a move that is ordered after its time, a place and a picture from before": 20,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
@@ -228,7 +229,6 @@ LIVE = """
 import tempfile
 from threading import Event
 from time import monotonic
-import pyqtgraph  # the window does in a thread, which made one profiled run in thirty crash
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from kochab.core.capture import CameraSource, CaptureLimits

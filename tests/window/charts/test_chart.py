@@ -247,14 +247,22 @@ def test_a_histogram_shows_its_counts_and_the_stretch(put):
 
 
 def test_the_library_is_loaded_when_a_plot_is_seen_and_not_before():
-    """In a process of its own, where nothing has loaded it yet."""
+    """In a process of its own, where nothing has loaded it yet; a thread loads it and makes no type of Qt's."""
     code = """
 import sys
 from PySide6.QtCore import QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication
 import kochab.window.application, kochab.window.laboratory.view, kochab.window.polar.view, kochab.window.live.view
+from kochab.window.charts import plot_area
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis as Axis, Series
+class Watch:
+    left = None
+    def find_spec(self, name, path=None, target=None):
+        if name == "pyqtgraph":
+            self.left = list(plot_area._TYPES)
+watch = Watch()
+sys.meta_path.insert(0, watch)
 app = QApplication([])
 chart = Chart("Noise", Axis("noise", "px"), Axis("success", "%"))
 chart.show_series((Series("a", (0.0, 1.0), (1.0, 2.0)),))
@@ -266,6 +274,7 @@ timer.timeout.connect(lambda: loop.quit() if chart.plot is not None else None)
 timer.start(5)
 loop.exec()
 assert len(chart.plot.listDataItems()) == 1
+assert watch.left == [], watch.left
 chart.grab()
 print("MADE")
 """

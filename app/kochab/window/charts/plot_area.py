@@ -1,10 +1,13 @@
 """The area of a plot, which is made when first shown.
 
-The plotting library takes half a second to load: in a thread, and not before a plot is shown.
+The plotting library takes half a second to load: in a thread, and not before a plot is shown. Qt's types
+come into being when first named, and two threads that make them at once crash: the window makes them first.
 """
 
 import logging
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from importlib import import_module
 from threading import Lock
 from typing import Any
@@ -20,6 +23,8 @@ from kochab.window.themes import theme_colours
 log = logging.getLogger("kochab")
 LIBRARY = "pyqtgraph"
 LOOKS = (QEvent.Type.PaletteChange, QEvent.Type.FontChange, QEvent.Type.StyleChange)
+QT = ("QtCore", "QtGui", "QtWidgets", "QtSvg", "QtTest", "QtOpenGL", "QtOpenGLWidgets")  # what it imports
+TURN_S = 0.005  # of making types, before the window goes on
 BETWEEN_S = 0.02  # from one plot to the next: the first one is painted meanwhile
 
 
@@ -73,7 +78,17 @@ class PlotArea(QWidget):
             self._loading = Job(_loading(), "plots", self)
             self._loading.succeeded.connect(self._make)
             self._loading.failed.connect(log.warning)
-            QTimer.singleShot(self.after_ms, self._loading.start)
+            QTimer.singleShot(self.after_ms, self._make_types)
+
+    def _make_types(self) -> None:
+        """Make some of Qt's types; after the last of them, load the library."""
+        until = time.perf_counter() + TURN_S
+        while time.perf_counter() < until:
+            if next(_TYPES, None) is None:
+                assert self._loading is not None
+                self._loading.start()
+                return
+        QTimer.singleShot(0, self._make_types)
 
     def _make(self, _: object) -> None:
         """Make the plot; takes some ten milliseconds."""
@@ -87,6 +102,16 @@ class PlotArea(QWidget):
         self._column.addWidget(plot)
 
 
+def _types() -> Iterator[str]:
+    for library in QT:
+        with suppress(ImportError):  # the plotting library does without some, too
+            module = import_module(f"PySide6.{library}")
+            for name in dir(module):
+                getattr(module, name)
+                yield name
+
+
+_TYPES = _types()
 _ONE_AT_A_TIME = Lock()
 
 
