@@ -169,7 +169,8 @@ def check_wifi(data: bytes, folder: Path) -> None:
     before = serial_line.UdpPort, serial_line.monotonic
     serial_line.UdpPort, serial_line.monotonic = (lambda address: port), (lambda: port.waited_s)
     try:
-        _night(SerialLink("udp://127.0.0.1:11880"), "skywatcher", rng, board.clock)
+        with closing(port):  # a night that ends in a sentence closes no line
+            _night(SerialLink("udp://127.0.0.1:11880"), "skywatcher", rng, board.clock)
     finally:
         serial_line.UdpPort, serial_line.monotonic = before
 
