@@ -1,11 +1,14 @@
 """An INDI server that sends what no camera would."""
 
+import io
 import re
 import socket
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 
+import numpy as np
 import pytest
+from astropy.io import fits
 
 from kochab.core.capture import CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError
@@ -79,3 +82,31 @@ def test_numbers_that_are_none_are_a_sentence(value, place, monkeypatch) -> None
     with server(CAMERA.replace(place, wrong), b"") as address, pytest.raises(DeviceError) as caught:
         open_camera("indi", address, CaptureSettings(exposure_s=0.1))
     assert str(caught.value)[-1] in ".?"
+
+
+MORE = f"""
+<defNumberVector {ABOUT} name="CCD_BINNING"><defNumber name="HOR_BIN" format="%g" min="1" max="4" step="1">1</defNumber>
+<defNumber name="VER_BIN" format="%g" min="1" max="4" step="1">1</defNumber></defNumberVector>
+<defSwitchVector {ABOUT} name="CCD_ABORT_EXPOSURE" rule="AtMostOne"><defSwitch name="ABORT">Off</defSwitch>
+</defSwitchVector>
+"""
+
+
+def picture(binning: int) -> tuple[bytes, str]:
+    out, header = io.BytesIO(), fits.Header({"XBINNING": binning})
+    fits.PrimaryHDU(np.full((20, 30), binning, np.uint16), header).writeto(out)
+    return out.getvalue(), ".fits"
+
+
+def test_a_picture_on_its_way_when_its_exposure_was_aborted_is_left_out_once(monkeypatch) -> None:
+    monkeypatch.setattr("kochab.gear.cameras.indi.SET_S", 0.1)
+    with (
+        server(CAMERA + MORE, b"") as address,
+        closing(open_camera("indi", address, CaptureSettings(exposure_s=0.1))) as camera,
+    ):
+        assert camera.next_frame(0.0) is None  # one is under way
+        camera.configure(CaptureSettings(exposure_s=0.2))  # and is aborted
+        arriving = [picture(2), picture(1), picture(2)]
+        monkeypatch.setattr(camera._link, "take_blob", lambda timeout_s: arriving and arriving.pop(0))
+        assert camera.next_frame(0.0) is None
+        assert [camera.next_frame(0.0).header["XBINNING"] for _ in range(2)] == [1, 2]

@@ -1,15 +1,17 @@
 """Mounts behind INDI's own server: its telescope simulator, its EQMod and its LX200 driver, behind our guard."""
 
 import json
+import socket
 import threading
 import time
+from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from kochab.cli.main import main
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import LineLostError, PortError, RefusedError
+from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
@@ -284,3 +286,52 @@ def test_its_clock_and_site_are_set_as_indis_own_client_reads_them(server, guard
     guard.set_clock()
     guard.set_site(Site(SITE.latitude_deg, SITE.longitude_deg, 120.0))
     assert guard.clock_doubt() == ""
+
+
+ABOUT = 'device="T" state="Ok" perm="rw"'
+OFF = f"""
+<defTextVector {ABOUT} name="DRIVER_INFO"><defText name="DRIVER_INTERFACE">1</defText></defTextVector>
+<defSwitchVector {ABOUT} name="CONNECTION" rule="OneOfMany"><defSwitch name="CONNECT">Off</defSwitch>
+<defSwitch name="DISCONNECT">On</defSwitch></defSwitchVector>
+<defNumberVector {ABOUT} name="EQUATORIAL_EOD_COORD"><defNumber name="RA" format="%g" min="0" max="24" step="0">0</defNumber>
+<defNumber name="DEC" format="%g" min="-90" max="90" step="0">0</defNumber></defNumberVector>
+"""
+ON = """<setSwitchVector device="T" name="CONNECTION" state="Ok"><oneSwitch name="CONNECT">On</oneSwitch>
+<oneSwitch name="DISCONNECT">Off</oneSwitch></setSwitchVector>"""
+READ = """<setNumberVector device="T" name="EQUATORIAL_EOD_COORD" state="Ok"><oneNumber name="RA">5.5</oneNumber>
+<oneNumber name="DEC">-5</oneNumber></setNumberVector>"""
+
+
+@pytest.mark.parametrize("reads", [READ, ""])
+def test_a_driver_just_turned_on_is_believed_when_it_has_read_its_mount_however_late(reads, monkeypatch) -> None:
+    """A driver begins at 0 h, 0 deg, which is where it points only when it says so."""
+    monkeypatch.setattr("kochab.gear.mounts.drivers.indi.CALL_S", 0.4)
+    monkeypatch.setattr("kochab.gear.mounts.drivers.indi.POWER_UP_S", 20.0 if reads else 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as ear:
+
+        def serve(line: socket.socket) -> None:
+            with line, suppress(OSError):
+                line.recv(1000)
+                line.sendall(OFF.encode())
+                while b"newSwitchVector" not in line.recv(1 << 16):
+                    pass
+                line.sendall(ON.encode())
+                time.sleep(1.5)
+                line.sendall(reads.encode())
+                while line.recv(1 << 16):
+                    pass
+
+        def accept() -> None:
+            with suppress(OSError):
+                while True:
+                    threading.Thread(target=serve, args=(ear.accept()[0],), daemon=True).start()
+
+        threading.Thread(target=accept, daemon=True).start()
+        address = f"127.0.0.1:{ear.getsockname()[1]}"
+        if reads:
+            with closing(open_mount("indi", address, site=SITE, clock=now)) as mount:
+                here = mount.position()
+            assert (here.ra_deg, here.dec_deg) == (82.5, -5.0)
+        else:
+            with pytest.raises(NoAnswerError, match="does not report where it points"):
+                open_mount("indi", address, site=SITE, clock=now)

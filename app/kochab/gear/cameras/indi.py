@@ -3,7 +3,7 @@
 import re
 import tempfile
 import zlib
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
@@ -69,6 +69,7 @@ class IndiCamera(ExposingCamera):
         self._link = link
         self._device = IndiDevice(link, name)
         self._complaints: list[str] = []
+        self._aborted = False  # since the last picture
         self._power_up()
 
     @classmethod
@@ -125,11 +126,20 @@ class IndiCamera(ExposingCamera):
         self._check()
         exposing = self._exposing = self._exposing or self._expose()
         blob = self._link.take_blob(timeout_s)
-        if blob is None:
+        if blob is None or self._is_late(*blob):
             exposing.check_overdue(self.name)
             return None
         self._exposing = self._expose()  # the next one, while this is looked at
         return self._frame(*blob, exposing)
+
+    def _is_late(self, data: bytes, suffix: str) -> bool:
+        """Whether the first picture since an exposure was aborted tells of the binning before: it was under way."""
+        aborted, self._aborted = self._aborted, False
+        if aborted:
+            with suppress(FrameError):
+                told = frame_of(data, suffix, self.name).header.get("XBINNING")
+                return told is not None and told != self._settings().binning
+        return False
 
     def _frame(self, data: bytes, suffix: str, exposed: Exposure) -> Frame | None:
         self._count += 1
@@ -180,7 +190,7 @@ class IndiCamera(ExposingCamera):
         self._device.send("CCD_ABORT_EXPOSURE", {"ABORT": "On"})
         self._link.wait(lambda: self._device.state("CCD_EXPOSURE") != "Busy", SET_S)
         done = self._device.state("CCD_EXPOSURE") == "Ok"  # before it was aborted: its picture comes, and is dropped
-        self._link.take_blob(SET_S if done else 0.0)
+        self._aborted = self._link.take_blob(SET_S if done else 0.0) is None
 
     def _gain(self) -> tuple[str, str] | None:
         """Where its gain stands, which differs from driver to driver."""

@@ -13,7 +13,7 @@ from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, P
 from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.servers.address import chosen, making_sense, net_address
-from kochab.gear.servers.indi_link import CALL_S, PORT, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
+from kochab.gear.servers.indi_link import CALL_S, PORT, POWER_UP_S, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
 
 STOP_S = 1.0  # how long a driver may take to acknowledge a Stop before it is sent again
 SETTLES_S = 3.0  # after a motion its position is not trusted before the driver has asked the mount again
@@ -65,7 +65,10 @@ class IndiMount(ServerMount):
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
             asked = monotonic()  # a driver just turned on, or told its site, reports a place of before that
-            link.wait(lambda: bool(self._told(self._at, asked)), CALL_S if new else self._poll_s)
+            unread = new and not any(device.number(self._at, member) for member in ("RA", "DEC"))  # as drivers begin
+            patience_s = POWER_UP_S if unread else CALL_S if new else self._poll_s
+            if not link.wait(lambda: bool(self._told(self._at, asked)), patience_s) and unread:
+                raise NoAnswerError(f"{device.name} on {where.server} does not report where it points.")
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
                     self._lacks[ability] = f"{device.name} has no {'.'.join(part)} in INDI: use its hand control."
