@@ -58,6 +58,7 @@ ADDED = {
     "bodies of the Solar System and unknown sources of a dated frame": 172,
     "annotated pictures with the sky layer, in full size and their own colours": 95,
     "the moons of Jupiter": 92,
+    "the moons of Saturn": 212,
     "a bench of the Solar System beside skyfield, ERFA and Stellarium": 135,
     "what is under the cursor, and its card": 147,
     "a search for stars, objects, coordinates and commands": 130,

@@ -17,7 +17,7 @@ from kochab.core.progress import Task
 from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.orbits import carried, period_years, two_body
-from kochab.sky.planet_moons import planet_moons
+from kochab.sky.planet_moons import MOONS, planet_moons
 from kochab.sky.solar_system import Body, BodyKind, Observer, covers, lit_share, major_bodies, observer_at
 
 ASTEROID_SIGMA_ARCSEC = 1.0
@@ -101,14 +101,15 @@ def bodies_near(
 ) -> Task[list[Body]]:
     """All bodies of the Solar System within ``radius_rad`` of the ICRS direction ``centre`` (3,), brightest first.
 
-    Asteroids and comets down to magnitude ``faintest``, those of ``more`` tables before the shipped one's; the Sun, the
-    Moon and the planets of any. None at a date that the ephemeris does not cover.
+    Asteroids, comets and planets' moons down to magnitude ``faintest``, those of ``more`` tables before the shipped
+    one's; the Sun, the Moon and the planets of any. None at a date that the ephemeris does not cover.
     """
     if not covers(time_utc):
         return []
     observer = observer_at(time_utc, site)
     everything = major_bodies(observer)
-    everything += planet_moons(observer, next(body for body in everything if body.name == "Jupiter"))
+    for planet in [body for body in everything if body.name in MOONS]:
+        everything += [moon for moon in planet_moons(observer, planet) if moon.magnitude <= faintest]
     found = [
         body
         for body in everything
