@@ -12,6 +12,7 @@
 #   make killed   everything that writes, killed at any moment, on a full disk, in a read-only folder
 #   make audit    bandit's remarks on the code, and known vulnerabilities of the packages (needs the network)
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
+#   make translations   the texts for translators, and what they have made of them      (make translations INTO=de)
 #   make system   install Qt's system libraries           make clean    remove what was made
 
 PYTHON ?= python3
@@ -25,11 +26,12 @@ TESTS ?= tests
 ANY_DAY ?=
 BENCH ?= identify --quick
 MUTANTS ?=
+INTO ?=
 FUZZ ?=
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house audit coverage fuzz killed mutants resolve run test test-any-day lint style types patterns format bench system clean qt
+.PHONY: house audit coverage fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean qt
 
 run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
@@ -82,6 +84,10 @@ killed: $(STAMP)
 
 audit: $(AUDIT_STAMP)
 	@$(BIN)/python -m tests.audit
+
+# INTO=de begins German; without it, every language that is there is brought up to date.
+translations: $(STAMP)
+	@$(BIN)/python -m tests.translations $(INTO)
 
 patterns: $(STAMP)
 	@$(BIN)/python -m tests.patterns

@@ -1,9 +1,79 @@
-"""The words every room speaks: frozen values over numpy, no input or output."""
+"""The words every room speaks: frozen values over numpy, no input or output; and texts in a person's language."""
 
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from numbers import Number
 from pathlib import Path
 
 __version__ = "0.2.0"
+
+Translate = Callable[[str, str, int], str | None]
+"""From an English text, its note and the number it counts (-1: none) to the same in a language that has it."""
+_translate: Translate | None = None
+_points: dict[int, str] = {}
+_english = ContextVar("english", default=False)
+
+
+def speak(translate: Translate | None = None, decimal_point: str = ".", group_separator: str = ",") -> None:
+    """Show texts and numbers in another language from now on; without arguments in English again."""
+    global _translate, _points
+    _translate = translate
+    _points = {ord("."): decimal_point, ord(","): group_separator} if translate else {}
+
+
+@contextmanager
+def in_english() -> Iterator[None]:
+    """Within it texts and numbers are English all the same: for what is copied, exported or read by machines."""
+    before = _english.set(True)
+    try:
+        yield
+    finally:
+        _english.reset(before)
+
+
+def tr(text: str, note: str = "", /, **values: object) -> str:
+    """``text`` in the person's language, with ``values`` in its named places, as ``str.format`` puts them.
+
+    ``note`` tells two English texts apart that other languages say differently.
+    """
+    return _filled(_said(text, note, -1) or text, values)
+
+
+def tr_n(one: str, many: str, n: int, /, **values: object) -> str:
+    """The same for a text that counts ``n`` things, which stands in it as ``{n}``: one of them, or any other number."""
+    return _filled(_said(one, many, n) or (one if n == 1 else many), {"n": n, **values})
+
+
+def tr_noop(text: str, note: str = "", /) -> str:
+    """``text`` as it is, known to translators: for tables, whose texts go through :func:`tr` where they are shown."""
+    return text
+
+
+def number(value: float, spec: str = "") -> str:
+    """``value`` as ``format`` writes it, with the decimal point and the thousands of the person's language."""
+    return format(value, spec).translate({} if _english.get() else _points)
+
+
+class _Shown:
+    """A number that formats itself by :func:`number`."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def __format__(self, spec: str) -> str:
+        return number(self.value, spec)
+
+
+def _said(text: str, note: str, n: int) -> str | None:
+    return None if _translate is None or not text or _english.get() else _translate(text, note, n)
+
+
+def _filled(text: str, values: dict[str, object]) -> str:
+    if _points:
+        values = {name: _Shown(v) if isinstance(v, Number) else v for name, v in values.items()}  # type: ignore[arg-type]
+    return text.format(**values) if values else text
 
 
 def data_folder(name: str) -> Path:

@@ -4,6 +4,7 @@ import math
 import re
 from enum import StrEnum
 
+from kochab.core import in_english, number, tr
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
 
@@ -23,12 +24,12 @@ def ra_text(ra_deg: float, style: AngleStyle) -> str:
     if not math.isfinite(ra_deg):
         return "–"
     if style is AngleStyle.DECIMAL:
-        return f"{ra_deg % 360.0:.5f}°"
+        return f"{number(ra_deg % 360.0, '.5f')}°"
     if style is AngleStyle.DEGREES:
         d, m, s = _split(ra_deg % 360.0, 1, 360)
-        return f"{d:03d}° {m:02d}′ {s:04.1f}″"
+        return f"{d:03d}° {m:02d}′ {number(s, '04.1f')}″"
     h, m, s = _split(ra_deg % 360.0 / 15.0, 2, 24)
-    return f"{h:02d}h {m:02d}m {s:05.2f}s"
+    return f"{h:02d}h {m:02d}m {number(s, '05.2f')}s"
 
 
 def dec_text(dec_deg: float, style: AngleStyle) -> str:
@@ -36,9 +37,9 @@ def dec_text(dec_deg: float, style: AngleStyle) -> str:
     if not math.isfinite(dec_deg):
         return "–"
     if style is AngleStyle.DECIMAL:
-        return f"{_signed(f'{dec_deg:+.5f}')}°"
+        return f"{_signed(number(dec_deg, '+.5f'))}°"
     d, m, s = _split(abs(dec_deg), 1, None)
-    return f"{'−' if dec_deg < 0 else '+'}{d:02d}° {m:02d}′ {s:04.1f}″"
+    return f"{'−' if dec_deg < 0 else '+'}{d:02d}° {m:02d}′ {number(s, '04.1f')}″"
 
 
 def radec_text(ra_deg: float, dec_deg: float, style: AngleStyle) -> str:
@@ -46,11 +47,15 @@ def radec_text(ra_deg: float, dec_deg: float, style: AngleStyle) -> str:
     return f"{ra_text(ra_deg, style)}  {dec_text(dec_deg, style)}"
 
 
-def altaz_text(altitude_deg: float, azimuth_deg: float) -> str:
-    """Altitude and azimuth, on one line."""
-    return f"alt {_signed(f'{altitude_deg:+.2f}')}°  az {azimuth_deg % 360.0:.2f}°"
+def altaz_text(altitude_deg: float, azimuth_deg: float, begins: bool = False) -> str:
+    """Altitude and azimuth, on one line; with capitals where each ``begins`` a fact of its own."""
+    altitude, azimuth = _signed(number(altitude_deg, "+.2f")), azimuth_deg % 360.0
+    if begins:
+        return tr("Alt {altitude}°  Az {azimuth:.2f}°", altitude=altitude, azimuth=azimuth)
+    return tr("alt {altitude}°  az {azimuth:.2f}°", altitude=altitude, azimuth=azimuth)
 
 
+@in_english()
 def radec_plain(ra_deg: float, dec_deg: float, style: AngleStyle) -> str:
     """Both in ASCII, for the clipboard: planetariums and mounts read this."""
     if style is AngleStyle.DECIMAL:
@@ -65,10 +70,10 @@ def angle_text(value_deg: float) -> str:
     """A size on the sky in the unit that suits it."""
     size = abs(value_deg)
     if size >= 1.0:
-        return f"{value_deg:.2f}°"
+        return f"{number(value_deg, '.2f')}°"
     if size >= 1.0 / 60.0:
-        return f"{value_deg * 60.0:.1f}′"
-    return f"{value_deg * 3600.0:.1f}″"
+        return f"{number(value_deg * 60.0, '.1f')}′"
+    return f"{number(value_deg * 3600.0, '.1f')}″"
 
 
 def round_angle_text(arcsec: float) -> str:
@@ -82,19 +87,19 @@ def arcsec_text(value: float) -> str:
     """Arcseconds with about three figures."""
     if not math.isfinite(value):
         return "–"
-    return f"{value:.3f}″" if value < 1 else f"{value:.2f}″" if value < 10 else f"{value:.1f}″"
+    return number(value, ".3f" if value < 1 else ".2f" if value < 10 else ".1f") + "″"
 
 
 def false_alarm_text(log10: float) -> str:
     """The false-alarm probability as odds a person can weigh."""
     if not math.isfinite(log10):
-        return "not known" if math.isnan(log10) else "none to speak of"
+        return tr("not known") if math.isnan(log10) else tr("none to speak of")
     if log10 >= -1:
-        return "more than 1 in 10"
+        return tr("more than 1 in 10")
     power = math.floor(-log10)
     if power <= 6:
-        return f"1 in {10**power:,}"
-    return f"1 in 10{str(power).translate(SUPERSCRIPTS)}"
+        return tr("1 in {odds}", odds=number(10**power, ","))
+    return tr("1 in {odds}", odds=f"10{str(power).translate(SUPERSCRIPTS)}")
 
 
 def unbroken(text: str) -> str:
@@ -117,21 +122,23 @@ def breakable(text: str, most: int = 44) -> str:
 def milliseconds_text(value: float) -> str:
     """A duration with three figures at most."""
     if value >= 10_000:
-        return f"{value / 1000:.0f} s"
+        return tr("{seconds:.0f} s", seconds=value / 1000)
     if value >= 1000:
-        return f"{value / 1000:.1f} s"
-    return f"{value:.0f} ms" if value >= 10 else f"{value:.1f} ms"
+        return tr("{seconds:.1f} s", seconds=value / 1000)
+    return tr("{ms} ms", ms=number(value, ".0f" if value >= 10 else ".1f"))
 
 
 def age_text(age_s: float) -> str:
     """An age in seconds in its natural unit: 0.4 s, 75 s, 12 min, 3.2 h, 12 d."""
     if age_s < 10.0:
-        return f"{max(age_s, 0.0):.1f} s"
+        return tr("{seconds:.1f} s", seconds=max(age_s, 0.0))
     if age_s < 100.0:
-        return f"{age_s:.0f} s"
+        return tr("{seconds:.0f} s", seconds=age_s)
     if age_s < 3600.0:
-        return f"{age_s / 60.0:.0f} min"
-    return f"{age_s / 3600.0:.1f} h" if age_s < 172_800.0 else f"{age_s / 86_400.0:.0f} d"
+        return tr("{minutes:.0f} min", minutes=age_s / 60.0)
+    if age_s < 172_800.0:
+        return tr("{hours:.1f} h", hours=age_s / 3600.0)
+    return tr("{days:.0f} d", days=age_s / 86_400.0)
 
 
 def _signed(text: str) -> str:
@@ -158,20 +165,22 @@ def parse_ra_deg(text: str) -> float:
 
     A bare number is degrees; three numbers, or an ``h``, are hours. UsageError when it is neither or out of range.
     """
-    numbers, negative = _numbers(text, "right ascension")
+    numbers, negative = _numbers(text, tr("“{text}” is not a right ascension."))
     hours = "h" in text.lower() or (len(numbers) > 1 and not re.search(r"[d°]", text.lower()))
     value = _sexagesimal(numbers) * (15.0 if hours else 1.0)
     if negative or not 0.0 <= value <= 360.0:
-        raise UsageError(f"{short_name(text.strip())} is not a right ascension; give 0 to 360° or 0h to 24h.")
+        typed = short_name(text.strip())
+        raise UsageError(tr("{text} is not a right ascension; give 0 to 360° or 0h to 24h.", text=typed))
     return value % 360.0
 
 
 def parse_dec_deg(text: str) -> float:
     """Declination in degrees from ``-5.4``, ``-5 23 28`` or ``-5d23m28s``."""
-    numbers, negative = _numbers(text, "declination")
+    numbers, negative = _numbers(text, tr("“{text}” is not a declination."))
     value = _sexagesimal(numbers) * (-1.0 if negative else 1.0)
     if not -90.0 <= value <= 90.0 or "h" in text.lower():
-        raise UsageError(f"{short_name(text.strip())} is not a declination; give −90° to +90°.")
+        typed = short_name(text.strip())
+        raise UsageError(tr("{text} is not a declination; give −90° to +90°.", text=typed))
     return value
 
 
@@ -180,16 +189,26 @@ def parse_site(text: str) -> Site:
 
     Latitude first, north positive; longitude east positive. UsageError says what is wrong.
     """
-    wanted = "latitude, longitude and, if you like, height in metres: 48.14, 11.58, 520"
+    typed, example = short_name(text.strip()), "48.14, 11.58, 520"
     try:
         parts = [float(p) for p in _parts(text.strip().replace("−", "-"))]
     except ValueError:
         parts = []
     if len(parts) not in (2, 3):
-        raise UsageError(f"“{short_name(text.strip())}” is not a site; give {wanted}.")
+        said = tr(
+            "“{text}” is not a site; give latitude, longitude and, if you like, height in metres: {example}.",
+            text=typed,
+            example=example,
+        )
+        raise UsageError(said)
     latitude, longitude, height = (*parts, 0.0)[:3]
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0 and -500.0 <= height <= 9000.0):
-        raise UsageError(f"{short_name(text.strip())} is not on the Earth; give {wanted}.")
+        said = tr(
+            "{text} is not on the Earth; give latitude, longitude and, if you like, height in metres: {example}.",
+            text=typed,
+            example=example,
+        )
+        raise UsageError(said)
     return Site(latitude, round((longitude + 180.0) % 360.0 - 180.0, 9), height)
 
 
@@ -216,19 +235,19 @@ def parse_positive(text: str, what: str, most: float) -> float:
     except ValueError:
         value = float("nan")
     if not 0.0 < value <= most:
-        raise UsageError(f"{what} must be a number above 0 and at most {most:g}.")
+        raise UsageError(tr("{what} must be a number above 0 and at most {most:g}.", what=what, most=most))
     return value
 
 
-def _numbers(text: str, what: str) -> tuple[list[float], bool]:
+def _numbers(text: str, wrong: str) -> tuple[list[float], bool]:
     clean = text.strip().replace("−", "-").replace(",", ".")
     pattern = r"[+-]?\d+(\.\d+)?([\s:hmsd°'\"′″]+\d+(\.\d+)?){0,2}[\s:hmsd°'\"′″]*"
     if not re.fullmatch(pattern, clean, re.IGNORECASE):
-        raise UsageError(f"“{short_name(text.strip())}” is not a {what}.")
+        raise UsageError(wrong.format(text=short_name(text.strip())))
     return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", clean)], clean.startswith("-")
 
 
 def _sexagesimal(numbers: list[float]) -> float:
     if any(n >= 60.0 for n in numbers[1:]):
-        raise UsageError("Minutes and seconds must be below 60.")
+        raise UsageError(tr("Minutes and seconds must be below 60."))
     return sum(n / 60.0**i for i, n in enumerate(numbers))

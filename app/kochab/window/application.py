@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic
 
-from PySide6.QtCore import QObject, QTimer
+from PySide6.QtCore import QLibraryInfo, QLocale, QObject, QTimer, QTranslator
 from PySide6.QtWidgets import QApplication
 
+from kochab.core import data_folder, speak, tr, tr_noop
 from kochab.core.progress import PREPARING, Progress
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
@@ -24,6 +25,9 @@ from kochab.window.shell.welcome import Sample, samples
 from kochab.window.widgets import use_plain_numerals
 from kochab.workflows.session.wiring import Wiring
 
+INDEX_TIP = tr_noop(
+    "The index for fields narrower than about 2° is built on this computer, once. Wider fields solve meanwhile."
+)
 AFTER_MS = 1500  # the person's first frame goes first
 
 
@@ -46,17 +50,20 @@ class Background(QObject):
     def _progressed(self, progress: Progress) -> None:
         if progress.stage != PREPARING:
             return
-        text = "Building the small-field index"
+        text = tr("Building the small-field index")
         if (share := progress.fraction) is not None:
-            text += f": {100 * share:.0f} %"
             self._began = self._began or (monotonic(), share)
             when, first = self._began
+            text = tr("Building the small-field index: {share:.0f} %", share=100 * share)
             if share - first > 0.05:
-                text += f", about {(monotonic() - when) * (1 - share) / (share - first):.0f} s left"
+                left = (monotonic() - when) * (1 - share) / (share - first)
+                text = tr(
+                    "Building the small-field index: {share:.0f} %, about {left:.0f} s left",
+                    share=100 * share,
+                    left=left,
+                )
         self._status.background.setText(text)
-        self._status.background.setToolTip(
-            "The index for fields narrower than about 2° is built on this computer, once. Wider fields solve meanwhile."
-        )
+        self._status.background.setToolTip(tr(INDEX_TIP))
 
     def _failed(self, sentence: str) -> None:
         self._status.showMessage(sentence, 15_000)
@@ -117,6 +124,24 @@ def build(
     return window, Commands(presenter, offered, wiring)
 
 
+def use_language(app: QApplication, wanted: str = "", folder: Path | None = None) -> None:
+    """Speak the language ``wanted``, as "de", or else the system's, if ``kochab_de.qm`` is in ``folder``; else English.
+
+    Call it before the window is built. ``folder`` is ``resources/translations`` unless given.
+    """
+    country = QLocale(wanted) if wanted else QLocale.system()
+    texts, of_qt = QTranslator(app), QTranslator(app)
+    named = next(iter(country.uiLanguages()), "en").replace("-", "_")
+    if not texts.load(f"kochab_{named}", str(folder or data_folder("resources") / "translations")):
+        return
+    if of_qt.load(country, "qtbase", "_", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)):
+        app.installTranslator(of_qt)
+    app.installTranslator(texts)
+    speak(lambda text, note, n: texts.translate("", text, note, n), country.decimalPoint(), country.groupSeparator())
+    country.setNumberOptions(QLocale().numberOptions())
+    QLocale.setDefault(country)
+
+
 def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
     """Open the window with the files and folders ``paths``; the exit code."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
@@ -124,8 +149,10 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
     use_plain_numerals()
+    settings = WindowSettings()
+    use_language(app, settings.text("language", ""))
     engine = WorkflowEngine(made_by.partition(":")[0] for _, _, made_by in VIEWS.values())
-    window, commands = build(engine, WindowSettings(), wiring=wiring)
+    window, commands = build(engine, settings, wiring=wiring)
     garbage = Garbage()
     background = Background(window, engine)
     window.show()

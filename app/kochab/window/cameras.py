@@ -6,6 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSignalBlocker, Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.capture import CameraDevice, CaptureSettings
 from kochab.core.progress import Progress, Task
 from kochab.gear.cameras import SOURCES
@@ -73,27 +74,27 @@ class Cameras(QObject):
 def _devices(source: str, address: str) -> Task[list[CameraDevice]]:
     from kochab.gear.cameras import list_devices
 
-    yield Progress("look for cameras")
+    yield Progress(tr_noop("look for cameras"))
     return list_devices(source, address)
 
 
 TITLES = {
-    "": "None (use the open image)",
-    "simulated": "Simulated sky",
-    "folder": "Watched folder",
-    "indi": "INDI server",
-    "alpaca": "ASCOM Alpaca",
-    "webcam": "Webcam (UVC)",
+    "": tr_noop("None (use the open image)"),
+    "simulated": tr_noop("Simulated sky"),
+    "folder": tr_noop("Watched folder"),
+    "indi": tr_noop("INDI server"),
+    "alpaca": tr_noop("ASCOM Alpaca"),
+    "webcam": tr_noop("Webcam (UVC)"),
 }
 EXAMPLES = {
     "simulated": "new",
-    "folder": "folder your capture program saves to",
-    "indi": "host:7624/Camera name",
+    "folder": tr_noop("folder your capture program saves to"),
+    "indi": tr_noop("host:7624/Camera name"),
     "alpaca": "host:11111/0",
-    "webcam": "/dev/video0 or an address",
+    "webcam": tr_noop("/dev/video0 or an address"),
 }
 UNLISTED = ("", "folder")  # kinds that have no cameras to be found
-NONE_FOUND = "No camera found. Enter its address."
+NONE_FOUND = tr_noop("No camera found. Enter its address.")
 EXPOSURE_S = (0.001, 60.0)
 
 
@@ -112,16 +113,16 @@ class CameraBox(QWidget):
         self._at_once = at_once
         self._note = self._missed = ""
         kinds = ("", *sources) if at_once else sources
-        self.source = choice_box("Kind of camera", {TITLES.get(name, name): name for name in kinds}, 0)
-        self.found = narrow_box("Cameras that were found", 12)
-        self.look = button("F&ind", self.search, tip="Search for cameras of this kind")
-        self.address = text_field("Address of the camera")
-        self.folder = button("F&older…", self._ask_folder, tip="Choose the folder to watch")
-        self.exposure = number_field("Exposure in seconds", *EXPOSURE_S, 2.0, 3, " s")
+        self.source = choice_box(tr("Kind of camera"), {tr(TITLES.get(name, name)): name for name in kinds}, 0)
+        self.found = narrow_box(tr("Cameras that were found"), 12)
+        self.look = button(tr("F&ind"), self.search, tip=tr("Search for cameras of this kind"))
+        self.address = text_field(tr("Address of the camera"))
+        self.folder = button(tr("F&older…"), self._ask_folder, tip=tr("Choose the folder to watch"))
+        self.exposure = number_field(tr("Exposure in seconds"), *EXPOSURE_S, 2.0, 3, tr(" s"))
         self.exposure.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
         self.status = label("", "muted", wrap=True)
         column(
-            row(label("Camera"), (self.source, 1), self.exposure),
+            row(label(tr("Camera")), (self.source, 1), self.exposure),
             row((self.found, 1), self.look),
             row((self.address, 1), self.folder),
             self.status,
@@ -203,7 +204,7 @@ class CameraBox(QWidget):
             if self._at_once:
                 self._emit()
         self._point_out()
-        self._missed = "" if devices or self.kind in UNLISTED else NONE_FOUND
+        self._missed = "" if devices or self.kind in UNLISTED else tr(NONE_FOUND)
         self._show_status()
 
     def show_missed(self, source: str, sentence: str) -> None:
@@ -227,7 +228,7 @@ class CameraBox(QWidget):
 
     def _ask_folder(self) -> None:
         start = self.address.text() or str(Path.home())
-        if (path := ask_folder(self.window(), start, "Folder to watch")) is not None:
+        if (path := ask_folder(self.window(), start, tr("Folder to watch"))) is not None:
             self.address.setText(str(path))
             self._emit()
 
@@ -239,7 +240,7 @@ class CameraBox(QWidget):
         self.found.setCurrentIndex(self.found.findData(self.address.text().strip()))
 
     def _arrange(self) -> None:
-        self.address.setPlaceholderText(EXAMPLES.get(self.kind, ""))
+        self.address.setPlaceholderText(tr(EXAMPLES.get(self.kind, "")))
         practice = self._at_once and self.kind == "simulated"  # it is chosen in the list alone
         self.address.setVisible(bool(self.kind) and not practice)
         self.folder.setVisible(self.kind == "folder")

@@ -7,6 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal, SignalInstance
 
+from kochab.core import tr
 from kochab.core.errors import KochabError
 from kochab.core.progress import Task
 
@@ -90,7 +91,7 @@ class Job(QObject):
             return "failed", str(error)
         except MemoryError:
             log.exception("%s ran out of memory", self.name)
-            return "failed", "Out of memory. Close other programs and try again."
+            return "failed", tr("Out of memory. Close other programs and try again.")
         except Exception as error:  # the one broad except: every fault goes to the log, whole
             log.exception("%s stopped by a fault", self.name)
             return "failed", fault_text(error)
@@ -113,7 +114,7 @@ class Job(QObject):
 def fault_text(error: BaseException) -> str:
     """One sentence for a fault of the program: its kind, its message, and what to do."""
     what = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(": .")
-    return f"Internal error ({what}). Please report it: Help, Save a report."
+    return tr("Internal error ({what}). Please report it: Help, Save a report.", what=what)
 
 
 class Jobs(QObject):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Signal
 
+from kochab.core import tr
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
@@ -44,13 +45,13 @@ class WorkflowEngine:
 
     def read(self, path: Path) -> Task[Frame]:
         """The frame in a file; raises :class:`kochab.core.errors.FrameError`."""
-        yield Progress("read", None, f"reading {path.name}")
+        yield Progress("read", None, tr("reading {file}", file=path.name))
         from kochab.frames import reading
 
         return (yield from reading(path))
 
     def solve(self, frame: Frame, options: SolveOptions, read_ms: float) -> "Task[SolvedFrame]":
-        yield Progress("detect", None, "detecting stars")
+        yield Progress("detect", None, tr("detecting stars"))
         from kochab.solver.pipeline import with_doubts
         from kochab.workflows.solve_frame import solve_open_frame
 

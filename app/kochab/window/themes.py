@@ -14,7 +14,7 @@ from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPalette, QPixmap
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QApplication
 
-from kochab.core import data_folder
+from kochab.core import data_folder, tr_noop
 
 
 def _shades(dark: str, light: str, night: str) -> Any:
@@ -57,7 +57,7 @@ class Colours:
     on_stop: str = _shades("#ffffff", "#ffffff", "#000000")
 
 
-THEME_TITLES = {"dark": "&Dark", "light": "&Light", "night": "&Night (red light only)"}
+THEME_TITLES = {"dark": tr_noop("&Dark"), "light": tr_noop("&Light"), "night": tr_noop("&Night (red light only)")}
 THEMES = {theme: Colours(**{f.name: f.metadata[theme] for f in fields(Colours)}) for theme in THEME_TITLES}
 _CURRENT = "kochab_theme"  # the property of the application that names its theme
 
@@ -125,6 +125,9 @@ def write_glyphs(theme: str, text: str, on_accent: str) -> str:
 
 
 TEXT_SIZES = {"small": 0.9, "normal": 1.0, "large": 1.25, "huge": 1.6}
+TEXT_SIZE_TITLES = dict(
+    zip(TEXT_SIZES, (tr_noop("&Small"), tr_noop("&Normal"), tr_noop("&Large"), tr_noop("&Huge")), strict=True)
+)
 BASE_POINT = 10.0
 STYLE_SIZES = {"point": 1.0, "small": 0.9, "large": 1.45, "title": 2.2}  # the style sheet's, in points of the text
 

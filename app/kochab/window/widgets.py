@@ -26,6 +26,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from kochab.core import tr
+
 Box = TypeVar("Box", bound=QBoxLayout)
 Named = TypeVar("Named", bound=QWidget)
 INSET_PX = 5  # of the text in a field
@@ -60,11 +62,11 @@ def number_field(
 
 
 class NumberField(QDoubleSpinBox):
-    """It takes a comma for a point."""
+    """It takes a comma and a point for the decimal point of its language."""
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        if event.text() == ",":
-            event = QKeyEvent(event.type(), event.key(), event.modifiers(), ".")
+        if event.text() in (",", "."):
+            event = QKeyEvent(event.type(), event.key(), event.modifiers(), self.locale().decimalPoint())
         super().keyPressEvent(event)
 
 
@@ -99,9 +101,9 @@ def value_label(name: str, tip: str = "") -> QLabel:
     return made
 
 
-def position_labels(name: str = "Right ascension") -> tuple[QLabel, QLabel]:
+def position_labels(name: str = "") -> tuple[QLabel, QLabel]:
     """Where a right ascension and a declination are shown, large."""
-    made = value_label(name), value_label("Declination")
+    made = value_label(name or tr("Right ascension")), value_label(tr("Declination"))
     for value in made:
         value.setProperty("role", "value")
         value.setWordWrap(False)

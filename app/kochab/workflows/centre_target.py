@@ -35,6 +35,7 @@ class Centring:
 
     ``errors_arcsec`` are the errors solved, one before each correction and one at the end; ``corrections`` how these
     were made; what the mount refused or lost is in ``notes``. ``synced``: the mount was synced on the way.
+    ``to_confirm``: it waits for a yes to a large sync.
     """
 
     end: CentringEnd
@@ -44,6 +45,7 @@ class Centring:
     synced: bool = False
     solution: Solution | None = None
     notes: tuple[str, ...] = ()
+    to_confirm: bool = False
 
     @property
     def centred(self) -> bool:
@@ -135,6 +137,7 @@ class _Centring:
     may_sync: bool
     confirmed: bool
     synced: bool = False
+    to_confirm: bool = False
     corrections: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     solution: Solution | None = None
@@ -262,6 +265,7 @@ class _Centring:
         if preview.refusals == (ACROSS,):
             self.notes.append(f"Offset goto instead of a sync: {ACROSS}")
             return False
+        self.to_confirm = not preview.refusals and bool(preview.confirmations)
         require_allowed(self.mount, preview, self.confirmed)
         try:
             self.mount.sync(*there, evidence, confirmed=self.confirmed)
@@ -326,4 +330,5 @@ class _Centring:
     def ended(self, end: CentringEnd, sentence: str) -> Centring:
         """The result with what led to it."""
         errors_arcsec, corrections = tuple(self.course.errors_arcsec), tuple(self.corrections)
-        return Centring(end, sentence, errors_arcsec, corrections, self.synced, self.solution, tuple(self.notes))
+        notes, asks = tuple(self.notes), self.to_confirm and end is CentringEnd.REFUSED
+        return Centring(end, sentence, errors_arcsec, corrections, self.synced, self.solution, notes, asks)

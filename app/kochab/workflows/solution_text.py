@@ -5,6 +5,7 @@ import io
 import math
 from collections.abc import Iterable, Mapping
 
+from kochab.core import in_english, number, tr, tr_noop
 from kochab.core.angle_text import (
     AngleStyle,
     angle_text,
@@ -17,7 +18,13 @@ from kochab.core.angle_text import (
 )
 from kochab.core.solution import NoSolution, Solution
 
-STAGES = ("read", "detect", "identify", "attitude", "total")
+STAGES = {
+    "read": tr_noop("read"),
+    "detect": tr_noop("detect"),
+    "identify": tr_noop("identify"),
+    "attitude": tr_noop("attitude"),
+    "total": tr_noop("total"),
+}
 
 
 def rows(s: Solution) -> list[tuple[str, str, str]]:
@@ -25,52 +32,63 @@ def rows(s: Solution) -> list[tuple[str, str, str]]:
     w, h = s.camera.fov_deg
     x, y, roll = s.attitude.sigma_arcsec
     return [
+        (tr("Rotation"), _rotation(s, ".3f"), tr("Position angle of up, east of north")),
+        (tr("Field of view"), f"{angle_text(w)} × {angle_text(h)}", tr("Width and height of the frame on the sky")),
+        (tr("Pixel scale"), tr("{scale:.4f} ″/px", scale=s.camera.scale_arcsec_px), tr("At the centre of the frame")),
         (
-            "Rotation",
-            f"{s.roll_deg:+.3f}°".replace("-", "−") + ", mirrored" * s.camera.mirrored,
-            "Position angle of up, east of north",
-        ),
-        ("Field of view", f"{angle_text(w)} × {angle_text(h)}", "Width and height of the frame on the sky"),
-        ("Pixel scale", f"{s.camera.scale_arcsec_px:.4f} ″/px", "At the centre of the frame"),
-        ("Matches", f"{len(s.stars)} of {s.detections} detected stars", "Detected stars matched with the catalogue"),
-        ("RMS", f"{s.rms_px:.2f} px ({arcsec_text(s.rms_arcsec)})", "Residual of the matched stars"),
-        (
-            "Uncertainty",
-            f"{arcsec_text(x)} × {arcsec_text(y)}, rotation {arcsec_text(roll)}",
-            "1σ of the pointing along the frame's x and y, and of the rotation",
+            tr("Matches"),
+            tr("{stars} of {detections} detected stars", stars=len(s.stars), detections=s.detections),
+            tr("Detected stars matched with the catalogue"),
         ),
         (
-            "Chance match",
+            "RMS",
+            tr("{px:.2f} px ({arcsec})", px=s.rms_px, arcsec=arcsec_text(s.rms_arcsec)),
+            tr("Residual of the matched stars"),
+        ),
+        (
+            tr("Uncertainty"),
+            tr("{x} × {y}, rotation {roll}", x=arcsec_text(x), y=arcsec_text(y), roll=arcsec_text(roll)),
+            tr("1σ of the pointing along the frame's x and y, and of the rotation"),
+        ),
+        (
+            tr("Chance match"),
             f"{false_alarm_text(s.log10_false_alarm)}",
-            f"False-alarm probability: a match this good by chance (log₁₀ {s.log10_false_alarm:.1f})",
+            tr("False-alarm probability: a match this good by chance (log₁₀ {log:.1f})", log=s.log10_false_alarm),
         ),
-        ("Camera", camera_text(s), "Focal length in pixels, and the distortion if fitted"),
-        ("Method", s.method, "How the stars were identified"),
-        ("Time", times_text(s.elapsed_ms), "How long each stage took"),
+        (tr("Camera"), camera_text(s), tr("Focal length in pixels, and the distortion if fitted")),
+        (tr("Method"), s.method, tr("How the stars were identified")),
+        (tr("Time"), times_text(s.elapsed_ms), tr("How long each stage took")),
     ]
 
 
 def field_text(s: Solution, altaz: str = "") -> str:
     """Uncertainty, field, pixel scale, rotation, and the height if told, for a card; no line breaks within a fact."""
     w, h = s.camera.fov_deg
-    up = f"Up {s.roll_deg:+.1f}°".replace("-", "−") + ", mirrored" * s.camera.mirrored
+    up = tr("Up {rotation}", rotation=_rotation(s, ".1f"))
     sigma = arcsec_text(max(s.attitude.sigma_arcsec[:2]))
-    field, scale = f"Field {angle_text(w)} × {angle_text(h)}", f"Scale {s.camera.scale_arcsec_px:.4g}″/px"
+    field = tr("Field {width} × {height}", width=angle_text(w), height=angle_text(h))
+    scale = tr("Scale {scale:.4g}″/px", scale=s.camera.scale_arcsec_px)
     return "   ".join(fact.replace(" ", "\u00a0") for fact in (f"± {sigma}", field, scale, up, altaz) if fact)
+
+
+def _rotation(s: Solution, spec: str) -> str:
+    turn = number(s.roll_deg, f"+{spec}").replace("-", "−")
+    return tr("{turn}°, mirrored", turn=turn) if s.camera.mirrored else f"{turn}°"
 
 
 def camera_text(s: Solution) -> str:
     """Focal length and whether distortion was fitted."""
     c = s.camera
-    text = f"f = {c.focal_px:.1f} px"
-    return text + (f", k1 = {c.k1:+.4g}".replace("-", "−") if c.distorted else ", no distortion fitted")
+    if c.distorted:
+        return tr("f = {focal:.1f} px, k1 = {k1}", focal=c.focal_px, k1=number(c.k1, "+.4g").replace("-", "−"))
+    return tr("f = {focal:.1f} px, no distortion fitted", focal=c.focal_px)
 
 
 def times_text(elapsed_ms: Mapping[str, float]) -> str:
     """Stage times, total last, without the stages that were not reached."""
     times = {name: value for name, value in elapsed_ms.items() if value >= 0.05}
     known = [k for k in STAGES if k in times] + [k for k in times if k not in STAGES]
-    return ", ".join(f"{k} {milliseconds_text(times[k])}" for k in known) or "not measured"
+    return ", ".join(f"{tr(STAGES.get(k, k))} {milliseconds_text(times[k])}" for k in known) or tr("not measured")
 
 
 def attitude_forms(s: Solution) -> list[tuple[str, str]]:
@@ -80,18 +98,20 @@ def attitude_forms(s: Solution) -> list[tuple[str, str]]:
     m = "\n".join("  ".join(f"{v:+.8f}" for v in row) for row in centre.matrix)
     e, a = ("  ".join(f"{v:+.6f}" for v in attitude.euler_deg) for attitude in (centre, axis))
     return [
-        ("Quaternion (w x y z), frame centre", q),
-        ("Matrix, ICRS to camera, frame centre", m),
-        ("RA, Dec, roll (frame centre, °)", e),
-        (f"RA, Dec, roll (optical axis, °), at x {s.camera.cx:.1f}, y {s.camera.cy:.1f} px", a),
+        (tr("Quaternion (w x y z), frame centre"), q),
+        (tr("Matrix, ICRS to camera, frame centre"), m),
+        (tr("RA, Dec, roll (frame centre, °)"), e),
+        (tr("RA, Dec, roll (optical axis, °), at x {cx:.1f}, y {cy:.1f} px", cx=s.camera.cx, cy=s.camera.cy), a),
     ]
 
 
+@in_english()
 def attitude_plain(s: Solution) -> str:
     """All forms for the clipboard."""
     return "\n".join(f"{name}:\n{text}" for name, text in attitude_forms(s))
 
 
+@in_english()
 def summary(s: Solution, style: AngleStyle, source: str = "") -> str:
     """Everything for the clipboard."""
     ra, dec = s.ra_dec_deg
@@ -103,7 +123,17 @@ def summary(s: Solution, style: AngleStyle, source: str = "") -> str:
 
 # -- Many files, as a table and as CSV ---------------------------------------------------------
 
-RESULT_TITLES = ("File", "State", "RA", "Dec", "Up", "Field", "Scale", "Stars", "±")
+RESULT_TITLES = (
+    tr_noop("File"),
+    tr_noop("State"),
+    "RA",
+    tr_noop("Dec"),
+    tr_noop("Up"),
+    tr_noop("Field"),
+    tr_noop("Scale"),
+    tr_noop("Stars"),
+    "±",
+)
 CSV_TITLES = "file,state,ra_deg,dec_deg,roll_deg,mirrored,fov_x_deg,fov_y_deg,scale_arcsec_px,matches,sigma_arcsec"
 
 
@@ -113,7 +143,8 @@ def result_cells(name: str, state: str, s: Solution | None, style: AngleStyle) -
         return [name, state]
     ra, dec = s.ra_dec_deg
     fov = " × ".join(angle_text(side) for side in s.camera.fov_deg)
-    up, scale = f"{s.roll_deg:+.2f}°".replace("-", "−"), f"{s.camera.scale_arcsec_px:.4g}″/px"
+    up = number(s.roll_deg, "+.2f").replace("-", "−") + "°"
+    scale = tr("{scale:.4g}″/px", scale=s.camera.scale_arcsec_px)
     sigma = arcsec_text(max(s.attitude.sigma_arcsec[:2]))
     return [name, state, ra_text(ra, style), dec_text(dec, style), up, fov, scale, str(len(s.stars)), sigma]
 
@@ -147,7 +178,7 @@ UNITS = (
 
 def measured_rows(n: NoSolution) -> list[tuple[str, str]]:
     """(what, how much) that was measured on a frame without a solution."""
-    out = [("stars detected", f"{n.detections}")]
+    out = [(tr("stars detected"), f"{n.detections}")]
     for key, value in n.measured.items():
         name, unit, times = key, "", 1.0
         for suffix, mark, factor in UNITS:
@@ -155,19 +186,21 @@ def measured_rows(n: NoSolution) -> list[tuple[str, str]]:
                 name, unit, times = name.removesuffix(suffix), mark, factor
         if name in ("detections", "detected", "stars_found") and value == n.detections:
             continue
-        out.append((name.replace("_", " ").replace("fwhm", "FWHM"), f"{_plain_number(times * value)}{unit}"))
+        out.append((tr(name.replace("_", " ").replace("fwhm", "FWHM")), f"{_plain_number(times * value)}{unit}"))
     return out
 
 
 def _plain_number(value: float) -> str:
     """Three figures, as many decimals as that takes, and no power of ten."""
     if not math.isfinite(value):
-        return "unknown"
+        return tr("unknown")
     if value == 0 or abs(value) >= 100:
-        return f"{value:.0f}"
-    return f"{value:.{min(2 - math.floor(math.log10(abs(value))), 6)}f}".rstrip("0").rstrip(".")
+        return number(value, ".0f")
+    plain = f"{value:.{min(2 - math.floor(math.log10(abs(value))), 6)}f}".rstrip("0").rstrip(".")
+    return number(float(plain), f".{len(plain.partition('.')[2])}f")
 
 
+@in_english()
 def failure_plain(n: NoSolution, source: str = "") -> str:
     """A failed solve for the clipboard."""
     lines = [f"File: {source}"] if source else []

@@ -144,7 +144,7 @@ def test_an_offset_has_directions_and_a_ring():
     ("end", "role"), [(CentringEnd.CENTRED, "good"), (CentringEnd.NO_SOLUTION, "wrong"), (CentringEnd.REFUSED, "wrong")]
 )
 def test_a_centring_is_told_and_a_large_sync_is_sent_to_its_preview(end, role):
-    result = Centring(end, "The sync would shift the mount by 6.0 deg: confirm it.")
+    result = Centring(end, "The sync would shift the mount by 6.0 deg: confirm it.", to_confirm=True)
     sentence, given = outcome_text(result, None)
     assert given == role
     assert sentence.endswith(SYNC_FIRST)

@@ -8,6 +8,7 @@ from PySide6.QtCore import QByteArray, QPoint, QSize, Qt
 from PySide6.QtGui import QImage, QImageWriter, QResizeEvent
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
+from kochab.core import tr
 from kochab.core.progress import Task
 from kochab.frames.atomic_file import atomic_file, write_atomically
 from kochab.frames.export import csv_text
@@ -28,7 +29,7 @@ class Legend(PlotArea):
     """The names of the lines of several charts, wrapped to the width."""
 
     def __init__(self) -> None:
-        super().__init__("Legend")
+        super().__init__(tr("Legend"))
         self._names: tuple[tuple[str, int], ...] = ()
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
@@ -129,12 +130,12 @@ class Chart(PlotArea):
     def menu(self) -> QMenu:
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        menu.addAction("Show &all\tHome", self.plot.show_all)
-        menu.addAction("Zoom &in\t+", lambda: self.plot.zoom(nearer=True))
-        menu.addAction("Zoom &out\t−", lambda: self.plot.zoom(nearer=False))
+        menu.addAction(tr("Show &all\tHome"), self.plot.show_all)
+        menu.addAction(tr("Zoom &in\t+"), lambda: self.plot.zoom(nearer=True))
+        menu.addAction(tr("Zoom &out\t−"), lambda: self.plot.zoom(nearer=False))
         menu.addSeparator()
-        menu.addAction("Save &image…", lambda: self._ask("png"))
-        menu.addAction("Save &numbers…", lambda: self._ask("csv"))
+        menu.addAction(tr("Save &image…"), lambda: self._ask("png"))
+        menu.addAction(tr("Save &numbers…"), lambda: self._ask("csv"))
         return menu
 
     def _ask(self, ending: str) -> None:
@@ -149,7 +150,7 @@ class Chart(PlotArea):
         numbers = path.suffix.lower() == ".csv"
         task = write_text(csv_text(self.rows()), path) if numbers else write_image(image_of(self), path)
         job = Job(task, "chart", self)
-        job.failed.connect(lambda sentence: tell(self.window(), "Export", sentence))
+        job.failed.connect(lambda sentence: tell(self.window(), tr("Export"), sentence))
         job.start()
         return job
 
@@ -164,4 +165,5 @@ class Chart(PlotArea):
 
 
 def _spoken(one: Series) -> str:
-    return f"{one.name}: " + ", ".join(f"{x:g} gives {y:.3g}" for x, y in zip(one.x, one.y, strict=True))
+    points = ", ".join(tr("{x:g} gives {y:.3g}", x=x, y=y) for x, y in zip(one.x, one.y, strict=True))
+    return f"{one.name}: {points}"

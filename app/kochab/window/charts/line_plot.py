@@ -9,6 +9,7 @@ from PySide6.QtCore import QPoint, Qt, Signal
 from PySide6.QtGui import QColor, QContextMenuEvent, QFont, QFontMetrics, QKeyEvent
 from PySide6.QtWidgets import QApplication
 
+from kochab.core import number
 from kochab.core.arrays import Floats
 from kochab.window.charts.series import MARKER_PX, WIDTH_PX, ChartAxis, Series, line_style
 from kochab.window.themes import Colours, theme_colours
@@ -34,7 +35,7 @@ class Scale(pg.AxisItem):
 
     def logTickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         shown = [10.0**value * scale for value in values]
-        return [f"{v:g}" if f"{v:e}"[0] in "125" else "" for v in shown]
+        return [number(v, "g") if f"{v:e}"[0] in "125" else "" for v in shown]
 
 
 class LinePlot(pg.PlotWidget):
@@ -73,13 +74,13 @@ class LinePlot(pg.PlotWidget):
     def show_all(self) -> None:
         """The spans of the axes; all of the lines where an axis has none."""
         box = self.getViewBox()
-        for number, axis in ((pg.ViewBox.XAxis, self._axes["bottom"]), (pg.ViewBox.YAxis, self._axes["left"])):
+        for side, axis in ((pg.ViewBox.XAxis, self._axes["bottom"]), (pg.ViewBox.YAxis, self._axes["left"])):
             if axis.span is None:
-                box.enableAutoRange(axis=number)
+                box.enableAutoRange(axis=side)
                 continue
             low, high = (log10(v) if axis.log else v for v in axis.span)
-            set_range = box.setXRange if number == pg.ViewBox.XAxis else box.setYRange
-            set_range(low, high, padding=PADDING[number])
+            set_range = box.setXRange if side == pg.ViewBox.XAxis else box.setYRange
+            set_range(low, high, padding=PADDING[side])
 
     def zoom(self, nearer: bool) -> None:
         share = ZOOM if nearer else 1.0 / ZOOM

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from PySide6.QtGui import QColor
 
+from kochab.core import number, tr
 from kochab.window.themes import THEMES, Colours
 
 ON_DARK = ("#56b4f9", "#f0b440", "#5fd39a", "#ff8a7a", "#c79bf2", "#9aa7b8", "#e7e36a", "#ff7ab0")
@@ -24,13 +25,12 @@ class ChartAxis:
     log: bool = False
 
     def text(self, value: float) -> str:
-        number = f"{value:.3g}".replace("-", "−")
-        return f"{number} {self.unit}".rstrip()
+        return f"{number(value, '.3g').replace('-', '−')} {tr(self.unit)}".rstrip()
 
     @property
     def label(self) -> str:
         """What stands beside the axis."""
-        return f"{self.title}, {self.unit}" if self.unit else self.title
+        return f"{tr(self.title)}, {tr(self.unit)}" if self.unit else tr(self.title)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kochab.core import tr
 from kochab.core.arrays import Array, Floats
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
@@ -76,7 +77,7 @@ class FrameImage:
 
 def prepare(frame: Frame) -> Task[FrameImage]:
     """Build the :class:`FrameImage` of a frame; a few hundred ms for 61 MP."""
-    yield Progress("display", None, "preparing the image")
+    yield Progress("display", None, tr("preparing the image"))
     base = yield from storable(frame.pixels)
     mono = yield from _pyramid(base)
     colour: tuple[Array, ...] = ()

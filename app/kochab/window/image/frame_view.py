@@ -7,6 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from kochab.core import tr
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame, ScreenImage, Viewport
 from kochab.window.themes import theme_colours
@@ -34,9 +35,9 @@ class FrameView(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMinimumSize(240, 180)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setAccessibleName("Frame")
+        self.setAccessibleName(tr("Frame"))
         self.setAccessibleDescription(
-            "The image. Plus and minus zoom, arrow keys pan, 0 fits it to the window, 1 shows it at 100 %."
+            tr("The image. Plus and minus zoom, arrow keys pan, 0 fits it to the window, 1 shows it at 100 %.")
         )
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.marks: Paint | None = None

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PySide6.QtWidgets import QWidget
 
+from kochab.core import number, tr, tr_noop
 from kochab.core.angle_text import AngleStyle, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
@@ -19,23 +20,23 @@ if TYPE_CHECKING:
     from kochab.polar.horizon import Horizon
 
 KINDS = {
-    "G": "Galaxy",
-    "GPair": "Pair of galaxies",
-    "GTrpl": "Triplet of galaxies",
-    "GGroup": "Group of galaxies",
-    "GalCl": "Cluster of galaxies",
-    "OCl": "Open cluster",
-    "GCl": "Globular cluster",
-    "*Ass": "Association of stars",
-    "Cl+N": "Cluster with nebula",
-    "DrkN": "Dark nebula",
-    "RfN": "Reflection nebula",
-    "EmN": "Emission nebula",
-    "HII": "Emission nebula",
-    "Neb": "Nebula",
-    "PN": "Planetary nebula",
-    "SNR": "Supernova remnant",
-    "star": "Star",
+    "G": tr_noop("Galaxy"),
+    "GPair": tr_noop("Pair of galaxies"),
+    "GTrpl": tr_noop("Triplet of galaxies"),
+    "GGroup": tr_noop("Group of galaxies"),
+    "GalCl": tr_noop("Cluster of galaxies"),
+    "OCl": tr_noop("Open cluster"),
+    "GCl": tr_noop("Globular cluster"),
+    "*Ass": tr_noop("Association of stars"),
+    "Cl+N": tr_noop("Cluster with nebula"),
+    "DrkN": tr_noop("Dark nebula"),
+    "RfN": tr_noop("Reflection nebula"),
+    "EmN": tr_noop("Emission nebula"),
+    "HII": tr_noop("Emission nebula"),
+    "Neb": tr_noop("Nebula"),
+    "PN": tr_noop("Planetary nebula"),
+    "SNR": tr_noop("Supernova remnant"),
+    "star": tr_noop("Star"),
 }
 TURN_H = 23.9344696  # of the sky
 MARGIN_PX, LETTERS = 12, 44
@@ -53,28 +54,32 @@ def facts(
 ) -> dict[str, str]:
     """What the card tells, by title; ``horizon`` is the person's, now."""
     vector = vector_of(tables, mark)
-    told = {"": KINDS.get(mark.kind, mark.kind.capitalize() if mark.body else ""), "In": constellation_at(vector)}
-    told["RA, Dec"] = radec_text(*radec_deg(vector), style)
+    told = {
+        "": tr(KINDS.get(mark.kind, mark.kind.capitalize() if mark.body else "")),
+        tr("In"): constellation_at(vector),
+    }
+    told[tr("RA, Dec")] = radec_text(*radec_deg(vector), style)
     if mark.kind == "star":
-        told["V"] = f"{tables.stars.mag[mark.row]:.2f}"
+        told["V"] = number(tables.stars.mag[mark.row], ".2f")
         hip = f"HIP {tables.stars.hip[mark.row]}"
-        told["Catalogue"] = hip
-        told["Residual"] = next((f"{s.residual_px:.2f} px" for s in solution.stars if s.id == hip), "not matched")
+        told[tr("Catalogue")] = hip
+        residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")
+        told[tr("Residual")] = residual or tr("not matched")
     elif (body := mark.body) is not None:
-        told |= {"Magnitude": f"{body.magnitude:.1f}"} if np.isfinite(body.magnitude) else {}
-        told |= {"Diameter": f"{body.diameter_arcsec:.3g}″"} if body.diameter_arcsec else {}
-        told["Distance"] = f"{body.distance_au:.4g} au"
+        told |= {tr("Magnitude"): number(body.magnitude, ".1f")} if np.isfinite(body.magnitude) else {}
+        told |= {tr("Diameter"): number(body.diameter_arcsec, ".3g") + "″"} if body.diameter_arcsec else {}
+        told[tr("Distance")] = tr("{au:.4g} au", au=body.distance_au)
         return told  # heights of now would be those of where it was
     else:
         objects, k = tables.objects, mark.row
         names = [*objects.names(k)[1:], *str(objects.also[k]).split(",")]
         also = ", ".join(name for name in names if name and name not in mark.text)
-        told |= {"Also": also} if also else {}
-        told |= {"Magnitude": f"{objects.mag[k]:.1f}"} if np.isfinite(objects.mag[k]) else {}
-        sides = [f"{side:g}′" for side in (objects.major[k], objects.minor[k]) if np.isfinite(side)]
-        told |= {"Size": " × ".join(sides)} if sides else {}
+        told |= {tr("Also"): also} if also else {}
+        told |= {tr("Magnitude"): number(objects.mag[k], ".1f")} if np.isfinite(objects.mag[k]) else {}
+        sides = [number(side, "g") + "′" for side in (objects.major[k], objects.minor[k]) if np.isfinite(side)]
+        told |= {tr("Size"): " × ".join(sides)} if sides else {}
     if horizon is not None:
-        told["Now"], told["Highest"] = heights(vector, horizon)
+        told[tr("Now")], told[tr("Highest")] = heights(vector, horizon)
     return told
 
 
@@ -87,8 +92,8 @@ def heights(vector: Floats, horizon: "Horizon") -> tuple[str, str]:
     hour = np.arctan2(-east, up * np.cos(latitude) - north * np.sin(latitude)) / (2.0 * np.pi) * TURN_H
     when = horizon.time_utc + timedelta(hours=float(-hour % TURN_H))
     best, _ = type(horizon)(horizon.site, when, horizon.refraction).altaz_deg(vector)
-    now = f"{altitude:.0f}° high" if altitude > 0.0 else "below the horizon"
-    return now, f"{best:.0f}° at {_clock(when)}" if best > 0.0 else "never rises"
+    now = tr("{altitude:.0f}° high", altitude=altitude) if altitude > 0.0 else tr("below the horizon")
+    return now, tr("{best:.0f}° at {time}", best=best, time=_clock(when)) if best > 0.0 else tr("never rises")
 
 
 def _clock(when: datetime) -> str:
@@ -104,8 +109,8 @@ class ObjectCard(QWidget):
         self.body = label("", wrap=True)
         self._frame = styled_frame("card")
         self._place = ""
-        copy = button("&Copy", lambda: copy_text(self._place), "small", "Copy name and coordinates")
-        shut = button("C&lose", self.hide, "small")
+        copy = button(tr("&Copy"), lambda: copy_text(self._place), "small", tr("Copy name and coordinates"))
+        shut = button(tr("C&lose"), self.hide, "small")
         column(self.title, self.body, row(copy, shut, None), on=self._frame, spacing=8, margins=(12, 10, 12, 10))
         column(self._frame, on=self, margins=(0, 0, 0, 0))
         self.hide()
@@ -114,7 +119,7 @@ class ObjectCard(QWidget):
         """Tell what was picked."""
         self.title.setText(name)
         self.body.setText("\n".join(f"{title}  {text}".strip() for title, text in told.items()))
-        self._place = f"{name}  {told['RA, Dec']}"
+        self._place = "  ".join((name, told[tr("RA, Dec")]))
         self.show()
         width = self.fontMetrics().averageCharWidth() * LETTERS
         self.setGeometry(MARGIN_PX, MARGIN_PX, width, self._frame.heightForWidth(width))

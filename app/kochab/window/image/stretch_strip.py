@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QSlider
 
+from kochab.core import tr
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame
@@ -26,8 +27,8 @@ class Histogram(PlotArea):
 
     after_ms = 600  # it comes with the first frame, which goes first
 
-    def __init__(self, title: str = "Histogram of pixel values") -> None:
-        super().__init__(title)
+    def __init__(self, title: str = "") -> None:
+        super().__init__(title or tr("Histogram of pixel values"))
         self.heights: NDArray[np.float64] = np.zeros(0)
         self._stretch: ScreenStretch | None = None
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
@@ -73,13 +74,13 @@ class StretchStrip(QFrame):
         self.setObjectName("card")
         self._automatic = ScreenStretch()
         self.histogram = Histogram()
-        self.auto = switch("Auto stretch", "Stretch the image so that faint stars show (T)")
+        self.auto = switch(tr("Auto stretch"), tr("Stretch the image so that faint stars show (T)"))
         self.auto.setChecked(True)
-        self.black, self.bright = self._slider("Black point"), self._slider("Brightness")
+        self.black, self.bright = self._slider(tr("Black point")), self._slider(tr("Brightness"))
         self.auto.toggled.connect(self._auto_toggled)
         for slider in (self.black, self.bright):
             slider.valueChanged.connect(self._moved)
-        black, bright = QLabel("Blac&k"), QLabel("Bri&ght")
+        black, bright = QLabel(tr("Blac&k")), QLabel(tr("Bri&ght"))
         black.setBuddy(self.black)
         bright.setBuddy(self.bright)
         sliders = grid((black, self.black), (bright, self.bright), across=8, down=2)

@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QGridLayout, QHeaderView, QTableWidget, QTableWidgetItem
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_text
 from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart, Trial
 from kochab.lab.laboratory.curves import SWEEPS, Point, sweeps_of
@@ -18,6 +19,11 @@ from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.widgets import Page, column
 
 LAST = float("inf")
+EVERY = {
+    ComparedPart.METHOD: tr_noop("Results of every method"),
+    ComparedPart.DETECTOR: tr_noop("Results of every detector"),
+    ComparedPart.ATTITUDE: tr_noop("Results of every attitude"),
+}
 NOTHING = "–"
 
 
@@ -40,32 +46,36 @@ def columns_of(kind: ComparedPart) -> dict[str, Callable[[Trial], TrialCell]]:
     """The columns of a table of this kind, by title."""
     more: dict[str, Callable[[Trial], TrialCell]] = {}
     if kind is ComparedPart.DETECTOR:
-        more = {"Found": lambda t: _count(None if t.found is None else t.found.stars), "True": _true}
+        more = {tr("Found"): lambda t: _count(None if t.found is None else t.found.stars), tr("True"): _true}
     elif kind is ComparedPart.ATTITUDE:
-        more = {"From the fit": _from_fit}
-    more |= {"Matches": _matches, "Wrong": lambda t: _count(t.wrong)}
+        more = {tr("From the fit"): _from_fit}
+    more |= {tr("Matches"): _matches, tr("Wrong"): lambda t: _count(t.wrong)}
     if kind is not ComparedPart.METHOD:
         more["RMS"] = _rms
     return {
-        kind.capitalize(): lambda t: TrialCell(t.name),
-        "Answer": _answer,
+        tr(kind.capitalize()): lambda t: TrialCell(t.name),
+        tr("Answer"): _answer,
         **more,
-        "Time": _time,
-        "Sigma": _sigma,
-        "Reason": lambda t: TrialCell(t.reason, None, t.advice),
-        "Paper": lambda t: TrialCell(t.paper),
+        tr("Time"): _time,
+        tr("Sigma"): _sigma,
+        tr("Reason"): lambda t: TrialCell(t.reason, None, t.advice),
+        tr("Paper"): lambda t: TrialCell(t.paper),
     }
 
 
 def _answer(t: Trial) -> TrialCell:
     """Right, wrong or none; the pointing where the truth is not known."""
     if t.ra_dec_deg is None:
-        return TrialCell("none", 3.0, t.advice)
+        return TrialCell(tr("none"), 3.0, t.advice)
     where, off = radec_text(*t.ra_dec_deg, AngleStyle.SEXAGESIMAL), angle_text((t.off_arcsec or 0.0) / 3600.0)
     # Right answers first, then those without a known truth, then wrong ones, then none.
-    texts = {True: (f"right, {off} off", 0.0), None: (where, 1.0), False: (f"WRONG, {off} off", 2.0)}
+    texts = {
+        True: (tr("right, {off} off", off=off), 0.0),
+        None: (where, 1.0),
+        False: (tr("WRONG, {off} off", off=off), 2.0),
+    }
     odds = false_alarm_text(LAST if t.log10_false_alarm is None else t.log10_false_alarm)
-    return TrialCell(*texts[t.right], f"{where}\nchance match: {odds}")
+    return TrialCell(*texts[t.right], "\n".join((where, tr("chance match: {odds}", odds=odds))))
 
 
 def _matches(t: Trial) -> TrialCell:
@@ -79,44 +89,49 @@ def _count(count: int | None) -> TrialCell:
 def _true(t: Trial) -> TrialCell:
     found = t.found
     if found is None or found.true is None:
-        return TrialCell(NOTHING, LAST, "Known for simulated fields only")
-    place = "" if found.error_px is None else f", positions {found.error_px:.2f} px off"
-    tip = f"{found.true} of {found.there} stars found{place}"
-    return TrialCell(f"{found.true} of {found.there}", -found.true, tip)
+        return TrialCell(NOTHING, LAST, tr("Known for simulated fields only"))
+    share = tr("{true} of {there}", true=found.true, there=found.there)
+    tip = tr("{share} stars found", share=share)
+    if found.error_px is not None:
+        tip = tr("{share} stars found, positions {px:.2f} px off", share=share, px=found.error_px)
+    return TrialCell(share, -found.true, tip)
 
 
 def _rms(t: Trial) -> TrialCell:
     if t.rms_px is None:
         return TrialCell(NOTHING, LAST)
-    return TrialCell(f"{t.rms_px:.2f} px", t.rms_px, "Residual of the matched stars")
+    return TrialCell(tr("{px:.2f} px", px=t.rms_px), t.rms_px, tr("Residual of the matched stars"))
 
 
 def _from_fit(t: Trial) -> TrialCell:
     if t.from_fit_arcsec is None:
         return TrialCell(NOTHING, 0.0 if t.answered else LAST)
     away, roll = t.from_fit_arcsec
-    tip = f"{arcsec_text(away)} on the sky, {arcsec_text(roll)} in roll"
-    return TrialCell(arcsec_text(away), away, f"Difference from the fit: {tip}")
+    sky, turn = arcsec_text(away), arcsec_text(roll)
+    return TrialCell(sky, away, tr("Difference from the fit: {sky} on the sky, {roll} in roll", sky=sky, roll=turn))
 
 
 def _time(t: Trial) -> TrialCell:
     spent = duration_text(t.seconds)
     tables = duration_text(t.tables_s)
-    first = f"; building its tables took {tables}, once" if t.tables_s > 0 else ""
-    return TrialCell(spent, t.seconds, f"{spent} processor time{first}")
+    tip = tr("{spent} processor time", spent=spent)
+    if t.tables_s > 0:
+        tip = tr("{spent} processor time; building its tables took {tables}, once", spent=spent, tables=tables)
+    return TrialCell(spent, t.seconds, tip)
 
 
 def _sigma(t: Trial) -> TrialCell:
     if t.sigma_arcsec is None:
-        return TrialCell(NOTHING, LAST, "Too few matches" if t.answered else "")
+        return TrialCell(NOTHING, LAST, tr("Too few matches") if t.answered else "")
     x, y, roll = (arcsec_text(value) for value in t.sigma_arcsec)
     most = max(t.sigma_arcsec[:2])
-    return TrialCell(arcsec_text(most), most, f"From the matches’ residuals: {x} × {y}, roll {roll}")
+    tip = tr("From the matches’ residuals: {x} × {y}, roll {roll}", x=x, y=y, roll=roll)
+    return TrialCell(arcsec_text(most), most, tip)
 
 
 def duration_text(seconds: float) -> str:
     """A processor time, in microseconds below 1 ms."""
-    return f"{1e6 * seconds:.0f} µs" if 0 < seconds < 1e-3 else milliseconds_text(1e3 * seconds)
+    return tr("{us:.0f} µs", us=1e6 * seconds) if 0 < seconds < 1e-3 else milliseconds_text(1e3 * seconds)
 
 
 class TrialTable(QTableWidget):
@@ -143,7 +158,7 @@ class TrialTable(QTableWidget):
         self.setColumnCount(len(self._columns))
         self.setHorizontalHeaderLabels(list(self._columns))
         self.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
-        self.setAccessibleName(f"Results of every {kind}")
+        self.setAccessibleName(tr(EVERY[kind]))
 
     def add(self, trial: Trial) -> None:
         self.trials.append(trial)
@@ -160,22 +175,22 @@ class TrialTable(QTableWidget):
 
 Height = Callable[[Point], float | None]
 HEIGHTS: dict[ComparedPart, tuple[ChartAxis, Height]] = {
-    ComparedPart.METHOD: (ChartAxis("success", "%", (0.0, 100.0)), lambda p: 100.0 * p.success),
+    ComparedPart.METHOD: (ChartAxis(tr_noop("success"), "%", (0.0, 100.0)), lambda p: 100.0 * p.success),
     ComparedPart.DETECTOR: (
-        ChartAxis("stars found", "%", (0.0, 100.0)),
+        ChartAxis(tr_noop("stars found"), "%", (0.0, 100.0)),
         lambda p: None if p.found is None else 100.0 * p.found,
     ),
-    ComparedPart.ATTITUDE: (ChartAxis("error", "arcsec"), lambda p: p.off_arcsec),
+    ComparedPart.ATTITUDE: (ChartAxis(tr_noop("error"), tr_noop("arcsec")), lambda p: p.off_arcsec),
 }
-TIME = ChartAxis("time", "ms", log=True)
+TIME = ChartAxis(tr_noop("time"), tr_noop("ms"), log=True)
 TIME_CHART = "time"
 SHARES = ("false", "missing")  # sweeps whose values are shares
 TITLES = {
-    "noise_px": "Noise",
-    "false": "False stars",
-    "missing": "Missing stars",
-    "stars": "Number of stars",
-    "margin_px": "Error margin",
+    "noise_px": tr_noop("Noise"),
+    "false": tr_noop("False stars"),
+    "missing": tr_noop("Missing stars"),
+    "stars": tr_noop("Number of stars"),
+    "margin_px": tr_noop("Error margin"),
 }
 DRAW_EVERY_MS = 50
 NARROW, WIDE, WIDE_PX = 2, 3, 1000  # columns, and from which width on there are more
@@ -189,8 +204,8 @@ class Plots(Page):
         self.kind = kind
         self.points: dict[tuple[str, float, str], Point] = {}
         up, self._height = HEIGHTS[kind]
-        self.charts = {name: Chart(TITLES[name], _across(name), up) for name in sweeps_of(kind)}
-        self.time = Chart("Time", _across("stars"), TIME)
+        self.charts = {name: Chart(tr(TITLES[name]), _across(name), up) for name in sweeps_of(kind)}
+        self.time = Chart(tr("Time"), _across("stars"), TIME)
         self.legend = Legend()
         self._stale: dict[str, None] = {}  # charts to be drawn again, in their turn
         self._timer = QTimer(self, interval=DRAW_EVERY_MS)

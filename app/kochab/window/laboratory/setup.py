@@ -7,6 +7,7 @@ from typing import Any
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import QDoubleSpinBox, QListWidget, QListWidgetItem
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.registry import checked, options_of
 from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, paper_for
@@ -26,9 +27,16 @@ from kochab.window.widgets import (
 ROW_PX = 6  # of a row, above and below its text
 CHECKED = {True: Qt.CheckState.Checked, False: Qt.CheckState.Unchecked}
 KINDS = {
-    ComparedPart.METHOD: "Identification methods",
-    ComparedPart.DETECTOR: "Star detectors",
-    ComparedPart.ATTITUDE: "Attitude estimators",
+    ComparedPart.METHOD: tr_noop("Identification methods"),
+    ComparedPart.DETECTOR: tr_noop("Star detectors"),
+    ComparedPart.ATTITUDE: tr_noop("Attitude estimators"),
+}
+
+
+ONE = {
+    ComparedPart.METHOD: tr_noop("Tick at least one method."),
+    ComparedPart.DETECTOR: tr_noop("Tick at least one detector."),
+    ComparedPart.ATTITUDE: tr_noop("Tick at least one attitude."),
 }
 
 
@@ -47,7 +55,7 @@ class MethodsPanel(Page):
     def __init__(self) -> None:
         super().__init__()
         self._chosen = {kind: MethodChoice(list(REGISTRIES[kind])) for kind in ComparedPart}
-        self.kinds = choice_box("Compare", {title: kind for kind, title in KINDS.items()}, 10)
+        self.kinds = choice_box(tr("Compare"), {tr(title): kind for kind, title in KINDS.items()}, 10)
         self.list = QListWidget()
         self.list.setSpacing(1)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -77,9 +85,9 @@ class MethodsPanel(Page):
         chosen = self._chosen[self.kind]
         for name in chosen.ticked:
             if name in chosen.faults:
-                raise UsageError(f"{self.kind.capitalize()} {name}: {chosen.faults[name]}")
+                raise UsageError(f"{tr(self.kind.capitalize())} {name}: {chosen.faults[name]}")
         if not chosen.ticked:
-            raise UsageError(f"Tick at least one {self.kind}.")
+            raise UsageError(tr(ONE[self.kind]))
         return [Choice(name, chosen.options.get(name, {})) for name in chosen.ticked]
 
     def tick(self, names: list[str]) -> None:
@@ -124,7 +132,7 @@ class MethodsPanel(Page):
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
                 item.setCheckState(CHECKED[name in ticked])
             self.list.setCurrentRow(0)
-        self.list.setAccessibleName(f"{KINDS[self.kind]}; space ticks one")
+        self.list.setAccessibleName(tr("{kinds}; space ticks one", kinds=tr(KINDS[self.kind])))
         self._show(self.list.currentItem())
 
     def _show(self, item: QListWidgetItem | None, _: object = None) -> None:
@@ -155,29 +163,31 @@ class MethodsPanel(Page):
 class StarSource(StrEnum):
     """Where the stars come from."""
 
-    FRAME = "open frame"
-    FIELD = "simulated field"
+    FRAME = tr_noop("open frame")
+    FIELD = tr_noop("simulated field")
 
 
 class Hints(StrEnum):
     """What the methods know of the pointing."""
 
-    SCALE = "pixel scale"
-    POSITION = "pixel scale and position"
-    NOTHING = "nothing"
+    SCALE = tr_noop("pixel scale")
+    POSITION = tr_noop("pixel scale and position")
+    NOTHING = tr_noop("nothing")
 
 
+NOISE_TIP = tr_noop("Position noise; in an image, that of the faintest star")
+FALSE_TIP = tr_noop("False stars, % of the real ones; in an image, hot pixels")
 # name: (title, tip, lowest, highest, default, decimals, unit)
 NUMBERS: dict[str, tuple[str, str, float, float, float, int, str]] = {
-    "width_deg": ("Field width", "Field of view of the simulated frame", 1, 120, 20, 1, " °"),
-    "size_px": ("Frame", "Side of the square frame", 128, 16384, 2048, 0, " px"),
-    "stars": ("Stars", "Number of stars", 3, 200, 20, 0, ""),
-    "noise_px": ("Noise", "Position noise; in an image, that of the faintest star", 0, 20, 0.3, 2, " px"),
-    "false": ("False stars", "False stars, % of the real ones; in an image, hot pixels", 0, 300, 10, 0, " %"),
-    "missing": ("Missing", "Stars that were not detected", 0, 95, 10, 0, " %"),
-    "seed": ("Field no.", "Number of the simulated field", 1, 999_999, 1, 0, ""),
-    "fields": ("Fields per point", "Simulated fields for each point of a curve", 1, 1000, 10, 0, ""),
-    "limit_s": ("Time limit", "Time limit of a method", 1, 600, 10, 0, " s"),
+    "width_deg": (tr_noop("Field width"), tr_noop("Field of view of the simulated frame"), 1, 120, 20, 1, " °"),
+    "size_px": (tr_noop("Frame"), tr_noop("Side of the square frame"), 128, 16384, 2048, 0, " px"),
+    "stars": (tr_noop("Stars"), tr_noop("Number of stars"), 3, 200, 20, 0, ""),
+    "noise_px": (tr_noop("Noise"), NOISE_TIP, 0, 20, 0.3, 2, " px"),
+    "false": (tr_noop("False stars"), FALSE_TIP, 0, 300, 10, 0, " %"),
+    "missing": (tr_noop("Missing"), tr_noop("Stars that were not detected"), 0, 95, 10, 0, " %"),
+    "seed": (tr_noop("Field no."), tr_noop("Number of the simulated field"), 1, 999_999, 1, 0, ""),
+    "fields": (tr_noop("Fields per point"), tr_noop("Simulated fields for each point of a curve"), 1, 1000, 10, 0, ""),
+    "limit_s": (tr_noop("Time limit"), tr_noop("Time limit of a method"), 1, 600, 10, 0, " s"),
 }
 
 
@@ -186,11 +196,11 @@ class LaboratorySetupPanel(Page):
 
     def __init__(self) -> None:
         super().__init__()
-        self.source = choice_box("Stars from", StarSource, 10)
-        self.hints = choice_box("Known in advance", Hints, 10)
+        self.source = choice_box(tr("Stars from"), {tr(source): source for source in StarSource}, 10)
+        self.hints = choice_box(tr("Known in advance"), {tr(hint): hint for hint in Hints}, 10)
         self.numbers = {name: _number(*made[1:]) for name, made in NUMBERS.items()}
         self._kept = {**self.numbers, "source": self.source, "hints": self.hints}
-        titles = ("Stars from", "Known", *(title for title, *_ in NUMBERS.values()))
+        titles = (tr("Stars from"), tr("Known"), *(tr(title) for title, *_ in NUMBERS.values()))
         fields = (self.source, self.hints, *self.numbers.values())
         rows = ((label(title), field) for title, field in zip(titles, fields, strict=True))
         form = grid(*rows, down=5, stretch=(0, 1))
@@ -211,7 +221,7 @@ class LaboratorySetupPanel(Page):
 
     @property
     def from_field(self) -> bool:
-        return StarSource(self.source.currentText()) is StarSource.FIELD
+        return StarSource(self.source.currentData()) is StarSource.FIELD
 
     def state(self) -> dict[str, Any]:
         return field_values(self._kept)

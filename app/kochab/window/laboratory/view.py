@@ -6,6 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QSplitter, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.progress import PREPARING, Progress, Task
 from kochab.lab.laboratory.comparison import Choice, ComparedPart, field_plan
@@ -19,7 +20,7 @@ from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 
-READY = "Compare methods on the same stars, or plot how they cope with worse data."
+READY = tr_noop("Compare methods on the same stars, or plot how they cope with worse data.")
 
 
 class _Relay(QObject):
@@ -39,16 +40,16 @@ class LaboratoryView(Page):
         self.methods = MethodsPanel()
         self.table = TrialTable()
         self.plots = Plots(ComparedPart.METHOD)
-        self.tabs = tab_pages("Laboratory results", ("Table", self.table), ("Curves", self.plots))
-        self.status = label(READY, "muted", wrap=True)
-        self.bar = ProgressBar("Progress of the Laboratory")
-        self.compare = button("Compare", self.run_comparison, "main", "One row for each method")
-        self.draw = button("Draw curves", self.run_curves, tip="Simulated fields with more and more noise")
-        self.stop = button("Stop", self._stop, tip="Stop and keep the results so far")
-        self.csv = button("CSV…", lambda: self._ask("csv"), tip="The numbers, for a spreadsheet")
-        self.png = button("PNG…", lambda: self._ask("png"), tip="The image, at twice the size")
-        self.csv.setAccessibleName("Export as CSV")
-        self.png.setAccessibleName("Export as PNG")
+        self.tabs = tab_pages(tr("Laboratory results"), (tr("Table"), self.table), (tr("Curves"), self.plots))
+        self.status = label(tr(READY), "muted", wrap=True)
+        self.bar = ProgressBar(tr("Progress of the Laboratory"))
+        self.compare = button(tr("Compare"), self.run_comparison, "main", tr("One row for each method"))
+        self.draw = button(tr("Draw curves"), self.run_curves, tip=tr("Simulated fields with more and more noise"))
+        self.stop = button(tr("Stop"), self._stop, tip=tr("Stop and keep the results so far"))
+        self.csv = button(tr("CSV…"), lambda: self._ask("csv"), tip=tr("The numbers, for a spreadsheet"))
+        self.png = button(tr("PNG…"), lambda: self._ask("png"), tip=tr("The image, at twice the size"))
+        self.csv.setAccessibleName(tr("Export as CSV"))
+        self.png.setAccessibleName(tr("Export as PNG"))
         self.tabs.currentChanged.connect(self._enable_export)
         self.job: Job | None = None
         self._relay = _Relay(self)
@@ -59,7 +60,7 @@ class LaboratoryView(Page):
         self._idle()
 
     def _lay_out(self) -> None:
-        top = tab_pages("Laboratory set-up", ("Methods", self.methods), ("Stars", scrolled(self.setup)))
+        top = tab_pages(tr("Laboratory set-up"), (tr("Methods"), self.methods), (tr("Stars"), scrolled(self.setup)))
         buttons = row(self.compare, self.draw, self.stop, None, self.csv, self.png)
         below = QWidget()
         column(buttons, self.bar, self.status, (self.tabs, 1), on=below, margins=(0, 4, 0, 0))
@@ -74,7 +75,7 @@ class LaboratoryView(Page):
     def run_comparison(self) -> None:
         if (choices := self._choices()) is None:
             return
-        hints, relay = Hints(self.setup.hints.currentText()), self._begin()
+        hints, relay = Hints(self.setup.hints.currentData()), self._begin()
         known = hints is not Hints.NOTHING, hints is Hints.POSITION  # the scale, and the place
         limit_s = self.setup.number("limit_s")
         self.table.begin(self.methods.kind)
@@ -89,7 +90,7 @@ class LaboratoryView(Page):
         self.plots.begin([choice.name for choice in choices])
         relay.point.connect(self.plots.add)
         fields, seed, limit_s = (self.setup.number(name) for name in ("fields", "seed", "limit_s"))
-        place_known = Hints(self.setup.hints.currentText()) is Hints.POSITION
+        place_known = Hints(self.setup.hints.currentData()) is Hints.POSITION
         stars, kind, sweeps = field_plan(*self.setup.field), self.methods.kind, None  # all of them
         task = curves(stars, kind, choices, sweeps, fields, seed, place_known, limit_s, relay.point.emit)
         self._start(task, 1)
@@ -116,7 +117,7 @@ class LaboratoryView(Page):
         self.tabs.removeTab(1)
         self.plots.deleteLater()
         self.plots = Plots(self.methods.kind)
-        self.tabs.addTab(self.plots, "Curves")
+        self.tabs.addTab(self.plots, tr("Curves"))
 
     def _begin(self) -> _Relay:
         """A new relay for each run, so that results of an older one are dropped."""
@@ -132,13 +133,13 @@ class LaboratoryView(Page):
         job.progressed.connect(self._progressed)
         job.succeeded.connect(lambda _: self._done(tab))
         job.failed.connect(lambda sentence: self._say(sentence, "wrong"))
-        job.cancelled.connect(lambda: self._say("Stopped. Results so far are kept.", "muted"))
+        job.cancelled.connect(lambda: self._say(tr("Stopped. Results so far are kept."), "muted"))
         job.finished.connect(lambda: self._idle() if self.job is job else None)
         self._show_running(True)
 
     def _done(self, tab: int) -> None:
         counts = ", ".join(f"{method} {count}" for method, count in self.plots.wrong_answers().items())
-        self._say(f"Done. Wrong answers: {counts or 'none'}." if tab else "Done.", "muted")
+        self._say(tr("Done. Wrong answers: {counts}.", counts=counts or tr("none")) if tab else tr("Done."), "muted")
 
     def _stop(self) -> None:
         if self.job is not None:
@@ -146,8 +147,9 @@ class LaboratoryView(Page):
 
     def _progressed(self, progress: Progress) -> None:
         self.bar.show_share(progress.fraction)
-        preparing = "Building the small-field index: " if progress.stage == PREPARING else ""
-        self._say(f"{preparing}{progress.detail}", "muted")
+        doing = progress.detail
+        preparing = progress.stage == PREPARING
+        self._say(tr("Building the small-field index: {doing}", doing=doing) if preparing else doing, "muted")
 
     def _idle(self) -> None:
         self._show_running(False)
@@ -186,5 +188,5 @@ class LaboratoryView(Page):
         else:
             task = write_image(image_of(self.tabs.currentWidget()), path)
         job = self._services.jobs.run(task, "export")
-        job.succeeded.connect(lambda p: self._services.say(f"Saved {p.name}"))
-        job.failed.connect(lambda sentence: tell(self.window(), "Export", sentence))
+        job.succeeded.connect(lambda p: self._services.say(tr("Saved {name}", name=p.name)))
+        job.failed.connect(lambda sentence: tell(self.window(), tr("Export"), sentence))

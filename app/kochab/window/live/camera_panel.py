@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
 from PySide6.QtWidgets import QAbstractSpinBox
 
+from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureLimits, CaptureSettings
 from kochab.gear.session import CameraSelection
 from kochab.window.cameras import CameraBox
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from kochab.window.charts.histogram_plot import HistogramPlot
 
 
-DEFAULT = "default"
+DEFAULT = tr_noop("default")
 UNSET = -1.0
 MOST = LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
 
@@ -41,17 +42,17 @@ class SettingFields(Page):
 
     def __init__(self) -> None:
         super().__init__()
-        self.exposure = number_field("Exposure", 0.0, LONGEST_S, 0.0, 4, " s")
-        self.gain = number_field("Gain, in the camera’s units", UNSET, MOST_GAIN, UNSET, 1)
-        self.binning = number_field("Binning", 0, MOST_BINNING, 0)
+        self.exposure = number_field(tr("Exposure"), 0.0, LONGEST_S, 0.0, 4, tr(" s"))
+        self.gain = number_field(tr("Gain, in the camera’s units"), UNSET, MOST_GAIN, UNSET, 1)
+        self.binning = number_field(tr("Binning"), 0, MOST_BINNING, 0)
         self.in_force = label("", "muted", wrap=True)
         self.fields = {"exposure": self.exposure, "gain": self.gain, "binning": self.binning}
         for field in (self.exposure, self.gain):
             field.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
         for field in self.fields.values():
-            field.setSpecialValueText(DEFAULT)
+            field.setSpecialValueText(tr(DEFAULT))
             field.valueChanged.connect(lambda _: self.changed.emit())
-        titles = [label(name.capitalize(), "muted") for name in self.fields]
+        titles = [label(title, "muted") for title in (tr("Exposure"), tr("Gain"), tr("Binning"))]
         fields = grid(titles, self.fields.values(), stretch=(1, 1, 1))
         column(fields, self.in_force, on=self, spacing=4, margins=(0, 0, 0, 0))
         self.show_limits(None, CaptureSettings())
@@ -79,13 +80,15 @@ class SettingFields(Page):
 
 
 def _in_force_text(now: CaptureSettings, reasons: dict[str, str]) -> str:
-    parts = [f"{now.exposure_s:g} s"] if now.exposure_s is not None else []
-    parts += [f"gain {now.gain:g}"] if now.gain is not None else []
-    parts += [f"binning {now.binning}"] if now.binning is not None else []
-    text = f"Camera uses {', '.join(parts)}." if parts else ""
+    parts = [tr("{seconds:g} s", seconds=now.exposure_s)] if now.exposure_s is not None else []
+    parts += [tr("gain {gain:g}", gain=now.gain)] if now.gain is not None else []
+    parts += [tr("binning {binning}", binning=now.binning)] if now.binning is not None else []
+    told = [tr("Camera uses {settings}.", settings=", ".join(parts))] if parts else []
     if reasons:
-        text += f" This camera cannot set {', '.join(reasons)}."
-    return text.strip()
+        names = {"exposure": tr("exposure"), "gain": tr("gain"), "binning": tr("binning")}
+        fixed = ", ".join(names[name] for name in reasons)
+        told.append(tr("This camera cannot set {settings}.", settings=fixed))
+    return " ".join(told)
 
 
 MARKS = (0.01, 0.1, 0.5)  # of full scale
@@ -95,7 +98,7 @@ class LevelView(Histogram):
     """The histogram of the camera's frames, full scale at the right edge."""
 
     def __init__(self) -> None:
-        super().__init__("Histogram of the camera, empty to full")
+        super().__init__(tr("Histogram of the camera, empty to full"))
         self._levels = Levels()
 
     def show_levels(self, levels: Levels) -> None:
@@ -125,8 +128,8 @@ class CameraPanel(Page):
     def __init__(self) -> None:
         super().__init__()
         self.box = CameraBox()
-        self.lens = text_field("Name of camera and lens", "name it to save its calibration")
-        self.reconnect = switch("Reconnect auto&matically")
+        self.lens = text_field(tr("Name of camera and lens"), tr("name it to save its calibration"))
+        self.reconnect = switch(tr("Reconnect auto&matically"))
         self.fields = SettingFields()
         self._kept = {"lens": self.lens, "again": self.reconnect, **self.fields.fields}
         self.levels = LevelView()
@@ -136,7 +139,7 @@ class CameraPanel(Page):
         self.fields.changed.connect(self._settle.start)
         column(
             self.box,
-            row(label("Lens"), (self.lens, 1)),
+            row(label(tr("Lens")), (self.lens, 1)),
             *(self.reconnect, self.fields, self.levels, self.levels_status, None),
             on=self,
             spacing=8,

@@ -7,6 +7,7 @@ import numpy as np
 from PySide6.QtCore import QSize
 from PySide6.QtWidgets import QSizePolicy
 
+from kochab.core import number, tr, tr_noop
 from kochab.core.angle_text import AngleStyle, age_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, wrapped
@@ -29,7 +30,7 @@ class SkyChart(PlotArea):
     """An all-sky chart with the trail of the pointing; the stars are redrawn only when it is re-centred."""
 
     def __init__(self) -> None:
-        super().__init__("All-sky chart with the trail of the pointing")
+        super().__init__(tr("All-sky chart with the trail of the pointing"))
         self.trail = Trail()
         self._points: SkyPoints | None = None
         self._centre_ra_deg = 0.0
@@ -54,8 +55,8 @@ class SkyChart(PlotArea):
         first = self.trail.here is None
         self.trail.add(centre, old)
         ra, dec = radec_deg(centre)
-        title = "Last known pointing" if old else "Pointing"
-        self.describe(f"{title}: RA {ra:.1f}°, Dec {dec:+.1f}°.")
+        known, here = tr("Last known pointing: RA {ra}°, Dec {dec}°."), tr("Pointing: RA {ra}°, Dec {dec}°.")
+        self.describe((known if old else here).format(ra=number(ra, ".1f"), dec=number(dec, "+.1f")))
         away = np.radians(wrapped(ra - self._centre_ra_deg))
         if first or abs(away) > FAR_RAD:
             self._centre_ra_deg = round(ra / 15.0) * 15.0 % 360.0
@@ -84,16 +85,16 @@ class SkyChart(PlotArea):
 
 
 ROWS = {
-    "Uncertainty": "1σ of the pointing, filtered over the frames",
-    "Age": "Time since mid-exposure of the last solved frame",
-    "Drift RA": "Times cos(Dec), positive towards the east",
-    "Drift Dec": "Positive towards the north",
-    "Rates": "Rotation of the camera about its x, y and z axes",
-    "Frame rate": "Frames per second",
-    "Latency": "Time to solve, and from mid-exposure to the screen",
-    "Lens": "Calibration of camera and lens",
+    tr_noop("Uncertainty"): tr_noop("1σ of the pointing, filtered over the frames"),
+    tr_noop("Age"): tr_noop("Time since mid-exposure of the last solved frame"),
+    tr_noop("Drift RA"): tr_noop("Times cos(Dec), positive towards the east"),
+    tr_noop("Drift Dec"): tr_noop("Positive towards the north"),
+    tr_noop("Rates"): tr_noop("Rotation of the camera about its x, y and z axes"),
+    tr_noop("Frame rate"): tr_noop("Frames per second"),
+    tr_noop("Latency"): tr_noop("Time to solve, and from mid-exposure to the screen"),
+    tr_noop("Lens"): tr_noop("Calibration of camera and lens"),
 }
-STOPPED = "OLD: last pointing before the camera stopped"
+STOPPED = tr_noop("OLD: last pointing before the camera stopped")
 
 
 class PointingPanel(Page):
@@ -106,8 +107,9 @@ class PointingPanel(Page):
         self.old = label("", "old", wrap=True)
         self.doubt = label("", "wrong", wrap=True)
         self.chart = SkyChart()
-        self.values = {title: value_label(title, tip) for title, tip in ROWS.items()}
-        grid = facts_grid(4, ("RA", self.ra), ("Dec", self.dec), *self.values.items())
+        self.values = {title: value_label(tr(title), tr(tip)) for title, tip in ROWS.items()}
+        rows = ((tr(title), value) for title, value in self.values.items())
+        grid = facts_grid(4, (tr("RA"), self.ra), (tr("Dec"), self.dec), *rows)
         column(self.old, grid, self.doubt, (self.chart, 1), on=self, spacing=8, margins=(10, 10, 10, 10))
         self.clear()
 
@@ -142,7 +144,7 @@ class PointingPanel(Page):
         }.items():
             self.values[title].setText(text)
         self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
-        show_text(self.old, f"OLD: pointing of {age} ago. The current pointing is unknown." if old else "")
+        show_text(self.old, tr("OLD: pointing of {age} ago. The current pointing is unknown.", age=age) if old else "")
         show_text(self.doubt, lens.doubt)
         centre = status_text.pointing_vector(update)
         if centre is not None:
@@ -156,7 +158,7 @@ class PointingPanel(Page):
         for title, value in self.values.items():
             if title != "Lens":
                 value.setText(NOTHING)
-        show_text(self.old, STOPPED)
+        show_text(self.old, tr(STOPPED))
         if self.chart.trail.here is not None:
             self.chart.show_pointing(self.chart.trail.here, old=True)
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from kochab.core import number, tr, tr_n, tr_noop
 from kochab.core.angle_text import AngleStyle, age_text, arcsec_text, dec_text, milliseconds_text, ra_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
@@ -46,16 +47,17 @@ def stream_status(update: LiveUpdate, now_s: float, seen_s: float = float("-inf"
     ``seen_s`` is the arrival of the newest frame, which may not be solved yet.
     """
     if isinstance(update.result, NoSolution):
-        return StreamStatus(f"No solution: {update.result.reason}", update.result.advice, "bad")
+        return StreamStatus(tr("No solution: {reason}", reason=tr(update.result.reason)), update.result.advice, "bad")
     if update.age_s(now_s) > limit_s(update):
         since = age_text(update.age_s(now_s))
         if now_s - seen_s < limit_s(update):
-            return StreamStatus("Searching", f"Last solution {since} ago.", "bad")
-        return StreamStatus("No new frames", f"Last frame {since} ago.", "bad")
+            return StreamStatus(tr("Searching"), tr("Last solution {since} ago.", since=since), "bad")
+        return StreamStatus(tr("No new frames"), tr("Last frame {since} ago.", since=since), "bad")
     if update.mode == "lost":
-        return StreamStatus("Solved", "Solved blind; tracking starts.", "heading")
+        return StreamStatus(tr("Solved"), tr("Solved blind; tracking starts."), "heading")
     found, expected = update.track.matched, update.track.expected
-    return StreamStatus("Tracking", f"{found} of {expected} expected stars matched", "heading")
+    matched = tr("{found} of {expected} expected stars matched", found=found, expected=expected)
+    return StreamStatus(tr("Tracking"), matched, "heading")
 
 
 def pointing_vector(update: LiveUpdate) -> Floats | None:
@@ -81,7 +83,7 @@ def sigma_text(update: LiveUpdate) -> str:
     if sigma is None or not all(map(math.isfinite, sigma)):
         return NOTHING
     x, y, roll = map(arcsec_text, sigma)
-    return f"± {x} in x, {y} in y, {roll} in rotation"
+    return tr("± {x} in x, {y} in y, {roll} in rotation", x=x, y=y, roll=roll)
 
 
 def rates_text(update: LiveUpdate) -> str:
@@ -102,69 +104,86 @@ def drift_texts(drift: Drift | None) -> tuple[str, str]:
     """Drift in right ascension, already times cos(Dec), and in declination."""
     if drift is None:
         return NOTHING, NOTHING
-    over = f"(over {drift.span_s:.0f} s)"
-    east = f"{_figures(drift.ra_arcsec_min, '+')} ± {_figures(drift.ra_sigma)} ″/min  {over}"
-    return east, f"{_figures(drift.dec_arcsec_min, '+')} ± {_figures(drift.dec_sigma)} ″/min  {over}"
+    east, north = ((drift.ra_arcsec_min, drift.ra_sigma), (drift.dec_arcsec_min, drift.dec_sigma))
+    text = tr("{rate} ± {sigma} ″/min  (over {span} s)")
+    span = number(drift.span_s, ".0f")
+    ra, dec = (text.format(rate=_figures(r, "+"), sigma=_figures(sigma), span=span) for r, sigma in (east, north))
+    return ra, dec
 
 
 def frame_rate_text(update: LiveUpdate) -> str:
     """Frames per second, and how many frames were dropped."""
-    dropped = f", {update.dropped:,} dropped" if update.dropped else ""
-    return f"{_fps(update.frames_hz)}{dropped}"
+    fps = _fps(update.frames_hz)
+    return tr("{fps}, {dropped:,} dropped", fps=fps, dropped=update.dropped) if update.dropped else fps
 
 
 def frame_rate_tip(update: LiveUpdate, drawn_hz: float | None) -> str:
     """Frames solved and drawn per second."""
-    return f"Solved: {_fps(update.solved_hz)}, drawn: {_fps(drawn_hz)}"
+    return tr("Solved: {solved}, drawn: {drawn}", solved=_fps(update.solved_hz), drawn=_fps(drawn_hz))
 
 
 def latency_text(update: LiveUpdate, screen_ms: float | None) -> str:
     """From the frame's arrival to its solution, and from mid-exposure to the screen."""
-    text = f"{update.latency_ms:.0f} ms to solve"
-    return text if screen_ms is None else f"{text}, {milliseconds_text(screen_ms)} to the screen"
+    if screen_ms is None:
+        return tr("{ms:.0f} ms to solve", ms=update.latency_ms)
+    screen = milliseconds_text(screen_ms)
+    return tr("{ms:.0f} ms to solve, {screen} to the screen", ms=update.latency_ms, screen=screen)
 
 
 def lens_text(lens: Lens, name: str) -> str:
     """The calibration of camera and lens."""
     profile = lens.profile
     if profile is None or not profile.frames:
-        return "Not measured yet" if name else "Not measured yet; name the lens to save it"
+        return tr("Not measured yet") if name else tr("Not measured yet; name the lens to save it")
     focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
-    text = f"focal length {focal:.1f} ± {sigma:.2g} px, {profile.frames:,} frame{'s' * (profile.frames != 1)}"
-    return text if name else f"{text}; name the lens to save it"
+    text = tr_n(
+        "focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frame",
+        "focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frames",
+        profile.frames,
+        focal=focal,
+        sigma=sigma,
+    )
+    return text if name else tr("{text}; name the lens to save it", text=text)
 
 
 def levels_text(levels: Levels) -> str:
     """Sky and peak level, and whether to change the exposure."""
-    text = f"Sky {levels.sky:.1%}, peak {levels.top:.0%} of full scale"
+    text = tr("Sky {sky:.1%}, peak {top:.0%} of full scale", sky=levels.sky, top=levels.top)
     if levels.clipped > 0.002:
-        return f"{text}. {levels.clipped:.1%} of pixels clipped: reduce the exposure."
+        return tr("{text}. {clipped:.1%} of pixels clipped: reduce the exposure.", text=text, clipped=levels.clipped)
     if levels.sky > 0.5:
-        return f"{text}. Reduce the exposure."
-    return f"{text}. Increase the exposure." if levels.top < 0.02 else text
+        return tr("{text}. Reduce the exposure.", text=text)
+    return tr("{text}. Increase the exposure.", text=text) if levels.top < 0.02 else text
 
 
 def recorded_text(recorder: Recorder) -> str:
     """Frames recorded, free disk space and the folder."""
-    word = "Recording" if recorder.recording else "Recorded"
-    tail = f"; {recorder.free_bytes / 1e9:.1f} GB free" if recorder.recording else ""
-    return f"{word} {recorder.frames:,} frames, {recorder.solved:,} solved{tail}: {recorder.folder}"
+    text = (
+        tr("Recording {frames} frames, {solved} solved; {free} GB free: {folder}")
+        if recorder.recording
+        else tr("Recorded {frames} frames, {solved} solved: {folder}")
+    )
+    frames, solved, free = (number(recorder.frames, ","), number(recorder.solved, ","), recorder.free_bytes / 1e9)
+    return text.format(frames=frames, solved=solved, free=number(free, ".1f"), folder=recorder.folder)
+
+
+FIXED = {
+    "exposure": tr_noop("This camera’s exposure cannot be set from here."),
+    "gain": tr_noop("This camera’s gain cannot be set from here."),
+    "binning": tr_noop("This camera’s binning cannot be set from here."),
+}
 
 
 def fixed_settings(limits: CaptureLimits) -> dict[str, str]:
     """Setting -> why it cannot be changed on this camera."""
     given = {"exposure": limits.exposure_s, "gain": limits.gain, "binning": limits.binning}
-    return {
-        name: f"This camera’s {name} cannot be set from here."
-        for name, limit in given.items()
-        if limit is None or limit[0] == limit[1]
-    }
+    return {name: tr(FIXED[name]) for name, limit in given.items() if limit is None or limit[0] == limit[1]}
 
 
 def _fps(value: float | None) -> str:
     if value is None:
-        return f"{NOTHING} fps"
-    return f"{value:.0f} fps" if value >= 9.95 else f"{value:.1f} fps"
+        return tr("{rate} fps", rate=NOTHING)
+    return tr("{rate} fps", rate=number(value, ".0f" if value >= 9.95 else ".1f"))
 
 
 def _figures(value: float, sign: str = "") -> str:
@@ -172,4 +191,4 @@ def _figures(value: float, sign: str = "") -> str:
     if not math.isfinite(value):
         return NOTHING
     places = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2
-    return f"{value:{sign}.{places}f}".replace("-", "−")
+    return number(value, f"{sign}.{places}f").replace("-", "−")

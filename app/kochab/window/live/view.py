@@ -11,6 +11,7 @@ from typing import Any
 from PySide6.QtCore import QTimer, Signal
 from PySide6.QtGui import QShowEvent
 
+from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureSettings
 from kochab.gear.profiles import current_profile
 from kochab.window.cameras import TITLES
@@ -27,7 +28,7 @@ from kochab.window.widgets import Page, button, column, label, row, scrolled, sh
 from kochab.workflows.live.solve import ProfiledTracker
 from kochab.workflows.session.live_stream import Recording, Stream, StreamRequest
 
-NO_RECORDER = "Recording is not available in this window."
+NO_RECORDER = tr_noop("Recording is not available in this window.")
 
 
 class RecordPanel(Page):
@@ -38,10 +39,10 @@ class RecordPanel(Page):
     def __init__(self, can_record: bool) -> None:
         super().__init__()
         self.folder = Path.home() / "Kochab"
-        self.switch = switch("&Record frames and solutions")
+        self.switch = switch(tr("&Record frames and solutions"))
         self.switch.setEnabled(can_record)
         self.switch.toggled.connect(self._toggled)
-        self.choose = button("Fold&er…", self._ask, tip="Choose the folder for recordings")
+        self.choose = button(tr("Fold&er…"), self._ask, tip=tr("Choose the folder for recordings"))
         self.status = label("", "muted", wrap=True)
         column(row((self.switch, 1), self.choose), self.status, on=self, margins=(0, 0, 0, 0))
         self.use_folder(self.folder)
@@ -56,20 +57,20 @@ class RecordPanel(Page):
     def use_folder(self, folder: Path) -> None:
         """Save the next recording there."""
         self.folder = folder
-        self.status.setText(f"Saves to {folder}" if self.switch.isEnabled() else NO_RECORDER)
+        self.status.setText(tr("Saves to {folder}", folder=folder) if self.switch.isEnabled() else tr(NO_RECORDER))
 
     def _toggled(self, on: bool) -> None:
         self.choose.setEnabled(not on)
         self.wanted.emit(self.folder if on else None)
 
     def _ask(self) -> None:
-        if (path := ask_folder(self.window(), str(self.folder), "Folder for recordings")) is not None:
+        if (path := ask_folder(self.window(), str(self.folder), tr("Folder for recordings"))) is not None:
             self.use_folder(path)
 
 
 log = logging.getLogger("kochab")
 WRITE_EVERY_MS = 200
-READY = "Choose a camera, then press Start."
+READY = tr_noop("Choose a camera, then press Start.")
 POINTING = 1  # its tab
 
 
@@ -100,12 +101,13 @@ class LiveView(Page):
         self.pointing = PointingPanel()
         self.record = RecordPanel(self._services.wiring.to_record is not None)
         self.title = label("", "heading", wrap=True)
-        self.text = label(READY, "muted", wrap=True)
+        self.text = label(tr(READY), "muted", wrap=True)
         self.message = label("", wrap=True)
         self.message.setVisible(False)
-        self.start = button("&Start", self.begin, "main", "Open the camera and solve its frames")
-        self.stop = button("Sto&p", self.end, tip="Close the camera; the last frame stays open")
-        self.tabs = tab_pages("Live", ("Camera", scrolled(self.camera)), ("Pointing", scrolled(self.pointing)))
+        self.start = button(tr("&Start"), self.begin, "main", tr("Open the camera and solve its frames"))
+        self.stop = button(tr("Sto&p"), self.end, tip=tr("Close the camera; the last frame stays open"))
+        camera, pointing = scrolled(self.camera), scrolled(self.pointing)
+        self.tabs = tab_pages(tr("Live"), (tr("Camera"), camera), (tr("Pointing"), pointing))
         top = row((self.title, 1), self.start, self.stop)
         parts = (top, self.text, self.message, (self.tabs, 1), self.record)
         column(*parts, on=self, spacing=6, margins=(10, 8, 10, 8))
@@ -131,7 +133,7 @@ class LiveView(Page):
         source, address = panel.box.kind, panel.box.address.text().strip()
         opened = partial(cameras.open, source, address, panel.fields.settings())
         cameras.choose(source, address)
-        name = f"{TITLES.get(source, source)} {address}".strip()
+        name = f"{tr(TITLES.get(source, source))} {address}".strip()
         self._save()
         hint = current_profile(self._services.settings).hint_of(source, address)
         self.run(StreamRequest(opened, name, panel.lens.text().strip(), panel.reconnect.isChecked(), hint))
@@ -153,7 +155,7 @@ class LiveView(Page):
         job.finished.connect(lambda: self._finished(job, stream))
         self._show_running(True)
         self.tabs.setCurrentIndex(POINTING)
-        self._show_status(StreamStatus("Opening the camera", request.name, "heading"))
+        self._show_status(StreamStatus(tr("Opening the camera"), request.name, "heading"))
         self._timer.start()
 
     def end(self, keep: bool = True) -> None:
@@ -170,8 +172,8 @@ class LiveView(Page):
         self.pointing.show_stopped()
         self._changing_frame = False
         if keep and self.display.shown is None:
-            self._services.session.live.emit("Live: stopped")
-        self._show_status(StreamStatus("Stopping", "Closing the camera…", "heading"))
+            self._services.session.live.emit(tr("Live: stopped"))
+        self._show_status(StreamStatus(tr("Stopping"), tr("Closing the camera…"), "heading"))
         self._show_running(False)
         self.start.setEnabled(False)
 
@@ -209,11 +211,12 @@ class LiveView(Page):
                 update, stream.lens, stream.wish.profile, self.display.drawn_hz, self.display.latency_ms
             )
         elif shown is not None:
-            self._show_status(StreamStatus("Searching", "Solving the first frame blind.", "heading"))
+            self._show_status(StreamStatus(tr("Searching"), tr("Solving the first frame blind."), "heading"))
         elif capture.name:
-            self._show_status(StreamStatus("Waiting for a frame", "", "heading"))
-        old = ", OLD pointing" if self.pointing.old.text() else ""
-        self._services.session.live.emit(f"Live: {self.title.text()}{old}")
+            self._show_status(StreamStatus(tr("Waiting for a frame"), "", "heading"))
+        old, state = self.pointing.old.text(), self.title.text()
+        told = tr("Live: {state}, OLD pointing", state=state) if old else tr("Live: {state}", state=state)
+        self._services.session.live.emit(told)
 
     def _failed(self, job: Job, sentence: str) -> None:
         """The camera failed: show why, and keep the last pointing, marked as old."""
@@ -238,11 +241,11 @@ class LiveView(Page):
         """A file was opened, or another view shows a frame."""
         if not self._changing_frame and self.stream is not None:
             self.end(keep=False)
-            self._show_message("Live stopped because another frame was opened.")
+            self._show_message(tr("Live stopped because another frame was opened."))
 
     def _show_idle(self) -> None:
         self._show_running(False)
-        self._show_status(StreamStatus("Live", READY, "heading"))
+        self._show_status(StreamStatus(tr("Live"), tr(READY), "heading"))
 
     def _show_running(self, on: bool) -> None:
         self.start.setEnabled(not on)

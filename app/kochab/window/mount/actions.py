@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Signal
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Direction, TrackingRate
@@ -27,7 +28,13 @@ from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_
 
 MOST_SIGHTINGS = 12
 SPIRAL_TURNS, SPIRAL_PAUSE_S, FIELD_DEG = 2, 4.0, 0.5
-SYNC_FIRST = "Use Sync… first to review it."
+NUDGED = {
+    Direction.NORTH: tr_noop("Nudged north by {by}."),
+    Direction.SOUTH: tr_noop("Nudged south by {by}."),
+    Direction.EAST: tr_noop("Nudged east by {by}."),
+    Direction.WEST: tr_noop("Nudged west by {by}."),
+}
+SYNC_FIRST = tr_noop("Use Sync… first to review it.")
 
 
 def outcome_text(result: Any, sight: SolvedPosition | None) -> tuple[str, str]:
@@ -42,20 +49,29 @@ def outcome_text(result: Any, sight: SolvedPosition | None) -> tuple[str, str]:
         case SyncDone():
             return result.sentence, "good" if result.synced else ""
         case NoSolution():
-            return f"No solution: {result.reason}. {result.advice}", "wrong"
+            return tr("No solution: {reason}. {advice}", reason=tr(result.reason), advice=result.advice), "wrong"
         case Solution() if sight is not None:
             off = angle_text(apart_deg(sight.mount_deg, result.ra_dec_deg))
-            return f"Solved. Mount is off by {off}.", ""
+            return tr("Solved. Mount is off by {off}.", off=off), ""
         case Centring():
-            more = f" {SYNC_FIRST}" if result.sentence.endswith("confirm it.") else ""
+            more = f" {tr(SYNC_FIRST)}" if result.to_confirm else ""
             return result.sentence + more, "good" if result.centred else "wrong"
         case Nudged():
-            return f"Nudged {result.direction} by {result.by}.", ""
+            return tr(NUDGED[result.direction], by=result.by), ""
         case Turn():
-            return "Star moved.", ""
+            return tr("Star moved."), ""
         case (Disagreement() as finding, _):
             return finding.sentence, "good" if finding.agrees else ""
     return "", ""
+
+
+TRACKS = {
+    TrackingRate.OFF: tr_noop("Tracking is off."),
+    TrackingRate.SIDEREAL: tr_noop("Tracking at the sidereal rate."),
+    TrackingRate.LUNAR: tr_noop("Tracking at the lunar rate."),
+    TrackingRate.SOLAR: tr_noop("Tracking at the solar rate."),
+    TrackingRate.KING: tr_noop("Tracking at the King rate."),
+}
 
 
 class MountActions(QObject):
@@ -82,7 +98,7 @@ class MountActions(QObject):
 
         def offer_of_frame(guard: Guard) -> Task[SyncOffer]:
             assert solution is not None
-            yield Progress("sync")
+            yield Progress(tr_noop("sync"))
             return offer_of(guard, solution)
 
         if self._control.camera is not None:
@@ -100,10 +116,10 @@ class MountActions(QObject):
         sightings = self._control.sightings
 
         def do(guard: Guard) -> Task[str]:
-            yield Progress("fitting")
+            yield Progress(tr_noop("fitting"))
             model = fit_model(sightings)
             use_model(guard, model)
-            return f"Gotos are aimed by a pointing model until the next sync. {model.lines()[-1]}"
+            return tr("Gotos are aimed by a pointing model until the next sync. {model}", model=model.lines()[-1])
 
         self._control.ask("model", do)
 
@@ -115,7 +131,7 @@ class MountActions(QObject):
 
         def do(guard: Guard) -> Task[str]:
             yield from spiral_search(guard, step, SPIRAL_TURNS, SPIRAL_PAUSE_S)
-            return f"Searched {SPIRAL_TURNS * step:.1f}° around."
+            return tr("Searched {angle:.1f}° around.", angle=SPIRAL_TURNS * step)
 
         self._control.ask("spiral", do)
 
@@ -150,9 +166,9 @@ class MountActions(QObject):
         """Track at this rate, or stop tracking."""
 
         def switch(guard: Guard) -> Task[str]:
-            yield Progress("tracking")
+            yield Progress(tr_noop("tracking"))
             guard.track(rate)
-            return "Tracking is off." if rate is TrackingRate.OFF else f"Tracking at the {rate.ability}."
+            return tr(TRACKS[rate])
 
         self._control.ask(f"track {rate}", switch)
 
@@ -163,11 +179,11 @@ class MountActions(QObject):
             if name == "flip":
                 return (yield from flip_mount(guard))
             if name == "unpark":
-                yield Progress("unparking")
+                yield Progress(tr_noop("unparking"))
                 guard.unpark()
             else:
                 yield from guard.rest(name)
-            return {"park": "Parked.", "unpark": "Unparked.", "home": "At home."}[name]
+            return {"park": tr("Parked."), "unpark": tr("Unparked."), "home": tr("At home.")}[name]
 
         self._control.ask(name, do)
 
@@ -175,12 +191,12 @@ class MountActions(QObject):
         """Set the mount's clock or site, or trust the mount as it is."""
 
         def do(guard: Guard) -> Task[str]:
-            yield Progress("asking the mount")
+            yield Progress(tr_noop("asking the mount"))
             if name == "trust":
                 guard.clock_and_site.trust()
-                return "Using the mount as it is."
+                return tr("Using the mount as it is.")
             (guard.set_clock if name == "set clock" else guard.set_site)()
-            return "The mount has this computer’s clock." if name == "set clock" else "The mount has your site."
+            return tr("The mount has this computer’s clock.") if name == "set clock" else tr("The mount has your site.")
 
         self._control.ask(name, do)
 
@@ -219,8 +235,8 @@ class MountActions(QObject):
         self._control.sightings = ()  # which the sync has changed
 
 
-FIRST = "Click the star in the frame (Esc cancels). Click it twice to centre it."
-SECOND = "Click where to put it, or click it again to centre it."
+FIRST = tr_noop("Click the star in the frame (Esc cancels). Click it twice to centre it.")
+SECOND = tr_noop("Click where to put it, or click it again to centre it.")
 NEAR_PX = 12.0
 
 
@@ -243,7 +259,7 @@ class MoveStarMode(QObject):
         self._on, self._star = True, None
         self._view.clicked.connect(self._clicked)
         self._view.setCursor(Qt.CursorShape.CrossCursor)
-        self.message.emit(FIRST, "")
+        self.message.emit(tr(FIRST), "")
 
     def end(self) -> None:
         """Ignore clicks from now on."""
@@ -255,7 +271,7 @@ class MoveStarMode(QObject):
     def _clicked(self, x: float, y: float, reach_px: float) -> None:
         if self._star is None:
             self._star = self._snapped(x, y, reach_px)
-            self.message.emit(SECOND, "")
+            self.message.emit(tr(SECOND), "")
             return
         star, here = self._star, (x, y)
         self.end()

@@ -6,6 +6,7 @@ from PySide6.QtCore import QRectF, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
@@ -21,17 +22,19 @@ from kochab.window.themes import draw_glyph, theme_colours
 from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field
 
 BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
-EPOCH_TIP = "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
+EPOCH_TIP = tr_noop(
+    "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
+)
 COUNTS_STEPS = "skywatcher"  # these mounts report neither their home position nor their type
-HOME_TIP = (
+HOME_TIP = tr_noop(
     "This mount only counts motor steps. It does not slew until you confirm the home position or "
     "sync on a solved frame."
 )
-FIND_TIP = "Ask every port which mount is there. Nothing moves."
-PRACTICE = "Practice with a simulated telescope"
-PRACTICE_TIP = "A misaligned mount with a camera, under a simulated sky"
-WEDGE_TIP = "Kochab moves an AZ-GTi only in equatorial mode, on a wedge"
-SITE_TIP = "Latitude, longitude in degrees, north and east positive; never sent to the mount"
+FIND_TIP = tr_noop("Ask every port which mount is there. Nothing moves.")
+PRACTICE = tr_noop("Practice with a simulated telescope")
+PRACTICE_TIP = tr_noop("A misaligned mount with a camera, under a simulated sky")
+WEDGE_TIP = tr_noop("Kochab moves an AZ-GTi only in equatorial mode, on a wedge")
+SITE_TIP = tr_noop("Latitude, longitude in degrees, north and east positive; never sent to the mount")
 
 
 class HomePicture(QWidget):
@@ -40,7 +43,7 @@ class HomePicture(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.setFixedSize(96, 96)
-        self.setAccessibleName("The tube points at the pole, the counterweight hangs down")
+        self.setAccessibleName(tr("The tube points at the pole, the counterweight hangs down"))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw it."""
@@ -63,39 +66,43 @@ class ConnectBox(QWidget):
         super().__init__()
         self._jobs = jobs
         self._search: Job | None = None
-        self.profile = _combo("Equipment profile", "none: type a name to keep this equipment")
-        self.profile.setToolTip("Camera, mount, site and limits under one name, for every view")
+        self.profile = _combo(tr("Equipment profile"), tr("none: type a name to keep this equipment"))
+        self.profile.setToolTip(tr("Camera, mount, site and limits under one name, for every view"))
         typed = self.profile.lineEdit()
         assert typed is not None
         for done in (self.profile.textActivated, typed.returnPressed):  # Qt tells of a new name by the latter
             done.connect(lambda *_: self.profile_chosen.emit(self.profile.currentText().strip()))
-        self.port = _combo("Port of the mount", PORTS)
-        drivers = {driver.title: name for name, driver in DRIVERS.loaded().items()}
-        self.driver = narrow_box("Driver of the mount", 8, drivers)
-        self.baud = _combo("Baud rate", "9600")
+        self.port = _combo(tr("Port of the mount"), tr(PORTS))
+        drivers = {tr(driver.title): name for name, driver in DRIVERS.loaded().items()}
+        self.driver = narrow_box(tr("Driver of the mount"), 8, drivers)
+        self.baud = _combo(tr("Baud rate"), "9600")
         self.baud.addItems(BAUDS)
-        self.epoch = narrow_box("Epoch of the mount's coordinates", 8, EPOCHS)
-        self.epoch.setToolTip(EPOCH_TIP)
-        self.site = text_field("Site of the mount", "48.14, 11.58 (sets the horizon limit)", SITE_TIP)
+        self.epoch = narrow_box(
+            tr("Epoch of the mount's coordinates"), 8, {tr(name): epoch for name, epoch in EPOCHS.items()}
+        )
+        self.epoch.setToolTip(tr(EPOCH_TIP))
+        self.site = text_field(
+            tr("Site of the mount"), tr("{example} (sets the horizon limit)", example="48.14, 11.58"), tr(SITE_TIP)
+        )
         self.site.editingFinished.connect(self._site_typed)
-        self.home = switch("At home: tube at the pole, counterweight down", HOME_TIP)
+        self.home = switch(tr("At home: tube at the pole, counterweight down"), tr(HOME_TIP))
         self.home_picture = HomePicture()
-        self.equatorial = switch("AZ-GTi on an equatorial wedge", WEDGE_TIP)
+        self.equatorial = switch(tr("AZ-GTi on an equatorial wedge"), tr(WEDGE_TIP))
         self.driver.currentIndexChanged.connect(self._show_questions)
-        self.connect_button = button("Connect", self._connect, "main", "Open the port. Nothing moves.")
-        self.find_button = button("Find my mount", self.search, tip=FIND_TIP)
-        self.practice_button = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
+        self.connect_button = button(tr("Connect"), self._connect, "main", tr("Open the port. Nothing moves."))
+        self.find_button = button(tr("Find my mount"), self.search, tip=tr(FIND_TIP))
+        self.practice_button = button(tr(PRACTICE), self.practice_wanted.emit, tip=tr(PRACTICE_TIP))
         self._lay_out()
         self.practice_button.setVisible(can_practise)  # not before it has a parent: it would be a window
         self._show_questions()
 
     def _lay_out(self) -> None:
         fields = form(
-            ("Profile", self.profile),
-            ("Port", self.port),
-            ("Driver", self.driver),
-            ("Baud rate", row((self.baud, 1), label("Epoch"), (self.epoch, 1), spacing=10)),
-            ("Your site", self.site),
+            (tr("Profile"), self.profile),
+            (tr("Port"), self.port),
+            (tr("Driver"), self.driver),
+            (tr("Baud rate"), row((self.baud, 1), label(tr("Epoch")), (self.epoch, 1), spacing=10)),
+            (tr("Your site"), self.site),
             spacing=6,
         )
         buttons = row(self.connect_button, self.find_button, None)
@@ -136,8 +143,8 @@ class ConnectBox(QWidget):
         baud, epoch = selection.baud, selection.epoch
         self.set_port(selection.port)
         self.driver.setCurrentIndex(max(0, self.driver.findData(selection.driver)))
-        self.baud.setCurrentText(DRIVER_DEFAULT if baud is None else str(baud))
-        self.epoch.setCurrentText(DRIVER_DEFAULT if epoch is None else str(epoch))
+        self.baud.setCurrentText(tr(DRIVER_DEFAULT) if baud is None else str(baud))
+        self.epoch.setCurrentText(tr(DRIVER_DEFAULT if epoch is None else str(epoch)))
 
     def show_site(self, site: Site | None) -> None:
         """Fill in the site."""
@@ -145,6 +152,8 @@ class ConnectBox(QWidget):
 
     def _connect(self) -> None:
         driver, baud, epoch = str(self.driver.currentData()), self.baud.currentText(), self.epoch.currentText()
+        baud = "" if baud == tr(DRIVER_DEFAULT) else baud
+        epoch = next((name for name in EPOCHS if tr(name) == epoch), epoch)
         try:
             selection = MountSelection.typed(self.chosen_port, driver, baud, epoch, *self._confirmed())
         except UsageError as error:
@@ -187,9 +196,9 @@ class ConnectBox(QWidget):
         job.progressed.connect(self.progressed)
         job.succeeded.connect(self._found)
         job.failed.connect(lambda sentence: self.message.emit(sentence, "wrong"))
-        job.cancelled.connect(lambda: self.message.emit("Search cancelled.", "muted"))
+        job.cancelled.connect(lambda: self.message.emit(tr("Search cancelled."), "muted"))
         job.finished.connect(partial(self._over, job))
-        self.progressed.emit(Progress("looking for ports"))
+        self.progressed.emit(Progress(tr_noop("looking for ports")))
 
     def cancel_search(self) -> None:
         """End the search."""

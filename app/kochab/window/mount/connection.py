@@ -7,6 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
@@ -71,7 +72,7 @@ class MountTask(QObject):
         self.deleteLater()
 
 
-PRACTISE_LATER = "A mount is connected. Disconnect it before you practise."
+PRACTISE_LATER = tr_noop("A mount is connected. Disconnect it before you practise.")
 
 
 class MountControl(QObject):
@@ -108,11 +109,11 @@ class MountControl(QObject):
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
         if self.known.phase != "off":
-            self.message.emit(PRACTISE_LATER, "wrong")
+            self.message.emit(tr(PRACTISE_LATER), "wrong")
             return
         start = self._wiring.practice
         if start is None:
-            self.message.emit("No simulated telescope in this program.", "wrong")
+            self.message.emit(tr("No simulated telescope in this program."), "wrong")
             return
         self.begin(PracticeOpening(start, lambda event: self._post(self._line, event), self.limits), "")
         self.known.practice = True
@@ -137,7 +138,7 @@ class MountControl(QObject):
         self._job = job = self._jobs.run(line.run(), "mount")
         job.failed.connect(lambda sentence: self._closed(job, sentence))
         job.cancelled.connect(lambda: self._closed(job, ""))
-        self.message.emit("Connecting…", "muted")
+        self.message.emit(tr("Connecting…"), "muted")
         self.changed.emit()
 
     def disconnect_mount(self) -> None:
@@ -166,7 +167,7 @@ class MountControl(QObject):
                 self._cameras.forget(camera.wish.source, camera.wish.address)
         for name in list(self._tasks):
             self._tasks.pop(name).end(OrderFailed(name, sentence, stopped=not sentence))
-        text = sentence or f"Disconnected, mount stopped. {farewell}"
+        text = sentence or tr("Disconnected, mount stopped. {farewell}", farewell=farewell)
         self.message.emit(text.strip(), "wrong" if sentence else "muted")
         self.progressed.emit(None)
         self.changed.emit()
@@ -233,7 +234,7 @@ class MountControl(QObject):
         self._settings.keep_site(site)
 
         def use(guard: Guard) -> Task[None]:
-            yield Progress("site")
+            yield Progress(tr_noop("site"))
             guard.site = site
 
         if self._line is not None and not self.known.practice:
@@ -245,7 +246,7 @@ class MountControl(QObject):
         limits = self.limits
 
         def use(guard: Guard) -> Task[None]:
-            yield Progress("limits")
+            yield Progress(tr_noop("limits"))
             guard.limits = limits
 
         if self._line is not None:
@@ -261,7 +262,7 @@ class MountControl(QObject):
         """Takes and solves a frame in the line's thread, and shows it in this one."""
         line, camera = self._line, self.camera
         if camera is None:
-            raise RefusedError("No camera is chosen.")
+            raise RefusedError(tr("No camera is chosen."))
         return frame_solver(camera, guard, lambda event: self._post(line, event))
 
     @property
@@ -287,14 +288,14 @@ class MountControl(QObject):
         match event:
             case FrameTaken() if not self._session.streams:  # else the Live view shows this frame, too
                 self._shown += 1
-                self._session.show(event.frame, f"Camera frame {self._shown}")
+                self._session.show(event.frame, tr("Camera frame {number}", number=self._shown))
             case SolvedFrame():
                 self._session.answer(event)
             case PracticeStarted():
                 self.use_camera(CameraSelection("simulated", event.camera))
                 self._cameras.choose("simulated", event.camera)
             case Connected():
-                self.message.emit(f"Connected to {event.name}.", "good")
+                self.message.emit(tr("Connected to {name}.", name=event.name), "good")
             case EpochDoubted():
                 self.message.emit(event.sentence, "wrong")
             case OrderProgress():
@@ -304,9 +305,9 @@ class MountControl(QObject):
             case LineLost():
                 self.message.emit(event.again or event.sentence, "wrong")
             case Stopped():
-                self.message.emit("Stop sent.", "muted")
+                self.message.emit(tr("Stop sent."), "muted")
             case StandsStill():
-                self.message.emit("Mount stopped.", "muted")
+                self.message.emit(tr("Mount stopped."), "muted")
             case StopFailed() | LimitReached():
                 self.message.emit(event.sentence, "bad")
         self.changed.emit()

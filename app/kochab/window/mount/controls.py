@@ -7,6 +7,7 @@ from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QStandardItemModel
 from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
 from kochab.window.widgets import choice_box, column, label, number_field, row, set_property, text_field
 
@@ -50,7 +51,7 @@ class Explanation(QObject):
     def _dress(self) -> None:
         control, off = self._control, bool(self.reason)
         control.setToolTip(self.reason or self._tip)
-        control.setAccessibleDescription(f"Not available. {self.reason}" if off else self._tip)
+        control.setAccessibleDescription(tr("Not available. {reason}", reason=self.reason) if off else self._tip)
         if bool(control.property("off")) != off:
             set_property(control, "off", off)
 
@@ -72,11 +73,11 @@ class ExplainedButton(QPushButton):
 
 
 RATES = {
-    TrackingRate.OFF: "Tracking off",
-    TrackingRate.SIDEREAL: "Track the stars",
-    TrackingRate.LUNAR: "Track the Moon",
-    TrackingRate.SOLAR: "Track the Sun",
-    TrackingRate.KING: "King rate",
+    TrackingRate.OFF: tr_noop("Tracking off"),
+    TrackingRate.SIDEREAL: tr_noop("Track the stars"),
+    TrackingRate.LUNAR: tr_noop("Track the Moon"),
+    TrackingRate.SOLAR: tr_noop("Track the Sun"),
+    TrackingRate.KING: tr_noop("King rate"),
 }
 
 
@@ -87,10 +88,10 @@ class TrackingChoice(QComboBox):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setAccessibleName("Tracking rate")
+        self.setAccessibleName(tr("Tracking rate"))
         for rate, text in RATES.items():
-            self.addItem(text, rate)
-        self.explanation = Explanation(self, "What the mount follows; King’s rate is sidereal with refraction")
+            self.addItem(tr(text), rate)
+        self.explanation = Explanation(self, tr("What the mount follows; King’s rate is sidereal with refraction"))
         self._shown: TrackingRate | None = None
         self.activated.connect(self._choose)
 
@@ -105,7 +106,7 @@ class TrackingChoice(QComboBox):
             item.setEnabled(not reason)
             item.setToolTip(reason)
         self.explanation.set_reason("" if "" in against else against[1])
-        self.setPlaceholderText("Tracking" if state.tracking else "Tracking: not reported")
+        self.setPlaceholderText(tr("Tracking") if state.tracking else tr("Tracking: not reported"))
         self._show_rate()
 
     def _show_rate(self) -> None:
@@ -120,16 +121,16 @@ class TrackingChoice(QComboBox):
 
 STEPS_ARCSEC = {"10″": 10.0, "30″": 30.0, "1′": 60.0, "5′": 300.0, "20′": 1200.0, "1°": 3600.0, "5°": 18000.0}
 FIRST = "5′"
-RATE_TIP = (
+RATE_TIP = tr_noop(
     "How fast. Auto nudges in a way that the mount ends by itself; at a rate of your choice most mounts move on"
     " if this computer fails."
 )
-HINT = "Arrow keys nudge while a button here has the focus: up is north, left is east."
+HINT = tr_noop("Arrow keys nudge while a button here has the focus: up is north, left is east.")
 WAYS = {
-    Direction.NORTH: ("N ↑", 0, 1, Qt.Key.Key_Up),
-    Direction.EAST: ("← E", 1, 0, Qt.Key.Key_Left),
-    Direction.WEST: ("W →", 1, 2, Qt.Key.Key_Right),
-    Direction.SOUTH: ("S ↓", 2, 1, Qt.Key.Key_Down),
+    Direction.NORTH: (tr_noop("N ↑"), tr_noop("Nudge north"), 0, 1, Qt.Key.Key_Up),
+    Direction.EAST: (tr_noop("← E"), tr_noop("Nudge east"), 1, 0, Qt.Key.Key_Left),
+    Direction.WEST: (tr_noop("W →"), tr_noop("Nudge west"), 1, 2, Qt.Key.Key_Right),
+    Direction.SOUTH: (tr_noop("S ↓"), tr_noop("Nudge south"), 2, 1, Qt.Key.Key_Down),
 }
 
 
@@ -139,25 +140,25 @@ class NudgePad(QWidget):
     def __init__(self, nudge: Callable[[Direction, float, float], None], beside: QWidget) -> None:
         super().__init__()
         self._nudge = nudge
-        self.step = choice_box("Step of a nudge", STEPS_ARCSEC, 0)
-        self.step.setToolTip("How far one press moves the mount")
+        self.step = choice_box(tr("Step of a nudge"), STEPS_ARCSEC, 0)
+        self.step.setToolTip(tr("How far one press moves the mount"))
         self.step.setCurrentText(FIRST)
-        self.rate = choice_box("Rate of a nudge", (), 0)
-        self.rate.setToolTip(RATE_TIP)
+        self.rate = choice_box(tr("Rate of a nudge"), (), 0)
+        self.rate.setToolTip(tr(RATE_TIP))
         self.rate.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.show_rates(())
         self.buttons: dict[Direction, ExplainedButton] = {}
         grid = QGridLayout()
         grid.setSpacing(4)
-        for way, (text, at_row, at_column, _) in WAYS.items():
-            made = ExplainedButton(text, partial(self._press, way), f"Nudge {way}")
-            made.setAccessibleName(f"Nudge {way}")
+        for way, (text, tip, at_row, at_column, _) in WAYS.items():
+            made = ExplainedButton(tr(text), partial(self._press, way), tr(tip))
+            made.setAccessibleName(tr(tip))
             made.installEventFilter(self)
             grid.addWidget(made, at_row, at_column)
             self.buttons[way] = made
         grid.addWidget(self.step, 1, 1)
-        self.hint, below = label(HINT, "muted", wrap=True), row(self.rate, beside, None)
-        title = column(label("Nudge", "heading"), self.hint, None, below)
+        self.hint, below = label(tr(HINT), "muted", wrap=True), row(self.rate, beside, None)
+        title = column(label(tr("Nudge"), "heading"), self.hint, None, below)
         row(grid, (title, 1), on=self, spacing=14, margins=(0, 0, 0, 0))
 
     def show_rates(self, rates_deg_s: tuple[float, ...]) -> None:
@@ -165,7 +166,7 @@ class NudgePad(QWidget):
         if [self.rate.itemData(i) for i in range(1, self.rate.count())] == list(rates_deg_s):
             return
         self.rate.clear()
-        self.rate.addItem("Auto rate", 0.0)
+        self.rate.addItem(tr("Auto rate"), 0.0)
         for rate in rates_deg_s:
             self.rate.addItem(rate_text(rate), rate)
 
@@ -176,7 +177,7 @@ class NudgePad(QWidget):
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
-            for way, (_, _, _, key) in WAYS.items():
+            for way, (*_, key) in WAYS.items():
                 if event.key() == key:
                     self.buttons[way].setFocus()
                     if not event.isAutoRepeat():
@@ -191,12 +192,12 @@ class NudgePad(QWidget):
 def rate_text(rate_deg_s: float) -> str:
     """In degrees per second when fast, else in multiples of sidereal."""
     times = rate_deg_s / SIDEREAL_DEG_S
-    return f"{rate_deg_s:.2g}°/s" if times > 100.0 else f"{times:.3g} × sidereal"
+    return tr("{rate:.2g}°/s", rate=rate_deg_s) if times > 100.0 else tr("{times:.3g} × sidereal", times=times)
 
 
 TOLERANCE_ARCSEC = (2.0, 3600.0)
-GOTO_TIP = "Slew there by the mount’s own pointing"
-CENTRE_TIP = "Slew there, plate solve, and correct until the target is centred"
+GOTO_TIP = tr_noop("Slew there by the mount’s own pointing")
+CENTRE_TIP = tr_noop("Slew there, plate solve, and correct until the target is centred")
 
 
 class GoBox(QWidget):
@@ -204,18 +205,20 @@ class GoBox(QWidget):
 
     def __init__(self, goto: Callable[[str], None], centre: Callable[[str, float], None], beside: QWidget) -> None:
         super().__init__()
-        self.target = text_field("Target", "M 42, Vega, HIP 32349, or 5h35m17s -5d23m (J2000)")
+        self.target = text_field(
+            tr("Target"), tr("{names}, or {place} (J2000)", names="M 42, Vega, HIP 32349", place="5h35m17s -5d23m")
+        )
         self._names = QStringListModel(self)
         self.completer = QCompleter(self._names, self, caseSensitivity=Qt.CaseSensitivity.CaseInsensitive)
         self.target.setCompleter(self.completer)
-        self.goto = ExplainedButton("Goto", lambda: goto(self.target.text()), GOTO_TIP)
+        self.goto = ExplainedButton(tr("Goto"), lambda: goto(self.target.text()), tr(GOTO_TIP))
         self.centre = ExplainedButton(
-            "Centre", lambda: centre(self.target.text(), self.tolerance.value()), CENTRE_TIP, "main"
+            tr("Centre"), lambda: centre(self.target.text(), self.tolerance.value()), tr(CENTRE_TIP), "main"
         )
-        self.tolerance = number_field("Centring tolerance, arcseconds", *TOLERANCE_ARCSEC, 60.0, 0, "″")
-        self.tolerance.setPrefix("to ")
+        self.tolerance = number_field(tr("Centring tolerance, arcseconds"), *TOLERANCE_ARCSEC, 60.0, 0, "″")
+        self.tolerance.setPrefix(tr("to "))
         self.target.returnPressed.connect(self.goto.click)
-        above = row(label("Go to", "heading"), (self.target, 1))
+        above = row(label(tr("Go to"), "heading"), (self.target, 1))
         below = row(self.goto, self.centre, self.tolerance, beside, None)
         column(above, below, on=self, margins=(0, 0, 0, 0))
 

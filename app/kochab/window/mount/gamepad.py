@@ -5,14 +5,15 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer
 
+from kochab.core import tr, tr_noop
 from kochab.core.mount import Direction
 from kochab.gear.mount_events import OrderDone, OrderFailed
 from kochab.window.mount.actions import MountActions
 from kochab.window.mount.connection import MountControl
 from kochab.window.mount.controls import HINT, NudgePad
 
-PACKAGE = "Game controllers need one more package: pip install 'kochab[gamepad]'."
-HELD = "A game controller moves while you hold its stick or D-pad; B is STOP."
+PACKAGE = tr_noop("Game controllers need one more package: pip install 'kochab[gamepad]'.")
+HELD = tr_noop("A game controller moves while you hold its stick or D-pad; B is STOP.")
 POLL_MS, LOOK_MS = 33, 1000  # with a controller, and to see whether there is one
 HALF_WAY = 16384  # of 32767
 NUDGES = ("nudge", "nudge dec")
@@ -49,7 +50,7 @@ class Gamepad(QObject):
         self._down: set[str] = set()
         self._timer = QTimer(self, interval=LOOK_MS)
         self._timer.timeout.connect(self._poll)
-        pad.hint.setText(f"{HINT} {HELD}")
+        pad.hint.setText(f"{tr(HINT)} {tr(HELD)}")
         control.stopping.connect(self._forbid)
         control.ended.connect(self._ended)
         control.changed.connect(self._follow)
@@ -61,7 +62,7 @@ class Gamepad(QObject):
             self._sdl = load_sdl()
             if self._sdl is None:
                 self._control.changed.disconnect(self._follow)
-                self._pad.hint.setText(f"{HINT} {PACKAGE}")
+                self._pad.hint.setText(f"{tr(HINT)} {tr(PACKAGE)}")
             else:
                 self._timer.start(LOOK_MS)
         elif not on and self._timer.isActive():

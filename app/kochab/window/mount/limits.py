@@ -7,6 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.gear.mounts.motion_plan import Horizon, Limits
 from kochab.gear.profiles import BOUNDS, read_horizon
@@ -17,10 +18,10 @@ from kochab.window.widgets import button, column, draw_text, label, number_field
 STEP_DEG = 5.0
 AZIMUTHS_DEG = np.arange(0.0, 360.0, STEP_DEG)
 EVERY_DEG = np.arange(0.0, 361.0)
-WAYS = ("N", "E", "S", "W", "N")
-DRAW_TIP = "Draw trees and houses with the left button, erase them with the right one"
-FILE_TIP = "A text file with lines of azimuth and altitude, degrees"
-PAST_TIP = "How far a German mount may track past the meridian before it must flip"
+WAYS = (tr_noop("N"), tr_noop("E"), tr_noop("S"), tr_noop("W"), tr_noop("N"))
+DRAW_TIP = tr_noop("Draw trees and houses with the left button, erase them with the right one")
+FILE_TIP = tr_noop("A text file with lines of azimuth and altitude, degrees")
+PAST_TIP = tr_noop("How far a German mount may track past the meridian before it must flip")
 
 
 class HorizonPicture(QWidget):
@@ -55,9 +56,12 @@ class HorizonPicture(QWidget):
     def _describe(self) -> None:
         floors = self.limits.floors_deg(EVERY_DEG)
         highest = int(np.argmax(floors))
-        words = f"Horizon limit from {floors.min():.0f}° to {floors[highest]:.0f}° (azimuth {highest}°)"
+        low, high = floors.min(), floors[highest]
+        words = tr("Horizon limit from {low:.0f}° to {high:.0f}° (azimuth {at}°)", low=low, high=high, at=highest)
         if self.mount_deg is not None:
-            words += f"; the mount is {self.mount_deg[0]:.0f}° high at azimuth {self.mount_deg[1]:.0f}°"
+            up, round_ = self.mount_deg
+            mount = tr("the mount is {height:.0f}° high at azimuth {azimuth:.0f}°", height=up, azimuth=round_)
+            words = f"{words}; {mount}"
         self.setAccessibleName(words)
         self.update()
 
@@ -85,7 +89,7 @@ class HorizonPicture(QWidget):
         painter.setPen(QColor(colours.muted))
         for i, way in enumerate(WAYS):
             place = QPointF(self._at(90.0 * i, 0.0).x(), sky.bottom() + 0.7 * self.fontMetrics().height())
-            draw_text(painter, place, way, colours.surface)
+            draw_text(painter, place, tr(way), colours.surface)
         if self.mount_deg is not None:
             altitude, azimuth = self.mount_deg
             painter.setPen(QPen(QColor(colours.accent), 2.0))
@@ -140,13 +144,13 @@ class LimitsBox(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.picture = HorizonPicture()
-        self.lowest = number_field("Horizon limit", *BOUNDS["lowest_altitude_deg"][:2], 5.0, 0, "°")
-        self.past = number_field("Past the meridian", *BOUNDS["past_meridian_deg"][:2], 15.0, 0, "°", PAST_TIP)
-        self.file = button("Horizon file…", self._choose, "", FILE_TIP)
-        self.clear = button("Clear horizon", lambda: self._keep_horizon(()), "", "Keep the horizon limit alone")
-        fields = row(label("Horizon limit"), self.lowest, label("Past meridian"), self.past, None)
+        self.lowest = number_field(tr("Horizon limit"), *BOUNDS["lowest_altitude_deg"][:2], 5.0, 0, "°")
+        self.past = number_field(tr("Past the meridian"), *BOUNDS["past_meridian_deg"][:2], 15.0, 0, "°", tr(PAST_TIP))
+        self.file = button(tr("Horizon file…"), self._choose, "", tr(FILE_TIP))
+        self.clear = button(tr("Clear horizon"), lambda: self._keep_horizon(()), "", tr("Keep the horizon limit alone"))
+        fields = row(label(tr("Horizon limit")), self.lowest, label(tr("Past meridian")), self.past, None)
         column(
-            label("Limits", "heading"),
+            label(tr("Limits"), "heading"),
             self.picture,
             fields,
             row(self.file, self.clear, None),
@@ -169,7 +173,7 @@ class LimitsBox(QWidget):
         self.changed.emit({"horizon_deg": horizon or None})
 
     def _choose(self) -> None:
-        for path in ask_frames(self, "", "Open a horizon", "Horizon (*.txt *.hrz *.csv);;All files (*)")[:1]:
+        for path in ask_frames(self, "", tr("Open a horizon"), tr("Horizon (*.txt *.hrz *.csv);;All files (*)"))[:1]:
             self.read(str(path))
 
     def read(self, path: str) -> None:

@@ -7,6 +7,7 @@ from PySide6.QtCore import QPointF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.mount import MountState
@@ -48,9 +49,10 @@ class Offset:
     @property
     def parts_text(self) -> str:
         """East and north part."""
-        east = "east" if self.east_deg >= 0 else "west"
-        north = "north" if self.north_deg >= 0 else "south"
-        return f"{angle_text(abs(self.east_deg))} {east}, {angle_text(abs(self.north_deg))} {north}"
+        across, up = angle_text(abs(self.east_deg)), angle_text(abs(self.north_deg))
+        east = tr("{angle} east", angle=across) if self.east_deg >= 0 else tr("{angle} west", angle=across)
+        north = tr("{angle} north", angle=up) if self.north_deg >= 0 else tr("{angle} south", angle=up)
+        return f"{east}, {north}"
 
 
 def ring_arcsec(total_deg: float) -> int:
@@ -66,7 +68,7 @@ class OffsetArrow(QWidget):
         self._offset: Offset | None = None
         self._old = False
         self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
-        self.setToolTip("From the position the mount reports (centre) to the solved position (tip)")
+        self.setToolTip(tr("From the position the mount reports (centre) to the solved position (tip)"))
         self.show_offset(None)
 
     def sizeHint(self) -> QSize:
@@ -78,10 +80,10 @@ class OffsetArrow(QWidget):
         if (offset, old) == (self._offset, self._old) and self.accessibleName():
             return
         self._offset, self._old = offset, old
-        text = "unknown"
+        text = tr("unknown")
         if offset is not None:
             text = f"{angle_text(offset.total_deg)}: {offset.parts_text}"
-        self.setAccessibleName(f"Mount offset {text}")
+        self.setAccessibleName(tr("Mount offset {offset}", offset=text))
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -99,8 +101,8 @@ class OffsetArrow(QWidget):
         for size in (radius, 2.5):
             painter.drawEllipse(QPointF(0, 0), size, size)
         painter.setPen(QColor(colours.muted))
-        draw_text(painter, QPointF(0, -radius), "N", colours.surface)
-        draw_text(painter, QPointF(-radius, 0), "E", colours.surface)
+        draw_text(painter, QPointF(0, -radius), tr("N"), colours.surface)
+        draw_text(painter, QPointF(-radius, 0), tr("E"), colours.surface)
         if self._offset is not None:
             ring = round_angle_text(ring_arcsec(self._offset.total_deg))
             draw_text(painter, QPointF(0, radius), ring, colours.surface)
@@ -117,7 +119,7 @@ class OffsetArrow(QWidget):
             painter.drawPolygon(QPolygonF([QPointF(long, 0), QPointF(long - 11, 5), QPointF(long - 11, -5)]))
 
 
-NOT_SOLVED = "not solved yet"
+NOT_SOLVED = tr_noop("not solved yet")
 
 
 class PointingBox(QWidget):
@@ -125,19 +127,19 @@ class PointingBox(QWidget):
 
     def __init__(self, beside: QWidget) -> None:
         super().__init__()
-        self.mount = position_labels("Mount reports, right ascension")
-        self.sky = position_labels("Plate solve, right ascension")
-        self.state = value_label("State of the mount")
-        self.total, self.parts = value_label("Offset"), value_label("Offset, both parts")
+        self.mount = position_labels(tr("Mount reports, right ascension"))
+        self.sky = position_labels(tr("Plate solve, right ascension"))
+        self.state = value_label(tr("State of the mount"))
+        self.total, self.parts = value_label(tr("Offset")), value_label(tr("Offset, both parts"))
         self.total.setProperty("role", "value")
         self.age = label("", "muted", wrap=True)
         self.arrow = OffsetArrow()
         self._lay_out(beside)
 
     def _lay_out(self, beside: QWidget) -> None:
-        titles = label("Mount reports", "muted"), label("Plate solve", "muted")
+        titles = label(tr("Mount reports"), "muted"), label(tr("Plate solve"), "muted")
         positions = grid(titles, *zip(self.mount, self.sky, strict=True), across=16, down=2, stretch=(1, 1))
-        numbers = column(label("Mount is off by", "muted"), self.total, self.parts, self.age, None)
+        numbers = column(label(tr("Mount is off by"), "muted"), self.total, self.parts, self.age, None)
         offset = row(self.arrow, (numbers, 1), spacing=14)
         column(row((self.state, 1), beside), positions, offset, on=self, margins=(0, 0, 0, 0))
 
@@ -146,33 +148,33 @@ class PointingBox(QWidget):
         report, sight = known.report, known.sight
         _write(self.mount, None if report is None else report.icrs_deg, style, "–")
         sky = None if sight is None else sight.solution.ra_dec_deg
-        _write(self.sky, sky, style, NOT_SOLVED if known.phase == "on" else "–")
+        _write(self.sky, sky, style, tr(NOT_SOLVED) if known.phase == "on" else "–")
         offset = None if sight is None or sky is None else Offset.between(sight.mount_deg, sky)
         self.total.setText("–" if offset is None else angle_text(offset.total_deg))
         self.parts.setText("" if offset is None else offset.parts_text)
         self.arrow.show_offset(offset, known.moved_since)
-        age = "" if sight is None else f"Frame solved at {sight.when:%H:%M:%S} UTC"
-        self.age.setText(f"OLD: the mount has moved since. {age}" if known.moved_since else age)
+        age = "" if sight is None else tr("Frame solved at {time} UTC", time=f"{sight.when:%H:%M:%S}")
+        self.age.setText(tr("OLD: the mount has moved since. {age}", age=age) if known.moved_since else age)
         show_text(self.state, state_text(known), "wrong" if known.phase == "lost" else "")
 
 
 PHASES = {
-    "off": "Not connected",
-    "connecting": "Connecting…",
-    "leaving": "Disconnecting…",
-    "lost": "CONNECTION LOST. The position shown is old. Reconnecting automatically.",
+    "off": tr_noop("Not connected"),
+    "connecting": tr_noop("Connecting…"),
+    "leaving": tr_noop("Disconnecting…"),
+    "lost": tr_noop("CONNECTION LOST. The position shown is old. Reconnecting automatically."),
 }
 
 
 def state_text(known: MountSnapshot) -> str:
     """The state of the mount in words."""
     if known.phase != "on":
-        return PHASES[known.phase]
+        return tr(PHASES[known.phase])
     if known.report is None:
-        return known.trouble or "Reading the position…"
+        return known.trouble or tr("Reading the position…")
     words = [known.port, *words_of(known.report.state)]
     if known.connected is None or known.connected.site is None:
-        words.append("no site: set yours to allow motion")
+        words.append(tr("no site: set yours to allow motion"))
     trouble = " ".join(dict.fromkeys(t for t in (known.alarm, known.trouble) if t))
     return ", ".join(words) + (f". {trouble}" if trouble else "")
 
@@ -181,21 +183,22 @@ def words_of(state: MountState) -> list[str]:
     """What the mount reports; what it does not report is left out."""
     words = []
     if state.parked:
-        words.append("parked")
+        words.append(tr("parked"))
     elif state.slewing:
-        words.append("slewing")
+        words.append(tr("slewing"))
     elif state.tracking is None:
-        words.append("idle" if state.slewing is False else "idle or slewing (not reported)")
+        words.append(tr("idle") if state.slewing is False else tr("idle or slewing (not reported)"))
     else:
-        words.append("tracking" if state.tracking else "idle, not tracking")
+        words.append(tr("tracking") if state.tracking else tr("idle, not tracking"))
     if state.aligned is not None:
-        words.append("aligned" if state.aligned else "not aligned")
+        words.append(tr("aligned") if state.aligned else tr("not aligned"))
     if state.home_confirmed is False:
-        words.append("home NOT CONFIRMED (the position is a guess)")
+        words.append(tr("home NOT CONFIRMED (the position is a guess)"))
     if state.pier_side is not None:
-        words.append(f"{state.pier_side} of the pier")
+        east = state.pier_side == "east"
+        words.append(tr("east of the pier") if east else tr("west of the pier"))
     if state.fault:
-        words.append(f"STOPPED: {state.fault}")
+        words.append(tr("STOPPED: {fault}", fault=tr(state.fault)))
     return words
 
 
@@ -205,8 +208,8 @@ def _write(labels: tuple[QLabel, QLabel], place: tuple[float, float] | None, sty
         one.setText(text)
 
 
-NO_SYNC = "Kochab can slew by the offset instead."
-IF_REFUSED = "If the mount rejects the sync, Kochab slews by the offset instead."
+NO_SYNC = tr_noop("Kochab can slew by the offset instead.")
+IF_REFUSED = tr_noop("If the mount rejects the sync, Kochab slews by the offset instead.")
 
 
 class SyncDialog(QDialog):
@@ -217,23 +220,23 @@ class SyncDialog(QDialog):
     def __init__(self, parent: QWidget, offer: SyncOffer, mount_deg: tuple[float, float], style: AngleStyle) -> None:
         super().__init__(parent)
         self.offer = offer
-        self.setWindowTitle("Sync the mount")
+        self.setWindowTitle(tr("Sync the mount"))
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         offset = Offset.between(mount_deg, offer.sky_deg)
         self.arrow = OffsetArrow()
         self.arrow.show_offset(offset)
         preview = offer.preview
         line = row(self.arrow, (_numbers(offer, offset, mount_deg, style), 1))
-        parts: list[Part] = [label(f"Mount is off by {angle_text(offset.total_deg)}", "heading"), line]
+        parts: list[Part] = [label(tr("Mount is off by {angle}", angle=angle_text(offset.total_deg)), "heading"), line]
         for sentences, role in ((preview.refusals, "wrong"), (preview.confirmations, "wrong"), (preview.warnings, "")):
             parts += [label(sentence, role, wrap=True) for sentence in sentences]
         if offer.no_sync:
-            parts.append(label(f"{offer.no_sync} {NO_SYNC}", "", wrap=True))
+            parts.append(label(f"{offer.no_sync} {tr(NO_SYNC)}", "", wrap=True))
         elif preview.allowed:
-            parts.append(label(IF_REFUSED, "muted", wrap=True))
+            parts.append(label(tr(IF_REFUSED), "muted", wrap=True))
         self.yes = button(_yes(offer), self._accept, "main")
         self.yes.setVisible(preview.allowed)
-        self.no = button("Cancel" if preview.allowed else "Close", self.reject)
+        self.no = button(tr("Cancel") if preview.allowed else tr("Close"), self.reject)
         parts.append(row(None, self.yes, self.no))
         column(*parts, on=self, spacing=10, margins=(20, 20, 20, 16))
         (self.no if preview.confirmations or not preview.allowed else self.yes).setFocus()
@@ -246,17 +249,17 @@ class SyncDialog(QDialog):
 
 def _yes(offer: SyncOffer) -> str:
     if offer.no_sync:
-        return "Slew by the offset"
-    return "Sync anyway" if offer.preview.confirmations else "Sync"
+        return tr("Slew by the offset")
+    return tr("Sync anyway") if offer.preview.confirmations else tr("Sync")
 
 
 def _numbers(offer: SyncOffer, offset: Offset, mount_deg: tuple[float, float], style: AngleStyle) -> QGridLayout:
     frames = len(offer.evidence.centres_deg)
     rows = (
-        ("Mount reports", radec_text(*mount_deg, style)),
-        ("Plate solve", radec_text(*offer.sky_deg, style)),
-        ("Offset", offset.parts_text),
-        ("Based on", "two frames that agree" if frames > 1 else "the open frame alone"),
-        ("Residual", arcsec_text(offer.solution.rms_arcsec)),
+        (tr("Mount reports"), radec_text(*mount_deg, style)),
+        (tr("Plate solve"), radec_text(*offer.sky_deg, style)),
+        (tr("Offset"), offset.parts_text),
+        (tr("Based on"), tr("two frames that agree") if frames > 1 else tr("the open frame alone")),
+        (tr("Residual"), arcsec_text(offer.solution.rms_arcsec)),
     )
     return facts_grid(6, *((title, label(text)) for title, text in rows))

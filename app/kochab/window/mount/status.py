@@ -7,6 +7,7 @@ from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.gear.actions import action
 from kochab.gear.mount_events import MountSnapshot
 from kochab.window.mount.connection import MountControl
@@ -46,12 +47,12 @@ class StopKey(QObject):
 
 
 LINES = {
-    "off": "No mount",
-    "connecting": "Mount: connecting…",
-    "leaving": "Mount: disconnecting…",
-    "lost": "Mount: CONNECTION LOST",
+    "off": tr_noop("No mount"),
+    "connecting": tr_noop("Mount: connecting…"),
+    "leaving": tr_noop("Mount: disconnecting…"),
+    "lost": tr_noop("Mount: CONNECTION LOST"),
 }
-ALARM = "THE MOUNT MAY STILL MOVE: CUT ITS POWER"
+ALARM = tr_noop("THE MOUNT MAY STILL MOVE: CUT ITS POWER")
 
 
 class MountStatus(QWidget):
@@ -61,9 +62,9 @@ class MountStatus(QWidget):
         super().__init__()
         self._control = control
         self.text = ElidedLabel()
-        self.text.setAccessibleName("Mount")
-        tip = f"Stop the mount now ({KEY} from anywhere)"
-        self.stop = button(f"STOP  {KEY}", control.stop, "alarm", tip)
+        self.text.setAccessibleName(tr("Mount"))
+        tip = tr("Stop the mount now ({key} from anywhere)", key=KEY)
+        self.stop = button(tr("STOP  {key}", key=KEY), control.stop, "alarm", tip)
         row(self.text, self.stop, on=self, spacing=8, margins=(4, 0, 0, 0))
         window.bar.add(self)
         self._key = StopKey(self._pressed, self)
@@ -90,14 +91,15 @@ class MountStatus(QWidget):
 def mount_status_text(known: MountSnapshot) -> str:
     """The mount in a few words: what it does, else its state."""
     if known.alarm:
-        return ALARM
+        return tr(ALARM)
     if known.phase in LINES:
-        return LINES[known.phase]
-    name = "Practice mount" if known.practice else "Mount"
+        return tr(LINES[known.phase])
+    name = tr("Practice mount") if known.practice else tr("Mount")
     if known.busy:
-        doing = action(known.busy).doing.partition(" (")[0]
+        doing = tr(action(known.busy).doing).partition(" (")[0]
         return f"{name}: {doing or known.busy}"
-    return f"{name}: {'connected' if known.report is None else words_of(known.report.state)[0]}"
+    state = tr("connected") if known.report is None else words_of(known.report.state)[0]
+    return f"{name}: {state}"
 
 
 def _closes_something() -> bool:

@@ -6,6 +6,7 @@ from typing import Any
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QPushButton, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.mount import MountState
 from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
@@ -38,25 +39,31 @@ from kochab.window.widgets import (
 from kochab.workflows.goto_target import FlipQuestion, names_to_offer
 from kochab.workflows.sync_mount import SyncOffer, undo_sync
 
-MERIDIAN_TIP = (
+MERIDIAN_TIP = tr_noop(
     "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
     "alt-azimuth mount goes on without a flip."
 )
-DIAGNOSE_TIP = "Take a frame and find the cause of the offset: summer time, epoch, site, polar axis, cone error"
-MODEL_TIP = "Aim gotos by a model of the offsets that Diagnose has seen in four places or more, until the next sync"
-SPIRAL_TIP = "Not in the field? Search around here in a square spiral, two thirds of a field at a time; Stop ends it"
+DIAGNOSE_TIP = tr_noop(
+    "Take a frame and find the cause of the offset: summer time, epoch, site, polar axis, cone error"
+)
+MODEL_TIP = tr_noop(
+    "Aim gotos by a model of the offsets that Diagnose has seen in four places or more, until the next sync"
+)
+SPIRAL_TIP = tr_noop(
+    "Not in the field? Search around here in a square spiral, two thirds of a field at a time; Stop ends it"
+)
 RESTS = {
-    "park": "Slew to the park position that is set in the mount, and stay there",
-    "unpark": "Let a parked mount move again",
-    "home": "Slew to the mount’s own home position",
-    "flip": "Take a German mount to the other side of its pier where it points",
+    "park": (tr_noop("Park"), tr_noop("Slew to the park position that is set in the mount, and stay there")),
+    "unpark": (tr_noop("Unpark"), tr_noop("Let a parked mount move again")),
+    "home": (tr_noop("Home"), tr_noop("Slew to the mount’s own home position")),
+    "flip": (tr_noop("Flip"), tr_noop("Take a German mount to the other side of its pier where it points")),
 }
 SETTLES = {
-    "set clock": ("Set clock", "Set the mount’s clock to this computer’s"),
-    "set site": ("Set site", "Set the mount’s site to yours"),
+    "set clock": (tr_noop("Set clock"), tr_noop("Set the mount’s clock to this computer’s")),
+    "set site": (tr_noop("Set site"), tr_noop("Set the mount’s site to yours")),
 }
-TRUST_TIP = "Slew and sync all the same; the limits are kept by this computer’s clock and your site"
-ALIGNING = "Polar alignment (F4) is using the mount"
+TRUST_TIP = tr_noop("Slew and sync all the same; the limits are kept by this computer’s clock and your site")
+ALIGNING = tr_noop("Polar alignment (F4) is using the mount")
 
 
 class MountView(Page):
@@ -78,35 +85,36 @@ class MountView(Page):
         orders, control = self.orders, self.control
         self.connect_box = ConnectBox(self._services.jobs, self._services.wiring.practice is not None)
         self.camera = CameraBox(at_once=True)
-        self.take = ExplainedButton("Take a frame", orders.take_frame, "See where the mount really points")
-        self.sync = ExplainedButton("Sync…", orders.offer_sync, "Solve two frames, then sync the mount on them", "main")
-        self.undo = ExplainedButton("Undo sync", lambda: control.ask("undo", undo_sync), "Undo the last sync")
-        self.diagnose = ExplainedButton("Diagnose", orders.diagnose, DIAGNOSE_TIP)
-        self.model = ExplainedButton("Pointing model", orders.use_model, MODEL_TIP)
-        self.spiral = ExplainedButton("Spiral search", orders.spiral, SPIRAL_TIP)
-        self.bring = ExplainedButton(
-            "Move star to…", self.move_star.begin, "Click a star in the frame, then where to put it"
-        )
+        self.take = ExplainedButton(tr("Take a frame"), orders.take_frame, tr("See where the mount really points"))
+        tip = tr("Solve two frames, then sync the mount on them")
+        self.sync = ExplainedButton(tr("Sync…"), orders.offer_sync, tip, "main")
+        self.undo = ExplainedButton(tr("Undo sync"), lambda: control.ask("undo", undo_sync), tr("Undo the last sync"))
+        self.diagnose = ExplainedButton(tr("Diagnose"), orders.diagnose, tr(DIAGNOSE_TIP))
+        self.model = ExplainedButton(tr("Pointing model"), orders.use_model, tr(MODEL_TIP))
+        self.spiral = ExplainedButton(tr("Spiral search"), orders.spiral, tr(SPIRAL_TIP))
+        tip = tr("Click a star in the frame, then where to put it")
+        self.bring = ExplainedButton(tr("Move star to…"), self.move_star.begin, tip)
         self.pad = NudgePad(orders.nudge, self.bring)
         Gamepad(self.pad, control, orders)
         self.tracking = TrackingChoice()
-        self.after = switch("Solve after slew", "Take and solve a frame after each goto or nudge")
+        self.after = switch(tr("Solve after slew"), tr("Take and solve a frame after each goto or nudge"))
         self.go = GoBox(orders.goto, orders.centre, self.after)
-        self.meridian = narrow_box("What the mount does at the meridian", 8, Meridian)
-        self.meridian.setToolTip(MERIDIAN_TIP)
+        self.meridian = narrow_box(tr("What the mount does at the meridian"), 8, {tr(way): way for way in Meridian})
+        self.meridian.setToolTip(tr(MERIDIAN_TIP))
         self.pointing = PointingBox(self.tracking)
         self.limits = LimitsBox()
-        settles = {n: ExplainedButton(text, partial(orders.settle, n), tip) for n, (text, tip) in SETTLES.items()}
+        settles = {
+            n: ExplainedButton(tr(text), partial(orders.settle, n), tr(tip)) for n, (text, tip) in SETTLES.items()
+        }
         self.settles, self.doubt = settles, label("", "wrong", wrap=True)
-        self.trust = button("Mount is right", partial(orders.settle, "trust"), "", TRUST_TIP)
-        self.flip = button("Flip and go", self._flip_and_go, "", "Flip the mount on its way there")
-        rests = {name: ExplainedButton(name.title(), partial(orders.rest, name), tip) for name, tip in RESTS.items()}
-        self.rests = rests
-        self.leave = button("Disconnect", control.disconnect_mount, "", "Stop the mount and close the port")
-        self.cancel_find = button("Cancel", self.connect_box.cancel_search)
+        self.trust = button(tr("Mount is right"), partial(orders.settle, "trust"), "", tr(TRUST_TIP))
+        self.flip = button(tr("Flip and go"), self._flip_and_go, "", tr("Flip the mount on its way there"))
+        self.rests = {n: ExplainedButton(tr(t), partial(orders.rest, n), tr(tip)) for n, (t, tip) in RESTS.items()}
+        self.leave = button(tr("Disconnect"), control.disconnect_mount, "", tr("Stop the mount and close the port"))
+        self.cancel_find = button(tr("Cancel"), self.connect_box.cancel_search)
         self.name = label("", "heading", wrap=True)
         self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
-        self.bar = ProgressBar("Progress of the mount")
+        self.bar = ProgressBar(tr("Progress of the mount"))
         # by the names of the actions in kochab.gear.actions
         self.explained = {
             "sync": self.sync,
@@ -132,7 +140,7 @@ class MountView(Page):
 
     def _cards(self) -> QWidget:
         frames = column(row(self.take, self.sync, self.undo, None), row(self.diagnose, self.model, None))
-        meridian = row(label("Meridian"), (self.meridian, 1))
+        meridian = row(label(tr("Meridian")), (self.meridian, 1))
         self.connection = _card(self.connect_box)
         self.doubted = _card(self.doubt, row(*self.settles.values(), self.trust, None))
         self.compared = _card(self.pointing, frames, self.camera)
@@ -167,7 +175,9 @@ class MountView(Page):
         self.camera.follow(cameras)
         cameras.chosen.connect(self._adopt_camera)
         self.tracking.wanted.connect(orders.track)
-        self.meridian.textActivated.connect(lambda text: control.use_limits(meridian=Meridian(text)))
+        self.meridian.textActivated.connect(
+            lambda _: control.use_limits(meridian=Meridian(self.meridian.currentData()))
+        )
         session = self._services.session
         for signal in (session.solved, session.unsolved, session.opened):
             signal.connect(lambda _=None: self._show())
@@ -186,7 +196,7 @@ class MountView(Page):
         self.connect_box.show_selection(profile.mount)
         self.connect_box.show_site(profile.site)
         self.limits.show_limits(profile.limits)
-        self.meridian.setCurrentText(profile.meridian or Meridian.STAYS)
+        self.meridian.setCurrentText(tr(profile.meridian or Meridian.STAYS))
         if not self.control.known.practice:
             camera = profile.camera
             if camera_of_other_view is not None:
@@ -264,7 +274,7 @@ class MountView(Page):
         doubt = self.control.situation.doubt or self.control.situation.until_sync
         self.doubted.setVisible(bool(doubt))
         self.doubt.setText(doubt)
-        self.leave.setText("End practice" if known.practice else "Disconnect")
+        self.leave.setText(tr("End practice") if known.practice else tr("Disconnect"))
         self.name.setText(self._title())
         self.pointing.show_known(known, self._services.settings.angle_style)
         for name, control in self.explained.items():
@@ -284,9 +294,9 @@ class MountView(Page):
     def _title(self) -> str:
         known = self.control.known
         if known.phase == "off":
-            return "Connect a mount"
-        name = known.connected.name if known.connected is not None else "Connecting"
-        return f"Practice: {name}" if known.practice else name
+            return tr("Connect a mount")
+        name = known.connected.name if known.connected is not None else tr("Connecting")
+        return tr("Practice: {name}", name=name) if known.practice else name
 
     def _show_progress(self, progress: Progress | None) -> None:
         """Show the progress of an order or a search, None when it is over."""
@@ -294,9 +304,10 @@ class MountView(Page):
         self.cancel_find.setVisible(self.connect_box.searching)
         if progress is None:
             return
-        user = ALIGNING if self.control.known.busy == POLAR else ""
+        user = tr(ALIGNING) if self.control.known.busy == POLAR else ""
         self.bar.show_share(progress.fraction)
-        words = (user, progress.stage if user else progress.stage.capitalize(), progress.detail)
+        stage = tr(progress.stage)
+        words = (user, stage if user else stage[:1].upper() + stage[1:], progress.detail)
         self.say(": ".join(w.rstrip(".…") for w in words if w) + "…", "muted")
 
     def _ask_flip(self, question: FlipQuestion) -> None:

@@ -3,7 +3,7 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame
 
-from kochab.core import angle_text
+from kochab.core import angle_text, tr, tr_n
 from kochab.core.angle_text import AngleStyle, breakable, short_name, unbroken
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
@@ -45,25 +45,30 @@ class Card(QFrame):
         self.facts = label("", wrap=True)
         self._pointing = (self.ra, self.dec, self.facts)
         self._numbers = facts_grid(3)
-        self.again = button("Solve agai&n", self.again_wanted.emit)
-        self.hints = button("H&ints…", self.hints_wanted.emit, tip="Give a pixel scale, a field or a position")
-        self.copy = button("Copy re&port", self._copy)
+        self.again = button(tr("Solve agai&n"), self.again_wanted.emit)
+        self.hints = button(tr("H&ints…"), self.hints_wanted.emit, tip=tr("Give a pixel scale, a field or a position"))
+        self.copy = button(tr("Copy re&port"), self._copy)
         buttons = grid((self.again, self.hints), (self.copy,), across=8, down=6, stretch=(0, 0, 1))
         state = (self.title, self.text, self.advice, self._numbers, buttons)
         column(*state, self.old, *self._pointing, on=self, spacing=4, margins=(12, 10, 12, 10))
-        self._say("No image", "Open an image of the night sky.")
+        self._say(tr("No image"), tr("Open an image of the night sky."))
         self.show_pointing(None)
 
     def show_working(self, progress: Progress) -> None:
-        doing = {"read": "Reading", "display": "Preparing the image"}.get(progress.stage, "Solving")
+        doing = {"read": tr("Reading"), "display": tr("Preparing the image")}.get(progress.stage, tr("Solving"))
         self._say(f"{doing}…", short_name(progress.detail or progress.stage, LONGEST))
 
     def show_solution(self, solution: Solution, place: str = "") -> None:
         """Show how many stars matched, and the probability of a chance match, under the ``place`` if that is known."""
         odds = angle_text.false_alarm_text(solution.log10_false_alarm)
         self._say(
-            place or "Solved",
-            f"{len(solution.stars)} stars matched (chance match: {odds})",
+            place or tr("Solved"),
+            tr_n(
+                "{n} star matched (chance match: {odds})",
+                "{n} stars matched (chance match: {odds})",
+                len(solution.stars),
+                odds=odds,
+            ),
             "\n".join(solution.warnings),
         )
         self.show_pointing(solution)
@@ -78,7 +83,8 @@ class Card(QFrame):
     def show_pointing(self, solution: Solution | None, old_from: str = "") -> None:
         """Show where a frame points; ``old_from`` marks it as the last one known of that file. None hides it."""
         self._solution, self._altaz = solution, ""
-        show_text(self.old, f"OLD: last solution, from {short_name(old_from)}" if old_from else "")
+        old = tr("OLD: last solution, from {file}", file=short_name(old_from)) if old_from else ""
+        show_text(self.old, old)
         for value in (self.ra, self.dec):
             set_role(value, "value_old" if old_from else "value")
         for shown in self._pointing:
@@ -97,10 +103,10 @@ class Card(QFrame):
 
     def show_failure(self, failure: NoSolution, source: str = "") -> None:
         """Why there is no solution, and what to do about it."""
-        tried = f"Tried: {failure.tried}" if failure.tried else ""
-        self._say(f"No solution: {failure.reason}", tried, failure.advice, role="bad")
+        tried = tr("Tried: {tried}", tried=failure.tried) if failure.tried else ""
+        self._say(tr("No solution: {reason}", reason=tr(failure.reason)), tried, failure.advice, role="bad")
         self._failure, self._source = failure, source
-        numbers = [*solution_text.measured_rows(failure), ("time", solution_text.times_text(failure.elapsed_ms))]
+        numbers = [*solution_text.measured_rows(failure), (tr("time"), solution_text.times_text(failure.elapsed_ms))]
         for at, (name, value) in enumerate(numbers):
             self._numbers.addWidget(label(name, "muted"), at, 0)
             self._numbers.addWidget(label(unbroken(value), wrap=True), at, 1)
@@ -112,7 +118,7 @@ class Card(QFrame):
         self._say(title, sentence, role="bad")
 
     def show_stopped(self) -> None:
-        self._say("Cancelled", "")
+        self._say(tr("Cancelled"), "")
         self.again.setVisible(True)
         self.hints.setVisible(True)
 

@@ -4,6 +4,7 @@ import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFormLayout, QLineEdit
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_dec_deg, parse_positive, parse_ra_deg, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
@@ -14,11 +15,11 @@ from kochab.window.widgets import Page, button, column, form, label, row, show_t
 SPREAD = 0.2  # either way of a typed field or scale: people read them off a lens or a label
 NEAR_RADIUS_DEG = 10.0
 LIMIT_S = "30"
-SITE_TIP = (
+SITE_TIP = tr_noop(
     "Latitude and longitude in degrees (north and east positive), and optionally the height in metres. "
     "Used to show altitude and azimuth under the cursor."
 )
-ADVICE = "All optional. Hints speed up solving; a wrong hint only costs time."
+ADVICE = tr_noop("All optional. Hints speed up solving; a wrong hint only costs time.")
 
 
 class HintsPanel(Page):
@@ -31,24 +32,32 @@ class HintsPanel(Page):
         super().__init__()
         self._fields = form()
         self._fields.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
-        self.fov = self._field("Field &width, °", "Field of view in degrees", "e.g. 1.2")
-        self.scale = self._field("&Pixel scale, ″/px", "Pixel scale in arcseconds per pixel", "e.g. 3.6")
-        self.ra = self._field("RA &near", "Right ascension", "5h35m17s or 83.82")
-        self.dec = self._field("&Dec near", "Declination", "-5d23m or -5.39")
-        self.radius = self._field("Rad&ius, °", "Search radius in degrees", f"default {NEAR_RADIUS_DEG:g}")
-        self.timeout = self._field("Time &limit, s", "Time limit in seconds", "no limit if empty")
+        self.fov = self._field(
+            tr("Field &width, °"), tr("Field of view in degrees"), tr("e.g. {example}", example="1.2")
+        )
+        self.scale = self._field(
+            tr("&Pixel scale, ″/px"), tr("Pixel scale in arcseconds per pixel"), tr("e.g. {example}", example="3.6")
+        )
+        self.ra = self._field(
+            tr("RA &near"), tr("Right ascension"), tr("{one} or {other}", one="5h35m17s", other="83.82")
+        )
+        self.dec = self._field(tr("&Dec near"), tr("Declination"), tr("{one} or {other}", one="-5d23m", other="-5.39"))
+        default = tr("default {radius:g}", radius=NEAR_RADIUS_DEG)
+        self.radius = self._field(tr("Rad&ius, °"), tr("Search radius in degrees"), default)
+        self.timeout = self._field(tr("Time &limit, s"), tr("Time limit in seconds"), tr("no limit if empty"))
         self.timeout.setText(LIMIT_S)
-        self.site = self._field("&Your site", "Your site", "48.14, 11.58: latitude, longitude")
-        self.site.setToolTip(SITE_TIP)
+        self.site = self._field(tr("&Your site"), tr("Your site"), tr("48.14, 11.58: latitude, longitude"))
+        self.site.setToolTip(tr(SITE_TIP))
         self.site.editingFinished.connect(self._site_typed)
         self.methods = MethodGroup(methods, detectors)
         self.method, self.detector = self.methods.method, self.methods.detector
-        self.header = switch("&Use the coordinates in the header first")
+        self.header = switch(tr("&Use the coordinates in the header first"))
         self.header.setChecked(True)
         self.wrong = label("", "wrong", wrap=True)
         self.wrong.setVisible(False)
-        solve, clear = (button("S&olve with these", self.solve_wanted.emit, "main"), button("Clea&r", self.clear))
-        parts = (label(ADVICE, "muted", wrap=True), self._fields, self.header, self.wrong, row(solve, clear, None))
+        solve = button(tr("S&olve with these"), self.solve_wanted.emit, "main")
+        clear = button(tr("Clea&r"), self.clear)
+        parts = (label(tr(ADVICE), "muted", wrap=True), self._fields, self.header, self.wrong, row(solve, clear, None))
         column(*parts, self.methods, None, on=self, spacing=10, margins=(12, 12, 12, 12))
 
     def options(self, width_px: int) -> SolveOptions:
@@ -58,7 +67,7 @@ class HintsPanel(Page):
             **self.methods.choices(),
             hint=self._hint(width_px),
             use_header=self.header.isChecked(),
-            timeout_s=parse_positive(timeout, "The time limit", 86400.0) if timeout else None,
+            timeout_s=parse_positive(timeout, tr("The time limit"), 86400.0) if timeout else None,
         )
 
     def show_site(self, site: Site | None) -> None:
@@ -89,11 +98,11 @@ class HintsPanel(Page):
         centre = None
         if ra or dec:
             if not (ra and dec):
-                raise UsageError("Enter both right ascension and declination.")
-            within = parse_positive(radius, "The radius", 180.0) if radius else NEAR_RADIUS_DEG
+                raise UsageError(tr("Enter both right ascension and declination."))
+            within = parse_positive(radius, tr("The radius"), 180.0) if radius else NEAR_RADIUS_DEG
             centre = (parse_ra_deg(ra), parse_dec_deg(dec), within)
-        fov_deg = parse_positive(fov, "The field of view", 170.0) if fov else None
-        scale_arcsec_px = parse_positive(scale, "The pixel scale", 3600.0) if scale else None
+        fov_deg = parse_positive(fov, tr("The field of view"), 170.0) if fov else None
+        scale_arcsec_px = parse_positive(scale, tr("The pixel scale"), 3600.0) if scale else None
         if scale_arcsec_px is None and fov_deg is not None and width_px > 0:
             focal_px = width_px / 2.0 / np.tan(np.radians(fov_deg) / 2.0)
             scale_arcsec_px = float(np.degrees(1.0 / focal_px) * 3600.0)

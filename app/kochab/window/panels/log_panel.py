@@ -5,6 +5,7 @@ import logging
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDockWidget, QPlainTextEdit, QWidget
 
+from kochab.core import tr
 from kochab.gear.journal import versions
 from kochab.window.job import fault_text
 from kochab.window.widgets import button, column, copy_text, fixed_font_family, page, row, switch
@@ -37,19 +38,19 @@ class LogPanel(QDockWidget):
     report_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("Log", parent)
+        super().__init__(tr("Log"), parent)
         self.setObjectName("log")
         self.setAllowedAreas(Qt.DockWidgetArea.BottomDockWidgetArea | Qt.DockWidgetArea.TopDockWidgetArea)
         self.handler = QtLogHandler(self)
         self.lines = QPlainTextEdit(readOnly=True, tabChangesFocus=True, maximumBlockCount=MOST_LINES)
-        self.lines.setAccessibleName("Log")
+        self.lines.setAccessibleName(tr("Log"))
         self.lines.setStyleSheet(f"font-family: '{fixed_font_family()}', monospace;")
-        self.details = switch("Show details", "Also show every command to the mount, byte by byte")
+        self.details = switch(tr("Show details"), tr("Also show every command to the mount, byte by byte"))
         self.details.toggled.connect(lambda on: self.handler.setLevel(logging.DEBUG if on else logging.INFO))
-        tip = "Pack the journal, versions and settings, without passwords or your exact site"
-        save = button("Save a report…", self.report_wanted.emit, tip=tip)
-        copy = button("Copy log", self.copy_log, tip="Copy the versions and these lines")
-        clear = button("Clear log", self.lines.clear)
+        tip = tr("Pack the journal, versions and settings, without passwords or your exact site")
+        save = button(tr("Save a report…"), self.report_wanted.emit, tip=tip)
+        copy = button(tr("Copy log"), self.copy_log, tip=tr("Copy the versions and these lines"))
+        clear = button(tr("Clear log"), self.lines.clear)
         inside = page()
         column(self.lines, row(save, copy, clear, self.details, None), on=inside, margins=(8, 8, 8, 8))
         self.setWidget(inside)

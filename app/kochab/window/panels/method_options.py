@@ -8,6 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QGroupBox, QLineEdit, QWidget
 
 from kochab.attitude import ESTIMATORS
+from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.registry import Option, options_of
 from kochab.identification import IDENTIFIERS
@@ -26,7 +27,7 @@ from kochab.window.widgets import (
     show_text,
 )
 
-NOTHING = "No options."
+NOTHING = tr_noop("No options.")
 SHOWN_AS_THEY_ARE = ("switch", "choice")  # kinds of options; all others are typed
 
 
@@ -57,7 +58,7 @@ class OptionsForm(Page):
             self._grid.setRowStretch(row, 0)
         self._grid.setRowStretch(max(1, len(self._options)), 1)
         if not self._options:
-            self._grid.addWidget(label(NOTHING, "muted", wrap=True), 0, 0, 1, 3)
+            self._grid.addWidget(label(tr(NOTHING), "muted", wrap=True), 0, 0, 1, 3)
 
     def values(self) -> dict[str, Any]:
         """What differs from the defaults; UsageError says which value is not allowed."""
@@ -123,28 +124,29 @@ def _title(option: Option) -> str:
     name = option.name
     for ending in ("_deg", "_px", "_urad", "_arcsec", "_s"):
         name = name.removesuffix(ending)
-    return name.replace("_", " ").capitalize()
+    return tr(name.replace("_", " ").capitalize())
 
 
 def _tip(option: Option) -> str:
-    absent = f" Absent: {option.none}." if option.none else ""
-    return f"{option.text[:1].upper()}{option.text[1:]}: {option.range_text}.{absent}"
+    text = tr(option.text)
+    told = f"{text[:1].upper()}{text[1:]}: {option.range_text}."
+    return " ".join([told, tr("Absent: {meaning}.", meaning=tr(option.none))] if option.none else [told])
 
 
-FITTED = "fit with the camera"
+FITTED = tr_noop("fit with the camera")
 
 
 class MethodGroup(QGroupBox):
     """The choices of ``--method``, ``--detector`` and ``--attitude``."""
 
     def __init__(self, methods: list[str], detectors: list[str]) -> None:
-        super().__init__("Method")
-        self.method, self.detector = choice_box("Method", methods), choice_box("Detector", detectors)
-        self.attitude = choice_box("Attitude", [FITTED, *ESTIMATORS])
+        super().__init__(tr("Method"))
+        self.method, self.detector = choice_box(tr("Method"), methods), choice_box(tr("Detector"), detectors)
+        self.attitude = choice_box(tr("Attitude"), [tr(FITTED), *ESTIMATORS])
         self.method.currentTextChanged.connect(self._show_method)
         self.paper = label("", "muted", wrap=True)
         self.options = OptionsForm()
-        boxes = form(("&Method", self.method), ("Dete&ctor", self.detector), ("&Attitude", self.attitude))
+        boxes = form((tr("&Method"), self.method), (tr("Dete&ctor"), self.detector), (tr("&Attitude"), self.attitude))
         column(boxes, self.paper, self.options, on=self)
         self.paper.hide()
         self.options.hide()
@@ -154,7 +156,8 @@ class MethodGroup(QGroupBox):
         try:
             options = self.options.values()
         except UsageError as error:
-            raise UsageError(f"Method {self.method.currentText()}: {error}") from error
+            name = self.method.currentText()
+            raise UsageError(tr("Method {name}: {error}", name=name, error=error)) from error
         fitted = self.attitude.currentIndex() == 0
         return {
             "method": self.method.currentText(),

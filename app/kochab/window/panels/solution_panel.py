@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from kochab.core import angle_text
+from kochab.core import angle_text, tr, tr_noop
 from kochab.core.angle_text import AngleStyle, unbroken
 from kochab.core.solution import Solution
 from kochab.window.widgets import (
@@ -21,9 +21,9 @@ from kochab.window.widgets import (
 from kochab.workflows import solution_text
 
 STYLES = {
-    AngleStyle.SEXAGESIMAL: "hours (hms)",
-    AngleStyle.DEGREES: "degrees (dms)",
-    AngleStyle.DECIMAL: "decimal degrees",
+    AngleStyle.SEXAGESIMAL: tr_noop("hours (hms)"),
+    AngleStyle.DEGREES: tr_noop("degrees (dms)"),
+    AngleStyle.DECIMAL: tr_noop("decimal degrees"),
 }
 
 
@@ -36,11 +36,11 @@ class SolutionPanel(QWidget):
         super().__init__(parent)
         self._solution: Solution | None = None
         self._source = ""
-        self.style_box = narrow_box("Angle format", 7, {title: style for style, title in STYLES.items()})
+        self.style_box = narrow_box(tr("Angle format"), 7, {tr(title): style for style, title in STYLES.items()})
         self.style_box.currentIndexChanged.connect(self._style_picked)
         self.values: dict[str, QLabel] = {}
         self._grid = facts_grid(5)
-        copy = button("&Copy RA/Dec", self.copy_position, tip="As text, for other programs")
+        copy = button(tr("&Copy RA/Dec"), self.copy_position, tip=tr("As text, for other programs"))
         angles = row((self.style_box, 1), copy, spacing=8)
         parts = (angles, styled_frame("rule"), self._grid, styled_frame("rule"), self._attitude())
         column(*parts, on=self, spacing=10, margins=(0, 0, 0, 0))
@@ -61,14 +61,14 @@ class SolutionPanel(QWidget):
         self._write()
 
     def _attitude(self) -> QVBoxLayout:
-        names = ("Quaternion", "Matrix", "Euler angles", "Optical axis")
+        names = (tr("Quaternion"), tr("Matrix"), tr("Euler angles"), tr("Optical axis"))
         self.forms = [(label("", "muted"), value_label(name)) for name in names]
         for _, value in self.forms:
             value.setStyleSheet(f"font-family: '{fixed_font_family()}', monospace;")
-        copy = button("Copy attitu&de", self.copy_attitude)
-        copy_all = button("Copy a&ll", self.copy_all, tip="All values as text")
+        copy = button(tr("Copy attitu&de"), self.copy_attitude)
+        copy_all = button(tr("Copy a&ll"), self.copy_all, tip=tr("All values as text"))
         parts = [part for form in self.forms for part in form]
-        return column(label("Attitude", "heading"), *parts, 4, row(copy, copy_all, None, spacing=8), spacing=4)
+        return column(label(tr("Attitude"), "heading"), *parts, 4, row(copy, copy_all, None, spacing=8), spacing=4)
 
     def _write(self) -> None:
         s = self._solution

@@ -7,6 +7,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
+from kochab.core import number, tr, tr_n, tr_noop
 from kochab.core.angle_text import AngleStyle, dec_text, ra_text
 from kochab.core.solution import NamedStar
 from kochab.window.widgets import Page, column, copy_text, label, text_field
@@ -37,19 +38,31 @@ class Column(NamedTuple):
 
 COLUMNS = (
     Column(
-        "Name", "Proper name, Bayer letter or Flamsteed number", "Zubeneschamali", lambda s, _: s.name, _nameless_last
+        tr_noop("Name"),
+        tr_noop("Proper name, Bayer letter or Flamsteed number"),
+        "Zubeneschamali",
+        lambda s, _: s.name,
+        _nameless_last,
     ),
-    Column("Catalogue", "Catalogue number", "J000000.0+000000", lambda s, _: s.id, _number_last),
-    Column("V", "Visual magnitude", "−1.46", lambda s, _: f"{s.mag:.2f}", lambda s: s.mag),
-    Column("RA", "Right ascension, ICRS", "00h 00m 00.00s", lambda s, a: ra_text(s.ra_deg, a), lambda s: s.ra_deg),
-    Column("Dec", "Declination, ICRS", "+00° 00′ 00.0″", lambda s, a: dec_text(s.dec_deg, a), lambda s: s.dec_deg),
-    Column("x", "Pixels from the left", "00000.0", lambda s, _: f"{s.x:.1f}", lambda s: s.x),
-    Column("y", "Pixels from the top", "00000.0", lambda s, _: f"{s.y:.1f}", lambda s: s.y),
+    Column(tr_noop("Catalogue"), tr_noop("Catalogue number"), "J000000.0+000000", lambda s, _: s.id, _number_last),
+    Column("V", tr_noop("Visual magnitude"), "−1.46", lambda s, _: number(s.mag, ".2f"), lambda s: s.mag),
     Column(
-        "Residual",
-        "Distance from the fitted position, pixels",
+        "RA", tr_noop("Right ascension, ICRS"), "00h 00m 00.00s", lambda s, a: ra_text(s.ra_deg, a), lambda s: s.ra_deg
+    ),
+    Column(
+        tr_noop("Dec"),
+        tr_noop("Declination, ICRS"),
+        "+00° 00′ 00.0″",
+        lambda s, a: dec_text(s.dec_deg, a),
+        lambda s: s.dec_deg,
+    ),
+    Column("x", tr_noop("Pixels from the left"), "00000.0", lambda s, _: number(s.x, ".1f"), lambda s: s.x),
+    Column("y", tr_noop("Pixels from the top"), "00000.0", lambda s, _: number(s.y, ".1f"), lambda s: s.y),
+    Column(
+        tr_noop("Residual"),
+        tr_noop("Distance from the fitted position, pixels"),
         "0.00",
-        lambda s, _: f"{s.residual_px:.2f}",
+        lambda s, _: number(s.residual_px, ".2f"),
         lambda s: s.residual_px,
     ),
 )
@@ -114,8 +127,8 @@ class StarModel(QAbstractTableModel):
         if orientation != Qt.Orientation.Horizontal:
             return section + 1 if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
-            return COLUMNS[section].title
-        return COLUMNS[section].tip if role == Qt.ItemDataRole.ToolTipRole else None
+            return tr(COLUMNS[section].title)
+        return tr(COLUMNS[section].tip) if role == Qt.ItemDataRole.ToolTipRole else None
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         if not index.isValid():
@@ -136,10 +149,10 @@ class StarTable(Page):
         super().__init__()
         self.model = StarModel()
         self.selected: int | None = None
-        self.filter = text_field("Filter stars", "Filter by name or number")
+        self.filter = text_field(tr("Filter stars"), tr("Filter by name or number"))
         self.filter.textChanged.connect(self.model.set_filter)
         self.table = self._table()
-        self.count = label("No stars identified yet", "muted")
+        self.count = label(tr("No stars identified yet"), "muted")
         column(self.filter, (self.table, 1), self.count, on=self, margins=(10, 10, 10, 10))
         copy = QShortcut(QKeySequence.StandardKey.Copy, self.table)
         copy.setContext(Qt.ShortcutContext.WidgetShortcut)
@@ -147,7 +160,7 @@ class StarTable(Page):
 
     def _table(self) -> QTableView:
         table = QTableView(showGrid=False, wordWrap=False)
-        table.setAccessibleName("Identified stars")
+        table.setAccessibleName(tr("Identified stars"))
         table.setModel(self.model)
         table.setSortingEnabled(True)
         table.sortByColumn(2, Qt.SortOrder.AscendingOrder)
@@ -168,7 +181,13 @@ class StarTable(Page):
         self.selected = None
         self.model.set_stars(stars)
         named = sum(bool(s.name) for s in stars)
-        self.count.setText(f"{len(stars)} stars identified, {named} with a name" if stars else "No stars identified")
+        text = tr_n(
+            "{n} star identified, {named} with a name",
+            "{n} stars identified, {named} with a name",
+            len(stars),
+            named=named,
+        )
+        self.count.setText(text if stars else tr("No stars identified"))
         self._fit()
 
     def set_style(self, style: AngleStyle) -> None:
@@ -180,7 +199,7 @@ class StarTable(Page):
         metrics = self.table.fontMetrics()
         for at, (title, _, widest, _, _) in enumerate(COLUMNS):  # measuring every cell takes long
             longest = self.model.longest(at) or widest
-            width = max(metrics.horizontalAdvance(longest), metrics.horizontalAdvance(title) + 14)
+            width = max(metrics.horizontalAdvance(longest), metrics.horizontalAdvance(tr(title)) + 14)
             self.table.setColumnWidth(at, width + 16)
 
     def select(self, star: int | None) -> None:

@@ -4,6 +4,7 @@ import random
 
 from PySide6.QtCore import QObject, Signal
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.mount import Direction, PierSide
 from kochab.core.progress import Progress, Task
@@ -12,7 +13,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import Practice
 from kochab.polar.error import Knob
 from kochab.polar.report import History
-from kochab.polar.tutor import Instruction
+from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Instruction
 from kochab.window.job import Job
 from kochab.window.mount.connection import PRACTISE_LATER, MountTask
 from kochab.window.shell.views import Services
@@ -26,10 +27,10 @@ from kochab.workflows.session.alignment import (
 )
 from kochab.workflows.session.alignment_state import AlignmentState
 
-NO_MOUNT = "No mount set up. Connect it once in the Mount view (F3), or turn by hand."
-SLEWING = "The mount is slewing. Wait, or stop it."
+NO_MOUNT = tr_noop("No mount set up. Connect it once in the Mount view (F3), or turn by hand.")
+SLEWING = tr_noop("The mount is slewing. Wait, or stop it.")
 MOVING = ("opening", "turn", "settle")
-OTHER_SKY = "The practice telescope is connected. Choose it above, or end the practice in the Mount view (F3)."
+OTHER_SKY = tr_noop("The practice telescope is connected. Choose it above, or end the practice in the Mount view (F3).")
 
 
 def mount_is_still(progress: Progress) -> bool:
@@ -69,9 +70,9 @@ class AlignmentRun(QObject):
         """A person turns the axis: meanwhile the mount may not slew."""
         mount = self._mount
         if action(mount.known.busy).may_move:
-            raise UsageError(BUSY.format(mount.known.user))
+            raise UsageError(tr(BUSY).format(mount.known.user))
         if mount.known.slewing:
-            raise UsageError(SLEWING)
+            raise UsageError(tr(SLEWING))
         job = self._services.jobs.run(alignment_task(self._request, self._tools), POLAR)
         mount.set_by_hand(True)
         job.finished.connect(lambda: mount.set_by_hand(False))
@@ -85,12 +86,12 @@ class AlignmentRun(QObject):
             if practise:
                 mount.practise()
             elif request.mount is None:
-                raise UsageError(NO_MOUNT)
+                raise UsageError(tr(NO_MOUNT))
             else:
                 mount.connect_mount(request.mount)
             return practise
         if practise != mount.known.practice:
-            raise UsageError(PRACTISE_LATER if practise else OTHER_SKY)
+            raise UsageError(tr(PRACTISE_LATER if practise else OTHER_SKY))
         if request.site is not None:
             mount.use_site(request.site)
         return False
@@ -104,6 +105,12 @@ class AlignmentRun(QObject):
 ARCMIN_A_TURN = (15.0, 60.0)
 TURN_SIGMA = 0.05  # of every turn: a person does not turn exactly
 SLACK_TURNS = 1.0 / 360.0
+
+
+TURNED = {
+    ALTITUDE_BOLT.name: tr_noop("Turned the altitude bolt."),
+    AZIMUTH_BOLT.name: tr_noop("Turned the left azimuth bolt."),
+}
 
 
 class PracticeAdjuster:
@@ -122,20 +129,22 @@ class PracticeAdjuster:
         if state.turn_instruction is not None:
             return self._turn_axis(state.turn_instruction)
         if state.instruction is None or state.instruction.knob is None:
-            return "Nothing to turn now."
+            return tr("Nothing to turn now.")
         return self._turn_bolt(state.instruction, state.instruction.knob)
 
     def _turn_axis(self, asked: TurnInstruction) -> str:
-        axis, name = ("dec", "declination") if asked.direction.in_dec else ("ra", "RA")
+        axis = "dec" if asked.direction.in_dec else "ra"
         sign = 1.0 if asked.direction in (Direction.WEST, Direction.NORTH) else -1.0
         if asked.direction.in_dec and self._practice.rig.mount.pier_side is PierSide.WEST:
             sign = -sign  # declination runs the other way on that side of the pier
         degrees = sign * asked.degrees * self._random.gauss(1.0, TURN_SIGMA)
         self._practice.do(f"{axis} {degrees:.3f} asked")
-        return f"Turned {name} by {abs(degrees):.0f}°."
+        if asked.direction.in_dec:
+            return tr("Turned declination by {degrees:.0f}°.", degrees=abs(degrees))
+        return tr("Turned RA by {degrees:.0f}°.", degrees=abs(degrees))
 
     def _turn_bolt(self, instruction: Instruction, knob: Knob) -> str:
         turns = instruction.turns * self._random.gauss(1.0, TURN_SIGMA) + self._random.gauss(0.0, SLACK_TURNS)
         name = "alt" if knob is Knob.ALTITUDE else "az"
         self._practice.do(f"{name} {turns * self._arcmin[knob]:.5f}")
-        return f"Turned the {instruction.bolt}."
+        return tr(TURNED[instruction.bolt])

@@ -7,6 +7,7 @@ from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
+from kochab.core import tr
 from kochab.window.themes import Colours, draw_glyph, theme_colours
 
 STEP_MS, STEP_DEG = 80, 30
@@ -44,7 +45,7 @@ class Spinner(QWidget):
         self.wheel = Wheel(self)
         side = self.fontMetrics().height() + 2
         self.setFixedSize(side, side)
-        self.setAccessibleName("Waiting for a newer frame")
+        self.setAccessibleName(tr("Waiting for a newer frame"))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         if self.wheel.isActive():

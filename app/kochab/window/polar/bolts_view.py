@@ -8,13 +8,14 @@ from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.polar.error import Knob, angle_in_words, cure, total_in_words
 from kochab.window.polar.bolts_painting import Face, Wheel, paint_face
 from kochab.window.themes import theme_colours
 from kochab.workflows.session.alignment_state import AlignmentState
 
-KEYS = "Space: done    Tab: other axis    M: measure again    S: sounds    Esc: close"
-TURNING = "Esc: STOP the mount and close    Tab: other axis    S: sounds    F7: close"
+KEYS = tr_noop("Space: done    Tab: other axis    M: measure again    S: sounds    Esc: close")
+TURNING = tr_noop("Esc: STOP the mount and close    Tab: other axis    S: sounds    F7: close")
 
 
 class BoltsView(QWidget):
@@ -26,8 +27,8 @@ class BoltsView(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setWindowTitle("At the bolts")
-        self.setAccessibleName("At the bolts")
+        self.setWindowTitle(tr("At the bolts"))
+        self.setAccessibleName(tr("At the bolts"))
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.state = AlignmentState()
@@ -98,17 +99,17 @@ class BoltsView(QWidget):
     def face(self) -> Face:
         """All that the view shows."""
         state, error = self.state, self.state.error
-        title = "Polar alignment" if error is None else self.knob.value.capitalize()
-        old = f"OLD: {state.detail or 'wait for a new frame'}"
-        keys = TURNING if state.mount_turns else KEYS
+        title = tr("Polar alignment") if error is None else tr(self.knob.value.capitalize())
+        old = tr("OLD: {what}", what=state.detail or tr("wait for a new frame"))
+        keys = tr(TURNING if state.mount_turns else KEYS)
         turning = state.bolt_error
         shape = "" if turning is None else "done" if self._over else cure(turning, self.knob).word
         return Face(
-            "Total" if self._over else title,
-            "" if error is None else f"total {total_in_words(error)}",
+            tr("Total") if self._over else title,
+            "" if error is None else tr("total {angle}", angle=total_in_words(error)),
             self.digits(),
             old if self.old else self.way(),
-            state.words or "Start an alignment first.",
+            state.words or tr("Start an alignment first."),
             f"{keys}    ({self.sounding})" if self.sounding else keys,
             "wheel" if self._wheel.isActive() else shape,
             self.old,

@@ -6,6 +6,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
 
+from kochab.core import number, tr, tr_noop
 from kochab.core.angle_text import round_angle_text
 from kochab.polar.error import (
     Imaging,
@@ -19,7 +20,7 @@ from kochab.polar.error import (
     split_in_words,
     total_in_words,
 )
-from kochab.polar.horizon import name_of
+from kochab.polar.horizon import Pole, name_of
 from kochab.polar.report import RINGS_ARCSEC
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.themes import Colours, theme_colours
@@ -43,7 +44,7 @@ class AxisTarget(QWidget):
         self.state = AlignmentState()
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumSize(180, 180)
-        self.setAccessibleName("The axis around the pole")
+        self.setAccessibleName(tr("The axis around the pole"))
 
     def sizeHint(self) -> QSize:
         return QSize(340, 340)
@@ -51,7 +52,7 @@ class AxisTarget(QWidget):
     def show_state(self, state: AlignmentState) -> None:
         """Draw a state."""
         self.state, error = state, state.error
-        told = "Not measured yet." if error is None else f"{altitude_in_words(error)}; {azimuth_in_words(error)}"
+        told = tr("Not measured yet.") if error is None else f"{altitude_in_words(error)}; {azimuth_in_words(error)}"
         self.setAccessibleDescription(told)
         self.update()
 
@@ -101,11 +102,11 @@ class AxisTarget(QWidget):
     def _names(self, painter: QPainter, radius: float, line: float, colours: Colours) -> None:
         painter.setPen(QColor(colours.muted))
         middle = Qt.AlignmentFlag.AlignCenter
-        painter.drawText(QRectF(-100, -radius - line - 2, 200, line), middle, "too high")
-        painter.drawText(QRectF(-100, radius + 2, 200, line), middle, "too low")
+        painter.drawText(QRectF(-100, -radius - line - 2, 200, line), middle, tr("too high"))
+        painter.drawText(QRectF(-100, radius + 2, 200, line), middle, tr("too low"))
         side = QRectF(6 - self.width() / 2.0, -2.2 * line, self.width() - 12, line)
-        painter.drawText(side, Qt.AlignmentFlag.AlignRight, "clockwise")
-        painter.drawText(side, Qt.AlignmentFlag.AlignLeft, "anticlockwise")
+        painter.drawText(side, Qt.AlignmentFlag.AlignRight, tr("clockwise"))
+        painter.drawText(side, Qt.AlignmentFlag.AlignLeft, tr("anticlockwise"))
 
     def _ellipse(self, painter: QPainter, scale: float, error: PolarError, pen: QPen) -> None:
         long, short, angle = error.with_flexure.ellipse_arcsec()
@@ -131,26 +132,32 @@ def _place(error: PolarError, scale: float) -> QPointF:
 NONE = "–"
 
 
+KNOBS = {
+    Knob.ALTITUDE: (tr_noop("Altitude"), tr_noop("Altitude error")),
+    Knob.AZIMUTH: (tr_noop("Azimuth"), tr_noop("Azimuth error")),
+}
+
+
 class Numbers(QWidget):
     """The polar error in numbers, its age, warnings and reminders."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.total = value_label("Total error")
+        self.total = value_label(tr("Total error"))
         self.total.setProperty("role", "title")
         self.split = label("", "muted", wrap=True)
-        self.split.setAccessibleName("Parts of the uncertainty")
-        self.knobs = {knob: (value_label(f"{knob.capitalize()} error"), label("", "", wrap=True)) for knob in Knob}
+        self.split.setAccessibleName(tr("Parts of the uncertainty"))
+        self.knobs = {knob: (value_label(tr(title)), label("", "", wrap=True)) for knob, (_, title) in KNOBS.items()}
         for value, _ in self.knobs.values():
             value.setProperty("role", "value")
         self.imaging: Imaging | None = None
         self.enough = label("", "", wrap=True)
-        self.enough.setAccessibleName("Good enough?")
+        self.enough.setAccessibleName(tr("Good enough?"))
         self.age = label("", "muted", wrap=True)
         self.more = label("", "", wrap=True)
         self.findings = label("", "", wrap=True)
-        self.findings.setAccessibleName("Warnings")
-        self.reminder = label(LOCKED, "muted", wrap=True)
+        self.findings.setAccessibleName(tr("Warnings"))
+        self.reminder = label(tr(LOCKED), "muted", wrap=True)
         self.spinner = Spinner()
         self._lay_out()
         self.show_state(AlignmentState(), 0.0)
@@ -161,7 +168,7 @@ class Numbers(QWidget):
         grid.addWidget(self.total, 0, 0, 1, 2)
         grid.addWidget(self.split, 1, 0, 1, 2)
         for line, (knob, (value, way)) in enumerate(self.knobs.items(), 1):
-            grid.addWidget(label(knob.capitalize(), "muted"), 2 * line, 0)
+            grid.addWidget(label(tr(KNOBS[knob][0]), "muted"), 2 * line, 0)
             grid.addWidget(value, 2 * line, 1)
             grid.addWidget(way, 2 * line + 1, 0, 1, 2)
         grid.setColumnStretch(1, 1)
@@ -172,7 +179,8 @@ class Numbers(QWidget):
         """Show a state."""
         error, old = state.error, state.old(now_s)
         self.total.setText(NONE if error is None else total_in_words(error))
-        show_text(self.split, "" if error is None else f"Uncertainty: {split_in_words(error)}.")
+        parts = "" if error is None else tr("Uncertainty: {parts}.", parts=split_in_words(error))
+        show_text(self.split, parts)
         usable = not any(finding.spoils for finding in state.findings)
         show_text(self.enough, good_enough(error, self.imaging) if usable and error and self.imaging else "")
         for knob, (value, way) in self.knobs.items():
@@ -198,7 +206,7 @@ def more_text(state: AlignmentState) -> str:
     more = state.more_turn_deg
     if state.stage not in ("measure", "turn", "done") or not more:
         return ""
-    return f"Rotate RA {more:.0f}° farther for a more accurate axis."
+    return tr("Rotate RA {more:.0f}° farther for a more accurate axis.", more=more)
 
 
 def age_text(state: AlignmentState, now_s: float) -> str:
@@ -206,14 +214,28 @@ def age_text(state: AlignmentState, now_s: float) -> str:
     if state.error is None or not state.running:
         return ""
     seconds = max(0.0, now_s - state.error_at_s)
-    title = "live" if state.live else "measured"
+    text = tr("live {seconds} s ago") if state.live else tr("measured {seconds} s ago")
     if not state.solved:
-        title = "OLD: newest frame not solved, last result"
+        text = tr("OLD: newest frame not solved, last result {seconds} s ago")
     elif state.old(now_s):
-        title = "OLD:"
-    return f"{title} {seconds:.0f} s ago"
+        text = tr("OLD: {seconds} s ago")
+    return text.format(seconds=number(seconds, ".0f"))
 
 
+POLES = {  # without a site of the person's: by the frames' or by the practice telescope's
+    Pole.REFRACTED: (
+        tr_noop("Aligning to: Refracted pole of the frames’ site"),
+        tr_noop("Aligning to: Refracted pole of the practice site"),
+    ),
+    Pole.TRUE: (
+        tr_noop("Aligning to: True pole of the frames’ site"),
+        tr_noop("Aligning to: True pole of the practice site"),
+    ),
+    Pole.HALF_WAY: (
+        tr_noop("Aligning to: Half-way pole of the frames’ site"),
+        tr_noop("Aligning to: Half-way pole of the practice site"),
+    ),
+}
 BESIDE = 68  # letters wide, from which on numbers and drawing stand side by side
 
 
@@ -224,7 +246,7 @@ class AlignPage(Page):
         super().__init__()
         self.pole = label("", "muted", wrap=True)
         self.words = label("", "heading", wrap=True)
-        self.words.setAccessibleName("Instruction")
+        self.words.setAccessibleName(tr("Instruction"))
         self.detail = label("", "muted", wrap=True)
         self.numbers = Numbers()
         self.target = AxisTarget()
@@ -235,12 +257,13 @@ class AlignPage(Page):
 
     def show_pole(self, request: AlignmentRequest) -> None:
         """Name the pole that is aligned to."""
-        text = f"{request.pole} pole of the frames’ site"
-        if request.source is FrameSource.PRACTICE:
-            text = f"{request.pole} pole of the practice site"
-        elif request.site is not None:
-            text = name_of(request.pole, request.site)
-        self.pole.setText(f"Aligning to: {text[0].upper()}{text[1:]}")
+        practice = request.source is FrameSource.PRACTICE
+        frames, practised = POLES[request.pole]
+        text = tr(practised if practice else frames)
+        if request.site is not None and not practice:
+            named = name_of(request.pole, request.site)
+            text = tr("Aligning to: {pole}", pole=named[0].upper() + named[1:])
+        self.pole.setText(text)
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""

@@ -8,6 +8,7 @@ from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, 
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QComboBox, QPlainTextEdit
 
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
 from kochab.frames.atomic_file import write_atomically
@@ -33,7 +34,7 @@ def writing(path: Path, history: History) -> Task[Path]:
     yield Progress("report", None, path.name)
     numbers = path.with_suffix(".json")
     if numbers.exists() and not path.exists():  # the dialog asked about the page alone
-        raise KochabError(f"{numbers.name} already exists. Choose another name for the report.")
+        raise KochabError(tr("{name} already exists. Choose another name for the report.", name=numbers.name))
     write_report(path, history)
     return path
 
@@ -46,7 +47,7 @@ def write_pdf_report(path: Path, history: History) -> None:
     writer.setResolution(DPI)
     writer.setPageSize(QPageSize(QPageSize.PageSizeId.A4))
     writer.setPageMargins(QMarginsF(MARGIN_MM, MARGIN_MM, MARGIN_MM, MARGIN_MM), QPageLayout.Unit.Millimeter)
-    writer.setTitle("Polar alignment")
+    writer.setTitle(tr("Polar alignment"))
     document = page_document(history)
     document.documentLayout().setPaintDevice(writer)
     document.setPageSize(QSizeF(writer.width(), writer.height()))
@@ -80,8 +81,8 @@ def _drawn(drawing: str) -> QImage:
     return image
 
 
-NOTHING = "No alignment measured tonight."
-KINDS = "Web page (*.html);;PDF (*.pdf)"
+NOTHING = tr_noop("No alignment measured tonight.")
+KINDS = tr_noop("Web page (*.html);;PDF (*.pdf)")
 
 
 class HistoryPage(Page):
@@ -92,14 +93,14 @@ class HistoryPage(Page):
         self._services = services
         self.histories: list[History] = []
         self.which = QComboBox()
-        self.which.setAccessibleName("Alignment")
+        self.which.setAccessibleName(tr("Alignment"))
         self.which.currentIndexChanged.connect(self._show)
-        self.save = button("Save &report…", self._ask, tip="Numbers and plots, HTML or PDF")
+        self.save = button(tr("Save &report…"), self._ask, tip=tr("Numbers and plots, HTML or PDF"))
         self.summary = label(NOTHING, "muted", wrap=True)
         time, error = ChartAxis("time", "min"), ChartAxis("error", "arcsec", log=True)
-        self.chart = Chart("Polar error over time", time, error, legend=True)
+        self.chart = Chart(tr("Polar error over time"), time, error, legend=True)
         self.lines = QPlainTextEdit(readOnly=True, tabChangesFocus=True)
-        self.lines.setAccessibleName("Log of the alignment")
+        self.lines.setAccessibleName(tr("Log of the alignment"))
         top = row((self.which, 1), self.save)
         column(top, self.summary, (self.chart, 2), (self.lines, 3), on=self, margins=(12, 12, 12, 12))
         self._show()
@@ -115,7 +116,7 @@ class HistoryPage(Page):
         at = next((i for i, known in enumerate(self.histories) if known is history), len(self.histories))
         if at == len(self.histories):
             self.histories.append(history)
-            self.which.addItem(f"Alignment {at + 1}")
+            self.which.addItem(tr("Alignment {at}", at=at + 1))
         self.which.setCurrentIndex(at)
         self._show()
 
@@ -125,14 +126,14 @@ class HistoryPage(Page):
         for part in (self.which, self.save, self.chart, self.lines):
             part.setVisible(history is not None)
         if history is None:
-            self.summary.setText(NOTHING)
+            self.summary.setText(tr(NOTHING))
             return
         entries = list(history.entries)  # the alignment may add to it meanwhile
         measured = [e for e in entries if e.kind == "measured"]
         self.summary.setText(_summary(measured))
         start = entries[0].time_utc if entries else None
         series = []
-        for number, (name, kind) in enumerate((("seen", "live"), ("measured", "measured"))):
+        for number, (name, kind) in enumerate(((tr("seen"), "live"), (tr("measured"), "measured"))):
             chosen = [e for e in entries if e.kind == kind]
             minutes = tuple((e.time_utc - start).total_seconds() / 60.0 for e in chosen if start)
             error = tuple(e.total_arcsec for e in chosen)
@@ -146,7 +147,7 @@ class HistoryPage(Page):
         assert history is not None, "the button is off without one"
         day = f"{history.entries[0].time_utc:%Y-%m-%d}" if history.entries else "alignment"
         folder = Path(self._services.settings.text("folder", str(Path.home())))
-        path = ask_save(self.window(), folder / f"polar-{day}.html", KINDS)
+        path = ask_save(self.window(), folder / f"polar-{day}.html", tr(KINDS))
         if path is not None:
             self.write(path)
 
@@ -155,22 +156,33 @@ class HistoryPage(Page):
         history = self.history
         assert history is not None, "the button is off without one"
         job = self._services.jobs.run(writing(path, history), "report")
-        job.succeeded.connect(lambda p: self._services.say(f"Wrote {p.name}"))
-        job.failed.connect(lambda sentence: tell(self.window(), "Report", sentence))
+        job.succeeded.connect(lambda p: self._services.say(tr("Wrote {name}", name=p.name)))
+        job.failed.connect(lambda sentence: tell(self.window(), tr("Report"), sentence))
 
 
 def _summary(measured: list[Entry]) -> str:
     if not measured:
-        return NOTHING
+        return tr(NOTHING)
     first, last = measured[0], measured[-1]
-    text = f"{last.time_utc:%H:%M} UTC: {angle_in_words(last.total_arcsec)} from the pole"
+    time, angle, before = (
+        f"{last.time_utc:%H:%M}",
+        angle_in_words(last.total_arcsec),
+        angle_in_words(first.total_arcsec),
+    )
     if first is last:
-        return f"{text}, measured once."
-    return f"{text}, {angle_in_words(first.total_arcsec)} at first, measured {len(measured)} times."
+        return tr("{time} UTC: {angle} from the pole, measured once.", time=time, angle=angle)
+    return tr_n(
+        "{time} UTC: {angle} from the pole, {before} at first, measured {n} time.",
+        "{time} UTC: {angle} from the pole, {before} at first, measured {n} times.",
+        len(measured),
+        time=time,
+        angle=angle,
+        before=before,
+    )
 
 
 def _line(entry: Entry) -> str:
     sigma = angle_in_words(entry.sigma_total_arcsec)
-    what = "Measured." if entry.kind == "measured" else "Instruction:"
+    what = tr("Measured.") if entry.kind == "measured" else tr("Instruction:")
     moment, error = f"{entry.time_utc:%H:%M:%S}", angle_in_words(entry.total_arcsec)
     return f"{moment}  {error} ± {sigma}  {what} {entry.text}"

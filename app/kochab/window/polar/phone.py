@@ -6,6 +6,7 @@ from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.progress import Progress, Task
 from kochab.window.job import Job
 from kochab.window.shell.dialogs import is_red
@@ -14,7 +15,7 @@ from kochab.window.widgets import Page, button, column, copy_text, label, row, s
 from kochab.workflows.session.alignment_state import AlignmentState
 from kochab.workflows.session.wiring import PolarPage
 
-WHAT = (
+WHAT = tr_noop(
     "Shows the same numbers on a phone at the mount, read only, over the local network. Nothing is"
     " sent to the internet, and the page ends when this window closes."
 )
@@ -47,7 +48,7 @@ class QrCode(QWidget):
         super().__init__()
         self.rows: Rows = ()
         self.setMinimumSize(200, 200)
-        self.setAccessibleName("QR code of the page's address")
+        self.setAccessibleName(tr("QR code of the page's address"))
 
     def sizeHint(self) -> QSize:
         return QSize(260, 260)
@@ -74,19 +75,19 @@ class PhonePanel(Page):
         self.page = services.wiring.phone_page() if services.wiring.phone_page else None
         self._services, self._host = services, host
         self._job: Job | None = None
-        self.switch = switch("Show on a pho&ne")
+        self.switch = switch(tr("Show on a pho&ne"))
         self.switch.toggled.connect(self._toggle)
         self.switch.setEnabled(self.page is not None)
-        self.state = label("Off.", "muted", wrap=True)
-        self.url = value_label("Address of the page")
-        self.copy = button("Copy address", lambda: copy_text(self.url.text()))
+        self.state = label(tr("Off."), "muted", wrap=True)
+        self.url = value_label(tr("Address of the page"))
+        self.copy = button(tr("Copy address"), lambda: copy_text(self.url.text()))
         self.code = QrCode()
         self._lay_out()
         self._show(())
         services.jobs.closing.connect(self.close_page)
 
     def _lay_out(self) -> None:
-        what, copy = label(WHAT, "muted", wrap=True), row(self.copy, None)
+        what, copy = label(tr(WHAT), "muted", wrap=True), row(self.copy, None)
         made = column(self.switch, what, self.state, self.url, copy, on=self, margins=(12, 12, 12, 12))
         made.addWidget(self.code, 1, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
         made.addStretch(1)
@@ -106,7 +107,7 @@ class PhonePanel(Page):
         if self.page is None:
             return
         if on:
-            self.state.setText("Switching on…")
+            self.state.setText(tr("Switching on…"))
             self._job = job = self._services.jobs.run(serving(self.page, self._host), "phone")
             job.succeeded.connect(self._show)
             job.failed.connect(self._failed)
@@ -124,7 +125,7 @@ class PhonePanel(Page):
         self.code.update()
         for part in (self.code, self.copy, self.url):
             part.setVisible(on)
-        state = "On. Anyone on this network with the link can view." if on else "Off."
+        state = tr("On. Anyone on this network with the link can view.") if on else tr("Off.")
         show_text(self.state, state, "good" if on else "muted")
         self.switched.emit(on)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFormLayout, QListWidget, QListWidgetItem, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.gear.cameras import SOURCES
@@ -44,7 +45,7 @@ class FrameList(QListWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setAccessibleName("Frames to measure")
+        self.setAccessibleName(tr("Frames to measure"))
         self.setFixedHeight(LINES * self.fontMetrics().height())
 
     def add(self, paths: list[Path], sweep: int = 0) -> None:
@@ -53,7 +54,7 @@ class FrameList(QListWidget):
         for path in paths:
             if str(path) not in there:
                 there.add(str(path))
-                item = QListWidgetItem(f"{path.name}, second sweep" if sweep else path.name)
+                item = QListWidgetItem(tr("{name}, second sweep", name=path.name) if sweep else path.name)
                 item.setToolTip(str(path))
                 item.setData(SWEEP, sweep)
                 self.addItem(item)
@@ -64,21 +65,21 @@ class FrameList(QListWidget):
         return tuple(Path(i.toolTip()) for i in items if i.data(SWEEP) == sweep)
 
 
-FRAMES = "Frames (*.fit *.fits *.fts *.xisf *.cr2 *.cr3 *.nef *.arw *.dng *.tif *.tiff *.png *.jpg)"
-ADVICE = (
+FRAMES = "*.fit *.fits *.fts *.xisf *.cr2 *.cr3 *.nef *.arw *.dng *.tif *.tiff *.png *.jpg"
+ADVICE = tr_noop(
     "Take two or more frames with the RA axis rotated between them, in any part of the sky, tracking"
     " or not. The pole need not be visible."
 )
 POLES = {
-    Pole.REFRACTED: "Refracted pole: best tracking at mid latitudes",
-    Pole.TRUE: "True pole: without refraction",
-    Pole.HALF_WAY: "Halfway between: best near latitude 20°",
+    Pole.REFRACTED: tr_noop("Refracted pole: best tracking at mid latitudes"),
+    Pole.TRUE: tr_noop("True pole: without refraction"),
+    Pole.HALF_WAY: tr_noop("Halfway between: best near latitude 20°"),
 }
 PLANNED = 0.0
-NO_SITE = "Set your site to see the target's altitude."
-EXPOSURE_TIP = "Applies to every view of this camera during the alignment"
-SECOND_TIP = "Measures flexure, which a single sweep cannot tell from the axis error"
-SECOND = "Frames of a second sweep at another declination, to measure flexure"
+NO_SITE = tr_noop("Set your site to see the target's altitude.")
+EXPOSURE_TIP = tr_noop("Applies to every view of this camera during the alignment")
+SECOND_TIP = tr_noop("Measures flexure, which a single sweep cannot tell from the axis error")
+SECOND = tr_noop("Frames of a second sweep at another declination, to measure flexure")
 NAME = "polar"  # in the settings
 
 
@@ -90,28 +91,30 @@ class AlignmentSetupPanel(Page):
     def __init__(self, services: Services) -> None:
         super().__init__()
         self._services = services
-        self.source = narrow_box("Source of the frames", 8, [str(s) for s in FrameSource])
+        self.source = narrow_box(tr("Source of the frames"), 8, {tr(source): source for source in FrameSource})
         if services.wiring.practice is None:
             self.source.removeItem(0)
         self.files = FrameList()
-        self.add = button("&Add frames…", lambda: self._ask_files(0))
-        self.add_check = button("Second s&weep…", lambda: self._ask_files(1), tip=SECOND)
-        self.add_open = button("Use &open frame", self._add_open_frame)
-        self.clear = button("Clea&r", self.files.clear)
+        self.add = button(tr("&Add frames…"), lambda: self._ask_files(0))
+        self.add_check = button(tr("Second s&weep…"), lambda: self._ask_files(1), tip=tr(SECOND))
+        self.add_open = button(tr("Use &open frame"), self._add_open_frame)
+        self.clear = button(tr("Clea&r"), self.files.clear)
         self.camera = CameraBox(n for n in SOURCES if n != "simulated")  # that one has its own mount
-        self.exposure = number_field("Exposure", 0.05, 60.0, 2.0, 2, " s", EXPOSURE_TIP)
-        self.hand = narrow_box("Who turns the RA axis", 8, [str(h) for h in AxisTurnedBy])
-        self.site = text_field("Your site", "48.14, 11.58 (empty: as the frames say)")
-        self.pole = narrow_box("Pole", 8, POLES.values())
+        self.exposure = number_field(tr("Exposure"), 0.05, 60.0, 2.0, 2, tr(" s"), tr(EXPOSURE_TIP))
+        self.hand = narrow_box(tr("Who turns the RA axis"), 8, {tr(hand): hand for hand in AxisTurnedBy})
+        self.site = text_field(tr("Your site"), tr("{example} (empty: as the frames say)", example="48.14, 11.58"))
+        self.pole = narrow_box(tr("Pole"), 8, {tr(title): pole for pole, title in POLES.items()})
         self.pole_name = label("", "muted", wrap=True)
-        self.goal = number_field("Goal", 10, 600, 30, 0, "″")
-        self.turn = number_field("Rotation in RA", 0, 120, PLANNED, 0, "°")
-        self.turn.setSpecialValueText("planned from the first frame")
+        self.goal = number_field(tr("Goal"), 10, 600, 30, 0, "″")
+        self.turn = number_field(tr("Rotation in RA"), 0, 120, PLANNED, 0, "°")
+        self.turn.setSpecialValueText(tr("planned from the first frame"))
         self.turn.setSingleStep(5)
-        self.second = switch("measure with a second sweep", SECOND_TIP)
-        self.second.setAccessibleName("Second sweep at another declination")
-        self.fov = text_field("Field of view", "width in degrees, optional")
-        self.imaging = text_field("Your frames", "600 mm, 3.76 µm, 300 s (optional: is it good enough?)")
+        self.second = switch(tr("measure with a second sweep"), tr(SECOND_TIP))
+        self.second.setAccessibleName(tr("Second sweep at another declination"))
+        self.fov = text_field(tr("Field of view"), tr("width in degrees, optional"))
+        self.imaging = text_field(
+            tr("Your frames"), tr("{example} (optional: is it good enough?)", example="600 mm, 3.76 µm, 300 s")
+        )
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountSelection | None = None
         self._kept = {
@@ -138,30 +141,30 @@ class AlignmentSetupPanel(Page):
         files = grid((self.add, self.add_check), (self.add_open, self.clear), across=6, down=6, on=self.file_row)
         files.setContentsMargins(0, 0, 0, 0)
         self.form = form(
-            ("Frames from", self.source),
+            (tr("Frames from"), self.source),
             ("", self.files),
             ("", self.file_row),
-            ("Exposure", self.exposure),
-            ("RA a&xis", self.hand),
+            (tr("Exposure"), self.exposure),
+            (tr("RA a&xis"), self.hand),
             ("", self.mount),
-            ("&Your site", self.site),
-            ("&Pole", self.pole),
+            (tr("&Your site"), self.site),
+            (tr("&Pole"), self.pole),
             ("", self.pole_name),
-            ("&Goal", self.goal),
-            ("Rotation", self.turn),
-            ("Flexure", self.second),
-            ("Field of view", self.fov),
-            ("Your frames", self.imaging),
+            (tr("&Goal"), self.goal),
+            (tr("Rotation"), self.turn),
+            (tr("Flexure"), self.second),
+            (tr("Field of view"), self.fov),
+            (tr("Your frames"), self.imaging),
         )
         self.form.insertRow(3, self.camera)
         self.form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
         self.form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
-        column(label(ADVICE, "muted", wrap=True), self.form, None, on=self, margins=(12, 12, 12, 12))
+        column(label(tr(ADVICE), "muted", wrap=True), self.form, None, on=self, margins=(12, 12, 12, 12))
 
     @property
     def chosen_source(self) -> FrameSource:
         """Where the frames come from."""
-        return FrameSource(self.source.currentText())
+        return FrameSource(self.source.currentData())
 
     @property
     def chosen_pole(self) -> Pole:
@@ -179,11 +182,11 @@ class AlignmentSetupPanel(Page):
             self.files.paths(0),
             self.files.paths(1),
             camera,
-            AxisTurnedBy(self.hand.currentText()),
+            AxisTurnedBy(self.hand.currentData()),
             self._known_mount,
             self.goal.value(),
             None if turn == PLANNED else turn,
-            fov_deg=parse_positive(fov, "The field of view", 170.0) if fov else None,
+            fov_deg=parse_positive(fov, tr("The field of view"), 170.0) if fov else None,
             second_sweep=self.second.isChecked(),
             hint=current_profile(self._services.settings).hint_of(*camera.camera),
         )
@@ -219,19 +222,20 @@ class AlignmentSetupPanel(Page):
         site, text = self.site.text().strip(), ""
         if self.chosen_source is not FrameSource.PRACTICE:  # which has a site of its own
             with suppress(UsageError):
-                text = f"Target: {name_of(self.chosen_pole, parse_site(site))}" if site else NO_SITE
+                text = tr("Target: {pole}", pole=name_of(self.chosen_pole, parse_site(site))) if site else tr(NO_SITE)
         self.pole_name.setText(text)
         self.form.setRowVisible(self.pole_name, bool(text))
 
     def _ask_files(self, sweep: int) -> None:
         start = self._services.settings.text("folder", str(Path.home()))
-        paths = ask_frames(self.window(), start, "Frames to measure", f"{FRAMES};;All files (*)")
+        kinds = tr("Frames ({endings});;All files (*)", endings=FRAMES)
+        paths = ask_frames(self.window(), start, tr("Frames to measure"), kinds)
         self.files.add(paths, sweep)
 
     def _add_open_frame(self) -> None:
         path = self._services.session.known.path
         if path is None:
-            self.message.emit("Open a frame first.", "muted")
+            self.message.emit(tr("Open a frame first."), "muted")
         else:
             self.files.add([path])
 
@@ -252,7 +256,7 @@ def mount_text(selection: MountSelection | None, known: MountSnapshot) -> str:
     """Which mount would turn the axis."""
     if known.phase not in ("off", "leaving"):
         name = known.connected.name if known.connected is not None else known.port
-        return f"Connected: {name}. Esc stops it."
+        return tr("Connected: {name}. Esc stops it.", name=name)
     if selection is None:
         return NO_MOUNT
-    return f"{selection.driver} on {selection.port}: connects when you begin."
+    return tr("{driver} on {port}: connects when you begin.", driver=selection.driver, port=selection.port)

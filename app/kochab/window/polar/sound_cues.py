@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.workflows.session.alignment_state import AlignmentState
 
 RATE_HZ = 22050
@@ -49,12 +50,12 @@ class Cues:
     @property
     def description(self) -> str:
         """What this computer can play."""
-        tones = "the system's bell only"
+        tones = tr("the system's bell only")
         if sys.platform == "win32":
-            tones = "tones"
+            tones = tr("tones")
         elif self._player:
-            tones = f"tones by {Path(self._player[0]).name}"
-        voice = f"words by {Path(self._voice[0]).name}" if self._voice else "no voice installed"
+            tones = tr("tones by {name}", name=Path(self._player[0]).name)
+        voice = tr("words by {name}", name=Path(self._voice[0]).name) if self._voice else tr("no voice installed")
         return f"{tones}; {voice}"
 
     def play(self, cue: Cue) -> None:
@@ -170,6 +171,6 @@ class SoundCues:
 
 def speech_text(words: str) -> str:
     """Words for a voice: units in full."""
-    for sign, name in (("″", " arc seconds"), ("′", " arc minutes"), ("±", "plus or minus")):
+    for sign, name in (("″", tr(" arc seconds")), ("′", tr(" arc minutes")), ("±", tr("plus or minus"))):
         words = words.replace(sign, name)
     return words

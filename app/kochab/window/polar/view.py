@@ -8,6 +8,7 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QApplication
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
 from kochab.gear.session import Practice
@@ -27,12 +28,12 @@ from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import AlignmentState, absorb
 
-READY = "Choose the source of the frames, then begin."
+READY = tr_noop("Choose the source of the frames, then begin.")
 REPLIES = {
-    PolarButton.TURNED: "Waiting for a new frame.",
-    PolarButton.REMEASURE: "Measuring again after this frame.",
+    PolarButton.TURNED: tr_noop("Waiting for a new frame."),
+    PolarButton.REMEASURE: tr_noop("Measuring again after this frame."),
     PolarButton.ENOUGH: "",
-    PolarButton.SECOND_SWEEP: "A second sweep at another declination follows, to measure flexure.",
+    PolarButton.SECOND_SWEEP: tr_noop("A second sweep at another declination follows, to measure flexure."),
 }
 REFRESH_MS = 250
 PHONE = 3  # its tab
@@ -57,8 +58,8 @@ class PolarView(Page):
         self.cues = Cues(QApplication.beep)
         self.sound_cues = SoundCues(self.cues)
         self._make_buttons()
-        self.bar = ProgressBar("Progress of the alignment")
-        self.message = label(READY, "muted", wrap=True)
+        self.bar = ProgressBar(tr("Progress of the alignment"))
+        self.message = label(tr(READY), "muted", wrap=True)
         self.served = label("", "good", wrap=True)
         self.served.setVisible(False)
         self._lay_out()
@@ -67,22 +68,28 @@ class PolarView(Page):
 
     def _make_buttons(self) -> None:
         turned, measure, enough, sweep = (partial(self.press, pressed) for pressed in REPLIES)
-        self.start = button("&Begin", self.begin, "main", "Measure, adjust, and measure again")
-        self.done = button("&Done", turned, tip="I have made this turn (Space)")
+        self.start = button(tr("&Begin"), self.begin, "main", tr("Measure, adjust, and measure again"))
+        self.done = button(tr("&Done"), turned, tip=tr("I have made this turn (Space)"))
         self.turn_for_me = button(
-            "Turn it &for me", self.turn_practice, tip="Let the practice telescope make this turn"
+            tr("Turn it &for me"), self.turn_practice, tip=tr("Let the practice telescope make this turn")
         )
-        self.again = button("&Measure again", measure, tip="Stop adjusting and measure the axis now")
-        self.use_frames = button("Use &these frames", enough, tip="Continue with the frames taken so far")
-        self.second = button("Second s&weep", sweep, tip=SECOND_TIP)
-        self.at_bolts = button("At the bo&lts", self.show_bolts, tip="Full screen, readable from three metres (F7)")
-        self.sound = button("So&unds", self.switch_sounds, tip=f"Sound cues at the mount: {self.cues.description}")
+        self.again = button(tr("&Measure again"), measure, tip=tr("Stop adjusting and measure the axis now"))
+        self.use_frames = button(tr("Use &these frames"), enough, tip=tr("Continue with the frames taken so far"))
+        self.second = button(tr("Second s&weep"), sweep, tip=SECOND_TIP)
+        self.at_bolts = button(
+            tr("At the bo&lts"), self.show_bolts, tip=tr("Full screen, readable from three metres (F7)")
+        )
+        self.sound = button(
+            tr("So&unds"),
+            self.switch_sounds,
+            tip=tr("Sound cues at the mount: {description}", description=self.cues.description),
+        )
         self.sound.setCheckable(True)
-        self.cancel = button("Cancel", self.stop, tip="End the alignment; a turning mount stops")
+        self.cancel = button(tr("Cancel"), self.stop, tip=tr("End the alignment; a turning mount stops"))
 
     def _lay_out(self) -> None:
-        pages = {"Set up": self.setup, "Align": self.page, "Tonight": self.history, "Phone": self.phone}
-        self.tabs = tab_pages("Polar alignment", *((name, scrolled(inside)) for name, inside in pages.items()))
+        pages = {tr("Set up"): self.setup, tr("Align"): self.page, tr("Tonight"): self.history, tr("Phone"): self.phone}
+        self.tabs = tab_pages(tr("Polar alignment"), *((name, scrolled(inside)) for name, inside in pages.items()))
         first = row(self.start, self.done, self.turn_for_me, self.cancel, (self.bar, 1), None)
         second = row(self.again, self.use_frames, self.second, self.at_bolts, self.sound, None)
         parts = ((self.tabs, 1), self.message, self.served, first, second)
@@ -117,7 +124,7 @@ class PolarView(Page):
         except KochabError as error:
             self.say(str(error), "wrong")
             return
-        self.state = AlignmentState("opening", "Opening…")
+        self.state = AlignmentState("opening", tr("Opening…"))
         self.controls, self.adjuster = run.controls, None
         self.page.show_pole(request)
         self._follow(job)
@@ -126,7 +133,7 @@ class PolarView(Page):
         """Pass a button on to the alignment under way; the axis is measured again while adjusting alone."""
         if self.state.running and (pressed is not PolarButton.REMEASURE or self.state.stage == "adjust"):
             self.controls.press(pressed)
-            self.say(REPLIES[pressed] or self.message.text(), "muted")
+            self.say(tr(REPLIES[pressed]) or self.message.text(), "muted")
 
     def turn_practice(self) -> None:
         """Let the practice telescope make the turn that is asked for."""
@@ -142,11 +149,12 @@ class PolarView(Page):
     def switch_sounds(self) -> None:
         """Sounds on or off, and speech where the system has a voice."""
         on = self.sound.isChecked()
-        self.sound.setText("So&unds: on" if on else "So&unds")
+        self.sound.setText(tr("So&unds: on") if on else tr("So&unds"))
         self.cues.on = on
-        self.bolts.sounding = f"sounds: {self.cues.description}" if on else ""
+        self.bolts.sounding = tr("sounds: {description}", description=self.cues.description) if on else ""
         self.bolts.update()
-        self.say(f"Sounds {'on' if on else 'off'}: {self.cues.description}.", "muted")
+        told = tr("Sounds on: {description}.") if on else tr("Sounds off: {description}.")
+        self.say(told.format(description=self.cues.description), "muted")
 
     def show_bolts(self) -> None:
         """Open the full-screen view."""
@@ -158,7 +166,7 @@ class PolarView(Page):
         """End the alignment; a turning mount stops at once."""
         if self.job is not None:
             self.job.cancel()
-            self.say("Stopping…", "muted")
+            self.say(tr("Stopping…"), "muted")
 
     def _save(self, request: AlignmentRequest) -> None:
         self.setup.save()
@@ -182,7 +190,7 @@ class PolarView(Page):
         self.job = job
         job.succeeded.connect(self._succeeded)
         job.failed.connect(lambda sentence: self._ended(sentence, "wrong"))
-        job.cancelled.connect(lambda: self._ended("Cancelled. These are the last results.", "muted"))
+        job.cancelled.connect(lambda: self._ended(tr("Cancelled. These are the last results."), "muted"))
         job.finished.connect(lambda: self._finished(job))
         self._clock.start()
         self._enable(True)
@@ -209,7 +217,7 @@ class PolarView(Page):
 
     def _succeeded(self, history: History) -> None:
         self.history.keep(history)
-        self.say("Done. The report is in the Tonight tab.", "good")
+        self.say(tr("Done. The report is in the Tonight tab."), "good")
 
     def _ended(self, sentence: str, role: str) -> None:
         self.state = replace(
@@ -261,8 +269,8 @@ class PolarView(Page):
 
     def _show_served(self, on: bool) -> None:
         """Whether the phone page is on, in sight from every tab."""
-        show_text(self.served, f"Phone page is ON: {self.phone.url.text()}" if on else "")
-        self.tabs.setTabText(PHONE, "Phone: ON" if on else "Phone")
+        show_text(self.served, tr("Phone page is ON: {text}", text=self.phone.url.text()) if on else "")
+        self.tabs.setTabText(PHONE, tr("Phone: ON") if on else tr("Phone"))
 
     def showEvent(self, event: QShowEvent) -> None:
         self.setup.refresh()

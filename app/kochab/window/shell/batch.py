@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
+from kochab.core import tr
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
@@ -38,8 +39,10 @@ class FileState:
     def words(self) -> str:
         """Its state in a word or the reason."""
         if isinstance(self.result, Solution):
-            return "solved"
-        return self.fault or ("waiting" if self.result is None else f"no solution: {self.result.reason}")
+            return tr("solved")
+        if self.fault or self.result is None:
+            return self.fault or tr("waiting")
+        return tr("no solution: {reason}", reason=tr(self.result.reason))
 
 
 def images_in(paths: Iterable[Path]) -> list[Path]:

@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
 
 from kochab import __version__
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.core.solution import Solution
 from kochab.frames import SUFFIXES
@@ -35,35 +36,35 @@ LAYOUT = 2  # of the parts of the window; places kept by an older one are forgot
 LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
 ABOUT = (
     f"Kochab {__version__}",
-    "Plate solving, polar alignment and mount control. Nothing to download.",
-    "Free software under the GNU General Public License, version 3 or later.",
+    tr_noop("Plate solving, polar alignment and mount control. Nothing to download."),
+    tr_noop("Free software under the GNU General Public License, version 3 or later."),
 )
 
 
 KEYS = [
-    ("F7", "Adjuster display, in Polar alignment"),
-    ("Esc", "Stop the connected mount, from any view"),
-    ("Arrows", "Pan the image or chart that has focus"),
-    ("Home", "Show the whole chart"),
-    ("Tab", "Next control"),
+    ("F7", tr_noop("Adjuster display, in Polar alignment")),
+    ("Esc", tr_noop("Stop the connected mount, from any view")),
+    (tr_noop("Arrows"), tr_noop("Pan the image or chart that has focus")),
+    ("Home", tr_noop("Show the whole chart")),
+    ("Tab", tr_noop("Next control")),
 ]
 
 
 def about(parent: QWidget) -> QDialog:
     """Version and licence."""
     lines = zip(ABOUT, ("title", "", "muted"), strict=True)
-    return _box(parent, "About Kochab", *(label(text, role, wrap=True) for text, role in lines))
+    return _box(parent, tr("About Kochab"), *(label(tr(text), role, wrap=True) for text, role in lines))
 
 
 def keyboard(parent: QWidget) -> QDialog:
     """Every keyboard shortcut."""
-    rows = [(s.keys.replace(" ", ", "), s.text.replace("&", "").rstrip("…")) for s in SPECS if s.keys]
-    rows += [(keys, title.replace("&", "")) for title, keys, _ in VIEWS.values()]
-    rows += KEYS
+    rows = [(s.keys.replace(" ", ", "), tr(s.text).replace("&", "").rstrip("…")) for s in SPECS if s.keys]
+    rows += [(keys, tr(title).replace("&", "")) for title, keys, _ in VIEWS.values()]
+    rows += [(tr(key), tr(what)) for key, what in KEYS]
     half = (len(rows) + 1) // 2
     lines = ([*rows[i], *(rows[half + i] if half + i < len(rows) else ())] for i in range(half))
     cells = ([label(text, "" if i % 2 else "muted") for i, text in enumerate(line)] for line in lines)
-    return _box(parent, "Keyboard", grid(*cells, across=18, down=3))
+    return _box(parent, tr("Keyboard"), grid(*cells, across=18, down=3))
 
 
 def _box(parent: QWidget, title: str, *parts: Part) -> QDialog:
@@ -153,7 +154,7 @@ class Commands(QObject):
             "preferences": self.show_preferences,
             "help": self.show_help,
             "tour": self.show_tour,
-            "news": lambda: self.show_help(NEWS),
+            "news": lambda: self.show_help(tr(NEWS)),
             "search": self.search,
             "about": lambda: about(window).open(),
             "keys": lambda: keyboard(window).open(),
@@ -199,10 +200,10 @@ class Commands(QObject):
             view.practise()  # type: ignore[attr-defined]
 
     def choose(self) -> None:
-        self.open_all(ask_frames(self.window, str(self.settings.image_folder), "Open images", _kinds()))
+        self.open_all(ask_frames(self.window, str(self.settings.image_folder), tr("Open images"), _kinds()))
 
     def choose_folder(self) -> None:
-        if (path := ask_folder(self.window, str(self.settings.image_folder), "Open a folder")) is not None:
+        if (path := ask_folder(self.window, str(self.settings.image_folder), tr("Open a folder"))) is not None:
             self.open_all([path])
 
     def open(self, path: Path) -> None:
@@ -223,7 +224,7 @@ class Commands(QObject):
         if found:
             self.open(found[0])
         elif paths:
-            self._say(f"No images in {short_name(paths[0].name)}.")
+            self._say(tr("No images in {name}.", name=short_name(paths[0].name)))
 
     def _pictured(self, picture: FrameImage) -> None:
         if (path := self.session.known.path) is not None:
@@ -239,8 +240,8 @@ class Commands(QObject):
         if (path := ask_save(self.window, files[0].path.with_name("kochab-results.csv"), "CSV (*.csv)")) is not None:
             told = [(str(f.path), f.words, f.result if isinstance(f.result, Solution) else None) for f in files]
             job = self.services.jobs.run(save_task(lambda: write_atomically(path, results_csv(told)), path), "results")
-            job.succeeded.connect(lambda p: self._say(f"Saved {p.name}"))
-            job.failed.connect(lambda sentence: tell(self.window, "Results", sentence))
+            job.succeeded.connect(lambda p: self._say(tr("Saved {name}", name=p.name)))
+            job.failed.connect(lambda sentence: tell(self.window, tr("Results"), sentence))
 
     def show_preferences(self) -> None:
         """Open the Preferences, or bring them to the front."""
@@ -290,8 +291,8 @@ class Commands(QObject):
         if (path := ask_save(self.window, Path.home() / "kochab-report.zip", "ZIP (*.zip)")) is not None:
             settings = self.settings.as_dict()
             job = self.services.jobs.run(save_task(lambda: save_report(path, settings), path), "report")
-            job.succeeded.connect(lambda p: self._say(f"Saved {p.name}. Attach it to your bug report."))
-            job.failed.connect(lambda sentence: tell(self.window, "Report", sentence))
+            job.succeeded.connect(lambda p: self._say(tr("Saved {name}. Attach it to your bug report.", name=p.name)))
+            job.failed.connect(lambda sentence: tell(self.window, tr("Report"), sentence))
 
     def _say(self, sentence: str) -> None:
         self.window.status.showMessage(sentence, 8000)
@@ -306,7 +307,7 @@ class Commands(QObject):
         docked = [d for d in self.views.docks.values() if d.isVisible() and not d.isFloating()]
         self.window.pages.setVisible(not (on and docked))
         if on and not docked:
-            self._say("Open a tool first (Tools menu).")
+            self._say(tr("Open a tool first (Tools menu)."))
             self.actions["fill"].setChecked(False)
 
     def _tab(self, index: int) -> None:
@@ -357,4 +358,4 @@ def _is_fits(path: Path | None) -> bool:
 def _kinds() -> str:
     """The file types of the open dialog, in both cases for systems that tell capitals apart."""
     endings = " ".join(f"*{s} *{s.upper()}" for s in SUFFIXES)
-    return f"Images ({endings});;All files (*)"
+    return tr("Images ({endings});;All files (*)", endings=endings)

@@ -7,6 +7,7 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QIcon, QPainter, QPalette
 from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QMessageBox, QWidget
 
+from kochab.core import tr
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
 
@@ -49,7 +50,8 @@ def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
     try:
         write()
     except OSError as error:
-        raise KochabError(f"Can't write {path.name}: {error.strerror or error}.") from error
+        why = error.strerror or error
+        raise KochabError(tr("Can't write {name}: {why}.", name=path.name, why=why)) from error
     return path
 
 
@@ -60,7 +62,7 @@ def ask_frames(parent: QWidget, folder: str, title: str, kinds: str) -> list[Pat
 
 def ask_save(parent: QWidget, path: Path, kinds: str) -> Path | None:
     """Where to write, or None; asks again before an existing file is replaced."""
-    dialog = QFileDialog(parent, "Export", str(path.parent), kinds, acceptMode=QFileDialog.AcceptMode.AcceptSave)
+    dialog = QFileDialog(parent, tr("Export"), str(path.parent), kinds, acceptMode=QFileDialog.AcceptMode.AcceptSave)
     dialog.selectFile(path.name)
     return _answer(dialog)
 

@@ -4,13 +4,14 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QAction, QActionGroup
 from PySide6.QtWidgets import QMenu, QToolButton
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.core.errors import KochabError
 from kochab.gear.profiles import choose_profile, current_profile, saved_profiles
 from kochab.window.settings import WindowSettings
 
 LONGEST = 24  # letters of a name in the bar
-LOCKED = "Disconnect the mount before you choose other equipment."
+LOCKED = tr_noop("Disconnect the mount before you choose other equipment.")
 
 
 class Equipment(QObject):
@@ -31,7 +32,7 @@ class Equipment(QObject):
     def choose(self, name: str) -> None:
         """Use the profile of this name from now on; a new name keeps what is used now, "" is none."""
         if self.locked and name != current_profile(self._settings).name:
-            self.refused.emit(LOCKED)
+            self.refused.emit(tr(LOCKED))
             return
         try:
             choose_profile(self._settings, name)
@@ -52,13 +53,13 @@ class Equipment(QObject):
     def _show(self) -> None:
         profile = current_profile(self._settings)
         scale = profile.scale_arcsec_px
-        self._button.setText(short_name(profile.name, LONGEST).replace("&", "&&") or "Equipment")
+        self._button.setText(short_name(profile.name, LONGEST).replace("&", "&&") or tr("Equipment"))
         facts = (
-            f"Equipment: {profile.name or 'no profile'}",
-            f"{profile.focal_length_mm:g} mm" if profile.focal_length_mm else "",
-            f"{scale:.2f}″/px" if scale else "",
-            profile.source and f"camera {profile.source}",
-            profile.port and f"mount {profile.mount.driver} on {profile.port}",
+            tr("Equipment: {name}", name=profile.name or tr("no profile")),
+            tr("{mm:g} mm", mm=profile.focal_length_mm) if profile.focal_length_mm else "",
+            tr("{scale:.2f}″/px", scale=scale) if scale else "",
+            profile.source and tr("camera {source}", source=profile.source),
+            profile.port and tr("mount {driver} on {port}", driver=profile.mount.driver, port=profile.port),
         )
         self._button.setToolTip(", ".join(filter(None, facts)))
         self._button.setAccessibleName(self._button.toolTip())
@@ -67,7 +68,7 @@ class Equipment(QObject):
         self._menu.clear()
         current, group = current_profile(self._settings).name, QActionGroup(self._menu)
         for name in ("", *(profile.name for profile in saved_profiles()[0])):
-            action = self._menu.addAction(short_name(name).replace("&", "&&") or "No profile")
+            action = self._menu.addAction(short_name(name).replace("&", "&&") or tr("No profile"))
             action.setCheckable(True)
             action.setChecked(name == current)
             action.setEnabled(not self.locked or name == current)

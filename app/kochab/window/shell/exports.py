@@ -6,6 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
+from kochab.core import tr, tr_noop
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
@@ -36,22 +37,26 @@ class Export:
 CSV = "CSV (*.csv)"
 PICTURES = "PNG (*.png);;JPEG (*.jpg);;TIFF (*.tif);;PDF (*.pdf);;SVG (*.svg)"
 EXPORTS = (
-    Export("csv", "Stars as &CSV…", "-stars.csv", CSV, lambda _, s, p: write_atomically(p, stars_csv(s))),
+    Export("csv", tr_noop("Stars as &CSV…"), "-stars.csv", CSV, lambda _, s, p: write_atomically(p, stars_csv(s))),
     Export(
-        "regions", "&DS9 regions…", ".reg", "DS9 regions (*.reg)", lambda _, s, p: write_atomically(p, ds9_regions(s))
+        "regions",
+        tr_noop("&DS9 regions…"),
+        ".reg",
+        tr_noop("DS9 regions (*.reg)"),
+        lambda _, s, p: write_atomically(p, ds9_regions(s)),
     ),
-    Export("wcs", "&WCS header…", ".wcs", "WCS header (*.wcs)", lambda _, s, p: write_wcs(s, p)),
+    Export("wcs", tr_noop("&WCS header…"), ".wcs", tr_noop("WCS header (*.wcs)"), lambda _, s, p: write_wcs(s, p)),
     Export(
-        "fits", "&FITS copy with WCS…", "-solved.fits", "FITS (*.fits)", lambda f, s, p: write_solved_copy(s, f.path, p)
+        "fits",
+        tr_noop("&FITS copy with WCS…"),
+        "-solved.fits",
+        "FITS (*.fits)",
+        lambda f, s, p: write_solved_copy(s, f.path, p),
     ),
     Export(
-        "objects",
-        "&Objects as CSV…",
-        "-objects.csv",
-        "CSV (*.csv)",
-        lambda _, s, p: write_atomically(p, objects_csv(s)),
+        "objects", tr_noop("&Objects as CSV…"), "-objects.csv", CSV, lambda _, s, p: write_atomically(p, objects_csv(s))
     ),
-    Export("picture", "Annotated &image…", "-annotated.png", PICTURES, annotate),
+    Export("picture", tr_noop("Annotated &image…"), "-annotated.png", PICTURES, annotate),
 )
 
 
@@ -69,15 +74,15 @@ class FrameExporter(QObject):
             def write(frame: Frame, solution: Solution, path: Path) -> None:
                 write_atomically(path, to_json(frame.path, solution) + "\n")
 
-            self.kinds["json"] = Export("json", "Solution as &JSON…", ".json", "JSON (*.json)", write)
+            self.kinds["json"] = Export("json", tr_noop("Solution as &JSON…"), ".json", "JSON (*.json)", write)
         for kind in self.kinds.values():
-            action = window.menus.export.addAction(kind.text)
+            action = window.menus.export.addAction(tr(kind.text))
             action.setObjectName(f"export_{kind.name}")
             action.triggered.connect(lambda _=False, k=kind: self.ask(k))
 
     def ask(self, kind: Export) -> None:
         base = self._session.known.path or Path("frame")
-        if (path := ask_save(self._window, base.with_name(base.stem + kind.ending), kind.kinds)) is not None:
+        if (path := ask_save(self._window, base.with_name(base.stem + kind.ending), tr(kind.kinds))) is not None:
             self.write(kind, path)
 
     def write(self, kind: Export, path: Path) -> None:
@@ -93,8 +98,8 @@ class FrameExporter(QObject):
 
         job = self._session.jobs.run(task(), f"export-{kind.name}")
         job.succeeded.connect(self._done)
-        job.failed.connect(lambda sentence: tell(self._window, "Export", sentence))
+        job.failed.connect(lambda sentence: tell(self._window, tr("Export"), sentence))
 
     def _done(self, path: Path) -> None:
-        self._window.status.showMessage(f"Saved {path.name}", 6000)
+        self._window.status.showMessage(tr("Saved {name}", name=path.name), 6000)
         self.wrote.emit(path)

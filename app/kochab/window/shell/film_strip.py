@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.angle_text import AngleStyle, short_name
 from kochab.core.solution import Solution
 from kochab.window.image.frame_image import FrameImage
@@ -29,10 +30,10 @@ from kochab.window.widgets import ProgressBar, button, choice_box, column, label
 from kochab.workflows.solution_text import RESULT_TITLES, result_cells
 
 ORDERS: dict[str, Callable[[FileState], object]] = {
-    "in order": lambda _: 0,
-    "by name": lambda f: f.path.name.lower(),
-    "newest first": lambda f: -(f.path.stat().st_mtime if f.path.exists() else 0.0),
-    "failed first": lambda f: (not f.failed, f.result is not None),
+    tr_noop("in order"): lambda _: 0,
+    tr_noop("by name"): lambda f: f.path.name.lower(),
+    tr_noop("newest first"): lambda f: -(f.path.stat().st_mtime if f.path.exists() else 0.0),
+    tr_noop("failed first"): lambda f: (not f.failed, f.result is not None),
 }
 BADGE_PX, BLINK_MS = 16, 800
 PATH = Qt.ItemDataRole.UserRole
@@ -50,14 +51,15 @@ class FilmStrip(QFrame):
         self._batch = batch
         self._open: Path | None = None
         self.count = label("", "muted")
-        self.bar = ProgressBar("Progress of the files")
+        self.bar = ProgressBar(tr("Progress of the files"))
         self.bar.setFixedWidth(110)
-        self.solve = button("Solve the rest", batch.start, "small", "Solve the files that have no result yet")
-        self.cancel = button("Cancel", batch.cancel, "small", "Stop; what is solved stays")
-        self.failed = switch("Failed only", "Show only files without a solution")
-        self.order = choice_box("Order of the files", ORDERS)
-        results = button("Results…", self.results_wanted.emit, "small", "All results in a table, to save as CSV")
-        self.list = named(QListWidget(), "Files")
+        self.solve = button(tr("Solve the rest"), batch.start, "small", tr("Solve the files that have no result yet"))
+        self.cancel = button(tr("Cancel"), batch.cancel, "small", tr("Stop; what is solved stays"))
+        self.failed = switch(tr("Failed only"), tr("Show only files without a solution"))
+        self.order = choice_box(tr("Order of the files"), {tr(title): order for title, order in ORDERS.items()})
+        tip = tr("All results in a table, to save as CSV")
+        results = button(tr("Results…"), self.results_wanted.emit, "small", tip)
+        self.list = named(QListWidget(), tr("Files"))
         self.list.setFlow(QListView.Flow.LeftToRight)
         self.list.setViewMode(QListView.ViewMode.IconMode)
         self.list.setMovement(QListView.Movement.Static)
@@ -80,7 +82,7 @@ class FilmStrip(QFrame):
     def fill(self, _: object = None) -> None:
         """Show the files anew, in the order and with the filter that are set."""
         self.list.clear()
-        files = sorted(self._batch.files.values(), key=ORDERS[self.order.currentText()])  # type: ignore[arg-type]
+        files = sorted(self._batch.files.values(), key=self.order.currentData())
         size = QSize(WIDTH + 16, HEIGHT + self.fontMetrics().height() + 12)
         for state in files:
             if state.failed or not self.failed.isChecked():
@@ -129,7 +131,14 @@ class FilmStrip(QFrame):
     def _tell(self) -> None:
         files = self._batch.files.values()
         done, failed = len(files) - len(self._batch.waiting), sum(f.failed for f in files)
-        self.count.setText(f"{len(files)} files, {done - failed} solved, {failed} failed")
+        text = tr_n(
+            "{n} file, {solved} solved, {failed} failed",
+            "{n} files, {solved} solved, {failed} failed",
+            len(files),
+            solved=done - failed,
+            failed=failed,
+        )
+        self.count.setText(text)
         self.bar.show_share(done / max(len(files), 1))
         for shown in (self.bar, self.cancel):
             shown.setVisible(self._batch.at is not None)
@@ -169,10 +178,10 @@ def _film(state: FileState) -> QPixmap:
 def results_table(parent: QWidget, batch: Batch, style: AngleStyle, save: Callable[[], object]) -> QDialog:
     """The results of all files; ``save`` is asked to keep them as CSV."""
     dialog = QDialog(parent)
-    dialog.setWindowTitle("Results")
+    dialog.setWindowTitle(tr("Results"))
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-    table = named(QTableWidget(len(batch.files), len(RESULT_TITLES)), "Results of all files")
-    table.setHorizontalHeaderLabels(RESULT_TITLES)
+    table = named(QTableWidget(len(batch.files), len(RESULT_TITLES)), tr("Results of all files"))
+    table.setHorizontalHeaderLabels([tr(title) for title in RESULT_TITLES])
     table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     table.setTabKeyNavigation(False)
     for at, state in enumerate(batch.files.values()):
@@ -181,7 +190,7 @@ def results_table(parent: QWidget, batch: Batch, style: AngleStyle, save: Callab
             table.setItem(at, place, QTableWidgetItem(text))
     table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
     table.verticalHeader().hide()
-    buttons = row(button("Save CSV…", save, "main"), None, button("Close", dialog.close))
+    buttons = row(button(tr("Save CSV…"), save, "main"), None, button(tr("Close"), dialog.close))
     column(table, buttons, on=dialog, spacing=10, margins=(14, 14, 14, 14))
     dialog.resize(min(980, parent.width()), min(520, parent.height()))
     return dialog

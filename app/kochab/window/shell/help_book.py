@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
 from PySide6.QtWidgets import QDialog, QListWidget, QTextBrowser, QWidget
 
-from kochab.core import data_folder
+from kochab.core import data_folder, tr
 from kochab.window.shell.dialogs import is_red
 from kochab.window.shell.menus import NEWS
 from kochab.window.widgets import column, label, named, row, text_field
@@ -36,7 +36,7 @@ def pages() -> list[HelpPage]:
     texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("[0-9]*.md"))]
     news = next((p for p in (folder / "CHANGELOG.md", folder.parents[1] / "CHANGELOG.md") if p.exists()), None)
     made = [HelpPage(text.partition("\n")[0].lstrip("# "), text) for text in texts]
-    return [*made, HelpPage(NEWS, news.read_text(encoding="utf-8"))] if news else made
+    return [*made, HelpPage(tr(NEWS), news.read_text(encoding="utf-8"))] if news else made
 
 
 class PageBrowser(QTextBrowser):
@@ -61,14 +61,14 @@ class HelpBook(QDialog):
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self.setWindowTitle("Help")
+        self.setWindowTitle(tr("Help"))
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        self.search = text_field("Search the help", "Search")
+        self.search = text_field(tr("Search the help"), tr("Search"))
         self.search.setClearButtonEnabled(False)  # its icon is in no theme's colours
-        self.list = named(QListWidget(), "Pages")
+        self.list = named(QListWidget(), tr("Pages"))
         self.list.setFixedWidth(LIST_PX)
-        self.none = label("No page has these words.", "muted", wrap=True)
-        self.browser = named(PageBrowser(), "Page")
+        self.none = label(tr("No page has these words."), "muted", wrap=True)
+        self.browser = named(PageBrowser(), tr("Page"))
         self.browser.setOpenLinks(False)
         left = column(self.search, self.list, self.none)
         row(left, (self.browser, 1), on=self, spacing=10, margins=(10, 10, 10, 10))

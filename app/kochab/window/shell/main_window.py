@@ -6,6 +6,7 @@ from PySide6.QtCore import QChildEvent, QEvent, QObject, QPoint, QRect, QSize, Q
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QBoxLayout, QMainWindow, QStackedWidget, QToolButton, QWidget
 
+from kochab.core import tr
 from kochab.window.image.frame_view import FrameView
 from kochab.window.image.stretch_strip import StretchStrip
 from kochab.window.panels.card import Card
@@ -35,8 +36,8 @@ class Workspace(Page):
         self.hints = HintsPanel(methods, detectors)
         first = page()
         column(self.solution, None, on=first, spacing=12, margins=(12, 12, 12, 12))
-        tabs = ("Solution", scrolled(first)), ("Stars", self.stars), ("Hints, method", scrolled(self.hints))
-        self.tabs = tab_pages("Frame details", *tabs)
+        tabs = (tr("Solution"), scrolled(first)), (tr("Stars"), self.stars), (tr("Hints, method"), scrolled(self.hints))
+        self.tabs = tab_pages(tr("Frame details"), *tabs)
         for index in range(self.tabs.count()):
             self.tabs.setTabToolTip(index, f"Alt+{index + 1}")
         self.buttons = styled_frame("card")

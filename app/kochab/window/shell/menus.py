@@ -8,9 +8,10 @@ from PySide6.QtCore import QEvent, QSize, Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QSizePolicy, QToolBar, QToolButton, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.window.image.overlay import MARKS
-from kochab.window.themes import TEXT_SIZES, THEME_TITLES, Colours, glyphs, icon
+from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES, Colours, glyphs, icon
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,54 +26,88 @@ class Spec:
     short: str = ""  # text on a button
 
 
-NEWS = "What’s new"  # also a page of the help book
+NEWS = tr_noop("What’s new")  # also a page of the help book
 SPECS = (
-    Spec("open", "&Open…", "Ctrl+O", "Open an image", short="Open…"),
-    Spec("folder", "Open a &folder…", "Ctrl+Shift+O", "Open all images of a folder"),
-    Spec("clear_recent", "&Clear this list"),
-    Spec("quit", "&Quit", "Ctrl+Q"),
-    Spec("solve", "&Solve again", "F5 Ctrl+R", "Plate solve the open image again"),
-    Spec("cancel", "&Cancel", "Esc", "Stop the current task"),
-    Spec("fit", "&Fit to window", "0 Ctrl+0", "Show the whole image", short="Fit"),
-    Spec("one", "&Actual pixels", "1 Ctrl+1", "Show the image at 100 %"),
-    Spec("in", "Zoom &in", "+ = Ctrl++"),
-    Spec("out", "Zoom &out", "- Ctrl+-"),
-    Spec("next", "N&ext image", "Ctrl+Right", "Open the next file of the film strip"),
-    Spec("previous", "&Previous image", "Ctrl+Left", "Open the file before"),
-    Spec("blink", "&Blink", "B", "Show this image and the one before in turn", True),
-    Spec("stretch", "Automatic &stretch", "T", "Stretch the image so that faint stars show", True),
-    Spec("histogram", "Histogra&m", "H", "Show the histogram, black point and brightness", True, "Stretch"),
-    Spec("colour", "&Colour", "C", "Show in colour or mono", True),
-    Spec("objects", "Deep-sky &objects", "O", "Outlines and names of galaxies, nebulae and clusters", True),
-    Spec("names", "Star &names", "N", "Names of bright stars", True),
-    Spec("bodies", "&Planets, asteroids, comets", "P", "Bodies of the Solar System in a dated frame", True),
-    Spec("figures", "Constellation &lines", "L", "The figures of the constellations", True),
-    Spec("boundaries", "Constellation &boundaries", "", "The IAU's boundaries", True),
-    Spec("ecliptic", "E&cliptic", "", "The Sun's path", True),
-    Spec("galactic", "&Galactic equator", "", "The middle of the Milky Way", True),
-    Spec("identified", "&Identified stars", "I", "Circle identified stars", True),
-    Spec("detected", "&Detected stars", "D", "Circle detected stars that are not identified", True),
-    Spec("grid", "&RA/Dec grid", "G", "Right ascension and declination lines", True),
-    Spec("centre", "Centre cros&s", "X", "Mark the centre of the frame", True),
-    Spec("compass", "North and &east arrows", "E", "Show north and east", True),
-    Spec("night", "Ni&ght", "Ctrl+N", "Red light only, for dark-adapted eyes", True, "Night"),
-    Spec("preferences", "Pre&ferences…", "Ctrl+,", "Angles, theme, layers, equipment, folders", short="Settings"),
-    Spec("details", "&Details", "Ctrl+D", "Attitude, camera, times, the stars, hints and methods", True, "Details"),
-    Spec("fill", "Tool fills the &window", "Shift+F11", "Hide the image beside an open tool", True),
-    Spec("full", "F&ull screen", "F11", "", True),
-    Spec("log", "&Log", "Ctrl+L", "Show the log", True),
-    Spec("search", "Fi&nd…", "Ctrl+K", "Find a star, an object, coordinates or a command"),
-    Spec("copy", "Copy &RA/Dec", "Ctrl+Shift+C", "Copy the coordinates of the frame's centre"),
-    Spec("copy_all", "Copy &everything"),
-    Spec("tab_solution", "Solutio&n", "Alt+1"),
-    Spec("tab_stars", "Sta&rs", "Alt+2"),
-    Spec("tab_hints", "&Hints and methods", "Alt+3"),
-    Spec("help", "&Help", "F1", "The help book, at the page of the present mode"),
-    Spec("tour", "&Tour", "", "Four cards for the first evening"),
-    Spec("news", f"&{NEWS}"),
-    Spec("keys", "&Keyboard", "Shift+F1"),
-    Spec("about", "&About Kochab"),
-    Spec("report", "Save a &report…", "", "Pack the journal and versions for a bug report"),
+    Spec("open", tr_noop("&Open…"), "Ctrl+O", tr_noop("Open an image"), short=tr_noop("Open…")),
+    Spec("folder", tr_noop("Open a &folder…"), "Ctrl+Shift+O", tr_noop("Open all images of a folder")),
+    Spec("clear_recent", tr_noop("&Clear this list")),
+    Spec("quit", tr_noop("&Quit"), "Ctrl+Q"),
+    Spec("solve", tr_noop("&Solve again"), "F5 Ctrl+R", tr_noop("Plate solve the open image again")),
+    Spec("cancel", tr_noop("&Cancel"), "Esc", tr_noop("Stop the current task")),
+    Spec("fit", tr_noop("&Fit to window"), "0 Ctrl+0", tr_noop("Show the whole image"), short=tr_noop("Fit")),
+    Spec("one", tr_noop("&Actual pixels"), "1 Ctrl+1", tr_noop("Show the image at 100 %")),
+    Spec("in", tr_noop("Zoom &in"), "+ = Ctrl++"),
+    Spec("out", tr_noop("Zoom &out"), "- Ctrl+-"),
+    Spec("next", tr_noop("N&ext image"), "Ctrl+Right", tr_noop("Open the next file of the film strip")),
+    Spec("previous", tr_noop("&Previous image"), "Ctrl+Left", tr_noop("Open the file before")),
+    Spec("blink", tr_noop("&Blink"), "B", tr_noop("Show this image and the one before in turn"), True),
+    Spec("stretch", tr_noop("Automatic &stretch"), "T", tr_noop("Stretch the image so that faint stars show"), True),
+    Spec(
+        "histogram",
+        tr_noop("Histogra&m"),
+        "H",
+        tr_noop("Show the histogram, black point and brightness"),
+        True,
+        tr_noop("Stretch"),
+    ),
+    Spec("colour", tr_noop("&Colour"), "C", tr_noop("Show in colour or mono"), True),
+    Spec(
+        "objects",
+        tr_noop("Deep-sky &objects"),
+        "O",
+        tr_noop("Outlines and names of galaxies, nebulae and clusters"),
+        True,
+    ),
+    Spec("names", tr_noop("Star &names"), "N", tr_noop("Names of bright stars"), True),
+    Spec(
+        "bodies",
+        tr_noop("&Planets, asteroids, comets"),
+        "P",
+        tr_noop("Bodies of the Solar System in a dated frame"),
+        True,
+    ),
+    Spec("figures", tr_noop("Constellation &lines"), "L", tr_noop("The figures of the constellations"), True),
+    Spec("boundaries", tr_noop("Constellation &boundaries"), "", tr_noop("The IAU's boundaries"), True),
+    Spec("ecliptic", tr_noop("E&cliptic"), "", tr_noop("The Sun's path"), True),
+    Spec("galactic", tr_noop("&Galactic equator"), "", tr_noop("The middle of the Milky Way"), True),
+    Spec("identified", tr_noop("&Identified stars"), "I", tr_noop("Circle identified stars"), True),
+    Spec("detected", tr_noop("&Detected stars"), "D", tr_noop("Circle detected stars that are not identified"), True),
+    Spec("grid", tr_noop("&RA/Dec grid"), "G", tr_noop("Right ascension and declination lines"), True),
+    Spec("centre", tr_noop("Centre cros&s"), "X", tr_noop("Mark the centre of the frame"), True),
+    Spec("compass", tr_noop("North and &east arrows"), "E", tr_noop("Show north and east"), True),
+    Spec(
+        "night", tr_noop("Ni&ght"), "Ctrl+N", tr_noop("Red light only, for dark-adapted eyes"), True, tr_noop("Night")
+    ),
+    Spec(
+        "preferences",
+        tr_noop("Pre&ferences…"),
+        "Ctrl+,",
+        tr_noop("Angles, theme, layers, equipment, folders"),
+        short=tr_noop("Settings"),
+    ),
+    Spec(
+        "details",
+        tr_noop("&Details"),
+        "Ctrl+D",
+        tr_noop("Attitude, camera, times, the stars, hints and methods"),
+        True,
+        tr_noop("Details"),
+    ),
+    Spec("fill", tr_noop("Tool fills the &window"), "Shift+F11", tr_noop("Hide the image beside an open tool"), True),
+    Spec("full", tr_noop("F&ull screen"), "F11", "", True),
+    Spec("log", tr_noop("&Log"), "Ctrl+L", tr_noop("Show the log"), True),
+    Spec("search", tr_noop("Fi&nd…"), "Ctrl+K", tr_noop("Find a star, an object, coordinates or a command")),
+    Spec("copy", tr_noop("Copy &RA/Dec"), "Ctrl+Shift+C", tr_noop("Copy the coordinates of the frame's centre")),
+    Spec("copy_all", tr_noop("Copy &everything")),
+    Spec("tab_solution", tr_noop("Solutio&n"), "Alt+1"),
+    Spec("tab_stars", tr_noop("Sta&rs"), "Alt+2"),
+    Spec("tab_hints", tr_noop("&Hints and methods"), "Alt+3"),
+    Spec("help", tr_noop("&Help"), "F1", tr_noop("The help book, at the page of the present mode")),
+    Spec("tour", tr_noop("&Tour"), "", tr_noop("Four cards for the first evening")),
+    Spec("news", tr_noop("&What’s new")),
+    Spec("keys", tr_noop("&Keyboard"), "Shift+F1"),
+    Spec("about", tr_noop("&About Kochab")),
+    Spec("report", tr_noop("Save a &report…"), "", tr_noop("Pack the journal and versions for a bug report")),
 )
 Actions = dict[str, QAction]
 LEAST_LETTERS = 105  # of the window's width, for a rail with names
@@ -83,13 +118,13 @@ def make_actions(window: QMainWindow) -> Actions:
     made: Actions = {}
     for spec in SPECS:
         # An icon in the menu would take the place of a switch's tick.
-        action = QAction(spec.text, window, checkable=spec.switch, iconVisibleInMenu=False)
+        action = QAction(tr(spec.text), window, checkable=spec.switch, iconVisibleInMenu=False)
         action.setObjectName(spec.name)
         action.setShortcuts([QKeySequence(k) for k in spec.keys.split()])
         if spec.short:
-            action.setIconText(spec.short)
+            action.setIconText(tr(spec.short))
         keys = f" ({spec.keys.split()[0]})" if spec.keys else ""
-        action.setToolTip(f"{spec.tip or spec.text.replace('&', '').rstrip('…')}{keys}")
+        action.setToolTip(f"{tr(spec.tip) or tr(spec.text).replace('&', '').rstrip('…')}{keys}")
         made[spec.name] = action
         window.addAction(action)
     return made
@@ -106,17 +141,17 @@ class Menus:
     """Owns the menus that change: recent files, export, theme, text size, tools."""
 
     def __init__(self, window: QMainWindow, bar: QMenuBar, actions: Actions) -> None:
-        file = bar.addMenu("&File")
+        file = bar.addMenu(tr("&File"))
         _fill(file, actions, "open", "folder")
-        self.recent: QMenu = file.addMenu("Open &recent")
+        self.recent: QMenu = file.addMenu(tr("Open &recent"))
         self._clear = actions["clear_recent"]
-        self.samples: QMenu = file.addMenu("Open a &sample")
+        self.samples: QMenu = file.addMenu(tr("Open a &sample"))
         file.addSeparator()
-        self.export: QMenu = file.addMenu("&Export")
+        self.export: QMenu = file.addMenu(tr("&Export"))
         file.addSeparator()
         file.addAction(actions["quit"])
-        _fill(bar.addMenu("&Edit"), actions, "search", "", "copy", "copy_all", "", "preferences")
-        view = bar.addMenu("&View")
+        _fill(bar.addMenu(tr("&Edit")), actions, "search", "", "copy", "copy_all", "", "preferences")
+        view = bar.addMenu(tr("&View"))
         _fill(
             view,
             actions,
@@ -134,19 +169,18 @@ class Menus:
             "colour",
             "",
         )
-        self.layers = view.addMenu("La&yers")
+        self.layers = view.addMenu(tr("La&yers"))
         _fill(self.layers, actions, *MARKS)
         _fill(view, actions, "", "details", "tab_solution", "tab_stars", "tab_hints", "log", "")
-        self.themes = _choices(window, view.addMenu("&Theme"), THEME_TITLES)
-        titles = {name: f"&{name.capitalize()}" for name in TEXT_SIZES}
-        self.text_sizes = _choices(window, view.addMenu("Te&xt size"), titles)
+        self.themes = _choices(window, view.addMenu(tr("&Theme")), THEME_TITLES)
+        self.text_sizes = _choices(window, view.addMenu(tr("Te&xt size")), TEXT_SIZE_TITLES)
         _fill(view, actions, "night", "full")
-        _fill(bar.addMenu("&Solve"), actions, "solve", "cancel", "", "tab_hints")
-        self.tools: QMenu = bar.addMenu("&Tools")
-        self.practice = self.tools.addAction("Practice with a &simulated telescope")
+        _fill(bar.addMenu(tr("&Solve")), actions, "solve", "cancel", "", "tab_hints")
+        self.tools: QMenu = bar.addMenu(tr("&Tools"))
+        self.practice = self.tools.addAction(tr("Practice with a &simulated telescope"))
         self.tools.addSeparator()
         _fill(self.tools, actions, "fill", "")
-        _fill(bar.addMenu("&Help"), actions, "help", "keys", "tour", "news", "", "report", "about")
+        _fill(bar.addMenu(tr("&Help")), actions, "help", "keys", "tour", "news", "", "report", "about")
 
     def show_files(self, menu: QMenu, paths: list[tuple[str, Path]], chosen: Callable[[Path], object]) -> None:
         """Fill the recent or the sample menu."""
@@ -166,7 +200,7 @@ class Rail(QToolBar):
     """The modes at the left of the window; large letters on a small screen leave them their icons."""
 
     def __init__(self, window: QMainWindow) -> None:
-        super().__init__("Modes", window, movable=False, iconSize=QSize(22, 22))
+        super().__init__(tr("Modes"), window, movable=False, iconSize=QSize(22, 22))
         self.setObjectName("rail")
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)  # which would offer to hide it
         window.addToolBar(Qt.ToolBarArea.LeftToolBarArea, self)
@@ -218,7 +252,7 @@ def _fill(menu: QMenu, actions: Actions, *names: str) -> None:
 def _choices(window: QMainWindow, menu: QMenu, titles: dict[str, str]) -> QActionGroup:
     group = QActionGroup(window)
     for name, title in titles.items():
-        action = QAction(title, group, checkable=True)
+        action = QAction(tr(title), group, checkable=True)
         action.setData(name)
         menu.addAction(action)
     return group

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QAction, QDesktopServices
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QWidget
 
-from kochab.core import cache_folder
+from kochab.core import cache_folder, number, tr, tr_noop
 from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
@@ -19,7 +19,7 @@ from kochab.window.shell.dialogs import ask_folder, without_icons
 from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import Services
-from kochab.window.themes import TEXT_SIZES, THEME_TITLES
+from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES
 from kochab.window.widgets import (
     Part,
     button,
@@ -37,8 +37,10 @@ from kochab.window.widgets import (
 
 WIDE, HIGH = 90, 26  # letters and lines
 FOCAL_MM, PIXEL_UM = 1e5, 100.0  # the most there may be
-OFFLINE = "Kochab downloads nothing. New star data comes with a new version; your own stars with kochab catalog import."
-FOLDERS = {"Equipment": profile_folder, "Indexes": cache_folder, "Log": journal_folder}
+OFFLINE = tr_noop(
+    "Kochab downloads nothing. New star data comes with a new version; your own stars with kochab catalog import."
+)
+FOLDERS = {tr_noop("Equipment"): profile_folder, tr_noop("Indexes"): cache_folder, tr_noop("Log"): journal_folder}
 
 
 class Preferences(QDialog):
@@ -46,18 +48,18 @@ class Preferences(QDialog):
 
     def __init__(self, presenter: Presenter, services: Services, equipment: Equipment) -> None:
         super().__init__(presenter.window)
-        self.setWindowTitle("Preferences")
+        self.setWindowTitle(tr("Preferences"))
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._presenter, self._services, self._equipment = presenter, services, equipment
         self.settings = services.settings
         self.wrong = label("", "wrong", wrap=True)
         pages = (
-            ("General", self._general()),
-            ("Layers", self._layers()),
-            ("Equipment", self._gear()),
-            ("Folders and data", self._data()),
+            (tr("General"), self._general()),
+            (tr("Layers"), self._layers()),
+            (tr("Equipment"), self._gear()),
+            (tr("Folders and data"), self._data()),
         )
-        self.tabs = tab_pages("Preferences", *pages)
+        self.tabs = tab_pages(tr("Preferences"), *pages)
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         without_icons(buttons.buttons())
         buttons.rejected.connect(self.reject)
@@ -76,17 +78,18 @@ class Preferences(QDialog):
 
     def _general(self) -> QWidget:
         looks, panes = self._services.looks, self._services.panes
-        plain = {title.replace("&", ""): name for name, title in THEME_TITLES.items()}
-        self.angles = choice_box("Angles", {title: style for style, title in STYLES.items()})
+        plain = {tr(title).replace("&", ""): name for name, title in THEME_TITLES.items()}
+        sizes = {tr(title).replace("&", ""): name for name, title in TEXT_SIZE_TITLES.items()}
+        self.angles = choice_box(tr("Angles"), {tr(title): style for style, title in STYLES.items()})
         _show(self.angles, self.settings.angle_style)
         self.angles.activated.connect(lambda: panes.solution.set_style(self.angles.currentData()))
-        self.theme = choice_box("Theme", plain)
-        self.text = choice_box("Text size", {name.capitalize(): name for name in TEXT_SIZES})
+        self.theme = choice_box(tr("Theme"), plain)
+        self.text = choice_box(tr("Text size"), sizes)
         self.theme.activated.connect(lambda: looks.use_theme(self.theme.currentData()))
         self.text.activated.connect(lambda: looks.use_theme(text_size=self.text.currentData()))
         looks.changed.connect(self._show_looks)
         self._show_looks()
-        return _page(form(("Angles", self.angles), ("Theme", self.theme), ("Text size", self.text)))
+        return _page(form((tr("Angles"), self.angles), (tr("Theme"), self.theme), (tr("Text size"), self.text)))
 
     def _show_looks(self) -> None:
         _show(self.theme, self.settings.text("theme", "dark"))
@@ -98,26 +101,26 @@ class Preferences(QDialog):
         return _page(*self.layers.values())
 
     def _gear(self) -> QWidget:
-        self.profile = choice_box("Equipment profile", ())
+        self.profile = choice_box(tr("Equipment profile"), ())
         self.profile.setEditable(True)
         self.profile.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        typed = text_field("Equipment profile", "none: type a name to keep this equipment")
+        typed = text_field(tr("Equipment profile"), tr("none: type a name to keep this equipment"))
         self.profile.setLineEdit(typed)
-        self.focal = text_field("Focal length", "mm")
-        self.pixel = text_field("Pixel size", "µm, before binning")
-        self.site = text_field("Your site", "latitude, longitude, as 48.14, 11.58")
+        self.focal = text_field(tr("Focal length"), "mm")
+        self.pixel = text_field(tr("Pixel size"), tr("µm, before binning"))
+        self.site = text_field(tr("Your site"), tr("latitude, longitude, as {example}", example="48.14, 11.58"))
         self.scale, self.hardware = label("", "muted"), label("", "muted", wrap=True)
         for chosen in (self.profile.textActivated, typed.returnPressed):
             chosen.connect(lambda *_: self._equipment.choose(self.profile.currentText().strip()))
         for field in (self.focal, self.pixel, self.site):
             field.editingFinished.connect(self._keep_gear)
         fields = form(
-            ("Profile", self.profile),
-            ("Focal length", self.focal),
-            ("Pixel size", self.pixel),
-            ("Pixel scale", self.scale),
-            ("Your site", self.site),
-            ("Camera, mount", self.hardware),
+            (tr("Profile"), self.profile),
+            (tr("Focal length"), self.focal),
+            (tr("Pixel size"), self.pixel),
+            (tr("Pixel scale"), self.scale),
+            (tr("Your site"), self.site),
+            (tr("Camera, mount"), self.hardware),
         )
         return _page(fields)
 
@@ -127,21 +130,23 @@ class Preferences(QDialog):
         self.profile.addItems(["", *(one.name for one in saved_profiles()[0])])
         self.profile.setCurrentText(profile.name)
         for field, value in ((self.focal, profile.focal_length_mm), (self.pixel, profile.pixel_size_um)):
-            field.setText("" if value is None else f"{value:g}")
+            field.setText("" if value is None else number(value, "g"))
             field.setEnabled(bool(profile.name))
-            field.setToolTip("" if profile.name else "Type a profile name first")
+            field.setToolTip("" if profile.name else tr("Type a profile name first"))
         self.site.setText("" if profile.site is None else site_text(profile.site))
         scale = profile.scale_arcsec_px
-        self.scale.setText("not known" if scale is None else f"{scale:.3g}″/px")
-        mount = f"{profile.mount.driver} on {profile.port}" if profile.port else "no mount"
-        self.hardware.setText(f"{profile.source or 'no camera'}, {mount}. Choose them in Live and Mount.")
+        self.scale.setText(tr("not known") if scale is None else tr("{scale:.3g}″/px", scale=scale))
+        driver, port = profile.mount.driver, profile.port
+        mount = tr("{driver} on {port}", driver=driver, port=port) if port else tr("no mount")
+        camera = profile.source or tr("no camera")
+        self.hardware.setText(tr("{camera}, {mount}. Choose them in Live and Mount.", camera=camera, mount=mount))
 
     def _keep_gear(self) -> None:
         try:
             focal, pixel, site = (field.text().strip() for field in (self.focal, self.pixel, self.site))
             told = {
-                "focal_length_mm": parse_positive(focal, "The focal length", FOCAL_MM) if focal else None,
-                "pixel_size_um": parse_positive(pixel, "The pixel size", PIXEL_UM) if pixel else None,
+                "focal_length_mm": parse_positive(focal, tr("The focal length"), FOCAL_MM) if focal else None,
+                "pixel_size_um": parse_positive(pixel, tr("The pixel size"), PIXEL_UM) if pixel else None,
                 "site": parse_site(site) if site else None,
             }
         except UsageError as error:
@@ -156,20 +161,20 @@ class Preferences(QDialog):
             self._equipment.tell()
 
     def _data(self) -> QWidget:
-        self.fixed = switch("Always begin in this folder", "Else in the folder used last")
+        self.fixed = switch(tr("Always begin in this folder"), tr("Else in the folder used last"))
         self.folder = label("", "muted", wrap=True)
         self.fixed.setChecked(bool(self.settings.text("start_folder", "")))
         self.fixed.toggled.connect(self._fix_folder)
-        self.choose = button("Choose…", self._choose_folder)
-        rows = [(title, _folder_row(title, folder())) for title, folder in FOLDERS.items()]
+        self.choose = button(tr("Choose…"), self._choose_folder)
+        rows = [(tr(title), _folder_row(tr(title), folder())) for title, folder in FOLDERS.items()]
         self.data = label("", wrap=True)
         job = self._services.jobs.run(data_text(), "data")
         job.succeeded.connect(self.data.setText)
         self.destroyed.connect(job.abandon)
         self._show_folder()
         images = row(self.choose, (self.folder, 1))
-        data = label("Star data", "strong"), self.data
-        return scrolled(_page(label("Open images", "strong"), self.fixed, images, form(*rows), *data))
+        data = label(tr("Star data"), "strong"), self.data
+        return scrolled(_page(label(tr("Open images"), "strong"), self.fixed, images, form(*rows), *data))
 
     def _show_folder(self) -> None:
         self.folder.setText(str(self.settings.image_folder))
@@ -179,7 +184,7 @@ class Preferences(QDialog):
         self._show_folder()
 
     def _choose_folder(self) -> None:
-        if (path := ask_folder(self, str(self.settings.image_folder), "Open images from")) is not None:
+        if (path := ask_folder(self, str(self.settings.image_folder), tr("Open images from"))) is not None:
             self.settings.keep("start_folder", str(path))
             self.fixed.setChecked(True)
             self._show_folder()
@@ -191,9 +196,10 @@ def data_text() -> Task[str]:
     from kochab.identification.index import fine, fine_folder
     from kochab.sky import open_catalogue
 
-    stars = f"{len(open_catalogue()):,} stars, J2000 with proper motions."
-    index = f"ready, in {fine_folder()}" if fine() else "not built yet; Kochab builds it while it is open"
-    return f"{stars}\nSmall-field index: {index}.\n{OFFLINE}"
+    stars = tr("{count:,} stars, J2000 with proper motions.", count=len(open_catalogue()))
+    ready = tr("Small-field index: ready, in {folder}.", folder=fine_folder())
+    missing = tr("Small-field index: not built yet; Kochab builds it while it is open.")
+    return f"{stars}\n{ready if fine() else missing}\n{tr(OFFLINE)}"
 
 
 def _page(*parts: Part) -> QWidget:
@@ -219,7 +225,7 @@ def _switch_of(action: QAction) -> QCheckBox:
 def _folder_row(title: str, path: Path) -> QWidget:
     made, where = QWidget(), QLabel(str(path), textInteractionFlags=Qt.TextInteractionFlag.TextSelectableByMouse)
     where.setWordWrap(True)
-    show = button("Show", lambda: QDesktopServices.openUrl(QUrl.fromLocalFile(str(path))), "small")
-    show.setAccessibleName(f"Show the folder: {title}")
+    show = button(tr("Show"), lambda: QDesktopServices.openUrl(QUrl.fromLocalFile(str(path))), "small")
+    show.setAccessibleName(tr("Show the folder: {title}", title=title))
     row((where, 1), show, on=made, margins=(0, 0, 0, 0))
     return made

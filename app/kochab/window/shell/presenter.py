@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QObject
 
+from kochab.core import number, tr
 from kochab.core.angle_text import AngleStyle, altaz_text, milliseconds_text, short_name
 from kochab.core.errors import printable
 from kochab.core.frame import Frame, Site
@@ -170,7 +171,7 @@ class Presenter(QObject):
 
     def _failed(self, sentence: str) -> None:
         known = self.session.known
-        self.panes.card.show_error("No image" if known.frame is None else "Error", sentence)
+        self.panes.card.show_error(tr("No image") if known.frame is None else tr("Error"), sentence)
         if known.frame is None:  # facts of the frame before must not seem to be this one's
             self.window.status.show_frame("", "")
             self._zoomed(None)
@@ -179,9 +180,9 @@ class Presenter(QObject):
     def _idle(self) -> None:
         known = self.session.known
         total = known.result.elapsed_ms.get("total") if known.result else None
-        word = {Solution: "Solved", NoSolution: "No solution"}.get(type(known.result), "Ready")
-        took = f" in {milliseconds_text(total)}" if total is not None else ""
-        self.window.bar.show_idle(f"{word}{took}")
+        word = {Solution: tr("Solved"), NoSolution: tr("No solution")}.get(type(known.result), tr("Ready"))
+        told = word if total is None else tr("{word} in {time}", word=word, time=milliseconds_text(total))
+        self.window.bar.show_idle(told)
 
     def _show_marks(self, solution: Solution | None) -> None:
         found = self.session.known.detections
@@ -222,9 +223,9 @@ class Presenter(QObject):
     def _zoomed(self, scale: float | None) -> None:
         """Screen pixels to an image pixel, on the button that fits it; None without an image."""
         percent = 0.0 if scale is None else scale * 100.0
-        self.window.actions_by_name["fit"].setIconText(
-            "Fit" if scale is None else f"Fit {percent:.0f} %" if percent >= 10 else f"Fit {percent:.1f} %"
-        )
+        shown = number(percent, ".0f" if percent >= 10 else ".1f")
+        text = tr("Fit") if scale is None else tr("Fit {percent} %", percent=shown)
+        self.window.actions_by_name["fit"].setIconText(text)
 
     def _clicked(self, x: float, y: float, reach: float) -> None:
         result = self.session.known.result
@@ -280,8 +281,8 @@ def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[st
     from kochab.sky.landmarks import name_of_field
 
     horizon = horizon_of(frame, site)
-    altaz = "" if horizon is None else altaz_text(*horizon.altaz_deg(solution.centre_vector))
-    return name_of_field(solution), altaz.replace("a", "A")
+    altaz = "" if horizon is None else altaz_text(*horizon.altaz_deg(solution.centre_vector), begins=True)
+    return name_of_field(solution), altaz
 
 
 def _bodies(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[Mark, ...]]:
@@ -292,5 +293,5 @@ def _bodies(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[M
 
 
 def _tables() -> Task[SkyTables]:
-    yield Progress("sky", None, "reading the names of the sky")
+    yield Progress("sky", None, tr("reading the names of the sky"))
     return sky_tables()

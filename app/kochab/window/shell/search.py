@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from PySide6.QtWidgets import QDialog
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, east_north, unit_vectors
@@ -15,7 +16,16 @@ from kochab.window.shell.menus import SPECS
 from kochab.window.shell.presenter import Presenter
 from kochab.window.widgets import column, label, text_field
 
-WAYS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+WAYS = (
+    tr_noop("{angle:.1f}° north of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° north-east of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° east of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° south-east of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° south of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° south-west of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° west of the frame’s centre, outside the frame"),
+    tr_noop("{angle:.1f}° north-west of the frame’s centre, outside the frame"),
+)
 CLOSEST_PX = 5.0  # a mark so near the place is what was sought
 EXAMPLE = "M 42, theta1 Ori, Sh2-155, 05h35m -5 23, grid"
 
@@ -40,7 +50,7 @@ def outside(solution: Solution, vector: Floats) -> str:
     centre = solution.centre_vector
     east, north = east_north(centre) @ vector
     way = WAYS[round(float(np.degrees(np.arctan2(east, north))) / 45.0) % 8]
-    return f"{np.degrees(angle_between(centre, vector)):.1f}° {way} of the frame’s centre, outside the frame"
+    return tr(way, angle=np.degrees(angle_between(centre, vector)))
 
 
 class Search(QDialog):
@@ -49,8 +59,8 @@ class Search(QDialog):
     def __init__(self, presenter: Presenter) -> None:
         super().__init__(presenter.window)
         self._presenter = presenter
-        self.setWindowTitle("Search")
-        self.field = text_field("Search", EXAMPLE, "A star, an object, a planet, coordinates or a command")
+        self.setWindowTitle(tr("Search"))
+        self.field = text_field(tr("Search"), EXAMPLE, tr("A star, an object, a planet, coordinates or a command"))
         self.field.setMinimumWidth(self.fontMetrics().averageCharWidth() * 48)
         self.answer = label("", "muted", wrap=True)
         column(self.field, self.answer, on=self, spacing=8, margins=(12, 12, 12, 12))
@@ -79,7 +89,7 @@ class Search(QDialog):
         except UsageError as error:
             return str(error)
         if solution is None:
-            return "No solved image is open."
+            return tr("No solved image is open.")
         x, y = solution.pixels_of(vector[None])[0].tolist()
         if not (-0.5 <= x < solution.camera.width - 0.5 and -0.5 <= y < solution.camera.height - 0.5):
             return outside(solution, vector)

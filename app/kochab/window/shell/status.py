@@ -6,6 +6,7 @@ import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
 
+from kochab.core import number, tr, tr_noop
 from kochab.core.angle_text import AngleStyle, altaz_text, radec_text
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame, Site
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
 
 
 STAGE_TEXT = {
-    "read": "Reading",
-    "display": "Preparing the image",
-    "detect": "Detecting stars",
-    "identify": "Identifying",
-    "attitude": "Fitting",
-    "names": "Naming stars",
+    "read": tr_noop("Reading"),
+    "display": tr_noop("Preparing the image"),
+    "detect": tr_noop("Detecting stars"),
+    "identify": tr_noop("Identifying"),
+    "attitude": tr_noop("Fitting"),
+    "names": tr_noop("Naming stars"),
 }
 
 
@@ -37,14 +38,14 @@ class TopBar(QFrame):
         self.setObjectName("bar")
         self.menus = QMenuBar(self)
         self.menus.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        self.name, self.doing = ElidedLabel(), ElidedLabel("Ready")
-        for text, role, said in ((self.name, "strong", "File"), (self.doing, "muted", "State")):
+        self.name, self.doing = ElidedLabel(), ElidedLabel(tr("Ready"))
+        for text, role, said in ((self.name, "strong", tr("File")), (self.doing, "muted", tr("State"))):
             text.setProperty("role", role)
             text.setAccessibleName(said)
             text.setTextFormat(Qt.TextFormat.PlainText)
-        self.progress = ProgressBar("Progress")
+        self.progress = ProgressBar(tr("Progress"))
         self.progress.setFixedWidth(110)
-        self.cancel = button("Cancel", self.cancel_wanted.emit, "small", "Stop (Esc)")
+        self.cancel = button(tr("Cancel"), self.cancel_wanted.emit, "small", tr("Stop (Esc)"))
         self.equipment = QToolButton(popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
         self.equipment.setObjectName("equipment")
         self.equipment.setFocusPolicy(Qt.FocusPolicy.TabFocus)
@@ -52,7 +53,7 @@ class TopBar(QFrame):
             self.menus, 10, self.name, (self.doing, 1), self.progress, self.cancel, self.equipment, on=self, spacing=8
         )
         self._row.setContentsMargins(6, 3, 8, 3)
-        self.show_idle("Ready")
+        self.show_idle(tr("Ready"))
 
     def add_first(self, widget: QWidget) -> None:
         """Put a widget beside the menus."""
@@ -63,7 +64,7 @@ class TopBar(QFrame):
         self._row.addWidget(widget)
 
     def show_progress(self, progress: Progress) -> None:
-        text = STAGE_TEXT.get(progress.stage, progress.stage.capitalize())
+        text = tr(STAGE_TEXT.get(progress.stage, progress.stage.capitalize()))
         self.doing.setText(f"{text}…")
         self.doing.setToolTip(progress.detail)
         self.progress.show_share(progress.fraction)
@@ -84,7 +85,7 @@ class Status(QStatusBar):
         self.setSizeGripEnabled(False)
         self.setContentsMargins(8, 0, 8, 0)
         self.place, self.background, self.frame = ElidedLabel(), ElidedLabel(), label("", "muted")
-        self.place.setAccessibleName("Under the cursor")
+        self.place.setAccessibleName(tr("Under the cursor"))
         self.addWidget(self.place, 1)
         self.addPermanentWidget(self.background)
         self.addPermanentWidget(self.frame)
@@ -102,7 +103,7 @@ def readout(
 
     With refracted altitude and azimuth when the frame has a time, and a site or else ``site``.
     """
-    pixel = f"x {x:.1f}  y {y:.1f}  value {value_at(frame, x, y)}"
+    pixel = tr("x {x:.1f}  y {y:.1f}  value {value}", x=x, y=y, value=value_at(frame, x, y))
     if solution is None:
         return pixel
     vector = solution.sky_at(np.array([[x, y]]))[0]
@@ -127,4 +128,4 @@ def value_at(frame: Frame, x: float, y: float) -> str:
     if not (0 <= column < frame.width and 0 <= row < frame.height):
         return ""
     value = frame.pixels[row, column]
-    return f"{value:.5g}" if np.issubdtype(frame.pixels.dtype, np.floating) else f"{value}"
+    return number(value, ".5g") if np.issubdtype(frame.pixels.dtype, np.floating) else f"{value}"

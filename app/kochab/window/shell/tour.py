@@ -4,28 +4,37 @@ from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QFrame, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.window.widgets import button, column, label, row
 
 CARDS = (
     (
-        "Open an image",
-        "Drop an image of the night sky on the window, or try a sample. Kochab says where it points. "
-        "It needs no focal length, no coordinates and no internet.",
+        tr_noop("Open an image"),
+        tr_noop(
+            "Drop an image of the night sky on the window, or try a sample. Kochab says where it points. "
+            "It needs no focal length, no coordinates and no internet."
+        ),
     ),
     (
-        "The card says where",
-        "What the frame shows, right ascension and declination with their uncertainty, and the field. "
-        "Details has everything else.",
+        tr_noop("The card says where"),
+        tr_noop(
+            "What the frame shows, right ascension and declination with their uncertainty, and the field. "
+            "Details has everything else."
+        ),
     ),
     (
-        "Five modes at the left",
-        "Image, Live with a camera, Mount, Polar alignment, and a Laboratory of methods. "
-        "F1 opens the help for the one you are in.",
+        tr_noop("Five modes at the left"),
+        tr_noop(
+            "Image, Live with a camera, Mount, Polar alignment, and a Laboratory of methods. "
+            "F1 opens the help for the one you are in."
+        ),
     ),
     (
-        "STOP and Night",
-        "With a mount connected, STOP stands at the right end of the bar; Esc does the same from anywhere. "
-        "Night (Ctrl+N) turns everything red.",
+        tr_noop("STOP and Night"),
+        tr_noop(
+            "With a mount connected, STOP stands at the right end of the bar; Esc does the same from anywhere. "
+            "Night (Ctrl+N) turns everything red."
+        ),
     ),
 )
 WIDTH_PX = 420
@@ -40,9 +49,9 @@ class Tour(QFrame):
         self.at = 0
         self.title, self.text = label("", "heading", wrap=True), label("", wrap=True)
         self.count = label("", "muted")
-        self.back = button("Back", lambda: self._turn(-1))
-        self.next = button("Next", lambda: self._turn(1), "main")
-        self.skip = button("Skip", self.close)
+        self.back = button(tr("Back"), lambda: self._turn(-1))
+        self.next = button(tr("Next"), lambda: self._turn(1), "main")
+        self.skip = button(tr("Skip"), self.close)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         buttons = row(self.count, None, self.skip, self.back, self.next, spacing=8)
         column(self.title, self.text, 6, buttons, on=self, spacing=8, margins=(18, 16, 18, 14))
@@ -58,12 +67,12 @@ class Tour(QFrame):
             self.close()
             return
         title, text = CARDS[self.at]
-        self.title.setText(title)
-        self.text.setText(text)
-        self.setAccessibleName(f"{title}. {text}")
-        self.count.setText(f"{self.at + 1} of {len(CARDS)}")
+        self.title.setText(tr(title))
+        self.text.setText(tr(text))
+        self.setAccessibleName(f"{tr(title)}. {tr(text)}")
+        self.count.setText(tr("{at} of {cards}", at=self.at + 1, cards=len(CARDS)))
         self.back.setVisible(self.at > 0)
-        self.next.setText("Done" if self.at == len(CARDS) - 1 else "Next")
+        self.next.setText(tr("Done") if self.at == len(CARDS) - 1 else tr("Next"))
         self.skip.setVisible(self.at < len(CARDS) - 1)
         self._place()
 

@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
+from kochab.core import tr, tr_noop
 from kochab.window.job import Jobs
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
@@ -73,12 +74,13 @@ class Services:
 
 # name -> (title with its mnemonic, shortcut, the widget, made with Services alone).
 VIEWS: dict[str, tuple[str, str, str]] = {
-    "live": ("L&ive", "F2", "kochab.window.live.view:LiveView"),
-    "mount": ("&Mount", "F3", "kochab.window.mount.view:MountView"),
-    "polar": ("&Polar alignment", "F4", "kochab.window.polar.view:PolarView"),
-    "laboratory": ("&Laboratory", "F6", "kochab.window.laboratory.view:LaboratoryView"),
+    "live": (tr_noop("L&ive"), "F2", "kochab.window.live.view:LiveView"),
+    "mount": (tr_noop("&Mount"), "F3", "kochab.window.mount.view:MountView"),
+    "polar": (tr_noop("&Polar alignment"), "F4", "kochab.window.polar.view:PolarView"),
+    "laboratory": (tr_noop("&Laboratory"), "F6", "kochab.window.laboratory.view:LaboratoryView"),
 }
-SHORT = {"image": "Image", "live": "Live", "mount": "Mount", "polar": "Polar", "laboratory": "Lab"}  # on the rail
+# On the rail, where they differ from the title.
+SHORT = {"polar": tr_noop("Polar"), "laboratory": tr_noop("Lab")}
 WITH_MOUNT = ("live", "mount", "polar")  # these show the mount's state in the bar
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 
@@ -117,9 +119,9 @@ class Views(QObject):
         super().__init__(window)
         self._window = window
         self.docks: dict[str, ViewDock] = {}
-        self.image = self._action("image", "Ima&ge", "F8")
+        self.image = self._action("image", tr("Ima&ge"), "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
-        self.actions = {name: self._action(name, title, keys) for name, (title, keys, _) in VIEWS.items()}
+        self.actions = {name: self._action(name, tr(title), keys) for name, (title, keys, _) in VIEWS.items()}
         window.rail.fill(
             [self.image, *self.actions.values()], [window.actions_by_name[name] for name in ("night", "preferences")]
         )
@@ -132,7 +134,7 @@ class Views(QObject):
     def _action(self, name: str, title: str, keys: str) -> QAction:
         action = QAction(title, self._window, checkable=True, shortcut=QKeySequence(keys), iconVisibleInMenu=False)
         action.setObjectName(f"view_{name}")
-        action.setIconText(SHORT.get(name, title.replace("&", "")))
+        action.setIconText(tr(SHORT[name]) if name in SHORT else title.replace("&", ""))
         action.setToolTip(f"{title.replace('&', '')} ({keys})")
         self._window.actions_by_name[name] = action
         self._window.menus.tools.addAction(action)

@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QIcon, QImage, QPainter, QPixmap
 from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
-from kochab.core import data_folder
+from kochab.core import data_folder, tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
@@ -112,14 +112,14 @@ def samples(folder: Path | None = None) -> list[Sample]:
 
 
 MOST_SHOWN = 5
-INVITATION = "Open an image of the night sky to see where it points and which stars are in it."
-READS = (
+INVITATION = tr_noop("Open an image of the night sky to see where it points and which stars are in it.")
+READS = tr_noop(
     "Or drop a file on this window: FITS, XISF, TIFF, PNG, JPEG, HEIC or camera RAW. "
     "No focal length or coordinates needed."
 )
 
-PRACTICE = "&Practice with a simulated telescope"
-PRACTICE_TIP = "A misaligned mount with a camera, under a simulated sky."
+PRACTICE = tr_noop("&Practice with a simulated telescope")
+PRACTICE_TIP = tr_noop("A misaligned mount with a camera, under a simulated sky.")
 
 LEAST_PX = 320  # of a sample: its picture and its name
 WIDEST_PX = 680  # of the page, with letters of the normal size
@@ -136,9 +136,9 @@ class Welcome(Page):
         super().__init__()
         self._recent = QVBoxLayout()
         self._recent.setSpacing(0)
-        self._recent_title = label("Recent", "heading")
-        self.first = button("&Open an image…", self.open_wanted.emit, "main")
-        self.practice = button(PRACTICE, self.practice_wanted.emit, tip=PRACTICE_TIP)
+        self._recent_title = label(tr("Recent"), "heading")
+        self.first = button(tr("&Open an image…"), self.open_wanted.emit, "main")
+        self.practice = button(tr(PRACTICE), self.practice_wanted.emit, tip=tr(PRACTICE_TIP))
         self.practice.hide()
         self._pictures: dict[Path, np.ndarray] = {}
         self._links: dict[Path, QPushButton] = {}
@@ -146,16 +146,16 @@ class Welcome(Page):
         self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
         offer: list[Part] = []
         if self.samples:
-            heading = label("Try a sample", "heading"), label("Simulated images.", "muted")
+            heading = label(tr("Try a sample"), "heading"), label(tr("Simulated images."), "muted")
             offer = [8, styled_frame("rule"), *heading, *self.samples]
         self._inside = page()
         self._inside.setMaximumWidth(WIDEST_PX)
         column(
             label("Kochab", "title"),
-            label(INVITATION, wrap=True),
+            label(tr(INVITATION), wrap=True),
             8,
             row(self.first, self.practice, None),
-            label(READS, "muted", wrap=True),
+            label(tr(READS), "muted", wrap=True),
             4,
             self._recent_title,
             self._recent,
@@ -178,13 +178,12 @@ class Welcome(Page):
             self._inside.setMaximumWidth(round(WIDEST_PX * larger))
 
     def _sample(self, sample: Sample, index: int) -> QPushButton:
-        text = f"&{index + 1}  {sample.title}"
-        made = button(
-            f"{text}\n{sample.text}" if sample.text else text, lambda: self.file_wanted.emit(sample.path), "sample"
-        )
+        text = f"&{index + 1}  {tr(sample.title)}"
+        text = f"{text}\n{tr(sample.text)}" if sample.text else text
+        made = button(text, lambda: self.file_wanted.emit(sample.path), "sample")
         made.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         made.setMinimumWidth(LEAST_PX)  # beside a tool on a small screen
-        made.setAccessibleName(sample.title)
+        made.setAccessibleName(tr(sample.title))
         made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
         return made
 

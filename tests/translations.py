@@ -1,0 +1,74 @@
+"""The texts of the program for translators: ``make translations INTO=de`` begins a language or brings all up to date.
+
+Qt's lupdate collects what stands in ``tr``, ``tr_n`` and ``tr_noop``, and what stands in tables of data; its lrelease
+makes ``resources/translations/kochab_de.qm``, which the window loads in a German system.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.patterns import REPOSITORY
+
+FOLDER = REPOSITORY / "resources" / "translations"
+SOURCE = REPOSITORY / "app" / "kochab"
+SAMPLES = REPOSITORY / "resources" / "samples" / "samples.json"
+
+
+def qt_tool(name: str, *arguments: str) -> None:
+    """Run a program that comes with PySide6; RuntimeError with what it says when it fails."""
+    code = f"import sys; from PySide6.scripts.pyside_tool import {name}; sys.argv[0] = {name!r}; {name}()"
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{name}: {done.stdout}{done.stderr}")
+
+
+def data_texts() -> Iterator[str]:
+    """Texts that people read and that stand in data, or in options of methods."""
+    from kochab.attitude import ESTIMATORS
+    from kochab.core.registry import options_of
+    from kochab.detection import DETECTORS
+    from kochab.identification import IDENTIFIERS
+
+    for sample in json.loads(SAMPLES.read_text(encoding="utf-8")).values():
+        yield from sample.values()
+    for registry in (IDENTIFIERS, DETECTORS, ESTIMATORS):
+        for name in registry:
+            for option in options_of(registry.load(name)):
+                yield from filter(None, (option.text, option.none))
+
+
+def collect(file: Path) -> None:
+    """Write the ``.ts`` of a language, or bring it up to date; translations that are there stay."""
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder) / "data.py"
+        texts = sorted(set(data_texts()))
+        data.write_text("".join(f"tr_noop({json.dumps(text, ensure_ascii=False)})\n" for text in texts), "utf-8")
+        names = Path(folder) / "files.txt"
+        sources = [*sorted(SOURCE.rglob("*.py")), data]
+        names.write_text("\n".join(map(str, sources)), encoding="utf-8")
+        aliases = ("-tr-function-alias", "tr+=tr_noop,tr+=tr_n")
+        language = file.stem.partition("_")[2]
+        qt_tool(
+            "lupdate", *aliases, "-locations", "none", "-no-obsolete", "-target-language", language, f"@{names}",
+            "-ts", str(file),
+        )  # fmt: skip
+
+
+def release(file: Path) -> Path:
+    """The ``.qm`` of a ``.ts``, beside it."""
+    made = file.with_suffix(".qm")
+    qt_tool("lrelease", str(file), "-qm", str(made))
+    return made
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    begun = [FOLDER / f"kochab_{language}.ts" for language in sys.argv[1:]]
+    for each in sorted({*begun, *FOLDER.glob("kochab_*.ts")}):
+        collect(each)
+        release(each)
+        print(each.relative_to(REPOSITORY))
