@@ -69,6 +69,7 @@ ADDED = {
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "good enough? for the frames that a person wants to take": 80,
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,
+    "the axis by drift: frames that nobody turned, PHD2 guide logs, recorded live sessions": 626,
     "an answer far outside the field that a capture program gives": 25,
     "types of Qt made by the window before a thread loads the plots": 14,
     "a move that is ordered after its time, a place and a picture from before": 36,

@@ -3,17 +3,24 @@
 import json
 import re
 
+import erfa
 import numpy as np
 import pytest
 
 from kochab.cli.main import main
+from kochab.cli.output import as_json
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
 from kochab.core.frame import Site
+from kochab.core.solution import Solution
 from kochab.frames.fits_write import write_fits
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
+from tests.polar.mounts import ARCSEC, Mount
+from tests.polar.test_drift import falling, log_text
 
-SITE = Site(47.0, 8.0, 450.0)
+SITE, SITE_40 = Site(47.0, 8.0, 450.0), Site(40.0, 10.0, 300.0)
 
 
 @pytest.fixture(scope="module")
@@ -324,3 +331,85 @@ def test_good_enough_is_said_for_the_frames_to_be_taken(night, capsys):
     code, _, err = polar(capsys, *files, "--imaging", "600")
     assert code == 2
     assert "is not focal length, pixel and exposure" in err
+
+
+# -- Drift: nobody turned the mount ---------------------------------------------------------------
+
+
+def stream(folder, turned_deg=0.0, minutes=30):
+    """A recorded live session's lines: a mount 10 arcmin too high that tracked, a frame a minute; one was cloudy."""
+    mount = Mount(d_alt=600.0, d_az=0.0, hour_deg=-75.0)
+    site, lines = SITE_40, []
+    for k, seen in enumerate(
+        mount.see([-15.041 / 60.0 * k + turned_deg * (k > 5) for k in range(minutes)], seconds=60.0)
+    ):
+        icrs = erfa_icrs(seen.matrix, site, seen.time_utc)
+        solution = Solution(
+            Camera(900, 700, 8000.0, 449.5, 349.5),
+            Attitude(icrs, np.diag([1.0, 1.0, 64.0]) * ARCSEC**2),
+            (),
+            0.2,
+            -30.0,
+            "x",
+        )
+        lines.append(json.dumps(as_json(f"frame {k}", solution) | {"time_utc": seen.time_utc.isoformat()}))
+    lines[3:3] = [json.dumps({"file": "frame x", "solved": False, "reason": "clouds", "advice": ""})]
+    path = folder / "solutions.jsonl"
+    path.write_text("\n".join(lines))
+    return str(path)
+
+
+def erfa_icrs(matrix, site, when):
+    """ICRS to camera of camera axes in E, N, U, without air."""
+    azimuth, zenith = np.arctan2(matrix[0], matrix[1]), np.arccos(matrix[2])
+    utc = 2440587.5, when.timestamp() / 86400.0
+    place = np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m
+    ra, dec = erfa.atoc13("A", azimuth, zenith, *utc, 0.0, *place, 0.0, 0.0, 0.0, 10.0, 0.5, 0.55)
+    axes = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    u, _, vt = np.linalg.svd(axes)
+    return u @ vt
+
+
+def test_a_recorded_stream_that_nobody_turned_gives_the_axis_by_drift(capsys, tmp_path):
+    given = ["--site", "40,10,300", "--json", "--pressure", "0", "--pole", "true", "--utc-offset", "0"]
+    code, out, err = polar(capsys, stream(tmp_path), *given, "--guided", "no", "--imaging", "400 mm, 3.76 um, 60 s")
+    assert code == 0, err
+    told = json.loads(out)
+    assert told["altitude_error_arcsec"] == pytest.approx(600.0, abs=10.0)
+    assert told["azimuth_error_arcsec"] == pytest.approx(0.0, abs=3 * told["sigma_arcsec"][1] + 10.0)
+    assert told["frames"] == 30
+    assert told["drift_minutes"] == pytest.approx(29.0)
+    assert told["guided"] is False
+    code, out, _ = polar(capsys, stream(tmp_path), *given)  # no guider lets go by 2.5 arcmin an hour
+    assert json.loads(out)["guided"] is False
+    code, out, _ = polar(capsys, stream(tmp_path), *given, "--guided", "yes")
+    assert json.loads(out)["findings"][0]["code"] == "guided"
+    code, out, _ = polar(capsys, stream(tmp_path, turned_deg=-40.0), *given)
+    assert "drift_minutes" not in json.loads(out)  # turned: that is the ordinary way
+
+
+def test_a_guide_log_is_told_with_what_it_knows(capsys, tmp_path):
+    path = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
+    path.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0))
+    code, out, _ = polar(capsys, str(path), "--site", "47,8", "--pressure", "0")
+    assert code == 0
+    assert out.startswith("At least 7.")
+    assert "altitude  not known yet" in out
+    assert "too far east: rotate the mount anticlockwise" in out
+    assert re.search(r"drift +10 min, 2\d points", out)
+    assert "min more on this place" in out
+    assert "6 h from the meridian tells it sooner" in out
+    code, out, err = polar(capsys, str(path))
+    assert (code, out) == (2, "")
+    assert "give --site" in err
+    path.write_text(log_text(falling(2.0), hour=-0.1, parity="?/?"))
+    code, out, _ = polar(capsys, str(path), "--site", "47,8", "--json")
+    assert code == 1
+    assert json.loads(out)["findings"][0] == {
+        "code": "dec_sign",
+        "spoils": True,
+        "text": json.loads(out)["warnings"][0],
+    }
+    code, out, err = polar(capsys, str(path), "--site", "47,8", "--report", str(tmp_path / "x.html"))
+    assert (code, out) == (2, "")
+    assert "no report of a drift" in err

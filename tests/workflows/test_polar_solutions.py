@@ -146,7 +146,7 @@ def files_of(**changed):
 
 def doubts(files, site=SITE, site_given=False, zone_given=False):
     found = measure(sightings_of(files, [0] * 3), MeasureSettings(site))
-    return {d.kind: d for d in doubts_of(files, found, site_given, zone_given)}
+    return {d.kind: d for d in doubts_of(files, found.error, found.settings.site, site_given, zone_given)}
 
 
 def test_an_hour_is_doubted_where_it_moves_the_axis_past_its_ellipse():
@@ -162,7 +162,7 @@ def test_an_hour_is_doubted_where_it_moves_the_axis_past_its_ellipse():
 def test_an_hour_is_no_matter_on_the_pole():
     found = measure(sightings_of(files_of(), [0] * 3), MeasureSettings(SITE))
     aligned = replace(found, error=replace(found.error, axis=found.error.pole))
-    assert doubts_of(files_of(), aligned, False, False) == []
+    assert doubts_of(files_of(), aligned.error, aligned.settings.site, False, False) == []
 
 
 def test_a_longitude_without_a_sign_is_not_believed():

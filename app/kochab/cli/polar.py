@@ -15,18 +15,30 @@ from kochab.cli.options import add_options, between, named, scale_range, valued
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
-from kochab.core.frame import Hint
+from kochab.core.frame import Hint, Site
 from kochab.core.solution import NoSolution
 from kochab.frames.hints import NO_ZONE
 from kochab.frames.outputs import refuse_overwriting
-from kochab.polar.error import Imaging, altitude_in_words, azimuth_in_words, good_enough, split_in_words, total_in_words
+from kochab.polar.drift import Drift, measure_drift, stretches_of, tracked
+from kochab.polar.error import (
+    Imaging,
+    Knob,
+    PolarError,
+    altitude_in_words,
+    angle_in_words,
+    azimuth_in_words,
+    good_enough,
+    split_in_words,
+    total_in_words,
+)
 from kochab.polar.horizon import Pole, Refraction, name_of
-from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, measure
 from kochab.polar.plan import more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
+from kochab.polar.sighting import Sighting
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
-from kochab.workflows.polar.solutions import SOLVED, solved_before
+from kochab.workflows.polar.solutions import SOLVED, guide_log, is_guide_log, solved_before
 from kochab.workflows.polar.sources import SolvedFile, doubts_of, sightings_of, site_of, solve_polar_file
 
 WORTH_ARCSEC, BACK_DEG = 10.0, 5.0  # creep below that needs no frame of its own, nor one back at the start another
@@ -47,12 +59,16 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "polar",
         description="Take frames while rotating RA only, by hand or by motor, anywhere in the sky,"
         " 30 degrees or more from first to last; tracking may be on or off. The uncertainty (1 sigma)"
-        " is measurement and possible flexure; only a second sweep (--check) measures flexure. Exit"
-        " code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
+        " is measurement and possible flexure; only a second sweep (--check) measures flexure."
+        " Frames of one place, tracked and never turned, or a PHD2 guide log give the axis by drift."
+        " Exit code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
         " bolt by it), 2 unusable input.",
     )
     parser.add_argument(
-        "files", nargs="+", metavar="FRAME", help="two frames or more, any order; solved ones too: .wcs, .json"
+        "files",
+        nargs="+",
+        metavar="FRAME",
+        help="two frames or more, any order; solved ones too: .wcs, .json, solutions.jsonl; or a guide log",
     )
     add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
     add_options(parser, "--profile", "--json")
@@ -75,6 +91,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--temperature", **valued("C", celsius, between(-90.0, 60.0, "deg C"), default=10.0))
     ahead = "how far the frames' clock is ahead of UTC (default: 0, or the zone in EXIF); 0 says that it was UTC"
     parser.add_argument("--utc-offset", **valued("HOURS", ahead, between(-14.0, 14.0, "h")))
+    guided = "whether a guider held frames of one place (default: as their drift in RA and Dec looks)"
+    parser.add_argument("--guided", choices=["yes", "no"], help=guided)
     add_options(parser, "--fov", help="width of the frames in degrees")
     parser.add_argument("--imaging", **valued("MM,UM,S", "good enough? for this focal length, pixel and exposure"))
     add_options(parser, "--timeout")
@@ -87,7 +105,9 @@ def run(args: argparse.Namespace) -> int:
     """Solve the frames, measure the axis, say it."""
     args.files, args.check = named(args.files), named(args.check)
     paths = [*args.files, *args.check]
-    if len(args.files) < 2 and not args.files[0].lower().endswith(".json"):
+    logs = [path for path in args.files if is_guide_log(path)]
+    args.files = [path for path in args.files if path not in logs]
+    if len(args.files) == 1 and not logs and not args.files[0].lower().endswith((".json", ".jsonl")):
         raise UsageError("Polar alignment needs two frames or more.")
     if len(args.check) == 1:
         raise UsageError("A second sweep (--check) needs two frames or more as well.")
@@ -108,13 +128,13 @@ def run(args: argparse.Namespace) -> int:
         site, sightings = site_of(files, args.site), sightings_of(files, sweeps)
     except UsageError as error:
         return _fail(str(error), args.json, 2)
-    result = measure(sightings, MeasureSettings(site, Pole(args.pole), Refraction(args.pressure, args.temperature)))
+    settings = MeasureSettings(site, Pole(args.pole), Refraction(args.pressure, args.temperature))
+    if logs or args.guided or (tracked(sightings) and not args.check):
+        return _drift(args, logs, (files, sightings), settings, imaging)
+    result = measure(sightings, settings)
     if isinstance(result, NoAxis):
         return _fail(result.sentence, args.json, 1)
-    result = replace(
-        result,
-        findings=(*result.findings, *doubts_of(files, result, args.site is not None, args.utc_offset is not None)),
-    )
+    result = replace(result, findings=(*result.findings, *_doubts(args, files, result.error, site)))
     known = {NO_ZONE} if args.utc_offset is not None else set()
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings if told not in known]
     print(json.dumps(as_json(result, doubts, imaging)) if args.json else as_text(result, doubts, imaging))
@@ -125,17 +145,82 @@ def run(args: argparse.Namespace) -> int:
     return int(result.spoilt)
 
 
+def _drift(
+    args: argparse.Namespace,
+    logs: Sequence[str],
+    frames: tuple[Sequence[SolvedFile], Sequence[Sighting]],
+    settings: MeasureSettings,
+    imaging: Imaging | None,
+) -> int:
+    """The axis of frames that nobody turned, and of guide logs."""
+    if args.report is not None:
+        raise UsageError("There is no report of a drift: leave --report out.")
+    try:
+        guided = None if args.guided is None else args.guided == "yes"
+        stretches = stretches_of(frames[1], settings, guided)
+        stretches += [stretch for log in logs for stretch in guide_log(log, settings)]
+    except FrameError as error:
+        return _fail(str(error), args.json, 2)
+    result = measure_drift(stretches, settings)
+    if isinstance(result, NoAxis):
+        return _fail(result.sentence, args.json, 1)
+    result = replace(result, findings=(*result.findings, *_doubts(args, frames[0], result.error, settings.site)))
+    print(json.dumps(drift_as_json(result, imaging)) if args.json else drift_as_text(result, imaging))
+    return int(result.spoilt)
+
+
+def _doubts(args: argparse.Namespace, files: Sequence[SolvedFile], error: PolarError, site: Site) -> list[PolarFinding]:
+    return doubts_of(files, error, site, args.site is not None, args.utc_offset is not None)
+
+
+def drift_as_json(drift: Drift, imaging: Imaging | None = None) -> Json:
+    """The same form for an axis by drift; ``minutes_more`` is null where hours don't help."""
+    error = drift.error
+    long, short, angle = error.with_flexure.ellipse_arcsec()
+    return {
+        **_error_json(error),
+        "at_least_arcsec": drift.at_least_arcsec,
+        "ellipse_arcsec": [long, short],
+        "ellipse_from_azimuth_deg": float(np.degrees(angle)),
+        "pole": str(drift.settings.pole),
+        "drift_minutes": drift.minutes,
+        "minutes_more": drift.minutes_more,
+        "guided": any(s.held for s in drift.stretches),
+        "frames": sum(len(s.attitudes) for s in drift.stretches),
+        "spoilt": drift.spoilt,
+        "good_enough": good_enough(error, imaging) if imaging and drift.known and not drift.spoilt else None,
+        **_findings_json(drift.findings),
+    }
+
+
+def drift_as_text(drift: Drift, imaging: Imaging | None = None) -> str:
+    """A card for people: bolts only where the drift tells them."""
+    error = drift.error
+    head = total_in_words(error) if drift.known else f"At least {angle_in_words(drift.at_least_arcsec)}"
+    lines = [f"{head} from the {name_of(drift.settings.pole, drift.settings.site)}"]
+    if not drift.spoilt:
+        for knob, words in ((Knob.ALTITUDE, altitude_in_words), (Knob.AZIMUTH, azimuth_in_words)):
+            sigma = error.with_flexure.knob_sigma_arcsec(knob)
+            lines.append(
+                f"{knob!s:9} {words(error) if drift.tells(knob) else f'not known yet (± {angle_in_words(sigma)})'}"
+            )
+    places = f" of {len(drift.stretches)} places" if len(drift.stretches) > 1 else ""
+    frames = sum(len(s.attitudes) for s in drift.stretches)
+    lines += [f"drift     {drift.minutes:.0f} min{places}, {frames} points", f"of the ±  {split_in_words(error)}"]
+    if drift.minutes_more:
+        lines.append(f"better    {drift.minutes_more:.0f} min more on this place for an uncertainty of 30″")
+    elif drift.minutes_more is None:
+        lines.append("better    another place in the sky: this one won't tell it in hours")
+    if imaging and drift.known and not drift.spoilt:
+        lines.append(f"enough?   {good_enough(error, imaging)}")
+    return "\n  ".join(lines + [f"note      {finding.text}" for finding in drift.findings])
+
+
 def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> Json:
     """The stable JSON form of a measurement; ``doubts`` are what reading the files warned of."""
     error = m.error
     return {
-        "altitude_error_arcsec": error.altitude_arcsec,
-        "azimuth_error_arcsec": error.azimuth_arcsec,
-        "azimuth_error_on_sky_arcsec": error.azimuth_on_sky_arcsec,
-        "total_arcsec": error.total_arcsec,
-        "sigma_arcsec": list(error.sigma_arcsec),
-        "unseen_arcsec": list(error.flexure_arcsec),
-        "sigma_total_arcsec": error.with_flexure.sigma_total_arcsec,
+        **_error_json(error),
         "noise_total_arcsec": error.sigma_total_arcsec,
         "unseen_total_arcsec": error.flexure_along_arcsec,
         "droop_arcsec": m.droop.arcsec if len(m.results) > 1 else None,
@@ -147,8 +232,26 @@ def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
         "degrees_of_freedom": m.fit.freedom,
         "spoilt": m.spoilt,
         "good_enough": good_enough(error, imaging) if imaging and not m.spoilt else None,
-        "findings": [{"code": f.kind.name.lower(), "spoils": f.spoils, "text": f.text} for f in m.findings],
-        "warnings": [*(finding.text for finding in m.findings), *doubts],
+        **_findings_json(m.findings, doubts),
+    }
+
+
+def _error_json(error: PolarError) -> Json:
+    return {
+        "altitude_error_arcsec": error.altitude_arcsec,
+        "azimuth_error_arcsec": error.azimuth_arcsec,
+        "azimuth_error_on_sky_arcsec": error.azimuth_on_sky_arcsec,
+        "total_arcsec": error.total_arcsec,
+        "sigma_arcsec": list(error.sigma_arcsec),
+        "unseen_arcsec": list(error.flexure_arcsec),
+        "sigma_total_arcsec": error.with_flexure.sigma_total_arcsec,
+    }
+
+
+def _findings_json(findings: Sequence[PolarFinding], doubts: Sequence[str] = ()) -> Json:
+    return {
+        "findings": [{"code": f.kind.name.lower(), "spoils": f.spoils, "text": f.text} for f in findings],
+        "warnings": [*(finding.text for finding in findings), *doubts],
     }
 
 

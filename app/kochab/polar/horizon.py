@@ -115,15 +115,21 @@ def pole_direction(site: Site, pole: Pole = Pole.REFRACTED, refraction: Refracti
     true = abs(np.radians(site.latitude_deg))
     if pole is Pole.TRUE:
         return direction(true, azimuth)
+    up = np.pi / 2.0 if northern(site) else -np.pi / 2.0
+    refracted = float(np.arcsin(observed_at(site, refraction, np.zeros(1), np.full(1, up))[0, 2]))
+    return direction(refracted if pole is Pole.REFRACTED else 0.5 * (true + refracted), azimuth)
+
+
+def observed_at(site: Site, refraction: Refraction, hour_rad: Floats, declination_rad: Floats) -> Floats:
+    """Directions (N, 3) in E, N, U, refracted, of apparent hour angles and declinations (N,)."""
     import erfa
 
-    up = np.pi / 2.0 if northern(site) else -np.pi / 2.0
     latitude, height = np.radians(site.latitude_deg), site.height_m
     context = erfa.apio(0.0, 0.0, 0.0, latitude, height, 0.0, 0.0, *refraction.constants(site))
     context["diurab"] = 0.0  # diurnal aberration moves a star there by 0.3 arcsec, but not the axis
-    _, zenith_distance, *_ = erfa.atioq(0.0, up, context)
-    refracted = float(np.pi / 2.0 - zenith_distance)
-    return direction(refracted if pole is Pole.REFRACTED else 0.5 * (true + refracted), azimuth)
+    azimuth, zenith_distance, *_ = erfa.atioq(-np.asarray(hour_rad), np.asarray(declination_rad), context)
+    level = np.sin(zenith_distance)
+    return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
 
 
 def name_of(pole: Pole, site: Site) -> str:

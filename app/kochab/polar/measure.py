@@ -46,6 +46,9 @@ class PolarFindingKind(StrEnum):
     NIGHTS = "different nights"
     CLOCK = "time zone or clock"
     LONGITUDE_SIGN = "longitude without a sign"
+    GUIDED = "guided"
+    UNSEEN = "not seen by drift"
+    DEC_SIGN = "direction of Dec unknown"
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,13 +292,6 @@ class Measurement:
         """Whether no bolt is to be turned after it."""
         return any(finding.spoils for finding in self.findings)
 
-    def astray_arcsec(self, sky_deg: float) -> float:
-        """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 within its ellipse."""
-        pole = pole_direction(self.settings.site, Pole.TRUE)
-        axis = about(pole, np.radians(sky_deg)) @ self.error.axis
-        inside = self.error.with_flexure.distance2(axis) <= CHI2_95
-        return 0.0 if inside else angle_between(axis, self.error.axis) / ARCSEC
-
     @property
     def turn_deg(self) -> float:
         """How far the axis turned from the first to the furthest frame."""
@@ -305,6 +301,13 @@ class Measurement:
     def rho_deg(self) -> float:
         """Angle between boresight and axis."""
         return float(np.degrees(_rho_rad(self.fit)))
+
+
+def astray_arcsec(error: PolarError, site: Site, sky_deg: float) -> float:
+    """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 within its ellipse."""
+    axis = about(pole_direction(site, Pole.TRUE), np.radians(sky_deg)) @ error.axis
+    inside = error.with_flexure.distance2(axis) <= CHI2_95
+    return 0.0 if inside else angle_between(axis, error.axis) / ARCSEC
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames.hints import NO_ZONE, aware_utc
-from kochab.polar.error import angle_in_words
+from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import Horizon
-from kochab.polar.measure import Measurement, MeasureSettings, PolarFinding, PolarFindingKind
+from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
@@ -85,22 +85,21 @@ def unsigned_longitude(header: Mapping[str, Any]) -> str:
 
 
 def doubts_of(
-    files: Sequence[SolvedFile], found: Measurement, site_given: bool, zone_given: bool
+    files: Sequence[SolvedFile], error: PolarError, site: Site, site_given: bool, zone_given: bool
 ) -> list[PolarFinding]:
     """What the frames' headers may mean otherwise, and would move the axis past its ellipse."""
     doubts = []
     unsigned = "" if site_given else next((file.unsigned for file in files if file.unsigned), "")
-    site = found.settings.site
     west = replace(site, longitude_deg=-site.longitude_deg)
-    if unsigned and found.astray_arcsec(2.0 * site.longitude_deg) and _up_at(files, west):
+    if unsigned and astray_arcsec(error, site, 2.0 * site.longitude_deg) and _up_at(files, west):
         text = f"The longitude in the header, {unsigned}, has no sign. Say whether it is east or west: --site."
         doubts.append(PolarFinding(PolarFindingKind.LONGITUDE_SIGN, text, spoils=True))
-    astray = 0.0 if zone_given else max(found.astray_arcsec(hour * 3600.0 * SIDEREAL_DEG_S) for hour in (-1.0, 1.0))
+    hour = 3600.0 * SIDEREAL_DEG_S
+    times = [file.time_utc for file in files if file.time_utc is not None]
+    astray = max(astray_arcsec(error, site, sky) for sky in (-hour, hour)) if times and not zone_given else 0.0
     if astray:
         unknown = any(NO_ZONE in file.warnings for file in files)
-        says = (
-            "The images have no time zone" if unknown else f"The frames' clock is taken as UTC ({found.time_utc:%H:%M})"
-        )
+        says = "The images have no time zone" if unknown else f"The frames' clock is taken as UTC ({max(times):%H:%M})"
         text = f"{says}. An hour wrong would move the axis by {angle_in_words(astray)}: give --utc-offset, 0 for UTC."
         doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
     return doubts

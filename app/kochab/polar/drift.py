@@ -1,0 +1,365 @@
+"""The polar axis from drift: frames of a mount that tracked and that nobody turned, or a guide star's path.
+
+A camera fixed to its mount sees the mount's axis in one place: ``R_k^T a`` is the same in every frame, whatever the RA
+motor does. One part of it is drift in Dec, the other rotation of the field. Written as ``a = p + e_1 t_1 + e_2 t_2``,
+p the pole, it is linear in the two unknowns and needs no small angles. Drift in Dec (TPOINT's MA and ME, Wallace; 3.82
+arcmin an arcsec a minute) tells azimuth near the meridian and altitude six hours away. The rest comes from the rotation
+of the field, from the bend of the path, and hardly from RA, where periodic error and an inexact rate drift as well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from datetime import timedelta
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.attitude import angle_between
+from kochab.core.mount import SIDEREAL_DEG_S
+from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words
+from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
+from kochab.polar.horizon import pole_direction
+from kochab.polar.measure import MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
+from kochab.polar.rotations import ARCSEC, about, tangents, wrapped_rad
+from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+
+RATE_RAD_S = float(np.radians(SIDEREAL_DEG_S))
+FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from its pole before anything is known
+CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each way, while altitude hardly changes
+RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
+PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share
+LEAST_S, BLOCKS = 60.0, 12
+TOLD_ARCSEC = 120.0
+KNOWN_ARCSEC, LONGEST_H, LOWEST_DEG = 30.0, 4.0, 15.0
+TRACKED_DEG, GROUP_DEG = 2.0, 1.0
+STEADY_ARCSEC, WANDERS_ARCSEC, FAST_ARCSEC_H = 2.0, 4.0, 60.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Attitudes of a mount that tracked one place, by time.
+
+    ``pulses_rad`` (N,) is how far guide pulses had moved Dec by then, towards the elevated pole, and ``steps`` (N,)
+    counts the dithers. ``held``: a guider held Dec and RA, so that only the rotation of the field tells; ``ra_held``:
+    RA alone, whose drift then says nothing. ``sign_known``: whether north is known from south.
+    """
+
+    attitudes: tuple[LocalAttitude, ...]
+    held: bool = False
+    ra_held: bool = False
+    sign_known: bool = True
+    pulses_rad: Floats = field(default_factory=lambda: np.zeros(0))
+    steps: Floats = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def seconds(self) -> Floats:
+        """Time of each, from the first."""
+        return np.array([(a.time_utc - self.attitudes[0].time_utc).total_seconds() for a in self.attitudes])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drift:
+    """The axis by drift. ``minutes_more`` on the same place make it known to 30 arcsec; None: not within hours."""
+
+    error: PolarError
+    settings: MeasureSettings
+    stretches: tuple[Stretch, ...]
+    minutes_more: float | None
+    findings: tuple[PolarFinding, ...] = ()
+
+    @property
+    def spoilt(self) -> bool:
+        """Whether no bolt is to be turned after it."""
+        return any(finding.spoils for finding in self.findings)
+
+    def tells(self, knob: Knob) -> bool:
+        """Whether this bolt is known: to 2 arcmin, or to half of its error."""
+        sigma = self.error.with_flexure.knob_sigma_arcsec(knob)
+        return sigma < max(TOLD_ARCSEC, 0.5 * abs(self.error.knob_arcsec(knob)))
+
+    @property
+    def known(self) -> bool:
+        """Whether both bolts are."""
+        return self.tells(Knob.ALTITUDE) and self.tells(Knob.AZIMUTH)
+
+    @property
+    def minutes(self) -> float:
+        """How long was tracked, all stretches."""
+        return sum(float(s.seconds[-1]) for s in self.stretches) / 60.0
+
+    @property
+    def at_least_arcsec(self) -> float:
+        """The error along the ellipse's short axis: what is known even where the long one is very long."""
+        _, _, angle = self.error.ellipse_arcsec()
+        across = np.array([np.cos(angle), -np.sin(angle)])  # of (altitude, azimuth), where the long one is (sin, cos)
+        return abs(float(across @ [self.error.altitude_arcsec, self.error.azimuth_on_sky_arcsec]))
+
+
+def tracked(sightings: Sequence[Sighting]) -> bool:
+    """Whether all frames show one place in the sky, over more than a minute: a mount that only tracked."""
+    if len(sightings) < 2:
+        return False
+    first = sightings[0].attitude.matrix
+    turns = (angle_between(row, other) for s in sightings for row, other in zip(s.attitude.matrix, first, strict=True))
+    times = [s.time_utc for s in sightings]
+    return max(turns) < np.radians(TRACKED_DEG) and (max(times) - min(times)).total_seconds() >= LEAST_S
+
+
+def stretches_of(sightings: Sequence[Sighting], settings: MeasureSettings, guided: bool | None) -> list[Stretch]:
+    """Frames by time, parted where the mount went elsewhere; ``guided`` None judges by how they wander."""
+    groups: list[list[Sighting]] = []
+    for one in sorted(sightings, key=lambda s: s.time_utc):
+        if groups and angle_between(one.attitude.matrix[2], groups[-1][-1].attitude.matrix[2]) < np.radians(GROUP_DEG):
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    found = []
+    for group in groups:
+        if (group[-1].time_utc - group[0].time_utc).total_seconds() >= LEAST_S:
+            local = tuple(to_local(s, settings.site, settings.refraction) for s in group)
+            found.append(Stretch(local, _holds(group) if guided is None else guided))
+    return found
+
+
+def _holds(group: Sequence[Sighting]) -> bool:
+    """Whether a guider may have held these frames: RA never wanders as a worm does, or Dec jumps (dithers)."""
+    places = np.stack([s.attitude.matrix[2] for s in group])
+    hours = np.array([(s.time_utc - group[0].time_utc).total_seconds() for s in group]) / 3600.0
+    dec = np.arcsin(places[:, 2]) / ARCSEC
+    ra = np.unwrap(np.arctan2(places[:, 1], places[:, 0])) / ARCSEC * np.cos(dec.mean() * ARCSEC)
+    if len(group) < 4:
+        return True
+    scatter, rate = [], []
+    for path in (ra, dec):
+        line = np.polyfit(hours, path, 1)
+        scatter.append(float(np.std(path - np.polyval(line, hours), ddof=2)))
+        rate.append(abs(float(line[0])))
+    steady = max(STEADY_ARCSEC, 3.0 * float(np.sqrt(_variance_arcsec2(group))))
+    wanders = scatter[0] > max(WANDERS_ARCSEC, steady) or max(rate) > FAST_ARCSEC_H
+    return not (scatter[1] < steady and wanders)
+
+
+def _variance_arcsec2(group: Sequence[Sighting]) -> float:
+    """Median variance of the frames' pointing, each way, arcsec^2."""
+    known = [s.attitude.covariance for s in group if s.attitude.covariance is not None]
+    return float(np.median([np.trace(c[:2, :2]) / 2.0 for c in known])) / ARCSEC**2
+
+
+def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Drift | NoAxis:
+    """The axis that one stretch of tracking or more show together, with its error from the pole."""
+    used = tuple(s for s in stretches if len(s.attitudes) >= 2 and s.seconds[-1] >= LEAST_S)
+    if not used:
+        return NoAxis(
+            "Drift needs frames over more than a minute of tracking", "Track one place for 10 minutes or more."
+        )
+    towards = pole_direction(settings.site, settings.pole, settings.refraction)
+    lowest = min(a.altitude_deg for s in used for a in s.attitudes)
+    if lowest < 0.0:
+        return NoAxis("The frames would be below the horizon", "Check the site, the time and the time zone.")
+    _, wider = _solved(used, towards, 1.0)
+    found, _ = _solved(used, towards, wider)
+    error = found.error(towards)
+    minutes = _minutes_more(used, towards, wider, error)
+    doubts = [*_doubts(used, towards, wider, found), *_findings(used, error, lowest)]
+    return Drift(error, settings, used, minutes, tuple(doubts))
+
+
+# -- Linear least squares: two numbers of the axis, the tube's droop, and what each stretch has of its own -----------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solved:
+    shift: Floats
+    noise: Floats
+    covariance: Floats
+
+    def error(self, pole: Floats) -> PolarError:
+        across = np.stack(tangents(pole))
+        axis = pole + self.shift @ across
+        axis /= np.linalg.norm(axis)
+        return PolarError(axis, pole, self.noise, self.covariance - self.noise + rest_covariance(axis))
+
+
+def _solved(stretches: Sequence[Stretch], pole: Floats, wider: float) -> tuple[_Solved, float]:
+    """The shift of the axis from the pole, rad, and by how much variances have to be larger for the residuals."""
+    parts = [_rows(s, pole) for s in stretches]
+    own = sum(p.own.shape[1] for p in parts)
+    doubts, rows, aims, at = [TUBE_ARCSEC * WORSE * ARCSEC], [], [], 3
+    for part in parts:
+        count = part.own.shape[1]
+        full = np.zeros((len(part.aim), 3 + own))
+        full[:, :3], full[:, at : at + count] = part.common, part.own
+        rows.append(full)
+        aims.append(part.aim)
+        doubts += part.doubts
+        at += count
+    matrix, aim = np.concatenate(rows) / np.sqrt(wider), np.concatenate(aims) / np.sqrt(wider)
+    known = np.array([FAR_RAD, FAR_RAD, *doubts]) ** -2.0
+    tracking = [_ra_row(s, pole) for s in stretches if not (s.held or s.ra_held)]
+    normal, right = matrix.T @ matrix + np.diag(known), matrix.T @ aim
+    for slope, bend, sigma in tracking:
+        normal[:2, :2] += np.outer(bend, bend) / sigma**2
+        right[:2] -= bend * slope / sigma**2
+    answer = np.linalg.solve(normal, right)
+    covariance = np.linalg.inv(normal)[:2, :2]
+    free = np.append([True, True], np.array(doubts) == np.inf)  # noise alone: nothing bends, creeps or is pushed
+    noise = np.linalg.inv(normal[np.ix_(free, free)])[:2, :2]
+    left = aim - matrix @ answer
+    return _Solved(answer[:2], noise, covariance), wider * _restless(left, parts, len(answer))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Equations of one stretch, in sigmas: columns of axis and droop, columns of its own with their priors."""
+
+    common: Floats
+    own: Floats
+    aim: Floats
+    doubts: list[float]
+
+
+def _rows(stretch: Stretch, pole: Floats) -> _Rows:
+    """Where the camera sees the axis, along w (drift in Dec) and n (rotation of the field), both across it."""
+    measured = np.stack([a.matrix for a in stretch.attitudes])
+    in_camera = (pole @ measured).mean(axis=0)
+    in_camera /= np.linalg.norm(in_camera)
+    n = np.cross(in_camera, [0.0, 0.0, 1.0])
+    n = n / np.linalg.norm(n) if np.linalg.norm(n) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    w = np.cross(in_camera, n)
+    seen = np.stack([w, n])
+    upward, clockwise = tangents(pole)
+    aim, high, around = (np.einsum("ij,kj->ki", seen, v @ measured) for v in (pole, upward, clockwise))
+    count, hours = len(measured), stretch.seconds / 3600.0
+    rho = angle_between(pole, measured[0, :, 2])
+    droops = high * lever(pole, rho)
+    steps = stretch.steps if len(stretch.steps) else np.zeros(count)
+    pulses = stretch.pulses_rad if len(stretch.pulses_rad) else np.zeros(count)
+    zero, names = np.zeros(count), np.unique(steps)
+    columns = [np.stack([(steps == name) * 1.0, zero], axis=-1) for name in names]
+    columns += [np.stack([zero, np.ones(count)], axis=-1), np.stack([hours, zero], axis=-1)]
+    columns += [np.stack([zero, hours], axis=-1), np.stack([-pulses, zero], axis=-1)]
+    doubts = [np.inf] * (len(names) + 1) + [CREEP_ARCSEC_H * ARCSEC] * 2 + [PULSES]
+    aim = aim + np.stack([pulses, zero], axis=-1)  # without the pulses, were each what the calibration says
+    noisy = np.stack([n, -w])
+    covariances = np.stack([noisy @ a.covariance @ noisy.T for a in stretch.attitudes])
+    if stretch.held:
+        covariances[:, 0, 0] += 1.0
+    whiten = np.linalg.inv(np.linalg.cholesky(covariances))
+    common, own = -np.stack([high, around, droops], axis=-1), np.stack(columns, axis=-1)
+    rows = [(whiten @ part).reshape(2 * count, -1) for part in (common, own, aim[..., None])]
+    return _Rows(rows[0], rows[1], rows[2][:, 0], doubts)
+
+
+def _ra_row(stretch: Stretch, pole: Floats) -> tuple[float, Floats, float]:
+    """By how much RA runs fast, rad/s, how an axis elsewhere changes that (2,), and one sigma of the rate."""
+    seconds = stretch.seconds
+    places = np.stack([a.boresight for a in stretch.attitudes])
+    rho = np.arccos(np.clip(places @ pole, -1.0, 1.0)).mean()
+
+    def slope(axis: Floats) -> float:
+        upward, clockwise = tangents(axis)
+        around = np.unwrap(np.arctan2(places @ clockwise, places @ upward))
+        return float(np.polyfit(seconds, around, 1)[0])
+
+    here = slope(pole)
+    step = 60.0 * ARCSEC
+    bend = np.array([slope(_unit(pole + step * t)) - slope(_unit(pole - step * t)) for t in tangents(pole)])
+    span = float(seconds[-1])
+    worm = PERIODIC_ARCSEC * min(2.0 * np.pi / WORM_S, 6.0 * WORM_S / (np.pi * span**2))
+    scatter = float(np.sqrt(np.trace(stretch.attitudes[0].covariance[:2, :2]) * 6.0 / len(seconds))) / span
+    sigma = np.hypot(np.hypot(RATE_ARCSEC_H / 3600.0, worm) * ARCSEC, scatter / max(float(np.sin(rho)), 0.01))
+    return here - np.copysign(RATE_RAD_S, here), bend / (2.0 * step), float(sigma)
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _restless(left: Floats, parts: Sequence[_Rows], unknown: int) -> float:
+    """How much larger than stated the variances are: by chi-square, and by what blocks of neighbours share."""
+    worse, at = max(1.0, float(left @ left) / max(len(left) - unknown, 1)), 0
+    for part in parts:
+        own = left[at : at + len(part.aim)].reshape(-1, 2)[:, 0]
+        at += len(part.aim)
+        each = len(own) // BLOCKS
+        if each >= 2:
+            means = own[: each * BLOCKS].reshape(BLOCKS, each).mean(axis=1)
+            worse = max(worse, float(each * means @ means) / (BLOCKS - 3))
+    return worse
+
+
+# -- What to say, and how long more -----------------------------------------------------------------------------
+
+
+def _doubts(stretches: Sequence[Stretch], pole: Floats, wider: float, all_of_them: _Solved) -> list[PolarFinding]:
+    """What leaves the axis unknown: Dec without a sign, stretches that show different axes."""
+    found = []
+    if not all(s.sign_known for s in stretches):
+        text = "The guide log doesn't say which way its Dec pulses move the mount: the error may be to the other side."
+        found.append(PolarFinding(PolarFindingKind.DEC_SIGN, text, spoils=True))
+    for number, stretch in enumerate(stretches, 1):
+        alone, _ = _solved((stretch,), pole, wider)
+        gap = alone.shift - all_of_them.shift
+        if len(stretches) > 1 and gap @ np.linalg.solve(alone.covariance, gap) > 2.0 * CHI2_95:
+            text = f"Part {number} of {len(stretches)} shows another axis. Was a bolt turned, or the mount guided?"
+            found.append(PolarFinding(PolarFindingKind.DISAGREE, text, spoils=True))
+            break
+    return found
+
+
+def _findings(stretches: Sequence[Stretch], error: PolarError, lowest_deg: float) -> list[PolarFinding]:
+    found = []
+    if any(s.held for s in stretches):
+        text = "Guided frames hold their place: only the rotation of the field counts. Not guided? Give --guided no."
+        found.append(PolarFinding(PolarFindingKind.GUIDED, text))
+    if lowest_deg < LOWEST_DEG:
+        text = f"A frame is only {lowest_deg:.0f}° above the horizon, where refraction is hard to predict."
+        found.append(PolarFinding(PolarFindingKind.LOW, text))
+    long, _, angle = replace(error, flexure=np.zeros((2, 2))).ellipse_arcsec()
+    if long > 2.0 * KNOWN_ARCSEC:
+        altitude = abs(np.sin(angle)) > np.sqrt(0.5)
+        where = "in the east or the west, 6 h from the meridian" if altitude else "near the meridian"
+        knob = Knob.ALTITUDE if altitude else Knob.AZIMUTH
+        text = f"The drift can't tell {knob} yet (±{angle_in_words(long)}). A place {where} tells it sooner."
+        found.append(PolarFinding(PolarFindingKind.UNSEEN, text))
+    return found
+
+
+def _minutes_more(stretches: Sequence[Stretch], pole: Floats, wider: float, error: PolarError) -> float | None:
+    """How much longer the last place has to be tracked at the same pace, all else alike."""
+    if error.uncertainty_arcsec <= KNOWN_ARCSEC:
+        return 0.0
+    last = stretches[-1]
+    span, count = float(last.seconds[-1]), len(last.attitudes)
+    way = float(np.copysign(RATE_RAD_S, _went_rad(last.attitudes[-1], last.attitudes[0], error.axis)))
+    more = max(span / 4.0, 300.0)
+    while more <= LONGEST_H * 3600.0:
+        times = np.arange(1, max(2, round(count * more / span)) + 1) * span / max(count - 1, 1)
+        times = times[:: max(1, len(times) // 60)]
+        thin = (count * more / span) / len(times)
+        later = [
+            replace(
+                last.attitudes[-1],
+                matrix=about(error.axis, way * t) @ last.attitudes[-1].matrix,
+                covariance=last.attitudes[-1].covariance / max(thin, 1.0),
+                time_utc=last.attitudes[-1].time_utc + timedelta(seconds=float(t)),
+            )
+            for t in times
+        ]
+        if later[-1].altitude_deg < LOWEST_DEG:
+            return None
+        steps = np.append(last.steps, np.full(len(later), last.steps[-1])) if len(last.steps) else last.steps
+        pulses = np.append(last.pulses_rad, np.full(len(later), last.pulses_rad[-1])) if len(last.pulses_rad) else steps
+        longer = replace(last, attitudes=(*last.attitudes, *later), steps=steps, pulses_rad=pulses)
+        solved, _ = _solved((*stretches[:-1], longer), pole, wider)
+        if solved.error(pole).uncertainty_arcsec <= KNOWN_ARCSEC:
+            return more / 60.0
+        more *= 1.25
+    return None
+
+
+def _went_rad(attitude: LocalAttitude, first: LocalAttitude, axis: Floats) -> float:
+    """How far the boresight went about an axis since the first, radians."""
+    upward, clockwise = tangents(axis)
+    now, then = (np.arctan2(b @ clockwise, b @ upward) for b in (attitude.boresight, first.boresight))
+    return wrapped_rad(float(now - then))

@@ -1,0 +1,352 @@
+"""The axis by drift against published rules, ERFA's sky, mounts written down directly, and PHD2's own number."""
+
+from dataclasses import replace
+from datetime import timedelta
+
+import erfa
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from kochab.core.attitude import Attitude
+from kochab.core.errors import FrameError
+from kochab.core.frame import Site
+from kochab.polar.drift import CREEP_ARCSEC_H, Stretch, measure_drift, stretches_of, tracked
+from kochab.polar.error import CHI2_95, Knob
+from kochab.polar.horizon import Pole, Refraction
+from kochab.polar.measure import MeasureSettings, NoAxis, PolarFindingKind
+from kochab.polar.sighting import Sighting
+from kochab.workflows.polar.solutions import guide_log, is_guide_log
+from tests.polar.mounts import ARCSEC, WHEN, Mount
+
+NO_AIR = Refraction(0.0)
+RATE_DEG_S = 360.0 / 86164.0905
+COLUMNS = (
+    "Frame,Time,mount,dx,dy,RARawDistance,DECRawDistance,RAGuideDistance,DECGuideDistance,"
+    "RADuration,RADirection,DECDuration,DECDirection,XStep,YStep,StarMass,SNR,ErrorCode"
+)
+
+
+def settings(site, air=NO_AIR):
+    return MeasureSettings(site, Pole.TRUE, air)
+
+
+def kinds(drift):
+    return [finding.kind for finding in drift.findings]
+
+
+def log_text(star_arcsec, *, hour=0.0, dec=0.0, parity="+/+", seconds=3.0, rows=None, scale=1.5, place=None):
+    """A log in the manner of PHD2 2.6; ``star_arcsec`` (RA, Dec) of the star a row: positive is west, and south."""
+    place = (
+        place or f"RA = 5.00 hr, Dec = {dec:.1f} deg, Hour angle = {hour:.2f} hr, Pier side = East, Rotator pos = N/A"
+    )
+    lines = [
+        "PHD2 version 2.6.13, Log version 2.5. Log enabled at 2026-03-14 20:00:00",
+        "",
+        "Guiding Begins at 2026-03-14 20:01:00",
+        f"Pixel scale = {scale:.2f} arc-sec/px, Binning = 1, Focal length = 400 mm",
+        f"Mount = M,  connected, guiding enabled, xAngle = 5.0, xRate = 4.0, yAngle = 95.0, yRate = 4.000, parity = {parity}, ",
+        place,
+        "Lock position = 100.0, 100.0, Star position = 100.1, 100.2, HFD = 3.10 px",
+        COLUMNS,
+        "INFO: SETTLING STATE CHANGE, Settling started",
+    ]
+    for k, (ra, north) in enumerate(star_arcsec):
+        pulse = rows[k] if rows else "0,,0,,"
+        at = seconds * (k + 1)
+        lines.append(f'{k + 1},{at:.3f},"Mount",0,0,{ra / scale:.3f},{north / scale:.3f},0,0,{pulse},,1500,25.0,0')
+    return "\n".join([*lines, "Guiding Ends at 2026-03-14 20:30:00", ""])
+
+
+def drift_of(tmp_path, text, site, air=NO_AIR):
+    path = tmp_path / "PHD2_GuideLog.txt"
+    path.write_text(text)
+    return measure_drift(guide_log(path, settings(site, air)), settings(site, air))
+
+
+def falling(rate_arcsec_min, minutes=10.0, seconds=3.0):
+    """A star that drifts south at this rate."""
+    return [(0.0, rate_arcsec_min * t / 60.0) for t in np.arange(1, minutes * 60 / seconds + 1) * seconds]
+
+
+@pytest.mark.parametrize(
+    ("hour", "south", "knob", "sign"),
+    [  # the rules of drift alignment, northern hemisphere: a star near the meridian that drifts south, axis too far
+        (0.0, 2.0, Knob.AZIMUTH, 1),  # east; north, too far west; a star in the east that drifts south, axis too
+        (0.0, -2.0, Knob.AZIMUTH, -1),  # low; north, too high; in the west the other way round
+        (-6.0, 2.0, Knob.ALTITUDE, -1),
+        (-6.0, -2.0, Knob.ALTITUDE, 1),
+        (6.0, 2.0, Knob.ALTITUDE, 1),
+    ],
+)
+def test_the_rules_of_drift_alignment(tmp_path, hour, south, knob, sign):
+    found = drift_of(tmp_path, log_text(falling(south), hour=hour, dec=15.0), Site(47.0, 8.0))
+    assert found.error.knob_arcsec(knob) * sign > 0.0
+    assert found.tells(knob)
+    other = Knob.ALTITUDE if knob is Knob.AZIMUTH else Knob.AZIMUTH
+    assert not found.tells(other)
+    assert not found.known
+    assert PolarFindingKind.UNSEEN in kinds(found)
+
+
+def test_in_the_south_north_and_south_change_sides(tmp_path):
+    """Near the meridian, southern hemisphere: a star that drifts south means that the axis is too far west."""
+    found = drift_of(tmp_path, log_text(falling(2.0), hour=0.0, dec=-15.0), Site(-33.0, 150.0))
+    assert found.error.axis[0] < found.error.pole[0]
+    assert found.tells(Knob.AZIMUTH)
+
+
+def test_the_size_is_that_of_phd2s_guiding_assistant(tmp_path):
+    """A real run's last line: Dec Drift Rate= 0.61 arc-sec/min, PA Error= 2.3 arc-min."""
+    found = drift_of(tmp_path, log_text(falling(0.61, 254 / 60.0)), Site(40.0, 0.0))
+    assert found.at_least_arcsec / 60.0 == pytest.approx(2.33, abs=0.05)
+    assert found.minutes == pytest.approx(254 / 60.0, abs=0.6)
+
+
+def test_parity_says_which_way_is_north_and_none_spoils(tmp_path):
+    site = Site(47.0, 8.0)
+    plain, turned = (drift_of(tmp_path, log_text(falling(2.0), parity=p), site) for p in ("+/+", "+/-"))
+    assert plain.error.azimuth_arcsec == pytest.approx(-turned.error.azimuth_arcsec, rel=0.02)
+    assert not plain.spoilt
+    unknown = drift_of(tmp_path, log_text(falling(2.0), parity="?/?"), site)
+    assert unknown.spoilt
+    assert PolarFindingKind.DEC_SIGN in kinds(unknown)
+    assert unknown.at_least_arcsec == pytest.approx(plain.at_least_arcsec, rel=0.02)
+
+
+def test_what_guiding_took_away_is_put_back(tmp_path):
+    """Pulses of 50 ms at 4 px/s move Dec by 0.3 arcsec every 9 s: 2 arcsec a minute, and the star stays where it is."""
+    count = 200
+    pulses = ["0,,50,S," if k % 3 == 2 else "0,,0,," for k in range(count)]
+    star = [(0.0, 0.1 * (k % 3)) for k in range(count)]
+    site = Site(47.0, 8.0)
+    guided = drift_of(tmp_path, log_text(star, rows=pulses), site)
+    free = drift_of(tmp_path, log_text(falling(2.0)), site)
+    assert guided.error.azimuth_arcsec == pytest.approx(free.error.azimuth_arcsec, rel=0.05)
+    sigmas = [each.error.with_flexure.knob_sigma_arcsec(Knob.AZIMUTH) for each in (guided, free)]
+    assert sigmas[0] > 0.19 * abs(free.error.azimuth_arcsec) > sigmas[1]  # a pulse is known to a fifth
+
+
+def test_a_dither_is_no_drift_and_lost_stars_are_left_out(tmp_path):
+    site, star = Site(47.0, 8.0), falling(2.0)
+    plain = drift_of(tmp_path, log_text(star), site)
+    lines = log_text([(0.0, s + 30.0 * (k >= 100)) for k, (_, s) in enumerate(star)]).splitlines()
+    cut = next(k for k, line in enumerate(lines) if line.startswith("101,"))
+    lines[cut:cut] = ["INFO: DITHER by 5.000, 20.000, new lock pos = 105.0, 120.0"]
+    lines += ['999,605.0,"DROP",,,,,,,,,,,,,11,1.20,2,"Star lost - low SNR"', '1000,1e9,"Mount",x']
+    dithered = drift_of(tmp_path, "\n".join(lines), site)
+    assert dithered.error.azimuth_arcsec == pytest.approx(plain.error.azimuth_arcsec, rel=0.03)
+    without = [line for line in lines if not line.startswith("INFO: DITHER")]
+    assert abs(drift_of(tmp_path, "\n".join(without), site).error.azimuth_arcsec) > 1.2 * abs(
+        plain.error.azimuth_arcsec
+    )
+
+
+def test_altitude_and_azimuth_do_for_an_hour_angle(tmp_path):
+    """KStars writes no hour angle, but where the telescope looks: here at hour angle -3 h, Dec 20."""
+    site = Site(47.0, 8.0)
+    azimuth, altitude = erfa.hd2ae(np.radians(-45.0), np.radians(20.0), np.radians(47.0))
+    place = (
+        "RA = 5.00 hr, Dec = 20.0 deg, Hour angle = N/A hr, Pier side = East, Rotator pos = N/A,"
+        f" Alt = {np.degrees(altitude):.1f} deg, Az = {np.degrees(azimuth):.1f} deg"
+    )
+    by_place = drift_of(tmp_path, log_text(falling(2.0), place=place), site)
+    by_hour = drift_of(tmp_path, log_text(falling(2.0), hour=-3.0, dec=20.0), site)
+    assert np.degrees(np.arccos(by_place.error.axis @ by_hour.error.axis)) * 3600 < 0.05 * by_hour.error.total_arcsec
+    with pytest.raises(FrameError, match="no hour angle"):
+        drift_of(tmp_path, log_text(falling(2.0), place="RA = N/A, Dec = 20.0 deg, Hour angle = N/A hr"), site)
+
+
+def test_what_is_no_guide_log_is_told(tmp_path):
+    log, other = tmp_path / "PHD2_GuideLog.txt", tmp_path / "notes.txt"
+    log.write_text(log_text([]))
+    other.write_text("Guiding Begins at last")
+    assert is_guide_log(log)
+    assert not is_guide_log(other)
+    assert not is_guide_log(tmp_path / "none.txt")
+    with pytest.raises(FrameError, match="no minute of guiding"):
+        guide_log(log, settings(Site(47.0, 8.0)))
+
+
+# -- Frames --------------------------------------------------------------------------------------------------------
+
+
+def sky_frames(
+    axis, site, minutes, *, first_deg=-20.0, rho_deg=55.0, pressure=1013.0, every=60.0, rng=None, held=False
+):
+    """Sightings of a mount that turns about an axis (3,) in E, N, U, each direction taken to ICRS by ERFA's atoc13."""
+    side = np.cross(axis, [0.0, 0.0, 1.0])
+    start = Rotation.from_rotvec(side / np.linalg.norm(side) * np.radians(rho_deg)).apply(axis)
+    x = np.cross(start, axis) / np.sin(np.radians(rho_deg))
+    camera = np.stack([x, np.cross(start, x), start], axis=1)
+    west = -1.0 if site.latitude_deg > 0 else 1.0
+    found = []
+    for t in np.arange(0.0, minutes * 60.0 + 1.0, every):
+        when = WHEN + timedelta(seconds=float(t))
+
+        def stands(by, t=t):
+            """The camera with RA and Dec moved by so much, rad."""
+            turned = west * np.radians(first_deg + RATE_DEG_S * t) + by[0]
+            return (
+                Rotation.from_rotvec(axis * turned).as_matrix() @ Rotation.from_rotvec(x * by[1]).as_matrix() @ camera
+            )
+
+        by = np.zeros(2)
+        if held and found:  # a guider puts the field's middle back where it was, by both motors
+            aim = found[0].attitude.matrix[2]
+            by = least_squares(lambda by: (_icrs(stands(by) @ _MIDDLE, site, when, pressure) - aim) / ARCSEC, by).x  # noqa: B023
+        icrs = [_icrs(stands(by) @ v, site, when, pressure) for v in _FIELD]
+        u, _, vt = np.linalg.svd(np.stack(_FIELD).T @ np.stack(icrs))
+        matrix = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+        if rng is not None:
+            matrix = Rotation.from_rotvec(rng.normal(0.0, np.array([1.0, 1.0, 8.0]) * ARCSEC)).as_matrix() @ matrix
+        covariance = np.diag(np.square([1.0, 1.0, 8.0]) * ARCSEC**2)
+        found.append(Sighting(Attitude(matrix, covariance), when, (1.0, 1.0), f"{t:.0f}"))
+    return found
+
+
+_MIDDLE = np.array([0.0, 0.0, 1.0])
+_FIELD = [v / np.linalg.norm(v) for v in np.array([[x, y, 1.0] for x in (-0.008, 0.008) for y in (-0.008, 0.008)])]
+
+
+def _icrs(enu, site, when, pressure):
+    azimuth, zenith = np.arctan2(enu[0], enu[1]), np.arccos(enu[2])
+    utc = 2440587.5, when.timestamp() / 86400.0
+    place = np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m
+    ra, dec = erfa.atoc13("A", azimuth, zenith, *utc, 0.0, *place, 0.0, 0.0, pressure, 10.0, 0.5, 0.55)
+    return np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+
+
+SITE = Site(40.0, 10.0, 300.0)
+
+
+def test_frames_through_erfas_sky_give_the_axis_and_refraction_is_no_drift():
+    mount = Mount(d_alt=240.0, d_az=-400.0)
+    seen = sky_frames(mount.axis, SITE, 60.0, first_deg=-70.0, rho_deg=80.0)
+    assert tracked(seen)
+    air = Refraction(1013.0)
+    found = measure_drift(stretches_of(seen, settings(SITE, air), guided=False), settings(SITE, air))
+    assert found.error.altitude_arcsec == pytest.approx(240.0, abs=6.0)
+    assert found.error.azimuth_arcsec == pytest.approx(-400.0, abs=6.0)
+    blind = measure_drift(stretches_of(seen, settings(SITE), guided=False), settings(SITE))
+    assert np.hypot(blind.error.altitude_arcsec - 240.0, blind.error.azimuth_arcsec + 400.0) > 20.0
+
+
+def nuisance_night(rng):
+    """An hour or less of frames of a mount with a worm, a rate of its own, a creeping camera, a sagging tube."""
+    latitude = float(rng.choice([1, -1]) * rng.uniform(20, 60))
+    mount = Mount(
+        latitude,
+        *rng.normal(0.0, 600.0, 2),
+        rho_deg=float(rng.uniform(20, 100)),
+        hour_deg=float(rng.uniform(-60, 60)),
+        roll_deg=float(rng.uniform(-180, 180)),
+        sigma=1.5,
+        sigma_roll=12.0,
+    )
+    hours = np.arange(0.0, rng.uniform(0.2, 1.2), 1 / 60)
+    west = -1.0 if latitude > 0 else 1.0
+    worm = 15.0 * np.sin(2 * np.pi * hours * 3600 / rng.uniform(240, 600) + rng.uniform(0, 6))
+    arcsec = 15.041 * 3600 * hours + rng.normal(0, 20) * hours + worm
+    seen = mount.see(west * arcsec / 3600.0, rng, seconds=60.0)
+    creep, sag = rng.normal(0.0, 8.0, 3), rng.normal(0.0, 30.0)
+    bent = []
+    for each, hour in zip(seen, hours, strict=True):
+        b = each.boresight
+        droop = Rotation.from_rotvec(-sag * ARCSEC * np.cross(b, [0.0, 0.0, 1.0])).as_matrix()
+        camera = Rotation.from_rotvec(creep * hour * ARCSEC).as_matrix()
+        bent.append(replace(each, matrix=droop @ each.matrix @ camera))
+    return mount, Stretch(tuple(bent))
+
+
+def test_the_ellipse_holds_with_everything_that_bends():
+    rng = np.random.default_rng(16)
+    held, sure = 0, []
+    for _ in range(120):
+        mount, stretch = nuisance_night(rng)
+        found = measure_drift([stretch], settings(mount.site))
+        held += found.error.with_flexure.distance2(mount.axis) <= CHI2_95
+        sure.append(found.error.with_flexure.ellipse_arcsec()[1])
+    assert held >= 112  # of 120: 93 %
+    assert np.median(sure) < 100.0  # and not by being so wide that everything is inside
+
+
+def test_guided_frames_are_never_taken_for_an_aligned_mount():
+    """Ten arcmin off; the guider hides the drift. Only the field rotates, and only that is believed."""
+    axis = Mount(d_alt=600.0, d_az=0.0).axis
+    rng = np.random.default_rng(4)
+    seen = sky_frames(axis, SITE, 60.0, rng=rng, held=True, pressure=0.0)
+    found = measure_drift(stretches_of(seen, settings(SITE), guided=None), settings(SITE))
+    assert found.stretches[0].held
+    assert PolarFindingKind.GUIDED in kinds(found)
+    assert found.error.with_flexure.distance2(axis) <= CHI2_95
+    believed = measure_drift(stretches_of(seen, settings(SITE), guided=False), settings(SITE))
+    assert believed.error.with_flexure.distance2(axis) > 2.0 * CHI2_95  # what would have been said
+    dithered = [
+        replace(
+            s,
+            attitude=Attitude(
+                Rotation.from_rotvec(rng.normal(0, 8, 3) * [1, 1, 0] * ARCSEC).as_matrix() @ s.attitude.matrix,
+                s.attitude.covariance,
+            ),
+        )
+        for s in seen
+    ]
+    assert stretches_of(dithered, settings(SITE), guided=None)[0].held
+
+
+def test_a_mount_that_wanders_as_a_worm_does_was_not_guided():
+    axis = Mount(d_alt=600.0, d_az=0.0).axis
+    seen = sky_frames(axis, SITE, 30.0, rng=np.random.default_rng(4), pressure=0.0)
+    assert not stretches_of(seen, settings(SITE), guided=None)[0].held
+
+
+def test_two_places_tell_both_bolts_and_a_bolt_between_them_is_found():
+    rng = np.random.default_rng(7)
+    mount = Mount(d_alt=300.0, d_az=-500.0, hour_deg=0.0)
+    turns = -RATE_DEG_S * np.arange(0.0, 900.0, 30.0)
+    there = Stretch(tuple(mount.see(turns, rng, seconds=30.0)))
+    east = replace(mount, hour_deg=85.0, rho_deg=75.0)
+    later = Stretch(
+        tuple(replace(a, time_utc=a.time_utc + timedelta(hours=1)) for a in east.see(turns, rng, seconds=30.0))
+    )
+    one, both = (measure_drift(s, settings(mount.site)) for s in ([there], [there, later]))
+    assert not one.known
+    assert both.known
+    assert not both.spoilt
+    assert both.error.with_flexure.distance2(mount.axis) <= CHI2_95
+    turned = replace(east, d_alt=1500.0)
+    moved = Stretch(
+        tuple(replace(a, time_utc=a.time_utc + timedelta(hours=1)) for a in turned.see(turns, rng, seconds=30.0))
+    )
+    told = measure_drift([there, moved], settings(mount.site))
+    assert told.spoilt
+    assert PolarFindingKind.DISAGREE in kinds(told)
+
+
+def test_how_long_more_is_what_it_then_takes():
+    mount = Mount(d_alt=100.0, d_az=150.0, hour_deg=-10.0)
+
+    def after(minutes):
+        turns = -RATE_DEG_S * np.arange(0.0, minutes * 60.0, 60.0)
+        return measure_drift([Stretch(tuple(mount.see(turns)))], settings(mount.site))
+
+    early = after(20.0)
+    assert early.minutes_more
+    assert after(19.0 + early.minutes_more * 1.05).error.uncertainty_arcsec < 30.0
+    assert after(19.0 + early.minutes_more / 1.4).error.uncertainty_arcsec > 30.0
+    assert after(150.0).minutes_more == 0.0
+
+
+def test_a_moment_and_a_sweep_are_no_drift():
+    mount = Mount()
+    few = Stretch(tuple(mount.see([0.0, 0.1], seconds=20.0)))
+    assert isinstance(measure_drift([few], settings(mount.site)), NoAxis)
+    axis = mount.axis
+    seen = sky_frames(axis, SITE, 2.0)
+    far = sky_frames(axis, SITE, 2.0, first_deg=10.0)
+    assert tracked(seen)
+    assert not tracked([*seen, *far])
+    assert not tracked(seen[:1])
+    assert CREEP_ARCSEC_H > 0.0
