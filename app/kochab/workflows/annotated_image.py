@@ -5,9 +5,9 @@ import io
 import os
 from dataclasses import dataclass, field
 from functools import lru_cache
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -169,7 +169,7 @@ def as_svg(frame: Frame, solution: Solution) -> str:
         lines.append(f'<polyline points="{points}" stroke="{ink}" stroke-width="{width:.1f}"/>')
     lines.append(f'</g><g {style} stroke-width="{drawn.letter / 6:.1f}">')
     for (x, y), text, ink in drawn.words:
-        lines.append(f'<text x="{x:.1f}" y="{y + drawn.letter:.1f}" fill="{ink}">{escape(text)}</text>')
+        lines.append(f'<text x="{x:.1f}" y="{y + drawn.letter:.1f}" fill="{ink}">{escape(text, quote=False)}</text>')
     return "\n".join([*lines, "</g></svg>", ""])
 
 
