@@ -72,6 +72,27 @@ def test_the_better_the_scale_is_known_the_surer_the_answer(toy_sky, method, sha
         assert off_deg(answer, attitude) < 0.1
 
 
+def test_a_scale_known_better_than_a_supposed_one_stands_for_is_asked_about_once(toy_sky, method):
+    """Between two supposed focal lengths as at one of them, and to the ends of what it stands for."""
+    xy, asked = np.random.default_rng(5).uniform(0, 900, (40, 2)), []
+    for side, share in ((1.9, 1.01), (1.643, 1.1), (1.643, 1.17)):
+        scale = Camera.centred(WIDTH, HEIGHT, side * WIDTH).scale_arcsec_px
+        answer = run(
+            method.identify(
+                Detections.from_list(xy, WIDTH, HEIGHT), Hint(scale_arcsec_px=(scale / share, scale * share))
+            )
+        )
+        asked.append(int(answer.tried.split()[-3]))
+    assert asked[0] == asked[1] == asked[2] // 2
+    for seed in range(12):
+        attitude, camera, detections = view(toy_sky, 30.0 * seed, 5.0 * seed - 30.0, 70.0, seed=seed)
+        for ends in ((0.998, 1.34), (1.0 / 1.34, 1.002)):
+            scales = (camera.scale_arcsec_px * ends[0], camera.scale_arcsec_px * ends[1])
+            answer = run(method.identify(detections, Hint(scale_arcsec_px=scales)))
+            assert isinstance(answer, Identification)
+            assert off_deg(answer, attitude) < 0.1
+
+
 @given(st.permutations(range(12)))
 @settings(max_examples=15)
 def test_the_order_of_the_brightest_does_not_matter(toy_sky, method, order):

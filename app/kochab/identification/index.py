@@ -93,6 +93,7 @@ UNIT = 1e-5  # how far from one the square of a stored unit vector may be
 MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds
 ALL_FOUR = np.uint32(0x01010101)  # four true bytes
 CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
+CORNER_BITS = CORNERS.T.astype(np.int64)
 BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
 IM_REACH = 0.875  # |Im z| never exceeds sqrt(3)/2 while the base is the longest side
 SIZE_MIN_RAD, SIZE_STEPS = 1e-4, 127.0  # base length from 20 arcsec to pi rad in 127 steps
@@ -146,10 +147,10 @@ class Grid:
         last = np.array(self.shape) - 1
         low = np.clip(np.floor(place - reach).astype(np.int64), 0, last)
         high = np.clip(np.floor(place + reach).astype(np.int64), 0, last)
-        bits = CORNERS.T.astype(np.int64)
         differs = high > low
-        number = (low @ self.strides)[:, None] + (differs * self.strides) @ bits
-        query, corner = np.nonzero((~differs).astype(np.int64) @ bits == 0)
+        strides = self.strides
+        number = (low @ strides)[:, None] + (differs * strides) @ CORNER_BITS
+        query, corner = np.nonzero((~differs).astype(np.int64) @ CORNER_BITS == 0)
         return query, corner, number[query, corner], low
 
 
@@ -173,10 +174,12 @@ class ReadAhead:
         if sys.platform == "win32":
             return
         part = (rows.ravel() * self._row_bytes + HEADER_BYTES) >> AHEAD_BITS
+        part = part[~self._told[part]]
+        if len(part) == 0:
+            return
+        self._told[part] = True
         new = np.zeros_like(self._told)
         new[part] = True
-        new &= ~self._told
-        self._told |= new
         edges = np.diff(new, prepend=False, append=False).nonzero()[0] << AHEAD_BITS
         edges = np.minimum(edges, len(self._mapped)).reshape(-1, 2)
         for begin, end in edges.tolist():  # neighbours in one call

@@ -146,6 +146,8 @@ class Search:
         if stage.focal:
             supposed = np.array(stage.focal) * self.side
             supposed = supposed[(supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])]
+            if len(supposed) > 1 and self.scale[1] <= self.scale[0] * SUPPOSED**2:
+                supposed = np.array([math.sqrt(self.scale[0] * self.scale[1])])
             focal = np.repeat(supposed, len(quads))
             quads = np.tile(quads, (len(supposed), 1))
         if len(quads) == 0:
@@ -183,10 +185,11 @@ class Search:
 
     def _check(self, volume: Volume, view: FieldStars, stage: SearchStage, found: Hypotheses) -> Iterator[Verdict]:
         reach = 0.010 * self.side
-        votes = support(volume, self.xy[:8], found, reach)
+        votes, first = np.zeros(len(found), dtype=np.int64), 0
         if len(found) > CROWD:
+            votes, first = support(volume, self.xy[:8], found, reach), 8
             found, votes = found.take(votes > 0), votes[votes > 0]
-        votes = votes + support(volume, self.xy[8:16], found, reach, first=8)
+        votes = votes + support(volume, self.xy[first:16], found, reach, first)
         # fewer cannot pass: verification wants two stars besides the proposers as well
         order = np.argsort(-votes, kind="stable")[: min(stage.alone, int((votes > 1).sum()))]
         for h in order:

@@ -9,7 +9,7 @@ parities share one index.
 """
 
 from dataclasses import dataclass, fields
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from kochab.identification.index import Volume
 
 PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 REST = np.array([[2, 3], [1, 3], [1, 2], [0, 3], [0, 2], [0, 1]])
+FOLDS = np.array(sorted(product((True, False), repeat=3), key=sum))
+"""Every way to fold a code, none first: swapped, mirrored, turned."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,31 +73,20 @@ def canonical(z: NDArray[np.complex128]) -> Codes:
 def with_variants(z: NDArray[np.complex128], tolerance: Floats) -> Codes:
     """Codes (Q, 4) and those an error of ``tolerance`` (Q,) might have folded otherwise."""
     side = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]])
-    best = np.argmax(side, axis=1)
-    length = np.take_along_axis(side, best[:, None], axis=1)
-    tie = side > length * (1.0 - 1.5 * tolerance[:, None])
+    tie = side > side.max(axis=1, keepdims=True) * (1.0 - 1.5 * tolerance[:, None])
     quad, base = np.nonzero(tie)
     first = _fold(z, quad, base)
-    tol = tolerance[quad]
-    real, imag = first.code[:, 0] + first.code[:, 1], first.code[:, 2] + first.code[:, 3]
-    near_swap = np.abs(real - 1.0) < 2 * tol
-    near_mirror = np.abs(imag) < 2 * tol
-    near_order = np.abs(first.code[:, 0] - first.code[:, 1]) < 2 * tol
-    parts = [first]
-    for swap, mirror, order in ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 1, 1)):
-        wanted = np.ones(len(quad), dtype=bool)
-        for flag, near in ((swap, near_swap), (mirror, near_mirror), (order, near_order)):
-            if flag:
-                wanted &= near
-        if wanted.any():
-            parts.append(_vary(first, wanted, bool(swap), bool(mirror), bool(order)))
-    return Codes(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Codes)))
+    c, d, e, f = first.code.T
+    near = np.abs(np.stack([c + d - 1.0, e + f, c - d])) < 2 * tolerance[quad]
+    swap, mirror, turn = near[:, None] | ~FOLDS.T[:, :, None]
+    way, row = (swap & mirror & turn).nonzero()
+    return _vary(first, row, *FOLDS[way].T)
 
 
 def _fold(z: NDArray[np.complex128], quad: Ints, base: Ints) -> Codes:
     ab, cd = PAIRS[base], REST[base]
     order = np.concatenate([ab, cd], axis=1)
-    p = np.take_along_axis(z[quad], order, axis=1)
+    p = z[quad[:, None], order]
     span = p[:, 1] - p[:, 0]
     length = np.abs(span)
     safe = np.where(length > 0, span, 1.0)
@@ -112,20 +103,16 @@ def _fold(z: NDArray[np.complex128], quad: Ints, base: Ints) -> Codes:
     return Codes(code, order, mirrored, quad, length)
 
 
-def _vary(codes: Codes, which: NDArray[np.bool_], swap: bool, mirror: bool, turn: bool) -> Codes:
-    """The selected codes folded the other way; a swap alone flips Im, which a mirror puts back."""
-    code, order = codes.code[which].copy(), codes.order[which]
-    mirrored = codes.mirrored[which]
-    if swap:
-        code = np.concatenate([1.0 - code[:, :2], -code[:, 2:]], axis=1)
-        order = order[:, [1, 0, 2, 3]]
-    if swap != mirror:
-        code[:, 2:] *= -1.0
-        mirrored = ~mirrored
-    if swap != turn:  # after a swap the order of the real parts is reversed as well
-        code = code[:, [1, 0, 3, 2]]
-        order = order[:, [0, 1, 3, 2]]
-    return Codes(code, order, mirrored, codes.quad[which], codes.base[which])
+def _vary(codes: Codes, row: Ints, swap: Bools, mirror: Bools, turn: Bools) -> Codes:
+    """Rows (N,) of the codes, folded the other way where asked (N,)."""
+    code, order = codes.code[row], codes.order[row]
+    code[swap, :2] = 1.0 - code[swap, :2]
+    code[mirror, 2:] *= -1.0
+    order[swap] = order[swap][:, [1, 0, 2, 3]]
+    again = swap != turn  # after a swap the order of the real parts is reversed as well
+    code[again] = code[again][:, [1, 0, 3, 2]]
+    order[again] = order[again][:, [0, 1, 3, 2]]
+    return Codes(code, order, codes.mirrored[row] ^ swap ^ mirror, codes.quad[row], codes.base[row])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,8 +159,8 @@ SUPPOSED = 1.16  # a supposed focal length stands for all within this factor
 def directions(focal: Floats, xy: Floats) -> Floats:
     """Unit vectors (..., 3) of pixels (..., 2) for focal lengths that broadcast to (...)."""
     uv = xy / focal[..., None]
-    out = np.concatenate([uv, np.ones_like(uv[..., :1])], axis=-1)
-    return np.asarray(out / np.sqrt((out**2).sum(axis=-1, keepdims=True)))
+    length = np.sqrt(uv[..., :1] ** 2 + uv[..., 1:] ** 2 + 1.0)
+    return np.concatenate([uv / length, 1.0 / length], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,7 +204,7 @@ def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
     w = planar(sky)
     w = (w[:, 2:] - w[:, :1]) / (w[:, 1] - w[:, 0])[:, None]
     mirrored = (w.imag.sum(axis=1) < 0) != codes.mirrored[query]
-    detections = np.take_along_axis(ask.quads[codes.quad[query]], codes.order[query], axis=1)
+    detections = ask.quads[codes.quad[query, None], codes.order[query]]
     arc = np.linalg.norm(sky[:, 1] - sky[:, 0], axis=1)
     plane = 2.0 * np.tan(np.arcsin(np.clip(arc / 2.0, 0, 1)))  # AB in the quad's tangent plane
     focal = length_px[query] / plane

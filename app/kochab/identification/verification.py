@@ -116,11 +116,13 @@ def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float
     """
     radius_px = 2.0 * NUDGE_RADIUS * float(half.max())
     # beyond the frame nobody knows the stars
-    inside = np.asarray((np.abs(seen[:, None] - radius_px * NUDGES) < half).all(axis=2))
-    off = seen[:, None] - stars
-    i, j = ((off * off).sum(axis=2) < ((FAR_RADII[-1] + 1.0) * radius_px) ** 2).nonzero()
-    gap = off[i, j][:, None] - radius_px * NUDGES
-    hits = (((gap * gap).sum(axis=2) < radius_px**2) & inside[i]).sum(axis=0)
+    x, y = seen.T[:, :, None]
+    nudge_x, nudge_y = radius_px * NUDGES.T
+    inside = (np.abs(x - nudge_x) < half[0]) & (np.abs(y - nudge_y) < half[1])
+    x, y = x - stars[:, 0], y - stars[:, 1]
+    i, j = (x * x + y * y < ((FAR_RADII[-1] + 1.0) * radius_px) ** 2).nonzero()
+    x, y = x[i, j, None] - nudge_x, y[i, j, None] - nudge_y
+    hits = ((x * x + y * y < radius_px**2) & inside[i]).sum(axis=0)
     even = inside.sum(axis=0) * (density * math.pi * radius_px**2)
     near, far = float(hits[:NEAR].sum()), float(hits[NEAR:].sum())
     even_near, even_far = float(even[:NEAR].sum()), float(even[NEAR:].sum())

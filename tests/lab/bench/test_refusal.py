@@ -17,14 +17,16 @@ def test_each_list_is_refused_from_the_disk_and_from_memory(monkeypatch) -> None
     assert next(goal for goal in result.goals if "accepted" in goal.name).met
 
 
-def test_the_slowest_list_is_what_counts() -> None:
+@pytest.mark.parametrize(("load", "met"), [(1.1, False), (1.6, None)], ids=["idle", "busy"])
+def test_the_slowest_list_is_what_counts_and_the_clock_on_an_idle_machine_alone(monkeypatch, load, met) -> None:
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 9.0, 9.0), raising=False)
     kept = [{"wall_s": 0.1, "cpu_s": 0.1, "wrong": False}] * 9 + [{"wall_s": 0.7, "cpu_s": 0.2, "wrong": True}]
     told = refusal.row("from the disk", kept)
-    met = {goal.name: goal.met for goal in refusal.goals([told])}
+    goals = {goal.name: goal.met for goal in refusal.goals([told], refusal.idle())}
     assert told["median_s"] == pytest.approx(0.1)
-    assert met == {
+    assert goals == {
         "random lists accepted": False,
-        "slowest refusal from the disk, s": False,
+        "slowest refusal from the disk, s, idle machine": met,
         "slowest refusal from the disk, processor s": True,
     }
 

@@ -8,7 +8,6 @@ them take a night.
 
 import math
 import os
-import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -205,7 +204,7 @@ def likeness_answer(number: int) -> Row:
 
 def _claimed(solve: Callable[[], float | Answer]) -> Row:
     """A row of what is wrong if it is accepted, with what it claims."""
-    answer, seconds = timed(solve, time.perf_counter)
+    answer, seconds = timed(solve)
     if isinstance(answer, float):
         wrong, claim = answer <= ACCEPT_LOG10, answer
     elif isinstance(answer, Solution):
@@ -229,7 +228,7 @@ def _field_row(name: str, count: int) -> dict[str, Any]:
     answers = []
     for number in range(count):
         detections, truths = FIELDS[name](np.random.default_rng([SEED, list(FIELDS).index(name), number]))
-        answer, seconds = timed(partial(drive, solve_detections(detections)), time.perf_counter)
+        answer, seconds = timed(partial(drive, solve_detections(detections)))
         near, solved = False, isinstance(answer, Solution)
         if isinstance(answer, Solution):
             maps = truths + [(field, *AS_IT_IS) for field, _, _ in truths]

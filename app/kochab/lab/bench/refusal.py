@@ -2,7 +2,8 @@
 
 Lists of 5 to 300 random points, solved blind. Before each the patterns' files are taken out of the
 system's page cache, so that the first search reads them from the disk and the second from memory. Pages that
-another program has mapped stay.
+another program has mapped stay. The clock's seconds are held against the goal on an idle machine only: on a
+busy one they tell of the others.
 """
 
 import os
@@ -26,10 +27,12 @@ SEED = 20261122
 LISTS, QUICK_LISTS = 500, 25
 POINTS = (5, 300)
 LIMIT_S = 0.5
+BUSY = 1.5  # processes that run or wait for the disk, this one among them
 
 
 def run(quick: bool, report: Report) -> BenchResult:
     """Refuse random lists; print the slowest by the clock and by the processor."""
+    free = idle()
     drive(make_fine(), lambda p: report(f"patterns for small fields: {p.detail}"))
     rng, lists = np.random.default_rng(SEED), QUICK_LISTS if quick else LISTS
     drive(Patterns(opened()).identify(random_points(rng, 60)))  # what is imported for it
@@ -47,7 +50,12 @@ def run(quick: bool, report: Report) -> BenchResult:
         if number % 100 == 99:
             report(f"{number + 1} lists ...")
     told = [row(name, kept) for name, kept in rows.items()]
-    return BenchResult("refusal", told, goals(told))
+    return BenchResult("refusal", told, goals(told, free and idle()))
+
+
+def idle() -> bool:
+    """Whether hardly anything but this bench has run in the last minute, as far as the system tells."""
+    return not hasattr(os, "getloadavg") or os.getloadavg()[0] < BUSY
 
 
 def row(name: str, kept: Sequence[dict[str, float]]) -> dict[str, Any]:
@@ -57,11 +65,12 @@ def row(name: str, kept: Sequence[dict[str, float]]) -> dict[str, Any]:
     return {"patterns": name} | summary(kept, n=("wrong", len), wrong=("wrong", np.sum)) | wall | cpu
 
 
-def goals(rows: Sequence[dict[str, Any]]) -> list[Goal]:
-    """What the issue asks for; the clock's seconds are those of an idle machine only when it is idle."""
+def goals(rows: Sequence[dict[str, Any]], free: bool) -> list[Goal]:
+    """What the issue asks for; the clock's seconds are not measured unless the machine was ``free``."""
     asked = [Goal.at_most("random lists accepted", max(r["wrong"] for r in rows), 0)]
     for r in rows:
-        asked.append(Goal.at_most(f"slowest refusal {r['patterns']}, s", r["slowest_s"], LIMIT_S))
+        wall_s = r["slowest_s"] if free else None
+        asked.append(Goal.at_most(f"slowest refusal {r['patterns']}, s, idle machine", wall_s, LIMIT_S))
         asked.append(Goal.at_most(f"slowest refusal {r['patterns']}, processor s", r["slowest_cpu_s"], LIMIT_S))
     return asked
 
