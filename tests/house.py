@@ -36,6 +36,7 @@ ADDED = {
     "the detective, evenings, conformance and every make in the mount bench": 33,
     "a mount bench whose night does not run ahead of a busy computer": 15,
     "a mount nudged with a game controller": 132,
+    "a Celestron's AUX bus, by Wi-Fi and USB": 384,
     "one model of what is wrong with a mount": 140,
     "a pointing model for gotos, a spiral search, why a mount stopped": 460,
     "frames out of focus known by their discs": 125,

@@ -9,6 +9,7 @@ from kochab.core.mount import SIDEREAL_DEG_S, PierSide, TrackingRate
 from kochab.simulate.responders import HOME_DEG, horizontal_deg, open_responder
 from kochab.simulate.responders.lx200 import OnStepResponder, degrees, hours
 from kochab.simulate.responders.nexstar import NexStarResponder
+from tests.simulate.celestron_aux import CelestronAuxResponder
 
 NAMES = {PierSide.EAST: b"East", PierSide.WEST: b"West"}
 
@@ -387,6 +388,7 @@ class StarSenseResponder(NexStarResponder):
 
 
 DIALECT_RESPONDERS = {
+    "celestronaux": CelestronAuxResponder,
     "10micron": TenMicronResponder,
     "am5": Am5Responder,
     "nyx": NyxResponder,

@@ -18,7 +18,8 @@ from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import Home, PierSide
 from kochab.gear.mounts.coordinates import sidereal_deg
-from kochab.gear.mounts.drivers.skywatcher import ZEROS, natural_side, to_axes, to_sky
+from kochab.gear.mounts.drivers.motor_mount import natural_side, to_axes, to_sky
+from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from tests.simulate.test_indi import own_network, still_running
 
 HOURS_AND_DECS = ((-60.0, 80.0), (-40.0, 70.0), (75.0, 80.0))  # from home, beside it, and across the meridian
@@ -49,7 +50,7 @@ def test_counters_at_home_and_at_targets_are_those_of_eqmod(latitude, tmp_path) 
     assert home["steps"] == [0x800000, 0x800000 + home["turn"] / 4]
     assert len(there) == len(targets)
     for seen, target in zip(there, targets, strict=True):
-        zero = ZEROS[Home.EQMOD]
+        zero = SkyWatcher.zeros_at[Home.EQMOD]
         axes = tuple(
             wrapped((s - 0x800000) / seen["turn"] * 360.0 + z) for s, z in zip(seen["steps"], zero, strict=True)
         )

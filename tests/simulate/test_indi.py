@@ -20,7 +20,7 @@ from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Home, TrackingRate
 from kochab.gear.mounts import open_mount
-from kochab.gear.mounts.drivers.skywatcher import ZEROS
+from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.simulate.night_sky import SimulatedClock
@@ -251,5 +251,5 @@ def test_after_eqmod_our_own_driver_finds_the_telescope_where_it_is(driven):
     with pytest.raises(RefusedError, match="home is not confirmed"):
         mount.goto(*telescope.believed_deg())
     mount.sync(*telescope.believed_deg())
-    assert mount.offset_deg == pytest.approx(ZEROS[Home.EQMOD], abs=0.05)
+    assert mount.offset_deg == pytest.approx(SkyWatcher.zeros_at[Home.EQMOD], abs=0.05)
     mount.close()

@@ -22,6 +22,7 @@ STOPS = {
     "synscan": (9600, b"MM"),
     "ioptron": (115200, b"#:Q#"),
     "skywatcher": (9600, b":L1\r:L2\r"),
+    "celestronaux": (9600, b";\x04 \x10$\0\xa8;\x04 \x11$\0\xa7"),
 }
 """Driver -> its usual baud rate and the bytes of Stop, as its class has them, which would take too long to import."""
 SERVER_PORTS = {"indi": 7624, "alpaca": 11111}

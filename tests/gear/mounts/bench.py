@@ -18,6 +18,7 @@ from .indi_server import indi_server
 
 SITE = Site(50.0, 8.0)
 START = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)  # the Sun is far below the horizon
+COUNTERS = ("skywatcher", "celestronaux")  # of steps: what they point at only the driver knows
 LIMITS = Limits(crosses_meridian=True, read_back_arcsec=120.0)
 
 
@@ -55,7 +56,8 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
         yield SimpleNamespace(
             telescope=telescope,
             line=line,
-            settings=None if driver == "skywatcher" else responder.settings,
+            far_end=responder,
+            settings=None if driver in COUNTERS else responder.settings,
             faults=faults,
             clock=clock,
             port=line.port,
@@ -96,14 +98,14 @@ def alpaca(home):
 def opened(driver, port, clock):
     """The driver on a port; a motor board is told where it points, as after every start."""
     mount = open_mount(driver, port, site=SITE, clock=clock, home=Home.NOW)
-    if driver == "skywatcher":
+    if driver in COUNTERS:
         mount.sync(*place(-20.0, 40.0, clock))
     return mount
 
 
 def where(bench):
     """Where the mount should say it points before anything moved: a motor board does not track."""
-    return place(-20.0, 40.0, bench.clock) if bench.driver == "skywatcher" else bench.start
+    return place(-20.0, 40.0, bench.clock) if bench.driver in COUNTERS else bench.start
 
 
 def moved(telescope):
@@ -122,6 +124,7 @@ def _ra_rate_is_the_skys(telescope):
 
 
 __all__ = [
+    "COUNTERS",
     "LIMITS",
     "SITE",
     "START",

@@ -34,6 +34,7 @@ EXCHANGES = {
     "nexstar": (60, 64),
     "synscan": (70, 72),
     "skywatcher": (80, 98),
+    "celestronaux": (100, 112),
     "astrophysics": (120, 120),
     "gemini": (125, 126),
 }
@@ -61,7 +62,11 @@ moves behind the same guard: horizon, Sun, meridian, length, read-back, Stop.
   `python -m tests.gear.mounts.indi_sequences 60` at INDI's telescope simulator and at EQMod's simulated board.
   They cannot know a mount that was switched off and on where it stands *before* Kochab connects: it says that it is at home, and nothing
   in its language tells otherwise. Sync on a solved frame first.
-- **Not tried at all:** alt-azimuth mounts without a hand control, Vixen's Star Book, Celestron's AUX bus and Wi-Fi. They have no driver.
+- **Celestron's Wi-Fi** also met the simulator of INDI's celestronaux driver (`nse_simulator.py`, no part of this repository; a
+  German mount's model and 16-bit rates had to be taught to it): slews, tracking, nudges and Stop on the side of the pier that it can
+  show. It turns its altitude axis the long way round below zero, and Kochab stopped that.
+- **Not tried at all:** alt-azimuth mounts without a hand control, forks on a wedge in the south by Celestron's Wi-Fi, Vixen's Star Book.
+  Kochab refuses them with what to do instead, or has no driver.
 """
 
 

@@ -31,7 +31,7 @@ from kochab.gear import mount_events as events
 from kochab.gear import mount_line
 from kochab.gear.mounts import DRIVERS, emergency_stop, serial_line, slew_supervisor
 from kochab.gear.mounts.coordinates import from_mount_epoch
-from kochab.gear.mounts.drivers import motor
+from kochab.gear.mounts.drivers import celestron_aux, skywatcher
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
 from kochab.simulate.mechanics.geometry import MountConfig
@@ -40,6 +40,7 @@ from kochab.simulate.night_sky import SimulatedClock
 from kochab.simulate.responders import RESPONDERS
 from kochab.workflows.goto_target import flip_mount
 from kochab.workflows.nudge import RUNS_ON, nudge
+from tests.simulate.celestron_aux import frame
 from tests.simulate.dialects import DIALECT_RESPONDERS, open_any
 
 NIGHT_UNIX = datetime(2026, 1, 15, 20, 0, tzinfo=UTC).timestamp()
@@ -48,6 +49,7 @@ SLEW_DEG_S = 12.0
 FORKS = ("lx200",)
 ALIGNS = ("lx200", "nexstar", "synscan")  # switched on, they say that they are not aligned
 MOUNTS = (*RESPONDERS, *DIALECT_RESPONDERS)
+COUNTERS = ("skywatcher", "celestronaux")  # of steps, which are told where home is
 LOW_DEG, PAST_DEG = 5.0, 15.0
 TOLERANCE_DEG = 0.6  # syncs by others are so good
 OWN_WAY_DEG = 3.0  # where only the mount knows its way it is stopped at the limit, which takes a second at 12 deg/s
@@ -115,10 +117,11 @@ class Wire:
 
     def __init__(self, world, answer):
         self.world, self.answer = world, answer
-        self.buffer, self.cut, self.closed = bytearray(), False, False
+        self.buffer, self.cut, self.closed, self.asked = bytearray(), False, False, False
 
     def write(self, data):
         self._check()
+        self.asked = True
         self.buffer += self.answer(data)
 
     def read_exact(self, count, timeout_s):
@@ -139,7 +142,8 @@ class Wire:
         self.closed = True
 
     def _read(self, complete, timeout_s):
-        self.world.pass_time(EXCHANGE_S)
+        self.world.pass_time(EXCHANGE_S * self.asked)
+        self.asked = False
         if not complete():
             self.world.pass_time(timeout_s)
         self._check()
@@ -164,9 +168,9 @@ class Inline:
 @contextmanager
 def simulated_time(world):
     with ExitStack() as patched:
-        for module in (slew_supervisor, emergency_stop, motor, serial_line, mount_line):
+        for module in (slew_supervisor, emergency_stop, skywatcher, celestron_aux, serial_line, mount_line):
             patched.enter_context(patch.object(module, "monotonic", world.now))
-        for module in (serial_line, mount_line):
+        for module in (serial_line, mount_line, celestron_aux):
             patched.enter_context(patch.object(module, "sleep", world.pass_time))
         patched.enter_context(patch.object(emergency_stop, "Timer", world.timer))
         patched.enter_context(patch.object(mount_line, "threading", SimpleNamespace(Thread=Inline)))
@@ -470,7 +474,7 @@ class Evening:
         if stop_first:
             wire.write(driver.blind_stop)
             wire.discard(0.5)
-        more = {"home": home} if self.plan.driver == "skywatcher" else {}
+        more = {"home": home} if self.plan.driver in COUNTERS else {}
         return driver(wire, site=self.site, clock=self.world.now_utc, kept=self.kept, **more)
 
     def connect(self):
@@ -535,7 +539,7 @@ class Evening:
         self.cut_off = True
         if self.wire is not None:
             self.wire.closed = True
-        if self.guard is not None and self.plan.driver == "skywatcher":
+        if self.guard is not None and self.plan.driver in COUNTERS:
             self.guard.mount.kept = None
         self.world.due = []
         self.gone()
@@ -614,9 +618,11 @@ class Evening:
         if self.plan.driver == "skywatcher":
             for one in self.far_end.motors:
                 one.set_steps(0x800000)
+        if self.plan.driver == "celestronaux":
+            self.far_end.power_on()
         telescope.aligned = self.plan.driver not in ALIGNS
         telescope.mover, self.told_until, self.stopped_at = "hands", None, None
-        self.lies = self.plan.driver != "skywatcher" and not self._at_home()
+        self.lies = self.plan.driver not in COUNTERS and not self._at_home()
         self.counts["power cycles"] += 1
 
     def do_connect(self, *_):
@@ -664,6 +670,9 @@ class Evening:
             if self.line is None:
                 self.eqmod(a, b, c)
             return
+        if self.plan.driver == "celestronaux":
+            self.hand_control(a, b, c)
+            return
         telescope = self.telescope
         with self.acting("other"):
             if a < 0.4:
@@ -696,6 +705,18 @@ class Evening:
                     )
                 self.world.pass_time(15.0)
         assert telescope.who == "hands"
+
+    def hand_control(self, a, b, c):
+        """On the same bus, at any time: a goto of a motor, or a key that is held for a while."""
+        board = 0x10 + (a < 0.5)
+        with self.acting("other"):
+            if b < 0.5:
+                count = int((c - 0.5) * 160.0 / 360.0 * (1 << 24)) % (1 << 24)
+                self.far_end.reply(frame(0x0D, board, 0x02, count.to_bytes(3, "big")))
+            else:
+                self.far_end.reply(frame(0x0D, board, 0x24 + (c < 0.5), bytes([1 + int(16 * (b - 0.5))])))
+                self.world.at(10.0 * c, lambda: self.far_end.reply(frame(0x0D, board, 0x24, bytes([0]))))
+        self.turn(20.0 * a)
 
     def _somewhere(self, b, c):
         """RA and Dec that is up."""

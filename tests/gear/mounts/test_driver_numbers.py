@@ -8,10 +8,11 @@ from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
 from kochab.core.mount import CONFIRM_HOME, Ability, Direction, Home, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import DRIVERS, probe
-from kochab.gear.mounts.drivers import motor as motors_of
+from kochab.gear.mounts.drivers import skywatcher as motors_of
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
+from kochab.gear.mounts.drivers.motor_mount import KeptZero, reads, to_axes
 from kochab.gear.mounts.drivers.nexstar import NexStar, SynScan
-from kochab.gear.mounts.drivers.skywatcher import KeptZero, SkyWatcher, reads, to_axes
+from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from kochab.gear.mounts.protocols import lx200
 from kochab.gear.mounts.serial_line import ProtocolError
 
@@ -218,17 +219,6 @@ def test_a_lost_start_is_said_again_where_the_motor_has_moved_three_steps_at_mos
         m.motors[1].turn_by(100 / 9024000 * 360.0, m.talk.stops)
 
 
-@pytest.mark.parametrize(
-    ("rate", "mode", "ratio"), [(0.49, b"10", 1), (-0.49, b"11", 1), (0.51, b"30", 16), (-0.51, b"31", 16)]
-)
-def test_above_half_a_degree_a_second_a_motor_is_in_its_fast_mode(rate, mode, ratio) -> None:
-    """Each tick of its timer then counts as many steps as the board says, here 16; six ticks are the least."""
-    timer = int.from_bytes(bytes.fromhex("A7FD00"), "little")
-    period = max(6, round(timer * ratio / (abs(rate) / 360.0 * 9024000)))
-    with board((b":G1" + mode + b"\r", DONE), (b":I1%s\r" % low(period), DONE), (b":J1\r", DONE)) as m:
-        m.motors[0].run(rate, m.talk.stops)
-
-
 @pytest.mark.parametrize(("angle", "mode"), [(0.99, b"20"), (1.01, b"00"), (-0.99, b"21"), (-1.01, b"01")])
 def test_above_a_degree_a_turn_is_fast(angle, mode) -> None:
     steps = round(abs(angle) / 360.0 * 9024000)
@@ -341,14 +331,14 @@ def slews(monkeypatch):
             def halt_command(self):
                 return b":K2\r", ()
 
-            def status(self):
-                return SimpleNamespace(running=False)
+            def running(self):
+                return False
 
             def turn_by(self, angle_deg, _since):
                 sent.append((self.axis, angle_deg))
 
-            def run(self, rate_deg_s, _since):
-                sent.append(("track", rate_deg_s))
+            def run(self, rate, backwards, _since):
+                sent.append(("track", -rate.deg_s if backwards else rate.deg_s))
 
         m.motors = (Standing(0), Standing(1))
         return m, now, sent, ahead
@@ -502,13 +492,6 @@ def test_a_refusal_has_up_to_sixty_four_bytes(length, told) -> None:
 def test_the_states_of_a_10micron(code, slewing, parked, tracking) -> None:
     state = lx200.parse_10micron(b"%d#" % code)
     assert (state.slewing, state.parked, state.tracking) == (slewing, parked, tracking)
-
-
-@pytest.mark.parametrize(("answer", "ratio"), [(b"=\r", 1), (b"=00\r", 1), (b"=20\r", 32), (b"=1000\r", 16)])
-def test_a_board_without_a_fast_mode_has_its_ratio_one(answer, ratio) -> None:
-    start = [(command, answer if command[:2] == b":g" else reply) for command, reply in MOTORS_START]
-    with board(start=start) as m:
-        assert [motor.ratio for motor in m.motors] == [ratio, ratio]
 
 
 def test_what_is_kept_is_kept_again_in_a_folder_of_its_own(tmp_path) -> None:

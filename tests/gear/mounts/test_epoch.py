@@ -18,7 +18,7 @@ from kochab.gear.mounts.coordinates import (
     sun_vector,
     to_mount_epoch,
 )
-from kochab.gear.mounts.drivers.skywatcher import natural_side, to_axes, to_sky
+from kochab.gear.mounts.drivers.motor_mount import natural_side, to_axes, to_sky
 from kochab.gear.mounts.motion_plan import by_axes, great_circle, over_the_pole, turned
 
 WHEN = datetime(2025, 3, 14, 22, tzinfo=UTC)  # measured by now in every table astropy brings along

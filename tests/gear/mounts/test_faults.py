@@ -14,7 +14,7 @@ from kochab.gear.mounts.emergency_stop import CANNOT_STOP
 from kochab.gear.mounts.guard import Guard
 from kochab.simulate.responders import RESPONDERS
 from kochab.simulate.serial_line import Fault
-from tests.gear.mounts.bench import LIMITS, SITE, moved, opened, simulated, still, where
+from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, moved, opened, simulated, still, where
 from tests.gear.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
 
 BAD_ANSWERS = [Fault.SILENCE, Fault.GARBAGE, Fault.LATE, Fault.WRONG]
@@ -122,8 +122,8 @@ def test_unplugging_during_a_slew_is_said_and_stop_is_sent_again_on_reconnect(be
     bench.line.plug()
 
     bench.guard._reopen = lambda: opened(bench.driver, bench.line.port, bench.clock)
-    if bench.driver == "skywatcher":
-        bench.guard._reopen = lambda: open_mount("skywatcher", bench.line.port, site=SITE, clock=bench.clock)
+    if bench.driver in COUNTERS:
+        bench.guard._reopen = lambda: open_mount(bench.driver, bench.line.port, site=SITE, clock=bench.clock)
     bench.guard.reconnect()
     wait_for(lambda: still(bench.telescope))
     assert not bench.guard.emergency.unfinished

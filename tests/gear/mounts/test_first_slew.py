@@ -9,7 +9,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home, MountState, PierSide, Pointing
 from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import altitude_deg, hour_angle_deg, sidereal_deg
-from kochab.gear.mounts.drivers.skywatcher import natural_side
+from kochab.gear.mounts.drivers.motor_mount import natural_side
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, unit_vectors
 from kochab.gear.mounts.motion_policy import MotionPolicy

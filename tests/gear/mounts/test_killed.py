@@ -23,13 +23,13 @@ from kochab.core.errors import StoppedError
 from kochab.gear.mounts import open_mount, slew_supervisor
 from kochab.gear.mounts.guard import Guard
 from kochab.workflows.nudge import nudge
-from tests.gear.mounts.bench import LIMITS, SITE, place
+from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, place
 
 driver, port, ahead_s, what = sys.argv[1:]
 slew_supervisor.SLEPT_S = 1.0
 clock = lambda: datetime.now(UTC) + timedelta(seconds=float(ahead_s))
 mount = open_mount(driver, port, site=SITE, clock=clock, home=Home.NOW)
-if driver == "skywatcher":
+if driver in COUNTERS:
     mount.sync(*place(-60.0, 40.0, clock))
 if what == "move":
     mount.move(Direction.NORTH, 1.0, 2.0)

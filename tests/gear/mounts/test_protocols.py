@@ -134,8 +134,6 @@ def test_pulses_keep_to_their_digits() -> None:
 def test_the_period_of_an_eq6_at_the_sidereal_rate() -> None:
     assert skywatcher.step_period(360.0 / 86164.0905, 9024000, 64935) == 620
     assert skywatcher.step_period(0.0, 9024000, 64935) == 0xFFFFFF
-    fast = skywatcher.step_period(2.0, 9024000, 64935, 16)  # as steps of sixteen
-    assert fast == round(64935 * 16 / (9024000 / 360.0 * 2.0))
 
 
 def test_longitudes_and_zones_of_the_lx200_grow_westward() -> None:

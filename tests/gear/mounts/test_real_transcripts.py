@@ -12,9 +12,10 @@ import pytest
 
 from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Direction, PierSide, TrackingRate
+from kochab.core.mount import Ability, Direction, Home, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
+from kochab.gear.mounts.drivers.celestron_aux import AuxMotor, CelestronAux
 from kochab.gear.mounts.drivers.ioptron import Ioptron
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.drivers.lx200_dialects import AUTOSTAR, CLONE, DIALECTS, ON_STEP
@@ -630,10 +631,8 @@ def test_a_star_adventurer_gti_tracks_with_its_own_period() -> None:
     start = [
         (b":a1\r", b"=005F37\r"),
         (b":b1\r", b"=0024F4\r"),
-        (b":g1\r", b"=01\r"),
         (b":a2\r", b"=004C2C\r"),
         (b":b2\r", b"=0024F4\r"),
-        (b":g2\r", b"=01\r"),
         (b":e1\r", b"=03300C\r"),
         (b":f1\r", b"=100\r"),
         (b":q1010000\r", b"!0\r"),
@@ -645,25 +644,129 @@ def test_a_star_adventurer_gti_tracks_with_its_own_period() -> None:
         m.track(TrackingRate.SIDEREAL)
 
 
-# -- the AUX bus of a Celestron: named, not driven ------------------------------------------------
+# -- the AUX bus of a Celestron -------------------------------------------------------------------
+
+
+def h(text):
+    return bytes.fromhex(text)
+
+
+EVOLUTION = [
+    (h("3b032010fecf"), h("3b032010fecf 3b071020fe070a100d9d")),  # Wi-Fi sends every question back first
+    (h("3b03201005c8"), h("3b03201005c8 3b05102005168729")),
+]
+AT_HOME = [(h("3b03201001cc"), h("3b06102001000001c8")), (h("3b03201101cb"), h("3b06112001ffffffcb"))]
+AVX = [
+    (h("3b032010fecf"), h("3b071020fe070f204e47")),  # a relay does not
+    (h("3b03201005c8"), h("3b0510200514852d")),
+    *AT_HOME,
+    AT_HOME[0],
+]
 
 
 @played("L101", "L107")
-@pytest.mark.parametrize(
-    "reply",
-    [
-        "3b032010fecf3b071020fe070a100d9d",  # an Evolution's Wi-Fi, which sends the question back first
-        "3b071020fe070f204e47",  # an AVX behind a relay, which does not
-    ],
-)
-def test_the_wi_fi_of_a_celestron_is_named_and_what_to_do_instead(reply) -> None:
-    talk = Conversation(ScriptedLink([(bytes.fromhex("3b032010fecf"), bytes.fromhex(reply))]))
-    found = ask_celestron_aux(talk)
-    assert not found.found
-    assert "hand control" in found.advice
-    silent = Conversation(ScriptedLink([(bytes.fromhex("3b032010fecf"), b"")]))
+def test_the_wi_fi_of_a_celestron_is_named() -> None:
+    for script, name in ((EVOLUTION, "Celestron Evolution (AUX bus)"), (AVX[:2], "Celestron AVX (AUX bus)")):
+        found = ask_celestron_aux(Conversation(ScriptedLink(script)))
+        assert (found.driver, found.name) == ("celestronaux", name)
+    silent = Conversation(ScriptedLink([(h("3b032010fecf"), b"")]))
     with pytest.raises(NoAnswerError):
         ask_celestron_aux(silent)
+
+
+@pytest.mark.parametrize(
+    ("equatorial", "latitude", "sentence"),
+    [(False, 50.0, "If it is on a wedge"), (True, -33.0, "South of the equator")],
+)
+def test_a_fork_in_altitude_and_azimuth_is_refused_with_what_to_do(equatorial, latitude, sentence) -> None:
+    refused = pytest.raises(RefusedError, match=sentence)
+    with refused, transcript(CelestronAux, EVOLUTION, site=Site(latitude, 8.0), clock=noon, equatorial=equatorial):
+        pass
+
+
+@played("L107")
+def test_an_avx_at_its_home_is_a_count_from_the_pole_on_both_axes() -> None:
+    with transcript(CelestronAux, [*AVX, *AT_HOME], site=SITE, clock=noon, home=Home.POWER_ON) as m:
+        assert m.position().dec_deg == pytest.approx(90.0, abs=1e-4)
+        assert m.identify() == "Celestron AVX, motor board 7.15"
+        assert Ability.PULSE in m.lacks
+
+
+@played("L103")
+def test_a_position_below_zero_is_a_negative_angle() -> None:
+    motors = [
+        AuxMotor(Conversation(ScriptedLink([exchange])), board, 1.0)
+        for board, exchange in (
+            (16, (h("3b03201001cc"), h("3b03201001cc 3b0610200100c01aef"))),
+            (17, (h("3b03201101cb"), h("3b03201101cb 3b06112001ffffac1e"))),
+        )
+    ]
+    assert [motor.angle_deg() for motor in motors] == pytest.approx([49178 / (1 << 24) * 360, -84 / (1 << 24) * 360])
+
+
+@played("L104")
+def test_rate_0_stops_a_motor_and_is_acknowledged() -> None:
+    link = ScriptedLink([(h("3b04201024 00a8"), h("3b04201024 00a8 3b03102024a9"))])
+    motor = AuxMotor(Conversation(link), 16, 1.0)
+    motor.ensure_stopped()
+    link.finished()
+    assert motor.halt_command()[0] == h("3b0420102400a8")
+
+
+@played("L105")
+def test_a_goto_is_fast_then_slow_and_is_over_by_ff() -> None:
+    done, busy = h("3b03201013ba 3b04102013ffba"), h("3b03201013ba 3b0410201300b9")
+    ask = h("3b03201013ba")
+    script = [
+        (h("3b06201002020b4f6c"), h("3b06201002020b4f6c 3b03102002cb")),
+        (ask, busy),
+        (ask, done),
+        (h("3b06201017037914 23"), h("3b0620101703791423 3b03102017b6")),
+        (ask, done),
+    ]
+    link = ScriptedLink(script)
+    motor = AuxMotor(Conversation(link), 16, 1.0)
+    motor.seen_deg = 0.0
+    motor.turn_by(0x020B4F / (1 << 24) * 360.0, 0)
+    assert (motor.running(), motor.running()) == (True, False)
+    motor.seen_deg = 0x0374FC / (1 << 24) * 360.0
+    motor.turn_by((0x037914 - 0x0374FC) / (1 << 24) * 360.0, 0)
+    assert not motor.running()
+    link.finished()
+
+
+@played("L100", "L108", "L110", "L111")
+@pytest.mark.parametrize(
+    ("asked", "before", "answer"),
+    [
+        ("3b032010fecf", b"CMD\r\n<2.40-CEL> ", "3b071020fe070a100d9d"),  # the shell of the Wi-Fi module
+        ("3b032010fecf", h("3b070d20fe052208118e"), "3b051020fe050eba"),  # the hand control, to somebody else
+        ("3b03201001cc", h("40feb6eafe3b030e"), "3b06102001000001c8"),  # an answer of which a part was lost
+        ("3b04201146ccb9", h("3b0310204687"), "3b0311204686"),  # the other motor's
+    ],
+)
+def test_an_answer_is_found_among_what_others_say(asked, before, answer) -> None:
+    link = ScriptedLink([(h(asked), before + h(answer))])
+    frame = h(asked)
+    assert Conversation(link).ask(frame, nexstar.aux_reader(frame, 1.0), bytes) == h(answer)
+    link.finished()
+
+
+@played("L102", "L109")
+def test_a_refusal_and_an_echo_alone_are_no_answer() -> None:
+    refused = h("3b0320104786 3b041020f04795")
+    with pytest.raises(ProtocolError):
+        nexstar.parse_aux(nexstar.aux_answer(refused[:6], refused), 1)
+    assert nexstar.aux_answer(h("3b0304dafe21"), h("3b0304dafe21")) is None
+    motor = AuxMotor(Conversation(ScriptedLink(2 * [(h("3b03201001cc"), h("3b03201001cc"))])), 16, 1.0)
+    with pytest.raises(NoAnswerError):
+        motor.angle_deg()
+
+
+@played("L112")
+def test_guide_pulses_which_nothing_shows_are_not_sent() -> None:
+    with transcript(CelestronAux, AVX, site=SITE, clock=noon) as m, pytest.raises(RefusedError, match="short gotos"):
+        m.pulse(Direction.NORTH, 500)
 
 
 # -- the account --------------------------------------------------------------------------------
@@ -682,7 +785,6 @@ ALL = {
 ELSEWHERE = {"L06": "test_clock_and_site: test_l06", "L92": "test_udp: what a datagram may hold"}
 NOT_SENT = "no driver sends these commands"
 NO_BYTES = "the report has no bytes"
-AUX = "the AUX bus has no driver: a Celestron is spoken to through its hand control"
 NOT_MET = {
     "L15": "what a phone sends, not what a mount answers",
     "L22": NOT_SENT,
@@ -693,7 +795,7 @@ NOT_MET = {
     "L88": NO_BYTES + "; a mount that moves after a Stop: test_stop_seen",
     "L97": NOT_SENT,
     "L98": NO_BYTES,
-    **{f"L{n}": AUX for n in (100, *range(102, 107), *range(108, 113))},
+    "L106": NOT_SENT,
     "L130": "the Star Book speaks HTTP and has no driver",
 }
 

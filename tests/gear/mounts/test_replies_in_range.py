@@ -10,8 +10,9 @@ from kochab.core.frame import Site
 from kochab.core.mount import Direction, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import from_mount_epoch
+from kochab.gear.mounts.drivers.motor_mount import natural_side, to_axes
 from kochab.gear.mounts.drivers.nexstar import NexStar
-from kochab.gear.mounts.drivers.skywatcher import SkyWatcher, altaz_objection, natural_side, to_axes
+from kochab.gear.mounts.drivers.skywatcher import SkyWatcher, altaz_objection
 from kochab.gear.mounts.probe import list_ports, port_info, probe_port
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import ProtocolError

@@ -9,7 +9,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Home, TrackingRate
 from kochab.core.progress import run
-from kochab.gear.mounts.drivers.skywatcher import KeptZero
+from kochab.gear.mounts.drivers.motor_mount import KeptZero
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.session import MountSelection, guarded

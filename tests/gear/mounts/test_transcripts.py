@@ -313,10 +313,8 @@ def test_ioptron_words() -> None:
 MOTORS_START = [
     (b":a1\r", b"=00B289\r"),
     (b":b1\r", b"=A7FD00\r"),
-    (b":g1\r", b"=10\r"),
     (b":a2\r", b"=00B289\r"),
     (b":b2\r", b"=A7FD00\r"),
-    (b":g2\r", b"=10\r"),
     (b":e1\r", b"=020300\r"),
     (b":f1\r", b"=001\r"),
     (b":q1010000\r", b"!0\r"),  # an old board has no features, so no home sensors

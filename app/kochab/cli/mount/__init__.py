@@ -65,7 +65,7 @@ def add_line_options(parser: argparse.ArgumentParser, run: Callable[[Any], int],
         help="Sky-Watcher motor board: tube at the pole and counterweight down now, at "
         "power-on, or when EQMod set its counters",
     )
-    parser.add_argument("--equatorial", action="store_true", help="an AZ-GTi or unknown board on a wedge")
+    parser.add_argument("--equatorial", action="store_true", help="AZ-GTi, Celestron fork or unknown board on a wedge")
     for name, text in SWITCHES.items():
         if name in moves:
             parser.add_argument(f"--{name}", action="store_true", help=text)

@@ -25,6 +25,7 @@ DRIVERS: Registry[Mount] = Registry(
         "gemini": "kochab.gear.mounts.drivers.lx200:Gemini",
         "rainbow": "kochab.gear.mounts.drivers.lx200:Rainbow",
         "nexstar": "kochab.gear.mounts.drivers.nexstar:NexStar",
+        "celestronaux": "kochab.gear.mounts.drivers.celestron_aux:CelestronAux",
         "starsense": "kochab.gear.mounts.drivers.nexstar:StarSense",
         "synscan": "kochab.gear.mounts.drivers.nexstar:SynScan",
         "ioptron": "kochab.gear.mounts.drivers.ioptron:Ioptron",
@@ -59,7 +60,7 @@ class MountSettings(TypedDict, total=False):
     """What a person says of a mount; nothing of it is ever sent.
 
     ``epoch`` is the driver's default when None. ``site`` and ``clock`` are for a mount that knows
-    neither (``skywatcher``); ``home`` and ``equatorial`` for one that reports neither: where its
+    neither (a motor board); ``home`` and ``equatorial`` for one that reports neither: where its
     counters begin, and that a board which may be alt-azimuth is on a wedge. In the folder ``kept``
     its alignment is kept for the next program.
     """

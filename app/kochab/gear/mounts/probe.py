@@ -72,22 +72,21 @@ def ask_ioptron(talk: Conversation) -> Diagnosis:
     return Diagnosis(driver="ioptron", name=f"iOptron {model}")
 
 
-AUX_VERSION = bytes.fromhex("3b032010fecf")  # of the RA or azimuth motor, as its maker's app asks
-AUX = (
-    "A Celestron's Wi-Fi or AUX bus answers, for which Kochab has no driver: use the USB or serial port of its hand "
-    "control, or a server (INDI, Alpaca)."
-)
-
-
 def ask_celestron_aux(talk: Conversation) -> Diagnosis:
-    """A Celestron's own bus, which first sends every question back; it is named and not driven."""
-    talk.ask(AUX_VERSION, until(b"\x10\x20\xfe", 24, PATIENCE_S), bytes)
-    return Diagnosis(advice=AUX)
+    """Version and model of the RA or azimuth motor, as the maker's app asks."""
+    asked = [nexstar.aux(nexstar.AZM, command) for command in (nexstar.AUX_VERSION, nexstar.AUX_MODEL)]
+    talk.ask(asked[0], nexstar.aux_reader(asked[0], PATIENCE_S), lambda reply: nexstar.parse_aux(reply, 2, 4))
+    name = "motor board"
+    with suppress(NoAnswerError):
+        model = talk.ask(asked[1], nexstar.aux_reader(asked[1], PATIENCE_S), lambda reply: nexstar.parse_aux(reply, 2))
+        name = nexstar.MODELS.get(model[0], name)
+    advice = "It stores no site: give --site LAT,LON."
+    return Diagnosis(driver="celestronaux", name=f"Celestron {name} (AUX bus)", advice=advice)
 
 
 Question = Callable[[Conversation], Diagnosis]
 QUESTIONS: tuple[tuple[int, tuple[Question, ...]], ...] = (
-    (9600, (ask_nexstar, ask_skywatcher, ask_lx200)),
+    (9600, (ask_nexstar, ask_skywatcher, ask_lx200, ask_celestron_aux)),
     (115200, (ask_skywatcher, ask_lx200, ask_ioptron)),
     (230400, (ask_ioptron,)),
 )

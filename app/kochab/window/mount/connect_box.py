@@ -25,7 +25,7 @@ BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
 EPOCH_TIP = tr_noop(
     "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
 )
-COUNTS_STEPS = "skywatcher"  # these mounts report neither their home position nor their type
+COUNTS_STEPS = ("skywatcher", "celestronaux")  # these mounts report neither their home position nor their type
 HOME_TIP = tr_noop(
     "This mount only counts motor steps. It does not slew until you confirm the home position or "
     "sync on a solved frame."
@@ -33,7 +33,7 @@ HOME_TIP = tr_noop(
 FIND_TIP = tr_noop("Ask every port which mount is there. Nothing moves.")
 PRACTICE = tr_noop("Practice with a simulated telescope")
 PRACTICE_TIP = tr_noop("A misaligned mount with a camera, under a simulated sky")
-WEDGE_TIP = tr_noop("Kochab moves an AZ-GTi only in equatorial mode, on a wedge")
+WEDGE_TIP = tr_noop("Kochab moves an AZ-GTi or, by Wi-Fi, a Celestron fork only in equatorial mode, on a wedge")
 SITE_TIP = tr_noop("Latitude, longitude in degrees, north and east positive; never sent to the mount")
 
 
@@ -87,7 +87,7 @@ class ConnectBox(QWidget):
         self.site.editingFinished.connect(self._site_typed)
         self.home = switch(tr("At home: tube at the pole, counterweight down"), tr(HOME_TIP))
         self.home_picture = HomePicture()
-        self.equatorial = switch(tr("AZ-GTi on an equatorial wedge"), tr(WEDGE_TIP))
+        self.equatorial = switch(tr("AZ-GTi or Celestron fork on an equatorial wedge"), tr(WEDGE_TIP))
         self.driver.currentIndexChanged.connect(self._show_questions)
         self.connect_button = button(tr("Connect"), self._connect, "main", tr("Open the port. Nothing moves."))
         self.find_button = button(tr("Find my mount"), self.search, tip=tr(FIND_TIP))
@@ -165,13 +165,13 @@ class ConnectBox(QWidget):
 
     def _confirmed(self) -> tuple[Home | None, bool]:
         """What only the person can know of a mount that reports neither."""
-        if self.driver.currentData() != COUNTS_STEPS:
+        if self.driver.currentData() not in COUNTS_STEPS:
             return None, False
         return (Home.NOW if self.home.isChecked() else None), self.equatorial.isChecked()
 
     def _show_questions(self) -> None:
         for question in (self.home_picture, self.home, self.equatorial):
-            question.setVisible(self.driver.currentData() == COUNTS_STEPS)
+            question.setVisible(self.driver.currentData() in COUNTS_STEPS)
 
     def _site_typed(self) -> None:
         text = self.site.text().strip()

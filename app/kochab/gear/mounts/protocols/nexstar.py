@@ -1,7 +1,8 @@
 """Celestron's NexStar hand control language, which SynScan shares.
 
 Source: NexStar Communication Protocol 1.2 (2006); SynScan serial protocol 3.3. Every answer ends
-in ``#``, but a data byte may be ``#`` as well: answers are read by their length.
+in ``#``, but a data byte may be ``#`` as well: answers are read by their length. Below is the bus behind the hand
+control, which Celestron's Wi-Fi and the mounts' own USB speak.
 """
 
 from datetime import datetime, timedelta
@@ -168,3 +169,70 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
         return utc_of(2000 + year, month, day, hour, minute, second, offset), offset
     except ValueError:
         raise ProtocolError(f"{reply!r} is no time.") from None
+
+
+# -- The AUX bus: ``3b len from to command data checksum`` ----------------------------------------
+# Source: A. Paquette, NexStar AUX Command Set (2003), INDI's celestronaux, captures of real mounts. Angles are 24 bits
+# of a turn. Wi-Fi sends each command back before its answer, and every device on the bus may speak in between.
+
+HEAD, APP = 0x3B, 0x20  # we are what the maker's app is
+POSITION, AUX_MODEL, GOTO_FAST, GUIDE_POSITIVE, GUIDE_NEGATIVE = 0x01, 0x05, 0x02, 0x06, 0x07
+SLEW_DONE, GOTO_SLOW, AUX_VERSION, AUX_REFUSED = 0x13, 0x17, 0xFE, 0xF0
+LONGEST_CHATTER = 256
+AUX_TURN = 1 << 24
+
+
+def aux(board: int, command: int, data: bytes = b"", sender: int = APP) -> bytes:
+    """A frame to a motor board, or another device."""
+    body = bytes([3 + len(data), sender, board, command]) + data
+    return bytes([HEAD]) + body + bytes([-sum(body) % 256])
+
+
+def aux_answer(asked: bytes, came: bytes) -> bytes | None:
+    """The frame in ``came`` that answers ``asked``, or refuses it; None while it is not there."""
+    for k, byte in enumerate(came):
+        end = k + came[k + 1] + 3 if byte == HEAD and k + 1 < len(came) else 0
+        frame = came[k:end]
+        if not 6 <= len(frame) == end - k or sum(frame[1:]) % 256 or frame[2:4] != asked[3:1:-1]:
+            continue
+        if frame[4] == asked[4] or (frame[4] == AUX_REFUSED and frame[5] == asked[4]):
+            return frame
+    return None
+
+
+def aux_reader(asked: bytes, timeout_s: float) -> Reader:
+    """Read until the answer has come."""
+
+    def read(link: SerialLink) -> bytes:
+        came = bytearray()
+        while len(came) < LONGEST_CHATTER:
+            came += link.read_exact(1, timeout_s)
+            if answer := aux_answer(asked, bytes(came)):
+                return answer
+        raise ProtocolError("The bus is busy, and the motor board does not answer.")
+
+    return read
+
+
+def parse_aux(reply: bytes, *sizes: int) -> bytes:
+    """The data of a frame, of one of these sizes, else none; `ProtocolError` for a refusal."""
+    sound = len(reply) >= 6 and reply[0] == HEAD and reply[1] == len(reply) - 3 and not sum(reply[1:]) % 256
+    require(sound, reply, "frame of the AUX bus")
+    require(reply[4] != AUX_REFUSED and len(reply) - 6 in (sizes or (0,)), reply, "answer of a motor board")
+    return reply[5:-1]
+
+
+def parse_aux_angle(reply: bytes) -> float:
+    """Degrees in [-180, 180), from 24 bits of a turn."""
+    part = int.from_bytes(parse_aux(reply, 3), "big", signed=True)
+    return part / AUX_TURN * 360.0
+
+
+def aux_angle(angle_deg: float) -> bytes:
+    """The inverse of :func:`parse_aux_angle`, for any angle."""
+    return (round(angle_deg / 360.0 * AUX_TURN) % AUX_TURN).to_bytes(3, "big")
+
+
+def parse_aux_done(reply: bytes) -> bool:
+    """Whether a goto is over: ``ff``, and ``00`` before."""
+    return match(rb"[\x00\xff]", parse_aux(reply, 1), "0 or 255")[0] == b"\xff"

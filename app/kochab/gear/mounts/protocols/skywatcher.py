@@ -121,9 +121,9 @@ def motion_mode(goto: bool, fast: bool, backwards: bool) -> str:
     return f"{mode}{int(backwards)}"
 
 
-def step_period(rate_deg_s: float, steps_turn: int, timer_hz: int, ratio: int = 1) -> int:
-    """Timer ticks a step at a rate; ``ratio`` is that of the fast mode, else 1."""
-    steps_s = abs(rate_deg_s) / 360.0 * steps_turn / ratio
+def step_period(rate_deg_s: float, steps_turn: int, timer_hz: int) -> int:
+    """Timer ticks a step at a rate."""
+    steps_s = abs(rate_deg_s) / 360.0 * steps_turn
     if steps_s <= 0.0:
         return 0xFFFFFF
     return min(max(round(timer_hz / steps_s), 6), 0xFFFFFF)
