@@ -15,7 +15,7 @@ from kochab.core.frame import Site
 from kochab.polar.drift import CREEP_ARCSEC_H, Stretch, measure_drift, stretches_of, tracked
 from kochab.polar.error import CHI2_95, Knob
 from kochab.polar.horizon import Pole, Refraction
-from kochab.polar.measure import MeasureSettings, NoAxis, PolarFindingKind
+from kochab.polar.measure import MeasureSettings, NoAxis, PolarFindingKind, measure_local, stood_still
 from kochab.polar.sighting import Sighting
 from kochab.workflows.polar.solutions import guide_log, is_guide_log
 from tests.polar.mounts import ARCSEC, WHEN, Mount
@@ -337,6 +337,19 @@ def test_how_long_more_is_what_it_then_takes():
     assert after(19.0 + early.minutes_more * 1.05).error.uncertainty_arcsec < 30.0
     assert after(19.0 + early.minutes_more / 1.4).error.uncertainty_arcsec > 30.0
     assert after(150.0).minutes_more == 0.0
+
+
+@pytest.mark.parametrize("minutes", [0.5, 5.0, 60.0])
+def test_a_fixed_tripod_is_neither_a_sweep_nor_a_drift(minutes):
+    """Noise of 2 and 20 arcsec; one that tracks is none, nor are two frames of one moment."""
+    mount, rng = Mount(), np.random.default_rng(8)
+    seen = mount.see(np.zeros(6), rng, seconds=minutes * 12.0)
+    assert measure_local(seen, settings(mount.site)).kind is PolarFindingKind.FIXED_TRIPOD
+    drifting = measure_drift([Stretch(tuple(seen))], settings(mount.site))
+    assert drifting.kind is (PolarFindingKind.FIXED_TRIPOD if minutes > 1.0 else PolarFindingKind.TOO_FEW)
+    follows = mount.see(-RATE_DEG_S * minutes * 12.0 * np.arange(6), rng, seconds=minutes * 12.0)
+    assert stood_still(follows) is None
+    assert stood_still(mount.see(np.zeros(6), rng, seconds=0.2)) is None
 
 
 def test_a_moment_and_a_sweep_are_no_drift():

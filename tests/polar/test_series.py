@@ -49,6 +49,15 @@ def test_the_axis_of_a_tripod_that_stands_is_the_pole(shared_series):
         assert np.degrees(np.arccos(abs(axis[2]))) < 1.0
 
 
+def test_a_tripod_that_stands_is_told_as_one(shared_series, capsys):
+    """The times are local (EDT) and the site is not stated: neither matters to a camera at rest."""
+    names = [str(shared_series / "unh" / f"DSC_00{number}_NEF_embedded.jpg") for number in (58, 59, 60)]
+    code = main(["polar", *names, "--site=43.1,-70.9", "--utc-offset=-4", "--timeout=60", "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert (code, told["code"]) == (1, "fixed_tripod")
+    assert "The camera stood still while the sky turned by 0.0" in told["error"]
+
+
 def test_sharpcaps_times_and_total(shared_series, capsys):
     """SharpCap 3.2 said 3 deg 50 min 51 s, without refraction; the pictures have no time but in its side files."""
     folder = shared_series / "tk"

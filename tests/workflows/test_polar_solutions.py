@@ -19,7 +19,7 @@ from kochab.core.errors import FrameError
 from kochab.core.frame import Site
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.hints import NO_ZONE
-from kochab.frames.wcs import write_wcs
+from kochab.frames.wcs import wcs_text, write_wcs
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
@@ -211,3 +211,27 @@ def test_a_last_frame_back_at_the_start_is_offered_while_creep_may_hide(tmp_path
         out.append(capsys.readouterr().out)
     assert "back at the start: shows creep" in out[0]
     assert "back at the start" not in out[1]
+
+
+@pytest.mark.parametrize("mark", [{"PLTSOLVD": True}, {"HISTORY": "Created by the Astrometry.net suite."}, {}])
+def test_a_frame_without_stars_counts_as_another_solver_left_it_and_a_mounts_guess_does_not(tmp_path, capsys, mark):
+    for k in range(3):
+        one = solution(25.0 * k)
+        header = fits.Header.fromstring(wcs_text(one).replace("\n", " ").split("END ")[0])
+        for card in [c for c in header if c in ("SIMPLE", "BITPIX", "NAXIS", "IMAGEW", "IMAGEH", "PLTSOLVD")]:
+            del header[card]
+        header["DATE-OBS"] = (BEGUN + timedelta(minutes=k)).isoformat().removesuffix("+00:00")
+        for key, value in mark.items():
+            header[key] = value
+        fits.PrimaryHDU(np.full((700, 900), 500, np.uint16), header).writeto(tmp_path / f"{k}.fits")
+    names = [str(tmp_path / f"{k}.fits") for k in range(3)]
+    code = main(["polar", *names, "--site=47,8,450", "--json", "--utc-offset=0"])
+    told = json.loads(capsys.readouterr().out)
+    if not mark:
+        assert code == 1
+        assert "no solution" in told["error"]
+        return
+    sightings = [Sighting.of(solution(25.0 * k), BEGUN + timedelta(minutes=k), f"{k}.fits") for k in range(3)]
+    truth = measure(sightings, MeasureSettings(SITE)).error
+    assert told["altitude_error_arcsec"] == pytest.approx(truth.altitude_arcsec, abs=10.0)
+    assert sum("0.2 px is assumed" in text for text in told["warnings"]) == 3

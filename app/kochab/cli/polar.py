@@ -32,13 +32,13 @@ from kochab.polar.error import (
     total_in_words,
 )
 from kochab.polar.horizon import Pole, Refraction, name_of
-from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, measure
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, measure
 from kochab.polar.plan import more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
 from kochab.polar.sighting import Sighting
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
-from kochab.workflows.polar.solutions import SOLVED, guide_log, is_guide_log, solved_before
+from kochab.workflows.polar.solutions import SOLVED, guide_log, is_guide_log, or_as_its_header_says, solved_before
 from kochab.workflows.polar.sources import SolvedFile, doubts_of, sightings_of, site_of, solve_polar_file
 
 WORTH_ARCSEC, BACK_DEG = 10.0, 5.0  # creep below that needs no frame of its own, nor one back at the start another
@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
         return _drift(args, logs, (files, sightings), settings, imaging)
     result = measure(sightings, settings)
     if isinstance(result, NoAxis):
-        return _fail(result.sentence, args.json, 1)
+        return _fail(result.sentence, args.json, 1, kind=result.kind)
     result = replace(result, findings=(*result.findings, *_doubts(args, files, result.error, site)))
     known = {NO_ZONE} if args.utc_offset is not None else set()
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings if told not in known]
@@ -163,7 +163,7 @@ def _drift(
         return _fail(str(error), args.json, 2)
     result = measure_drift(stretches, settings)
     if isinstance(result, NoAxis):
-        return _fail(result.sentence, args.json, 1)
+        return _fail(result.sentence, args.json, 1, kind=result.kind)
     result = replace(result, findings=(*result.findings, *_doubts(args, frames[0], result.error, settings.site)))
     print(json.dumps(drift_as_json(result, imaging)) if args.json else drift_as_text(result, imaging))
     return int(result.spoilt)
@@ -306,7 +306,7 @@ def _solve(path: str, options: SolveOptions) -> "list[SolvedFile | UnusableFrame
         if Path(path).suffix.lower() in SOLVED:
             files = solved_before(path)
         else:
-            files = [with_progress(path, solve_polar_file(path, options))]
+            files = [or_as_its_header_says(with_progress(path, solve_polar_file(path, options)))]
     except FrameError as error:
         return [UnusableFrame(path, str(error), 2)]
     return [_usable(file) for file in files]
@@ -318,11 +318,17 @@ def _usable(file: SolvedFile) -> "SolvedFile | UnusableFrame":
     return file
 
 
-def _fail(sentence: str, as_json: bool, code: int, bad: Sequence[UnusableFrame] = ()) -> int:
-    """Say why there is no measurement, and of which files; one document in JSON."""
+def _fail(
+    sentence: str, as_json: bool, code: int, bad: Sequence[UnusableFrame] = (), kind: PolarFindingKind | None = None
+) -> int:
+    """Say why there is no measurement, and of which files; one document in JSON, with a code where there is no axis."""
     if as_json:
         files = [{"file": one.path, "error": one.reason} for one in bad]
-        print(json.dumps({"error": sentence} | ({"files": files} if bad else {})))
+        print(
+            json.dumps(
+                {"error": sentence} | ({"files": files} if bad else {}) | ({"code": kind.name.lower()} if kind else {})
+            )
+        )
     else:
         for told in [about(one.path, one.reason) for one in bad] or [sentence]:
             say(told)

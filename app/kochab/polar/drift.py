@@ -15,15 +15,14 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
-from kochab.core.mount import SIDEREAL_DEG_S
+from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
 from kochab.polar.horizon import pole_direction
-from kochab.polar.measure import MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
+from kochab.polar.measure import MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
 from kochab.polar.rotations import ARCSEC, about, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 
-RATE_RAD_S = float(np.radians(SIDEREAL_DEG_S))
 FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from its pole before anything is known
 CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each way, while altitude hardly changes
 RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
@@ -152,10 +151,14 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
         return NoAxis(
             "Drift needs frames over more than a minute of tracking", "Track one place for 10 minutes or more."
         )
+    if still := next(filter(None, (stood_still(s.attitudes) for s in used)), None):
+        return still
     towards = pole_direction(settings.site, settings.pole, settings.refraction)
     lowest = min(a.altitude_deg for s in used for a in s.attitudes)
     if lowest < 0.0:
-        return NoAxis("The frames would be below the horizon", "Check the site, the time and the time zone.")
+        return NoAxis(
+            "The frames would be below the horizon", "Check the site and the time.", PolarFindingKind.SITE_OR_TIME
+        )
     _, wider = _solved(used, towards, 1.0)
     found, _ = _solved(used, towards, wider)
     error = found.error(towards)
@@ -268,7 +271,7 @@ def _ra_row(stretch: Stretch, pole: Floats) -> tuple[float, Floats, float]:
     worm = PERIODIC_ARCSEC * min(2.0 * np.pi / WORM_S, 6.0 * WORM_S / (np.pi * span**2))
     scatter = float(np.sqrt(np.trace(stretch.attitudes[0].covariance[:2, :2]) * 6.0 / len(seconds))) / span
     sigma = np.hypot(np.hypot(RATE_ARCSEC_H / 3600.0, worm) * ARCSEC, scatter / max(float(np.sin(rho)), 0.01))
-    return here - np.copysign(RATE_RAD_S, here), bend / (2.0 * step), float(sigma)
+    return here - np.copysign(SIDEREAL_RAD_S, here), bend / (2.0 * step), float(sigma)
 
 
 def _unit(vector: Floats) -> Floats:
@@ -331,7 +334,7 @@ def _minutes_more(stretches: Sequence[Stretch], pole: Floats, wider: float, erro
         return 0.0
     last = stretches[-1]
     span, count = float(last.seconds[-1]), len(last.attitudes)
-    way = float(np.copysign(RATE_RAD_S, _went_rad(last.attitudes[-1], last.attitudes[0], error.axis)))
+    way = float(np.copysign(SIDEREAL_RAD_S, _went_rad(last.attitudes[-1], last.attitudes[0], error.axis)))
     more = max(span / 4.0, 300.0)
     while more <= LONGEST_H * 3600.0:
         times = np.arange(1, max(2, round(count * more / span)) + 1) * span / max(count - 1, 1)

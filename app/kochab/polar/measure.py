@@ -12,6 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
+from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, doubted, find_movement, fit_axis, unseen_creep
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
@@ -46,6 +47,8 @@ class PolarFindingKind(StrEnum):
     NIGHTS = "different nights"
     CLOCK = "time zone or clock"
     LONGITUDE_SIGN = "longitude without a sign"
+    FIXED_TRIPOD = "fixed tripod"
+    TOO_FEW = "too few frames"
     GUIDED = "guided"
     UNSEEN = "not seen by drift"
     DEC_SIGN = "direction of Dec unknown"
@@ -253,6 +256,7 @@ def slipping(asked_deg: float, turned_deg: float) -> PolarFinding | None:
 
 
 LEAST_TURN_RAD = np.radians(0.25)  # below this no axis is given at all
+STILL_SHARE, SEEN_SIGMAS = 0.5, 3.0  # of the sky's own turn, and how well that has to be seen, for a camera at rest
 TOO_LARGE = 0.02  # residuals less probable than this by their stated errors alone widen the covariance
 
 
@@ -316,6 +320,7 @@ class NoAxis:
 
     reason: str
     advice: str
+    kind: PolarFindingKind = PolarFindingKind.TOO_FEW
 
     @property
     def sentence(self) -> str:
@@ -383,15 +388,33 @@ def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:
 
 
 def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
+    advice = "Rotate RA by at least 30° between the first and the last frame."
     for sweep in sweeps:
-        first = sweep[0].matrix
-        turned = max(float(np.linalg.norm(rotation_vector(a.matrix @ first.T))) for a in sweep)
+        turned = _turned_rad(sweep)
         if turned < LEAST_TURN_RAD:
-            return NoAxis(
-                f"RA rotated by only {np.degrees(turned):.2f}° between the frames",
-                "Rotate RA by at least 30° between the first and the last frame.",
-            )
+            reason = f"RA rotated by only {np.degrees(turned):.2f}° between the frames"
+            return stood_still(sweep) or NoAxis(reason, advice, PolarFindingKind.ALIKE)
     return None
+
+
+def stood_still(attitudes: Sequence[LocalAttitude]) -> NoAxis | None:
+    """A finding that the camera stood on the ground, neither tracking nor turned, while the sky went on."""
+    times = [a.time_utc for a in attitudes]
+    sky = SIDEREAL_RAD_S * (max(times) - min(times)).total_seconds()
+    sigma = float(np.sqrt(max(np.trace(a.covariance) for a in attitudes)))
+    if _turned_rad(attitudes) > STILL_SHARE * sky or sky < SEEN_SIGMAS * sigma:
+        return None
+    moved = f"the sky turned by {np.degrees(sky):.2f}° about the pole"
+    return NoAxis(
+        f"The camera stood still while {moved}: a fixed tripod, or a mount that did not track",
+        "To measure a mount, rotate its RA axis by at least 30°.",
+        PolarFindingKind.FIXED_TRIPOD,
+    )
+
+
+def _turned_rad(attitudes: Sequence[LocalAttitude]) -> float:
+    first = attitudes[0].matrix
+    return max(float(np.linalg.norm(rotation_vector(a.matrix @ first.T))) for a in attitudes)
 
 
 def _error(fit: AxisFit, pole: Floats) -> PolarError:

@@ -4,7 +4,7 @@ import json
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,11 @@ from kochab.polar.sighting import LocalAttitude
 from kochab.workflows.polar.sources import SolvedFile
 
 SIGMA_PX = 0.2  # what a WCS is believed across the frame; its roll to this over a quarter of the width
+ASSUMED = f"Solved by another program: an error of {SIGMA_PX} px is assumed."
+FITS = (".fits", ".fit", ".fts")
+SOLVERS = re.compile(rb"PLTSOLVD= +T|astrometry\.net|ASTAP|PLATESOLVE|ImageSolver", re.IGNORECASE)
+"""What solvers leave in a header (ASTAP and Kochab, astrometry.net, PlateSolve, PixInsight)."""
+HEADER_BYTES = 288_000
 GRID = (15, 11)
 LARGEST_BYTES = 50_000_000
 SOLVED = (".wcs", ".json", ".jsonl")
@@ -51,7 +56,24 @@ def solved_before(path: str | Path) -> list[SolvedFile]:
     solution, hint = of_header(path, data)
     if hint.time_utc is None:
         hint = _beside(path)
-    return [SolvedFile(str(path), solution, hint.time_utc, hint.site)]
+    return [SolvedFile(str(path), solution, hint.time_utc, hint.site, (ASSUMED,))]
+
+
+def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
+    """A FITS file that has no solution here with the one that another solver left in its header; others as they are.
+
+    A WCS without a solver's mark may be no more than where a mount thought it looked, and counts for nothing.
+    """
+    if isinstance(file.result, Solution) or Path(file.path).suffix.lower() not in FITS:
+        return file
+    try:
+        with open(file.path, "rb") as stored:
+            header = stored.read(HEADER_BYTES)
+        solution, _ = of_header(Path(file.path), header)
+    except (OSError, FrameError):
+        return file
+    mark = SOLVERS.search(header.split(b"END" + b" " * 77)[0])
+    return replace(file, result=solution, warnings=(*file.warnings, f"As its header says. {ASSUMED}")) if mark else file
 
 
 def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
