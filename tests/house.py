@@ -72,6 +72,7 @@ ADDED = {
     "a polar axis from .wcs, JSON and SharpCap's times; doubts about zone and longitude": 250,
     "the axis by drift: frames that nobody turned, PHD2 guide logs, recorded live sessions": 626,
     "what a solver left in a FITS header, and a camera that stood still": 47,
+    "what was measured of a polar axis at a place on another night": 91,
     "an answer far outside the field that a capture program gives": 25,
     "types of Qt made by the window before a thread loads the plots": 14,
     "a move that is ordered after its time, a place and a picture from before": 36,

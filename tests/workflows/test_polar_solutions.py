@@ -235,3 +235,44 @@ def test_a_frame_without_stars_counts_as_another_solver_left_it_and_a_mounts_gue
     truth = measure(sightings, MeasureSettings(SITE)).error
     assert told["altitude_error_arcsec"] == pytest.approx(truth.altitude_arcsec, abs=10.0)
     assert sum("0.2 px is assumed" in text for text in told["warnings"]) == 3
+
+
+def test_a_tripod_on_the_same_marks_is_told_where_it_stood(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+
+    def night(days, *more):
+        for k in range(3):
+            write_wcs(solution(25.0 * k), tmp_path / f"{k}.wcs")
+            (tmp_path / f"{k}.fits").unlink(missing_ok=True)
+            picture(tmp_path / f"{k}.fits", BEGUN + timedelta(days=days, minutes=k))
+        names = [str(tmp_path / f"{k}.wcs") for k in range(3)]
+        code = main(["polar", *names, "--site=47,8,450", "--utc-offset=0", "--json", *more])
+        return code, json.loads(capsys.readouterr().out)
+
+    assert main(["polar", "--site=47,8"]) == 2
+    assert "Nothing was measured there yet" in capsys.readouterr().err
+    first = night(0)[1]
+    assert first["last_night"] is None
+    assert night(0)[1]["last_night"] is None  # of the same night
+    second = night(2)[1]
+    assert second["last_night"]["altitude_arcsec"] == pytest.approx(first["altitude_error_arcsec"])
+    assert second["last_night"]["time_utc"].startswith("2026-03-14")
+    assert night(4, "--site=47.2,8")[1]["last_night"] is None  # another place
+    assert night(1)[1]["last_night"] is None  # an earlier night never takes a later one's place
+    assert main(["polar", "--site=47,8", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["last_night"]["time_utc"].startswith("2026-03-16")
+    assert main(["polar", "--site=47,8"]) == 0
+    assert "if the tripod stands on the same marks" in capsys.readouterr().out
+    for damaged in ("[{}]", "{", '[{"latitude_deg": "x"}]'):
+        (tmp_path / "config" / "polar-nights.json").write_text(damaged)
+        assert main(["polar", "--site=47,8"]) == 2
+
+
+def test_a_spoilt_measurement_is_not_remembered(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+    for k in range(2):
+        write_wcs(solution(1.0 * k), tmp_path / f"{k}.wcs")
+        picture(tmp_path / f"{k}.fits", BEGUN + timedelta(seconds=20 * k))
+    main(["polar", *(str(tmp_path / f"{k}.wcs") for k in range(2)), "--site=47,8,450", "--utc-offset=0", "--json"])
+    assert json.loads(capsys.readouterr().out)["spoilt"]
+    assert not (tmp_path / "config").exists()

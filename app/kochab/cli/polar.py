@@ -3,7 +3,7 @@
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,15 @@ from kochab.polar.sighting import Sighting
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
 from kochab.workflows.polar.solutions import SOLVED, guide_log, is_guide_log, or_as_its_header_says, solved_before
-from kochab.workflows.polar.sources import SolvedFile, doubts_of, sightings_of, site_of, solve_polar_file
+from kochab.workflows.polar.sources import (
+    SolvedFile,
+    doubts_of,
+    last_night,
+    remember_night,
+    sightings_of,
+    site_of,
+    solve_polar_file,
+)
 
 WORTH_ARCSEC, BACK_DEG = 10.0, 5.0  # creep below that needs no frame of its own, nor one back at the start another
 
@@ -66,9 +74,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     parser.add_argument(
         "files",
-        nargs="+",
+        nargs="*",
         metavar="FRAME",
-        help="two frames or more, any order; solved ones too: .wcs, .json, solutions.jsonl; or a guide log",
+        help="two frames or more, any order; solved ones too: .wcs, .json, solutions.jsonl; or a guide log;"
+        " none: what was measured last at the site",
     )
     add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
     add_options(parser, "--profile", "--json")
@@ -104,10 +113,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve the frames, measure the axis, say it."""
     args.files, args.check = named(args.files), named(args.check)
+    if not args.files and not args.check and args.site is not None:
+        return _last(args)
     paths = [*args.files, *args.check]
     logs = [path for path in args.files if is_guide_log(path)]
     args.files = [path for path in args.files if path not in logs]
-    if len(args.files) == 1 and not logs and not args.files[0].lower().endswith((".json", ".jsonl")):
+    if len(args.files) < 2 and not logs and not "".join(args.files).lower().endswith((".json", ".jsonl")):
         raise UsageError("Polar alignment needs two frames or more.")
     if len(args.check) == 1:
         raise UsageError("A second sweep (--check) needs two frames or more as well.")
@@ -135,14 +146,33 @@ def run(args: argparse.Namespace) -> int:
     if isinstance(result, NoAxis):
         return _fail(result.sentence, args.json, 1, kind=result.kind)
     result = replace(result, findings=(*result.findings, *_doubts(args, files, result.error, site)))
+    last = last_night(site, args.profile or "", result.time_utc)
     known = {NO_ZONE} if args.utc_offset is not None else set()
     doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings if told not in known]
-    print(json.dumps(as_json(result, doubts, imaging)) if args.json else as_text(result, doubts, imaging))
+    if args.json:
+        print(json.dumps(as_json(result, doubts, imaging) | {"last_night": last and asdict(last)}))
+    else:
+        print(as_text(result, doubts, imaging) + (f"\n  last      {last}" if last else ""))
+    if not result.spoilt:
+        try:
+            remember_night(site, args.profile or "", result.time_utc, result.error)
+        except OSError as error:
+            say(f"Can't keep this for another night: {error.strerror}.")
     if args.report is not None:
         history = History()
         history.measured(result)
         write_report(args.report, history)
     return int(result.spoilt)
+
+
+def _last(args: argparse.Namespace) -> int:
+    """What was measured last at the site: where the axis of a tripod on the same marks stands, more or less."""
+    last = last_night(args.site, args.profile or "")
+    if last is None:
+        return _fail("Nothing was measured there yet. Polar alignment needs two frames or more.", args.json, 2)
+    told = f"Last measured there, {last}. Tonight about the same, if the tripod stands on the same marks: measure."
+    print(json.dumps({"last_night": asdict(last)}) if args.json else told)
+    return 0
 
 
 def _drift(

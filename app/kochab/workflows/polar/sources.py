@@ -1,15 +1,17 @@
 """Solved frames for polar alignment, and waiting until they show a mount at rest."""
 
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from kochab.core import config_folder
 from kochab.core.attitude import wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
@@ -17,10 +19,11 @@ from kochab.core.frame import Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.frames.atomic_file import write_atomically
 from kochab.frames.hints import NO_ZONE, aware_utc
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import Horizon
-from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
+from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
@@ -213,6 +216,64 @@ class CameraSightings:
         if self._near_last:
             hint = replace(hint, centre_deg=(*self._last.ra_dec_deg, NEAR_DEG))
         return replace(self._options, hint=hint)
+
+
+# -- A tripod on the same marks: where its axis stood when it was last measured there ------------
+
+NIGHTS_FILE, MOST_NIGHTS = "polar-nights.json", 50
+SAME_PLACE_DEG = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class PolarNight:
+    """What was last measured at a place with an equipment profile ("" for none); arcsec, as a measurement says them."""
+
+    latitude_deg: float
+    longitude_deg: float
+    profile: str
+    time_utc: str
+    altitude_arcsec: float
+    azimuth_arcsec: float
+
+    def __str__(self) -> str:
+        up = f"{angle_in_words(self.altitude_arcsec)} too {'high' if self.altitude_arcsec > 0 else 'low'}"
+        side = "clockwise" if self.azimuth_arcsec > 0 else "anticlockwise"
+        return f"{self.time_utc[:10]}: {up}, {angle_in_words(self.azimuth_arcsec)} too far {side}, seen from above"
+
+
+def last_night(site: Site, profile: str = "", before: datetime | None = None) -> PolarNight | None:
+    """The night remembered for a place, or None; only one that ended hours ``before``, when given."""
+    hours = timedelta(hours=NIGHT_HOURS)
+    for night in _nights():
+        there = abs(night.latitude_deg - site.latitude_deg) < SAME_PLACE_DEG
+        around = abs(wrapped(night.longitude_deg - site.longitude_deg)) < SAME_PLACE_DEG
+        if there and around and night.profile == profile:
+            earlier = before is None or before - datetime.fromisoformat(night.time_utc) > hours
+            return night if earlier else None
+    return None
+
+
+def remember_night(site: Site, profile: str, time_utc: datetime, error: PolarError) -> None:
+    """Keep a measurement for another night, instead of an earlier one there; raises OSError when that can't be."""
+    place = (site.latitude_deg, site.longitude_deg)
+    now = PolarNight(*place, profile, time_utc.isoformat(), error.altitude_arcsec, error.azimuth_arcsec)
+    last = last_night(site, profile)
+    if last is None or last.time_utc <= now.time_utc:
+        kept = [now, *(night for night in _nights() if night != last)][:MOST_NIGHTS]
+        config_folder().mkdir(parents=True, exist_ok=True)
+        write_atomically(config_folder() / NIGHTS_FILE, json.dumps([asdict(night) for night in kept]))
+
+
+def _nights() -> list[PolarNight]:
+    try:
+        told = json.loads((config_folder() / NIGHTS_FILE).read_text("utf-8"))
+        nights = [PolarNight(**night) for night in told]
+        for night in nights:
+            datetime.fromisoformat(night.time_utc).astimezone(UTC)
+            float(night.latitude_deg + night.longitude_deg + night.altitude_arcsec + night.azimuth_arcsec)
+    except (OSError, ValueError, TypeError, RecursionError):
+        return []
+    return nights
 
 
 # -- Waiting for frames that show a mount at rest ----------------------------------------------
